@@ -1,0 +1,2 @@
+//! Boards and glue of the meshband node.
+#![no_std]

@@ -1,0 +1,3 @@
+//! Subcommands: argument structs and the printing around library calls; no computation of their own.
+
+pub mod alias;

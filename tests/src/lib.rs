@@ -1,0 +1,1 @@
+//! Helpers shared by the tests: vectors, temporary records, tolerances.

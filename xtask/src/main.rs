@@ -1,0 +1,2 @@
+//! Project tasks: `cargo xtask setup | demo | test | ...`.
+fn main() {}
