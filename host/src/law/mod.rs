@@ -1,0 +1,4 @@
+//! The bandwidth law: from simulated engagement edges to the numbers a node carries.
+
+pub mod fit;
+pub mod forms;
