@@ -1,6 +1,7 @@
 //! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
 
 pub mod error;
+pub mod import;
 pub mod law;
 pub mod machine;
 pub mod piecewise;

@@ -9,6 +9,7 @@ mod line;
 mod order;
 
 pub use line::{Line, line_near};
+pub(crate) use order::natural_spline;
 pub use order::{AngleMap, order_spectrum, resample_by_angle, synchronous_average};
 
 use realfft::RealFftPlanner;

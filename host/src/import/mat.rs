@@ -1,0 +1,199 @@
+//! MATLAB level 5 MAT-files: numeric arrays, plain or zlib-compressed.
+//!
+//! Source: MathWorks, "MAT-File Format", level 5. Read: real full arrays of every numeric class, small data
+//! elements, both byte orders. Not read: structures, cells, sparse and complex arrays (skipped, with a remark).
+//!
+//! Some exporters store every variable twice, zeros first and data second (matio 1.5.2 as used by at least
+//! one bench system). The *last* variable of a name that is not all zeros therefore wins.
+
+use super::Columns;
+use crate::{Error, Result};
+use flate2::read::ZlibDecoder;
+use std::io::Read;
+use std::path::Path;
+
+const MATRIX: u32 = 14;
+const COMPRESSED: u32 = 15;
+
+struct Variable {
+    name: String,
+    rows: usize,
+    columns: usize,
+    values: Vec<f64>,
+}
+
+/// Reads all numeric vectors of the longest length as channels.
+pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Columns> {
+    let refuse = |what: &str| Error::invalid(path.display(), what);
+    let big_endian = match bytes.get(126..128) {
+        Some(b"IM") => false,
+        Some(b"MI") => true,
+        _ => return Err(refuse("has no MAT-file header")),
+    };
+    let mut variables = Vec::new();
+    let mut skipped = 0;
+    let mut cursor = Cursor { bytes: &bytes[128..], big_endian };
+    while !cursor.bytes.is_empty() {
+        let element = cursor.element().ok_or_else(|| refuse("is truncated"))?;
+        match element.kind {
+            MATRIX => match matrix(element.data, big_endian).ok_or_else(|| refuse("is truncated inside an array"))? {
+                Some(variable) => variables.push(variable),
+                None => skipped += 1,
+            },
+            COMPRESSED => {
+                let mut plain = Vec::new();
+                ZlibDecoder::new(element.data)
+                    .take(super::SIZE_LIMIT)
+                    .read_to_end(&mut plain)
+                    .map_err(|error| refuse(&format!("compressed array is broken ({error})")))?;
+                let mut inner = Cursor { bytes: &plain, big_endian };
+                let element = inner.element().ok_or_else(|| refuse("compressed array is truncated"))?;
+                match matrix(element.data, big_endian).ok_or_else(|| refuse("is truncated inside an array"))? {
+                    Some(variable) if element.kind == MATRIX => variables.push(variable),
+                    _ => skipped += 1,
+                }
+            }
+            _ => skipped += 1,
+        }
+    }
+    columns(path, variables, skipped, stem)
+}
+
+/// Keeps the last non-zero variable of each name and takes those of the longest length as channels.
+fn columns(path: &Path, variables: Vec<Variable>, skipped: usize, stem: &str) -> Result<Columns> {
+    let mut remarks = Vec::new();
+    let mut kept: Vec<Variable> = Vec::new();
+    for variable in variables {
+        let zero = variable.values.iter().all(|&x| x == 0.0);
+        match kept.iter_mut().find(|other| other.name == variable.name) {
+            Some(other) => {
+                remarks.push(format!(
+                    "variable {} is stored more than once; the last that is not zero is used",
+                    other.name
+                ));
+                if !zero {
+                    *other = variable;
+                }
+            }
+            None => kept.push(variable),
+        }
+    }
+    if skipped > 0 {
+        remarks.push(format!("{skipped} variables that are no real numeric arrays were skipped"));
+    }
+    let longest = kept.iter().map(|v| v.rows.max(v.columns)).max().unwrap_or(0);
+    let (mut names, mut channels, mut small) = (Vec::new(), Vec::new(), Vec::new());
+    for variable in kept {
+        let (rows, columns) = (variable.rows, variable.columns);
+        if rows.max(columns) != longest || longest < 2 {
+            small.push(variable.name);
+            continue;
+        }
+        // Time runs along the longer side; arrays are stored column by column.
+        let count = rows.min(columns);
+        for c in 0..count {
+            names.push(if count == 1 {
+                format!("{stem} {}", variable.name)
+            } else {
+                format!("{stem} {} {c}", variable.name)
+            });
+            channels.push(if rows >= columns {
+                variable.values[c * rows..(c + 1) * rows].to_vec()
+            } else {
+                variable.values.iter().skip(c).step_by(rows).copied().collect()
+            });
+        }
+    }
+    if channels.is_empty() {
+        return Err(Error::invalid(path.display(), "holds no real numeric array"));
+    }
+    if channels.iter().flatten().all(|&x| x == 0.0) {
+        return Err(Error::invalid(path.display(), "every array is zero"));
+    }
+    if !small.is_empty() {
+        remarks.push(format!("shorter variables are not channels: {}", small.join(", ")));
+    }
+    Ok(Columns { names, channels, rate_hz: None, remarks })
+}
+
+struct Element<'a> {
+    kind: u32,
+    data: &'a [u8],
+}
+
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    big_endian: bool,
+}
+
+impl<'a> Cursor<'a> {
+    fn word(&self, at: usize) -> Option<u32> {
+        let word: [u8; 4] = self.bytes.get(at..at + 4)?.try_into().ok()?;
+        Some(if self.big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) })
+    }
+
+    /// The next data element; the cursor moves behind its padding.
+    fn element(&mut self) -> Option<Element<'a>> {
+        let first = self.word(0)?;
+        if first >> 16 != 0 {
+            // Small element: length in the upper half, data in the second word.
+            let length = (first >> 16) as usize;
+            let data = self.bytes.get(4..4 + length.min(4))?;
+            self.bytes = self.bytes.get(8..)?;
+            return Some(Element { kind: first & 0xffff, data });
+        }
+        let length = self.word(4)? as usize;
+        let data = self.bytes.get(8..8_usize.checked_add(length)?)?;
+        let padded = if first == COMPRESSED { length } else { length.next_multiple_of(8) };
+        self.bytes = &self.bytes[(8 + padded).min(self.bytes.len())..];
+        Some(Element { kind: first, data })
+    }
+}
+
+/// `None` if truncated, `Some(None)` if it is no real full numeric array of two dimensions.
+fn matrix(bytes: &[u8], big_endian: bool) -> Option<Option<Variable>> {
+    let mut cursor = Cursor { bytes, big_endian };
+    let flags = cursor.element()?;
+    let flags = Cursor { bytes: flags.data, big_endian }.word(0)?;
+    let (class, complex) = (flags & 0xff, flags & 0x0800 != 0);
+    if !(6..=15).contains(&class) || complex {
+        return Some(None);
+    }
+    let dimensions = cursor.element()?;
+    let name = cursor.element()?;
+    let name = String::from_utf8_lossy(name.data).into_owned();
+    let dims = Cursor { bytes: dimensions.data, big_endian };
+    if dimensions.data.len() != 8 {
+        return Some(None);
+    }
+    let (rows, columns) = (dims.word(0)? as usize, dims.word(4)? as usize);
+    let data = cursor.element()?;
+    let values = numbers(data.kind, data.data, big_endian)?;
+    (rows.checked_mul(columns)? == values.len()).then_some(Some(Variable { name, rows, columns, values }))
+}
+
+fn numbers(kind: u32, data: &[u8], big_endian: bool) -> Option<Vec<f64>> {
+    macro_rules! read {
+        ($type:ty) => {
+            data.chunks_exact(size_of::<$type>())
+                .map(|c| {
+                    let c = c.try_into().expect("chunks have the size of the type");
+                    (if big_endian { <$type>::from_be_bytes(c) } else { <$type>::from_le_bytes(c) }) as f64
+                })
+                .collect()
+        };
+    }
+    Some(match kind {
+        1 => read!(i8),
+        2 => read!(u8),
+        3 => read!(i16),
+        4 => read!(u16),
+        5 => read!(i32),
+        6 => read!(u32),
+        7 => read!(f32),
+        9 => read!(f64),
+        12 => read!(i64),
+        13 => read!(u64),
+        _ => return None,
+    })
+}

@@ -1,0 +1,315 @@
+//! Virtual tachometer: pinion pulses from the phase of a mesh line, for records without a tach channel.
+//!
+//! 1. The mesh frequency: the best comb (five mesh harmonics, pinion and gear sidebands, less what lies
+//!    halfway between) near the user's guess or over the whole band, then a least-squares line estimate.
+//! 2. For every channel and harmonic, the line is mixed down to zero and low-passed by a Blackman-Harris
+//!    window four turns of the slower shaft long: shaft sidebands fall on the window's zeros, so the phase
+//!    that remains is that of the mesh alone. Speed changes faster than about a third of that shaft's rate are lost.
+//! 3. The phase noise of each candidate follows from the noise between the sidebands; the candidate with the least
+//!    jitter in time wins. Its unwrapped phase / (2 pi harmonic teeth) is the pinion's angle.
+//!
+//! What it cannot know: which tooth is which, and angle 0 (turn numbers start at an arbitrary angle). The pulses
+//! follow the mesh line, so they are blind to anything that shifts its phase (torque, resonance crossing).
+//! The first and last half window are extrapolated. Cost: about half a second per channel and ten seconds of signal.
+
+use crate::spectral::{Window, line_near, power_density};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use rustfft::num_complex::Complex;
+use serde::Serialize;
+use std::f64::consts::{PI, TAU};
+
+use super::mesh_line::{self, Comb};
+
+/// Harmonics tried.
+const HARMONICS: u32 = 5;
+/// Window length in turns of the slower shaft.
+const WINDOW_TURNS: f64 = 4.0;
+/// Phase points per window length.
+const POINTS_PER_WINDOW: f64 = 32.0;
+/// Least ratio of line power to the noise that shares its filter, dB: 0.22 rad of phase noise, far from slipping.
+const LEAST_LINE_SNR_DB: f64 = 10.0;
+/// Least comb excess, dB per line, that counts as a mesh comb: found near a guess, and by search over the band.
+const LEAST_COMB_DB: [f64; 2] = [3.0, 6.0];
+
+/// What to look for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Teeth of pinion and gear.
+    pub teeth: [u32; 2],
+    /// Mesh frequency, Hz, as the user knows it (within 3 %); searched for where absent.
+    pub mesh_guess_hz: Option<f64>,
+}
+
+/// Pulses and how far to trust them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct VirtualTach {
+    /// One edge per pinion turn, s from the first sample.
+    pub edges_s: Vec<f64>,
+    /// Quality figures.
+    pub quality: Quality,
+}
+
+/// How the pulses were made and how good they are.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Quality {
+    /// Mean mesh frequency over the record, Hz.
+    pub mesh_hz: f64,
+    /// Frequency of the mesh line's highest peak, Hz: differs from the mean where the speed drifts.
+    pub mesh_line_hz: f64,
+    /// Channel whose line was used.
+    pub channel: usize,
+    /// Mesh harmonic used.
+    pub harmonic: u32,
+    /// Line power over the noise in the tracking filter, dB.
+    pub line_snr_db: f64,
+    /// Standard deviation of the line's phase due to noise, rad of the harmonic.
+    pub phase_noise_rad: f64,
+    /// The same as pulse time, s.
+    pub jitter_s: f64,
+    /// Measured check: standard deviation of the pulse times against the best candidate of another harmonic
+    /// or channel, over sqrt 2, s; absent with a single candidate. Larger than `jitter_s` where the
+    /// structure shifts the phase of one line against the other.
+    pub cross_check_s: Option<f64>,
+    /// Mean pinion speed, Hz.
+    pub speed_hz: f64,
+    /// Standard deviation of the pinion speed per turn, rpm.
+    pub speed_std_rpm: f64,
+    /// Mesh frequency over the frequency of the pinion's own line where one stands out: should equal the teeth.
+    pub mesh_over_pinion_line: Option<f64>,
+    /// Mean excess of the mesh comb over its surroundings, dB per line.
+    pub comb_db: f64,
+    /// Pulses at either end that are extrapolated.
+    pub extrapolated_pulses: usize,
+}
+
+/// One channel's line at one harmonic, mixed down.
+struct Candidate {
+    channel: usize,
+    harmonic: u32,
+    snr: f64,
+    jitter_s: f64,
+    /// Unwrapped mesh cycles (not of the harmonic) at `first_s + i step_s`.
+    cycles: Vec<f64>,
+}
+
+/// Makes pinion pulses from the mesh line of `channels` sampled at `rate_hz`.
+///
+/// # Errors
+/// No comb at these teeth, a line too weak to carry a phase, or a record shorter than three filter windows.
+pub fn virtual_tach(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options) -> Result<VirtualTach> {
+    let comb = mesh_line::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
+    let least_comb_db = LEAST_COMB_DB[usize::from(options.mesh_guess_hz.is_none())];
+    if comb.excess_db < least_comb_db {
+        let what = format!(
+            "no trustworthy mesh line: the best comb for {}/{} teeth, at {:.2} Hz, stands {:.1} dB over its surroundings (needs {least_comb_db})",
+            options.teeth[0], options.teeth[1], comb.mesh_hz, comb.excess_db
+        );
+        return Err(Error::impossible(place, what));
+    }
+    let geometry = Geometry::new(place, channels, rate_hz, &comb, options.teeth)?;
+    let mut candidates: Vec<Candidate> = (0..channels.len())
+        .flat_map(|channel| (1..=HARMONICS).map(move |harmonic| (channel, harmonic)))
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .filter_map(|(channel, harmonic)| geometry.candidate(channel, harmonic, &channels[channel]))
+        .collect();
+    candidates.sort_by(|a, b| a.jitter_s.total_cmp(&b.jitter_s));
+    let Some(best) = candidates.first() else {
+        let what = format!("no trustworthy mesh line: nothing at {:.2} Hz keeps a steady phase", comb.mesh_hz);
+        return Err(Error::impossible(place, what));
+    };
+    let snr_db = 10.0 * best.snr.log10();
+    if snr_db < LEAST_LINE_SNR_DB {
+        let what = format!(
+            "no trustworthy mesh line: the best one, harmonic {} of {:.2} Hz, is {snr_db:.1} dB over its noise (needs {LEAST_LINE_SNR_DB})",
+            best.harmonic, comb.mesh_hz
+        );
+        return Err(Error::impossible(place, what));
+    }
+    Ok(geometry.pulses(best, candidates.get(1), &comb))
+}
+
+/// Filter and time grid shared by all candidates.
+struct Geometry {
+    rate_hz: f64,
+    mesh_hz: f64,
+    teeth: [u32; 2],
+    samples: usize,
+    window: Vec<f64>,
+    hop: usize,
+}
+
+impl Geometry {
+    fn new(place: &str, channels: &[Vec<f64>], rate_hz: f64, comb: &Comb, teeth: [u32; 2]) -> Result<Self> {
+        let samples = channels.first().map_or(0, Vec::len);
+        let slower_hz = comb.mesh_hz / f64::from(teeth[0].max(teeth[1]));
+        let length = (WINDOW_TURNS / slower_hz * rate_hz).round() as usize;
+        if samples < 3 * length {
+            let what = format!(
+                "{:.2} s are too short for a virtual tach at {:.1} Hz mesh; {:.2} s are needed",
+                samples as f64 / rate_hz,
+                comb.mesh_hz,
+                3.0 * length as f64 / rate_hz
+            );
+            return Err(Error::impossible(place, what));
+        }
+        let weights = Window::BlackmanHarris.weights(length);
+        let gain: f64 = weights.iter().sum();
+        let window = weights.into_iter().map(|w| w / gain).collect();
+        let hop = ((length as f64 / POINTS_PER_WINDOW) as usize).max(1);
+        Ok(Self { rate_hz, mesh_hz: comb.mesh_hz, teeth, samples, window, hop })
+    }
+
+    fn points(&self) -> usize {
+        (self.samples - self.window.len()) / self.hop + 1
+    }
+
+    /// Time of point `i`: the centre of its window (periodic form, so half a window exactly).
+    fn time(&self, i: f64) -> f64 {
+        (0.5 * self.window.len() as f64 + i * self.hop as f64) / self.rate_hz
+    }
+
+    /// Mixes one harmonic down; `None` where its phase cannot be followed.
+    fn candidate(&self, channel: usize, harmonic: u32, signal: &[f64]) -> Option<Candidate> {
+        let line_hz = f64::from(harmonic) * self.mesh_hz;
+        if line_hz > 0.45 * self.rate_hz {
+            return None;
+        }
+        let baseband = self.mixed_down(signal, line_hz / self.rate_hz);
+        let mut phases: Vec<f64> = Vec::with_capacity(baseband.len());
+        for z in &baseband {
+            let phase = z.arg();
+            let before = phases.last().copied().unwrap_or(phase);
+            let step = (phase - before + PI).rem_euclid(TAU) - PI;
+            // More than a quarter turn per point is faster than the filter passes: the phase has slipped.
+            if step.abs() > 0.5 * PI {
+                return None;
+            }
+            phases.push(before + step);
+        }
+        let mut sizes: Vec<f64> = baseband.iter().map(|z| z.norm()).collect();
+        let power = sizes.iter().map(|a| a * a).sum::<f64>() / sizes.len() as f64;
+        sizes.sort_by(f64::total_cmp);
+        if sizes[0] < 0.1 * sizes[sizes.len() / 2] {
+            return None;
+        }
+        // Baseband amplitude is half the line's; noise of density N (one-sided) gives N/2 times the window's
+        // noise bandwidth, half of it in quadrature.
+        let bandwidth_hz = self.window.iter().map(|w| w * w).sum::<f64>() * self.rate_hz;
+        let noise = 0.5 * self.noise_density(signal, line_hz) * bandwidth_hz;
+        let snr = power / noise.max(f64::MIN_POSITIVE);
+        let phase_noise = (0.5 / snr).sqrt();
+        let cycles = phases
+            .iter()
+            .enumerate()
+            .map(|(i, phase)| (line_hz * self.time(i as f64) + phase / TAU) / f64::from(harmonic))
+            .collect();
+        Some(Candidate { channel, harmonic, snr, jitter_s: phase_noise / (TAU * line_hz), cycles })
+    }
+
+    /// Window-weighted mean of `signal exp(-i w t)` at every point.
+    fn mixed_down(&self, signal: &[f64], cycles_per_sample: f64) -> Vec<Complex<f64>> {
+        let mixed: Vec<Complex<f64>> = signal
+            .iter()
+            .enumerate()
+            .map(|(n, x)| Complex::from_polar(*x, -TAU * (cycles_per_sample * n as f64).fract()))
+            .collect();
+        (0..self.points())
+            .map(|i| {
+                let part = &mixed[i * self.hop..][..self.window.len()];
+                part.iter().zip(&self.window).map(|(z, w)| z * w).sum()
+            })
+            .collect()
+    }
+
+    /// Noise density under the line: the median density within three sideband spacings of it.
+    fn noise_density(&self, signal: &[f64], line_hz: f64) -> f64 {
+        // Four window lengths resolve what lies between the sidebands.
+        let density = power_density(signal, self.rate_hz, 4 * self.window.len(), Window::BlackmanHarris);
+        let reach = 3.0 * self.mesh_hz / f64::from(self.teeth[0].max(self.teeth[1]));
+        // The median of an exponential variable is ln 2 of its mean.
+        density.median_between(line_hz - reach, line_hz + reach) / std::f64::consts::LN_2
+    }
+
+    fn pulses(&self, best: &Candidate, second: Option<&Candidate>, comb: &Comb) -> VirtualTach {
+        let edges_s = self.edges(best);
+        let cross_check_s = second.map(|second| {
+            let difference: Vec<f64> =
+                best.cycles.iter().zip(&second.cycles).map(|(a, b)| (a - b) / self.mesh_hz).collect();
+            standard_deviation(&difference) / 2.0_f64.sqrt()
+        });
+        let turns = (edges_s.len() - 1) as f64;
+        let speed_hz = turns / (edges_s[edges_s.len() - 1] - edges_s[0]);
+        let inside = |t: &f64| (self.time(0.0)..=self.time((self.points() - 1) as f64)).contains(t);
+        let measured: Vec<f64> = edges_s.iter().copied().filter(inside).collect();
+        let speeds: Vec<f64> = measured.windows(2).map(|w| 60.0 / (w[1] - w[0])).collect();
+        let quality = Quality {
+            mesh_hz: speed_hz * f64::from(self.teeth[0]),
+            mesh_line_hz: comb.mesh_hz,
+            channel: best.channel,
+            harmonic: best.harmonic,
+            line_snr_db: 10.0 * best.snr.log10(),
+            phase_noise_rad: best.jitter_s * TAU * self.mesh_hz * f64::from(best.harmonic),
+            jitter_s: best.jitter_s,
+            cross_check_s,
+            speed_hz,
+            speed_std_rpm: standard_deviation(&speeds),
+            mesh_over_pinion_line: comb.pinion_line_hz.map(|hz| comb.mesh_hz / hz),
+            comb_db: comb.excess_db,
+            extrapolated_pulses: edges_s.len() - measured.len(),
+        };
+        VirtualTach { edges_s, quality }
+    }
+
+    /// Times of whole pinion turns inside the record.
+    fn edges(&self, candidate: &Candidate) -> Vec<f64> {
+        let turns: Vec<f64> = candidate.cycles.iter().map(|c| c / f64::from(self.teeth[0])).collect();
+        let last = turns.len() - 1;
+        // Beyond the windows: the mean speed over the nearest window length.
+        let reach = (POINTS_PER_WINDOW as usize).min(last);
+        let slopes = [(turns[reach] - turns[0]) / reach as f64, (turns[last] - turns[last - reach]) / reach as f64];
+        let curve = crate::spectral::natural_spline(&turns);
+        let at = |x: f64| {
+            if x <= 0.0 {
+                return turns[0] + slopes[0] * x;
+            }
+            if x >= last as f64 {
+                return turns[last] + slopes[1] * (x - last as f64);
+            }
+            let i = (x as usize).min(last - 1);
+            let (u, v) = (x - i as f64, 1.0 - (x - i as f64));
+            v * turns[i] + u * turns[i + 1] + ((v * v * v - v) * curve[i] + (u * u * u - u) * curve[i + 1]) / 6.0
+        };
+        let start = -0.5 * self.window.len() as f64 / self.hop as f64;
+        let end = start + (self.samples - 1) as f64 / self.hop as f64;
+        let (first_turn, last_turn) = (at(start).ceil() as i64, at(end).floor() as i64);
+        let mut low = start;
+        (first_turn..=last_turn)
+            .map(|turn| {
+                let (mut a, mut b) = (low, end);
+                for _ in 0..60 {
+                    let middle = 0.5 * (a + b);
+                    if at(middle) < turn as f64 { a = middle } else { b = middle }
+                }
+                low = a;
+                self.time(0.5 * (a + b))
+            })
+            .collect()
+    }
+}
+
+fn standard_deviation(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    if n < 2.0 {
+        return 0.0;
+    }
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0)).sqrt()
+}
+
+/// Refines a frequency by least squares on the channel where it is strongest; `None` where no line is near.
+pub(super) fn refine(channels: &[Vec<f64>], rate_hz: f64, guess_hz: f64, half_width_hz: f64) -> Option<f64> {
+    let lines = channels.iter().filter_map(|channel| line_near(channel, rate_hz, guess_hz, half_width_hz));
+    lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)).map(|line| line.frequency_hz)
+}
