@@ -3,3 +3,4 @@
 pub mod edges;
 pub mod fit;
 pub mod forms;
+pub mod table;
