@@ -4,5 +4,6 @@ pub mod error;
 pub mod law;
 pub mod machine;
 pub mod piecewise;
+pub mod record;
 
 pub use error::{Error, Result};
