@@ -3,5 +3,6 @@
 pub mod error;
 pub mod machine;
 pub mod piecewise;
+pub mod stiffness;
 
 pub use error::{Error, Result};
