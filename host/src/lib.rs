@@ -5,5 +5,6 @@ pub mod law;
 pub mod machine;
 pub mod piecewise;
 pub mod record;
+pub mod stiffness;
 
 pub use error::{Error, Result};
