@@ -7,5 +7,6 @@ pub mod machine;
 pub mod piecewise;
 pub mod record;
 pub mod spectral;
+pub mod stiffness;
 
 pub use error::{Error, Result};
