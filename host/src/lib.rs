@@ -6,7 +6,9 @@ pub mod law;
 pub mod machine;
 pub mod piecewise;
 pub mod record;
+pub mod report;
 pub mod spectral;
 pub mod stiffness;
+pub mod terminal;
 
 pub use error::{Error, Result};

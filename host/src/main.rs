@@ -17,11 +17,14 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
+    Import(commands::import::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Import(args) => commands::import::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

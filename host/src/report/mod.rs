@@ -1,0 +1,154 @@
+//! Reports: one self-contained HTML file per command for people, one JSON file for machines.
+//!
+//! No scripts, no outside resources: the file can be mailed, printed or archived. Pictures are inline SVG
+//! with text as text, so they stay sharp and searchable. Colours are the Okabe-Ito set, told apart with any
+//! common colour vision deficiency.
+
+pub mod plot;
+
+use crate::{Error, Result};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::Path;
+
+/// A report under construction; methods chain.
+#[derive(Debug, Clone, Default)]
+pub struct Report {
+    title: String,
+    subtitle: String,
+    summary: Vec<(String, String)>,
+    body: String,
+}
+
+impl Report {
+    /// A report with a title and one line below it.
+    pub fn new(title: &str, subtitle: &str) -> Self {
+        Self { title: title.into(), subtitle: subtitle.into(), ..Self::default() }
+    }
+
+    /// Adds a key figure to the summary at the top.
+    pub fn figure(mut self, name: &str, value: impl std::fmt::Display) -> Self {
+        self.summary.push((name.into(), value.to_string()));
+        self
+    }
+
+    /// Starts a section.
+    pub fn section(mut self, heading: &str) -> Self {
+        let _ = writeln!(self.body, "<h2>{}</h2>", escape(heading));
+        self
+    }
+
+    /// Adds a paragraph.
+    pub fn text(mut self, text: &str) -> Self {
+        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+        self
+    }
+
+    /// Adds a set-off note: limits, warnings, how to read the picture.
+    pub fn note(mut self, text: &str) -> Self {
+        let _ = writeln!(self.body, "<aside>{}</aside>", escape(text));
+        self
+    }
+
+    /// Adds a table; cells that read as numbers are aligned right.
+    pub fn table(mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) -> Self {
+        let _ = write!(self.body, "<div class=\"scroll\"><table><caption>{}</caption><thead><tr>", escape(caption));
+        for (c, cell) in head.iter().enumerate() {
+            let numeric = rows.iter().filter_map(|row| row.get(c)).all(|cell| is_number(cell)) && !rows.is_empty();
+            let class = if numeric { " class=\"n\"" } else { "" };
+            let _ = write!(self.body, "<th{class}>{}</th>", escape(cell));
+        }
+        self.body.push_str("</tr></thead><tbody>\n");
+        for row in rows {
+            self.body.push_str("<tr>");
+            for cell in row {
+                let class = if is_number(cell) { " class=\"n\"" } else { "" };
+                let _ = write!(self.body, "<td{class}>{}</td>", escape(cell));
+            }
+            self.body.push_str("</tr>\n");
+        }
+        self.body.push_str("</tbody></table></div>\n");
+        self
+    }
+
+    /// Adds a picture (SVG text from [`plot`]) with its caption.
+    pub fn picture(mut self, svg: &str, caption: &str) -> Self {
+        let _ = writeln!(self.body, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape(caption));
+        self
+    }
+
+    /// The whole document.
+    pub fn html(&self) -> String {
+        let mut summary = String::new();
+        for (name, value) in &self.summary {
+            let _ = writeln!(summary, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
+        }
+        let title = escape(&self.title);
+        format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <title>{title}</title>\n<style>{STYLE}</style></head>\n<body><main>\n\
+             <header><p class=\"mark\">meshband</p><h1>{title}</h1><p class=\"sub\">{}</p></header>\n\
+             <dl>\n{summary}</dl>\n{}<footer>meshband {}</footer>\n</main></body></html>\n",
+            escape(&self.subtitle),
+            self.body,
+            env!("CARGO_PKG_VERSION"),
+        )
+    }
+
+    /// Writes the document.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.html()).map_err(Error::file(path))
+    }
+}
+
+/// Writes any serialisable value as indented JSON with a final newline.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Error::invalid(path.display(), error))?;
+    std::fs::write(path, text + "\n").map_err(Error::file(path))
+}
+
+/// Text made safe for HTML and SVG.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+fn is_number(cell: &str) -> bool {
+    let cell = cell.trim().trim_end_matches('%').trim();
+    cell.is_empty() || cell == "-" || cell.parse::<f64>().is_ok()
+}
+
+const STYLE: &str = "
+:root{--ink:#1b1f24;--soft:#59636e;--line:#d5dae0;--wash:#f5f7f9;--mark:#0072b2}
+*{box-sizing:border-box}
+body{margin:0;background:#fff;color:var(--ink);font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Liberation Sans',sans-serif}
+main{max-width:62rem;margin:0 auto;padding:2.5rem 1.5rem}
+header{border-bottom:3px solid var(--mark);margin-bottom:1.5rem;padding-bottom:.8rem}
+.mark{margin:0;color:var(--mark);font-weight:600;letter-spacing:.08em;font-size:.8rem;text-transform:uppercase}
+h1{margin:.1rem 0 .2rem;font-size:1.9rem;line-height:1.2;letter-spacing:-.01em}
+.sub{margin:0;color:var(--soft)}
+h2{margin:2.4rem 0 .6rem;font-size:1.25rem;line-height:1.3}
+p{max-width:46rem;margin:.6rem 0}
+dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(11.5rem,1fr));gap:.75rem;margin:0 0 1rem}
+dl div{background:var(--wash);border-radius:6px;padding:.65rem .85rem}
+dt{color:var(--soft);font-size:.8rem}
+dd{margin:0;font-size:1.15rem;font-weight:600;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}
+.scroll{overflow-x:auto;margin:1rem 0}
+table{border-collapse:collapse;font-size:.92rem;font-variant-numeric:tabular-nums;min-width:50%}
+caption{text-align:left;color:var(--soft);font-size:.88rem;padding-bottom:.35rem}
+th,td{padding:.32rem .9rem .32rem 0;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
+th{border-bottom:2px solid var(--ink);font-weight:600}
+.n{text-align:right}
+figure{margin:1.2rem 0}
+figure svg{width:100%;height:auto;display:block}
+figcaption{color:var(--soft);font-size:.88rem;max-width:46rem}
+aside{border-left:4px solid #e69f00;background:#fdf8ec;padding:.6rem .9rem;margin:1rem 0;border-radius:0 6px 6px 0;max-width:46rem}
+footer{margin-top:3rem;color:var(--soft);font-size:.8rem;border-top:1px solid var(--line);padding-top:.6rem}
+@media print{main{max-width:none;padding:0}h2{break-after:avoid}figure,table,aside,dl div{break-inside:avoid}body{font-size:11pt}}
+";
