@@ -71,13 +71,13 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::invalid("--lines", format!("{line} Hz cannot appear at a rate of {} Hz", args.rate)));
     }
     let outcome = outcome(&args);
-    print(&outcome);
     if let Some(path) = &args.json {
         write_json(path, &outcome)?;
     }
     if let Some(path) = &args.report {
         report(&outcome)?.write(path)?;
     }
+    print(&outcome);
     Ok(())
 }
 

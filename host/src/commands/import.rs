@@ -110,13 +110,13 @@ pub fn run(args: Args) -> Result<()> {
     };
     let (record, summary) = import(&args.files, &options)?;
     record.write(&args.output)?;
-    print(&summary);
     if let Some(path) = &args.json {
         write_json(path, &summary)?;
     }
     if let Some(path) = &args.report {
         report(&options.title, &record, &summary)?.write(path)?;
     }
+    print(&summary);
     Ok(())
 }
 

@@ -110,6 +110,20 @@ fn thinned(points: &[(f64, f64)], x: &Range<f64>) -> Vec<(f64, f64)> {
     out
 }
 
+/// Highest value per column: what a spectrum shows; the deep gaps between bins would only fill the picture.
+fn envelope(points: &[(f64, f64)], x: &Range<f64>) -> Vec<(f64, f64)> {
+    let columns = f64::from(WIDTH);
+    let column = |p: &(f64, f64)| ((p.0 - x.start) / (x.end - x.start) * columns) as i64;
+    let parts = points.chunk_by(|a, b| column(a) == column(b));
+    parts.filter_map(|part| part.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied()).collect()
+}
+
+/// Room above the data for a legend, where there is one.
+fn headroom(y: Range<f64>, series: usize) -> Range<f64> {
+    let room = if series > 1 { 0.06 + 0.06 * series as f64 } else { 0.0 };
+    y.start..y.end + room * (y.end - y.start)
+}
+
 /// Number text without needless digits.
 fn tick(value: f64) -> String {
     let size = value.abs();
@@ -173,7 +187,7 @@ pub fn lines(series: &[Series], axes: Axes) -> Result<String> {
     let x = range(data.iter().flatten().map(|p| p.0), 0.0);
     let y = range(data.iter().flatten().map(|p| p.1), 0.05);
     draw(380, |area| {
-        let mut chart = chart!(area, x.clone(), y, axes, 12);
+        let mut chart = chart!(area, x.clone(), headroom(y, series.len()), axes, 12);
         for (i, (series, points)) in series.iter().zip(&data).enumerate() {
             let style = colour(i).stroke_width(2);
             chart
@@ -202,7 +216,7 @@ pub fn spectrum(series: &[Series], labels: &[Label], reference: f64, span_db: f6
         let mut chart = chart!(area, x.clone(), low..high, axes, 12);
         for (i, (series, points)) in series.iter().zip(&data).enumerate() {
             let style = colour(i).stroke_width(1);
-            let points: Vec<(f64, f64)> = thinned(points, &x).into_iter().map(|(x, y)| (x, y.max(low))).collect();
+            let points: Vec<(f64, f64)> = envelope(points, &x).into_iter().map(|(x, y)| (x, y.max(low))).collect();
             chart
                 .draw_series(LineSeries::new(points, style))?
                 .label(&series.name)
@@ -251,7 +265,7 @@ pub fn fit_with_residual(
     let reach = residuals.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).fold(0.0, f64::max).max(1e-12) * 1.15;
     draw(540, |area| {
         let (upper, lower) = area.split_vertically(370);
-        let mut chart = chart!(&upper, x.clone(), y, Axes { x: "", ..axes }, 12);
+        let mut chart = chart!(&upper, x.clone(), headroom(y, 2), Axes { x: "", ..axes }, 12);
         let style = colour(0).stroke_width(2);
         chart
             .draw_series(LineSeries::new(curve, style))?
@@ -278,7 +292,7 @@ pub fn stems(series: &[Series], axes: Axes) -> Result<String> {
     let x = range(data.iter().flatten().map(|p| p.0), 0.03);
     let y = range(data.iter().flatten().map(|p| p.1).chain([0.0]), 0.05);
     draw(380, |area| {
-        let mut chart = chart!(area, x.clone(), y, axes, 12);
+        let mut chart = chart!(area, x.clone(), headroom(y, series.len()), axes, 12);
         chart.draw_series(LineSeries::new([(x.start, 0.0), (x.end, 0.0)], INK.mix(0.6)))?;
         for (i, (series, points)) in series.iter().zip(&data).enumerate() {
             let style = colour(i).stroke_width(2);

@@ -1,0 +1,124 @@
+//! The built command on bad input: exit code 2, nothing on stdout, exactly one line on stderr that names the place.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn meshband(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_meshband")).args(arguments).output().expect("the command starts")
+}
+
+fn refused(arguments: &[&str], expected: &str) {
+    let output = meshband(arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    assert_eq!(stderr.lines().count(), 1, "one line for {arguments:?}: {stderr}");
+    assert!(stderr.starts_with("meshband: ") && stderr.contains(expected), "{arguments:?}: {stderr}");
+    assert!(output.stdout.is_empty());
+}
+
+fn folder(name: &str) -> std::path::PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).expect("a folder for the test");
+    folder
+}
+
+/// A tone with harmonics and shaft sidebands in a little noise as csv, one column.
+fn tone_csv(path: &Path) {
+    let mut state = 1_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / f64::from(1 << 24) - 0.5
+    };
+    let text: String = (0..40_000)
+        .map(|n| {
+            let mesh = std::f64::consts::TAU * 460.0 * f64::from(n) / 5120.0;
+            let swing = 1.0 + 0.3 * (mesh / 23.0).cos();
+            format!(
+                "{:.6}\n",
+                swing * (mesh.cos() + 0.5 * (2.0 * mesh).cos() + 0.2 * (3.0 * mesh).sin())
+                    + 0.2 * (mesh / 23.0).cos()
+                    + 0.1 * noise()
+            )
+        })
+        .collect();
+    std::fs::write(path, text).expect("written");
+}
+
+#[test]
+fn fault_import_refuses_bad_input_in_one_line() {
+    let folder = folder("import");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let out = path("out");
+    let (good, cut, nan) = (path("good.csv"), path("cut.mat"), path("nan.csv"));
+    tone_csv(Path::new(&good));
+    let mut mat = b"MATLAB 5.0 MAT-file".to_vec();
+    mat.resize(124, b' ');
+    mat.extend([0, 1, b'I', b'M', 14, 0, 0, 0, 255, 0, 0, 0, 1, 2, 3]);
+    std::fs::write(&cut, mat).expect("written");
+    std::fs::write(&nan, "1\nnan\n").expect("written");
+    for (arguments, expected) in [
+        (vec!["import", "missing.mat", "-o", &out], "missing.mat"),
+        (vec!["import", &cut, "-o", &out], "truncated"),
+        (vec!["import", &nan, "-o", &out, "--rate", "1000"], "NaN"),
+        (vec!["import", &good, "-o", &out], "--rate"),
+        (vec!["import", &good, "-o", &out, "--rate", "nan"], "--rate"),
+        (vec!["import", &good, "-o", &out, "--rate", "5120"], "--teeth"),
+        (vec!["import", &good, "-o", &out, "--rate", "5120", "--teeth", "23,46000"], "46000"),
+        (vec!["import", &good, "-o", &out, "--rate", "5120", "--teeth", "23"], "--teeth"),
+        (vec!["import", &good, "-o", &out, "--rate", "5120", "--teeth", "23,46", "--mesh=-5"], "--mesh"),
+        (vec!["import", &good, "-o", &out, "--rate", "5120", "--no-tach", "--full-scale", "0.5"], "would clip"),
+        (vec!["import", &good, "-o", &out, "--rate", "5120", "--no-tach", "--channel-names", "a,b"], "--channel-names"),
+    ] {
+        refused(&arguments, expected);
+    }
+    assert!(!Path::new(&out).exists(), "a refused import leaves nothing behind");
+}
+
+#[test]
+fn fault_alias_refuses_bad_input_in_one_line() {
+    refused(&["alias", "--mesh", "nan", "--rate", "10000"], "--mesh");
+    refused(&["alias", "--mesh", "293.3", "--rate=-1"], "--rate");
+    refused(&["alias", "--mesh", "293.3", "--rate", "10000", "--lines", "6000"], "--lines");
+    refused(&["alias", "--mesh", "293.3", "--rate", "10000", "--harmonics", "0"], "--harmonics");
+    refused(&["alias", "--mesh", "293.3", "--rate", "10000", "--json", "/nonexistent/x.json"], "x.json");
+}
+
+#[test]
+fn claim_the_papers_two_lines_are_folded_harmonics_35_and_36() {
+    let output = meshband(&["alias", "--mesh", "293.303", "--rate", "10000", "--lines", "265.6,559.0"]);
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success());
+    let row =
+        |line: &str| stdout.lines().find(|l| l.starts_with(line)).map(|l| l.split_whitespace().last().unwrap_or(""));
+    assert_eq!(row("265.600"), Some("35x"), "{stdout}");
+    assert_eq!(row("559.000"), Some("36x"), "{stdout}");
+}
+
+#[test]
+fn regress_import_writes_record_json_and_report() {
+    let folder = folder("whole");
+    let path = |name: &str| folder.join(name).display().to_string();
+    tone_csv(Path::new(&path("tone.csv")));
+    let (record, json, html) = (path("record"), path("o.json"), path("o.html"));
+    let output = meshband(&[
+        "import",
+        &path("tone.csv"),
+        "-o",
+        &record,
+        "--rate",
+        "5120",
+        "--teeth",
+        "23,46",
+        "--json",
+        &json,
+        "--report",
+        &html,
+    ]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).expect("json")).expect("valid");
+    let mesh = json["tach"][0]["mesh_hz"].as_f64().expect("a number");
+    assert!((mesh - 460.0).abs() < 0.01, "{mesh}");
+    let html = std::fs::read_to_string(&html).expect("html");
+    assert!(html.contains("<svg") && !html.contains("<script") && !html.contains("src=\"http"));
+    assert!(Path::new(&record).join("run00.tach.csv").exists());
+}
