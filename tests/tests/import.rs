@@ -305,9 +305,11 @@ fn ref_adi_and_paderborn_import_without_tach() {
     let line = meshband_host::spectral::line_near(&record.runs[0].signal_m_s2(0), 20_000.0, 50.0, 1.0).unwrap();
     assert!((line.amplitude - 0.0418).abs() < 0.0015, "{line:?}");
     let Some(file) = data("paderborn/N15_M07_F10_K001_1.csv") else { return };
-    let (record, _) =
-        import(&[file.clone()], &ImportOptions { without_tach: true, rate_hz: Some(64_000.0), ..options("paderborn") })
-            .unwrap();
+    let (record, _) = import(
+        std::slice::from_ref(&file),
+        &ImportOptions { without_tach: true, rate_hz: Some(64_000.0), ..options("paderborn") },
+    )
+    .unwrap();
     assert_eq!(record.runs[0].channels(), 1);
     let error = import(&[file], &ImportOptions { without_tach: true, ..options("no rate") }).unwrap_err().to_string();
     assert!(error.contains("--rate"), "{error}");

@@ -109,7 +109,7 @@ fn fault_clipping_nan_and_unequal_channels_are_refused() {
     assert!(refuse(&[vec![0.0, 1.0], vec![0.0]], 1.0).contains("channel 1 has 1 samples"));
     assert!(refuse(&[vec![0.0]], f64::INFINITY).contains("full scale"));
     let full_scale = suggested_full_scale(&signals());
-    assert!(full_scale >= 44.0 && full_scale < 45.1, "{full_scale}");
+    assert!((44.0..45.1).contains(&full_scale), "{full_scale}");
     assert!(encode("run", &signals(), full_scale).is_ok());
 }
 

@@ -70,7 +70,7 @@ fn dataset(lines: &[&str]) -> std::result::Result<Parsed, (usize, String)> {
     if !["0", "1"].contains(&function) {
         return Err((6, format!("function type {function} is no time response (0 or 1)")));
     }
-    let form: Vec<f64> = lines[7].split_whitespace().map_while(|cell| number(cell)).collect();
+    let form: Vec<f64> = lines[7].split_whitespace().map_while(number).collect();
     let [ordinate, points, even, _, step, ..] = form[..] else {
         return Err((7, "data form needs type, count, spacing, start and step".into()));
     };

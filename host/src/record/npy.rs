@@ -69,7 +69,7 @@ pub fn write_f32(path: &Path, values: &[f32], channels: usize) -> Result<()> {
 fn write<T: npyz::Serialize + Copy>(path: &Path, values: &[T], channels: usize, dtype: &str) -> Result<()> {
     assert!(channels > 0 && values.len().is_multiple_of(channels), "whole samples");
     let shape = [(values.len() / channels) as u64, channels as u64];
-    let mut bytes = Vec::with_capacity(values.len() * size_of::<T>() + 128);
+    let mut bytes = Vec::with_capacity(size_of_val(values) + 128);
     let written = (|| {
         let dtype = npyz::DType::Plain(dtype.parse().expect("a valid type string"));
         let options = npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(&mut bytes);
