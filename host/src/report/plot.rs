@@ -318,7 +318,7 @@ pub fn heat_map(values: &[Vec<f64>], x: Range<f64>, y: Range<f64>, axes: Axes) -
     }
     let scale = range(values.iter().flatten().copied(), 0.0);
     let (dx, dy) = ((x.end - x.start) / columns as f64, (y.end - y.start) / rows as f64);
-    draw(440, |area| {
+    let svg = draw(440, |area| {
         let (left, right) = area.split_horizontally(WIDTH - 110);
         let mut chart = chart!(&left, x.clone(), y.clone(), axes, 12);
         let cells = values.iter().enumerate().flat_map(|(r, row)| row.iter().enumerate().map(move |(c, v)| (r, c, *v)));
@@ -345,7 +345,9 @@ pub fn heat_map(values: &[Vec<f64>], x: Range<f64>, y: Range<f64>, axes: Axes) -
             Rectangle::new([(0.0, from), (1.0, from + step)], shade(from + 0.5 * step, &scale).filled())
         }))?;
         Ok(())
-    })
+    })?;
+    // Without antialiasing neighbouring cells meet without seams.
+    Ok(svg.replace("<rect ", "<rect shape-rendering=\"crispEdges\" "))
 }
 
 /// White over blue to near black: lightness falls steadily, so it also reads in grey.
