@@ -9,8 +9,8 @@ mod hash;
 mod options;
 mod read;
 
-pub use options::{Casing, Crack, CrackRule, Engagement, EngagementKind, Load, Motor, Nominal, RootAngle, RootShape};
 pub use options::Side;
+pub use options::{Casing, Crack, CrackRule, Engagement, EngagementKind, Load, Motor, Nominal, RootAngle, RootShape};
 
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -97,6 +97,31 @@ pub struct Pair {
     /// Damping ratio of the gears on their mesh at its mean stiffness, instead of the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh_damping_ratio: Option<f64>,
+}
+
+impl Pair {
+    /// A steel pair (206 GPa, 0.3) with 20 degrees, addendum 1, clearance 0.25, no shift, hard engagement, undamped.
+    pub fn spur(teeth: [u32; 2], module_m: f64, face_width_m: f64, bore_radius_m: [f64; 2]) -> Self {
+        Self {
+            teeth,
+            module_m,
+            pressure_angle_deg: default_pressure_angle(),
+            face_width_m,
+            bore_radius_m,
+            youngs_modulus_pa: 206e9,
+            poisson: 0.3,
+            addendum_coefficient: default_addendum(),
+            clearance_coefficient: default_clearance(),
+            profile_shift: [0.0; 2],
+            root: RootShape::default(),
+            root_angle: RootAngle::default(),
+            body: true,
+            pair_stiffness: None,
+            total_stiffness: None,
+            mesh_damping_s: 0.0,
+            mesh_damping_ratio: None,
+        }
+    }
 }
 
 fn default_pressure_angle() -> f64 {
