@@ -4,7 +4,8 @@
 //! half thickness `hc = h_root - q sin v` from the centre line (negative once it has passed the line). A section
 //! of half thickness h keeps the thickness `h + min(h, limit)`, where the limit is hc all along (straight rule:
 //! Tian 2004, Wu, Zuo and Parey 2008) or a parabola from the crack's end to the tip (Mohammed; Chen and Shao
-//! 2011). The same thickness enters bending, shear and axial terms. Contact and body stay healthy, so real losses
+//! 2011; the straight rule while the crack ends farther out than the tip's half thickness, where such a parabola
+//! would cut sound material). The same thickness enters bending, shear and axial terms. Contact and body stay healthy, so real losses
 //! are larger; the crack does not breathe (the flank is loaded on one side only).
 
 use super::pair::{PairModel, event_knots, fit_adaptive};
@@ -59,7 +60,7 @@ impl CrackedSection {
             CrackRule::Straight => self.limit_m,
             CrackRule::Parabolic => {
                 let along = ((x - self.crack_height) / (self.tip.0 - self.crack_height)).clamp(0.0, 1.0);
-                self.limit_m + (self.tip.1 - self.limit_m) * along.sqrt()
+                self.limit_m + (self.tip.1 - self.limit_m).max(0.0) * along.sqrt()
             }
         };
         half + half.min(limit)

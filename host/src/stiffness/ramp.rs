@@ -38,9 +38,7 @@ pub fn engage(
     match engagement.kind {
         EngagementKind::None => Ok(curve.clone()),
         EngagementKind::Paper | EngagementKind::Linear => weigh(curve, geometry, width, |u| u),
-        EngagementKind::RaisedCosine => {
-            weigh(curve, geometry, width, |u| 0.5 - 0.5 * (std::f64::consts::PI * u).cos())
-        }
+        EngagementKind::RaisedCosine => weigh(curve, geometry, width, |u| 0.5 - 0.5 * (std::f64::consts::PI * u).cos()),
         EngagementKind::TipRelief | EngagementKind::Loaded => {
             let torque = engagement.torque_n_m.ok_or_else(|| {
                 Error::invalid("[engagement] torque_n_m", "missing: this kind of engagement depends on the load")
@@ -150,13 +148,15 @@ impl<'a> Sharing<'a> {
         let (start, end) = ends(self.curve);
         let begin = self.border(start - REACH, 0.5 * (start + end))?;
         let finish = self.border(end + REACH, 0.5 * (start + end))?;
-        if finish - begin < 1.0 {
+        // Where a pair is alone on a relieved flank the mesh follows the flank: a transmission error.
+        let reach = [self.relief[1], self.relief[0]].map(|amount| if amount > 0.0 { self.length } else { 0.0 });
+        if finish - begin < 1.0 || start + reach[0] > finish - 1.0 || end - reach[1] < begin + 1.0 {
             return Err(Error::impossible(
                 "[engagement]",
                 format!(
-                    "at {:.3} N mesh force the relieved teeth touch over {:.3} base pitches only: contact would be lost",
-                    self.force,
-                    finish - begin
+                    "at {:.1} N mesh force the relief reaches into single contact, where it is a transmission error and \
+                     not a ramp: shorten it, reduce it, or declare it as a profile error",
+                    self.force
                 ),
             ));
         }
