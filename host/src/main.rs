@@ -17,11 +17,14 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
+    Stiffness(commands::stiffness::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Stiffness(args) => commands::stiffness::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -16,7 +16,7 @@ use crate::{Error, Result};
 
 /// Deviation of a cracked pair's fitted curve; the dead zone's kinks cost pieces.
 const TOLERANCE: f64 = 1e-8;
-/// Least share of the root's thickness that must be left for a beam to make sense.
+/// Least thickness that must be left anywhere for a beam to make sense, as a share of the root's.
 const LEAST_LEFT: f64 = 0.05;
 
 /// The section that is left at every height.
@@ -33,20 +33,28 @@ impl CrackedSection {
     /// Section of a tooth with a crack.
     ///
     /// # Errors
-    /// A crack that leaves less than a twentieth of the root.
+    /// A crack that leaves less than a twentieth of the root's thickness somewhere.
     pub fn new(tooth: &Tooth, crack: &Crack) -> Result<Self> {
         let [tip, root] = tooth.ends();
         let angle = crack.angle_deg.to_radians();
         let limit_m = root.1 - crack.depth_m * angle.sin();
-        let left = 0.5 * (root.1 + limit_m) / root.1;
-        if left < LEAST_LEFT {
+        // The straight rule cuts every section at the same line, the narrow ones near the tip too.
+        let narrowest = match crack.rule {
+            CrackRule::Straight => tip.1 + limit_m.min(tip.1),
+            CrackRule::Parabolic => root.1 + limit_m.min(root.1),
+        };
+        if narrowest < LEAST_LEFT * 2.0 * root.1 {
+            let deepest = match crack.rule {
+                CrackRule::Straight => root.1 * (1.0 - 2.0 * LEAST_LEFT) + tip.1,
+                CrackRule::Parabolic => 2.0 * root.1 * (1.0 - LEAST_LEFT),
+            };
             return Err(Error::invalid(
                 "[crack] depth_m",
                 format!(
-                    "{} m leaves {:.0} % of the root's {:.6} m: the tooth would be broken off",
+                    "{} m breaks the tooth off: its root is {:.6} m thick, this rule bears at most {:.6} m",
                     crack.depth_m,
-                    100.0 * left.max(0.0),
-                    2.0 * root.1
+                    2.0 * root.1,
+                    deepest / angle.sin()
                 ),
             ));
         }

@@ -18,6 +18,7 @@ pub mod mesh;
 mod pair;
 mod quadrature;
 mod ramp;
+pub mod report;
 mod table;
 mod tooth;
 
