@@ -1,6 +1,6 @@
 //! Mesh stiffness against closed forms, an independent code, ROSS, ISO 6336 and its own limits.
 
-use meshband_host::machine::{Crack, CrackRule, Engagement, EngagementKind, Machine, Pair, RootShape, Side};
+use meshband_host::machine::{Crack, CrackRule, Engagement, EngagementKind, Machine, Pair, RootAngle, RootShape, Side};
 use meshband_host::stiffness::{
     Geometry, PairModel, Table, Tooth, engage, gap_curvature_per_m, gap_m, hertz_stiffness, involute, iso6336, mesh,
 };
@@ -79,6 +79,51 @@ fn ref_sainsot_body_stiffness_at_the_pitch_point() {
         let angle = 20f64.to_radians().tan() - model.geometry.base_half_angle[index];
         close(&format!("{name} kf"), 1.0 / model.body(index, angle), tooth["kf_sainsot_u"].as_f64().unwrap(), 1e-3);
     }
+}
+
+#[test]
+fn theory_true_root_angle_is_where_the_generated_fillet_ends() {
+    let mut pair = Pair::spur([24, 62], 2e-3, 0.02, [8e-3, 20e-3]);
+    pair.root = RootShape::Trochoid;
+    pair.root_angle = RootAngle::Fillet;
+    let model = PairModel::new(&pair).unwrap();
+    for i in 0..2 {
+        let (x, h) = model.teeth[i].ends()[1];
+        close("root angle", model.bodies[i].root_half_angle, (h / x).atan(), 1e-12);
+        close("root radius", x.hypot(h), model.geometry.root_radius_m[i], 1e-12);
+    }
+    // The customary formula, with the tooth's addendum in the cutter's place, is 6 % smaller.
+    pair.root_angle = RootAngle::Literature;
+    let customary = PairModel::new(&pair).unwrap().bodies[1].root_half_angle;
+    close("62 teeth, as published", customary, 0.0457, 2e-3);
+    close("ratio", customary / model.bodies[1].root_half_angle, 0.94, 2e-3);
+}
+
+#[test]
+fn fault_body_fit_outside_its_range_is_flagged_per_gear() {
+    let model = PairModel::new(&Pair::spur([62, 62], 2e-3, 0.02, [17.5e-3, 5e-3])).unwrap();
+    assert!(model.bodies[0].warnings().is_empty());
+    assert!(model.bodies[1].warnings()[0].contains("hub radius"));
+    let model = PairModel::new(&Pair::spur([19, 48], 3.175e-3, 0.016, [9.6e-3, 26.5e-3])).unwrap();
+    assert!(model.bodies[0].warnings()[0].contains("half angle"));
+}
+
+#[test]
+fn regress_every_shipped_machine_is_read_and_has_a_curve() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            let machine = Machine::read(&path).unwrap();
+            let curve = machine.pair_stiffness().unwrap();
+            let total = mesh::total(&curve);
+            assert!((0..400).all(|i| total.value((f64::from(i) + 0.5) / 400.0) > 1e6), "{}", path.display());
+            assert!(machine.pair.mesh_damping_s > 0.0);
+            seen += 1;
+        }
+    }
+    assert!(seen >= 7);
 }
 
 /// Curve means of three codes and ours: mean over the double and the single zone.

@@ -84,18 +84,16 @@ impl Geometry {
         }
         let line = centre * working.sin();
         let reach = [0, 1].map(|i| (tip[i] * tip[i] - base[i] * base[i]).sqrt());
-        for i in 0..2 {
-            if reach[i] >= line {
-                let (other, least) = (1 - i, 2.0 * pair.addendum_coefficient / a.sin().powi(2));
-                return Err(Error::invalid(
-                    "teeth",
-                    format!(
-                        "interference: the tip of gear {i} meets gear {other} below its base circle ({} teeth; without \
-                         profile shift {least:.0} teeth never interfere)",
-                        pair.teeth[other]
-                    ),
-                ));
-            }
+        if let Some(i) = (0..2).find(|&i| reach[i] >= line) {
+            let (other, least) = (1 - i, 2.0 * pair.addendum_coefficient / a.sin().powi(2));
+            return Err(Error::invalid(
+                "teeth",
+                format!(
+                    "interference: the tip of gear {i} meets gear {other} below its base circle ({} teeth; without \
+                     profile shift {least:.0} teeth never interfere)",
+                    pair.teeth[other]
+                ),
+            ));
         }
         let base_pitch = std::f64::consts::PI * m * a.cos();
         let contact_ratio = (reach[0] + reach[1] - line) / base_pitch;
