@@ -4,6 +4,7 @@ use meshband_host::machine::{Crack, CrackRule, Engagement, EngagementKind, Machi
 use meshband_host::stiffness::{
     Geometry, PairModel, Table, Tooth, engage, gap_curvature_per_m, gap_m, hertz_stiffness, involute, iso6336, mesh,
 };
+use rand::{RngExt, SeedableRng};
 use serde_json::Value;
 use std::path::Path;
 
@@ -124,6 +125,40 @@ fn regress_every_shipped_machine_is_read_and_has_a_curve() {
         }
     }
     assert!(seen >= 7);
+}
+
+#[test]
+fn fault_random_geometry_is_refused_or_gives_a_sound_curve() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+    let (mut sound, mut refused) = (0, 0);
+    for _ in 0..1000 {
+        let teeth = [random.random_range(6..120), random.random_range(6..200)];
+        let module = random.random_range(0.5e-3..8e-3);
+        let bore = teeth.map(|z| module * f64::from(z) * random.random_range(0.05..0.45));
+        let mut pair = Pair::spur(teeth, module, 0.02, bore);
+        pair.pressure_angle_deg = random.random_range(12.0..32.0);
+        pair.addendum_coefficient = random.random_range(0.5..1.4);
+        pair.clearance_coefficient = random.random_range(0.05..0.5);
+        pair.profile_shift = [random.random_range(-0.6..0.9), random.random_range(-0.6..0.9)];
+        pair.root = [RootShape::RadialStub, RootShape::Trochoid, RootShape::BaseCircle][random.random_range(0..3)];
+        let Ok(model) = PairModel::new(&pair) else {
+            refused += 1;
+            continue;
+        };
+        sound += 1;
+        let curve = model.curve();
+        let total = mesh::total(&curve);
+        for i in 0..50 {
+            let s = (f64::from(i) + 0.5) / 50.0;
+            let (one, all) = (model.at(s * model.geometry.contact_ratio), total.value(s));
+            assert!(one.is_finite() && one > 0.0 && all >= 0.0 && all.is_finite(), "{pair:?} at {s}: {one} {all}");
+            let fitted = curve.value(s * model.geometry.contact_ratio);
+            assert!((fitted / one - 1.0).abs() < 1e-6, "{pair:?} at {s}: {fitted:e} against {one:e}");
+        }
+        mesh::square_wave(&curve, model.geometry.contact_ratio);
+    }
+    println!("{sound} sound, {refused} refused");
+    assert!(sound > 100 && refused > 100);
 }
 
 /// Curve means of three codes and ours: mean over the double and the single zone.

@@ -82,6 +82,15 @@ impl Geometry {
                 ));
             }
         }
+        // The cutter's flat tip must have a width left beside its two roundings.
+        let rounding = pair.clearance_coefficient / (1.0 - a.sin());
+        let depth = pair.addendum_coefficient + pair.clearance_coefficient - rounding;
+        if std::f64::consts::FRAC_PI_4 - depth * a.tan() - rounding / a.cos() < 0.0 {
+            return Err(Error::invalid(
+                "clearance_coefficient",
+                "a cutter with this addendum, clearance and pressure angle would be pointed: no such tooth can be cut",
+            ));
+        }
         let line = centre * working.sin();
         let reach = [0, 1].map(|i| (tip[i] * tip[i] - base[i] * base[i]).sqrt());
         if let Some(i) = (0..2).find(|&i| reach[i] >= line) {

@@ -76,11 +76,14 @@ pub fn summary(pair: &PiecewisePolynomial, contact_ratio: f64) -> Summary {
     Summary { mean: total.integral(), double_mean: mean_of(double), single_mean: mean_of(single), least, largest }
 }
 
-/// A pair's curve whose sum is the square wave with the same zone means: each pair carries half of the double
-/// value beside its neighbour and the single value alone. Contact ratios between 1 and 2 only.
+/// A pair's curve whose sum is the square wave with the same zone means: pairs in contact share equally.
 pub fn square_wave(pair: &PiecewisePolynomial, contact_ratio: f64) -> PiecewisePolynomial {
     let summary = summary(pair, contact_ratio);
-    let knots = vec![0.0, contact_ratio - 1.0, 1.0, contact_ratio];
-    let half = 0.5 * summary.double_mean;
-    PiecewisePolynomial::new(knots, vec![vec![half], vec![summary.single_mean], vec![half]])
+    let (pairs, border) = (contact_ratio.floor(), contact_ratio.fract());
+    let knots = super::pair::event_knots(contact_ratio, &[]);
+    let share = |s: f64| {
+        if s.fract() < border { summary.double_mean / (pairs + 1.0) } else { summary.single_mean / pairs }
+    };
+    let pieces = knots.windows(2).map(|w| vec![share(0.5 * (w[0] + w[1]))]).collect();
+    PiecewisePolynomial::new(knots, pieces)
 }
