@@ -237,6 +237,7 @@ fn picture(caption: &str, lines: &[(&str, Vec<(f64, f64)>)]) -> String {
             .expect("drawing into memory");
         chart
             .configure_mesh()
+            .light_line_style(TRANSPARENT)
             .x_desc("base pitches from the start of contact")
             .y_desc("1e8 N/m")
             .draw()
@@ -250,7 +251,12 @@ fn picture(caption: &str, lines: &[(&str, Vec<(f64, f64)>)]) -> String {
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
         }
         if lines.len() > 1 {
-            let legend = chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw();
+            let legend = chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::LowerMiddle)
+                .background_style(WHITE)
+                .border_style(BLACK)
+                .draw();
             legend.expect("drawing into memory");
         }
         root.present().expect("drawing into memory");
