@@ -19,12 +19,15 @@ enum Command {
     Alias(commands::alias::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
+    /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
+    Stiffness(commands::stiffness::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::Stiffness(args) => commands::stiffness::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

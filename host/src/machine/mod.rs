@@ -99,6 +99,31 @@ pub struct Pair {
     pub mesh_damping_ratio: Option<f64>,
 }
 
+impl Pair {
+    /// A steel pair (206 GPa, 0.3) with 20 degrees, addendum 1, clearance 0.25, no shift, hard engagement, undamped.
+    pub fn spur(teeth: [u32; 2], module_m: f64, face_width_m: f64, bore_radius_m: [f64; 2]) -> Self {
+        Self {
+            teeth,
+            module_m,
+            pressure_angle_deg: default_pressure_angle(),
+            face_width_m,
+            bore_radius_m,
+            youngs_modulus_pa: 206e9,
+            poisson: 0.3,
+            addendum_coefficient: default_addendum(),
+            clearance_coefficient: default_clearance(),
+            profile_shift: [0.0; 2],
+            root: RootShape::default(),
+            root_angle: RootAngle::default(),
+            body: true,
+            pair_stiffness: None,
+            total_stiffness: None,
+            mesh_damping_s: 0.0,
+            mesh_damping_ratio: None,
+        }
+    }
+}
+
 fn default_pressure_angle() -> f64 {
     20.0
 }

@@ -22,14 +22,20 @@ impl Machine {
     pub fn from_toml(text: &str, place: &str, folder: &Path) -> Result<Self> {
         let table: toml::Table = text.parse().map_err(|error| syntax(&error, text, place))?;
         refuse_non_finite(&toml::Value::Table(table), "", place)?;
-        let mut machine: Machine = match toml::from_str::<AnyRecord>(text) {
+        let machine: Machine = match toml::from_str::<AnyRecord>(text) {
             Ok(any) => any.machine(),
             Err(error) => return Err(syntax(&error, text, place)),
         };
-        machine.folder = folder.to_owned();
-        machine.check(place)?;
-        machine.resolve_damping(place)?;
-        Ok(machine)
+        machine.prepared(place, folder)
+    }
+
+    /// Checks a machine that was put together otherwise and resolves what depends on its place: the folder of its
+    /// tables, and the mesh damping where the ratio is given.
+    pub fn prepared(mut self, place: &str, folder: &Path) -> Result<Self> {
+        self.folder = folder.to_owned();
+        self.check(place)?;
+        self.resolve_damping(place)?;
+        Ok(self)
     }
 }
 

@@ -82,20 +82,27 @@ impl Geometry {
                 ));
             }
         }
+        // The cutter's flat tip must have a width left beside its two roundings.
+        let rounding = pair.clearance_coefficient / (1.0 - a.sin());
+        let depth = pair.addendum_coefficient + pair.clearance_coefficient - rounding;
+        if std::f64::consts::FRAC_PI_4 - depth * a.tan() - rounding / a.cos() < 0.0 {
+            return Err(Error::invalid(
+                "clearance_coefficient",
+                "a cutter with this addendum, clearance and pressure angle would be pointed: no such tooth can be cut",
+            ));
+        }
         let line = centre * working.sin();
         let reach = [0, 1].map(|i| (tip[i] * tip[i] - base[i] * base[i]).sqrt());
-        for i in 0..2 {
-            if reach[i] >= line {
-                let (other, least) = (1 - i, 2.0 * pair.addendum_coefficient / a.sin().powi(2));
-                return Err(Error::invalid(
-                    "teeth",
-                    format!(
-                        "interference: the tip of gear {i} meets gear {other} below its base circle ({} teeth; without \
-                         profile shift {least:.0} teeth never interfere)",
-                        pair.teeth[other]
-                    ),
-                ));
-            }
+        if let Some(i) = (0..2).find(|&i| reach[i] >= line) {
+            let (other, least) = (1 - i, 2.0 * pair.addendum_coefficient / a.sin().powi(2));
+            return Err(Error::invalid(
+                "teeth",
+                format!(
+                    "interference: the tip of gear {i} meets gear {other} below its base circle ({} teeth; without \
+                     profile shift {least:.0} teeth never interfere)",
+                    pair.teeth[other]
+                ),
+            ));
         }
         let base_pitch = std::f64::consts::PI * m * a.cos();
         let contact_ratio = (reach[0] + reach[1] - line) / base_pitch;

@@ -7,18 +7,28 @@
 //!
 //! The method's own accuracy is about 8 %: three independent codes differ by that much.
 
+mod approach;
 mod body;
+mod crack;
 mod declared;
 mod geometry;
 mod hertz;
+pub mod iso6336;
+pub mod mesh;
 mod pair;
 mod quadrature;
+mod ramp;
+pub mod report;
 mod table;
 mod tooth;
 
+pub use approach::{gap_curvature_per_m, gap_m};
 pub use body::{BodyCompliance, body_compliance};
-pub use geometry::Geometry;
+pub use crack::CrackedSection;
+pub use declared::CrackedPair;
+pub use geometry::{Geometry, involute};
 pub use hertz::hertz_stiffness;
-pub use pair::PairModel;
-pub use table::Table;
+pub use pair::{PairModel, event_knots, fit_adaptive};
+pub use ramp::{PAPER_WIDTH_RAD, engage};
+pub use table::{TABLE_TOLERANCE, Table};
 pub use tooth::{Tooth, ToothCompliance};
