@@ -2,3 +2,8 @@
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
+
+pub mod math;
+pub mod spectrum;
+pub mod window;
+pub mod zoom;
