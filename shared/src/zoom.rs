@@ -250,33 +250,36 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
             Averaging::Exponential { .. } if self.state.records == 0 => 1.0,
             Averaging::Exponential { weight } => weight,
         };
-        let reach = self.reach_bins();
         let step = crate::window::phase_step(POINTS);
-        let bins_per_pitch_rate = 1.0 / (f32::from(self.config.teeth) * f32::from(self.config.turns));
-        for h in 0..HARMONICS {
-            let record = &mut self.state.record[h];
+        for record in &mut self.state.record {
             for (n, value) in record.iter_mut().enumerate() {
                 *value *= self.config.window.at_phase(step.wrapping_mul(n as u32));
             }
             if spectrum::complex_fft(record).is_err() {
                 return;
             }
-            for offset in 0..=reach {
-                let droop = Window::BlackmanHarris
-                    .response(WINDOW_SPACINGS as f32 * offset as f32 * bins_per_pitch_rate)
-                    * Window::BlackmanHarris.response(WINDOW_SPACINGS as f32 * offset as f32 / POINTS as f32);
-                let gain = 1.0 / (POINTS as f32 * self.config.window.coherent_gain() * droop);
-                for (bin, place) in [(offset, POINTS / 2 + offset), ((POINTS - offset) % POINTS, POINTS / 2 - offset)] {
-                    let power = &mut self.state.power[h][place];
+        }
+        for offset in 0..=self.reach_bins() {
+            let gain = 1.0 / (POINTS as f32 * self.config.window.coherent_gain() * self.droop(offset as f32));
+            let places = [(offset, POINTS / 2 + offset), ((POINTS - offset) % POINTS, POINTS / 2 - offset)];
+            let sides = if offset == 0 { 1 } else { 2 };
+            for (record, power) in self.state.record.iter().zip(&mut self.state.power) {
+                for &(bin, place) in &places[..sides] {
                     let new = record[bin].norm_sqr() * gain * gain;
-                    *power = if share == 1.0 { new } else { *power + share * (new - *power) };
-                    if offset == 0 {
-                        break;
-                    }
+                    let old = power[place];
+                    power[place] = if share == 1.0 { new } else { old + share * (new - old) };
                 }
             }
         }
         self.state.records += 1;
+    }
+
+    /// Response of filter bank and decimator to a line this many bins from the harmonic.
+    fn droop(&self, offset_bins: f32) -> f32 {
+        let pitches_per_record = f32::from(self.config.teeth) * f32::from(self.config.turns);
+        let length = WINDOW_SPACINGS as f32 * offset_bins;
+        Window::BlackmanHarris.response(length / pitches_per_record)
+            * Window::BlackmanHarris.response(length / POINTS as f32)
     }
 
     /// Records averaged so far (linear averages start anew each `records`).
@@ -321,8 +324,12 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
                 peak = bin;
             }
         }
-        let line = read_line(&[at(peak - 1)?, at(peak)?, at(peak + 1)?], 1, self.config.window)?;
-        Some(Line { bin: line.bin - 1.0 + peak as f32, amplitude: line.amplitude })
+        // The skirts of a line carry the droop of the line's place, not of theirs: undo their correction to read the place.
+        let droop = self.droop(peak as f32);
+        let skirt = |bin: i32| Some(at(bin)? * self.droop(bin as f32) / droop);
+        let line = read_line(&[skirt(peak - 1)?, at(peak)?, skirt(peak + 1)?], 1, self.config.window)?;
+        let bin = line.bin - 1.0 + peak as f32;
+        Some(Line { bin, amplitude: line.amplitude * droop / self.droop(bin) })
     }
 
     /// Sidebands +-1..=`COUNT` of one shaft around a harmonic, -`COUNT` first; `shaft_order` is 1 for the pinion and

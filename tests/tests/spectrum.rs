@@ -2,12 +2,12 @@
 
 use meshband::spectrum::{self, SpectrumError};
 use meshband::window::Window;
-use microfft_reference::{forward, tone};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use reference::{forward, tone};
 
 /// f64 references by rustfft.
-mod microfft_reference {
+mod reference {
     use rustfft::{FftPlanner, num_complex::Complex64};
 
     pub fn forward(samples: &[f64]) -> Vec<Complex64> {
