@@ -1,19 +1,20 @@
 //! Streaming 10-90 % rise time of engagement edges.
 //!
-//! Mesh pulses have no top or base plateau, so the levels are local: the level before the edge, and the extremum that
-//! ends it (`IEEE Std 181` reference levels applied to one upstroke). The definition is part of every figure:
+//! Mesh pulses have no top or base plateau and ride on the ring of earlier engagements, so extrema time the ring. The
+//! project's definition needs the slope alone, and is the one the host applies to polynomials:
 //!
-//! * The timed edge is the highest upstroke per tooth pitch; each pitch is a window centred where the last edge predicts
-//!   the next.
-//! * An upstroke ends when the signal has turned by the hysteresis, or has made no new extremum for three samples plus
-//!   twice the upstroke's length (a plateau).
-//! * 10 and 90 % crossings by linear interpolation between samples; extrema refined by a parabola where the neighbouring
-//!   curvatures confirm a smooth top.
-//! * The result is the median over teeth with its median absolute deviation; below 5 samples per edge it is refused,
-//!   because two samples always look like 0.8 sample of rise time.
+//! > An edge is the stretch around a maximum of |slope| over which the slope keeps its sign and stays above one third of
+//! > that maximum. Its levels are the values at its two ends; its rise time is the 10-90 % time between them.
 //!
-//! Cost (estimate): 15 instructions per sample, plus 12 per sample of a timed edge; amortised O(1).
-//! RAM: 4 bytes per `WINDOW` sample and 0.25 KiB for the teeth.
+//! A linear ramp gives 0.8 of its width, whatever ring of less than a third of its slope it rides on; a raised cosine
+//! 0.544. The timed edge is the steepest per tooth pitch; each pitch is a window centred where the last edge predicts the
+//! next. Slopes are differences over a fifth of the rise time (at least one sample), so noise does not cut long edges
+//! short; ends lie where the slope, interpolated between samples, crosses the third; levels by cubic, crossings by linear
+//! interpolation. The result is the median over teeth with its median absolute deviation. Below 5 samples per edge it is
+//! refused, because two samples always look like 0.8 sample of rise time.
+//!
+//! 10-90 % convention: IEEE Std 181. Cost (estimate): 25 instructions per sample, 15 more per sample of an edge that beats
+//! those before it in its pitch. RAM: 4 bytes per `WINDOW` sample, 0.25 KiB for the teeth.
 
 use crate::math;
 
@@ -21,39 +22,32 @@ use crate::math;
 pub const BANDWIDTH_RISE_PRODUCT: f32 = 0.35;
 /// Fewest samples within 10-90 % that give a result.
 pub const FEWEST_SAMPLES_PER_EDGE: f32 = 5.0;
+/// Share of the greatest slope at which an edge begins and ends.
+pub const SLOPE_THRESHOLD: f32 = 1.0 / 3.0;
 /// Edges remembered for the median.
 const TEETH: usize = 64;
-/// Samples taken for the median level before the edge.
-const LEVEL_SAMPLES: usize = 9;
-
-/// What counts as the level before the edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub enum PreEdge {
-    /// The minimum from which the upstroke starts: right for a ringing signal.
-    LocalExtremum,
-    /// Median of nine samples ahead of the edge, half a rise time before its 10 % crossing: right for a noisy rest.
-    Median,
-}
+/// Teeth after which the span of the slope is adapted.
+const ADAPT_EVERY: u32 = 8;
+/// Samples by which slopes lag the newest one, so that levels can be interpolated with a neighbour on each side.
+const LAG: u32 = 2;
 
 /// Direction of the timed edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Polarity {
-    /// Upward.
+    /// Upward only.
     Rising,
-    /// Downward.
+    /// Downward only.
     Falling,
+    /// The steepest of either direction.
+    Either,
 }
 
 /// Settings of a [`RiseTime`] estimator.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RiseTimeConfig {
-    /// Level before the edge.
-    pub pre_edge: PreEdge,
     /// Direction of the edges.
     pub polarity: Polarity,
-    /// Turning back by more than this ends an upstroke; a few times the noise's RMS, in the unit of the samples.
-    pub hysteresis: f32,
-    /// Upstrokes below this height are ignored, in the unit of the samples.
+    /// Edges of lower height are ignored, in the unit of the samples; several times the noise's RMS.
     pub minimum_height: f32,
 }
 
@@ -62,8 +56,10 @@ pub struct RiseTimeConfig {
 pub struct Edge {
     /// 10-90 % duration in samples.
     pub rise_samples: f32,
-    /// Height between the two levels.
+    /// Height between the two levels, negative for a falling edge.
     pub height: f32,
+    /// Greatest slope per sample that decided for this edge.
+    steepness: f32,
     /// Samples since the end of the edge.
     age: u32,
 }
@@ -103,15 +99,17 @@ pub enum RiseTimeRefusal {
     },
 }
 
+/// A stretch of one slope sign.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Stroke {
-    /// Going down: the lowest value so far and its age.
-    Down,
-    /// Going up from the minimum.
-    Up,
+struct Lobe {
+    /// 1 upwards, -1 downwards.
+    sign: f32,
+    /// Greatest slope over the span, and its age in samples.
+    peak: f32,
+    peak_age: u32,
 }
 
-/// Streaming estimator that looks back over at most `WINDOW` samples per edge.
+/// Streaming estimator; an edge must fit into `WINDOW` samples.
 #[derive(Debug, Clone)]
 pub struct RiseTime<const WINDOW: usize> {
     config: RiseTimeConfig,
@@ -119,15 +117,16 @@ pub struct RiseTime<const WINDOW: usize> {
     samples: [f32; WINDOW],
     newest: usize,
     held: usize,
-    stroke: Stroke,
-    /// Extremum of the present stroke and its age; the minimum an upstroke started from.
-    extremum: (f32, u32),
-    start: (f32, u32),
+    /// Samples over which slopes are taken.
+    span: u32,
+    lobe: Lobe,
     best: Option<Edge>,
     pitch_left: f32,
     teeth: [f32; TEETH],
     counted: u32,
-    /// Upstrokes longer than the window, not timed.
+    /// Pitches without an edge.
+    empty: u32,
+    /// Edges longer than the window, not timed.
     pub too_long: u32,
 }
 
@@ -140,13 +139,13 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
             samples: [0.0; WINDOW],
             newest: 0,
             held: 0,
-            stroke: Stroke::Down,
-            extremum: (f32::INFINITY, 0),
-            start: (0.0, 0),
+            span: 1,
+            lobe: Lobe { sign: 1.0, peak: 0.0, peak_age: 0 },
             best: None,
             pitch_left: pitch_samples,
             teeth: [0.0; TEETH],
             counted: 0,
+            empty: 0,
             too_long: 0,
         }
     }
@@ -154,6 +153,16 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     /// New speed or rate: tooth pitch in samples.
     pub fn set_pitch(&mut self, pitch_samples: f32) {
         self.pitch_samples = pitch_samples;
+    }
+
+    /// Tells the rise time to be expected (from the law, samples), so that slopes span a fifth of it from the start.
+    /// Without it the span starts at one sample and finds its way, slowly if there is much noise.
+    pub fn expect(&mut self, rise_samples: f32) {
+        self.span = Self::span_for(rise_samples);
+    }
+
+    fn span_for(rise_samples: f32) -> u32 {
+        ((rise_samples * 0.2) as u32).clamp(1, (WINDOW / 8).max(1) as u32)
     }
 
     /// Forgets samples and edges.
@@ -164,56 +173,48 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     /// Takes one sample; the edge of the tooth when a pitch has just ended with one.
     #[inline]
     pub fn push(&mut self, sample: f32) -> Option<Edge> {
-        let x = if self.config.polarity == Polarity::Falling { -sample } else { sample };
         self.newest = if self.newest + 1 >= WINDOW { 0 } else { self.newest + 1 };
-        self.samples[self.newest] = x;
+        self.samples[self.newest] = sample;
         self.held = (self.held + 1).min(WINDOW);
-        self.extremum.1 += 1;
-        self.start.1 = self.start.1.saturating_add(1);
+        self.lobe.peak_age = self.lobe.peak_age.saturating_add(1);
         if let Some(best) = &mut self.best {
             best.age += 1;
         }
-        self.follow(x);
+        if self.held > (LAG + self.span) as usize {
+            self.follow();
+        }
         self.pitch_left -= 1.0;
         if self.pitch_left > 0.0 { None } else { self.end_pitch() }
     }
 
-    fn follow(&mut self, x: f32) {
-        match self.stroke {
-            Stroke::Down => {
-                if x <= self.extremum.0 {
-                    self.extremum = (x, 0);
-                } else if x > self.extremum.0 + self.config.hysteresis {
-                    self.start = self.extremum;
-                    self.extremum = (x, 0);
-                    self.stroke = Stroke::Up;
-                }
-            }
-            Stroke::Up => {
-                if x > self.extremum.0 {
-                    self.extremum = (x, 0);
-                    return;
-                }
-                let length = self.start.1 - self.extremum.1;
-                let turned = x < self.extremum.0 - self.config.hysteresis && self.extremum.1 >= 2;
-                if turned || self.extremum.1 > 3 + 2 * length {
-                    self.end_stroke();
-                    self.stroke = Stroke::Down;
-                    self.extremum = (x, 0);
-                }
-            }
+    fn follow(&mut self) {
+        let slope = self.slope(LAG);
+        let along = slope * self.lobe.sign;
+        if along > self.lobe.peak {
+            self.lobe.peak = along;
+            self.lobe.peak_age = 0;
+        } else if along < SLOPE_THRESHOLD * self.lobe.peak || along <= 0.0 {
+            self.end_lobe();
+            let sign = if slope < 0.0 { -1.0 } else { 1.0 };
+            self.lobe = Lobe { sign, peak: slope.abs(), peak_age: 0 };
         }
     }
 
-    fn end_stroke(&mut self) {
-        let height = self.extremum.0 - self.start.0;
-        if height < self.config.minimum_height || self.best.is_some_and(|best| best.height > height) {
+    fn end_lobe(&mut self) {
+        let wanted = match self.config.polarity {
+            Polarity::Rising => self.lobe.sign > 0.0,
+            Polarity::Falling => self.lobe.sign < 0.0,
+            Polarity::Either => true,
+        };
+        let steepness = self.lobe.peak / self.span as f32;
+        // An edge of this height has at least this many samples at its steepest: most ripples end here.
+        if !wanted || steepness <= 0.0 || self.best.is_some_and(|best| best.steepness >= steepness) {
             return;
         }
-        if let Some(edge) = self.time_edge() {
-            self.best = Some(edge);
-        } else {
-            self.too_long = self.too_long.saturating_add(1);
+        match self.time_edge(steepness) {
+            Some(edge) if edge.height.abs() >= self.config.minimum_height => self.best = Some(edge),
+            Some(_) => {}
+            None => self.too_long = self.too_long.saturating_add(1),
         }
     }
 
@@ -223,82 +224,93 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
             Some(edge) => {
                 self.teeth[self.counted as usize % TEETH] = edge.rise_samples;
                 self.counted = self.counted.wrapping_add(1);
+                if self.counted.is_multiple_of(ADAPT_EVERY) {
+                    self.adapt_span();
+                }
                 // The next window is centred one pitch after this edge.
                 self.pitch_left = (1.5 * self.pitch_samples - edge.age as f32).max(0.5 * self.pitch_samples);
             }
-            None => self.pitch_left += self.pitch_samples,
+            None => {
+                self.pitch_left += self.pitch_samples.max(1.0);
+                self.empty = self.empty.wrapping_add(1);
+                if self.empty.is_multiple_of(ADAPT_EVERY) {
+                    // Noise may cut every edge short: try coarser slopes, then start over.
+                    let coarser = 2 * self.span;
+                    self.span = if coarser as usize <= WINDOW / 8 { coarser } else { 1 };
+                }
+            }
         }
         edge
     }
 
-    /// Sample `age` ago; the oldest one beyond the window.
+    fn adapt_span(&mut self) {
+        let mut teeth = self.teeth;
+        let count = (self.counted as usize).min(TEETH);
+        if let Some(median) = math::median(&mut teeth[..count]) {
+            self.span = Self::span_for(median);
+        }
+    }
+
+    /// Sample `age` ago.
+    #[inline]
     fn back(&self, age: u32) -> f32 {
-        let age = (age as usize).min(self.held.saturating_sub(1));
-        self.samples[(self.newest + WINDOW - age) % WINDOW]
+        let age = age as usize;
+        self.samples[if age <= self.newest { self.newest - age } else { self.newest + WINDOW - age }]
     }
 
-    /// Smooth extremum near a sample: parabola, trusted as far as the curvatures next to it agree.
-    fn refined(&self, age: u32) -> f32 {
-        let centre = self.back(age);
-        if age < 2 || age as usize + 2 >= self.held {
-            return centre;
-        }
-        let y: [f32; 5] = core::array::from_fn(|i| self.back(age + 2 - i as u32));
-        let curvature = [y[0] - 2.0 * y[1] + y[2], y[1] - 2.0 * y[2] + y[3], y[2] - 2.0 * y[3] + y[4]];
-        if curvature[1] == 0.0 {
-            return centre;
-        }
-        let agreement = (curvature[0] / curvature[1]).min(curvature[2] / curvature[1]);
-        let trust = (2.0 * agreement).clamp(0.0, 1.0);
-        let slope = y[3] - y[1];
-        centre - trust * slope * slope / (8.0 * curvature[1])
+    /// Rise over the span ending `age` ago; it belongs to `age + span / 2`.
+    #[inline]
+    fn slope(&self, age: u32) -> f32 {
+        self.back(age) - self.back(age + self.span)
     }
 
-    /// Times the upstroke between `start` and `extremum`; `None` when its start has left the window.
-    fn time_edge(&self) -> Option<Edge> {
-        let (top_age, start_age) = (self.extremum.1, self.start.1);
-        if start_age as usize + 1 >= self.held {
-            return None;
-        }
-        let top = self.refined(top_age);
-        let base = self.refined(start_age);
-        let (early, late) = self.crossings(base, top, top_age, start_age);
-        let (early, late, base) = match self.config.pre_edge {
-            PreEdge::LocalExtremum => (early, late, base),
-            PreEdge::Median => {
-                let ahead = early + 0.5 * (early - late);
-                let first = ahead as u32 + 1;
-                if first as usize + LEVEL_SAMPLES >= self.held {
-                    return None;
-                }
-                let mut level: [f32; LEVEL_SAMPLES] = core::array::from_fn(|i| self.back(first + i as u32));
-                let base = math::median(&mut level)?;
-                let (early, late) = self.crossings(base, top, top_age, self.held as u32 - 2);
-                (early, late, base)
+    /// Value at a fractional age with two samples on each side (Catmull-Rom).
+    fn value(&self, age: f32) -> f32 {
+        let whole = age as u32;
+        let u = age - whole as f32;
+        let [a, b, c, d] = [whole - 1, whole, whole + 1, whole + 2].map(|age| self.back(age));
+        b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
+    }
+
+    /// Times the lobe whose slope has just fallen below the third; `None` when it does not fit into the window.
+    fn time_edge(&self, steepness: f32) -> Option<Edge> {
+        let sign = self.lobe.sign;
+        let threshold = SLOPE_THRESHOLD * self.lobe.peak;
+        let half_span = 0.5 * self.span as f32;
+        let oldest = (self.held as u32).checked_sub(self.span + 3)?;
+        let between = |above: f32, below: f32| (above - threshold) / (above - below);
+        let end = LAG as f32 + 1.0 + half_span - between(sign * self.slope(LAG + 1), sign * self.slope(LAG));
+        let mut age = LAG + self.lobe.peak_age;
+        let mut above = sign * self.slope(age);
+        let begin = loop {
+            age += 1;
+            if age > oldest {
+                return None;
             }
+            let slope = sign * self.slope(age);
+            if slope < threshold {
+                break age as f32 - 1.0 + half_span + between(above, slope);
+            }
+            above = slope;
         };
-        Some(Edge { rise_samples: early - late, height: top - base, age: top_age })
-    }
-
-    /// Ages at which the signal last crosses 10 and 90 % on its way to the top.
-    fn crossings(&self, base: f32, top: f32, top_age: u32, limit_age: u32) -> (f32, f32) {
-        let levels = [base + 0.9 * (top - base), base + 0.1 * (top - base)];
-        let mut ages = [top_age as f32; 2];
-        let mut age = top_age;
-        for (level, found) in levels.into_iter().zip(&mut ages) {
-            let mut above = self.back(age);
-            while age < limit_age {
-                let below = self.back(age + 1);
-                if below < level {
-                    *found = age as f32 + ((above - level) / (above - below)).clamp(0.0, 1.0);
-                    break;
+        let (low, high) = (self.value(begin), self.value(end));
+        let crossing = |share: f32| {
+            let level = sign * (low + share * (high - low));
+            let mut age = begin as u32 + 1;
+            let mut below = sign * self.back(age);
+            while age > 0 {
+                age -= 1;
+                let next = sign * self.back(age);
+                if next >= level {
+                    let step = next - below;
+                    let rest = if step > 0.0 { ((next - level) / step).clamp(0.0, 1.0) } else { 0.0 };
+                    return age as f32 + rest;
                 }
-                above = below;
-                age += 1;
-                *found = age as f32;
+                below = next;
             }
-        }
-        (ages[1], ages[0])
+            end
+        };
+        Some(Edge { rise_samples: crossing(0.1) - crossing(0.9), height: high - low, steepness, age: end as u32 })
     }
 
     /// Median over the last teeth (at most 64).
