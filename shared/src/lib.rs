@@ -5,6 +5,7 @@
 
 pub mod alias;
 pub mod envelope;
+pub mod golden;
 pub mod indicators;
 pub mod math;
 pub mod order;
