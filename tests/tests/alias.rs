@@ -2,35 +2,54 @@
 
 use meshband::alias::{Origin, explain, fold};
 
-#[test]
-fn claim_low_lines_at_10_khz_are_folded_mesh_harmonics() {
-    // Line, mesh frequency, harmonic: the paper's simulated spectra, healthy and cracked.
-    for (line_hz, mesh_hz, harmonic) in
-        [(265.6, 293.303, 35), (558.9, 293.303, 36), (733.7, 797.446, 26), (1531.0, 797.446, 27)]
-    {
-        match explain(line_hz, mesh_hz, 10_000.0, 0.15, 60) {
+fn spectra() -> Vec<serde_json::Value> {
+    let paper: serde_json::Value = serde_json::from_str(include_str!("../vectors/paper.json")).unwrap();
+    paper["alias_lines_at_10_khz"].as_array().unwrap().clone()
+}
+
+/// Asserts that every line of a spectrum is explained by the harmonic the vectors name.
+fn assert_explained(spectrum: &serde_json::Value, mesh_hz: f32, tolerance_hz: f32) {
+    for line in spectrum["lines"].as_array().unwrap() {
+        let line_hz = line["hz"].as_f64().unwrap() as f32;
+        match explain(line_hz, mesh_hz, 10_000.0, tolerance_hz, 60) {
             Origin::Folded(found) => {
-                assert_eq!(found.harmonic, harmonic, "{line_hz}");
-                assert!((found.appears_hz - line_hz).abs() < 0.15, "{line_hz}: {found:?}");
-                assert!((found.true_hz - mesh_hz * harmonic as f32).abs() < 0.01);
+                assert_eq!(u64::from(found.harmonic), line["harmonic"].as_u64().unwrap(), "{line_hz} Hz");
+                assert!((found.appears_hz - line_hz).abs() <= tolerance_hz, "{line_hz} Hz: {found:?}");
+                assert!((found.true_hz - mesh_hz * found.harmonic as f32).abs() < 0.01);
             }
-            other => panic!("{line_hz}: {other:?}"),
+            other => panic!("{line_hz} Hz: {other:?}"),
         }
     }
 }
 
 #[test]
-fn claim_the_measured_lines_fold_from_the_measured_mesh() {
-    // Mesh frequencies from the measured line pairs: 36 f - 35 f of each spectrum.
-    for (line_hz, mesh_hz, harmonic) in
-        [(263.7f32, 293.25, 35), (560.4, 293.35, 36), (733.4, 797.44, 26), (1530.0, 797.41, 27)]
-    {
-        assert!(
-            matches!(explain(line_hz, mesh_hz, 10_000.0, 2.0, 60),
-            Origin::Folded(found) if found.harmonic == harmonic),
-            "{line_hz}"
-        );
+fn claim_low_lines_at_10_khz_are_folded_mesh_harmonics() {
+    let mut checked = 0;
+    for spectrum in spectra() {
+        // The simulated cases have a mesh frequency of six digits: lines within 0.15 Hz.
+        if let Some(mesh_hz) = spectrum["mesh_hz"].as_f64() {
+            assert_explained(&spectrum, mesh_hz as f32, 0.15);
+            checked += 1;
+        }
     }
+    assert_eq!(checked, 2);
+}
+
+#[test]
+fn claim_the_measured_lines_fold_from_the_measured_mesh() {
+    let mut checked = 0;
+    for spectrum in spectra().iter().filter(|spectrum| spectrum["mesh_hz"].is_null()) {
+        // Rounded to 0.1 and 1 Hz, the quoted mesh cannot place a 35th harmonic; the first line itself can.
+        let first = &spectrum["lines"][0];
+        let (hz, harmonic) = (first["hz"].as_f64().unwrap(), first["harmonic"].as_f64().unwrap());
+        let quoted = spectrum["quoted_mesh_hz"][0].as_f64().unwrap();
+        let folds = (harmonic * quoted / 10_000.0).round();
+        let mesh_hz = (10_000.0 * folds + hz) / harmonic;
+        assert!((mesh_hz / quoted - 1.0).abs() < 2e-3, "{mesh_hz} from the fold, {quoted} quoted");
+        assert_explained(spectrum, mesh_hz as f32, 4.0);
+        checked += 1;
+    }
+    assert_eq!(checked, 2);
 }
 
 #[test]
