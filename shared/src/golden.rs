@@ -4,7 +4,7 @@
 //! boot as its arithmetic self-test; the tests compare host and QEMU. A changed hash is a changed result: change
 //! [`EXPECTED`] only together with the reason.
 //!
-//! Cost (estimate): 3 M instructions, 20 ms at 168 MHz; 8 KiB of stack.
+//! Cost: 3.4 M instructions (Cortex-M4F in QEMU), 40 ms at 168 MHz; 8 KiB of stack.
 
 use crate::alias::{self, Origin};
 use crate::envelope::envelope;
@@ -35,7 +35,7 @@ pub const EXPECTED: [StageHash; STAGES] = [
     StageHash { stage: "math", hash: 0xe638_42a1 },
     StageHash { stage: "window", hash: 0x926e_928e },
     StageHash { stage: "spectrum", hash: 0xe3ef_d032 },
-    StageHash { stage: "order", hash: 0x121c_d3f4 },
+    StageHash { stage: "order", hash: 0xd728_e2c2 },
     StageHash { stage: "zoom", hash: 0x8fb5_8239 },
     StageHash { stage: "tsa", hash: 0x8739_766f },
     StageHash { stage: "envelope", hash: 0xa80b_c33a },

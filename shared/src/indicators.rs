@@ -13,8 +13,8 @@
 //! Variants: FM0 with RMS instead of peak amplitudes (sqrt(2) more); NA4* freezes the average once it would rise beyond
 //! a confidence limit ([`RunEnsemble::moment_over`] without [`RunEnsemble::add`] does that); kurtosis less 3.
 //!
-//! Moments are two-pass and summed in runs of 64, relative error below 1e-5 for 4096 samples. Cost: 15 per sample for
-//! all moments to 8.
+//! Moments are two-pass and summed in runs of 64, relative error below 1e-5 for 4096 samples. Cost: 27
+//! instructions per sample for all moments to the eighth (Cortex-M4F in QEMU).
 
 use crate::math;
 use crate::spectrum::{self, SpectrumError, mean};
@@ -51,8 +51,13 @@ impl Moments {
             let mut sum = 0.0;
             for &x in run {
                 sum += (x - mean) * (x - mean);
-                highest = highest.max(x);
-                lowest = lowest.min(x);
+                // Comparisons, not f32::max: that is a library call on the node.
+                if x > highest {
+                    highest = x;
+                }
+                if x < lowest {
+                    lowest = x;
+                }
             }
             m2 += sum;
         }

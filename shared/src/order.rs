@@ -13,7 +13,7 @@
 //!   lies above must be absent or fold outside the wanted orders.
 //! * *Position.* 2^-16 sample.
 //!
-//! Cost (estimate): 75 instructions per output sample. RAM: 4 bytes per buffered sample; `CAPACITY` must hold three
+//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 122 per output sample. RAM: 4 bytes per buffered sample; `CAPACITY` must hold three
 //! turns at the lowest speed at which the sampling rate is still lowered.
 
 use crate::math;
@@ -172,7 +172,10 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
                 self.oldest = self.next(self.oldest);
                 self.oldest_tick = self.oldest_tick.wrapping_add(self.period_ticks);
             } else {
-                let place = (self.oldest + self.held) % CAPACITY;
+                let mut place = self.oldest + self.held;
+                if place >= CAPACITY {
+                    place -= CAPACITY;
+                }
                 self.samples[place] = x;
                 self.held += 1;
             }
@@ -246,21 +249,23 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
             let u = index as f32 * step;
             let slope = (c1 as f32 + u * (2.0 * c2 as f32 + 3.0 * u * c3 as f32)) * (1.0 / 65536.0);
             let curvature = (c2 as f32 + 3.0 * u * c3 as f32) * (1.0 / 65536.0);
-            let base_sample = base >> 16;
+            let base_sample = (base >> 16) as i32;
             let base_fraction = (base & 0xffff) as f32 * (1.0 / 65536.0);
             for (n, y) in run.iter_mut().enumerate() {
                 let ahead = n as f32 * step;
                 let place = base_fraction + ahead * (slope + ahead * curvature);
                 let whole = place as i32;
-                *y = self.interpolate(base_sample + i64::from(whole), place - whole as f32);
+                *y = self.interpolate(base_sample.wrapping_add(whole), place - whole as f32);
             }
             index += run.len() as u32;
         }
     }
 
-    fn interpolate(&self, sample: i64, fraction: f32) -> f32 {
-        let first = sample - (TAPS as i64 / 2 - 1);
-        if first < 0 || first + TAPS as i64 > self.held as i64 {
+    /// Value `fraction` beyond the sample of this index, 0 outside the buffer.
+    #[inline]
+    fn interpolate(&self, sample: i32, fraction: f32) -> f32 {
+        let first = sample - (TAPS as i32 / 2 - 1);
+        if first < 0 || first as usize + TAPS > self.held {
             return 0.0;
         }
         let phase = fraction * PHASES as f32;
@@ -271,11 +276,23 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
         if place >= CAPACITY {
             place -= CAPACITY;
         }
-        let mut sum = 0.0;
+        let mut gathered = [0.0f32; TAPS];
+        // All but 8 places of the ring hold the taps in one piece.
+        let samples = match self.samples.get(place..).and_then(|rest| rest.first_chunk::<TAPS>()) {
+            Some(samples) => samples,
+            None => {
+                for x in &mut gathered {
+                    *x = self.samples[place];
+                    place = self.next(place);
+                }
+                &gathered
+            }
+        };
+        let (mut early, mut late) = (0.0, 0.0);
         for tap in 0..TAPS {
-            sum += self.samples[place] * (now[tap] + blend * (later[tap] - now[tap]));
-            place = self.next(place);
+            early += samples[tap] * now[tap];
+            late += samples[tap] * later[tap];
         }
-        sum
+        early + blend * (late - early)
     }
 }

@@ -5,7 +5,7 @@
 //! line into the imaginary part of bin 0, which is taken apart here.
 //!
 //! Cost on a Cortex-M4F: `rfft` 9.5 k / 22 k / 50 k / 113 k / 246 k instructions for 256 / 512 / 1024 / 2048 / 4096
-//! points; windowing 40-140 and magnitudes 70 per sample pair on top.
+//! points (in QEMU); a Hann-windowed amplitude spectrum of 1024 points 117 k.
 
 use crate::math;
 use crate::window::Window;

@@ -9,7 +9,7 @@
 //! Townsend, Decker 1993). Variants differ in the shaft orders and the number of sidebands removed, so both are
 //! parameters ([`RegularLines`]).
 //!
-//! Cost (estimate): averaging 6 instructions per sample; a split one real FFT and one inverse (1024 points: 110 k).
+//! Cost (Cortex-M4F in QEMU): averaging 6 instructions per sample on top of resampling; a split of 1024 points 133 k.
 
 use crate::spectrum::{self, SpectrumError};
 use microfft::Complex32;

@@ -11,7 +11,7 @@
 //! | flat-top HFT90D | 3.8832 | 0.0039 | -90 | amplitude without interpolation |
 //!
 //! Sources: Harris 1978 (Blackman-Harris, scallop loss); Heinzel, Ruediger, Schilling 2002 (HFT90D, ENBW).
-//! Cost: about 35 instructions per value and term beyond the first.
+//! Cost (Cortex-M4F in QEMU): 48 instructions per value for Hann, 123 for the flat top.
 
 use crate::math;
 
