@@ -9,6 +9,7 @@ pub mod golden;
 pub mod indicators;
 pub mod math;
 pub mod order;
+pub mod order_chain;
 pub mod rise_time;
 pub mod spectrum;
 pub mod tsa;
