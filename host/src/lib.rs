@@ -4,5 +4,6 @@ pub mod error;
 pub mod law;
 pub mod machine;
 pub mod piecewise;
+pub mod qemu;
 
 pub use error::{Error, Result};
