@@ -5,5 +5,7 @@ pub mod law;
 pub mod machine;
 pub mod piecewise;
 pub mod qemu;
+pub mod record;
+pub mod stiffness;
 
 pub use error::{Error, Result};

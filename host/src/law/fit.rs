@@ -70,7 +70,7 @@ pub fn fit(start: Law, points: &[Point]) -> Result<Fit> {
             (moved(1.0) - moved(-1.0)) / (2.0 * step)
         })
     };
-    let mut law = start;
+    let mut law = start.clone();
     let mut r = residual(&law).ok_or_else(|| Error::impossible("law fit", "the start gives no positive bandwidth"))?;
     for _ in 0..100 {
         let j = jacobian(&law);
@@ -88,7 +88,8 @@ pub fn fit(start: Law, points: &[Point]) -> Result<Fit> {
             break;
         }
     }
-    Ok(describe(law, points, &jacobian(&law), &r))
+    let final_jacobian = jacobian(&law);
+    Ok(describe(law, points, &final_jacobian, &r))
 }
 
 /// The parabola through absolute bandwidths, as the paper fits its equation (10).
@@ -121,6 +122,29 @@ pub fn start_values(points: &[Point]) -> [Law; 3] {
         Law::RootSumSquare { a_turns: turns, t_mode_s: 0.1 * RISE_TIME_PRODUCT / high.bandwidth_hz },
         Law::RampThroughMode { ramp_rad: turns * std::f64::consts::TAU / 0.8, mode_hz: 0.7 * low.bandwidth_hz },
     ]
+}
+
+/// The tabulated law through greedily chosen points; no intervals, since a knot is a point itself.
+///
+/// # Errors
+/// With fewer than two points.
+pub fn fit_table(points: &[Point], most_knots: usize, tolerance: f64) -> Result<Fit> {
+    if points.len() < 2 {
+        return Err(Error::impossible("law fit", "a table needs two points"));
+    }
+    let knots = super::table::choose_knots(points, most_knots, tolerance);
+    let nothing = vec![0.0; knots.len()];
+    let law = Law::Tabulated { knots };
+    let errors = relative_errors(&law, points);
+    let speeds = points.iter().map(|p| p.shaft_hz);
+    Ok(Fit {
+        law,
+        half_width_95: nothing,
+        worst_relative: errors.iter().fold(0.0, |worst, e| worst.max(e.abs())),
+        rms_relative: (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt(),
+        points: points.len(),
+        domain_hz: [speeds.clone().fold(f64::INFINITY, f64::min), speeds.fold(0.0, f64::max)],
+    })
 }
 
 fn scaled_least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> std::result::Result<DVector<f64>, &'static str> {

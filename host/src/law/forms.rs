@@ -12,16 +12,19 @@
 //!   Short ramps give `t_r = 0.8 w / (2 pi f)`; long ramps give the mode's own edge. Its bandwidth *levels
 //!   off at low speed*, which is what an acceleration does: the force acts on the mass without delay.
 //!
+//! Where neither holds, around the knee, the **tabulated** form follows the points themselves.
+//!
 //! Units: speeds Hz of the pinion shaft, bandwidths Hz, times s, ramp widths rad of the pinion.
 //! Source of `0.35`: `physics.md` 1.2 (a); single pole, 10-90 %.
 
+use super::table;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Bandwidth of a single pole times its 10-90 % rise time.
 pub const RISE_TIME_PRODUCT: f64 = 0.35;
 
 /// A bandwidth law with its coefficients.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(tag = "form", rename_all = "kebab-case")]
 pub enum Law {
     /// `B = a f^2 + b f + c`, the paper's equation (10).
@@ -47,6 +50,11 @@ pub enum Law {
         /// Frequency of the mode, Hz.
         mode_hz: f64,
     },
+    /// Knots with a monotone cubic between them, see [`super::table`].
+    Tabulated {
+        /// (shaft Hz, bandwidth Hz), ascending.
+        knots: Vec<(f64, f64)>,
+    },
 }
 
 impl Law {
@@ -56,22 +64,24 @@ impl Law {
             Law::Quadratic { .. } => "quadratic",
             Law::RootSumSquare { .. } => "root-sum-square",
             Law::RampThroughMode { .. } => "ramp-through-mode",
+            Law::Tabulated { .. } => "tabulated",
         }
     }
 
     /// Bandwidth, Hz, at a shaft speed above 0 Hz.
     pub fn bandwidth_hz(&self, shaft_hz: f64) -> f64 {
-        match *self {
+        match self {
             Law::Quadratic { a, b, c } => (a * shaft_hz + b) * shaft_hz + c,
+            Law::Tabulated { knots } => table::bandwidth_hz(knots, shaft_hz),
             _ => RISE_TIME_PRODUCT / self.rise_time_s(shaft_hz),
         }
     }
 
     /// Rise time, s, at a shaft speed above 0 Hz.
     pub fn rise_time_s(&self, shaft_hz: f64) -> f64 {
-        match *self {
-            Law::Quadratic { .. } => RISE_TIME_PRODUCT / self.bandwidth_hz(shaft_hz),
-            Law::RootSumSquare { a_turns, t_mode_s } => (a_turns / shaft_hz).hypot(t_mode_s),
+        match self {
+            Law::Quadratic { .. } | Law::Tabulated { .. } => RISE_TIME_PRODUCT / self.bandwidth_hz(shaft_hz),
+            Law::RootSumSquare { a_turns, t_mode_s } => (a_turns / shaft_hz).hypot(*t_mode_s),
             Law::RampThroughMode { ramp_rad, mode_hz } => {
                 let omega = TAU * mode_hz;
                 let top = (omega * ramp_rad / (TAU * shaft_hz)).min(FRAC_PI_2).sin();
@@ -80,12 +90,13 @@ impl Law {
         }
     }
 
-    /// The coefficients in the order of the variant's fields.
+    /// The coefficients in the order of the variant's fields; of a table the bandwidths at its knots.
     pub fn coefficients(&self) -> Vec<f64> {
-        match *self {
-            Law::Quadratic { a, b, c } => vec![a, b, c],
-            Law::RootSumSquare { a_turns, t_mode_s } => vec![a_turns, t_mode_s],
-            Law::RampThroughMode { ramp_rad, mode_hz } => vec![ramp_rad, mode_hz],
+        match self {
+            &Law::Quadratic { a, b, c } => vec![a, b, c],
+            &Law::RootSumSquare { a_turns, t_mode_s } => vec![a_turns, t_mode_s],
+            &Law::RampThroughMode { ramp_rad, mode_hz } => vec![ramp_rad, mode_hz],
+            Law::Tabulated { knots } => knots.iter().map(|k| k.1).collect(),
         }
     }
 
@@ -99,6 +110,9 @@ impl Law {
             Law::Quadratic { .. } => Law::Quadratic { a: c[0], b: c[1], c: c[2] },
             Law::RootSumSquare { .. } => Law::RootSumSquare { a_turns: c[0], t_mode_s: c[1] },
             Law::RampThroughMode { .. } => Law::RampThroughMode { ramp_rad: c[0], mode_hz: c[1] },
+            Law::Tabulated { knots } => {
+                Law::Tabulated { knots: knots.iter().zip(c).map(|(k, &bandwidth)| (k.0, bandwidth)).collect() }
+            }
         }
     }
 }
