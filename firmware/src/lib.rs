@@ -8,3 +8,6 @@ pub mod pipeline;
 
 #[cfg(feature = "board-an386")]
 pub mod an386;
+
+#[cfg(feature = "board-stm32f405")]
+pub mod stm32f405;
