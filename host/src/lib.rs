@@ -7,5 +7,6 @@ pub mod piecewise;
 pub mod qemu;
 pub mod record;
 pub mod stiffness;
+pub mod virtual_node;
 
 pub use error::{Error, Result};
