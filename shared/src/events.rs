@@ -128,6 +128,11 @@ impl EventLog {
         self.ring.iter()
     }
 
+    /// Marks all kept events for the link again.
+    pub fn report_all(&mut self) {
+        self.unreported = self.ring.len();
+    }
+
     /// Oldest event not yet taken for the link.
     pub fn take_unreported(&mut self) -> Option<Event> {
         let index = self.ring.len().checked_sub(self.unreported)?;
