@@ -1,0 +1,140 @@
+//! Time-synchronous average over turns, and its split into regular, residual and difference signals.
+//!
+//! Averaging n turns keeps what repeats with the shaft and lowers everything else: noise by sqrt(n), the lines of another
+//! shaft by the comb of n turns. Averaging over the hunting period ([`crate::zoom::common_turns`]) or a multiple of it
+//! removes the other gear's pattern exactly, because its turns are whole as well (McFadden 1987).
+//!
+//! Of a pinion's average: the *regular* signal is its constant, low shaft orders and mesh harmonics; the *residual* is
+//! the rest; the *difference* signal also lacks the first-order sidebands of the harmonics (Stewart 1977; Zakrajsek,
+//! Townsend, Decker 1993). Variants differ in the shaft orders and the number of sidebands removed, so both are
+//! parameters ([`RegularLines`]).
+//!
+//! Cost (estimate): averaging 6 instructions per sample; a split one real FFT and one inverse (1024 points: 110 k).
+
+use crate::spectrum::{self, SpectrumError};
+use microfft::Complex32;
+
+/// Running sum of turns of `N` samples each.
+#[derive(Debug, Clone)]
+pub struct SynchronousAverage<const N: usize> {
+    sum: [f32; N],
+    turns: u32,
+}
+
+impl<const N: usize> Default for SynchronousAverage<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const N: usize> SynchronousAverage<N> {
+    /// Nothing averaged yet.
+    pub const fn new() -> Self {
+        Self { sum: [0.0; N], turns: 0 }
+    }
+
+    /// Starts anew.
+    pub fn reset(&mut self) {
+        self.sum.fill(0.0);
+        self.turns = 0;
+    }
+
+    /// Adds one turn given in parts: `part(first, out)` fills `out` with the samples from `first` on.
+    ///
+    /// Parts keep the stack small; [`crate::order::OrderTracker::resample`] fits.
+    pub fn add_turn(&mut self, mut part: impl FnMut(u32, &mut [f32])) {
+        let mut scratch = [0.0f32; 64];
+        for (i, sums) in self.sum.chunks_mut(64).enumerate() {
+            let values = &mut scratch[..sums.len()];
+            part(i as u32 * 64, values);
+            for (sum, &x) in sums.iter_mut().zip(values.iter()) {
+                *sum += x;
+            }
+        }
+        self.turns += 1;
+    }
+
+    /// Turns added since the start.
+    pub fn turns(&self) -> u32 {
+        self.turns
+    }
+
+    /// The average; `None` before the first turn.
+    pub fn average(&self, out: &mut [f32; N]) -> Option<()> {
+        if self.turns == 0 {
+            return None;
+        }
+        let scale = 1.0 / self.turns as f32;
+        for (y, sum) in out.iter_mut().zip(&self.sum) {
+            *y = sum * scale;
+        }
+        Some(())
+    }
+}
+
+/// Which lines of a synchronous average count as regular.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct RegularLines {
+    /// Teeth of the gear whose turns were averaged; mesh harmonics are its multiples.
+    pub teeth: u16,
+    /// Shaft orders 0..=this are regular (0 removes the constant only; 2 is usual).
+    pub shaft_orders: u16,
+    /// Sidebands on each side of a mesh harmonic the difference signal lacks (1 is usual).
+    pub sidebands: u16,
+}
+
+impl RegularLines {
+    /// Whether an order lies within `sidebands` of a mesh harmonic, or among the shaft orders.
+    fn contains(&self, order: usize, sidebands: usize) -> bool {
+        let teeth = usize::from(self.teeth).max(1);
+        let distance = (order % teeth).min(teeth - order % teeth);
+        order <= usize::from(self.shaft_orders) || (order >= teeth - sidebands.min(teeth) && distance <= sidebands)
+    }
+}
+
+/// Removes constant, shaft orders and mesh harmonics: the residual signal. `work` and `out` as long as `average`.
+pub fn residual(average: &[f32], lines: &RegularLines, work: &mut [f32], out: &mut [f32]) -> Result<(), SpectrumError> {
+    keep_lines(average, work, out, |order| !lines.contains(order, 0))
+}
+
+/// Removes the sidebands next to the mesh harmonics as well: the difference signal.
+pub fn difference(
+    average: &[f32],
+    lines: &RegularLines,
+    work: &mut [f32],
+    out: &mut [f32],
+) -> Result<(), SpectrumError> {
+    keep_lines(average, work, out, |order| !lines.contains(order, usize::from(lines.sidebands)))
+}
+
+/// What the residual lacks: the regular signal.
+pub fn regular(average: &[f32], lines: &RegularLines, work: &mut [f32], out: &mut [f32]) -> Result<(), SpectrumError> {
+    keep_lines(average, work, out, |order| lines.contains(order, 0))
+}
+
+/// Copies `samples` to `out` with only the orders for which `keep` holds.
+fn keep_lines(
+    samples: &[f32],
+    work: &mut [f32],
+    out: &mut [f32],
+    keep: impl Fn(usize) -> bool,
+) -> Result<(), SpectrumError> {
+    let count = samples.len();
+    if work.len() != count || out.len() != count {
+        return Err(SpectrumError::Output);
+    }
+    work.copy_from_slice(samples);
+    let bins = spectrum::real_fft(work)?;
+    if !keep(0) {
+        bins[0].re = 0.0;
+    }
+    if !keep(count / 2) {
+        bins[0].im = 0.0;
+    }
+    for (order, bin) in bins.iter_mut().enumerate().skip(1) {
+        if !keep(order) {
+            *bin = Complex32::new(0.0, 0.0);
+        }
+    }
+    spectrum::real_ifft(bins, out)
+}
