@@ -6,6 +6,7 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 use heapless::spsc::{Consumer, Producer};
+use meshband::node::Block;
 
 /// Samples per block: 5 ms at 100 kHz.
 pub const BLOCK_SAMPLES: usize = 512;
@@ -32,6 +33,17 @@ pub struct Filled {
 }
 
 impl Filled {
+    /// The block as the node takes it.
+    pub fn as_block(&self) -> Block<'_> {
+        Block {
+            codes: &self.codes[..],
+            first_tick: self.first_tick,
+            period_ticks: self.period_ticks,
+            sequence: self.sequence,
+            overrun: self.overrun,
+        }
+    }
+
     /// First instant behind the block's last sample.
     pub fn end_tick(&self) -> u32 {
         self.first_tick.wrapping_add(self.period_ticks.wrapping_mul(BLOCK_SAMPLES as u32 - 1)).wrapping_add(1)

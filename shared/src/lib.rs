@@ -12,7 +12,6 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod replay;
 pub mod alarm;
 pub mod alias;
 pub mod board;
@@ -29,7 +28,9 @@ pub mod message;
 pub mod node;
 pub mod order;
 pub mod rate_plan;
+pub mod replay;
 pub mod rise_time;
+pub mod session;
 pub mod spectrum;
 pub mod stream;
 pub mod tach;

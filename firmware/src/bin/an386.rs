@@ -2,54 +2,88 @@
 #![no_std]
 #![no_main]
 
+use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_semihosting as _;
+use meshband::config::Configuration;
+use meshband::message::Request;
 use meshband::replay::{CodeDigest, Drill, Replay};
-use meshband_node::an386::{self, Board};
+use meshband::session::Session;
+use meshband::units::TicksPerSecond;
+use meshband_node::an386::registers::CLOCK_HZ;
+use meshband_node::an386::{self, Board, Statistics};
 use semihosting::{eprintln, process};
 
 #[entry]
 fn main() -> ! {
-    let record = match Replay::parse(an386::image()) {
-        Ok(record) => record,
-        Err(reason) => {
-            eprintln!("node: no usable record in PSRAM: {reason:?}");
-            process::exit(1)
-        }
-    };
+    let record = Replay::parse(an386::image()).unwrap_or_else(|reason| {
+        eprintln!("node: no usable record in PSRAM: {reason:?}");
+        process::exit(1)
+    });
     rehearse(record.header().drill);
-    defmt::info!("record of {=u32} ticks, {=usize} edges", record.end_tick(), record.edge_count());
-    let mut board = Board::start(record, 250);
+    let session = open_session(&record);
+    let mut board = Board::start(record, session.node().requested_period_ticks());
     let mut digest = CodeDigest::new();
-    let mut last = 0;
     loop {
         // Both are read before the queue: what they promise then holds for everything found in it.
         let (border, finished) = (board.next_border(), board.is_finished());
-        match board.inbox.blocks.dequeue() {
-            Some(block) => {
-                while board.inbox.edge_before(block.end_tick()).is_some() {}
-                digest.update(&block.codes[..]);
-                last = block.sequence;
-                let _ = board.inbox.free.enqueue(block.codes);
+        let Board { inbox, sender, received } = &mut board;
+        let mut send = |frame: &[u8]| sender.send(frame);
+        while let Some(byte) = received.dequeue() {
+            session.on_byte(byte, &mut send);
+        }
+        if let Some(block) = inbox.blocks.dequeue() {
+            while let Some(edge) = inbox.edge_before(block.end_tick()) {
+                session.on_edge(edge);
             }
-            None if finished => break,
-            None => {
-                while board.inbox.edge_before(border).is_some() {}
-                board.wait();
+            digest.update(&block.codes[..]);
+            session.on_block(block.as_block(), &mut send);
+            // The queue of empty buffers has room for all of them.
+            let _ = inbox.free.enqueue(block.codes);
+            board.request_period(session.node().requested_period_ticks());
+        } else if finished {
+            break;
+        } else {
+            while let Some(edge) = inbox.edge_before(border) {
+                session.on_edge(edge);
             }
+            board.wait();
         }
     }
-    let statistics = board.statistics();
+    session.on_request(Request::Statistics, &mut |frame| board.sender.send(frame));
+    close(&board.statistics(), digest.value())
+}
+
+/// The node with the record's configuration, in memory of its own.
+#[inline(never)]
+fn open_session(record: &Replay<'static>) -> &'static mut Session {
+    let fail = |what: &str, reason: &dyn core::fmt::Debug| -> ! {
+        eprintln!("node: {what}: {reason:?}");
+        process::exit(1)
+    };
+    let config: Configuration = if record.configuration().is_empty() {
+        Configuration::default()
+    } else {
+        postcard::from_bytes(record.configuration()).unwrap_or_else(|e| fail("configuration not understood", &e))
+    };
+    let clock = TicksPerSecond(record.header().ticks_per_second);
+    if clock.0 != CLOCK_HZ {
+        fail("the record is for another time base", &clock);
+    }
+    let session =
+        singleton!(: Option<Session> = Session::new(config, clock).map_err(|e| fail("configuration", &e)).ok());
+    match session {
+        Some(Some(session)) => session,
+        _ => fail("configuration", &"refused"),
+    }
+}
+
+/// Prints the closing statistics and ends with success.
+fn close(statistics: &Statistics, codes_crc: u32) -> ! {
+    let (sampling, (edges, edges_lost)) = (statistics.sampling, statistics.edges);
     eprintln!(
-        "node: blocks={} lost={} missed={} edges={} edges_lost={} link_lost={} last_sequence={} codes_crc={:08x}",
-        statistics.sampling.blocks,
-        statistics.sampling.lost,
-        statistics.sampling.missed,
-        statistics.edges.0,
-        statistics.edges.1,
-        statistics.link_lost,
-        last,
-        digest.value(),
+        "node: blocks={} lost={} missed={} edges={edges} edges_lost={edges_lost} link_lost={} codes_crc={codes_crc:08x}",
+        sampling.blocks, sampling.lost, sampling.missed, statistics.link_lost,
     );
     eprintln!("node: finished");
     process::exit(0)
