@@ -7,11 +7,10 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 use heapless::spsc::{Consumer, Producer};
 use meshband::node::Block;
+pub use meshband::replay::BLOCK_SAMPLES;
 
-/// Samples per block: 5 ms at 100 kHz.
-pub const BLOCK_SAMPLES: usize = 512;
-/// Block buffers: one being filled, one being processed, two in between for a late main loop.
-pub const BUFFERS: usize = 4;
+/// Block buffers: at 400 kHz they hold 20 ms, longer than the longest transform and its search take.
+pub const BUFFERS: usize = 16;
 /// Edges that may wait for the main loop.
 pub const EDGE_QUEUE: usize = 256;
 

@@ -13,11 +13,9 @@ use super::registers::{Device, TimerBlock};
 use super::time::TimeBase;
 use crate::pipeline::{BLOCK_SAMPLES, Codes, Filled, Periods, Request};
 use heapless::spsc::{Consumer, Producer};
-use meshband::replay::{Replay, SamplingMode};
+use meshband::replay::{LONGEST_PERIOD, Replay, SamplingMode};
 
 const RUN: u32 = 1;
-/// Longest sample period, ticks: 380 Hz, and a block's period still fits the timer.
-const LONGEST_PERIOD: u32 = 0xffff;
 const INTERRUPT: u32 = 1 << 3;
 
 /// What happened, for the closing statistics.
