@@ -13,6 +13,8 @@
 /// Most stages of a cascade.
 pub const MAX_STAGES: usize = 10;
 
+// Nine digits as designed; the nearest f32 is what counts.
+#[allow(clippy::excessive_precision)]
 const LAST: [f32; 14] = [
     0.316_471_6,
     -0.100_698_16,

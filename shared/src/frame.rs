@@ -20,6 +20,8 @@ const MAX_CONTENT: usize = MAX_FRAME - MAX_FRAME / 254 - 2;
 pub const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// What a frame carries.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub enum Packet {
     /// Host to node.

@@ -368,8 +368,9 @@ impl TachTracker {
         let per_tach_turn = f32::from(self.wheel.pulses_per_turn);
         let rate = self.clock.0 as f32 / (self.fit.period as f32 * per_tach_turn) * self.wheel.pinion_per_tach;
         let at = (self.last.instant - self.fit.origin.instant) as f32 / self.fit.period as f32;
-        let slope = 1.0 + self.fit.c1 + 2.0 * self.fit.c2 * at;
         let periods = age as f32 / self.fit.period as f32;
+        // The acceleration is believed for one and a half positions without a pulse.
+        let slope = 1.0 + self.fit.c1 + 2.0 * self.fit.c2 * (at + periods.min(1.5));
         let gate = (6.0 * self.noise).clamp(NARROWEST_GATE, WIDEST_GATE);
         let wheel_gap = f32::from(self.wheel.missing);
         let validity = match self.lock {
