@@ -202,8 +202,9 @@ impl TachTracker {
             return;
         }
         self.error = error;
-        self.raw_accepted |= 1;
         let skipped = steps - 1 - self.wheel_gap(steps).min(steps - 1);
+        // Pulses with two or more lost in between are no evidence for the tracked speed.
+        self.raw_accepted |= u8::from(skipped < 2);
         self.counters.missed = self.counters.missed.saturating_add(skipped as u32);
         self.counters.accepted = self.counters.accepted.saturating_add(1);
         self.learn_index(steps);
@@ -211,6 +212,7 @@ impl TachTracker {
         self.lock = match self.lock {
             // Two positions lost in a row are more likely another speed.
             _ if skipped >= 2 => Lock::Doubtful { agreed: 0 },
+            _ if skipped == 1 => Lock::Doubtful { agreed: 1 },
             Lock::Doubtful { agreed } if agreed == 0 || self.rival().is_some() => Lock::Doubtful { agreed: 1 },
             _ => Lock::Locked,
         };
@@ -272,7 +274,8 @@ impl TachTracker {
         }
         let [_, a, b, c, d] = self.raw;
         let gaps = [(b - a) as f32, (c - b) as f32, (d - c) as f32];
-        let ratio = |x: f32, y: f32| x < 2.5 * y && y < 2.5 * x;
+        let widest = if self.lock == Lock::Acquiring { 1.3 } else { 2.5 };
+        let ratio = |x: f32, y: f32| x < widest * y && y < widest * x;
         if !(ratio(gaps[0], gaps[1]) && ratio(gaps[1], gaps[2])) {
             return None;
         }
@@ -290,12 +293,12 @@ impl TachTracker {
 
     fn try_acquire(&mut self) {
         let Some(gap) = self.rival() else { return };
-        if self.lock != Lock::Acquiring {
+        let accepted = if self.lock == Lock::Acquiring { 0 } else { (self.raw_accepted & 0b1111).count_ones() };
+        if accepted > 1 {
             // The tracked speed explains some of these pulses as well: wait for a fourth equal gap.
-            let accepted = (self.raw_accepted & 0b1111).count_ones();
-            let fourth = self.raw_count == 5
-                && (self.raw[1] - self.raw[0]).abs_diff(self.raw[2] - self.raw[1]) as f32 <= AGREEMENT * gap as f32;
-            if accepted > 1 && !fourth {
+            let near = |x: u64, y: u64| x.abs_diff(y) as f32 <= AGREEMENT * gap as f32;
+            let gaps = [1, 2, 3, 4].map(|n| self.raw[n] - self.raw[n - 1]);
+            if self.raw_count < 5 || !gaps.iter().all(|&other| near(other, gap)) {
                 return;
             }
         }
@@ -311,7 +314,7 @@ impl TachTracker {
         self.last = self.anchors[3];
         self.fit.period = gap;
         self.noise = 0.5 * NARROWEST_GATE;
-        self.lock = Lock::Locked;
+        self.lock = if accepted > 1 { Lock::Doubtful { agreed: 0 } } else { Lock::Locked };
         self.raw_accepted = 0b1111;
         self.refit();
     }
@@ -341,7 +344,7 @@ impl TachTracker {
         let one_tick = 1.0 / self.fit.period.max(1) as f32;
         let newest = &self.anchors[self.anchor_count - 3..self.anchor_count];
         let sum: f32 = newest.iter().map(|pulse| self.fit.residual(pulse)).sum();
-        sum.abs() > 3.0 * 1.732 * (self.noise + one_tick)
+        sum.abs() > 5.0 * 1.732 * (self.noise + one_tick)
     }
 
     fn refit(&mut self) {
@@ -354,7 +357,7 @@ impl TachTracker {
         let short = &anchors[anchors.len().saturating_sub(8)..];
         if short.len() >= 6 {
             let observed = Fit::new(short, period, 0.0).noise;
-            let weight = if observed < self.noise { 0.5 } else { 0.1 };
+            let weight = if observed < self.noise { 0.2 } else { 0.1 };
             self.noise += weight * (observed - self.noise);
         }
     }
