@@ -143,7 +143,7 @@ impl TachTracker {
             clock,
             shortest_gap: ticks(wheel.highest.0).max(2) * 9 / 10,
             longest_gap: ticks(wheel.lowest.0) * (1 + u64::from(wheel.missing)) * 3 / 2,
-            stride: (positions / 8).max(1),
+            stride: (positions / 4).max(1),
             lock: Lock::Acquiring,
             raw: [0; 5],
             raw_count: 0,
@@ -418,7 +418,7 @@ impl TachTracker {
 }
 
 impl Fit {
-    /// Least squares over the anchors (at least 2); curvature only where it exceeds three times its uncertainty.
+    /// Least squares over the anchors (at least 2); curvature only where it exceeds 4.5 times its uncertainty.
     fn new(anchors: &[Pulse], period: u64, noise_floor: f32) -> Self {
         let origin = anchors[anchors.len() - 1];
         let mut fit = Fit { origin, period, ..Fit::default() };
@@ -455,7 +455,7 @@ impl Fit {
         let freedom = (count - 3.0).max(1.0);
         let noise = math::sqrt(square_rest / freedom);
         let used_noise = noise.max(0.3 * noise_floor.min(NARROWEST_GATE)).max(0.3 / period as f32);
-        let curved = curvature * curvature * qq > 9.0 * used_noise * used_noise && anchors.len() >= 4;
+        let curved = curvature * curvature * qq > 20.0 * used_noise * used_noise && anchors.len() >= 4;
         let (a0, a1, a2) =
             if curved { (offset - curvature * q0, slope - curvature * q1, curvature) } else { (offset, slope, 0.0) };
         // From v back to u, v = u / half + 1.

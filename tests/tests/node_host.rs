@@ -92,9 +92,7 @@ fn theory_mesh_harmonics_and_sidebands_are_found() {
             (1..=5)
                 .map(|h| {
                     let order = f64::from(h) * teeth;
-                    tone(turns, order) * 10.0 / f64::from(h)
-                        + tone(turns, order + 1.0)
-                        + 0.5 * tone(turns, order - 2.0)
+                    tone(turns, order) * 10.0 / f64::from(h) + tone(turns, order + 1.0) + 0.5 * tone(turns, order - 2.0)
                 })
                 .sum()
         },
@@ -183,7 +181,8 @@ fn fault_no_input_makes_the_node_panic_and_it_recovers() {
             1..=3 => {
                 codes.iter_mut().for_each(|code| *code = random.random());
                 let length = random.random_range(0..codes.len());
-                let period_ticks = if random.random_bool(0.8) { node.requested_period_ticks() } else { random.random() };
+                let period_ticks =
+                    if random.random_bool(0.8) { node.requested_period_ticks() } else { random.random() };
                 let (first_tick, sequence) = (random.random(), random.random());
                 let overrun = random.random_bool(0.1);
                 node.on_block(Block { codes: &codes[..length], first_tick, period_ticks, sequence, overrun });

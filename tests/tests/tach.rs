@@ -35,7 +35,13 @@ impl Train {
     }
 
     /// Feeds positions 0..turns of a motion; `instant` gives the time of a shaft angle in turns, NaN for no pulse.
-    fn run(&self, tracker: &mut TachTracker, turns: f64, instant: impl Fn(f64) -> f64, rate: impl Fn(f64) -> f64) -> Vec<Sample> {
+    fn run(
+        &self,
+        tracker: &mut TachTracker,
+        turns: f64,
+        instant: impl Fn(f64) -> f64,
+        rate: impl Fn(f64) -> f64,
+    ) -> Vec<Sample> {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let jitter = Normal::new(0.0, self.jitter_s).expect("jitter");
         let positions = u32::from(self.wheel.pulses_per_turn);
@@ -93,7 +99,9 @@ fn theory_steady_speed_within_a_hundredth_of_a_percent_at_1_us_jitter() {
                 let samples = train.run(&mut train.tracker(), 300.0, |turn| turn / hz, |_| hz);
                 let (worst, unlocked) = worst_locked(&samples, 20.0);
                 let mean = samples.iter().filter(|s| s.turn > 20.0).map(error).sum::<f64>() / samples.len() as f64;
-                println!("{clock} {pulses}-{missing} {hz} Hz: worst {worst:.1e} mean {mean:.1e} unlocked {unlocked:.1e}");
+                println!(
+                    "{clock} {pulses}-{missing} {hz} Hz: worst {worst:.1e} mean {mean:.1e} unlocked {unlocked:.1e}"
+                );
                 assert!(worst < 1.0e-4, "{pulses}-{missing} at {hz} Hz: {worst}");
                 assert!(unlocked < 0.01, "{pulses}-{missing} at {hz} Hz: {unlocked} not locked");
             }
