@@ -161,8 +161,8 @@ impl core::fmt::Display for ConfigurationError {
 impl core::error::Error for ConfigurationError {}
 
 impl Default for Configuration {
-    /// The paper's pair (20 and 30 teeth are replaced by the machine's own), one pulse per pinion turn, a filter that
-    /// stops at 100 kHz, the provisional law.
+    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the provisional law: for
+    /// a node that has not been told its machine.
     fn default() -> Self {
         Self {
             schema: SCHEMA,

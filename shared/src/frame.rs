@@ -1,6 +1,7 @@
-//! Frames: sequence number, postcard body and CRC-32 under COBS, ended by a zero byte.
+//! Frames: sequence number, postcard body and CRC-32 under COBS, between two zero bytes.
 //!
-//! COBS keeps zeros out of the frame, so a receiver resynchronises at the next zero whatever was lost or damaged.
+//! COBS keeps zeros out of the frame, so a receiver resynchronises at the next zero whatever was lost or damaged. The
+//! leading zero costs a byte and keeps a frame whose end was lost from swallowing the next one.
 //! Layout before COBS: protocol version (1 byte), sequence (2 bytes, little-endian), postcard of [`Packet`], CRC-32
 //! (ISO-HDLC) of all that (4 bytes, little-endian). Sequence gaps count whole lost frames exactly up to 65535 in a row.
 
@@ -8,18 +9,20 @@ use crate::message::{Message, PROTOCOL, Reply, Request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Deserialize, Serialize};
 
-/// Longest frame on the wire, delimiter included, bytes.
+/// Longest frame on the wire, delimiters included, bytes.
 pub const MAX_FRAME: usize = 1280;
 
 const HEADER: usize = 3;
 const CHECKSUM: usize = 4;
-/// Longest content before COBS: one byte per 254 and the delimiter are overhead.
-const MAX_CONTENT: usize = MAX_FRAME - MAX_FRAME / 254 - 2;
+/// Longest content before COBS: one byte per 254 and the delimiters are overhead.
+const MAX_CONTENT: usize = MAX_FRAME - MAX_FRAME / 254 - 3;
 
 /// CRC-32 of frames and digests.
 pub const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// What a frame carries.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub enum Packet {
     /// Host to node.
@@ -94,7 +97,7 @@ pub enum FrameError {
     NoRoom,
 }
 
-/// Writes one frame, delimiter included, into `buffer` (at least [`MAX_FRAME`] bytes hold any frame).
+/// Writes one frame, delimiters included, into `buffer` (at least [`MAX_FRAME`] bytes hold any frame).
 pub fn encode<'b, 'p>(
     packet: impl Into<PacketRef<'p>>,
     sequence: u16,
@@ -108,9 +111,11 @@ pub fn encode<'b, 'p>(
     let end = HEADER + length;
     let checksum = CRC32.checksum(&content[..end]);
     content[end..end + CHECKSUM].copy_from_slice(&checksum.to_le_bytes());
-    let coded = cobs::try_encode(&content[..end + CHECKSUM], buffer).map_err(|_| FrameError::NoRoom)?;
-    *buffer.get_mut(coded).ok_or(FrameError::NoRoom)? = 0;
-    Ok(&buffer[..=coded])
+    let (leading, place) = buffer.split_first_mut().ok_or(FrameError::NoRoom)?;
+    *leading = 0;
+    let coded = cobs::try_encode(&content[..end + CHECKSUM], place).map_err(|_| FrameError::NoRoom)?;
+    *place.get_mut(coded).ok_or(FrameError::NoRoom)? = 0;
+    Ok(&buffer[..coded + 2])
 }
 
 /// Receiver; feed it bytes in any portions.

@@ -19,6 +19,8 @@ pub const SNAPSHOT_CHUNK: usize = 128;
 pub const MAX_PEAKS: usize = 12;
 
 /// Commands to the node.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Request {
     /// Who are you.
@@ -48,6 +50,8 @@ pub enum Request {
 }
 
 /// Answers.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Reply {
     /// Who.
@@ -256,6 +260,8 @@ pub struct Statistics {
 }
 
 /// Streamed from node to host.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Message {
     /// Speed and rates; sent at every change and once a second.

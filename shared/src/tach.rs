@@ -143,7 +143,7 @@ impl TachTracker {
             clock,
             shortest_gap: ticks(wheel.highest.0).max(2) * 9 / 10,
             longest_gap: ticks(wheel.lowest.0) * (1 + u64::from(wheel.missing)) * 3 / 2,
-            stride: (positions / 8).max(1),
+            stride: (positions / 4).max(1),
             lock: Lock::Acquiring,
             raw: [0; 5],
             raw_count: 0,
@@ -202,8 +202,9 @@ impl TachTracker {
             return;
         }
         self.error = error;
-        self.raw_accepted |= 1;
         let skipped = steps - 1 - self.wheel_gap(steps).min(steps - 1);
+        // Pulses with two or more lost in between are no evidence for the tracked speed.
+        self.raw_accepted |= u8::from(skipped < 2);
         self.counters.missed = self.counters.missed.saturating_add(skipped as u32);
         self.counters.accepted = self.counters.accepted.saturating_add(1);
         self.learn_index(steps);
@@ -211,6 +212,7 @@ impl TachTracker {
         self.lock = match self.lock {
             // Two positions lost in a row are more likely another speed.
             _ if skipped >= 2 => Lock::Doubtful { agreed: 0 },
+            _ if skipped == 1 => Lock::Doubtful { agreed: 1 },
             Lock::Doubtful { agreed } if agreed == 0 || self.rival().is_some() => Lock::Doubtful { agreed: 1 },
             _ => Lock::Locked,
         };
@@ -272,7 +274,8 @@ impl TachTracker {
         }
         let [_, a, b, c, d] = self.raw;
         let gaps = [(b - a) as f32, (c - b) as f32, (d - c) as f32];
-        let ratio = |x: f32, y: f32| x < 2.5 * y && y < 2.5 * x;
+        let widest = if self.lock == Lock::Acquiring { 1.3 } else { 2.5 };
+        let ratio = |x: f32, y: f32| x < widest * y && y < widest * x;
         if !(ratio(gaps[0], gaps[1]) && ratio(gaps[1], gaps[2])) {
             return None;
         }
@@ -290,12 +293,12 @@ impl TachTracker {
 
     fn try_acquire(&mut self) {
         let Some(gap) = self.rival() else { return };
-        if self.lock != Lock::Acquiring {
+        let accepted = if self.lock == Lock::Acquiring { 0 } else { (self.raw_accepted & 0b1111).count_ones() };
+        if accepted > 1 {
             // The tracked speed explains some of these pulses as well: wait for a fourth equal gap.
-            let accepted = (self.raw_accepted & 0b1111).count_ones();
-            let fourth = self.raw_count == 5
-                && (self.raw[1] - self.raw[0]).abs_diff(self.raw[2] - self.raw[1]) as f32 <= AGREEMENT * gap as f32;
-            if accepted > 1 && !fourth {
+            let near = |x: u64, y: u64| x.abs_diff(y) as f32 <= AGREEMENT * gap as f32;
+            let gaps = [1, 2, 3, 4].map(|n| self.raw[n] - self.raw[n - 1]);
+            if self.raw_count < 5 || !gaps.iter().all(|&other| near(other, gap)) {
                 return;
             }
         }
@@ -311,7 +314,7 @@ impl TachTracker {
         self.last = self.anchors[3];
         self.fit.period = gap;
         self.noise = 0.5 * NARROWEST_GATE;
-        self.lock = Lock::Locked;
+        self.lock = if accepted > 1 { Lock::Doubtful { agreed: 0 } } else { Lock::Locked };
         self.raw_accepted = 0b1111;
         self.refit();
     }
@@ -341,7 +344,7 @@ impl TachTracker {
         let one_tick = 1.0 / self.fit.period.max(1) as f32;
         let newest = &self.anchors[self.anchor_count - 3..self.anchor_count];
         let sum: f32 = newest.iter().map(|pulse| self.fit.residual(pulse)).sum();
-        sum.abs() > 3.0 * 1.732 * (self.noise + one_tick)
+        sum.abs() > 5.0 * 1.732 * (self.noise + one_tick)
     }
 
     fn refit(&mut self) {
@@ -354,7 +357,7 @@ impl TachTracker {
         let short = &anchors[anchors.len().saturating_sub(8)..];
         if short.len() >= 6 {
             let observed = Fit::new(short, period, 0.0).noise;
-            let weight = if observed < self.noise { 0.5 } else { 0.1 };
+            let weight = if observed < self.noise { 0.2 } else { 0.1 };
             self.noise += weight * (observed - self.noise);
         }
     }
@@ -368,8 +371,9 @@ impl TachTracker {
         let per_tach_turn = f32::from(self.wheel.pulses_per_turn);
         let rate = self.clock.0 as f32 / (self.fit.period as f32 * per_tach_turn) * self.wheel.pinion_per_tach;
         let at = (self.last.instant - self.fit.origin.instant) as f32 / self.fit.period as f32;
-        let slope = 1.0 + self.fit.c1 + 2.0 * self.fit.c2 * at;
         let periods = age as f32 / self.fit.period as f32;
+        // The acceleration is believed for one and a half positions without a pulse.
+        let slope = 1.0 + self.fit.c1 + 2.0 * self.fit.c2 * (at + periods.min(1.5));
         let gate = (6.0 * self.noise).clamp(NARROWEST_GATE, WIDEST_GATE);
         let wheel_gap = f32::from(self.wheel.missing);
         let validity = match self.lock {
@@ -414,7 +418,7 @@ impl TachTracker {
 }
 
 impl Fit {
-    /// Least squares over the anchors (at least 2); curvature only where it exceeds three times its uncertainty.
+    /// Least squares over the anchors (at least 2); curvature only where it exceeds 4.5 times its uncertainty.
     fn new(anchors: &[Pulse], period: u64, noise_floor: f32) -> Self {
         let origin = anchors[anchors.len() - 1];
         let mut fit = Fit { origin, period, ..Fit::default() };
@@ -451,7 +455,7 @@ impl Fit {
         let freedom = (count - 3.0).max(1.0);
         let noise = math::sqrt(square_rest / freedom);
         let used_noise = noise.max(0.3 * noise_floor.min(NARROWEST_GATE)).max(0.3 / period as f32);
-        let curved = curvature * curvature * qq > 9.0 * used_noise * used_noise && anchors.len() >= 4;
+        let curved = curvature * curvature * qq > 20.0 * used_noise * used_noise && anchors.len() >= 4;
         let (a0, a1, a2) =
             if curved { (offset - curvature * q0, slope - curvature * q1, curvature) } else { (offset, slope, 0.0) };
         // From v back to u, v = u / half + 1.
