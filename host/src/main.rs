@@ -17,11 +17,14 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// The real firmware in QEMU on a run of a record.
+    Node(commands::node::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Node(args) => commands::node::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
