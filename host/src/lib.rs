@@ -5,10 +5,12 @@ pub mod import;
 pub mod law;
 pub mod machine;
 pub mod piecewise;
+pub mod qemu;
 pub mod record;
 pub mod report;
 pub mod spectral;
 pub mod stiffness;
 pub mod terminal;
+pub mod virtual_node;
 
 pub use error::{Error, Result};

@@ -21,6 +21,8 @@ enum Command {
     Import(commands::import::Args),
     /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
     Stiffness(commands::stiffness::Args),
+    /// The real firmware in QEMU on a run of a record.
+    Node(commands::node::Args),
 }
 
 fn main() -> ExitCode {
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
         Command::Alias(args) => commands::alias::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
+        Command::Node(args) => commands::node::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

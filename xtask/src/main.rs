@@ -1,2 +1,52 @@
-//! Project tasks: `cargo xtask setup | demo | test | ...`.
-fn main() {}
+//! Project tasks: `cargo xtask setup | demo | test | node-build | size | flash`.
+//!
+//! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
+//! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
+//! failure; exit code 1 then.
+
+mod demo;
+mod elf;
+mod flash;
+mod node_build;
+mod setup;
+mod shell;
+mod suite;
+
+use std::process::ExitCode;
+
+const HELP: &str = "\
+cargo xtask TASK
+
+  setup        compiler target and QEMU; does nothing where both are present
+  demo RECORD  sets up, builds the node, runs it in QEMU on a record and prints what it reports
+  test         everything the project claims: style, lints, documentation, host tests, QEMU tests
+  node-build   both firmware images, with their sizes
+  size         sizes of the images: text, data, bss, and their limits
+  flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
+";
+
+fn main() -> ExitCode {
+    let mut args = std::env::args().skip(1);
+    let task = args.next().unwrap_or_default();
+    let rest: Vec<String> = args.collect();
+    let result = match task.as_str() {
+        "setup" => setup::run(),
+        "demo" => demo::run(&rest),
+        "test" => suite::run(),
+        "node-build" => node_build::run(),
+        "size" => node_build::size(),
+        "flash" => flash::run(&rest),
+        "" | "help" | "--help" | "-h" => {
+            print!("{HELP}");
+            return ExitCode::SUCCESS;
+        }
+        other => Err(format!("unknown task `{other}`\n\n{HELP}")),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("xtask: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}

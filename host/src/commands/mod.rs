@@ -3,3 +3,4 @@
 pub mod alias;
 pub mod import;
 pub mod stiffness;
+pub mod node;

@@ -1,0 +1,201 @@
+//! Frames: sequence number, postcard body and CRC-32 under COBS, between two zero bytes.
+//!
+//! COBS keeps zeros out of the frame, so a receiver resynchronises at the next zero whatever was lost or damaged. The
+//! leading zero costs a byte and keeps a frame whose end was lost from swallowing the next one.
+//! Layout before COBS: protocol version (1 byte), sequence (2 bytes, little-endian), postcard of [`Packet`], CRC-32
+//! (ISO-HDLC) of all that (4 bytes, little-endian). Sequence gaps count whole lost frames exactly up to 65535 in a row.
+
+use crate::message::{Message, PROTOCOL, Reply, Request};
+use crc::{CRC_32_ISO_HDLC, Crc};
+use serde::{Deserialize, Serialize};
+
+/// Longest frame on the wire, delimiters included, bytes.
+pub const MAX_FRAME: usize = 1280;
+
+const HEADER: usize = 3;
+const CHECKSUM: usize = 4;
+/// Longest content before COBS: one byte per 254 and the delimiters are overhead.
+const MAX_CONTENT: usize = MAX_FRAME - MAX_FRAME / 254 - 3;
+
+/// CRC-32 of frames and digests.
+pub const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// What a frame carries.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub enum Packet {
+    /// Host to node.
+    Request(Request),
+    /// Node to host, answering.
+    Reply(Reply),
+    /// Node to host, streamed.
+    Message(Message),
+}
+
+/// [`Packet`] by reference, for sending; the same bytes.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub enum PacketRef<'a> {
+    /// Host to node.
+    Request(&'a Request),
+    /// Node to host, answering.
+    Reply(&'a Reply),
+    /// Node to host, streamed.
+    Message(&'a Message),
+}
+
+impl<'a> From<&'a Request> for PacketRef<'a> {
+    fn from(request: &'a Request) -> Self {
+        Self::Request(request)
+    }
+}
+impl<'a> From<&'a Reply> for PacketRef<'a> {
+    fn from(reply: &'a Reply) -> Self {
+        Self::Reply(reply)
+    }
+}
+impl<'a> From<&'a Message> for PacketRef<'a> {
+    fn from(message: &'a Message) -> Self {
+        Self::Message(message)
+    }
+}
+impl<'a> From<&'a Packet> for PacketRef<'a> {
+    fn from(packet: &'a Packet) -> Self {
+        match packet {
+            Packet::Request(request) => Self::Request(request),
+            Packet::Reply(reply) => Self::Reply(reply),
+            Packet::Message(message) => Self::Message(message),
+        }
+    }
+}
+
+/// A received frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Sender's sequence number.
+    pub sequence: u16,
+    /// Frames missing before this one.
+    pub lost: u16,
+    /// Content.
+    pub packet: Packet,
+}
+
+/// Why a frame was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FrameError {
+    /// Longer than [`MAX_FRAME`].
+    TooLong,
+    /// Not COBS, or shorter than header and checksum.
+    Malformed,
+    /// Checksum differs.
+    Checksum,
+    /// Another protocol version.
+    Version(u8),
+    /// Intact, but the content is not understood.
+    Content,
+    /// The destination buffer is too small (encoding only).
+    NoRoom,
+}
+
+/// Writes one frame, delimiters included, into `buffer` (at least [`MAX_FRAME`] bytes hold any frame).
+pub fn encode<'b, 'p>(
+    packet: impl Into<PacketRef<'p>>,
+    sequence: u16,
+    buffer: &'b mut [u8],
+) -> Result<&'b [u8], FrameError> {
+    let mut content = [0u8; MAX_CONTENT];
+    content[0] = PROTOCOL as u8;
+    content[1..HEADER].copy_from_slice(&sequence.to_le_bytes());
+    let body = &mut content[HEADER..MAX_CONTENT - CHECKSUM];
+    let length = postcard::to_slice(&packet.into(), body).map_err(|_| FrameError::NoRoom)?.len();
+    let end = HEADER + length;
+    let checksum = CRC32.checksum(&content[..end]);
+    content[end..end + CHECKSUM].copy_from_slice(&checksum.to_le_bytes());
+    let (leading, place) = buffer.split_first_mut().ok_or(FrameError::NoRoom)?;
+    *leading = 0;
+    let coded = cobs::try_encode(&content[..end + CHECKSUM], place).map_err(|_| FrameError::NoRoom)?;
+    *place.get_mut(coded).ok_or(FrameError::NoRoom)? = 0;
+    Ok(&buffer[..coded + 2])
+}
+
+/// Receiver; feed it bytes in any portions.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    bytes: [u8; MAX_FRAME],
+    length: usize,
+    overflow: bool,
+    expected: Option<u16>,
+    refused: u32,
+    lost: u32,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Decoder {
+    /// A receiver that waits for its first delimiter or frame.
+    pub const fn new() -> Self {
+        Self { bytes: [0; MAX_FRAME], length: 0, overflow: false, expected: None, refused: 0, lost: 0 }
+    }
+
+    /// Takes one byte; a result comes with each delimiter that ends a non-empty frame.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
+        if byte != 0 {
+            match self.bytes.get_mut(self.length) {
+                Some(place) => {
+                    *place = byte;
+                    self.length += 1;
+                }
+                None => self.overflow = true,
+            }
+            return None;
+        }
+        let (length, overflow) = (self.length, self.overflow);
+        (self.length, self.overflow) = (0, false);
+        if length == 0 {
+            return None;
+        }
+        let result = if overflow { Err(FrameError::TooLong) } else { self.open(length) };
+        if result.is_err() {
+            self.refused = self.refused.saturating_add(1);
+        }
+        Some(result)
+    }
+
+    fn open(&mut self, length: usize) -> Result<Frame, FrameError> {
+        let bytes = &mut self.bytes[..length];
+        let decoded = cobs::decode_in_place(bytes).map_err(|_| FrameError::Malformed)?;
+        let content = bytes.get(..decoded).ok_or(FrameError::Malformed)?;
+        let (signed, checksum) = content.split_last_chunk::<CHECKSUM>().ok_or(FrameError::Malformed)?;
+        if signed.len() < HEADER {
+            return Err(FrameError::Malformed);
+        }
+        if CRC32.checksum(signed) != u32::from_le_bytes(*checksum) {
+            return Err(FrameError::Checksum);
+        }
+        if signed[0] != PROTOCOL as u8 {
+            return Err(FrameError::Version(signed[0]));
+        }
+        let sequence = u16::from_le_bytes([signed[1], signed[2]]);
+        let lost = self.expected.map_or(0, |expected| sequence.wrapping_sub(expected));
+        self.expected = Some(sequence.wrapping_add(1));
+        self.lost = self.lost.saturating_add(u32::from(lost));
+        match postcard::take_from_bytes::<Packet>(&signed[HEADER..]) {
+            Ok((packet, [])) => Ok(Frame { sequence, lost, packet }),
+            _ => Err(FrameError::Content),
+        }
+    }
+
+    /// Frames refused since start.
+    pub fn refused(&self) -> u32 {
+        self.refused
+    }
+
+    /// Frames missing by sequence number since start.
+    pub fn lost(&self) -> u32 {
+        self.lost
+    }
+}

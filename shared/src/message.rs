@@ -1,0 +1,281 @@
+//! The link's vocabulary: requests, replies and streamed messages. Postcard encodes them by position, so variants and
+//! fields are only ever appended, and [`PROTOCOL`] is raised when they are not.
+
+use crate::config::{Configuration, ConfigurationError, MAX_HARMONICS, MAX_SIDEBANDS};
+use crate::events::{EVENT_KINDS, Event};
+use crate::law::Law;
+use crate::node::State;
+use crate::tach::Validity;
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+/// Version of the messages.
+pub const PROTOCOL: u16 = 1;
+
+/// Samples in one snapshot message.
+pub const SNAPSHOT_CHUNK: usize = 128;
+
+/// Peaks listed per spectrum.
+pub const MAX_PEAKS: usize = 12;
+
+/// Commands to the node.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Request {
+    /// Who are you.
+    Identify,
+    /// Configuration in force.
+    GetConfiguration,
+    /// Replace the configuration in force (not stored until committed).
+    SetConfiguration(Configuration),
+    /// Store the configuration in force.
+    CommitConfiguration,
+    /// Law in force.
+    GetLaw,
+    /// Replace the law.
+    PutLaw(Law),
+    /// Measure.
+    Start,
+    /// Stop measuring.
+    Stop,
+    /// Send the next wideband waveform.
+    Snapshot,
+    /// Result of the boot self-test.
+    SelfTest,
+    /// Send all kept events again.
+    Events,
+    /// Counters.
+    Statistics,
+}
+
+/// Answers.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Reply {
+    /// Who.
+    Identity(Identity),
+    /// Configuration in force.
+    Configuration(Configuration),
+    /// Law in force.
+    Law(Law),
+    /// Done, or on its way.
+    Done,
+    /// The board is to store the configuration; it confirms by itself.
+    Committing,
+    /// Refused: a field is out of range.
+    Refused(ConfigurationError),
+    /// Self-test.
+    SelfTest(SelfTest),
+    /// Counters.
+    Statistics(Statistics),
+}
+
+/// Identity of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// [`PROTOCOL`].
+    pub protocol: u16,
+    /// [`crate::config::SCHEMA`].
+    pub schema: u16,
+    /// Major, minor, patch of the signal chain.
+    pub version: [u8; 3],
+    /// Time base, Hz.
+    pub ticks_per_second: u32,
+    /// Result of the boot self-test.
+    pub self_test: SelfTest,
+}
+
+/// Boot self-test, filled in by the board. A set bit in `failed` is a failed item of `run`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SelfTest {
+    /// Items that ran: bit 0 sample count against timer, 1 ADC rails, 2 ADC noise, 3 tach present, 4 mathematics hash.
+    pub run: u8,
+    /// Items that failed.
+    pub failed: u8,
+}
+
+/// What every result carries: when, at which speed, at which rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tag {
+    /// Tick of the first sample of the result (group delay removed), since start.
+    pub first_tick: u64,
+    /// Pinion rate at the end of the result, Hz.
+    pub speed_hz: f32,
+    /// Relative standard uncertainty of the speed.
+    pub speed_uncertainty: f32,
+    /// Quality of the speed.
+    pub validity: Validity,
+    /// Granted sample period of the ADC, ticks.
+    pub period_ticks: u32,
+    /// Half-band stages between ADC and the result.
+    pub stages: u8,
+    /// Sample rate of the result, Hz.
+    pub rate_hz: f32,
+    /// Line spacing of the spectrum, Hz.
+    pub resolution_hz: f32,
+    /// The ADC rate is below twice the analogue stop edge.
+    pub aliasing: bool,
+}
+
+/// Speed, law and rates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// State of the node.
+    pub state: State,
+    /// Quality of the speed.
+    pub validity: Validity,
+    /// Tick of this status, since start.
+    pub tick: u64,
+    /// Pinion rate, Hz.
+    pub speed_hz: f32,
+    /// Relative standard uncertainty of the speed.
+    pub speed_uncertainty: f32,
+    /// Time since the latest accepted pulse, s.
+    pub age_s: f32,
+    /// Law's bandwidth, Hz.
+    pub bandwidth_hz: f32,
+    /// The speed lies outside the law's domain.
+    pub law_clamped: bool,
+    /// The law is provisional.
+    pub law_provisional: bool,
+    /// Output rate wanted, Hz.
+    pub requested_hz: f32,
+    /// Output rate granted, Hz.
+    pub granted_hz: f32,
+    /// ADC rate granted, Hz.
+    pub adc_hz: f32,
+    /// Granted sample period, ticks.
+    pub period_ticks: u32,
+    /// Half-band stages.
+    pub stages: u8,
+    /// Granted minus requested, parts per million.
+    pub residual_ppm: f32,
+    /// The wanted rate is beyond the board.
+    pub limited: bool,
+    /// No usable speed: sampling at the safe maximum rate.
+    pub safe_rate: bool,
+    /// Sequence of the first block sampled at this rate.
+    pub block: u32,
+}
+
+/// One spectral line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SpectralLine {
+    /// Frequency, Hz.
+    pub frequency_hz: f32,
+    /// Peak amplitude, m/s^2.
+    pub amplitude: f32,
+}
+
+/// One mesh harmonic with its pinion-shaft sidebands.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeshBand {
+    /// Harmonic number, from 1.
+    pub harmonic: u8,
+    /// The harmonic itself.
+    pub line: SpectralLine,
+    /// Sidebands -n..-1, +1..+n.
+    pub sidebands: Vec<SpectralLine, { 2 * MAX_SIDEBANDS }>,
+}
+
+/// Mesh-band spectrum.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Spectrum {
+    /// Circumstances.
+    pub tag: Tag,
+    /// Harmonics 1..H as far as the rate carries them.
+    pub bands: Vec<MeshBand, MAX_HARMONICS>,
+    /// CRC-32 of all spectral values, bit for bit: equal on every target for equal input.
+    pub digest: u32,
+}
+
+/// Strongest lines of the whole band at the law's rate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Peaks {
+    /// Circumstances.
+    pub tag: Tag,
+    /// Strongest first.
+    pub lines: Vec<SpectralLine, MAX_PEAKS>,
+    /// Root mean square of the block without its mean, m/s^2.
+    pub rms: f32,
+    /// CRC-32 of all spectral values.
+    pub digest: u32,
+}
+
+/// Part of a wideband waveform.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    /// Circumstances.
+    pub tag: Tag,
+    /// Index of the first sample in the waveform.
+    pub offset: u16,
+    /// Samples of the whole waveform.
+    pub total: u16,
+    /// m/s^2 per unit.
+    pub scale: f32,
+    /// Samples.
+    pub samples: Vec<i16, SNAPSHOT_CHUNK>,
+}
+
+/// Condition indicators.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Indicators {
+    /// Circumstances.
+    pub tag: Tag,
+    /// Root mean square, m/s^2.
+    pub rms: f32,
+    /// Largest magnitude, m/s^2.
+    pub peak: f32,
+    /// Peak over RMS.
+    pub crest: f32,
+    /// Kurtosis, 3 for Gaussian noise.
+    pub kurtosis: f32,
+    /// Sideband energy ratio of the first mesh harmonic.
+    pub sideband_energy_ratio: f32,
+}
+
+/// Counters since start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Statistics {
+    /// Blocks processed.
+    pub blocks: u32,
+    /// Blocks lost by sequence gaps.
+    pub blocks_lost: u32,
+    /// ADC samples processed.
+    pub samples: u64,
+    /// Tach pulses accepted.
+    pub pulses: u32,
+    /// Pulses missing.
+    pub pulses_missed: u32,
+    /// Pulses rejected.
+    pub pulses_spurious: u32,
+    /// Times the tach locked anew.
+    pub relocks: u32,
+    /// Messages dropped because they were not fetched in time.
+    pub messages_dropped: u32,
+    /// Events by kind.
+    pub events: [u32; EVENT_KINDS],
+}
+
+/// Streamed from node to host.
+// No heap to box the large variants in; few values exist at a time.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Message {
+    /// Speed and rates; sent at every change and once a second.
+    Status(Status),
+    /// Mesh bands.
+    Spectrum(Spectrum),
+    /// Strongest lines.
+    Peaks(Peaks),
+    /// Waveform.
+    Snapshot(Snapshot),
+    /// Indicators.
+    Indicators(Indicators),
+    /// Event.
+    Event(Event),
+    /// Counters.
+    Statistics(Statistics),
+}

@@ -1,0 +1,170 @@
+//! Octave plan: which ADC rate and which half-band decimation give a wanted output rate.
+//!
+//! The analogue anti-alias filter is fixed, so the ADC rate must never fall below twice the filter's stop edge F/2.
+//! The plan keeps the ADC rate in the octave [F, 2F) and reaches lower output rates by k half-band stages,
+//! `output = adc / 2^k`. A rate wanted above F needs no stage. Once chosen, k is kept until the ADC rate would fall
+//! below F or rise [`OCTAVE_OVERLAP`] above 2F: a speed that dithers on an octave border changes nothing.
+//!
+//! The sample timer divides the time base by an integer, so granted and requested rate differ by at most half a tick:
+//! 150 ppm hold up to 300e-6 times the time base (25 kHz of 84 MHz, 7.5 kHz of 25 MHz). Above, the nearest integer period
+//! is granted; its residual is reported exactly, and every product uses the granted rate, never the requested one.
+
+use crate::units::{Hertz, PartsPerMillion, TicksPerSecond};
+use serde::{Deserialize, Serialize};
+
+/// How far above 2F the ADC rate may rise before a stage is dropped, relative.
+pub const OCTAVE_OVERLAP: f32 = 0.1;
+
+/// Most half-band stages between ADC and output.
+pub const MAX_STAGES: u8 = 10;
+
+/// Share of the output rate that is free of aliases and flat after decimation.
+pub const USABLE_SHARE: f32 = 1.0 / 2.56;
+
+/// Which multiple of the bandwidth is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum RatePolicy {
+    /// Twice the bandwidth: the smallest rate that carries it. The decimation filter's transition costs its upper 22 %.
+    Critical,
+    /// 2.56 times the bandwidth: all of it flat and free of aliases.
+    Spectrum,
+    /// A multiple of the bandwidth at which waveforms keep their rise time.
+    Waveform {
+        /// Samples per second and hertz of bandwidth.
+        multiple: f32,
+    },
+    /// This exact ADC rate without decimation, whatever the analogue filter allows. For tests.
+    Forced {
+        /// ADC rate.
+        rate: Hertz,
+    },
+}
+
+impl RatePolicy {
+    /// Wanted output rate for a bandwidth.
+    pub fn rate(self, bandwidth: Hertz) -> Hertz {
+        match self {
+            RatePolicy::Critical => Hertz(2.0 * bandwidth.0),
+            RatePolicy::Spectrum => Hertz(2.56 * bandwidth.0),
+            RatePolicy::Waveform { multiple } => Hertz(multiple * bandwidth.0),
+            RatePolicy::Forced { rate } => rate,
+        }
+    }
+}
+
+/// Limits of a board's sampling.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RateLimits {
+    /// Stop edge of the fixed analogue filter: above it nothing reaches the ADC.
+    pub analogue_stop: Hertz,
+    /// Highest ADC rate.
+    pub highest_adc: Hertz,
+}
+
+/// A granted rate: what the timer really does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RateGrant {
+    /// Output rate that was wanted.
+    pub requested: Hertz,
+    /// Granted sample period, ticks of the time base.
+    pub period_ticks: u32,
+    /// Half-band stages between ADC and output.
+    pub stages: u8,
+    /// Granted ADC rate.
+    pub adc: Hertz,
+    /// Granted output rate.
+    pub output: Hertz,
+    /// Granted minus requested output rate, relative.
+    pub residual: PartsPerMillion,
+    /// Highest frequency that is flat and free of aliases at the output.
+    pub usable: Hertz,
+    /// The board could not give the wanted rate: highest ADC rate or most stages reached.
+    pub limited: bool,
+    /// The ADC rate is below twice the analogue stop edge: lines may be folded (forced rates only).
+    pub aliasing: bool,
+}
+
+/// The plan with its memory of the present octave.
+#[derive(Clone, Debug)]
+pub struct RatePlan {
+    limits: RateLimits,
+    clock: TicksPerSecond,
+    stages: Option<u8>,
+}
+
+impl RatePlan {
+    /// A plan for a time base and a board's limits.
+    pub fn new(clock: TicksPerSecond, limits: RateLimits) -> Self {
+        Self { limits, clock, stages: None }
+    }
+
+    /// Lowest ADC rate at which the fixed analogue filter prevents aliases.
+    pub fn lowest_adc(&self) -> Hertz {
+        Hertz(2.0 * self.limits.analogue_stop.0)
+    }
+
+    /// Grants the rate nearest to the wanted output rate. Undefined or absurd wishes get the highest rate.
+    pub fn grant(&mut self, wanted: Hertz) -> RateGrant {
+        let floor = self.lowest_adc().0.min(self.limits.highest_adc.0);
+        let sane = wanted.0 > 0.0 && wanted.0 <= self.limits.highest_adc.0;
+        let target = if sane { wanted.0 } else { self.limits.highest_adc.0 };
+        let ceiling = (2.0 * floor * (1.0 + OCTAVE_OVERLAP)).min(self.limits.highest_adc.0);
+        let fits = |stages: u8| {
+            let adc = target * power_of_two(stages);
+            adc >= floor && (adc < ceiling || stages == 0)
+        };
+        let stages = match self.stages {
+            Some(present) if fits(present) => present,
+            _ => (0..MAX_STAGES).find(|&k| target * power_of_two(k) >= floor).unwrap_or(MAX_STAGES),
+        };
+        self.stages = Some(stages);
+        // Rounding to the shorter period at the lower border keeps the ADC rate at or above the floor.
+        let adc = (target * power_of_two(stages)).clamp(floor, self.limits.highest_adc.0);
+        let mut period = nearest_period(self.clock, adc);
+        if self.clock.rate(period).0 < floor && period > self.shortest_period() {
+            period -= 1;
+        }
+        let limited = !sane || adc != target * power_of_two(stages);
+        self.describe(wanted, period.max(self.shortest_period()), stages, limited)
+    }
+
+    /// Grants an exact ADC rate without decimation; only the timer and the ADC limit it.
+    pub fn force(&mut self, rate: Hertz) -> RateGrant {
+        self.stages = None;
+        let sane = rate.0 > 0.0 && rate.0 <= self.limits.highest_adc.0;
+        let adc = if sane { rate.0 } else { self.limits.highest_adc.0 };
+        self.describe(rate, nearest_period(self.clock, adc).max(self.shortest_period()), 0, !sane)
+    }
+
+    /// What a given timer period means with a number of stages.
+    pub fn describe(&self, requested: Hertz, period_ticks: u32, stages: u8, limited: bool) -> RateGrant {
+        let adc = self.clock.rate(period_ticks);
+        let output = Hertz(adc.0 / power_of_two(stages));
+        let (stop, clear) = (self.limits.analogue_stop.0, adc.0 - self.limits.analogue_stop.0);
+        let usable = if stages > 0 { output.0 * USABLE_SHARE } else { clear.min(adc.0 / 2.0).max(0.0) };
+        RateGrant {
+            requested,
+            period_ticks,
+            stages,
+            adc,
+            output,
+            residual: PartsPerMillion((output.0 / requested.0 - 1.0) * 1.0e6),
+            usable: Hertz(usable),
+            limited,
+            aliasing: adc.0 < 2.0 * stop,
+        }
+    }
+
+    fn shortest_period(&self) -> u32 {
+        let period = nearest_period(self.clock, self.limits.highest_adc.0);
+        if self.clock.rate(period).0 > self.limits.highest_adc.0 { period + 1 } else { period }
+    }
+}
+
+fn nearest_period(clock: TicksPerSecond, rate_hz: f32) -> u32 {
+    ((clock.0 as f32 / rate_hz + 0.5) as u32).max(1)
+}
+
+fn power_of_two(stages: u8) -> f32 {
+    (1u32 << stages.min(31)) as f32
+}
