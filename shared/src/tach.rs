@@ -100,9 +100,9 @@ struct Fit {
 enum Lock {
     Acquiring,
     Locked,
-    /// Contradicted; counts the pulses in a row that agreed since.
+    /// Contradicted; this many pulses in a row must agree before the speed counts again.
     Doubtful {
-        agreed: u8,
+        needed: u8,
     },
 }
 
@@ -211,9 +211,11 @@ impl TachTracker {
         self.last = Pulse { instant, position: self.last.position + steps };
         self.lock = match self.lock {
             // Two positions lost in a row are more likely another speed.
-            _ if skipped >= 2 => Lock::Doubtful { agreed: 0 },
-            _ if skipped == 1 => Lock::Doubtful { agreed: 1 },
-            Lock::Doubtful { agreed } if agreed == 0 || self.rival().is_some() => Lock::Doubtful { agreed: 1 },
+            Lock::Doubtful { needed } if skipped > 0 => Lock::Doubtful { needed: needed.max(skipped.min(2) as u8) },
+            _ if skipped > 0 => Lock::Doubtful { needed: skipped.min(2) as u8 },
+            Lock::Doubtful { needed } if needed > 1 || self.rival().is_some() => {
+                Lock::Doubtful { needed: needed.saturating_sub(1).max(1) }
+            }
             _ => Lock::Locked,
         };
         self.add_anchor();
@@ -253,8 +255,10 @@ impl TachTracker {
     }
 
     fn doubt(&mut self) {
-        if self.lock != Lock::Acquiring {
-            self.lock = Lock::Doubtful { agreed: 0 };
+        match &mut self.lock {
+            Lock::Acquiring => {}
+            Lock::Doubtful { needed } => *needed = (*needed).max(2),
+            Lock::Locked => self.lock = Lock::Doubtful { needed: 2 },
         }
     }
 
@@ -302,6 +306,9 @@ impl TachTracker {
                 return;
             }
         }
+        // Two noise pulses can imitate a slightly different speed, hardly one beyond a factor of 1.5: confirm the former.
+        let tracked = self.fit.period;
+        let similar = self.lock != Lock::Acquiring && gap < tracked + tracked / 2 && tracked < gap + gap / 2;
         self.counters.relocks = self.counters.relocks.saturating_add(1);
         self.counters.accepted = self.counters.accepted.saturating_add(4);
         self.index = None;
@@ -314,7 +321,11 @@ impl TachTracker {
         self.last = self.anchors[3];
         self.fit.period = gap;
         self.noise = 0.5 * NARROWEST_GATE;
-        self.lock = if accepted > 1 { Lock::Doubtful { agreed: 0 } } else { Lock::Locked };
+        self.lock = match (accepted > 1, similar) {
+            (true, _) => Lock::Doubtful { needed: 6 },
+            (false, true) => Lock::Doubtful { needed: 2 },
+            (false, false) => Lock::Locked,
+        };
         self.raw_accepted = 0b1111;
         self.refit();
     }

@@ -25,6 +25,7 @@ struct Heard {
     spectra: Vec<Spectrum>,
     peaks: Vec<Peaks>,
     status: Vec<Status>,
+    snapshot: Vec<f64>,
 }
 
 impl Rig {
@@ -65,6 +66,11 @@ impl Rig {
                     Message::Spectrum(spectrum) => heard.spectra.push(spectrum),
                     Message::Peaks(peaks) => heard.peaks.push(peaks),
                     Message::Status(status) => heard.status.push(status),
+                    Message::Snapshot(part) => {
+                        assert_eq!(usize::from(part.offset), heard.snapshot.len());
+                        let scale = f64::from(part.scale);
+                        heard.snapshot.extend(part.samples.iter().map(|&x| f64::from(x) * scale));
+                    }
                     _ => {}
                 }
             }
@@ -209,4 +215,58 @@ fn theory_the_node_fits_its_memory() {
     let size = std::mem::size_of::<Node>();
     println!("Node: {size} bytes");
     assert!(size <= 100 * 1024, "{size} bytes");
+}
+
+#[test]
+fn theory_mesh_bands_resolve_an_eighth_of_the_shaft_rate() {
+    use meshband::mesh_band::{MeshPlan, POINTS};
+    use meshband::rate_plan::RatePlan;
+    // With five harmonics and the provisional law; more than 71 teeth need the order-domain zoom.
+    for teeth in 12..=71 {
+        let config = config(teeth);
+        let mut speed = 1.0f32;
+        while speed <= 25.0 {
+            let mut plan = RatePlan::new(TicksPerSecond(84_000_000), config.limits);
+            let grant = plan.grant(config.policy.rate(config.law.bandwidth(Hertz(speed)).bandwidth));
+            let mesh = MeshPlan::new(&config, Hertz(speed), grant.output);
+            let rate = grant.output.0 / (1u32 << mesh.stages) as f32;
+            let highest = (5.0 * f32::from(teeth) + 4.0) * speed;
+            assert!(rate >= 2.56 * highest * 0.9999, "{teeth} teeth at {speed} Hz");
+            assert!(rate / POINTS as f32 <= speed / 8.0, "{teeth} teeth at {speed} Hz: {rate} Hz");
+            speed *= 1.02;
+        }
+    }
+}
+
+#[test]
+fn fault_lost_blocks_are_counted_and_never_spliced() {
+    let mut node = Node::new(config(20), TicksPerSecond(84_000_000)).expect("valid configuration");
+    let codes = [32_768u16; 512];
+    let period_ticks = node.requested_period_ticks();
+    let mut first_tick = 0u32;
+    let mut feed = |node: &mut Node, sequence: u32, jump: u32| {
+        first_tick = first_tick.wrapping_add(jump);
+        node.on_block(Block { codes: &codes, first_tick, period_ticks, sequence, overrun: false });
+        first_tick = first_tick.wrapping_add(512 * period_ticks);
+    };
+    for sequence in 0..10 {
+        feed(&mut node, sequence, 0);
+    }
+    feed(&mut node, 13, 3 * 512 * period_ticks);
+    feed(&mut node, 14, 77 * period_ticks);
+    let statistics = node.statistics();
+    assert_eq!((statistics.blocks, statistics.blocks_lost), (12, 3));
+    assert_eq!(statistics.events[meshband::events::EventKind::TimeJump as usize], 1);
+    assert_eq!(statistics.events[meshband::events::EventKind::BlocksLost as usize], 1);
+}
+
+#[test]
+fn theory_a_snapshot_returns_the_waveform() {
+    let mut rig = Rig::new(config(20), 84_000_000);
+    rig.node.on_request(Request::Snapshot);
+    let mut heard = Heard::default();
+    rig.run(1.0, |t| 10.0 * t, |_, turns| 20.0 * (std::f64::consts::TAU * 20.0 * turns).sin(), &mut heard);
+    assert_eq!(heard.snapshot.len(), 4096);
+    let rms = (heard.snapshot.iter().map(|x| x * x).sum::<f64>() / 4096.0).sqrt();
+    assert!((rms / (20.0 / f64::sqrt(2.0)) - 1.0).abs() < 0.05, "{rms}");
 }
