@@ -1,0 +1,16 @@
+//! Dynamics of the gear pair: assembly, excitation, Taylor integration, steady state, energy.
+
+pub mod assembly;
+pub mod excitation;
+pub mod kinematics;
+pub mod mesh;
+pub mod roots;
+pub mod series;
+pub mod taylor;
+
+pub use assembly::{Coordinate, Model, System};
+pub use excitation::{Effect, Facts};
+pub use kinematics::Motion;
+pub use mesh::{Mesh, MeshDamping};
+pub use series::Series;
+pub use taylor::{Solver, State, Statistics, Step};
