@@ -2,7 +2,10 @@
 
 pub mod dynamics;
 pub mod error;
+pub mod law;
 pub mod machine;
 pub mod piecewise;
+pub mod record;
+pub mod stiffness;
 
 pub use error::{Error, Result};

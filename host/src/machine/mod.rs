@@ -2,9 +2,18 @@
 //!
 //! The same tables appear in `machines/*.toml` and in the `record.toml` of a record folder, so that a
 //! record carries its machine with it. Reading checks every value and names table and key of the first
-//! one that makes no sense.
+//! one that makes no sense: a non-finite number anywhere, an unknown key, an impossible gear.
+
+mod check;
+mod hash;
+mod options;
+mod read;
+
+pub use options::{Casing, Crack, CrackRule, Engagement, EngagementKind, Load, Motor, Nominal, RootAngle, RootShape};
+pub use options::Side;
 
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// A gear pair with its shafts, as declared.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,6 +25,27 @@ pub struct Machine {
     pub pair: Pair,
     /// Inertias, masses, couplings and bearings.
     pub shafts: Shafts,
+    /// How a pair takes up and gives off its share; absent: the stiffness curve as it is (hard switch for geometry).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engagement: Option<Engagement>,
+    /// One cracked tooth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crack: Option<Crack>,
+    /// Motor characteristic; absent: constant torque.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motor: Option<Motor>,
+    /// Load characteristic; absent: constant torque that balances the motor's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<Load>,
+    /// Elastically mounted housing of the 10-DOF model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub casing: Option<Casing>,
+    /// Operating point used where a command is given none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<Nominal>,
+    /// Folder that relative paths refer to; not part of the declaration.
+    #[serde(skip)]
+    pub folder: PathBuf,
 }
 
 /// Two external spur gears; index 0 is the pinion (driving), 1 the gear.
@@ -26,8 +56,8 @@ pub struct Pair {
     pub teeth: [u32; 2],
     /// Module, m.
     pub module_m: f64,
-    /// Pressure angle at the pitch circle, degrees.
-    #[serde(default = "Pair::default_pressure_angle")]
+    /// Pressure angle at the reference circle, degrees.
+    #[serde(default = "default_pressure_angle")]
     pub pressure_angle_deg: f64,
     /// Common face width, m.
     pub face_width_m: f64,
@@ -37,17 +67,52 @@ pub struct Pair {
     pub youngs_modulus_pa: f64,
     /// Poisson's ratio.
     pub poisson: f64,
+    /// Tooth addendum in modules.
+    #[serde(default = "default_addendum")]
+    pub addendum_coefficient: f64,
+    /// Tip clearance in modules; the cutter's tip rounding follows from it.
+    #[serde(default = "default_clearance")]
+    pub clearance_coefficient: f64,
+    /// Profile shift coefficients, in modules; the centre distance follows without backlash.
+    #[serde(default)]
+    pub profile_shift: [f64; 2],
+    /// Shape of the tooth between root circle and involute.
+    #[serde(default)]
+    pub root: RootShape,
+    /// Which half angle of the tooth at the root circle enters the gear body's compliance.
+    #[serde(default)]
+    pub root_angle: RootAngle,
+    /// Whether the gear bodies' compliance (Sainsot) is included.
+    #[serde(default = "yes")]
+    pub body: bool,
     /// Table of one tooth pair's stiffness along the path of contact (CSV, relative to the declaration's folder).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pair_stiffness: Option<std::path::PathBuf>,
-    /// Damping of each tooth pair: this time, s, times its stiffness.
+    pub pair_stiffness: Option<PathBuf>,
+    /// Table of the total mesh stiffness over one base pitch instead (CSV, relative to the declaration's folder).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub total_stiffness: Option<PathBuf>,
+    /// Damping of each tooth pair: this time, s, times its stiffness. Filled in on reading where the ratio is given.
+    #[serde(default)]
     pub mesh_damping_s: f64,
+    /// Damping ratio of the gears on their mesh at its mean stiffness, instead of the time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh_damping_ratio: Option<f64>,
 }
 
-impl Pair {
-    fn default_pressure_angle() -> f64 {
-        20.0
-    }
+fn default_pressure_angle() -> f64 {
+    20.0
+}
+
+fn default_addendum() -> f64 {
+    1.0
+}
+
+fn default_clearance() -> f64 {
+    0.25
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// Everything that turns or carries the gears; index 0 is the pinion's side.

@@ -1,0 +1,6 @@
+//! The bandwidth law: from simulated engagement edges to the numbers a node carries.
+
+pub mod edges;
+pub mod fit;
+pub mod forms;
+pub mod table;

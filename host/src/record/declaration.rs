@@ -1,0 +1,315 @@
+//! `record.toml`: acquisition, tach, runs, and whatever else the owner declares.
+//!
+//! The document is kept whole: the tables this module knows are typed, every other table or key is carried
+//! through reading and writing unchanged. The machine is read from those others on demand, because an
+//! imported record may know no more of its machine than the tooth counts.
+
+use crate::machine::Machine;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Tooth counts outside this are a slip of the keyboard, not a gear.
+const TEETH: std::ops::RangeInclusive<i64> = 5..=1000;
+
+/// Keys of `record.toml` that do not describe the machine.
+const RECORD_KEYS: [&str; 4] = ["acquisition", "tach", "run", "import"];
+
+/// The content of `record.toml`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declaration {
+    /// Sampling and channels.
+    pub acquisition: Acquisition,
+    /// Tachometer; `None` where the record has none.
+    pub tach: Option<Tach>,
+    /// One table per run.
+    pub runs: Vec<RunDeclaration>,
+    /// Everything else: `title`, [pair], [shafts], [import] and unknown keys.
+    pub rest: Table,
+    /// Name of the file in messages.
+    place: String,
+}
+
+/// [acquisition]: sampling rate, channels and scale.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Acquisition {
+    /// Sampling rate of every run, Hz.
+    pub sample_rate_hz: f64,
+    /// Channel names, in the order of the columns.
+    pub channels: Vec<String>,
+    /// Value of code 32767, m/s2 (or in `unit` where that is given).
+    pub full_scale_m_s2: f64,
+    /// Bits of the codes; only 16 exists.
+    #[serde(default = "sixteen")]
+    pub code_bits: u32,
+    /// Unit of the channels where it is not m/s2: "V", or "unknown" for sources that state none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Unknown keys, kept.
+    #[serde(flatten)]
+    pub other: Table,
+}
+
+fn sixteen() -> u32 {
+    16
+}
+
+/// [tach]: which shaft, how many pulses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tach {
+    /// Shaft with the pick-up: "pinion" or "gear".
+    pub shaft: String,
+    /// Pulses per turn of that shaft.
+    pub pulses_per_rev: u32,
+    /// Standard deviation of an edge time, s, where declared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jitter_s: Option<f64>,
+    /// "virtual" where the edges come from the mesh line's phase: angle 0 is then arbitrary.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// Unknown keys, kept.
+    #[serde(flatten)]
+    pub other: Table,
+}
+
+impl Tach {
+    /// Whether the edges were made from the mesh line; tooth index and angle 0 are then unknown.
+    pub fn is_virtual(&self) -> bool {
+        self.source.as_deref() == Some("virtual")
+    }
+}
+
+/// One [[run]] table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunDeclaration {
+    /// File of the codes, relative to the record folder.
+    pub signal: String,
+    /// File of the tach edges; absent where the record has no tach.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tach: Option<String>,
+    /// Pulses from shaft angle 0 to the first edge, modulo pulses per turn.
+    #[serde(default)]
+    pub first_pulse_index: u32,
+    /// Torque at the pinion's shaft, N m, where known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input_torque_n_m: Option<f64>,
+    /// Unknown keys, kept.
+    #[serde(flatten)]
+    pub other: Table,
+}
+
+impl RunDeclaration {
+    /// The standard names of run `index`: `runNN.npy` and, with a tach, `runNN.tach.csv`.
+    pub fn numbered(index: usize, with_tach: bool, input_torque_n_m: Option<f64>) -> Self {
+        Self {
+            signal: format!("run{index:02}.npy"),
+            tach: with_tach.then(|| format!("run{index:02}.tach.csv")),
+            first_pulse_index: 0,
+            input_torque_n_m,
+            other: Table::new(),
+        }
+    }
+}
+
+impl Declaration {
+    /// A declaration of `machine`; `rest` may then be extended.
+    ///
+    /// # Errors
+    /// A machine that TOML cannot hold (a number beyond its range).
+    pub fn of_machine(machine: &Machine, acquisition: Acquisition, tach: Option<Tach>) -> Result<Self> {
+        let rest =
+            Table::try_from(machine).map_err(|error| Error::invalid(&machine.title, one_line(&error.to_string())))?;
+        Ok(Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into() })
+    }
+
+    /// A declaration of an imported record: a title and, where known, tooth counts.
+    pub fn of_import(title: &str, teeth: Option<[u32; 2]>, acquisition: Acquisition, tach: Option<Tach>) -> Self {
+        let mut rest = Table::new();
+        rest.insert("title".into(), title.into());
+        if let Some(teeth) = teeth {
+            let teeth: Vec<Value> = teeth.iter().map(|&z| Value::Integer(z.into())).collect();
+            rest.insert("pair".into(), Value::Table(Table::from_iter([("teeth".to_string(), Value::Array(teeth))])));
+        }
+        Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into() }
+    }
+
+    /// Reads and checks a `record.toml`.
+    ///
+    /// # Errors
+    /// One line with file, table and key.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// Parses and checks the text of a `record.toml`; `place` names it in messages.
+    ///
+    /// # Errors
+    /// As [`Declaration::read`].
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        let mut rest: Table = toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
+            Error::invalid(format!("{place}:{line}"), one_line(error.message()))
+        })?;
+        refuse_non_finite(place, "", &Value::Table(rest.clone()))?;
+        let acquisition = take(&mut rest, place, "acquisition")?
+            .ok_or_else(|| Error::invalid(place, "has no table [acquisition]"))?;
+        let tach = take(&mut rest, place, "tach")?;
+        let runs: Vec<RunDeclaration> = match rest.remove("run") {
+            Some(Value::Array(tables)) => tables
+                .into_iter()
+                .enumerate()
+                .map(|(i, table)| typed(table, &format!("{place} [[run]] {i}")))
+                .collect::<Result<_>>()?,
+            Some(_) => return Err(Error::invalid(place, "run must be an array of tables [[run]]")),
+            None => Vec::new(),
+        };
+        let declaration = Self { acquisition, tach, runs, rest, place: place.into() };
+        declaration.check()?;
+        Ok(declaration)
+    }
+
+    /// Writes the document.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        self.check()?;
+        let refuse = |error: toml::ser::Error| Error::invalid(path.display(), one_line(&error.to_string()));
+        let mut document = self.rest.clone();
+        document.insert("acquisition".into(), Value::try_from(&self.acquisition).map_err(refuse)?);
+        if let Some(tach) = &self.tach {
+            document.insert("tach".into(), Value::try_from(tach).map_err(refuse)?);
+        }
+        document.insert("run".into(), Value::try_from(&self.runs).map_err(refuse)?);
+        let text = toml::to_string(&document).map_err(refuse)?;
+        std::fs::write(path, text).map_err(Error::file(path))
+    }
+
+    /// Title, empty where none is given.
+    pub fn title(&self) -> &str {
+        self.rest.get("title").and_then(Value::as_str).unwrap_or_default()
+    }
+
+    /// Tooth counts of pinion and gear, where declared.
+    pub fn teeth(&self) -> Option<[u32; 2]> {
+        let teeth = self.rest.get("pair")?.get("teeth")?.as_array()?;
+        match teeth.as_slice() {
+            [pinion, gear] => Some([pinion.as_integer()?.try_into().ok()?, gear.as_integer()?.try_into().ok()?]),
+            _ => None,
+        }
+    }
+
+    /// Whether the whole machine is declared and not only its tooth counts.
+    pub fn has_machine(&self) -> bool {
+        self.rest.contains_key("shafts") && self.rest.get("pair").is_some_and(|pair| pair.get("module_m").is_some())
+    }
+
+    /// The declared machine.
+    ///
+    /// # Errors
+    /// Where the record declares only tooth counts, or a key is missing or unknown.
+    pub fn machine(&self) -> Result<Machine> {
+        if !self.has_machine() {
+            let what = "declares no machine ([pair] geometry and [shafts]); this command needs one";
+            return Err(Error::invalid(&self.place, what));
+        }
+        let mut tables = self.rest.clone();
+        tables.retain(|key, _| !RECORD_KEYS.contains(&key));
+        typed(Value::Table(tables), &self.place)
+    }
+
+    /// Path of the tooth-pair stiffness table as declared.
+    pub fn pair_stiffness(&self) -> Option<PathBuf> {
+        self.rest.get("pair")?.get("pair_stiffness")?.as_str().map(PathBuf::from)
+    }
+
+    pub(super) fn set_pair_stiffness(&mut self, path: &Path) {
+        if let Some(Value::Table(pair)) = self.rest.get_mut("pair") {
+            pair.insert("pair_stiffness".into(), path.display().to_string().into());
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let refuse = |place: &str, what: String| Err(Error::invalid(format!("{} {place}", self.place), what));
+        let a = &self.acquisition;
+        if a.sample_rate_hz <= 0.0 || !a.sample_rate_hz.is_finite() {
+            return refuse("[acquisition] sample_rate_hz", format!("{} is not a positive rate", a.sample_rate_hz));
+        }
+        if a.full_scale_m_s2 <= 0.0 || !a.full_scale_m_s2.is_finite() {
+            return refuse("[acquisition] full_scale_m_s2", format!("{} is not positive", a.full_scale_m_s2));
+        }
+        if a.channels.is_empty() {
+            return refuse("[acquisition] channels", "names no channel".into());
+        }
+        if a.code_bits != 16 {
+            return refuse("[acquisition] code_bits", format!("{} is not supported, only 16", a.code_bits));
+        }
+        if let Some(tach) = &self.tach {
+            if !["pinion", "gear"].contains(&tach.shaft.as_str()) {
+                return refuse("[tach] shaft", format!("'{}' is neither pinion nor gear", tach.shaft));
+            }
+            if !(1..=10_000).contains(&tach.pulses_per_rev) {
+                return refuse("[tach] pulses_per_rev", format!("{} is not within 1 to 10000", tach.pulses_per_rev));
+            }
+        }
+        for (i, run) in self.runs.iter().enumerate() {
+            if let (Some(tach), true) = (&self.tach, run.tach.is_some())
+                && run.first_pulse_index >= tach.pulses_per_rev
+            {
+                let what = format!("{} is not below pulses_per_rev {}", run.first_pulse_index, tach.pulses_per_rev);
+                return refuse(&format!("[[run]] {i} first_pulse_index"), what);
+            }
+            if run.tach.is_some() && self.tach.is_none() {
+                return refuse(&format!("[[run]] {i} tach"), "names an edge file but there is no [tach]".into());
+            }
+        }
+        self.check_teeth()
+    }
+
+    fn check_teeth(&self) -> Result<()> {
+        let Some(teeth) = self.rest.get("pair").and_then(|pair| pair.get("teeth")) else { return Ok(()) };
+        let place = format!("{} [pair] teeth", self.place);
+        match teeth.as_array().map(Vec::as_slice) {
+            Some([Value::Integer(pinion), Value::Integer(gear)]) => {
+                match [pinion, gear].into_iter().find(|z| !TEETH.contains(z)) {
+                    Some(z) => Err(Error::invalid(place, format!("{z} is not a tooth count (5 to 1000)"))),
+                    None => Ok(()),
+                }
+            }
+            _ => Err(Error::invalid(place, "must be two whole numbers [pinion, gear]")),
+        }
+    }
+}
+
+/// Removes `[key]` and types it.
+fn take<T: DeserializeOwned>(document: &mut Table, place: &str, key: &str) -> Result<Option<T>> {
+    document.remove(key).map(|value| typed(value, &format!("{place} [{key}]"))).transpose()
+}
+
+fn typed<T: DeserializeOwned>(value: Value, place: &str) -> Result<T> {
+    value.try_into().map_err(|error: toml::de::Error| Error::invalid(place, one_line(error.message())))
+}
+
+/// TOML has NaN and infinity; no key of ours means anything with them.
+fn refuse_non_finite(place: &str, path: &str, value: &Value) -> Result<()> {
+    match value {
+        Value::Float(x) if !x.is_finite() => Err(Error::invalid(format!("{place} {path}"), format!("is {x}"))),
+        Value::Array(items) => items.iter().enumerate().try_for_each(|(i, item)| {
+            let name = if item.is_table() { format!("{path} {i}") } else { path.to_string() };
+            refuse_non_finite(place, &name, item)
+        }),
+        Value::Table(table) => table.iter().try_for_each(|(key, item)| {
+            let is_table = item.is_table() || item.as_array().is_some_and(|a| a.iter().any(Value::is_table));
+            let name = if is_table { format!("[{key}]") } else { key.clone() };
+            let name = if path.is_empty() { name } else { format!("{path} {name}") };
+            refuse_non_finite(place, &name, item)
+        }),
+        _ => Ok(()),
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

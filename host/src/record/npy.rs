@@ -1,0 +1,137 @@
+//! NumPy array files of records and predictions: int16 codes and float32 predictions, samples x channels.
+//!
+//! The header is parsed by `npyz`; the size is checked against the file before anything is allocated, so a
+//! header that promises too much is a truncated file and not an allocation.
+
+use crate::{Error, Result};
+use npyz::{NpyFile, Order, WriterBuilder};
+use std::path::Path;
+
+/// Reads little-endian int16 codes; returns them interleaved (samples x channels) with the channel count.
+///
+/// A one-dimensional array is one channel. Fortran order is accepted and transposed.
+///
+/// # Errors
+/// Missing, truncated or oversized file, another dtype, more than two dimensions, no samples or no channels.
+pub fn read_i16(path: &Path) -> Result<(Vec<i16>, usize)> {
+    let bytes = std::fs::read(path).map_err(Error::file(path))?;
+    let header = Header::parse(path, &bytes)?;
+    if header.dtype != "<i2" {
+        let what = format!("dtype is {}, a record needs little-endian int16 '<i2'", header.dtype);
+        return Err(Error::invalid(path.display(), what));
+    }
+    let values = header.values::<i16>(path, &bytes)?;
+    Ok((values, header.columns))
+}
+
+/// Reads float32, float64 or an integer type as f64; returns the values (rows x columns) and the column count.
+///
+/// # Errors
+/// As [`read_i16`], but for the dtype: any of f4, f8, i2, i4, i8, u1, u2, little- or big-endian.
+pub fn read_f64(path: &Path) -> Result<(Vec<f64>, usize)> {
+    let bytes = std::fs::read(path).map_err(Error::file(path))?;
+    let header = Header::parse(path, &bytes)?;
+    let values: Vec<f64> = match &header.dtype[1..] {
+        "f4" => header.values::<f32>(path, &bytes)?.into_iter().map(f64::from).collect(),
+        "f8" => header.values::<f64>(path, &bytes)?,
+        "i2" => header.values::<i16>(path, &bytes)?.into_iter().map(f64::from).collect(),
+        "i4" => header.values::<i32>(path, &bytes)?.into_iter().map(f64::from).collect(),
+        "i8" => header.values::<i64>(path, &bytes)?.into_iter().map(|v| v as f64).collect(),
+        "u1" => header.values::<u8>(path, &bytes)?.into_iter().map(f64::from).collect(),
+        "u2" => header.values::<u16>(path, &bytes)?.into_iter().map(f64::from).collect(),
+        _ => return Err(Error::invalid(path.display(), format!("dtype {} is not supported", header.dtype))),
+    };
+    Ok((values, header.columns))
+}
+
+/// Writes int16 codes as `<i2`, shape samples x channels.
+///
+/// # Errors
+/// A file that cannot be written.
+///
+/// # Panics
+/// If the codes are not a whole number of samples: a programming error of the caller.
+pub fn write_i16(path: &Path, codes: &[i16], channels: usize) -> Result<()> {
+    write(path, codes, channels, "<i2")
+}
+
+/// Writes a prediction as `<f4`, shape samples x channels.
+///
+/// # Errors
+/// A file that cannot be written.
+///
+/// # Panics
+/// If the values are not a whole number of samples: a programming error of the caller.
+pub fn write_f32(path: &Path, values: &[f32], channels: usize) -> Result<()> {
+    write(path, values, channels, "<f4")
+}
+
+fn write<T: npyz::Serialize + Copy>(path: &Path, values: &[T], channels: usize, dtype: &str) -> Result<()> {
+    assert!(channels > 0 && values.len().is_multiple_of(channels), "whole samples");
+    let shape = [(values.len() / channels) as u64, channels as u64];
+    let mut bytes = Vec::with_capacity(values.len() * size_of::<T>() + 128);
+    let written = (|| {
+        let dtype = npyz::DType::Plain(dtype.parse().expect("a valid type string"));
+        let options = npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(&mut bytes);
+        let mut writer = options.begin_nd()?;
+        writer.extend(values.iter().copied())?;
+        writer.finish()
+    })();
+    written.and_then(|()| std::fs::write(path, &bytes)).map_err(Error::file(path))
+}
+
+/// The parts of an npy header that matter here.
+struct Header {
+    dtype: String,
+    rows: usize,
+    columns: usize,
+    fortran: bool,
+}
+
+impl Header {
+    fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let refuse = |what: String| Error::invalid(path.display(), what);
+        let mut rest = bytes;
+        let header = npyz::NpyHeader::from_reader(&mut rest)
+            .map_err(|error| refuse(format!("is not a NumPy array file ({})", first_line(&error.to_string()))))?;
+        let npyz::DType::Plain(plain) = header.dtype() else {
+            return Err(refuse("holds records or objects, not numbers".into()));
+        };
+        let (rows, columns) = match header.shape() {
+            [rows] => (*rows, 1),
+            [rows, columns] => (*rows, *columns),
+            shape => return Err(refuse(format!("shape {shape:?} is not samples x channels"))),
+        };
+        if rows == 0 || columns == 0 {
+            return Err(refuse(format!("shape {rows} x {columns} holds no samples")));
+        }
+        let dtype = plain.to_string();
+        let size: u64 = plain.num_bytes().map_or(0, |n| n as u64);
+        let wanted = rows.checked_mul(columns).and_then(|n| n.checked_mul(size));
+        if wanted != Some(rest.len() as u64) {
+            let verdict = if wanted.is_none_or(|n| n > rest.len() as u64) { "truncated" } else { "too long" };
+            let wanted = wanted.map_or("too many".to_string(), |n| n.to_string());
+            let what = format!(
+                "is {verdict}: shape {rows} x {columns} of {dtype} needs {wanted} bytes, {} follow",
+                rest.len()
+            );
+            return Err(refuse(what));
+        }
+        let fortran = header.order() == Order::Fortran;
+        Ok(Self { dtype, rows: rows as usize, columns: columns as usize, fortran })
+    }
+
+    /// Values in rows x columns order.
+    fn values<T: npyz::Deserialize + Copy>(&self, path: &Path, bytes: &[u8]) -> Result<Vec<T>> {
+        let values: Vec<T> = NpyFile::new(bytes).and_then(|file| file.into_vec()).map_err(Error::file(path))?;
+        if !self.fortran || self.columns == 1 {
+            return Ok(values);
+        }
+        let index = (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| column * self.rows + row));
+        Ok(index.map(|i| values[i]).collect())
+    }
+}
+
+fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default()
+}
