@@ -8,7 +8,7 @@
 //! whose `y` axis makes [`Options::axis_angle_rad`] with the line of action: 0 gives `x` across and `y`
 //! along the line of action (record declarations); the pressure angle gives horizontal and vertical axes.
 
-use crate::machine::Machine;
+use crate::machine::{Casing, Machine};
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector};
 
@@ -64,22 +64,14 @@ pub enum Coordinate {
     CasingAlong,
 }
 
-/// Casing on its mounts (Luo et al. 2019 type), equal in both directions.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Casing {
-    /// Mass, kg.
-    pub mass_kg: f64,
-    /// Mount stiffness, N/m.
-    pub stiffness_n_per_m: f64,
-    /// Mount damping, N s/m.
-    pub damping_n_s_per_m: f64,
-}
-
-impl Default for Casing {
-    /// A 10 kg casing at 525 Hz with 1.6 % damping (reference/physics.md 3.2, item 20).
-    fn default() -> Self {
-        let omega = 2.0 * std::f64::consts::PI * 525.0;
-        Self { mass_kg: 10.0, stiffness_n_per_m: 10.0 * omega * omega, damping_n_s_per_m: 2.0 * 0.016 * 10.0 * omega }
+/// Casing of machines that declare none: 10 kg at 525 Hz with 1.6 % damping (reference/physics.md 3.2, item 20).
+fn default_casing() -> Casing {
+    let omega = 2.0 * std::f64::consts::PI * 525.0;
+    let (mass_kg, ratio) = (10.0, 0.016);
+    Casing {
+        mass_kg,
+        stiffness_n_per_m: [mass_kg * omega * omega; 2],
+        damping_n_s_per_m: [2.0 * ratio * mass_kg * omega; 2],
     }
 }
 
@@ -105,8 +97,6 @@ pub struct Options {
     pub axis_angle_rad: f64,
     /// Physical damping.
     pub damping: Damping,
-    /// Casing of [`Model::Casing`].
-    pub casing: Casing,
     /// Mean mesh stiffness, N/m, for modal damping.
     pub mean_mesh_stiffness_n_per_m: f64,
 }
@@ -138,12 +128,12 @@ impl System {
     /// # Errors
     /// A mass, inertia, stiffness or damping that is not finite and in range, named by table and key.
     pub fn assemble(machine: &Machine, options: &Options) -> Result<Self> {
-        check(machine, options)?;
+        check(machine)?;
         let base_radius_m = base_radii(machine);
         let coordinates = coordinates_of(options.model);
         let n = coordinates.len();
         let mut system = Self {
-            mass: DVector::from_iterator(n, coordinates.iter().map(|&c| inertia(machine, options, c))),
+            mass: DVector::from_iterator(n, coordinates.iter().map(|&c| inertia(machine, c))),
             stiffness: DMatrix::zeros(n, n),
             damping: DMatrix::zeros(n, n),
             mesh: DVector::zeros(n),
@@ -291,9 +281,10 @@ impl System {
                 }
             }
         }
-        for axis in [Coordinate::CasingAcross, Coordinate::CasingAlong] {
-            if let Some(i) = self.index(axis) {
-                self.spring(i, None, options.casing.stiffness_n_per_m, options.casing.damping_n_s_per_m);
+        let casing = machine.casing.unwrap_or_else(default_casing);
+        for (axis, coordinate) in [Coordinate::CasingAcross, Coordinate::CasingAlong].into_iter().enumerate() {
+            if let Some(i) = self.index(coordinate) {
+                self.spring(i, None, casing.stiffness_n_per_m[axis], casing.damping_n_s_per_m[axis]);
             }
         }
     }
@@ -329,7 +320,7 @@ fn coordinates_of(model: Model) -> Vec<Coordinate> {
     }
 }
 
-fn inertia(machine: &Machine, options: &Options, coordinate: Coordinate) -> f64 {
+fn inertia(machine: &Machine, coordinate: Coordinate) -> f64 {
     let shafts = &machine.shafts;
     match coordinate {
         Coordinate::Motor => shafts.inertia_motor_kg_m2,
@@ -337,11 +328,11 @@ fn inertia(machine: &Machine, options: &Options, coordinate: Coordinate) -> f64 
         Coordinate::Rotation(_) => shafts.inertia_gear_kg_m2,
         Coordinate::Load => shafts.inertia_load_kg_m2,
         Coordinate::Across(body) | Coordinate::Along(body) => shafts.mass_kg[body],
-        Coordinate::CasingAcross | Coordinate::CasingAlong => options.casing.mass_kg,
+        Coordinate::CasingAcross | Coordinate::CasingAlong => machine.casing.unwrap_or_else(default_casing).mass_kg,
     }
 }
 
-fn check(machine: &Machine, options: &Options) -> Result<()> {
+fn check(machine: &Machine) -> Result<()> {
     let s = &machine.shafts;
     let positive = [
         ("shafts.inertia_motor_kg_m2", s.inertia_motor_kg_m2),
@@ -355,7 +346,6 @@ fn check(machine: &Machine, options: &Options) -> Result<()> {
         ("shafts.bearing_stiffness_n_per_m[0]", s.bearing_stiffness_n_per_m[0]),
         ("shafts.bearing_stiffness_n_per_m[1]", s.bearing_stiffness_n_per_m[1]),
         ("pair.module_m", machine.pair.module_m),
-        ("casing.mass_kg", options.casing.mass_kg),
     ];
     let not_negative = [
         ("shafts.coupling_damping_n_m_s_per_rad[0]", s.coupling_damping_n_m_s_per_rad[0]),

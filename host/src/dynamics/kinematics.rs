@@ -72,6 +72,22 @@ impl Motion {
         Ok(Self::Knots { times_s: edges_s.to_vec(), turns, speeds_hz: Vec::new() })
     }
 
+    /// The motion of a shaft that turns `ratio` times as fast.
+    pub fn geared(mut self, ratio: f64) -> Self {
+        match &mut self {
+            Self::Constant { speed_hz, turns_at_zero } => {
+                *speed_hz *= ratio;
+                *turns_at_zero *= ratio;
+            }
+            Self::RunUp { from_hz, to_hz, .. } => {
+                *from_hz *= ratio;
+                *to_hz *= ratio;
+            }
+            Self::Knots { turns, speeds_hz, .. } => turns.iter_mut().chain(speeds_hz).for_each(|x| *x *= ratio),
+        }
+        self
+    }
+
     /// Angle over a step of length `h`, turns; valid if no break lies inside the step.
     pub fn turns(&self, t: f64, h: f64) -> Series {
         match self {

@@ -4,7 +4,10 @@ pub mod assembly;
 pub mod excitation;
 pub mod kinematics;
 pub mod mesh;
+pub mod predict;
+pub mod rig;
 pub mod roots;
+pub mod sample;
 pub mod series;
 pub mod taylor;
 
@@ -12,5 +15,6 @@ pub use assembly::{Coordinate, Model, System};
 pub use excitation::{Effect, Facts};
 pub use kinematics::Motion;
 pub use mesh::{Mesh, MeshDamping};
+pub use rig::Rig;
 pub use series::Series;
 pub use taylor::{Solver, State, Statistics, Step};

@@ -122,9 +122,8 @@ impl Machine {
 
     fn check_engagement(&self, place: &str) -> Result<()> {
         let Some(engagement) = &self.engagement else { return Ok(()) };
-        let missing = |key: &str| {
-            Error::invalid(place, format!("[engagement] {key}: missing, this kind of engagement needs it"))
-        };
+        let missing =
+            |key: &str| Error::invalid(place, format!("[engagement] {key}: missing, this kind of engagement needs it"));
         if let Some(width) = engagement.width_rad {
             within(place, "[engagement]", "width_rad", width, 1e-7, 1.0, "rad")?;
         }
@@ -165,7 +164,8 @@ impl Machine {
         let seconds = 2.0 * ratio * (geometry.equivalent_mass_kg(&self.shafts) / mean).sqrt();
         let given = self.pair.mesh_damping_s;
         if given != 0.0 && (given - seconds).abs() > 1e-6 * seconds {
-            let what = format!("[pair] mesh_damping_s: {given} s contradicts mesh_damping_ratio, which gives {seconds:e} s");
+            let what =
+                format!("[pair] mesh_damping_s: {given} s contradicts mesh_damping_ratio, which gives {seconds:e} s");
             return Err(Error::invalid(place, what));
         }
         self.pair.mesh_damping_s = seconds;

@@ -9,8 +9,8 @@ mod hash;
 mod options;
 mod read;
 
-pub use options::{Casing, Crack, CrackRule, Engagement, EngagementKind, Load, Motor, Nominal, RootAngle, RootShape};
 pub use options::Side;
+pub use options::{Casing, Crack, CrackRule, Engagement, EngagementKind, Load, Motor, Nominal, RootAngle, RootShape};
 
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;

@@ -2,9 +2,9 @@
 
 use super::pair::PairModel;
 use super::table::{TABLE_TOLERANCE, Table};
+use crate::Result;
 use crate::machine::Machine;
 use crate::piecewise::PiecewisePolynomial;
-use crate::Result;
 
 impl Machine {
     /// Stiffness of one healthy tooth pair, N/m, over base pitches from the start of contact.

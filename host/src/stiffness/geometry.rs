@@ -54,7 +54,10 @@ impl Geometry {
         let shift = pair.profile_shift;
         let involute_working = involute(a) + 2.0 * a.tan() * (shift[0] + shift[1]) / (z[0] + z[1]);
         if involute_working <= 0.0 {
-            return Err(Error::invalid("profile_shift", "so negative that the gears cannot mesh at any centre distance"));
+            return Err(Error::invalid(
+                "profile_shift",
+                "so negative that the gears cannot mesh at any centre distance",
+            ));
         }
         let working = inverse_involute(involute_working, a);
         let centre = 0.5 * m * (z[0] + z[1]) * a.cos() / working.cos();
@@ -67,10 +70,16 @@ impl Geometry {
         let half = [0, 1].map(|i| (0.5 * std::f64::consts::PI + 2.0 * shift[i] * a.tan()) / z[i] + involute(a));
         for i in 0..2 {
             if tip[i] <= base[i] {
-                return Err(Error::invalid("addendum_coefficient", format!("gear {i} has no involute above its base circle")));
+                return Err(Error::invalid(
+                    "addendum_coefficient",
+                    format!("gear {i} has no involute above its base circle"),
+                ));
             }
             if half[i] <= involute((base[i] / tip[i]).acos()) {
-                return Err(Error::invalid("addendum_coefficient", format!("the teeth of gear {i} become pointed below their tips")));
+                return Err(Error::invalid(
+                    "addendum_coefficient",
+                    format!("the teeth of gear {i} become pointed below their tips"),
+                ));
             }
         }
         let line = centre * working.sin();
@@ -93,7 +102,9 @@ impl Geometry {
         if contact_ratio < 1.0 {
             return Err(Error::invalid(
                 "addendum_coefficient",
-                format!("contact ratio {contact_ratio:.4} is below 1: the pair would lose contact in every mesh period"),
+                format!(
+                    "contact ratio {contact_ratio:.4} is below 1: the pair would lose contact in every mesh period"
+                ),
             ));
         }
         Ok(Self {

@@ -69,7 +69,10 @@ impl Table {
             table.stiffness_n_per_m.push(k);
         }
         if table.position.len() < 4 {
-            return Err(Error::invalid(place, format!("{} rows: a stiffness curve needs at least 4", table.position.len())));
+            return Err(Error::invalid(
+                place,
+                format!("{} rows: a stiffness curve needs at least 4", table.position.len()),
+            ));
         }
         if table.stiffness_n_per_m.iter().all(|&k| k == 0.0) {
             return Err(Error::invalid(place, "every stiffness is zero"));

@@ -124,7 +124,8 @@ impl Tooth {
             }
             RootShape::Trochoid => tooth.add_fillet(pair, geometry, index)?,
         }
-        let deepest = if index == 0 { geometry.load_angle(0.0)[0] } else { geometry.load_angle(geometry.contact_ratio)[1] };
+        let deepest =
+            if index == 0 { geometry.load_angle(0.0)[0] } else { geometry.load_angle(geometry.contact_ratio)[1] };
         if -deepest > tooth.involute_end {
             return Err(Error::invalid(
                 "teeth",
