@@ -1,6 +1,7 @@
 //! Dynamics of the gear pair: assembly, excitation, Taylor integration, steady state, energy.
 
 pub mod assembly;
+pub mod decimate;
 pub mod excitation;
 pub mod kinematics;
 pub mod mesh;

@@ -26,9 +26,9 @@ impl Sampler {
         Self { rate_hz, next: 0, end: count as i64 }
     }
 
-    /// Index of the next sample.
-    pub fn next_index(&self) -> usize {
-        self.next as usize
+    /// Samples `first..end`; a negative index lies before time 0.
+    pub fn spanning(rate_hz: f64, first: i64, end: i64) -> Self {
+        Self { rate_hz, next: first, end }
     }
 
     /// Number of samples that fall into a step, and the first one's normalised time and spacing.
@@ -40,10 +40,7 @@ impl Sampler {
     }
 
     /// Hands every channel's samples that fall into `step` to `sink(channel, first index, values)`.
-    pub fn take(&mut self, step: &Step, channels: &[usize], mut sink: impl FnMut(usize, usize, &[f64])) {
-        if step.start_s + step.end * step.length_s <= 0.0 {
-            return;
-        }
+    pub fn take(&mut self, step: &Step, channels: &[usize], mut sink: impl FnMut(usize, i64, &[f64])) {
         let (count, first, spacing) = self.span(step);
         if count == 0 {
             return;
@@ -55,7 +52,7 @@ impl Sampler {
             while done < count {
                 let n = BLOCK.min(count - done);
                 evaluate(&series, first + done as f64 * spacing, spacing, &mut values[..n]);
-                sink(channel, self.next as usize + done, &values[..n]);
+                sink(channel, self.next + done as i64, &values[..n]);
                 done += n;
             }
         }
