@@ -19,12 +19,15 @@ enum Command {
     Alias(commands::alias::Args),
     /// What the declared machine gives for each run of a record.
     Predict(commands::predict::Args),
+    /// A record folder of a simulated machine.
+    Simulate(commands::simulate::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
         Command::Predict(args) => commands::predict::run(args),
+        Command::Simulate(args) => commands::simulate::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

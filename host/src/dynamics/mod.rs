@@ -2,6 +2,7 @@
 
 pub mod assembly;
 pub mod decimate;
+pub mod energy;
 pub mod excitation;
 pub mod kinematics;
 pub mod mesh;
@@ -10,6 +11,8 @@ pub mod rig;
 pub mod roots;
 pub mod sample;
 pub mod series;
+pub mod simulate;
+pub mod steady;
 pub mod taylor;
 
 pub use assembly::{Coordinate, Model, System};
