@@ -3,6 +3,7 @@
 //! One effect per file; its [`Entry`] names it, its parameters with units, ranges and defaults, and builds
 //! the [`Effect`]. Adding one means one file here and one line in [`REGISTRY`] (and its `mod` line).
 
+mod backlash;
 mod eccentricity;
 mod friction;
 mod ghost;
@@ -15,7 +16,7 @@ use crate::{Error, Result};
 
 /// Every known effect.
 pub const REGISTRY: &[&Entry] =
-    &[&eccentricity::ENTRY, &pitch_error::ENTRY, &torque_ripple::ENTRY, &imbalance::ENTRY, &ghost::ENTRY, &friction::ENTRY];
+    &[&eccentricity::ENTRY, &pitch_error::ENTRY, &torque_ripple::ENTRY, &imbalance::ENTRY, &ghost::ENTRY, &friction::ENTRY, &backlash::ENTRY];
 
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
