@@ -69,11 +69,10 @@ fn bracketed(p: &[f64], mut a: f64, mut b: f64) -> f64 {
             a = x
         }
         let newton = x - value / slope;
-        let next = if newton > a && newton < b { newton } else { 0.5 * (a + b) };
-        if (next - x).abs() <= 2.0 * f64::EPSILON * x.abs().max(1e-3) || value == 0.0 {
-            return next;
+        if value == 0.0 || (newton - x).abs() <= 2.0 * f64::EPSILON * x.abs().max(1e-3) {
+            return x;
         }
-        x = next;
+        x = if newton > a && newton < b { newton } else { 0.5 * (a + b) };
     }
     x
 }

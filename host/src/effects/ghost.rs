@@ -12,7 +12,13 @@ pub const ENTRY: Entry = Entry {
     meaning: "machining undulation of one gear",
     parameters: &[
         Parameter { name: "amplitude", unit: "m", default: 1e-6, range: [0.0, 1e-3], meaning: "of the undulation" },
-        Parameter { name: "order", unit: "", default: 31.0, range: [0.0, 2000.0], meaning: "waves per turn of the gear" },
+        Parameter {
+            name: "order",
+            unit: "",
+            default: 31.0,
+            range: [0.0, 2000.0],
+            meaning: "waves per turn of the gear",
+        },
         PHASE,
         GEAR,
     ],

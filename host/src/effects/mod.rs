@@ -15,8 +15,15 @@ use crate::dynamics::Effect;
 use crate::{Error, Result};
 
 /// Every known effect.
-pub const REGISTRY: &[&Entry] =
-    &[&eccentricity::ENTRY, &pitch_error::ENTRY, &torque_ripple::ENTRY, &imbalance::ENTRY, &ghost::ENTRY, &friction::ENTRY, &backlash::ENTRY];
+pub const REGISTRY: &[&Entry] = &[
+    &eccentricity::ENTRY,
+    &pitch_error::ENTRY,
+    &torque_ripple::ENTRY,
+    &imbalance::ENTRY,
+    &ghost::ENTRY,
+    &friction::ENTRY,
+    &backlash::ENTRY,
+];
 
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]

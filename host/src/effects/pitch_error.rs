@@ -20,7 +20,13 @@ pub const ENTRY: Entry = Entry {
     parameters: &[
         Parameter { name: "single", unit: "m", default: 0.0, range: [-1e-3, 1e-3], meaning: "error of one tooth" },
         Parameter { name: "tooth", unit: "", default: 0.0, range: [0.0, 999.0], meaning: "which tooth that is" },
-        Parameter { name: "random", unit: "m", default: 0.0, range: [0.0, 1e-3], meaning: "standard deviation per tooth" },
+        Parameter {
+            name: "random",
+            unit: "m",
+            default: 0.0,
+            range: [0.0, 1e-3],
+            meaning: "standard deviation per tooth",
+        },
         Parameter { name: "seed", unit: "", default: 1.0, range: [0.0, 1e15], meaning: "of the random errors" },
         GEAR,
     ],
