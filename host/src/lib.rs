@@ -1,5 +1,7 @@
 //! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
 
+pub mod dynamics;
+pub mod effects;
 pub mod error;
 pub mod import;
 pub mod law;

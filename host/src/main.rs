@@ -23,6 +23,10 @@ enum Command {
     Stiffness(commands::stiffness::Args),
     /// The real firmware in QEMU on a run of a record.
     Node(commands::node::Args),
+    /// What the declared machine gives for each run of a record.
+    Predict(commands::predict::Args),
+    /// A record folder of a simulated machine.
+    Simulate(commands::simulate::Args),
 }
 
 fn main() -> ExitCode {
@@ -31,6 +35,8 @@ fn main() -> ExitCode {
         Command::Import(args) => commands::import::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
         Command::Node(args) => commands::node::run(args),
+        Command::Predict(args) => commands::predict::run(args),
+        Command::Simulate(args) => commands::simulate::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,3 +4,5 @@ pub mod alias;
 pub mod import;
 pub mod stiffness;
 pub mod node;
+pub mod predict;
+pub mod simulate;

@@ -1,0 +1,66 @@
+//! What the declared machine gives for each run of a record: declaration, torque and tach only.
+//!
+//! The angle comes from the tach, so the contact positions do; forces do not. The machine is in steady
+//! state at the first sample. Sensors are flat.
+
+use super::assembly::{Damping, Model};
+use super::excitation::Effect;
+use super::kinematics::Motion;
+use super::rig::Rig;
+use super::taylor::Statistics;
+use crate::machine::Machine;
+use crate::record::{Record, Run};
+use crate::{Error, Result};
+
+/// Predicts every run of a record.
+pub struct Predictor {
+    /// The machine as declared.
+    pub rig: Rig,
+    pulses_per_turn: u32,
+    turns_of_pinion: f64,
+    jitter_s: f64,
+    rate_hz: f64,
+}
+
+impl Predictor {
+    /// Prepares the declared machine of a record.
+    ///
+    /// # Errors
+    /// A record without machine or tach.
+    pub fn new(record: &Record, model: Model, damping: Damping) -> Result<Self> {
+        let machine = Machine::read(&record.folder)?;
+        let tach = record.require_tach()?;
+        let turns_of_pinion = match tach.shaft.as_str() {
+            "gear" => f64::from(machine.pair.teeth[1]) / f64::from(machine.pair.teeth[0]),
+            _ => 1.0,
+        };
+        Ok(Self {
+            rig: Rig::new(&machine, model, damping)?,
+            pulses_per_turn: tach.pulses_per_rev,
+            turns_of_pinion,
+            jitter_s: tach.jitter_s.unwrap_or(0.0),
+            rate_hz: record.declaration.acquisition.sample_rate_hz,
+        })
+    }
+
+    /// Angle of the pinion during a run.
+    ///
+    /// # Errors
+    /// Edges that give no speed.
+    pub fn motion(&self, run: &Run) -> Result<Motion> {
+        let first = u64::from(run.declaration.first_pulse_index);
+        let motion = Motion::from_tach(&run.edges_s, self.pulses_per_turn, first, self.jitter_s)?;
+        Ok(motion.geared(self.turns_of_pinion))
+    }
+
+    /// Acceleration of both channels over a run, m/s2.
+    ///
+    /// # Errors
+    /// A run without torque, and everything that stops the solver.
+    pub fn predict(&self, run: &Run, effects: &[Box<dyn Effect>]) -> Result<([Vec<f64>; 2], Statistics)> {
+        let torque = run.declaration.input_torque_n_m.ok_or_else(|| {
+            Error::invalid(&run.declaration.signal, "[[run]] input_torque_n_m is needed for a prediction")
+        })?;
+        self.rig.accelerations(&self.motion(run)?, torque, effects, self.rate_hz, run.samples())
+    }
+}

@@ -1,0 +1,112 @@
+//! A record of a simulated machine: signals, codes and tach edges, from a seed.
+
+use super::excitation::{Effect, Sampled};
+use super::kinematics::Motion;
+use super::rig::Rig;
+use super::taylor::Statistics;
+use crate::{Error, Result};
+use rand_chacha::ChaCha12Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, Normal};
+
+/// What a run is sampled with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Acquisition {
+    /// Sampling rate, Hz.
+    pub rate_hz: f64,
+    /// Length, s.
+    pub duration_s: f64,
+    /// Tach pulses per turn of the pinion.
+    pub pulses_per_turn: u32,
+    /// Standard deviation of the tach edges, s.
+    pub jitter_s: f64,
+    /// Standard deviation of white noise, m/s2.
+    pub noise_m_s2: f64,
+    /// Seed of all random streams.
+    pub seed: u64,
+}
+
+/// A simulated run.
+#[derive(Debug, Clone)]
+pub struct Simulated {
+    /// Acceleration of both channels, m/s2.
+    pub channels: [Vec<f64>; 2],
+    /// Tach edges, s.
+    pub edges_s: Vec<f64>,
+    /// Pulses from angle 0 to the first edge, modulo pulses per turn.
+    pub first_pulse_index: u32,
+    /// Cost.
+    pub statistics: Statistics,
+}
+
+/// Simulates one run.
+///
+/// # Errors
+/// Impossible rates, lengths and deviations, and everything that stops the solver.
+pub fn simulate(
+    rig: &Rig,
+    motion: &Motion,
+    input_torque_n_m: f64,
+    effects: &[Box<dyn Effect>],
+    acquisition: &Acquisition,
+) -> Result<Simulated> {
+    let a = acquisition;
+    if !(10e3..=100e6).contains(&a.rate_hz) {
+        return Err(Error::invalid("--rate", format!("{} Hz is not within 10 kHz to 100 MHz", a.rate_hz)));
+    }
+    if !(a.duration_s.is_finite() && a.duration_s > 0.0) {
+        return Err(Error::invalid("--duration", format!("{} s is not a positive time", a.duration_s)));
+    }
+    if a.pulses_per_turn == 0 {
+        return Err(Error::invalid("--pulses", "at least one pulse per turn is needed"));
+    }
+    let deviation = |option: &str, value: f64| {
+        Normal::new(0.0, value)
+            .ok()
+            .filter(|_| value >= 0.0 && value.is_finite())
+            .ok_or_else(|| Error::invalid(option, format!("{value} is not a standard deviation")))
+    };
+    let (jitter, noise) = (deviation("--jitter", a.jitter_s)?, deviation("--noise", a.noise_m_s2)?);
+    let count = (a.duration_s * a.rate_hz).round().max(1.0) as usize;
+    let (mut channels, statistics) = rig.accelerations(motion, input_torque_n_m, effects, a.rate_hz, count)?;
+    let angle = |t: f64| angle_turns(motion, effects, t);
+    let turns: Vec<f64> = (0..count).map(|i| angle(i as f64 / a.rate_hz)).collect();
+    for effect in effects {
+        let mut sampled = Sampled { channels: &mut channels, rate_hz: a.rate_hz, seed: a.seed, turns: &turns };
+        effect.measure(&mut sampled);
+    }
+    // One stream per purpose: a change of the noise leaves the tach as it was.
+    let mut random = ChaCha12Rng::seed_from_u64(a.seed);
+    random.set_stream(1);
+    channels.iter_mut().flatten().for_each(|x| *x += noise.sample(&mut random));
+    random.set_stream(2);
+    let (first_pulse, edges_s) = edges(&turns, a, &angle);
+    let edges_s = edges_s.into_iter().map(|t| t + jitter.sample(&mut random)).collect();
+    let first_pulse_index = first_pulse.rem_euclid(i64::from(a.pulses_per_turn)) as u32;
+    Ok(Simulated { channels, edges_s, first_pulse_index, statistics })
+}
+
+fn angle_turns(motion: &Motion, effects: &[Box<dyn Effect>], t: f64) -> f64 {
+    let mut turns = motion.turns(t, 1e-6);
+    effects.iter().for_each(|e| e.turns(t, 1e-6, &mut turns));
+    turns.coefficient(0)
+}
+
+/// Edge times within the run by bisection of the angle between samples, and the first pulse's number.
+fn edges(turns: &[f64], a: &Acquisition, angle: &impl Fn(f64) -> f64) -> (i64, Vec<f64>) {
+    let pulses = f64::from(a.pulses_per_turn);
+    let first = (turns[0] * pulses).ceil() as i64;
+    let (mut next, mut times) = (first, Vec::new());
+    for i in 1..turns.len() {
+        while turns[i] * pulses >= next as f64 {
+            let (mut low, mut high) = ((i - 1) as f64 / a.rate_hz, i as f64 / a.rate_hz);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if angle(middle) * pulses >= next as f64 { high = middle } else { low = middle }
+            }
+            times.push(high);
+            next += 1;
+        }
+    }
+    (first, times)
+}

@@ -1,0 +1,39 @@
+//! Coulomb friction of the sliding flanks, reversing at the pitch point.
+//!
+//! Each pair's friction force is a constant share of its mesh force, across the line of action; its moments
+//! about both gears follow the contact point. Signature: mesh harmonics across the line of action,
+//! proportional to torque.
+
+use super::{Entry, Parameter};
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
+use crate::dynamics::series::Series;
+
+/// Registry entry.
+pub const ENTRY: Entry = Entry {
+    name: "friction",
+    meaning: "sliding friction of the flanks with reversal at the pitch point",
+    parameters: &[Parameter {
+        name: "coefficient",
+        unit: "",
+        default: 0.05,
+        range: [0.0, 0.5],
+        meaning: "friction force over normal force",
+    }],
+    build: |v| Box::new(Friction { coefficient: v.get("coefficient") }),
+};
+
+struct Friction {
+    coefficient: f64,
+}
+
+impl Effect for Friction {
+    fn friction(&self, moment: &Moment, pair: &PairOnPath) -> Option<Series> {
+        // Before the pitch point the gear's flank slides ahead. The middle of the step is never a knot.
+        let ahead = pair.position.value(0.5) - moment.facts.pitch_point_base_pitches;
+        Some(Series::constant(self.coefficient * ahead.signum()))
+    }
+
+    fn path_knots(&self, facts: &Facts) -> Vec<f64> {
+        vec![facts.pitch_point_base_pitches]
+    }
+}

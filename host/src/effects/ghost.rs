@@ -1,0 +1,44 @@
+//! Ghost order: an undulation left by the gear-cutting machine's index wheel, at any order of one shaft.
+//!
+//! Signature: a line at that order (no mesh multiple), order-locked, hardly dependent on torque.
+
+use super::{Entry, GEAR, PHASE, Parameter};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::series::Series;
+
+/// Registry entry.
+pub const ENTRY: Entry = Entry {
+    name: "ghost",
+    meaning: "machining undulation of one gear",
+    parameters: &[
+        Parameter { name: "amplitude", unit: "m", default: 1e-6, range: [0.0, 1e-3], meaning: "of the undulation" },
+        Parameter {
+            name: "order",
+            unit: "",
+            default: 31.0,
+            range: [0.0, 2000.0],
+            meaning: "waves per turn of the gear",
+        },
+        PHASE,
+        GEAR,
+    ],
+    build: |v| {
+        let [amplitude_m, order, phase_rad] = ["amplitude", "order", "phase"].map(|n| v.get(n));
+        Box::new(Ghost { amplitude_m, order, phase_rad, body: v.body() })
+    },
+};
+
+struct Ghost {
+    amplitude_m: f64,
+    order: f64,
+    phase_rad: f64,
+    body: usize,
+}
+
+impl Effect for Ghost {
+    fn pair_error(&self, moment: &Moment, _pair: &PairOnPath, error: &mut Series) {
+        let mut phase = moment.angle_rad[self.body].scaled(self.order);
+        phase.add_constant(self.phase_rad);
+        error.add_scaled(&phase.sin_cos().1, self.amplitude_m);
+    }
+}

@@ -1,0 +1,39 @@
+//! Torque ripple of the motor: at an order of the pinion's shaft, or at a fixed frequency.
+//!
+//! Signature: a line at the order (moves with speed) or frequency (fixed), sidebands of it around the mesh.
+
+use super::{Entry, PHASE, Parameter};
+use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use std::f64::consts::TAU;
+
+/// Registry entry.
+pub const ENTRY: Entry = Entry {
+    name: "torque-ripple",
+    meaning: "motor torque with a sinusoidal part",
+    parameters: &[
+        Parameter { name: "depth", unit: "", default: 0.05, range: [0.0, 10.0], meaning: "amplitude over mean torque" },
+        Parameter { name: "order", unit: "", default: 0.0, range: [0.0, 1000.0], meaning: "per pinion turn; 0: none" },
+        Parameter { name: "frequency", unit: "Hz", default: 0.0, range: [0.0, 1e5], meaning: "fixed part of the rate" },
+        PHASE,
+    ],
+    build: |v| {
+        let [depth, order, frequency_hz, phase_rad] = ["depth", "order", "frequency", "phase"].map(|n| v.get(n));
+        Box::new(TorqueRipple { depth, order, frequency_hz, phase_rad })
+    },
+};
+
+struct TorqueRipple {
+    depth: f64,
+    order: f64,
+    frequency_hz: f64,
+    phase_rad: f64,
+}
+
+impl Effect for TorqueRipple {
+    fn force(&self, moment: &Moment, forces: &mut Forces) {
+        let mut phase = moment.time_s().scaled(TAU * self.frequency_hz);
+        phase.add_scaled(&moment.angle_rad[0], self.order);
+        phase.add_constant(self.phase_rad);
+        forces.add(Place::Motor, phase.sin_cos().1.scaled(self.depth * moment.facts.input_torque_n_m));
+    }
+}
