@@ -269,7 +269,7 @@ impl System {
                 self.spring(i, Some(j), shafts.coupling_stiffness_n_m_per_rad[side], coupling[side]);
             }
         }
-        for body in 0..2 {
+        for (body, damping) in bearing.into_iter().enumerate() {
             let axes = [
                 (Coordinate::Across(body), Coordinate::CasingAcross),
                 (Coordinate::Along(body), Coordinate::CasingAlong),
@@ -277,7 +277,7 @@ impl System {
             for (axis, ground) in axes {
                 if let Some(i) = self.index(axis) {
                     let ground = self.index(ground);
-                    self.spring(i, ground, shafts.bearing_stiffness_n_per_m[body], bearing[body]);
+                    self.spring(i, ground, shafts.bearing_stiffness_n_per_m[body], damping);
                 }
             }
         }

@@ -97,8 +97,8 @@ fn edges(turns: &[f64], a: &Acquisition, angle: &impl Fn(f64) -> f64) -> (i64, V
     let pulses = f64::from(a.pulses_per_turn);
     let first = (turns[0] * pulses).ceil() as i64;
     let (mut next, mut times) = (first, Vec::new());
-    for i in 1..turns.len() {
-        while turns[i] * pulses >= next as f64 {
+    for (i, &angle_now) in turns.iter().enumerate().skip(1) {
+        while angle_now * pulses >= next as f64 {
             let (mut low, mut high) = ((i - 1) as f64 / a.rate_hz, i as f64 / a.rate_hz);
             for _ in 0..60 {
                 let middle = 0.5 * (low + high);

@@ -151,8 +151,8 @@ impl<const N: usize> Solver<N> {
 
     /// Replaces the constant force.
     pub fn set_force(&mut self, force: &[f64]) {
-        for i in 0..N {
-            self.force[i] = force[i] / (self.root_mass[i] * self.root_mass[i]);
+        for ((own, given), root) in self.force.iter_mut().zip(force).zip(&self.root_mass) {
+            *own = given / (root * root);
         }
     }
 
@@ -234,9 +234,9 @@ impl<const N: usize> Solver<N> {
             let rate = (n + 1) as f64 * per_h;
             let v = table[n + 1].map(|c| c * rate);
             let mut a = if n == 0 { self.force } else { [0.0; N] };
-            for j in 0..N {
-                for i in 0..N {
-                    a[i] -= self.stiffness[j][i] * q[j] + self.damping[j][i] * v[j];
+            for ((stiffness, damping), (q, v)) in self.stiffness.iter().zip(&self.damping).zip(q.iter().zip(&v)) {
+                for ((a, k), c) in a.iter_mut().zip(stiffness).zip(damping) {
+                    *a -= k * q + c * v;
                 }
             }
             for (index, channel) in channels.iter().enumerate() {
@@ -245,8 +245,8 @@ impl<const N: usize> Solver<N> {
                 w[index][n] = dot(input, &v);
                 let force = channel_force(channel, &d[index], &w[index], n);
                 let output = &self.outputs[channel.output];
-                for i in 0..N {
-                    a[i] -= force * output[i];
+                for (a, o) in a.iter_mut().zip(output) {
+                    *a -= force * o;
                 }
             }
             for (direction, series) in &terms.forces {
