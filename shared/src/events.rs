@@ -52,10 +52,14 @@ pub enum EventKind {
     RequestRefused,
     /// Reported by the board's own code; detail is the board's number.
     Board,
+    /// Measured bandwidth and law part; detail is measured over law in per cent.
+    BandwidthDeparts,
+    /// Measured bandwidth and law agree again; detail as before.
+    BandwidthAgrees,
 }
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::Board as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::BandwidthAgrees as usize + 1;
 
 /// Events kept.
 pub const RING: usize = 32;

@@ -2,9 +2,9 @@
 #![no_std]
 #![no_main]
 
-use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_semihosting as _;
+use meshband::buffers::Buffers;
 use meshband::config::Configuration;
 use meshband::message::Request;
 use meshband::replay::{CodeDigest, Drill, Replay};
@@ -16,12 +16,14 @@ use semihosting::{eprintln, process};
 
 #[entry]
 fn main() -> ! {
+    // All zero bytes, hence in .bss; the rest of the node is small enough for the stack.
+    static mut BUFFERS: Buffers = Buffers::ZERO;
     let record = Replay::parse(an386::image()).unwrap_or_else(|reason| {
         eprintln!("node: no usable record in PSRAM: {reason:?}");
         process::exit(1)
     });
     rehearse(record.header().drill);
-    let session = open_session(&record);
+    let mut session = open_session(&record, BUFFERS);
     let mut board = Board::start(record, session.node().requested_period_ticks());
     let mut digest = CodeDigest::new();
     loop {
@@ -54,9 +56,8 @@ fn main() -> ! {
     close(&board.statistics(), digest.value())
 }
 
-/// The node with the record's configuration, in memory of its own.
-#[inline(never)]
-fn open_session(record: &Replay<'static>) -> &'static mut Session {
+/// The node with the record's configuration.
+fn open_session(record: &Replay<'static>, buffers: &'static mut Buffers) -> Session<&'static mut Buffers> {
     let fail = |what: &str, reason: &dyn core::fmt::Debug| -> ! {
         eprintln!("node: {what}: {reason:?}");
         process::exit(1)
@@ -70,12 +71,7 @@ fn open_session(record: &Replay<'static>) -> &'static mut Session {
     if clock.0 != CLOCK_HZ {
         fail("the record is for another time base", &clock);
     }
-    let session =
-        singleton!(: Option<Session> = Session::new(config, clock).map_err(|e| fail("configuration", &e)).ok());
-    match session {
-        Some(Some(session)) => session,
-        _ => fail("configuration", &"refused"),
-    }
+    Session::with_buffers(config, clock, buffers).unwrap_or_else(|e| fail("configuration", &e))
 }
 
 /// Prints the closing statistics and ends with success.
