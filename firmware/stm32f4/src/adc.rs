@@ -39,3 +39,8 @@ pub fn take_overrun(adc: &adc1::RegisterBlock) -> bool {
     }
     overrun
 }
+
+/// Stops the converter; [`start`] sets it up anew.
+pub fn stop(adc: &adc1::RegisterBlock) {
+    adc.cr2().reset();
+}

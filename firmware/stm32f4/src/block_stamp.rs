@@ -57,8 +57,23 @@ impl Borders {
         self.overrun = true;
     }
 
+    /// Sampling was stopped and starts anew with the published period: the running block is lost.
+    pub fn restart(&mut self) {
+        self.running = self.published;
+        self.sequence = self.sequence.wrapping_add(1);
+        self.overrun = true;
+    }
+
     /// The period word that DMA is to copy at the next border.
     pub const fn published(&self) -> u32 {
         self.published
     }
+}
+
+/// Whether the converter's transfers keep step with the triggers: TIM3's count against the stream's remaining
+/// transfers, read one after the other. A conversion takes less than two sample periods, so more than two triggers
+/// without a transfer mean that a sample was lost and every later one of the block is one place early.
+pub const fn is_aligned(counted: u16, remaining: u16) -> bool {
+    let transferred = BLOCK_SAMPLES.wrapping_sub(remaining) % BLOCK_SAMPLES;
+    counted.wrapping_sub(transferred) % BLOCK_SAMPLES <= 2
 }

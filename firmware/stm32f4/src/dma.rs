@@ -21,6 +21,16 @@ pub enum Target {
     Memory1,
 }
 
+impl Target {
+    /// The other one.
+    pub const fn other(self) -> Self {
+        match self {
+            Target::Memory0 => Target::Memory1,
+            Target::Memory1 => Target::Memory0,
+        }
+    }
+}
+
 /// Status of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Flags {

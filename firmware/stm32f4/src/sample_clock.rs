@@ -68,3 +68,16 @@ pub fn start(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock) {
     tim3.cr1().modify(|_, w| w.cen().enabled());
     tim2.cr1().modify(|_, w| w.cen().enabled());
 }
+
+/// Stops sampling.
+pub fn stop(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock) {
+    tim2.cr1().modify(|_, w| w.cen().disabled());
+    tim3.cr1().modify(|_, w| w.cen().disabled());
+    tim3.dier().write(|w| w.ude().disabled());
+    tim3.smcr().reset();
+}
+
+/// Triggers of the running block so far.
+pub fn counted(tim3: &tim3::RegisterBlock) -> u16 {
+    tim3.cnt().read().cnt().bits()
+}

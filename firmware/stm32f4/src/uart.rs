@@ -58,7 +58,7 @@ pub fn write_position(dma2: &dma::RegisterBlock, length: u16) -> u16 {
     length.wrapping_sub(dma2.st(RECEIVE_STREAM).ndtr().read().ndt().bits()).min(length.wrapping_sub(1))
 }
 
-/// Starts sending `length` bytes; ends with the stream's interrupt.
+/// Starts sending `length` bytes. The main loop sees the end by [`is_sending`]; no interrupt.
 ///
 /// # Safety
 /// `data_register` must be USART1's; `buffer` must stay unchanged memory of `length` bytes that DMA2 reaches until the
@@ -75,7 +75,7 @@ pub unsafe fn start_sending(dma2: &dma::RegisterBlock, data_register: u32, buffe
     stream.ndtr().write(|w| w.ndt().set(length));
     stream.fcr().write(|w| w.dmdis().enabled());
     stream.cr().write(|w| {
-        let w = w.chsel().set(CHANNEL).pl().low().tcie().enabled();
+        let w = w.chsel().set(CHANNEL).pl().low();
         w.dir().memory_to_peripheral().minc().incremented().psize().bits8().msize().bits8()
     });
     stream.cr().modify(|_, w| w.en().enabled());
