@@ -80,7 +80,7 @@ impl Tach {
     }
 }
 
-/// One [[run]] table.
+/// One `[[run]]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunDeclaration {
     /// File of the codes, relative to the record folder.
