@@ -17,11 +17,14 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// Finds what the declared machine of a record lacks; error before and after.
+    Loop(commands::close::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Loop(args) => commands::close::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

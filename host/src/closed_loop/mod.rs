@@ -8,9 +8,18 @@
 //! what they cannot explain. Source: reference recipe "split, residual, match by simulation, abstain" of the project.
 
 pub mod angle;
+pub mod base_fit;
+pub mod candidate;
+pub mod decide;
+pub mod detect;
 pub mod generate;
 pub mod harmonic_model;
 pub mod input;
+pub mod least_squares;
+pub mod library;
+pub mod outcome;
 pub mod pair_curve;
 pub mod spectrum;
 
+pub use decide::{Options, close_loop};
+pub use outcome::Outcome;

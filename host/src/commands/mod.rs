@@ -1,3 +1,5 @@
 //! Subcommands: argument structs and the printing around library calls; no computation of their own.
 
 pub mod alias;
+#[path = "loop.rs"]
+pub mod close;
