@@ -182,8 +182,8 @@ impl Base {
 
     /// Weights from the noise of `quiet` (the best current residual) and slack in proportion to `raw` (the model's residual).
     pub fn weights(&self, quiet: &[[Bins; 2]], raw: &[[Bins; 2]]) -> Vec<[Vec<f64>; 2]> {
-        // The lowest bins hold window leakage of the mean and wander of sensors: below 3 Hz nothing is compared.
-        let lowest = (3.0 * self.analyser.duration_s()) as usize;
+        // The lowest bins hold window leakage of the mean and wander of sensors: below 8 Hz nothing is compared.
+        let lowest = (8.0 * self.analyser.duration_s()) as usize;
         (0..self.runs.len())
             .map(|r| {
                 [0, 1].map(|c| {

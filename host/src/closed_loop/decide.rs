@@ -43,7 +43,9 @@ const PER_UNKNOWN: f64 = 10.0;
 /// Least score of an accepted effect.
 const LEAST_SCORE: f64 = 15.0;
 /// Least gain on the selection runs.
-const LEAST_SELECT_GAIN: f64 = 6.0;
+const LEAST_SELECT_GAIN: f64 = 15.0;
+/// Least share of the whole gain that the selection runs must show when predicted from the fit runs.
+const LEAST_SELECT_SHARE: f64 = 0.1;
 /// Largest power left at its own lines, beyond noise, of a named effect.
 const LARGEST_LEFT: f64 = 0.04;
 
@@ -249,7 +251,9 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         }
         let tests = judged.len() as f64;
         let best = judged.iter().position(|j| {
-            j.score > LEAST_SCORE && j.select_gain > LEAST_SELECT_GAIN && significance(j, tests) < 1e-3
+            j.score > LEAST_SCORE
+                && j.select_gain > LEAST_SELECT_GAIN.max(LEAST_SELECT_SHARE * j.gain)
+                && significance(j, tests) < 1e-3
         });
         for j in judged.iter().take(30) {
             let worst = refused.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);

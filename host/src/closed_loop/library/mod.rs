@@ -80,8 +80,9 @@ impl<'a> Bench<'a> {
         for found in orders {
             // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
             let z = f64::from(self.base.machine.teeth[0]);
+            let at = self.peak(data, fit, found.at);
             for n in -3..=3 {
-                let seat = self.refined(found.at - f64::from(n) * z).abs();
+                let seat = self.refined(at - f64::from(n) * z).abs();
                 if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > 0.01) {
                     done.push(seat);
                     all.extend(order::at_order(self, seat, 200.0));
@@ -92,6 +93,27 @@ impl<'a> Bench<'a> {
             all.extend(order::at_frequency(self, data, fit, found.at));
         }
         all
+    }
+
+    /// Order of the largest summed line power near a detected one.
+    fn peak(&self, data: &Data, fit: &[usize], order: f64) -> f64 {
+        let duration = self.base.analyser.duration_s();
+        let fastest = self.angles.iter().map(|a| a.1).fold(0.0, f64::max);
+        let power = |o: f64| -> f64 {
+            fit.iter()
+                .flat_map(|&r| [0, 1].map(|c| (r, c)))
+                .map(|(r, c)| {
+                    let hz = o * self.angles[r].1;
+                    let weight = data.weight[r][c].get((hz * duration).round() as usize).copied().unwrap_or(0.0);
+                    self.base.analyser.amplitude(&data.residual[r][c], hz).0.norm_sqr() * weight
+                })
+                .sum()
+        };
+        let step = 0.02 / (duration * fastest);
+        (-80..=80)
+            .map(|i| order + f64::from(i) * step)
+            .max_by(|a, b| power(*a).total_cmp(&power(*b)))
+            .unwrap_or(order)
     }
 
     /// Snaps an order to a whole order of pinion or gear when it is one within resolution.
