@@ -24,7 +24,7 @@ fn ref_harmonic_balance_leaves_a_thousandth_of_the_check_records() {
             let solution = machine.base(&comb, run.input_torque_n_m);
             for channel in 0..2 {
                 let measured = analyser.bins_of(&run.channels[channel]);
-                let model = analyser.bins_of_lines(&solution.lines, angle.offset_rad, angle.shaft_hz, channel);
+                let model = analyser.bins_of_lines(&solution.lines, angle.offset_rad, angle.shaft_hz, channel, 160);
                 let power = |bins: &mut dyn Iterator<Item = f64>| bins.skip(8).sum::<f64>().sqrt();
                 let all = power(&mut measured.iter().map(|x| x.norm_sqr()));
                 let left = power(&mut measured.iter().zip(&model).map(|(m, p)| (m - p).norm_sqr()));

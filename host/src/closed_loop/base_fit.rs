@@ -8,7 +8,7 @@ use super::candidate::Template;
 use super::harmonic_model::{Comb, Machine, Solution};
 use super::input::Record;
 use super::least_squares::{Column, Data, normal, solve};
-use super::spectrum::{Analyser, Bins, OVERDISPERSION, noise_power, sparse};
+use super::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, WIDE, noise_power, sparse};
 use crate::machine::Shafts;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -95,7 +95,7 @@ fn predict(machine: &Machine, torque_factor: f64, angle: &Angle, torque: f64) ->
 }
 
 fn bins(analyser: &Analyser, angle: &Angle, base: &Solution) -> [Bins; 2] {
-    [0, 1].map(|c| analyser.bins_of_lines(&base.lines, angle.offset_rad, angle.shaft_hz, c))
+    [0, 1].map(|c| analyser.bins_of_lines(&base.lines, angle.offset_rad, angle.shaft_hz, c, WIDE))
 }
 
 impl Base {
@@ -135,9 +135,8 @@ impl Base {
                     .map(|run| {
                         let (_, base) = predict(&machine, torque * (1.0 + self.change[14]), &run.angle, run.torque_n_m);
                         let moved = bins(&self.analyser, &run.angle, &base);
-                        [0, 1].map(|c| {
-                            moved[c].iter().zip(&run.model[c]).map(|(a, b)| (a - b) / STEP).collect::<Bins>()
-                        })
+                        [0, 1]
+                            .map(|c| moved[c].iter().zip(&run.model[c]).map(|(a, b)| (a - b) / STEP).collect::<Bins>())
                     })
                     .collect()
             })
@@ -160,7 +159,7 @@ impl Base {
                 })
                 .collect();
             let parts = [0, 1].map(|c| {
-                sparse(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c))
+                sparse(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
             });
             let mut all = vec![[Vec::new(), Vec::new()]; self.runs.len()];
             all[r] = parts;

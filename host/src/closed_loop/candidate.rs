@@ -1,7 +1,7 @@
 //! A candidate effect: named templates that are linear in a few physical parameters.
 
 use super::harmonic_model::Line;
-use super::spectrum::{Analyser, Sparse, sparse};
+use super::spectrum::{Analyser, REACH, Sparse, sparse};
 use rustfft::num_complex::Complex64 as C;
 
 /// Response to one unit of one real parameter: sparse bins per run and channel.
@@ -69,11 +69,7 @@ pub struct Candidate {
 }
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.
-pub fn quadrature(
-    analyser: &Analyser,
-    angles: &[(f64, f64)],
-    lines: &[Vec<Line>],
-) -> [Template; 2] {
+pub fn quadrature(analyser: &Analyser, angles: &[(f64, f64)], lines: &[Vec<Line>]) -> [Template; 2] {
     [C::ONE, C::I].map(|factor| Template {
         runs: lines
             .iter()
@@ -81,7 +77,7 @@ pub fn quadrature(
             .map(|(lines, &(offset, shaft_hz))| {
                 let turned: Vec<Line> =
                     lines.iter().map(|l| Line { order: l.order, amplitude: l.amplitude.map(|a| a * factor) }).collect();
-                [0, 1].map(|channel| sparse(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel)))
+                [0, 1].map(|channel| sparse(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
             })
             .collect(),
     })

@@ -167,7 +167,14 @@ fn unknowns(candidate: &Candidate, runs: usize) -> f64 {
     if candidate.phase_free { 1.0 + runs as f64 } else { candidate.templates.len() as f64 }
 }
 
-fn judge(base: &Base, data: &Data, split: &Split, terms: &[&Candidate], before: &Before, candidate: Candidate) -> Judged {
+fn judge(
+    base: &Base,
+    data: &Data,
+    split: &Split,
+    terms: &[&Candidate],
+    before: &Before,
+    candidate: Candidate,
+) -> Judged {
     let mut with: Vec<&Candidate> = terms.to_vec();
     with.push(&candidate);
     let fitted = joint(base, data, &split.fit, &with);
@@ -277,8 +284,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
 fn prune(base: &Base, data: &Data, split: &Split, accepted: &mut Vec<Candidate>) {
     let mut i = 0;
     while accepted.len() > 1 && i + 1 < accepted.len() {
-        let others: Vec<&Candidate> =
-            accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
+        let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
         let reference = before(base, data, split, &others);
         let again = judge(base, data, split, &others, &reference, accepted[i].clone());
         if again.score < LEAST_SCORE || again.select_gain < 0.0 {
@@ -323,7 +329,14 @@ fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate],
 }
 
 /// Exponents by which the strength of a term departs from its own law, with 95 % half widths.
-fn departure(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> Option<[[f64; 2]; 2]> {
+fn departure(
+    base: &Base,
+    data: &Data,
+    runs: &[usize],
+    terms: &[&Candidate],
+    index: usize,
+    x: &[f64],
+) -> Option<[[f64; 2]; 2]> {
     let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
     let count = terms[index].templates.len();
     let mut others = x.to_vec();
@@ -543,8 +556,7 @@ fn report(
     let after = after_of(&terms);
     let held = errors(&plain, &after, base, &split.held_out);
     for (i, effect) in effects.iter_mut().enumerate() {
-        let others: Vec<&Candidate> =
-            accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
+        let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
         let without = errors(&plain, &after_of(&others), base, &split.held_out);
         effect.evidence.held_out_gain = if effect.family == "fixed-frequency" {
             without.whole_signal[1] - held.whole_signal[1]

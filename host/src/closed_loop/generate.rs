@@ -17,33 +17,97 @@ use std::f64::consts::{PI, TAU};
 #[derive(Debug, Clone)]
 #[allow(missing_docs, reason = "fields are named by quantity and unit")]
 pub enum Effect {
-    Eccentricity { shaft: usize, amplitude_m: f64, phase_rad: f64 },
-    PitchError { shaft: usize, offsets_m: Vec<f64> },
-    Imbalance { shaft: usize, kg_m: f64, phase_rad: f64 },
+    Eccentricity {
+        shaft: usize,
+        amplitude_m: f64,
+        phase_rad: f64,
+    },
+    PitchError {
+        shaft: usize,
+        offsets_m: Vec<f64>,
+    },
+    Imbalance {
+        shaft: usize,
+        kg_m: f64,
+        phase_rad: f64,
+    },
     /// Displacement error at an order of the pinion.
-    Ghost { order: f64, amplitude_m: f64, phase_rad: f64 },
+    Ghost {
+        order: f64,
+        amplitude_m: f64,
+        phase_rad: f64,
+    },
     /// Torque at an order of the pinion, as a share of the mean torque; `at` 0 motor, 3 load.
-    TorqueRipple { at: usize, order: f64, share: f64, phase_rad: f64 },
+    TorqueRipple {
+        at: usize,
+        order: f64,
+        share: f64,
+        phase_rad: f64,
+    },
     /// Torque at a fixed frequency, as a share of the mean torque; `at` 0 motor, 3 load.
-    FixedTorque { at: usize, hz: f64, share: f64 },
+    FixedTorque {
+        at: usize,
+        hz: f64,
+        share: f64,
+    },
     /// Radial force at twice the shaft rate.
-    Misalignment { shaft: usize, force_n: f64, phase_rad: f64 },
-    BearingModulation { shaft: usize, order: f64, share: f64, phase_rad: f64 },
-    StiffnessModulation { order: f64, share: f64, phase_rad: f64 },
+    Misalignment {
+        shaft: usize,
+        force_n: f64,
+        phase_rad: f64,
+    },
+    BearingModulation {
+        shaft: usize,
+        order: f64,
+        share: f64,
+        phase_rad: f64,
+    },
+    StiffnessModulation {
+        order: f64,
+        share: f64,
+        phase_rad: f64,
+    },
     /// One tooth's pair stiffness lowered by a share.
-    Crack { shaft: usize, tooth: usize, share: f64 },
+    Crack {
+        shaft: usize,
+        tooth: usize,
+        share: f64,
+    },
     /// Parabolic wear depth, zero at mid path and `depth_m` at both ends.
-    Wear { depth_m: f64 },
+    Wear {
+        depth_m: f64,
+    },
     /// Additive tone on both channels, amplitudes in m/s2, the same in all runs.
-    Tone { hz: f64, amplitude: [f64; 2] },
+    Tone {
+        hz: f64,
+        amplitude: [f64; 2],
+    },
     /// Parallel structural mode in one channel's path: `y (1 + gain H(f))`.
-    PathMode { channel: usize, hz: f64, damping: f64, gain: f64 },
+    PathMode {
+        channel: usize,
+        hz: f64,
+        damping: f64,
+        gain: f64,
+    },
     /// Linear change of a channel's gain over the run.
-    Drift { channel: usize, share: f64 },
+    Drift {
+        channel: usize,
+        share: f64,
+    },
     /// `y + a y^2`.
-    Nonlinearity { channel: usize, per_m_s2: f64 },
+    Nonlinearity {
+        channel: usize,
+        per_m_s2: f64,
+    },
     /// Damped bursts at a jittered order of the pinion.
-    Impacts { channel: usize, order: f64, jitter: f64, hz: f64, damping: f64, peak: f64 },
+    Impacts {
+        channel: usize,
+        order: f64,
+        jitter: f64,
+        hz: f64,
+        damping: f64,
+        peak: f64,
+    },
 }
 
 /// What to generate.
@@ -198,9 +262,7 @@ impl Plant<'_> {
                     Effect::PitchError { shaft, offsets_m } => {
                         e += offsets_m[pair.rem_euclid(self.teeth[*shaft]) as usize];
                     }
-                    Effect::Crack { shaft, tooth, share }
-                        if pair.rem_euclid(self.teeth[*shaft]) as usize == *tooth =>
-                    {
+                    Effect::Crack { shaft, tooth, share } if pair.rem_euclid(self.teeth[*shaft]) as usize == *tooth => {
                         k *= 1.0 - share;
                     }
                     Effect::Wear { depth_m } => {
@@ -214,10 +276,10 @@ impl Plant<'_> {
             mesh += k * (delta - e + self.tau * (rate - e_rate));
             pair -= 1.0;
         }
-        let input = s.coupling_stiffness_n_m_per_rad[0] * (q[0] - q[1])
-            + s.coupling_damping_n_m_s_per_rad[0] * (v[0] - v[1]);
-        let output = s.coupling_stiffness_n_m_per_rad[1] * (q[2] - q[3])
-            + s.coupling_damping_n_m_s_per_rad[1] * (v[2] - v[3]);
+        let input =
+            s.coupling_stiffness_n_m_per_rad[0] * (q[0] - q[1]) + s.coupling_damping_n_m_s_per_rad[0] * (v[0] - v[1]);
+        let output =
+            s.coupling_stiffness_n_m_per_rad[1] * (q[2] - q[3]) + s.coupling_damping_n_m_s_per_rad[1] * (v[2] - v[3]);
         let c = s.bearing_damping_n_s_per_m;
         [
             (self.torque - input + force[0]) / s.inertia_motor_kg_m2,
@@ -298,9 +360,7 @@ fn run(pair: &Pair, curve: &PairCurve, scenario: &Scenario, index: usize, speed:
         plant.step(t, h, &mut q, &mut v);
     }
     let mut channels = fine_signal.map(|fine| {
-        (0..samples)
-            .map(|n| taps.iter().zip(&fine[n * OVER..]).map(|(a, b)| a * b).sum::<f64>())
-            .collect::<Vec<f64>>()
+        (0..samples).map(|n| taps.iter().zip(&fine[n * OVER..]).map(|(a, b)| a * b).sum::<f64>()).collect::<Vec<f64>>()
     });
     for effect in &scenario.effects {
         apply_path(effect, &mut channels, &plant, &mut rng);

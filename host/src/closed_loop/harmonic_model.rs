@@ -166,8 +166,8 @@ impl Machine {
             compliance.push(a);
         }
         let matrix = DMatrix::from_fn(size, size, |row, column| {
-            let mesh = self.stiffness(row as i64 - column as i64)
-                * C::new(1.0, TAU * shaft_hz * orders[column] * self.tau_s);
+            let mesh =
+                self.stiffness(row as i64 - column as i64) * C::new(1.0, TAU * shaft_hz * orders[column] * self.tau_s);
             if Some(row) == rigid_row {
                 mesh / self.coefficients[0].re
             } else {

@@ -175,7 +175,10 @@ fn read_run(folder: &Path, entry: &RunEntry, scale: f64) -> Result<Run> {
     for (number, line) in text.lines().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty()) {
         let value: f64 = line.trim().parse().unwrap_or(f64::NAN);
         if !value.is_finite() || edges_s.last().is_some_and(|&last| value <= last) {
-            return Err(Error::invalid(format!("{}: line {}", tach.display(), number + 1), "not an increasing time in s"));
+            return Err(Error::invalid(
+                format!("{}: line {}", tach.display(), number + 1),
+                "not an increasing time in s",
+            ));
         }
         edges_s.push(value);
     }

@@ -77,7 +77,8 @@ impl PairCurve {
     pub fn transform(&self, nu: f64) -> Complex64 {
         let w = TAU * nu;
         if w.abs() < 1e-9 {
-            let area: f64 = (1..self.u.len()).map(|i| 0.5 * (self.k[i] + self.k[i - 1]) * (self.u[i] - self.u[i - 1])).sum();
+            let area: f64 =
+                (1..self.u.len()).map(|i| 0.5 * (self.k[i] + self.k[i - 1]) * (self.u[i] - self.u[i - 1])).sum();
             return Complex64::new(area, 0.0);
         }
         // Integration by parts: end values over i w, slope changes over w^2.

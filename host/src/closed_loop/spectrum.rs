@@ -7,12 +7,14 @@
 
 use super::harmonic_model::Line;
 use rustfft::{FftPlanner, num_complex::Complex64 as C};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Comparison stops here: the acquisition filter rolls off above, Hz.
 pub const BAND_HZ: f64 = 15_000.0;
 /// Half width of a line's kernel, bins.
 pub const REACH: i64 = 12;
+/// Half width used for the strong lines of the declared machine, whose far tails would pass for sidebands, bins.
+pub const WIDE: i64 = 160;
 const FINE: usize = 64;
 /// Mean w^4 over squared mean w^2 of the window: variance inflation of fits over bins taken as independent.
 pub const OVERDISPERSION: f64 = 1.347;
@@ -46,11 +48,14 @@ impl Analyser {
             })
             .collect();
         let sum: f64 = window.iter().sum();
-        let middle = 0.5 * (samples as f64 - 1.0);
-        let kernel = (0..=(REACH as usize + 1) * FINE)
-            .map(|d| {
-                let step = TAU * d as f64 / FINE as f64 / samples as f64;
-                window.iter().enumerate().map(|(k, w)| w * (step * (k as f64 - middle)).cos()).sum::<f64>() / sum
+        // Tukey with half tapers: a 3/4-length rectangle convolved with a quarter-length half cosine.
+        let kernel = (0..=(WIDE as usize + 1) * FINE)
+            .map(|i| {
+                let d = i as f64 / FINE as f64;
+                let x = 0.75 * PI * d;
+                let sinc = if i == 0 { 1.0 } else { x.sin() / x };
+                let pole = 1.0 - 0.25 * d * d;
+                sinc * if pole.abs() < 1e-9 { 0.25 * PI } else { (0.25 * PI * d).cos() / pole }
             })
             .collect();
         let bins = ((BAND_HZ.min(0.45 * rate_hz)) * samples as f64 / rate_hz) as usize;
@@ -69,7 +74,8 @@ impl Analyser {
 
     /// Windowed bins of a signal.
     pub fn bins_of(&self, signal: &[f64]) -> Bins {
-        let mut buffer: Vec<C> = signal.iter().zip(&self.window).map(|(x, w)| C::new(x * w * self.scale, 0.0)).collect();
+        let mut buffer: Vec<C> =
+            signal.iter().zip(&self.window).map(|(x, w)| C::new(x * w * self.scale, 0.0)).collect();
         FftPlanner::new().plan_fft_forward(self.samples).process(&mut buffer);
         buffer.truncate(self.bins);
         buffer
@@ -87,11 +93,11 @@ impl Analyser {
     }
 
     /// Adds a line of complex amplitude `a` at `hz` (either sign) to `bins`.
-    pub fn add_line(&self, bins: &mut [C], hz: f64, a: C) {
+    pub fn add_line(&self, bins: &mut [C], hz: f64, a: C, reach: i64) {
         let duration = self.duration_s();
         for (position, amplitude) in [(hz * duration, a), (-hz * duration, a.conj())] {
-            let first = (position.ceil() as i64 - REACH).max(0);
-            let last = (position.floor() as i64 + REACH).min(bins.len() as i64 - 1);
+            let first = (position.ceil() as i64 - reach).max(0);
+            let last = (position.floor() as i64 + reach).min(bins.len() as i64 - 1);
             for b in first..=last {
                 bins[b as usize] += amplitude * self.kernel_at(b as f64 - position);
             }
@@ -99,12 +105,12 @@ impl Analyser {
     }
 
     /// Bins of a set of order lines at an angle `offset + 2 pi f t`, channel `channel`.
-    pub fn bins_of_lines(&self, lines: &[Line], offset_rad: f64, shaft_hz: f64, channel: usize) -> Bins {
+    pub fn bins_of_lines(&self, lines: &[Line], offset_rad: f64, shaft_hz: f64, channel: usize, reach: i64) -> Bins {
         let mut bins = vec![C::ZERO; self.bins];
         for line in lines {
             let amplitude = line.amplitude[channel] * C::cis(line.order * offset_rad);
             if amplitude.norm_sqr() > 0.0 {
-                self.add_line(&mut bins, line.order * shaft_hz, amplitude);
+                self.add_line(&mut bins, line.order * shaft_hz, amplitude, reach);
             }
         }
         bins

@@ -112,8 +112,8 @@ fn friction(bench: &Bench<'_>) -> Candidate {
     let tangent = machine.pressure_angle_rad.tan();
     let base_pitch = TAU * rb1 / f64::from(machine.teeth[0]);
     let outer = |side: usize| {
-        let module = 2.0 * machine.base_radius_m[side]
-            / (f64::from(machine.teeth[side]) * machine.pressure_angle_rad.cos());
+        let module =
+            2.0 * machine.base_radius_m[side] / (f64::from(machine.teeth[side]) * machine.pressure_angle_rad.cos());
         0.5 * module * (f64::from(machine.teeth[side]) + 2.0)
     };
     // Distance along the line of action from the pinion's tangent point.
@@ -130,9 +130,9 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         |_| 0.0,
         |run, comb| {
             let size = comb.orders.len() as i64;
-            let tables = levers.each_ref().map(|curve| {
-                (-(size - 1)..size).map(|n| curve.transform(n as f64)).collect::<Vec<C>>()
-            });
+            let tables = levers
+                .each_ref()
+                .map(|curve| (-(size - 1)..size).map(|n| curve.transform(n as f64)).collect::<Vec<C>>());
             let forces = (0..size)
                 .map(|n| {
                     let mut f = [C::ZERO; DOF];

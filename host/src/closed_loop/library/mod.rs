@@ -110,10 +110,7 @@ impl<'a> Bench<'a> {
                 .sum()
         };
         let step = 0.02 / (duration * fastest);
-        (-80..=80)
-            .map(|i| order + f64::from(i) * step)
-            .max_by(|a, b| power(*a).total_cmp(&power(*b)))
-            .unwrap_or(order)
+        (-80..=80).map(|i| order + f64::from(i) * step).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(order)
     }
 
     /// Snaps an order to a whole order of pinion or gear when it is one within resolution.

@@ -13,7 +13,11 @@ use std::f64::consts::TAU;
 enum Seat {
     Displacement,
     /// Force or torque with exponents of speed and torque.
-    Force { dof: usize, speed: i32, torque: i32 },
+    Force {
+        dof: usize,
+        speed: i32,
+        torque: i32,
+    },
     BearingModulation(usize),
     MeshModulation,
     PositionModulation,
@@ -74,9 +78,7 @@ fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64
                 .map(|n| {
                     (0..size as i64)
                         .map(|l| {
-                            machine.stiffness(n - l)
-                                * C::new(0.0, TAU * (n - l) as f64)
-                                * run.base.approach[l as usize]
+                            machine.stiffness(n - l) * C::new(0.0, TAU * (n - l) as f64) * run.base.approach[l as usize]
                         })
                         .sum()
                 })
@@ -119,15 +121,10 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
         "non-integer-order"
     };
     let where_to = if fixed { "a fixed frequency" } else { "a fixed order" };
-    let named = |name: &str, quantity, unit| Label {
-        name: name.into(),
-        claim: Claim::Named,
-        family,
-        shaft,
-        quantity,
-        unit,
-    };
-    let plain = |text: String, quantity, unit| Label { name: text, claim: Claim::Generic, family, shaft, quantity, unit };
+    let named =
+        |name: &str, quantity, unit| Label { name: name.into(), claim: Claim::Named, family, shaft, quantity, unit };
+    let plain =
+        |text: String, quantity, unit| Label { name: text, claim: Claim::Generic, family, shaft, quantity, unit };
     match seat {
         Seat::Displacement if is(order, 1.0) => named("pinion-eccentricity", "amplitude", "m"),
         Seat::Displacement if is(order, ratio) => named("gear-eccentricity", "amplitude", "m"),
@@ -178,10 +175,8 @@ fn exponents(seat: Seat) -> [f64; 2] {
 /// Every excitation seated at `order` of the pinion.
 pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> {
     let machine = &bench.base.machine;
-    let responses = bench.respond(
-        |_| order,
-        |run, comb| SEATS.iter().map(|&seat| excite(seat, machine, run, comb, order)).collect(),
-    );
+    let responses = bench
+        .respond(|_| order, |run, comb| SEATS.iter().map(|&seat| excite(seat, machine, run, comb, order)).collect());
     SEATS
         .iter()
         .zip(&responses)
@@ -236,9 +231,8 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
         })
         .collect();
     let ratio = channel_pattern(bench, data, fit, hz);
-    responses.push(
-        base.runs.iter().map(|run| vec![Line { order: hz / run.angle.shaft_hz, amplitude: ratio }]).collect(),
-    );
+    responses
+        .push(base.runs.iter().map(|run| vec![Line { order: hz / run.angle.shaft_hz, amplitude: ratio }]).collect());
     let (name, claim) =
         if mains { ("mains-hum", Claim::Named) } else { ("additive tone at a fixed frequency", Claim::Generic) };
     let tone = Label {
@@ -283,7 +277,7 @@ fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
             })
             .sum()
     };
-    (-50..=50).map(|i| hz + f64::from(i) * 0.004).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
+    (-200..=200).map(|i| hz + f64::from(i) * 0.01).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
 }
 
 /// Complex amplitude ratio of the channels of a tone, from all fit runs, normalised to unit length.

@@ -118,9 +118,7 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
 /// Best parallel mode per channel (and one common to both) over a grid of frequencies and damping ratios.
 fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
     let duration = bench.base.analyser.duration_s();
-    let response = |f: f64, f0: f64, zeta: f64| {
-        C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f)
-    };
+    let response = |f: f64, f0: f64, zeta: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
     // Bins that carry the model, so that scanning touches only those.
     let active: Vec<[Vec<(u32, C)>; 2]> = bench
         .base

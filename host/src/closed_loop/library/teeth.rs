@@ -40,8 +40,7 @@ impl ToothFamilies {
     pub fn new(base: &Base, angles: &[(f64, f64)]) -> Self {
         let machine = &base.machine;
         let z1 = f64::from(machine.teeth[0]);
-        let longest =
-            base.runs.iter().map(|r| machine.harmonics(r.angle.shaft_hz)).max().unwrap_or(24);
+        let longest = base.runs.iter().map(|r| machine.harmonics(r.angle.shaft_hz)).max().unwrap_or(24);
         let mut all = Vec::new();
         for shaft in 0..2 {
             let z = machine.teeth[shaft];
@@ -105,9 +104,12 @@ impl ToothFamilies {
                 shaft,
                 order: Some(order),
                 frequency_hz: None,
-                parameters: vec![
-                    Parameter { name: format!("{quantity} of tooth {tooth}"), unit, first: 0, complex: false },
-                ],
+                parameters: vec![Parameter {
+                    name: format!("{quantity} of tooth {tooth}"),
+                    unit,
+                    first: 0,
+                    complex: false,
+                }],
                 templates: vec![families.tooth(tooth, z, bench.base.analyser.bins)],
                 searched: f64::from(z),
                 exponents,
@@ -115,9 +117,7 @@ impl ToothFamilies {
             });
             let (name, claim) = match families.kind {
                 Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
-                Kind::StiffnessLoss => {
-                    (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic)
-                }
+                Kind::StiffnessLoss => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
             };
             let parameters = (0..families.pairs.len())
                 .map(|m| Parameter {
@@ -151,9 +151,7 @@ impl Families {
         let right: Vec<[f64; 2]> = self
             .pairs
             .par_iter()
-            .map(|pair| {
-                [0, 1].map(|i| normal(data, fit, &[Column { template: &pair[i], prior: (0.0, 0.0) }]).right[0])
-            })
+            .map(|pair| [0, 1].map(|i| normal(data, fit, &[Column { template: &pair[i], prior: (0.0, 0.0) }]).right[0]))
             .collect();
         let value = |tooth: u32| -> f64 {
             right
