@@ -7,6 +7,8 @@
 //! tachometer offsets stay in every fit as nuisances with priors ([`base_fit`]), so an effect is credited only with
 //! what they cannot explain. Source: reference recipe "split, residual, match by simulation, abstain" of the project.
 
+#![allow(clippy::needless_range_loop, clippy::type_complexity, reason = "indices run over parallel spectra")]
+
 pub mod angle;
 pub mod base_fit;
 pub mod candidate;
