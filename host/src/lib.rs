@@ -2,6 +2,7 @@
 
 pub mod dynamics;
 pub mod effects;
+pub mod closed_loop;
 pub mod error;
 pub mod import;
 pub mod law;

@@ -6,3 +6,5 @@ pub mod node;
 pub mod predict;
 pub mod simulate;
 pub mod stiffness;
+#[path = "loop.rs"]
+pub mod close;
