@@ -1,8 +1,8 @@
 //! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
 
+pub mod closed_loop;
 pub mod dynamics;
 pub mod effects;
-pub mod closed_loop;
 pub mod error;
 pub mod import;
 pub mod law;

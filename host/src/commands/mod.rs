@@ -1,10 +1,10 @@
 //! Subcommands: argument structs and the printing around library calls; no computation of their own.
 
 pub mod alias;
+#[path = "loop.rs"]
+pub mod close;
 pub mod import;
 pub mod node;
 pub mod predict;
 pub mod simulate;
 pub mod stiffness;
-#[path = "loop.rs"]
-pub mod close;
