@@ -114,7 +114,7 @@ impl Run {
         self.codes.iter().skip(channel).step_by(self.channels).copied().collect()
     }
 
-    /// Acceleration of one channel, m/s2 (or the unit named in [acquisition] `unit`).
+    /// Acceleration of one channel, m/s2 (or the unit named in `[acquisition]` `unit`).
     ///
     /// # Panics
     /// If `channel` is not below [`Run::channels`].
