@@ -56,6 +56,8 @@ pub struct Check {
     pub rows: Vec<CheckRow>,
     /// One entry per form.
     pub forms: Vec<FormCheck>,
+    /// Held-out speeds at which the ring hides the edge.
+    pub hidden: usize,
     /// Scatter of the full simulation's edges about the edge alone: largest relative difference.
     pub ring_worst: f64,
     /// Its root mean square.
@@ -69,7 +71,8 @@ pub struct CheckRow {
     pub shaft_hz: f64,
     /// Bandwidth of the edge alone, Hz.
     pub bandwidth_hz: f64,
-    /// Bandwidth of the edge in the full periodic simulation, Hz; absent where no edge ends within reach.
+    /// Bandwidth of the edge in the full periodic simulation, Hz; absent where the ring hides it (no edge with a
+    /// third of the height that it has alone).
     pub periodic_hz: Option<f64>,
     /// Bandwidth by each form, in the order of [`Laws::fits`], Hz.
     pub by_form_hz: Vec<f64>,
@@ -123,10 +126,17 @@ pub fn held_out_speeds() -> Vec<f64> {
 /// Bandwidth of the law's edge at a speed, Hz.
 ///
 /// # Errors
-/// What stops the simulation, and an edge that cannot be timed.
+/// As [`edge_alone`].
 pub fn edge_bandwidth_hz(bench: &Bench, shaft_hz: f64, torque_n_m: f64) -> Result<f64> {
-    let edge = bench.isolated(Event::Exit, shaft_hz, torque_n_m)?;
-    edge.as_ref().map(bandwidth_hz).ok_or_else(|| {
+    Ok(bandwidth_hz(&edge_alone(bench, shaft_hz, torque_n_m)?))
+}
+
+/// The law's edge at a speed.
+///
+/// # Errors
+/// What stops the simulation, and an edge that cannot be timed.
+pub fn edge_alone(bench: &Bench, shaft_hz: f64, torque_n_m: f64) -> Result<Edge> {
+    bench.isolated(Event::Exit, shaft_hz, torque_n_m)?.ok_or_else(|| {
         Error::impossible("bandwidth law", format!("no engagement edge stands alone at {shaft_hz:.3} Hz, {torque_n_m} N m"))
     })
 }
@@ -181,12 +191,13 @@ pub fn check(laws: &Laws, bench: &Bench, step: &(impl Fn() + Sync)) -> Result<Ch
     let rows: Vec<CheckRow> = held_out_speeds()
         .into_par_iter()
         .map(|shaft_hz| {
+            let alone = edge_alone(bench, shaft_hz, laws.torque_n_m)?;
             let periodic = bench.healthy(shaft_hz, laws.torque_n_m)?.edge(0, Event::Exit);
             step();
             Ok(CheckRow {
                 shaft_hz,
-                bandwidth_hz: edge_bandwidth_hz(bench, shaft_hz, laws.torque_n_m)?,
-                periodic_hz: periodic.as_ref().map(bandwidth_hz),
+                bandwidth_hz: bandwidth_hz(&alone),
+                periodic_hz: periodic.filter(|p| p.height() > alone.height() / 3.0).as_ref().map(bandwidth_hz),
                 by_form_hz: laws.fits.iter().map(|f| f.law.bandwidth_hz(shaft_hz)).collect(),
             })
         })
@@ -210,6 +221,7 @@ pub fn check(laws: &Laws, bench: &Bench, step: &(impl Fn() + Sync)) -> Result<Ch
         .collect();
     let ring: Vec<f64> = rows.iter().filter_map(|r| r.periodic_hz.map(|p| p / r.bandwidth_hz - 1.0)).collect();
     Ok(Check {
+        hidden: rows.iter().filter(|r| r.periodic_hz.is_none()).count(),
         ring_worst: worst(&mut ring.iter().copied()),
         ring_rms: (ring.iter().map(|e| e * e).sum::<f64>() / ring.len().max(1) as f64).sqrt(),
         rows,

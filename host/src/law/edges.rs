@@ -58,6 +58,13 @@ pub struct Edge {
     pub rise_time_s: f64,
 }
 
+impl Edge {
+    /// Height between the two levels, m/s2, positive.
+    pub fn height(&self) -> f64 {
+        (self.levels[1] - self.levels[0]).abs()
+    }
+}
+
 /// Direction of the edges looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
