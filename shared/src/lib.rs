@@ -23,6 +23,7 @@ pub mod frame;
 pub mod golden;
 pub mod indicators;
 pub mod law;
+pub mod law_table;
 pub mod math;
 pub mod mesh_band;
 pub mod message;
