@@ -11,18 +11,20 @@ pub struct SendRing {
     waiting: usize,
     /// Bytes of the run that is being sent.
     in_flight: usize,
+    dropped: u32,
 }
 
 impl SendRing {
     /// An empty ring.
     pub const fn new(bytes: &'static mut [u8]) -> Self {
-        Self { bytes, tail: 0, waiting: 0, in_flight: 0 }
+        Self { bytes, tail: 0, waiting: 0, in_flight: 0, dropped: 0 }
     }
 
     /// Queues a whole frame; false, and nothing queued, if there is no room.
     pub fn push(&mut self, frame: &[u8]) -> bool {
         let size = self.bytes.len();
         if frame.len() > size - self.waiting.min(size) {
+            self.dropped = self.dropped.saturating_add(1);
             return false;
         }
         let mut at = self.tail + self.waiting;
@@ -52,5 +54,11 @@ impl SendRing {
     /// Whether nothing waits.
     pub const fn is_empty(&self) -> bool {
         self.waiting == 0
+    }
+
+    /// Frames dropped and not yet reported, once half the room is free again: the detail of an event.
+    pub fn take_dropped(&mut self) -> Option<u32> {
+        let due = self.dropped != 0 && self.waiting <= self.bytes.len() / 2;
+        due.then(|| core::mem::take(&mut self.dropped))
     }
 }

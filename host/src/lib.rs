@@ -1,5 +1,6 @@
 //! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
 
+pub mod closed_loop;
 pub mod dynamics;
 pub mod effects;
 pub mod error;

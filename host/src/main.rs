@@ -27,6 +27,8 @@ enum Command {
     Predict(commands::predict::Args),
     /// A record folder of a simulated machine.
     Simulate(commands::simulate::Args),
+    /// Finds what the declared machine of a record lacks; error before and after.
+    Loop(commands::close::Args),
 }
 
 fn main() -> ExitCode {
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
         Command::Node(args) => commands::node::run(args),
         Command::Predict(args) => commands::predict::run(args),
         Command::Simulate(args) => commands::simulate::run(args),
+        Command::Loop(args) => commands::close::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -19,6 +19,8 @@ pub trait SampleClock {
 
 /// Source of sample blocks.
 pub trait BlockSource {
+    /// Tick up to which edges may be handed over while no block is complete; to be read before [`Self::pending_end`].
+    fn horizon(&self) -> u32;
     /// First tick behind the oldest complete block; `None` if there is no complete block.
     fn pending_end(&self) -> Option<u32>;
     /// Hands the oldest complete block to `consume`; false if there is none. The block is only valid inside the call.
@@ -41,6 +43,8 @@ pub trait Link {
     fn receive(&mut self) -> Option<u8>;
     /// Moves queued bytes on; called once per turn of the main loop.
     fn pump(&mut self);
+    /// Frames refused and not yet reported, once there is room again.
+    fn take_dropped(&mut self) -> Option<u32>;
 }
 
 /// Life of the main loop.
@@ -49,7 +53,7 @@ pub trait Supervision {
     fn feed_watchdog(&mut self);
     /// Switches the light.
     fn set_light(&mut self, lit: bool);
-    /// Sleeps until something may have happened; at most 20 ms while a light blinks or bytes wait.
+    /// Sleeps until something may have happened; at most some milliseconds while bytes wait or a light blinks.
     fn wait(&mut self);
 }
 

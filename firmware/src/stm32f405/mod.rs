@@ -164,6 +164,10 @@ impl SampleClock for Board {
 }
 
 impl BlockSource for Board {
+    fn horizon(&self) -> u32 {
+        self.now()
+    }
+
     fn pending_end(&self) -> Option<u32> {
         self.inbox.blocks.peek().map(Filled::end_tick)
     }
@@ -213,6 +217,10 @@ impl Link for Board {
             // SAFETY: the ring is static memory in SRAM and leaves a lent run alone until the next one is asked for.
             unsafe { uart::start_sending(dma2(), data_address(), run.as_ptr() as u32, run.len() as u16) };
         }
+    }
+
+    fn take_dropped(&mut self) -> Option<u32> {
+        self.ring.take_dropped()
     }
 }
 

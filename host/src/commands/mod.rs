@@ -1,6 +1,8 @@
 //! Subcommands: argument structs and the printing around library calls; no computation of their own.
 
 pub mod alias;
+#[path = "loop.rs"]
+pub mod close;
 pub mod import;
 pub mod node;
 pub mod predict;

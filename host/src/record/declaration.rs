@@ -25,13 +25,13 @@ pub struct Declaration {
     pub tach: Option<Tach>,
     /// One table per run.
     pub runs: Vec<RunDeclaration>,
-    /// Everything else: `title`, [pair], [shafts], [import] and unknown keys.
+    /// Everything else: `title`, `[pair]`, `[shafts]`, `[import]` and unknown keys.
     pub rest: Table,
     /// Name of the file in messages.
     place: String,
 }
 
-/// [acquisition]: sampling rate, channels and scale.
+/// `[acquisition]`: sampling rate, channels and scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Acquisition {
     /// Sampling rate of every run, Hz.
@@ -55,7 +55,7 @@ fn sixteen() -> u32 {
     16
 }
 
-/// [tach]: which shaft, how many pulses.
+/// `[tach]`: which shaft, how many pulses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tach {
     /// Shaft with the pick-up: "pinion" or "gear".
@@ -80,7 +80,7 @@ impl Tach {
     }
 }
 
-/// One [[run]] table.
+/// One `[[run]]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunDeclaration {
     /// File of the codes, relative to the record folder.
