@@ -2,7 +2,7 @@
 
 pub mod alias;
 pub mod import;
-pub mod stiffness;
 pub mod node;
 pub mod predict;
 pub mod simulate;
+pub mod stiffness;
