@@ -1,8 +1,9 @@
 //! Subcommands: argument structs and the printing around library calls; no computation of their own.
 
 pub mod alias;
+pub mod effects;
 pub mod import;
-pub mod stiffness;
 pub mod node;
 pub mod predict;
 pub mod simulate;
+pub mod stiffness;

@@ -1,7 +1,7 @@
 //! A machine made ready to run: model, stiffness curve and effects, with the number of coordinates hidden.
 
-use super::assembly::{Damping, Model, Options as AssemblyOptions, System};
 use super::assembly::Coordinate;
+use super::assembly::{Damping, Model, Options as AssemblyOptions, System};
 use super::decimate::{Decimator, OVERSAMPLING, Stream};
 use super::energy::{Report, Watch};
 use super::excitation::{Effect, Facts};
@@ -12,8 +12,8 @@ use super::taylor::{Options, Solver, State, Statistics, Step};
 use crate::machine::{EngagementKind, Load, Machine, Motor};
 use crate::piecewise::PiecewisePolynomial;
 use crate::stiffness::{CrackedPair, Geometry, Table};
-use std::f64::consts::TAU;
 use crate::{Error, Result};
+use std::f64::consts::TAU;
 
 /// Time that a transient is given to decay before the first sample, s.
 const RUN_IN_S: f64 = 0.4;
@@ -125,7 +125,9 @@ impl Rig {
         if input_torque_n_m <= 0.0 && effects.iter().all(|e| e.backlash().is_none()) {
             return Err(Error::impossible(
                 "torque",
-                format!("{input_torque_n_m} N m does not load the drive flanks; contact loss needs the effect `backlash`"),
+                format!(
+                    "{input_torque_n_m} N m does not load the drive flanks; contact loss needs the effect `backlash`"
+                ),
             ));
         }
         let speed = motion.speed_hz(0.0);

@@ -92,6 +92,24 @@ pub fn simulate(
     Ok(Simulated { channels, edges_s, first_pulse_index, statistics, energy })
 }
 
+/// Seed of run `index` of a record: well apart for neighbouring seeds and runs (SplitMix64).
+pub fn run_seed(seed: u64, index: usize) -> u64 {
+    if index == 0 {
+        return seed;
+    }
+    let mut x = seed.wrapping_add((index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
+/// Random angle, turns, at which a run of this seed starts.
+pub fn start_turns(seed: u64) -> f64 {
+    let mut random = ChaCha12Rng::seed_from_u64(seed);
+    random.set_stream(3);
+    rand::RngExt::random(&mut random)
+}
+
 fn angle_turns(motion: &Motion, effects: &[Box<dyn Effect>], t: f64) -> f64 {
     let mut turns = motion.turns(t, 1e-6);
     effects.iter().for_each(|e| e.turns(t, 1e-6, &mut turns));

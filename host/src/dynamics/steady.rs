@@ -75,7 +75,11 @@ pub fn steady_state<const N: usize>(
     let mut columns: Vec<Column<N>> = (0..2 * N)
         .map(|j| {
             let mut state = rest;
-            if j < N { state.q[j] = size(j) } else { state.v[j - N] = size(j) }
+            if j < N {
+                state.q[j] = size(j)
+            } else {
+                state.v[j - N] = size(j)
+            }
             Column { state, drive: homogeneous }
         })
         .collect();

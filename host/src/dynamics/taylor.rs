@@ -205,6 +205,10 @@ impl<const N: usize> Default for Scratch<N> {
 pub struct Solver<const N: usize> {
     stiffness: [f64; N],
     damping: [f64; N],
+    /// Elements that couple a coordinate with its neighbour `i ^ 1`: motor and pinion, gear and load.
+    neighbour_stiffness: [f64; N],
+    neighbour_damping: [f64; N],
+    /// All others: casing, modal damping.
     couplings: Vec<Coupling>,
     force: [f64; N],
     directions: Vec<[f64; N]>,
@@ -238,21 +242,21 @@ impl<const N: usize> Solver<N> {
         let directions = Mesh::directions::<N>(system);
         let outputs = directions.iter().map(|d| std::array::from_fn(|i| d[i] * inverse[i])).collect();
         let mut couplings = Vec::new();
-        for (row, column) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))).filter(|(i, j)| i != j) {
+        for (row, column) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))).filter(|(i, j)| i != j && *j != i ^ 1) {
             let (stiffness, damping) = (system.stiffness[(row, column)], system.damping[(row, column)]);
             if stiffness != 0.0 || damping != 0.0 {
-                let inverse = inverse[row];
-                couplings.push(Coupling {
-                    row,
-                    column,
-                    stiffness: inverse * stiffness,
-                    damping: inverse * damping,
-                });
+                let (stiffness, damping) = (inverse[row] * stiffness, inverse[row] * damping);
+                couplings.push(Coupling { row, column, stiffness, damping });
             }
         }
+        let neighbour = |m: &nalgebra::DMatrix<f64>| {
+            std::array::from_fn(|i| if i ^ 1 < N { inverse[i] * m[(i, i ^ 1)] } else { 0.0 })
+        };
         Self {
             stiffness: std::array::from_fn(|i| inverse[i] * system.stiffness[(i, i)]),
             damping: std::array::from_fn(|i| inverse[i] * system.damping[(i, i)]),
+            neighbour_stiffness: neighbour(&system.stiffness),
+            neighbour_damping: neighbour(&system.damping),
             couplings,
             force: std::array::from_fn(|i| inverse[i] * force[i]),
             directions,
@@ -394,20 +398,22 @@ impl<const N: usize> Solver<N> {
         let channels = terms.channels();
         let square = h * h;
         let per_h = 1.0 / h;
-        let enough = NEGLIGIBLE * allowed;
+        let enough = (NEGLIGIBLE * allowed).powi(2);
         table[0] = state.q;
         table[1] = state.v.map(|v| v * h);
         for (channel, d) in channels.iter().zip(d.iter_mut()) {
             d[0] = dot(&self.directions[channel.input], &table[0]);
         }
         let mut start = 0.0;
-        *last = [0.0; 2];
+        let mut squares = [0.0; 2];
         for n in 0..=ORDER - 2 {
             let (q, next) = (table[n], table[n + 1]);
             let rate = (n + 1) as f64 * per_h;
             let mut a: [f64; N] = if n == 0 { drive.acceleration } else { [0.0; N] };
             for i in 0..N {
+                let j = (i ^ 1).min(N - 1);
                 a[i] -= self.stiffness[i] * q[i] + self.damping[i] * (rate * next[i]);
+                a[i] -= self.neighbour_stiffness[i] * q[j] + self.neighbour_damping[i] * (rate * next[j]);
             }
             for c in &self.couplings {
                 a[c.row] -= c.stiffness * q[c.column] + c.damping * (rate * next[c.column]);
@@ -435,22 +441,28 @@ impl<const N: usize> Solver<N> {
             let factor = square * TWICE_INTEGRATED[n];
             table[n + 2] = a.map(|a| a * factor);
             *degree = n + 2;
-            let norm = self.norm(&a);
+            let square = self.squared_norm(&a);
             if n == 0 {
-                start = norm;
+                start = square.sqrt();
             }
-            *last = [norm, last[0]];
-            if n >= LEAST && last[0] < enough && last[1] < enough {
+            squares = [square, squares[0]];
+            if n >= LEAST && squares[0] < enough && squares[1] < enough {
                 break;
             }
         }
+        *last = squares.map(f64::sqrt);
         start
     }
 
     /// Mass-weighted norm of an acceleration.
     fn norm(&self, a: &[f64; N]) -> f64 {
+        self.squared_norm(a).sqrt()
+    }
+
+    #[inline(always)]
+    fn squared_norm(&self, a: &[f64; N]) -> f64 {
         let weighted: [f64; N] = std::array::from_fn(|i| a[i] * self.root_mass[i]);
-        dot(&weighted, &weighted).sqrt()
+        dot(&weighted, &weighted)
     }
 }
 
@@ -479,13 +491,18 @@ fn finite<const N: usize>(state: &State<N>, t: f64) -> Result<()> {
 }
 
 /// `sum s_j x_{n-j}`.
+#[inline(always)]
 fn convolution(s: &Series, x: &[f64; LENGTH], n: usize) -> f64 {
     let s = s.coefficients();
+    if let [constant] = s {
+        return constant * x[n];
+    }
     let used = s.len().min(n + 1);
     s[..used].iter().zip(x[..=n].iter().rev()).map(|(s, x)| s * x).sum()
 }
 
 /// Scalar product with four partial sums: the sum's latency bounds the recurrence.
+#[inline(always)]
 fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     let mut sums = [0.0; 4];
     for i in 0..N {

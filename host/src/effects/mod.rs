@@ -3,12 +3,12 @@
 //! One effect per file; its [`Entry`] names it, its parameters with units, ranges and defaults, and builds
 //! the [`Effect`]. Adding one means one file here and one line in [`REGISTRY`] (and its `mod` line).
 
-pub mod catalogue;
 mod aliasing;
 mod backlash;
 mod bearing_impacts;
 mod bearing_stiffness_modulation;
 mod casing_resonance;
+pub mod catalogue;
 mod clipping;
 mod coupling_misalignment;
 mod eccentricity;

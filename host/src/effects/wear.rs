@@ -13,7 +13,13 @@ pub const ENTRY: Entry = Entry {
     signature: "mesh harmonics change, the higher ones most; no sidebands; independent of torque",
     example: "depth=5e-6",
     span_hz: 2000.0,
-    parameters: &[parameter("depth", "m", 2e-6, [0.0, 1e-3], "at both ends of the path, parabolic, zero at its middle")],
+    parameters: &[parameter(
+        "depth",
+        "m",
+        2e-6,
+        [0.0, 1e-3],
+        "at both ends of the path, parabolic, zero at its middle",
+    )],
     build: |v| Box::new(Wear { depth_m: v.get("depth") }),
 };
 
