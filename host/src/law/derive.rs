@@ -137,7 +137,10 @@ pub fn edge_bandwidth_hz(bench: &Bench, shaft_hz: f64, torque_n_m: f64) -> Resul
 /// What stops the simulation, and an edge that cannot be timed.
 pub fn edge_alone(bench: &Bench, shaft_hz: f64, torque_n_m: f64) -> Result<Edge> {
     bench.isolated(Event::Exit, shaft_hz, torque_n_m)?.ok_or_else(|| {
-        Error::impossible("bandwidth law", format!("no engagement edge stands alone at {shaft_hz:.3} Hz, {torque_n_m} N m"))
+        Error::impossible(
+            "bandwidth law",
+            format!("no engagement edge stands alone at {shaft_hz:.3} Hz, {torque_n_m} N m"),
+        )
     })
 }
 
