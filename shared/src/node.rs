@@ -45,6 +45,10 @@ pub const REPLAN_AT_RECORD: f32 = 0.02;
 const WIDE_PER_SECOND: u32 = 4;
 /// Time between measurements of rise times, s.
 const RISE_INTERVAL_S: u64 = 2;
+/// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
+/// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
+const HOLD_AFTER_RECORD: u32 = 16;
+const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its buffers.
 const STATE_BUDGET: usize = 14 * 1024;
 
@@ -111,6 +115,10 @@ pub struct Node<B = Buffers> {
     stream: Stream,
     buffers: B,
     marks: TurnMarks,
+    /// Blocks still to pass before another rate may be asked for.
+    hold: u32,
+    /// A mesh-band record was completed since the last plan.
+    record_complete: bool,
     mesh_plan: MeshPlan,
     wide_use: WideUse,
     wide_count: usize,
@@ -169,6 +177,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             stream: Stream::new(),
             buffers,
             marks: TurnMarks::new(&config.tach),
+            hold: 0,
+            record_complete: false,
             mesh_plan: MeshPlan { stages: 0, harmonics: 0 },
             wide_use: WideUse::Idle,
             wide_count: 0,
@@ -289,7 +299,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if self.state == State::Settling && self.stream.is_settled() {
             self.state = State::Measuring;
         }
-        self.replan(false);
+        self.replan();
         if self.next_tick >= self.status_due {
             self.post_status(block.sequence);
         }
@@ -356,9 +366,14 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     /// Speed, law and plan; called at block borders.
-    fn replan(&mut self, record_complete: bool) {
+    fn replan(&mut self) {
         let speed = self.present_speed();
         self.follow_tach(&speed);
+        if self.hold > 0 {
+            self.hold -= 1;
+            return;
+        }
+        let record_complete = core::mem::take(&mut self.record_complete);
         if let RatePolicy::Forced { rate } = self.config.policy {
             self.pending = self.plan.force(rate);
             return;
@@ -484,6 +499,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     fn follow_turns(&mut self) {
         let chain = &mut self.buffers.borrow_mut().chain;
         let progress = chain.process();
+        if progress.turns > 0 {
+            self.hold = self.hold.max(HOLD_AFTER_TURN);
+        }
         if progress.records > 0 {
             self.finish_mesh();
         }
@@ -510,6 +528,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     fn finish_wide(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
         let (rate, stages) = (self.active.output, self.active.stages);
         let tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
         let Buffers { wide, snapshot, .. } = self.buffers.borrow_mut();
@@ -583,11 +602,13 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             let dropped = self.spectrum.replace(spectrum).is_some();
             self.count_dropped(dropped);
         }
-        self.replan(true);
+        self.record_complete = true;
+        self.hold = HOLD_AFTER_RECORD;
     }
 
     /// Indicators of a complete average. The wideband record serves as work space; one under way begins anew.
     fn finish_average(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
         let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
         let teeth = self.config.gears.pinion_teeth;
         let (turns, hunting_broken) = mesh_band::average_turns(teeth, self.config.gears.gear_teeth);
