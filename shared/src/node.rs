@@ -42,7 +42,7 @@ pub const REPLAN_NOW: f32 = 0.2;
 /// Relative departure that re-plans when a record is complete.
 pub const REPLAN_AT_RECORD: f32 = 0.02;
 /// Wideband records begun per second, at most.
-const WIDE_PER_SECOND: u32 = 4;
+const WIDE_PER_SECOND: u32 = 1;
 /// Time between measurements of rise times, s.
 const RISE_INTERVAL_S: u64 = 2;
 /// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
@@ -432,12 +432,18 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     fn watch_input(&mut self, codes: &[u16]) {
-        let railed = codes.iter().filter(|&&code| code == 0 || code >= 0xfff0).count();
+        // One pass without branches; railed are 0 and the upper 16 codes.
+        let first = codes[0];
+        let (mut railed, mut moved) = (0usize, 0u16);
+        for &code in codes {
+            railed += usize::from(code.wrapping_sub(1) >= 0xffef);
+            moved |= code ^ first;
+        }
         if railed * 1000 > codes.len() {
             self.note(EventKind::Saturated, (railed * 1000 / codes.len()) as u32 / 100 * 100);
         }
-        if codes.len() >= 64 && codes.iter().all(|&code| code == codes[0]) {
-            self.note(EventKind::Stuck, u32::from(codes[0]));
+        if codes.len() >= 64 && moved == 0 {
+            self.note(EventKind::Stuck, u32::from(first));
         }
     }
 

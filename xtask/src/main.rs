@@ -1,9 +1,10 @@
-//! Project tasks: `cargo xtask setup | demo | test | node-build | size | flash`.
+//! Project tasks: `cargo xtask setup | demo | test | node-build | size | bench-node | flash`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
 //! failure; exit code 1 then.
 
+mod bench_node;
 mod demo;
 mod elf;
 mod flash;
@@ -22,6 +23,7 @@ cargo xtask TASK
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
   node-build   both firmware images, with their sizes
   size         sizes of the images: text, data, bss, and their limits
+  bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -34,6 +36,7 @@ fn main() -> ExitCode {
         "demo" => demo::run(&rest),
         "test" => suite::run(),
         "node-build" => node_build::run(),
+        "bench-node" => bench_node::run_task(&rest),
         "size" => node_build::size(),
         "flash" => flash::run(&rest),
         "" | "help" | "--help" | "-h" => {

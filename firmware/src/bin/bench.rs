@@ -99,7 +99,7 @@ fn main() -> ! {
     whole(counter, config.clone(), 25, "chain", BUFFERS);
     // A law that asks for the highest rate the limits allow.
     let mut fast = config;
-    fast.law.form = LawForm::Quadratic { a_per_hz: 0.0, b: 0.0, c_hz: 85_000.0 };
+    fast.law.form = LawForm::Quadratic { a_per_hz: 0.0, b: 0.0, c_hz: 77_900.0 };
     whole(counter, fast, 25, "chain-highest-rate", BUFFERS);
     eprintln!("node: finished");
     process::exit(0)
@@ -121,28 +121,45 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
     }
     let fill = |record: &mut [f32], signal: &mut Signal| record.iter_mut().for_each(|x| *x = signal.next());
     fill(record, &mut signal);
-    report("fft-4096", 0, counter.count(|| {
-        core::hint::black_box(microfft::real::rfft_4096(record));
-    }));
+    report(
+        "fft-4096",
+        0,
+        counter.count(|| {
+            core::hint::black_box(microfft::real::rfft_4096(record));
+        }),
+    );
     fill(record, &mut signal);
-    report("wideband-peaks", 0, counter.count(|| {
-        core::hint::black_box(peaks::strongest(record, 45.0));
-    }));
+    report(
+        "wideband-peaks",
+        0,
+        counter.count(|| {
+            core::hint::black_box(peaks::strongest(record, 45.0));
+        }),
+    );
     fill(record, &mut signal);
     let (average, rest) = record.split_at_mut(1024);
     let (work, rest) = rest.split_at_mut(1024);
     let split = &mut rest[..1024];
     let mut ensemble = RunEnsemble::default();
-    report("gear-condition-1024", 0, counter.count(|| {
-        let _ = core::hint::black_box(gear_condition::of_average(average, TEETH as u16, &mut ensemble, work, split));
-    }));
+    report(
+        "gear-condition-1024",
+        0,
+        counter.count(|| {
+            let _ =
+                core::hint::black_box(gear_condition::of_average(average, TEETH as u16, &mut ensemble, work, split));
+        }),
+    );
     let mut rise = RiseTime::<256>::new(RiseTimeConfig { polarity: Polarity::Either, minimum_height: 1.0 }, 700.0);
     fill(record, &mut signal);
-    report("rise-time-per-4096-samples", 0, counter.count(|| {
-        for &x in record.iter() {
-            core::hint::black_box(rise.push(x));
-        }
-    }));
+    report(
+        "rise-time-per-4096-samples",
+        0,
+        counter.count(|| {
+            for &x in record.iter() {
+                core::hint::black_box(rise.push(x));
+            }
+        }),
+    );
 }
 
 /// From codes to mesh-band spectra without anything else, instructions per second of signal.
@@ -162,10 +179,15 @@ fn mesh_path(counter: Counter, config: &Configuration, speed_hz: u32, chain: &mu
         let codes: [u16; 128] = core::array::from_fn(|_| signal.code());
         let mut kept = ([0.0f32; 128], 0usize, 0u64, 1u32);
         filter += counter.count(|| {
-            stream.push(&codes, &sensor, |_, _| {}, |samples, tick, period| {
-                kept.0[..samples.len()].copy_from_slice(samples);
-                (kept.1, kept.2, kept.3) = (samples.len(), tick, period);
-            });
+            stream.push(
+                &codes,
+                &sensor,
+                |_, _| {},
+                |samples, tick, period| {
+                    kept.0[..samples.len()].copy_from_slice(samples);
+                    (kept.1, kept.2, kept.3) = (samples.len(), tick, period);
+                },
+            );
         });
         ticks += 128 * u64::from(grant.period_ticks);
         order += counter.count(|| {
