@@ -8,10 +8,10 @@ use meshband::config::Configuration;
 use meshband::law::Law;
 use meshband::rate_plan::{RateLimits, RatePlan, RatePolicy};
 use meshband::units::{Hertz, TicksPerSecond};
-use meshband_stm32f4::block_stamp::{self, Borders};
-use meshband_stm32f4::clock::{self, Oscillator, ResetCause};
-use meshband_stm32f4::time_base::{self, Capture, Edge, FILTERS, Filter};
-use meshband_stm32f4::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
+use meshband_stm32::block_stamp::{self, Borders};
+use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::time_base::{self, Capture, Edge, FILTERS, Filter};
+use meshband_stm32::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
 
 /// A register block as after power-up with all zeros.
 fn block<T>() -> Box<T> {

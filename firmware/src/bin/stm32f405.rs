@@ -12,7 +12,7 @@ use meshband_node::crash;
 use meshband_node::runner::{BoardEvent, Runner};
 use meshband_node::stm32f405::config_flash::ConfigFlash;
 use meshband_node::stm32f405::{Board, TIME_BASE, power_up, set_light};
-use meshband_stm32f4::clock::Oscillator;
+use meshband_stm32::clock::Oscillator;
 
 #[entry]
 fn main() -> ! {

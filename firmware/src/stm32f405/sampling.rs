@@ -10,10 +10,10 @@ use crate::pipeline::{Codes, Filled, Request};
 use core::ptr;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 use heapless::spsc::{Consumer, Producer};
-use meshband_stm32f4::block_stamp::{Borders, is_aligned};
-use meshband_stm32f4::dma::{self, Target};
-use meshband_stm32f4::pac::interrupt;
-use meshband_stm32f4::{BLOCK_SAMPLES, adc, sample_clock, time_base};
+use meshband_stm32::block_stamp::{Borders, is_aligned};
+use meshband_stm32::dma::{self, Target};
+use meshband_stm32::pac::interrupt;
+use meshband_stm32::{BLOCK_SAMPLES, adc, sample_clock, time_base};
 
 const _: () = assert!(BLOCK_SAMPLES as usize == crate::pipeline::BLOCK_SAMPLES);
 
