@@ -112,7 +112,11 @@ fn check_panics(complaints: &mut Vec<String>, bless: bool) -> Outcome<String> {
     for site in &sites {
         *files.entry(&site.file).or_default() += 1;
     }
-    println!("{RELEASED}: {} places can panic, {} of them ours", sites.len(), sites.iter().filter(|s| s.is_own()).count());
+    println!(
+        "{RELEASED}: {} places can panic, {} of them ours",
+        sites.len(),
+        sites.iter().filter(|s| s.is_own()).count()
+    );
     let mut list = String::new();
     let before = std::fs::read_to_string(snapshot("panics.txt")).unwrap_or_default();
     for (file, places) in files {

@@ -5,6 +5,7 @@
 use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_rtt as _;
+use meshband::buffers::Buffers;
 use meshband::events::EventKind;
 use meshband::session::Session;
 use meshband::store::Store;
@@ -52,7 +53,8 @@ fn start(crystal: bool) -> Option<(Runner<ConfigFlash>, Board)> {
     let mut store = Store::new(ConfigFlash::take()?, 0);
     let (configuration, origin) = store.load(TIME_BASE.0);
     let wheel = configuration.tach;
-    let session = singleton!(: Option<Session> = Session::new(configuration, TIME_BASE).ok())?.as_mut()?;
+    let buffers = singleton!(: Buffers = Buffers::ZERO)?;
+    let mut session = Session::with_buffers(configuration, TIME_BASE, buffers).ok()?;
     if let Some(complaint) = origin.complaint() {
         session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }

@@ -19,6 +19,7 @@ use embedded_storage::nor_flash::{
 };
 use heapless::spsc::{Consumer, Producer, Queue};
 use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
+use meshband::buffers::Buffers;
 use meshband::node::Block;
 use meshband::session::Session;
 use meshband::store::Store;
@@ -29,8 +30,8 @@ use meshband_node::pipeline::{BLOCK_SAMPLES, BUFFERS, Codes, EDGE_QUEUE, Filled,
 use meshband_node::runner::Runner;
 use meshband_node::send_ring::SendRing;
 use meshband_stm32::block_stamp::{Borders, is_aligned};
-use meshband_stm32::sample_clock::reload_of;
-use meshband_stm32::time_base::Filter;
+use meshband_stm32::filter::Filter;
+use meshband_stm32::period::reload_of;
 use stm32f7::stm32f767::{self as pac, Interrupt, interrupt};
 
 const TIME_BASE: TicksPerSecond = TicksPerSecond(84_000_000);
@@ -478,7 +479,8 @@ fn start() -> Option<(Runner<ConfigFlash>, Board)> {
     let (configuration, _) = store.load(TIME_BASE.0);
     let pulses_hz = configuration.tach.highest.0 * f32::from(configuration.tach.pulses_per_turn);
     let filter = Filter::for_interval((TIME_BASE.0 as f32 / pulses_hz) as u32);
-    let session = singleton!(: Option<Session> = Session::new(configuration, TIME_BASE).ok())?.as_mut()?;
+    let buffers = singleton!(: Buffers = Buffers::ZERO)?;
+    let session = Session::with_buffers(configuration, TIME_BASE, buffers).ok()?;
     let period = session.node().requested_period_ticks();
     Some((Runner::new(session, store, TIME_BASE, true), Board::start(period, filter)?))
 }

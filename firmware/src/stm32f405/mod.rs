@@ -18,8 +18,9 @@ use meshband::config::TachWheel;
 use meshband::node::Block;
 use meshband::units::TicksPerSecond;
 use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::filter::Filter;
 use meshband_stm32::pac::{self, Interrupt};
-use meshband_stm32::time_base::{self, Edge, Filter};
+use meshband_stm32::time_base::{self, Edge};
 use meshband_stm32::{pins, uart, watchdog};
 
 /// Rate of the time base.
