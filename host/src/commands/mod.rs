@@ -3,7 +3,10 @@
 pub mod alias;
 #[path = "loop.rs"]
 pub mod close;
+pub mod effects;
+pub mod configure;
 pub mod import;
+pub mod monitor;
 pub mod node;
 pub mod predict;
 pub mod simulate;
