@@ -25,7 +25,7 @@ pub struct Declaration {
     pub tach: Option<Tach>,
     /// One table per run.
     pub runs: Vec<RunDeclaration>,
-    /// Everything else: `title`, [pair], [shafts], [import] and unknown keys.
+    /// Everything else: `title`, `[pair]`, `[shafts]`, `[import]` and unknown keys.
     pub rest: Table,
     /// Name of the file in messages.
     place: String,
@@ -33,7 +33,7 @@ pub struct Declaration {
     folder: PathBuf,
 }
 
-/// [acquisition]: sampling rate, channels and scale.
+/// `[acquisition]`: sampling rate, channels and scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Acquisition {
     /// Sampling rate of every run, Hz.
@@ -57,7 +57,7 @@ fn sixteen() -> u32 {
     16
 }
 
-/// [tach]: which shaft, how many pulses.
+/// `[tach]`: which shaft, how many pulses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tach {
     /// Shaft with the pick-up: "pinion" or "gear".
@@ -82,7 +82,7 @@ impl Tach {
     }
 }
 
-/// One [[run]] table.
+/// One `[[run]]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunDeclaration {
     /// File of the codes, relative to the record folder.
