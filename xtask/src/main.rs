@@ -18,7 +18,7 @@ const HELP: &str = "\
 cargo xtask TASK
 
   setup        compiler target and QEMU; does nothing where both are present
-  demo RECORD  sets up, builds the node, runs it in QEMU on a record and prints what it reports
+  demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
   node-build   all firmware images, with their sizes
   size         text, data and bss of the images against limits and snapshots, and where they can panic
