@@ -17,6 +17,8 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// The library of effects: names, keys, signatures, pictures.
+    Effects(commands::effects::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
     /// Tells a node its machine and law, and has it stored.
@@ -38,6 +40,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Configure(args) => commands::configure::run(args),
         Command::Monitor(args) => commands::monitor::run(args),

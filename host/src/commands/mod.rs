@@ -3,6 +3,7 @@
 pub mod alias;
 #[path = "loop.rs"]
 pub mod close;
+pub mod effects;
 pub mod configure;
 pub mod import;
 pub mod monitor;
