@@ -12,19 +12,47 @@ pub fn acceleration(turns: f64, teeth: u16) -> f64 {
     (1..=5).map(|h| modulation * FIRST_HARMONIC_M_S2 / f64::from(h) * (f64::from(h) * mesh).cos()).sum()
 }
 
-/// Shaft angle, turns, of a speed that changes linearly over `seconds`.
-pub fn turns(t: f64, seconds: f64, from_hz: f64, to_hz: f64) -> f64 {
-    from_hz * t + (to_hz - from_hz) * t * t / (2.0 * seconds)
+/// A speed that changes linearly, then stays.
+#[derive(Clone, Copy, Debug)]
+pub struct Course {
+    /// Shaft rate at the start, Hz.
+    pub from_hz: f64,
+    /// Shaft rate at the end of the change, Hz.
+    pub to_hz: f64,
+    /// Length of the change, s.
+    pub change_s: f64,
+    /// Length of the steady part after it, s.
+    pub hold_s: f64,
 }
 
-/// Samples and tach edges of such a run.
-pub fn run(seconds: f64, rate_hz: f64, from_hz: f64, to_hz: f64, teeth: u16) -> (Vec<f64>, Vec<f64>) {
-    let angle = |t: f64| turns(t, seconds, from_hz, to_hz);
-    let samples =
-        (0..(seconds * rate_hz) as usize).map(|n| acceleration(angle(n as f64 / rate_hz), teeth)).collect::<Vec<_>>();
-    let a = (to_hz - from_hz) / (2.0 * seconds);
-    let time_of = |turn: f64| {
-        if a == 0.0 { turn / from_hz } else { ((from_hz * from_hz + 4.0 * a * turn).sqrt() - from_hz) / (2.0 * a) }
-    };
-    (samples, (1..).map(f64::from).map(time_of).take_while(|t| *t < seconds).collect())
+impl Course {
+    /// Length, s.
+    pub fn seconds(&self) -> f64 {
+        self.change_s + self.hold_s
+    }
+
+    /// Shaft angle, turns.
+    pub fn turns(&self, t: f64) -> f64 {
+        let changing = t.min(self.change_s);
+        let slope = if self.change_s > 0.0 { (self.to_hz - self.from_hz) / self.change_s } else { 0.0 };
+        self.from_hz * changing + slope * changing * changing / 2.0 + self.to_hz * (t - changing)
+    }
+
+    /// Samples at a rate, and tach edges, one per turn.
+    pub fn sample(&self, rate_hz: f64, teeth: u16) -> (Vec<f64>, Vec<f64>) {
+        let count = (self.seconds() * rate_hz) as usize;
+        let samples = (0..count).map(|n| acceleration(self.turns(n as f64 / rate_hz), teeth)).collect();
+        let last = self.turns(self.seconds()) as u32;
+        (samples, (1..last).map(|turn| self.time_of(f64::from(turn))).collect())
+    }
+
+    /// Instant of an angle, by bisection: the speed never changes its sign.
+    fn time_of(&self, turn: f64) -> f64 {
+        let (mut low, mut high) = (0.0, self.seconds());
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if self.turns(middle) < turn { low = middle } else { high = middle }
+        }
+        high
+    }
 }

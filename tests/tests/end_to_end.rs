@@ -15,7 +15,7 @@ use meshband_host::link::{Client, Losses};
 use meshband_host::machine::{EngagementKind, Machine};
 use meshband_host::qemu::Qemu;
 use meshband_host::virtual_node::image::{Image, Source};
-use meshband_tests::gear_signal;
+use meshband_tests::gear_signal::{Course, FIRST_HARMONIC_M_S2};
 use meshband_tests::qemu_node::{machine, power_up_with_client};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -24,8 +24,8 @@ const RATE_HZ: f64 = 50_000.0;
 /// Of machines/19-48.toml; the node's default is another.
 const TEETH: [u16; 2] = [19, 48];
 
-fn image(seconds: f64, from_hz: f64, to_hz: f64) -> Image {
-    let (samples, edges) = gear_signal::run(seconds, RATE_HZ, from_hz, to_hz, TEETH[0]);
+fn image(course: Course) -> Image {
+    let (samples, edges) = course.sample(RATE_HZ, TEETH[0]);
     let source = Source { samples: &samples, rate_hz: RATE_HZ, edges_s: &edges };
     let waits = |header: Header| Header { waits_for_start: true, ..header };
     Image::new(source, &Configuration::default(), waits).expect("a sound signal")
@@ -72,7 +72,7 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
     let machine = Qemu { memory: Some(folder.path().join("memory.bin")), ..machine };
 
     // Power up, self-test, configuration over the link.
-    let run_up = image(4.0, 4.0, 20.0);
+    let run_up = image(Course { from_hz: 4.0, to_hz: 20.0, change_s: 3.0, hold_s: 3.0 });
     let (running, mut client) = power_up_with_client(&machine, &run_up.bytes);
     let identity = client.identify().expect("an answer");
     assert_eq!((identity.self_test.run & MATHEMATICS, identity.self_test.failed), (MATHEMATICS, 0));
@@ -142,7 +142,7 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
     assert_eq!((statistics.blocks_lost, statistics.events[EventKind::ConfigurationStored as usize]), (0, 1));
 
     // A restart, a change that is not stored, and the power goes.
-    let steady = image(3.0, 15.0, 15.0);
+    let steady = image(Course { from_hz: 15.0, to_hz: 15.0, change_s: 0.0, hold_s: 3.0 });
     let (running, mut client) = power_up_with_client(&machine, &steady.bytes);
     assert_eq!(client.configuration().expect("an answer"), config, "the configuration survives a restart");
     client.set_configuration(&before).expect("accepted");
@@ -163,7 +163,7 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
     for (h, band) in (1..).map(f64::from).zip(&spectrum.bands) {
         let frequency_hz = 15.0 * f64::from(TEETH[0]) * h;
         assert!((f64::from(band.line.frequency_hz) / frequency_hz - 1.0).abs() < 5e-4, "{}", band.line.frequency_hz);
-        let expected = gear_signal::FIRST_HARMONIC_M_S2 / h * scale;
+        let expected = FIRST_HARMONIC_M_S2 / h * scale;
         let decibels = 20.0 * (f64::from(band.line.amplitude) / expected).log10();
         assert!(decibels.abs() < 0.5, "harmonic {h}: {decibels} dB");
     }

@@ -198,7 +198,7 @@ impl Board {
     pub fn wait(&self) {
         critical_section::with(|_| {
             // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
-            if !self.inbox.blocks.ready() && !self.link.received.ready() {
+            if !self.is_finished() && !self.inbox.blocks.ready() && !self.link.received.ready() {
                 cortex_m::asm::wfi();
             }
         });
