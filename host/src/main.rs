@@ -19,6 +19,8 @@ enum Command {
     Alias(commands::alias::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
+    /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
+    Law(commands::law::Args),
     /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
     Stiffness(commands::stiffness::Args),
     /// The real firmware in QEMU on a run of a record.
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::Law(args) => commands::law::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
         Command::Node(args) => commands::node::run(args),
         Command::Predict(args) => commands::predict::run(args),

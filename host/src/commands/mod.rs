@@ -2,6 +2,7 @@
 
 pub mod alias;
 pub mod import;
+pub mod law;
 pub mod node;
 pub mod predict;
 pub mod simulate;

@@ -92,7 +92,10 @@ impl LawFile {
                 LawForm::Physical { ramp_turns: a_turns as f32, mode_rise_s: t_mode_s as f32 }
             }
             Law::RampThroughMode { .. } => {
-                return Err(Error::invalid("[law] form", "a node has no ramp-through-mode form: send the tabulated one"));
+                return Err(Error::invalid(
+                    "[law] form",
+                    "a node has no ramp-through-mode form: send the tabulated one",
+                ));
             }
             Law::Tabulated { knots } => {
                 let knot = |&(f, b): &(f64, f64)| LawKnot { speed: Hertz(f as f32), bandwidth: Hertz(b as f32) };
@@ -110,7 +113,9 @@ impl LawFile {
                 EngagementKind::Paper => RampDescription::PaperTable,
                 EngagementKind::TipRelief => RampDescription::TipRelief,
                 EngagementKind::Loaded => RampDescription::LoadedContact,
-                EngagementKind::None | EngagementKind::Linear | EngagementKind::RaisedCosine => RampDescription::Unknown,
+                EngagementKind::None | EngagementKind::Linear | EngagementKind::RaisedCosine => {
+                    RampDescription::Unknown
+                }
             },
             relative_uncertainty: self.relative_uncertainty as f32,
             provisional: false,

@@ -235,13 +235,17 @@ impl Bench {
         };
         let step = 1e-4 * (ramp[0] - begin);
         let (at, ahead) = (balance(begin)?, balance(begin + step)?);
-        let mut state =
-            State::<N> { q: std::array::from_fn(|i| at[i]), v: std::array::from_fn(|i| (ahead[i] - at[i]) / step * rate) };
+        let mut state = State::<N> {
+            q: std::array::from_fn(|i| at[i]),
+            v: std::array::from_fn(|i| (ahead[i] - at[i]) / step * rate),
+        };
         let sensor = rig.sensors()?[0];
         let mut mesh = Mesh::new(&rig.system, &rig.stiffness, rig.damping, &motion, &effects, rig.facts(torque));
         let mut steps = Vec::new();
         let solver = Solver::<N>::new(&rig.system, &force);
-        solver.integrate(&mut mesh, &mut state, (time(begin), time(end)), &rig.options, |s| steps.push(kept(s, sensor)))?;
+        solver.integrate(&mut mesh, &mut state, (time(begin), time(end)), &rig.options, |s| {
+            steps.push(kept(s, sensor))
+        })?;
         Ok(steepest_edge(&steps, [0.0, time(ramp[1])], event.polarity()))
     }
 }

@@ -106,7 +106,8 @@ pub fn sampling_study(machine: &Machine, bandwidth_hz: &(impl Fn(f64) -> f64 + S
         .map(|lines| {
             let mesh_hz = lines.implied().mesh_hz;
             let shaft_hz = mesh_hz / f64::from(bench.teeth()[0]);
-            let response = if lines.cracked { bench.cracked(shaft_hz, torque)? } else { bench.healthy(shaft_hz, torque)? };
+            let response =
+                if lines.cracked { bench.cracked(shaft_hz, torque)? } else { bench.healthy(shaft_hz, torque)? };
             study(&response, &lines, mesh_hz, shaft_hz, 2.0 * bandwidth_hz(shaft_hz))
         })
         .collect()

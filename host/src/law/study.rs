@@ -68,7 +68,14 @@ pub fn occupied_hz(response: &Periodic) -> f64 {
     let total: f64 = power.iter().sum();
     let border = |share: f64| {
         let mut sum = 0.0;
-        power.iter().position(|p| { sum += p; sum >= share * total }).unwrap_or(0) + 1
+        power
+            .iter()
+            .position(|p| {
+                sum += p;
+                sum >= share * total
+            })
+            .unwrap_or(0)
+            + 1
     };
     // Lines, not a continuum: a single line occupies one mesh frequency.
     (border(0.995) - border(0.005) + 1) as f64 / response.mesh_period_s
@@ -172,7 +179,10 @@ pub fn teeth_sweep(machine: &Machine, shaft_hz: f64) -> Result<Sweep> {
 
 fn from_geometry(machine: &Machine) -> Result<()> {
     if machine.pair.pair_stiffness.is_some() || machine.pair.total_stiffness.is_some() {
-        return Err(Error::impossible("law study", "module and teeth cannot be varied: the stiffness is a declared table"));
+        return Err(Error::impossible(
+            "law study",
+            "module and teeth cannot be varied: the stiffness is a declared table",
+        ));
     }
     Ok(())
 }
@@ -369,7 +379,16 @@ pub struct CrackStudy {
 
 /// The crack a study uses where the machine declares none: on the pinion, half a module to one module deep.
 pub fn crack_of(machine: &Machine, depth_m: f64) -> Crack {
-    Crack { depth_m, ..machine.crack.unwrap_or(Crack { side: Side::Pinion, tooth: 0, depth_m, angle_deg: 70.0, rule: CrackRule::Straight }) }
+    Crack {
+        depth_m,
+        ..machine.crack.unwrap_or(Crack {
+            side: Side::Pinion,
+            tooth: 0,
+            depth_m,
+            angle_deg: 70.0,
+            rule: CrackRule::Straight,
+        })
+    }
 }
 
 /// Pulses of the two mesh periods in which the cracked tooth works, from one entry to the other side of its exit.
