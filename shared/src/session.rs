@@ -4,6 +4,7 @@
 //! frames, byte for byte.
 
 use crate::config::{Configuration, ConfigurationError};
+use crate::events::EventKind;
 use crate::frame::{self, Decoder, MAX_FRAME, Packet, PacketRef};
 use crate::message::Request;
 use crate::node::{Block, Node};
@@ -16,6 +17,7 @@ pub struct Session {
     decoder: Decoder,
     sequence: u16,
     unsent: u32,
+    commit: bool,
 }
 
 impl Session {
@@ -24,7 +26,7 @@ impl Session {
     /// # Errors
     /// The first field of the configuration that is out of range.
     pub fn new(config: Configuration, clock: TicksPerSecond) -> Result<Self, ConfigurationError> {
-        Ok(Self { node: Node::new(config, clock)?, decoder: Decoder::new(), sequence: 0, unsent: 0 })
+        Ok(Self { node: Node::new(config, clock)?, decoder: Decoder::new(), sequence: 0, unsent: 0, commit: false })
     }
 
     /// The node itself.
@@ -61,18 +63,35 @@ impl Session {
 
     /// A byte from the link; a complete command is carried out and answered at once.
     pub fn on_byte(&mut self, byte: u8, send: &mut impl FnMut(&[u8])) {
-        // Damaged frames are counted by the receiver; a node has no use for replies and messages.
-        if let Some(Ok(frame)) = self.decoder.push(byte)
-            && let Packet::Request(request) = frame.packet
-        {
-            self.on_request(request, send);
+        match self.decoder.push(byte) {
+            Some(Ok(frame)) => {
+                // A node has no use for replies and messages.
+                if let Packet::Request(request) = frame.packet {
+                    self.on_request(request, send);
+                }
+            }
+            Some(Err(_)) => self.node.note(EventKind::FramesRefused, 1),
+            None => {}
         }
     }
 
     /// A command, answered at once.
     pub fn on_request(&mut self, request: Request, send: &mut impl FnMut(&[u8])) {
+        self.commit |= request == Request::CommitConfiguration;
         let reply = self.node.on_request(request);
         self.send(PacketRef::Reply(&reply), send);
+    }
+
+    /// Whether a command asked to store the configuration in force, once per command; the board answers with
+    /// [`Session::on_stored`].
+    pub fn take_commit(&mut self) -> bool {
+        core::mem::take(&mut self.commit)
+    }
+
+    /// The board has stored the configuration, or failed to.
+    pub fn on_stored(&mut self, success: bool) {
+        let kind = if success { EventKind::ConfigurationStored } else { EventKind::ConfigurationNotStored };
+        self.node.note(kind, 0);
     }
 
     /// Frames too long to be sent, a defect of the message definitions; always zero in tested versions.

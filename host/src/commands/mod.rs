@@ -1,8 +1,13 @@
 //! Subcommands: argument structs and the printing around library calls; no computation of their own.
 
 pub mod alias;
+#[path = "loop.rs"]
+pub mod close;
+pub mod effects;
+pub mod configure;
 pub mod import;
 pub mod law;
+pub mod monitor;
 pub mod node;
 pub mod predict;
 pub mod simulate;
