@@ -11,7 +11,7 @@ use meshband::config::Configuration;
 use meshband::events::EventKind;
 use meshband::message::{Request, SelfTest};
 use meshband::self_test::BootTest;
-use meshband::session::Session;
+use meshband::session::BoardSession;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
 
@@ -45,7 +45,7 @@ const STACK_STEP: u32 = 1024;
 
 /// State of the main loop.
 pub struct Runner<F: NorFlash> {
-    session: &'static mut Session,
+    session: &'static mut BoardSession,
     store: Store<F>,
     test: BootTest,
     clock: TicksPerSecond,
@@ -64,7 +64,7 @@ pub fn load<F: NorFlash>(store: &mut Store<F>, clock: TicksPerSecond) -> (Config
 
 impl<F: NorFlash> Runner<F> {
     /// Takes over a session; checks the mathematics at once.
-    pub fn new(session: &'static mut Session, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
+    pub fn new(session: &'static mut BoardSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
         let test = BootTest::new(clock);
         let self_test = test.result();
         session.node_mut().set_self_test(self_test);
@@ -72,7 +72,7 @@ impl<F: NorFlash> Runner<F> {
     }
 
     /// The session.
-    pub fn session(&mut self) -> &mut Session {
+    pub fn session(&mut self) -> &mut BoardSession {
         self.session
     }
 

@@ -56,10 +56,14 @@ pub enum EventKind {
     ConfigurationStored,
     /// The configuration in force could not be stored; the one stored before stays.
     ConfigurationNotStored,
+    /// Measured bandwidth and law part; detail is measured over law in per cent.
+    BandwidthDeparts,
+    /// Measured bandwidth and law agree again; detail as before.
+    BandwidthAgrees,
 }
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::ConfigurationNotStored as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::BandwidthAgrees as usize + 1;
 
 /// Events kept.
 pub const RING: usize = 32;

@@ -33,8 +33,9 @@ fn packet(number: u32) -> Packet {
 
 #[test]
 fn theory_the_largest_messages_fit_a_frame() {
-    let band = MeshBand { harmonic: 8, line: line(1), sidebands: (0..8).map(line).collect() };
-    let bands = (0..8).map(|_| band.clone()).collect();
+    let sidebands: heapless::Vec<SpectralLine, 8> = (0..8).map(line).collect();
+    let band = MeshBand { harmonic: 8, line: line(1), sidebands: sidebands.clone(), gear_sidebands: sidebands };
+    let bands = (0..meshband::config::MAX_HARMONICS).map(|_| band.clone()).collect();
     let spectrum = Packet::Message(Message::Spectrum(Spectrum { bands, digest: u32::MAX, ..Spectrum::default() }));
     let samples = (0..128).map(|_| i16::MIN).collect();
     let snapshot = Packet::Message(Message::Snapshot(Snapshot { samples, ..Snapshot::default() }));

@@ -4,16 +4,16 @@
 #![no_std]
 #![no_main]
 
-use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_semihosting as _;
+use meshband::buffers::Buffers;
 use meshband::config::Configuration;
 use meshband::events::EventKind;
 use meshband::message::Request;
 use meshband::node::State;
 use meshband::replay::{CodeDigest, Drill, Replay, START_TICK};
 use meshband::self_test::BootTest;
-use meshband::session::Session;
+use meshband::session::BoardSession;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
 use meshband_node::an386::flash::Flash;
@@ -23,18 +23,20 @@ use semihosting::{eprintln, process};
 
 #[entry]
 fn main() -> ! {
+    // All zero bytes, hence in .bss; the rest of the node is small enough for the stack.
+    static mut BUFFERS: Buffers = Buffers::ZERO;
     let record = Replay::parse(an386::image()).unwrap_or_else(|reason| {
         eprintln!("node: no usable record in PSRAM: {reason:?}");
         process::exit(1)
     });
     rehearse(record.header().drill);
     let mut store = Store::new(Flash::take(), 0);
-    let session = open_session(&record, &mut store);
+    let mut session = open_session(&record, &mut store, BUFFERS);
     let mut test = BootTest::new(TicksPerSecond(CLOCK_HZ));
     session.node_mut().set_self_test(test.result());
     let mut link = Link::open();
     if record.header().waits_for_start {
-        serve_until_start(session, &mut link, &mut store);
+        serve_until_start(&mut session, &mut link, &mut store);
     }
     let mut board = Board::start(record, session.node().requested_period_ticks(), link);
     let mut digest = CodeDigest::new();
@@ -48,7 +50,7 @@ fn main() -> ! {
             session.on_byte(byte, &mut send);
         }
         if session.take_commit() {
-            commit(session, &mut store);
+            commit(&mut session, &mut store);
         }
         if let Some(block) = inbox.blocks.dequeue() {
             while let Some(edge) = inbox.edge_before(block.end_tick()) {
@@ -82,7 +84,7 @@ fn main() -> ! {
 }
 
 /// Stopped, with the link alone, until the host asks to start.
-fn serve_until_start(session: &mut Session, link: &mut Link, store: &mut Store<Flash>) {
+fn serve_until_start(session: &mut BoardSession, link: &mut Link, store: &mut Store<Flash>) {
     let Link { received, outgoing } = link;
     session.node_mut().on_request(Request::Stop);
     while session.node().state() == State::Stopped {
@@ -100,7 +102,7 @@ fn serve_until_start(session: &mut Session, link: &mut Link, store: &mut Store<F
 }
 
 /// Stores the configuration in force; the outcome goes out as an event.
-fn commit(session: &mut Session, store: &mut Store<Flash>) {
+fn commit(session: &mut BoardSession, store: &mut Store<Flash>) {
     let stored = store.save(session.node().configuration()).is_ok();
     session.on_stored(stored);
 }
@@ -114,9 +116,8 @@ fn flush(outgoing: &mut Outgoing) {
     }
 }
 
-/// The node with the stored or the record's configuration, in memory of its own.
-#[inline(never)]
-fn open_session(record: &Replay<'static>, store: &mut Store<Flash>) -> &'static mut Session {
+/// The node with the stored or the record's configuration, with its arrays in memory of their own.
+fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'static mut Buffers) -> BoardSession {
     let fail = |what: &str, reason: &dyn core::fmt::Debug| -> ! {
         eprintln!("node: {what}: {reason:?}");
         process::exit(1)
@@ -133,17 +134,11 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>) -> &'static 
     if clock.0 != CLOCK_HZ {
         fail("the record is for another time base", &clock);
     }
-    let session =
-        singleton!(: Option<Session> = Session::new(config, clock).map_err(|e| fail("configuration", &e)).ok());
-    match session {
-        Some(Some(session)) => {
-            if let Some(complaint) = origin.complaint() {
-                session.node_mut().note(EventKind::ConfigurationRefused, complaint);
-            }
-            session
-        }
-        _ => fail("configuration", &"refused"),
+    let mut session = BoardSession::with_buffers(config, clock, buffers).unwrap_or_else(|e| fail("configuration", &e));
+    if let Some(complaint) = origin.complaint() {
+        session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }
+    session
 }
 
 /// Prints the closing statistics and ends with success.

@@ -5,8 +5,9 @@
 use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_rtt as _;
+use meshband::buffers::Buffers;
 use meshband::events::EventKind;
-use meshband::session::Session;
+use meshband::session::BoardSession;
 use meshband::store::Store;
 use meshband_node::crash;
 use meshband_node::runner::{BoardEvent, Runner};
@@ -16,10 +17,12 @@ use meshband_stm32f4::clock::Oscillator;
 
 #[entry]
 fn main() -> ! {
+    // All zero bytes, hence in .bss; the rest of the node is small enough for the stack.
+    static mut BUFFERS: Buffers = Buffers::ZERO;
     let power = power_up();
     // Lit until the main loop runs.
     set_light(true);
-    match start(power.oscillator == Oscillator::Crystal) {
+    match start(power.oscillator == Oscillator::Crystal, BUFFERS) {
         Some((mut runner, mut board)) => {
             runner.session().node_mut().note(EventKind::Started, power.reset_cause as u32);
             if let Some(crash) = crash::last() {
@@ -48,11 +51,12 @@ fn main() -> ! {
 }
 
 /// Configuration, node and board; `None` only if this ran before.
-fn start(crystal: bool) -> Option<(Runner<ConfigFlash>, Board)> {
+fn start(crystal: bool, buffers: &'static mut Buffers) -> Option<(Runner<ConfigFlash>, Board)> {
     let mut store = Store::new(ConfigFlash::take()?, 0);
     let (configuration, origin) = store.load(TIME_BASE.0);
     let wheel = configuration.tach;
-    let session = singleton!(: Option<Session> = Session::new(configuration, TIME_BASE).ok())?.as_mut()?;
+    let session = BoardSession::with_buffers(configuration, TIME_BASE, buffers).ok();
+    let session = singleton!(: Option<BoardSession> = session)?.as_mut()?;
     if let Some(complaint) = origin.complaint() {
         session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }
