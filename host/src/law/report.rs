@@ -17,6 +17,10 @@ pub fn khz(hz: Option<f64>) -> String {
     hz.map_or("-".into(), |hz| format!("{:.3}", hz * 1e-3))
 }
 
+fn unsigned(share: f64) -> String {
+    format!("{:.3} %", 100.0 * share)
+}
+
 fn percent(share: f64) -> String {
     format!("{:+.3} %", 100.0 * share)
 }
@@ -52,7 +56,8 @@ pub fn check_rows(check: &Check) -> Vec<Vec<String>> {
     let row = |f: &super::derive::FormCheck| {
         let mut row = vec![f.form.to_string()];
         row.extend(f.at_8_16_22.iter().map(|&e| percent(e)));
-        row.extend([f.worst, f.worst_periodic, f.at_50_hz].map(percent));
+        row.extend([f.worst, f.worst_periodic].map(unsigned));
+        row.push(percent(f.at_50_hz));
         row
     };
     check.forms.iter().map(row).collect()
@@ -264,8 +269,8 @@ fn ramp_section(report: Report, o: &Outcome) -> Result<Report> {
                 at(r, 5.0),
                 at(r, 15.0),
                 at(r, 25.0),
-                percent(r.table_worst),
-                percent(r.quadratic_worst),
+                unsigned(r.table_worst),
+                unsigned(r.quadratic_worst),
                 format!("{:.1} %", 100.0 * r.ring_rms),
                 format!("{} of 53", r.hidden),
             ]
@@ -333,7 +338,7 @@ fn sampling_section(report: Report, study: &SamplingStudy) -> Result<Report> {
         let waveform =
             lines(&[Series::new(&rate, case.waveform.clone())], Axes { x: "time, ms", y: "acceleration, m/s2" })?;
         report = report.picture(&waveform, &format!("{rate}, six mesh periods. {}", waveform_words(case)));
-        let labels: Vec<Label> = case.lines.iter().take(7).map(|l| Label { x: l.hz, text: label(l) }).collect();
+        let labels = labels(case, study);
         let picture = spectrum(
             &[Series::new(&rate, case.spectrum.clone())],
             &labels,
@@ -380,12 +385,18 @@ fn spectrum_words(case: &RateCase, cracked: bool) -> String {
     format!("Spectrum at {:.0} kHz; nx is a mesh harmonic, (nx) a folded one. {folded}{sidebands}", case.rate_hz * 1e-3)
 }
 
-fn label(line: &super::sampling::NamedLine) -> String {
-    match (line.harmonic, line.folded) {
-        (Some(h), true) => format!("({h}x)"),
-        (Some(h), false) => format!("{h}x"),
-        (None, _) => format!("{:.0}", line.hz),
-    }
+/// Mesh harmonics by number, folded ones in brackets, the paper's unknown lines with their frequency where they fold.
+fn labels(case: &RateCase, study: &SamplingStudy) -> Vec<Label> {
+    let unknown = |hz: f64| study.unknown.iter().find(|u| (u.found_hz - hz).abs() < 1.0);
+    let named = case.lines.iter().filter_map(|l| {
+        let text = match (l.harmonic?, l.folded) {
+            (h, true) if unknown(l.hz).is_some() => format!("({h}x) {:.1}", l.hz),
+            (h, true) => format!("({h}x)"),
+            (h, false) => format!("{h}x"),
+        };
+        Some(Label { x: l.hz, text })
+    });
+    named.collect()
 }
 
 fn implied_section(report: Report, o: &Outcome) -> Report {
