@@ -108,10 +108,10 @@ fn loop_template_of_every_generated_effect_explains_it() {
     one[7] = 8e-6;
     let phase_rad = 0.7;
     let cases: Vec<(&str, f64, Effect, Option<f64>, Option<f64>)> = vec![
-        ("pinion-eccentricity", 0.99, Effect::Eccentricity { shaft: 0, amplitude_m: 10e-6, phase_rad }, None, None),
-        ("gear-eccentricity", 0.99, Effect::Eccentricity { shaft: 1, amplitude_m: 20e-6, phase_rad }, None, None),
-        ("pinion-imbalance", 0.99, Effect::Imbalance { shaft: 0, kg_m: 5e-4, phase_rad }, None, None),
-        ("gear-imbalance", 0.99, Effect::Imbalance { shaft: 1, kg_m: 5e-3, phase_rad }, None, None),
+        ("pinion-eccentricity", 0.99, Effect::Eccentricity { shaft: 0, amplitude_m: 50e-6, phase_rad }, None, None),
+        ("gear-eccentricity", 0.99, Effect::Eccentricity { shaft: 1, amplitude_m: 100e-6, phase_rad }, None, None),
+        ("pinion-imbalance", 0.99, Effect::Imbalance { shaft: 0, kg_m: 5e-2, phase_rad }, None, None),
+        ("gear-imbalance", 0.99, Effect::Imbalance { shaft: 1, kg_m: 1.0, phase_rad }, None, None),
         ("pinion-pitch-error", 0.99, Effect::PitchError { shaft: 0, offsets_m: bumps(19) }, None, None),
         ("gear-pitch-error", 0.99, Effect::PitchError { shaft: 1, offsets_m: bumps(48) }, None, None),
         ("pinion-pitch-error", 0.99, Effect::PitchError { shaft: 0, offsets_m: one }, None, None),
@@ -127,7 +127,7 @@ fn loop_template_of_every_generated_effect_explains_it() {
             None,
         ),
         ("torque-ripple", 0.99, Effect::FixedTorque { at: 0, hz: 137.3, share: 0.1 }, None, Some(137.3)),
-        ("coupling-misalignment", 0.99, Effect::Misalignment { shaft: 0, force_n: 40.0, phase_rad }, None, None),
+        ("coupling-misalignment", 0.99, Effect::Misalignment { shaft: 0, force_n: 400.0, phase_rad }, None, None),
         (
             "bearing-stiffness-modulation",
             0.98,

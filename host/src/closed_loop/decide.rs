@@ -110,7 +110,8 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         data.weight = base.weights(&rest.residual, &raw);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
         let orders = detect::orders(&base, &rest, &split.fit, 2);
-        let frequencies = detect::frequencies(&base, &rest, &split.fit, 2);
+        let mut frequencies = detect::frequencies(&base, &rest, &split.fit, 2);
+        frequencies.extend(detect::modulations(&base, &rest, &split.fit, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
         let mut candidates = bench.candidates(&rest, &split.fit, &orders, &frequencies);
         candidates.retain(|c| c.claim == Claim::Generic || !options.withheld.contains(&c.name));
