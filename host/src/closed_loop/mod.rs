@@ -14,14 +14,18 @@ pub mod base_fit;
 pub mod candidate;
 pub mod decide;
 pub mod detect;
+pub mod frame;
 pub mod generate;
 pub mod harmonic_model;
 pub mod input;
+pub mod judge;
 pub mod least_squares;
 pub mod library;
 pub mod outcome;
 pub mod pair_curve;
 pub mod spectrum;
+pub mod tables;
+pub mod verdict;
 
 pub use decide::{Options, close_loop};
 pub use outcome::Outcome;
