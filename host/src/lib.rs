@@ -7,6 +7,7 @@ pub mod error;
 pub mod import;
 pub mod law;
 pub mod machine;
+pub mod measured;
 pub mod piecewise;
 pub mod qemu;
 pub mod record;

@@ -4,7 +4,9 @@ pub mod alias;
 #[path = "loop.rs"]
 pub mod close;
 pub mod import;
+pub mod measured;
 pub mod node;
 pub mod predict;
+pub mod prove;
 pub mod simulate;
 pub mod stiffness;
