@@ -11,6 +11,7 @@
 
 pub mod angle;
 pub mod base_fit;
+pub mod campaign;
 pub mod candidate;
 pub mod decide;
 pub mod detect;

@@ -33,7 +33,7 @@ pub struct Measured {
     pub electric_amplitude: f64,
     /// Amplitudes at 1x and 3x of the input shaft.
     pub shaft_amplitudes: [f64; 2],
-    /// Slip against half the electric line.
+    /// Slip against half the supply line fitted on the fitting loads.
     pub slip: f64,
 }
 
@@ -91,8 +91,12 @@ pub fn run(data: &Path) -> Result<Outcome> {
         .map(|&(series, load)| measure(data, series, load))
         .collect::<Result<Vec<_>>>()?;
     files.sort_by_key(|f| (f.0.series.clone(), f.0.load_percent));
-    let fit: Vec<&Measured> = files.iter().map(|f| &f.0).filter(|m| FIT_LOADS.contains(&m.load_percent)).collect();
-    let electric_hz = fit.iter().map(|m| m.electric_hz).sum::<f64>() / fit.len() as f64;
+    let fitting = |m: &Measured| FIT_LOADS.contains(&m.load_percent);
+    let electric_hz = files.iter().filter(|f| fitting(&f.0)).map(|f| f.0.electric_hz).sum::<f64>()
+        / files.iter().filter(|f| fitting(&f.0)).count() as f64;
+    // One supply for all files: its line is weak at low load, so slip is counted from the fitted supply.
+    files.iter_mut().for_each(|f| f.0.slip = 1.0 - 2.0 * f.0.shaft_hz / electric_hz);
+    let fit: Vec<&Measured> = files.iter().map(|f| &f.0).filter(|m| fitting(m)).collect();
     let leave_one_out = [0, 1, 2].map(|degree| leave_one_out(&fit, degree));
     let degree = (0..3).min_by(|&a, &b| leave_one_out[a].total_cmp(&leave_one_out[b])).unwrap_or(1);
     let law = polynomial(&fit, degree);
