@@ -6,6 +6,7 @@ pub mod effects;
 pub mod error;
 pub mod import;
 pub mod law;
+pub mod link;
 pub mod machine;
 pub mod measured;
 pub mod piecewise;

@@ -17,8 +17,14 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// The library of effects: names, keys, signatures, pictures.
+    Effects(commands::effects::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
+    /// Tells a node its machine and law, and has it stored.
+    Configure(commands::configure::Args),
+    /// Live view of a node in the terminal, or of a captured link.
+    Monitor(commands::monitor::Args),
     /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
     Stiffness(commands::stiffness::Args),
     /// The real firmware in QEMU on a run of a record.
@@ -38,7 +44,10 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::Configure(args) => commands::configure::run(args),
+        Command::Monitor(args) => commands::monitor::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
         Command::Node(args) => commands::node::run(args),
         Command::Predict(args) => commands::predict::run(args),

@@ -20,7 +20,7 @@ fn ref_harmonic_balance_leaves_a_thousandth_of_the_check_records() {
         for run in &record.runs {
             let angle = Angle::fit(run, record.pulses_per_rev, record.jitter_s);
             let analyser = Analyser::new(run.channels[0].len(), record.sample_rate_hz);
-            let comb = machine.comb(0.0, angle.shaft_hz);
+            let comb = machine.own_comb(angle.shaft_hz);
             let solution = machine.base(&comb, run.input_torque_n_m);
             for channel in 0..2 {
                 let measured = analyser.bins_of(&run.channels[channel]);

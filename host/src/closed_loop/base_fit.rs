@@ -8,7 +8,7 @@ use super::candidate::Template;
 use super::harmonic_model::{Comb, Machine, Solution};
 use super::input::Record;
 use super::least_squares::{Column, Data, normal, solve};
-use super::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, WIDE, noise_power, sparse};
+use super::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, noise_power, sparse};
 use crate::machine::Shafts;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -17,6 +17,9 @@ use rustfft::num_complex::Complex64 as C;
 const MODEL_SLACK: f64 = 2e-3;
 /// Share of a bin's own residual treated as model-form error of whatever explains it.
 const FORM_SLACK: f64 = 0.03;
+
+/// Half width of a sensitivity's kernel, bins: tolerances times the tail stay below noise beyond it.
+const NUISANCE_REACH: i64 = 40;
 
 /// Declared parameters with their one-sigma tolerances.
 pub const TOLERANCES: [(&str, f64); 15] = [
@@ -51,6 +54,8 @@ pub struct RunState {
     pub comb: Comb,
     /// The machine's steady state.
     pub base: Solution,
+    /// The part of it on the orders used for small effects ([`Machine::comb`]).
+    pub inner: Solution,
 }
 
 /// Record, model and sensitivities.
@@ -89,7 +94,7 @@ fn changed(machine: &Machine, change: &[f64]) -> (Machine, f64) {
 }
 
 fn predict(machine: &Machine, torque_factor: f64, angle: &Angle, torque: f64) -> (Comb, Solution) {
-    let comb = machine.comb(0.0, angle.shaft_hz);
+    let comb = machine.own_comb(angle.shaft_hz);
     let base = machine.base(&comb, torque * torque_factor);
     (comb, base)
 }
@@ -112,7 +117,8 @@ impl Base {
                 let (comb, base) = predict(&machine, 1.0, &angle, run.input_torque_n_m);
                 let measured = [0, 1].map(|c| analyser.bins_of(&run.channels[c][..samples]));
                 let model = bins(&analyser, &angle, &base);
-                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, comb, base }
+                let inner = base.within(machine.harmonics(angle.shaft_hz) as usize);
+                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, comb, base, inner }
             })
             .collect();
         let change = vec![0.0; TOLERANCES.len()];
@@ -121,29 +127,27 @@ impl Base {
         base
     }
 
-    /// Sensitivities of all runs by central steps of each declared parameter, and of each run's angle offset.
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset.
     fn linearise(&mut self) {
-        const STEP: f64 = 2e-3;
-        let declared: Vec<Vec<[Bins; 2]>> = (0..TOLERANCES.len())
-            .into_par_iter()
-            .map(|p| {
-                let mut change = vec![0.0; TOLERANCES.len()];
-                change[p] = STEP;
-                let (machine, torque) = changed(&self.machine, &change);
-                self.runs
+        let (machine, analyser) = (&self.machine, &self.analyser);
+        let per_run: Vec<Vec<[Sparse; 2]>> = self
+            .runs
+            .par_iter()
+            .map(|run| {
+                let angle = &run.angle;
+                machine
+                    .sensitivities(&run.comb, &run.base)
                     .iter()
-                    .map(|run| {
-                        let (_, base) = predict(&machine, torque * (1.0 + self.change[14]), &run.angle, run.torque_n_m);
-                        let moved = bins(&self.analyser, &run.angle, &base);
-                        [0, 1]
-                            .map(|c| moved[c].iter().zip(&run.model[c]).map(|(a, b)| (a - b) / STEP).collect::<Bins>())
+                    .map(|lines| {
+                        [0, 1].map(|c| {
+                            sparse(&analyser.bins_of_lines(lines, angle.offset_rad, angle.shaft_hz, c, NUISANCE_REACH))
+                        })
                     })
                     .collect()
             })
             .collect();
-        self.nuisances = declared
-            .iter()
-            .map(|runs| Template { runs: runs.iter().map(|parts| [sparse(&parts[0]), sparse(&parts[1])]).collect() })
+        self.nuisances = (0..TOLERANCES.len())
+            .map(|p| Template { runs: per_run.iter().map(|run| run[p].clone()).collect() })
             .collect();
         self.priors =
             TOLERANCES.iter().zip(&self.change).map(|((_, sigma), done)| (1.0 / (sigma * sigma), -done)).collect();
@@ -223,6 +227,7 @@ impl Base {
             let (comb, base) = predict(machine, torque, &run.angle, run.torque_n_m);
             run.model = bins(analyser, &run.angle, &base);
             run.comb = comb;
+            run.inner = base.within(machine.harmonics(run.angle.shaft_hz) as usize);
             run.base = base;
         });
         self.linearise();

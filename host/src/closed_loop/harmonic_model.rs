@@ -28,8 +28,10 @@ pub const PINION_Y: usize = 4;
 /// Index of the gear's translation.
 pub const GEAR_Y: usize = 5;
 
-/// Highest frequency kept in the balance, Hz.
+/// Highest frequency kept in the balance of a small effect, Hz.
 pub const TOP_HZ: f64 = 16_500.0;
+/// Highest frequency of the declared machine's own balance, Hz: harmonics above the band still act on those below.
+pub const OWN_TOP_HZ: f64 = 26_000.0;
 
 /// The declared linear machine, ready for harmonic balance.
 #[derive(Debug, Clone)]
@@ -91,6 +93,23 @@ pub struct Solution {
     pub force: Vec<C>,
     /// Translations at each order, m.
     pub translation: Vec<[C; 2]>,
+    /// Rotations of motor, pinion, gear and load at each order, rad (zero at order 0).
+    pub rotation: Vec<[C; 4]>,
+}
+
+impl Solution {
+    /// The middle `2 half + 1` orders.
+    pub fn within(&self, half: usize) -> Self {
+        let cut = (self.lines.len() / 2).saturating_sub(half);
+        let range = cut..self.lines.len() - cut;
+        Self {
+            lines: self.lines[range.clone()].to_vec(),
+            approach: self.approach[range.clone()].to_vec(),
+            force: self.force[range.clone()].to_vec(),
+            translation: self.translation[range.clone()].to_vec(),
+            rotation: self.rotation[range].to_vec(),
+        }
+    }
 }
 
 impl Machine {
@@ -113,7 +132,7 @@ impl Machine {
 
     /// Recomputes the stiffness coefficients after a change of the pair curve.
     pub fn tabulate(&mut self) {
-        self.coefficients = (0..=512).map(|n| self.curve.transform(f64::from(n))).collect();
+        self.coefficients = (0..=1024).map(|n| self.curve.transform(f64::from(n))).collect();
     }
 
     /// Fourier coefficient `n` of the total mesh stiffness, N/m.
@@ -124,7 +143,11 @@ impl Machine {
 
     /// Harmonics on each side of a comb at a pinion speed.
     pub fn harmonics(&self, shaft_hz: f64) -> i64 {
-        ((TOP_HZ / (shaft_hz * f64::from(self.teeth[0]))).ceil() as i64 + 2).clamp(24, 240)
+        self.harmonics_to(TOP_HZ, shaft_hz)
+    }
+
+    fn harmonics_to(&self, top_hz: f64, shaft_hz: f64) -> i64 {
+        ((top_hz / (shaft_hz * f64::from(self.teeth[0]))).ceil() as i64 + 2).clamp(24, 240)
     }
 
     fn dynamics(&self, omega: f64) -> Dynamics {
@@ -147,10 +170,18 @@ impl Machine {
         }
     }
 
+    /// Factorises the mesh's own comb with the harmonics that the declared machine's prediction needs.
+    pub fn own_comb(&self, shaft_hz: f64) -> Comb {
+        self.comb_to(0.0, shaft_hz, self.harmonics_to(OWN_TOP_HZ, shaft_hz))
+    }
+
     /// Factorises the comb `base + n z1` at a speed; `base` 0 is the mesh's own comb.
     pub fn comb(&self, base: f64, shaft_hz: f64) -> Comb {
+        self.comb_to(base, shaft_hz, self.harmonics(shaft_hz))
+    }
+
+    fn comb_to(&self, base: f64, shaft_hz: f64, half: i64) -> Comb {
         let z = f64::from(self.teeth[0]);
-        let half = self.harmonics(shaft_hz);
         let orders: Vec<f64> = (-half..=half).map(|n| base + n as f64 * z).collect();
         let size = orders.len();
         let rigid_row = orders.iter().position(|o| o.abs() < 1e-9);
@@ -209,6 +240,7 @@ impl Machine {
         let mut lines = Vec::with_capacity(size);
         let mut translation = Vec::with_capacity(size);
         let mut force = Vec::with_capacity(size);
+        let mut rotation = Vec::with_capacity(size);
         for n in 0..size {
             let omega = TAU * comb.shaft_hz * comb.orders[n];
             let rigid = Some(n) == comb.rigid_row;
@@ -226,11 +258,24 @@ impl Machine {
                 let q = free(n);
                 [q[2] - comb.dynamics[n].translation[0] * f, q[3] + comb.dynamics[n].translation[1] * f]
             };
+            let turn = if rigid {
+                [C::ZERO; 4]
+            } else {
+                let own = forces.get(n).copied().unwrap_or([C::ZERO; DOF]);
+                let (d, pinion, gear) = (&comb.dynamics[n], own[PINION] - f * rb1, own[GEAR] + f * rb2);
+                [
+                    d.input[0][0] * own[MOTOR] + d.input[0][1] * pinion,
+                    d.input[1][0] * own[MOTOR] + d.input[1][1] * pinion,
+                    d.output[0][0] * gear + d.output[0][1] * own[LOAD],
+                    d.output[1][0] * gear + d.output[1][1] * own[LOAD],
+                ]
+            };
+            rotation.push(turn);
             force.push(f);
             translation.push(y);
             lines.push(Line { order: comb.orders[n], amplitude: y.map(|y| y * (-omega * omega)) });
         }
-        Solution { lines, approach, force, translation }
+        Solution { lines, approach, force, translation, rotation }
     }
 
     /// The declared machine's own steady vibration at a speed and torque (comb with base 0).
@@ -240,5 +285,65 @@ impl Machine {
         let load = torque_n_m * f64::from(self.teeth[1]) / f64::from(self.teeth[0]);
         forces[comb.centre][LOAD] = C::new(-load, 0.0);
         self.respond(comb, &forces, &[])
+    }
+
+    /// Responses to a unit relative change of every declared parameter, in the order of
+    /// [`TOLERANCES`](super::base_fit::TOLERANCES): exact first-order perturbation on the same factorisation.
+    pub fn sensitivities(&self, comb: &Comb, base: &Solution) -> Vec<Vec<Line>> {
+        let s = &self.shafts;
+        let size = comb.orders.len();
+        let i_omega: Vec<C> = comb.orders.iter().map(|o| C::new(0.0, TAU * comb.shaft_hz * o)).collect();
+        let forced = |f: &dyn Fn(usize) -> [C; DOF]| {
+            let forces: Vec<[C; DOF]> = (0..size).map(f).collect();
+            self.respond(comb, &forces, &[]).lines
+        };
+        let pair = |first: usize, value: C| {
+            let mut f = [C::ZERO; DOF];
+            f[first] = value;
+            f[first + 1] = -value;
+            f
+        };
+        let single = |dof: usize, value: C| {
+            let mut f = [C::ZERO; DOF];
+            f[dof] = value;
+            f
+        };
+        let damped: Vec<C> = (0..size)
+            .map(|n| {
+                let rate = i_omega[n] * self.tau_s;
+                base.approach[n] * rate / (rate + 1.0)
+            })
+            .collect();
+        let damping: Vec<C> = (0..size as i64)
+            .map(|n| (0..size as i64).map(|l| self.stiffness(n - l) * damped[l as usize]).sum())
+            .collect();
+        let y = &base.translation;
+        let turn = &base.rotation;
+        let mut all = vec![self.respond(comb, &[], &base.force).lines, self.respond(comb, &[], &damping).lines];
+        for side in 0..2 {
+            all.push(forced(&|n| single(PINION_Y + side, y[n][side] * -s.bearing_stiffness_n_per_m[side])));
+        }
+        for side in 0..2 {
+            all.push(forced(&|n| {
+                single(PINION_Y + side, y[n][side] * i_omega[n] * -s.bearing_damping_n_s_per_m[side])
+            }));
+        }
+        let twist = |n: usize, side: usize| turn[n][2 * side] - turn[n][2 * side + 1];
+        for side in 0..2 {
+            all.push(forced(&|n| pair(2 * side, twist(n, side) * -s.coupling_stiffness_n_m_per_rad[side])));
+        }
+        for (dof, inertia) in [(PINION, s.inertia_pinion_kg_m2), (GEAR, s.inertia_gear_kg_m2)] {
+            all.push(forced(&|n| single(dof, turn[n][dof] * i_omega[n] * i_omega[n] * -inertia)));
+        }
+        for side in 0..2 {
+            all.push(forced(&|n| single(PINION_Y + side, y[n][side] * i_omega[n] * i_omega[n] * -s.mass_kg[side])));
+        }
+        for side in 0..2 {
+            all.push(forced(&|n| {
+                pair(2 * side, twist(n, side) * i_omega[n] * -s.coupling_damping_n_m_s_per_rad[side])
+            }));
+        }
+        all.push(base.lines.clone());
+        all
     }
 }

@@ -3,8 +3,11 @@
 pub mod alias;
 #[path = "loop.rs"]
 pub mod close;
+pub mod configure;
+pub mod effects;
 pub mod import;
 pub mod measured;
+pub mod monitor;
 pub mod node;
 pub mod predict;
 pub mod prove;

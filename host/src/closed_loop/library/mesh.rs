@@ -138,8 +138,8 @@ fn friction(bench: &Bench<'_>) -> Candidate {
                     let mut f = [C::ZERO; DOF];
                     for l in 0..size {
                         let index = (n - l + size - 1) as usize;
-                        f[PINION] += tables[0][index] * run.base.approach[l as usize];
-                        f[GEAR] += tables[1][index] * run.base.approach[l as usize];
+                        f[PINION] += tables[0][index] * run.inner.approach[l as usize];
+                        f[GEAR] += tables[1][index] * run.inner.approach[l as usize];
                     }
                     f
                 })

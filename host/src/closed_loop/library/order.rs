@@ -66,19 +66,21 @@ fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64
             let forces = (0..size)
                 .map(|n| {
                     let mut f = [C::ZERO; DOF];
-                    f[PINION_Y + side] = run.base.translation[n][side] * -k;
+                    f[PINION_Y + side] = run.inner.translation[n][side] * -k;
                     f
                 })
                 .collect();
             (forces, Vec::new())
         }
-        Seat::MeshModulation => (Vec::new(), run.base.force.clone()),
+        Seat::MeshModulation => (Vec::new(), run.inner.force.clone()),
         Seat::PositionModulation => {
             let contact = (0..size as i64)
                 .map(|n| {
                     (0..size as i64)
                         .map(|l| {
-                            machine.stiffness(n - l) * C::new(0.0, TAU * (n - l) as f64) * run.base.approach[l as usize]
+                            machine.stiffness(n - l)
+                                * C::new(0.0, TAU * (n - l) as f64)
+                                * run.inner.approach[l as usize]
                         })
                         .sum()
                 })

@@ -62,7 +62,7 @@ impl ToothFamilies {
                         let displacement: Vec<C> = (0..size).map(|n| at(n as i64 - half) * scale).collect();
                         let loss: Vec<C> = (0..size)
                             .map(|n| {
-                                let sum: C = (0..size).map(|l| run.base.approach[l] * at(n as i64 - l as i64)).sum();
+                                let sum: C = (0..size).map(|l| run.inner.approach[l] * at(n as i64 - l as i64)).sum();
                                 sum * scale
                             })
                             .collect();
