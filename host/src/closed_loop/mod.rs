@@ -10,6 +10,8 @@
 #![allow(clippy::needless_range_loop, clippy::type_complexity, reason = "indices run over parallel spectra")]
 
 pub mod angle;
+pub mod apply;
+pub mod bands;
 pub mod base_fit;
 pub mod campaign;
 pub mod candidate;
@@ -22,6 +24,8 @@ pub mod least_squares;
 pub mod library;
 pub mod outcome;
 pub mod pair_curve;
+pub mod replay;
+pub mod report;
 pub mod spectrum;
 
 pub use decide::{Options, close_loop};
