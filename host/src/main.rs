@@ -37,6 +37,10 @@ enum Command {
     Simulate(commands::simulate::Args),
     /// Finds what the declared machine of a record lacks; error before and after.
     Loop(commands::close::Args),
+    /// Published measurements: lines the model lacks, held-out error before and after.
+    Measured(commands::measured::Args),
+    /// Proof campaign of the loop on generated records: null, power, withheld effects, two effects.
+    Prove(commands::prove::Args),
 }
 
 fn main() -> ExitCode {
@@ -52,6 +56,8 @@ fn main() -> ExitCode {
         Command::Predict(args) => commands::predict::run(args),
         Command::Simulate(args) => commands::simulate::run(args),
         Command::Loop(args) => commands::close::run(args),
+        Command::Measured(args) => commands::measured::run(args),
+        Command::Prove(args) => commands::prove::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
