@@ -1,10 +1,12 @@
 //! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
 
+pub mod closed_loop;
 pub mod dynamics;
 pub mod effects;
 pub mod error;
 pub mod import;
 pub mod law;
+pub mod link;
 pub mod machine;
 pub mod piecewise;
 pub mod qemu;

@@ -21,6 +21,10 @@ enum Command {
     Effects(commands::effects::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
+    /// Tells a node its machine and law, and has it stored.
+    Configure(commands::configure::Args),
+    /// Live view of a node in the terminal, or of a captured link.
+    Monitor(commands::monitor::Args),
     /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
     Stiffness(commands::stiffness::Args),
     /// The real firmware in QEMU on a run of a record.
@@ -29,6 +33,8 @@ enum Command {
     Predict(commands::predict::Args),
     /// A record folder of a simulated machine.
     Simulate(commands::simulate::Args),
+    /// Finds what the declared machine of a record lacks; error before and after.
+    Loop(commands::close::Args),
 }
 
 fn main() -> ExitCode {
@@ -36,10 +42,13 @@ fn main() -> ExitCode {
         Command::Alias(args) => commands::alias::run(args),
         Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::Configure(args) => commands::configure::run(args),
+        Command::Monitor(args) => commands::monitor::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
         Command::Node(args) => commands::node::run(args),
         Command::Predict(args) => commands::predict::run(args),
         Command::Simulate(args) => commands::simulate::run(args),
+        Command::Loop(args) => commands::close::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

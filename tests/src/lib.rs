@@ -1,1 +1,3 @@
 //! Helpers shared by the tests: vectors, temporary records, tolerances.
+
+pub mod mock_flash;

@@ -3,6 +3,7 @@
 //! Interrupts share one priority, so none interrupts another; what they share with the main loop goes
 //! through queues. No device crate exists for this board: all interrupts arrive in one dispatcher.
 
+pub mod flash;
 pub mod registers;
 pub mod sampler;
 pub mod tach;
@@ -16,6 +17,7 @@ use cortex_m::peripheral::NVIC;
 use cortex_m::singleton;
 use critical_section::Mutex;
 use heapless::spsc::{Consumer, Queue};
+use meshband::outbox::Outbox;
 use meshband::replay::{IMAGE_ADDRESS, IMAGE_CAPACITY, Replay};
 use sampler::{Counters, Sampler};
 use tach::Tach;
@@ -24,6 +26,8 @@ use uart::{Receiver, Sender};
 
 /// Bytes received that may wait for the main loop.
 const RECEIVE_QUEUE: usize = 256;
+/// Bytes that may wait for a slow link: a snapshot's frames fit nearly whole.
+const SEND_QUEUE: usize = 8192;
 
 /// Interrupt numbers of this board.
 #[derive(Clone, Copy)]
@@ -45,20 +49,78 @@ unsafe impl InterruptNumber for Line {
 struct Interrupts {
     sampler: Sampler,
     tach: Tach,
-    receiver: Receiver,
 }
 
 static INTERRUPTS: Mutex<RefCell<Option<Interrupts>>> = Mutex::new(RefCell::new(None));
+static RECEIVER: Mutex<RefCell<Option<Receiver>>> = Mutex::new(RefCell::new(None));
 static REQUEST: Request = Request::new();
+
+/// The link as the main loop sees it; it works before the board's sampling does.
+pub struct Link {
+    /// Bytes received.
+    pub received: Consumer<'static, u8>,
+    /// What is to be sent.
+    pub outgoing: Outgoing,
+}
+
+/// The sending side: whole frames, dropped where the host does not read.
+pub struct Outgoing {
+    sender: Sender,
+    outbox: &'static mut Outbox<SEND_QUEUE>,
+}
+
+impl Link {
+    /// Opens the link.
+    ///
+    /// # Panics
+    /// When called twice: the queues exist once.
+    pub fn open() -> Self {
+        let once = "the link is opened once";
+        let (bytes_in, received) = singleton!(: Queue<u8, RECEIVE_QUEUE> = Queue::new()).expect(once).split();
+        let outbox = singleton!(: Outbox<SEND_QUEUE> = Outbox::new()).expect(once);
+        let (sender, receiver) = uart::open(bytes_in);
+        critical_section::with(|token| RECEIVER.borrow_ref_mut(token).replace(receiver));
+        // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
+        unsafe { NVIC::unmask(Line::UartReceive) };
+        Self { received, outgoing: Outgoing { sender, outbox } }
+    }
+}
+
+impl Outgoing {
+    /// Sends a frame, now or as the line takes it.
+    pub fn send(&mut self, frame: &[u8]) {
+        self.pump();
+        self.outbox.push(frame);
+        self.pump();
+    }
+
+    /// Passes on what the line takes; gives the number of bytes.
+    pub fn pump(&mut self) -> usize {
+        self.outbox.drain(|byte| self.sender.send(byte))
+    }
+
+    /// Whether everything was sent.
+    pub fn is_empty(&self) -> bool {
+        self.outbox.is_empty()
+    }
+
+    /// Frames dropped and not yet reported.
+    pub fn take_dropped(&mut self) -> Option<u32> {
+        self.outbox.take_unreported()
+    }
+
+    /// Frames dropped since start.
+    pub fn dropped(&self) -> u32 {
+        self.outbox.dropped()
+    }
+}
 
 /// The board as the main loop sees it.
 pub struct Board {
     /// Blocks and edges.
     pub inbox: Inbox,
-    /// The link's sending side.
-    pub sender: Sender,
-    /// Bytes from the link.
-    pub received: Consumer<'static, u8>,
+    /// Bytes from and to the host.
+    pub link: Link,
 }
 
 /// Closing statistics of a run.
@@ -70,6 +132,8 @@ pub struct Statistics {
     pub edges: (usize, u32),
     /// Bytes of the link lost on reception.
     pub link_lost: u32,
+    /// Frames that found no room on the way out.
+    pub frames_dropped: u32,
 }
 
 /// The replay image as QEMU's loader left it.
@@ -83,38 +147,41 @@ impl Board {
     ///
     /// # Panics
     /// When called twice: the queues exist once.
-    pub fn start(record: Replay<'static>, period_ticks: u32) -> Self {
+    pub fn start(record: Replay<'static>, period_ticks: u32, link: Link) -> Self {
         let once = "the board is started once";
         let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
         let (mut free, free_out) =
             singleton!(: Queue<&'static mut Codes, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
         let (edges_in, edges) = singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new()).expect(once).split();
-        let (bytes_in, received) = singleton!(: Queue<u8, RECEIVE_QUEUE> = Queue::new()).expect(once).split();
         let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS]).expect(once);
         for buffer in buffers {
             // The queue holds one more than there are buffers.
             let _ = free.enqueue(buffer);
         }
         REQUEST.publish(period_ticks);
-        let (sender, receiver) = uart::open(bytes_in);
         critical_section::with(|token| {
             let time = TimeBase::start();
             let mut sampler = Sampler::new(registers::timer0(), time, record, blocks_in, free_out, &REQUEST);
             let mut tach = Tach::new(registers::timer1(), time, record, edges_in);
             sampler.start();
             tach.start();
-            INTERRUPTS.borrow_ref_mut(token).replace(Interrupts { sampler, tach, receiver });
+            INTERRUPTS.borrow_ref_mut(token).replace(Interrupts { sampler, tach });
         });
-        for line in [Line::UartReceive, Line::SampleClock, Line::Tach] {
+        for line in [Line::SampleClock, Line::Tach] {
             // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
             unsafe { NVIC::unmask(line) };
         }
-        Self { inbox: Inbox { blocks, free, edges }, sender, received }
+        Self { inbox: Inbox { blocks, free, edges }, link }
     }
 
     /// Publishes the node's wish for the next border.
     pub fn request_period(&self, period_ticks: u32) {
         REQUEST.publish(period_ticks);
+    }
+
+    /// Present instant, in the stamps of blocks and edges.
+    pub fn now(&self) -> u32 {
+        TimeBase::stamp(with_interrupts(|i| i.sampler.now()))
     }
 
     /// Whether the record has ended. Blocks may still wait in the queue.
@@ -131,7 +198,7 @@ impl Board {
     pub fn wait(&self) {
         critical_section::with(|_| {
             // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
-            if !self.inbox.blocks.ready() && !self.received.ready() {
+            if !self.inbox.blocks.ready() && !self.link.received.ready() {
                 cortex_m::asm::wfi();
             }
         });
@@ -142,7 +209,8 @@ impl Board {
         with_interrupts(|i| Statistics {
             sampling: i.sampler.counters,
             edges: (i.tach.delivered(), i.tach.lost),
-            link_lost: i.receiver.lost,
+            link_lost: critical_section::with(|token| RECEIVER.borrow_ref(token).as_ref().map_or(0, |r| r.lost)),
+            frames_dropped: self.link.outgoing.dropped(),
         })
     }
 }
@@ -155,12 +223,24 @@ fn with_interrupts<T>(read: impl FnOnce(&Interrupts) -> T) -> T {
     })
 }
 
+/// Sleeps until an interrupt, unless bytes wait on either side of the link.
+pub fn wait(received: &Consumer<'static, u8>, outgoing: &Outgoing) {
+    critical_section::with(|_| {
+        if !received.ready() && outgoing.is_empty() {
+            cortex_m::asm::wfi();
+        }
+    });
+}
+
 /// Dispatches a device interrupt by its number.
 pub fn on_interrupt(number: i16) {
     critical_section::with(|token| {
-        if let Some(interrupts) = INTERRUPTS.borrow_ref_mut(token).as_mut() {
+        if number == Line::UartReceive as i16 {
+            if let Some(receiver) = RECEIVER.borrow_ref_mut(token).as_mut() {
+                receiver.on_interrupt();
+            }
+        } else if let Some(interrupts) = INTERRUPTS.borrow_ref_mut(token).as_mut() {
             match number {
-                0 => interrupts.receiver.on_interrupt(),
                 8 => interrupts.sampler.on_interrupt(),
                 9 => interrupts.tach.on_interrupt(),
                 other => defmt::panic!("interrupt {=i16} is not ours", other),

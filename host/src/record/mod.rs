@@ -89,7 +89,7 @@ impl Record {
     /// Refuses records without tachometer, with the reason a command needs one.
     ///
     /// # Errors
-    /// Where [tach] is absent or a run names no edge file.
+    /// Where `[tach]` is absent or a run names no edge file.
     pub fn require_tach(&self) -> Result<&Tach> {
         let place = self.folder.join("record.toml");
         let tach = self.declaration.tach.as_ref();

@@ -7,7 +7,7 @@ use std::path::Path;
 /// One run in memory.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Its [[run]] table.
+    /// Its `[[run]]` table.
     pub declaration: RunDeclaration,
     /// Tach edge times, s from the first sample, strictly ascending; empty where the run has no tach.
     pub edges_s: Vec<f64>,
@@ -18,7 +18,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Reads the files of one [[run]] table.
+    /// Reads the files of one `[[run]]` table.
     pub(super) fn read(folder: &Path, run: &RunDeclaration, declaration: &Declaration) -> Result<Self> {
         let path = folder.join(&run.signal);
         let expected = declaration.acquisition.channels.len();
@@ -114,7 +114,7 @@ impl Run {
         self.codes.iter().skip(channel).step_by(self.channels).copied().collect()
     }
 
-    /// Acceleration of one channel, m/s2 (or the unit named in [acquisition] `unit`).
+    /// Acceleration of one channel, m/s2 (or the unit named in `[acquisition]` `unit`).
     ///
     /// # Panics
     /// If `channel` is not below [`Run::channels`].

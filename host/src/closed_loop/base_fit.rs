@@ -1,0 +1,245 @@
+//! The declared machine against the record: prediction per run, declared parameters and angle offsets as nuisances.
+//!
+//! Every declared number is uncertain by a stated tolerance. Two Gauss-Newton steps with these as priors centre the model; afterwards the
+//! sensitivities stay in every fit, so that an undeclared effect is credited only with what tolerances cannot explain.
+
+use super::angle::Angle;
+use super::candidate::Template;
+use super::harmonic_model::{Comb, Machine, Solution};
+use super::input::Record;
+use super::least_squares::{Column, Data, normal, solve};
+use super::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, noise_power, sparse};
+use crate::machine::Shafts;
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+
+/// Relative model error per line that is never held against the declared machine.
+const MODEL_SLACK: f64 = 2e-3;
+/// Share of a bin's own residual treated as model-form error of whatever explains it.
+const FORM_SLACK: f64 = 0.03;
+
+/// Half width of a sensitivity's kernel, bins: tolerances times the tail stay below noise beyond it.
+const NUISANCE_REACH: i64 = 40;
+
+/// Declared parameters with their one-sigma tolerances.
+pub const TOLERANCES: [(&str, f64); 15] = [
+    ("mesh stiffness", 0.03),
+    ("mesh damping", 0.15),
+    ("pinion bearing stiffness", 0.03),
+    ("gear bearing stiffness", 0.03),
+    ("pinion bearing damping", 0.15),
+    ("gear bearing damping", 0.15),
+    ("input coupling stiffness", 0.03),
+    ("output coupling stiffness", 0.03),
+    ("pinion inertia", 0.02),
+    ("gear inertia", 0.02),
+    ("pinion mass", 0.02),
+    ("gear mass", 0.02),
+    ("input coupling damping", 0.15),
+    ("output coupling damping", 0.15),
+    ("torque", 0.02),
+];
+
+/// One run with its measured bins and the declared machine's steady state.
+pub struct RunState {
+    /// Angle of the pinion.
+    pub angle: Angle,
+    /// Declared torque, N m.
+    pub torque_n_m: f64,
+    /// Measured bins, both channels.
+    pub measured: [Bins; 2],
+    /// Model bins, both channels.
+    pub model: [Bins; 2],
+    /// The mesh's comb.
+    pub comb: Comb,
+    /// The machine's steady state.
+    pub base: Solution,
+    /// The part of it on the orders used for small effects ([`Machine::comb`]).
+    pub inner: Solution,
+}
+
+/// Record, model and sensitivities.
+pub struct Base {
+    /// Window and kernel.
+    pub analyser: Analyser,
+    /// Machine at the adopted parameters.
+    pub machine: Machine,
+    /// Runs.
+    pub runs: Vec<RunState>,
+    /// Relative changes adopted so far, by [`TOLERANCES`].
+    pub change: Vec<f64>,
+    /// Templates of the nuisances: declared parameters, then one angle offset per run.
+    pub nuisances: Vec<Template>,
+    /// Prior precision and mean of every nuisance.
+    pub priors: Vec<(f64, f64)>,
+}
+
+fn changed(machine: &Machine, change: &[f64]) -> (Machine, f64) {
+    let mut m = machine.clone();
+    let f = |i: usize| 1.0 + change[i];
+    let s: &mut Shafts = &mut m.shafts;
+    m.tau_s *= f(1);
+    for side in 0..2 {
+        s.bearing_stiffness_n_per_m[side] *= f(2 + side);
+        s.bearing_damping_n_s_per_m[side] *= f(4 + side);
+        s.coupling_stiffness_n_m_per_rad[side] *= f(6 + side);
+        s.mass_kg[side] *= f(10 + side);
+        s.coupling_damping_n_m_s_per_rad[side] *= f(12 + side);
+    }
+    s.inertia_pinion_kg_m2 *= f(8);
+    s.inertia_gear_kg_m2 *= f(9);
+    m.curve.k.iter_mut().for_each(|k| *k *= f(0));
+    m.tabulate();
+    (m, f(14))
+}
+
+fn predict(machine: &Machine, torque_factor: f64, angle: &Angle, torque: f64) -> (Comb, Solution) {
+    let comb = machine.own_comb(angle.shaft_hz);
+    let base = machine.base(&comb, torque * torque_factor);
+    (comb, base)
+}
+
+fn bins(analyser: &Analyser, angle: &Angle, base: &Solution) -> [Bins; 2] {
+    [0, 1].map(|c| analyser.bins_of_lines(&base.lines, angle.offset_rad, angle.shaft_hz, c, WIDE))
+}
+
+impl Base {
+    /// Declared machine on every run; nothing fitted yet.
+    pub fn new(record: &Record) -> Self {
+        let samples = record.runs.iter().map(|r| r.channels[0].len()).min().unwrap_or(0);
+        let analyser = Analyser::new(samples, record.sample_rate_hz);
+        let machine = Machine::new(&record.pair, &record.shafts, &record.curve);
+        let runs = record
+            .runs
+            .par_iter()
+            .map(|run| {
+                let angle = Angle::fit(run, record.pulses_per_rev, record.jitter_s);
+                let (comb, base) = predict(&machine, 1.0, &angle, run.input_torque_n_m);
+                let measured = [0, 1].map(|c| analyser.bins_of(&run.channels[c][..samples]));
+                let model = bins(&analyser, &angle, &base);
+                let inner = base.within(machine.harmonics(angle.shaft_hz) as usize);
+                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, comb, base, inner }
+            })
+            .collect();
+        let change = vec![0.0; TOLERANCES.len()];
+        let mut base = Self { analyser, machine, runs, change, nuisances: Vec::new(), priors: Vec::new() };
+        base.linearise();
+        base
+    }
+
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset.
+    fn linearise(&mut self) {
+        let (machine, analyser) = (&self.machine, &self.analyser);
+        let per_run: Vec<Vec<[Sparse; 2]>> = self
+            .runs
+            .par_iter()
+            .map(|run| {
+                let angle = &run.angle;
+                machine
+                    .sensitivities(&run.comb, &run.base)
+                    .iter()
+                    .map(|lines| {
+                        [0, 1].map(|c| {
+                            sparse(&analyser.bins_of_lines(lines, angle.offset_rad, angle.shaft_hz, c, NUISANCE_REACH))
+                        })
+                    })
+                    .collect()
+            })
+            .collect();
+        self.nuisances = (0..TOLERANCES.len())
+            .map(|p| Template { runs: per_run.iter().map(|run| run[p].clone()).collect() })
+            .collect();
+        self.priors =
+            TOLERANCES.iter().zip(&self.change).map(|((_, sigma), done)| (1.0 / (sigma * sigma), -done)).collect();
+        for r in 0..self.runs.len() {
+            let run = &self.runs[r];
+            let turned: Vec<_> = run
+                .base
+                .lines
+                .iter()
+                .map(|line| super::harmonic_model::Line {
+                    order: line.order,
+                    amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)),
+                })
+                .collect();
+            let parts = [0, 1].map(|c| {
+                sparse(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
+            });
+            let mut all = vec![[Vec::new(), Vec::new()]; self.runs.len()];
+            all[r] = parts;
+            self.nuisances.push(Template { runs: all });
+            self.priors.push((run.angle.sigma_rad.powi(-2), 0.0));
+        }
+    }
+
+    /// Residual of the current model with weights: local noise, model slack and form slack.
+    pub fn data(&self) -> Data {
+        let residual: Vec<[Bins; 2]> = self
+            .runs
+            .iter()
+            .map(|run| [0, 1].map(|c| run.measured[c].iter().zip(&run.model[c]).map(|(m, p)| m - p).collect()))
+            .collect();
+        let weight = self.weights(&residual, &residual);
+        Data { residual, weight }
+    }
+
+    /// Weights from the noise of `quiet` (the best current residual) and slack in proportion to `raw` (the model's residual).
+    pub fn weights(&self, quiet: &[[Bins; 2]], raw: &[[Bins; 2]]) -> Vec<[Vec<f64>; 2]> {
+        // The lowest bins hold window leakage of the mean and wander of sensors: below 8 Hz nothing is compared.
+        let lowest = (8.0 * self.analyser.duration_s()) as usize;
+        (0..self.runs.len())
+            .map(|r| {
+                [0, 1].map(|c| {
+                    let noise = noise_power(&quiet[r][c]);
+                    (0..noise.len())
+                        .map(|b| {
+                            if b < lowest {
+                                return 0.0;
+                            }
+                            // Kernel-wide maximum: a line's slack covers its whole main lobe.
+                            let near = b.saturating_sub(2)..(b + 3).min(noise.len());
+                            let form = raw[r][c][near].iter().map(|x| x.norm_sqr()).fold(0.0, f64::max);
+                            let model = self.runs[r].model[c][b].norm_sqr();
+                            let slack = MODEL_SLACK * MODEL_SLACK * model + FORM_SLACK * FORM_SLACK * form;
+                            2.0 / ((noise[b] + slack) * OVERDISPERSION)
+                        })
+                        .collect()
+                })
+            })
+            .collect()
+    }
+
+    /// Nuisance columns with their priors.
+    pub fn columns(&self) -> Vec<Column<'_>> {
+        self.nuisances.iter().zip(&self.priors).map(|(template, &prior)| Column { template, prior }).collect()
+    }
+
+    /// Moves the declared parameters by `delta` (relative to the present ones) and recomputes everything.
+    pub fn adopt(&mut self, delta: &[f64]) {
+        let (machine, _) = changed(&self.machine, delta);
+        self.machine = machine;
+        for (total, d) in self.change.iter_mut().zip(delta) {
+            *total = (1.0 + *total) * (1.0 + d) - 1.0;
+        }
+        let torque = 1.0 + self.change[14];
+        let (machine, analyser) = (&self.machine, &self.analyser);
+        self.runs.par_iter_mut().for_each(|run| {
+            let (comb, base) = predict(machine, torque, &run.angle, run.torque_n_m);
+            run.model = bins(analyser, &run.angle, &base);
+            run.comb = comb;
+            run.inner = base.within(machine.harmonics(run.angle.shaft_hz) as usize);
+            run.base = base;
+        });
+        self.linearise();
+    }
+
+    /// Gauss-Newton on the declared parameters over `runs`; returns the gain of the last linear step's objective.
+    pub fn fit(&mut self, runs: &[usize], steps: usize) {
+        for _ in 0..steps {
+            let data = self.data();
+            let estimate = solve(&normal(&data, runs, &self.columns()));
+            let delta: Vec<f64> = estimate.x.iter().take(TOLERANCES.len()).map(|d| d.clamp(-0.3, 0.3)).collect();
+            self.adopt(&delta);
+        }
+    }
+}

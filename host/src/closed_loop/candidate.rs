@@ -1,0 +1,84 @@
+//! A candidate effect: named templates that are linear in a few physical parameters.
+
+use super::harmonic_model::Line;
+use super::spectrum::{Analyser, REACH, Sparse, sparse};
+use rustfft::num_complex::Complex64 as C;
+
+/// Response to one unit of one real parameter: sparse bins per run and channel.
+#[derive(Debug, Clone)]
+pub struct Template {
+    /// Per run, per channel.
+    pub runs: Vec<[Sparse; 2]>,
+}
+
+impl Template {
+    /// The template restricted to one run.
+    pub fn only(&self, run: usize) -> Self {
+        let empty = || [Vec::new(), Vec::new()];
+        Self { runs: (0..self.runs.len()).map(|r| if r == run { self.runs[r].clone() } else { empty() }).collect() }
+    }
+}
+
+/// What a parameter means.
+#[derive(Debug, Clone)]
+pub struct Parameter {
+    /// Name in the outcome.
+    pub name: String,
+    /// Unit in the outcome.
+    pub unit: &'static str,
+    /// Index of the first template; complex parameters use the next one for the quadrature.
+    pub first: usize,
+    /// Amplitude and phase from two templates, or one real value.
+    pub complex: bool,
+}
+
+/// Whether a candidate claims a physical cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Claim {
+    /// A library effect with a name.
+    Named,
+    /// A plain description of an excitation.
+    Generic,
+}
+
+/// One possible explanation of what the model lacks.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Library name, or plain description.
+    pub name: String,
+    /// Named or generic.
+    pub claim: Claim,
+    /// Family word of the outcome.
+    pub family: &'static str,
+    /// pinion, gear or none.
+    pub shaft: &'static str,
+    /// Order of the pinion, if locked to it.
+    pub order: Option<f64>,
+    /// Frequency, Hz, if fixed.
+    pub frequency_hz: Option<f64>,
+    /// Parameters to report.
+    pub parameters: Vec<Parameter>,
+    /// Templates, one per real unknown.
+    pub templates: Vec<Template>,
+    /// Number of alternatives searched to arrive at this candidate.
+    pub searched: f64,
+    /// Exponents of speed and torque that the templates carry in the excitation.
+    pub exponents: [f64; 2],
+    /// Phase is arbitrary in every run (not locked to the shaft): templates 0 and 1 are a quadrature pair.
+    pub phase_free: bool,
+}
+
+/// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.
+pub fn quadrature(analyser: &Analyser, angles: &[(f64, f64)], lines: &[Vec<Line>]) -> [Template; 2] {
+    [C::ONE, C::I].map(|factor| Template {
+        runs: lines
+            .iter()
+            .zip(angles)
+            .map(|(lines, &(offset, shaft_hz))| {
+                let turned: Vec<Line> =
+                    lines.iter().map(|l| Line { order: l.order, amplitude: l.amplitude.map(|a| a * factor) }).collect();
+                [0, 1].map(|channel| sparse(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
+            })
+            .collect(),
+    })
+}

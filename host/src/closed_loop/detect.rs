@@ -1,0 +1,96 @@
+//! Lines in the residual that no mesh order explains: orders of the pinion, and fixed frequencies, found jointly over runs.
+//!
+//! Each run and channel contributes its normalised power (exponential with mean 1 in noise), capped so that a line which stands in one
+//! run only, because a fixed frequency crosses an order there, cannot pass for a line of all runs. Family-wise control by Bonferroni.
+
+use super::base_fit::Base;
+use super::least_squares::Data;
+use super::spectrum::OVERDISPERSION;
+use statrs::distribution::{ContinuousCDF, Gamma};
+
+/// A detected line.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// Order of the pinion or frequency in Hz.
+    pub at: f64,
+    /// Summed statistic.
+    pub statistic: f64,
+    /// p-value after Bonferroni over the scan.
+    pub p_value: f64,
+}
+
+const CAP: f64 = 12.0;
+
+fn statistic(base: &Base, data: &Data, run: usize, hz: f64) -> f64 {
+    let mut sum = 0.0;
+    for c in 0..2 {
+        let (a, energy) = base.analyser.amplitude(&data.residual[run][c], hz);
+        let b = (hz * base.analyser.duration_s()).round() as usize;
+        if let Some(weight) = data.weight[run][c].get(b) {
+            // |a|^2 over its variance S / energy; the tapered window's peak fit keeps about the same inflation.
+            sum += a.norm_sqr() * energy * weight * 0.5 * OVERDISPERSION / 1.2;
+        }
+    }
+    sum.min(CAP)
+}
+
+fn scan(
+    base: &Base,
+    data: &Data,
+    runs: &[usize],
+    grid: impl Iterator<Item = f64>,
+    tests: f64,
+    hz: impl Fn(f64, usize) -> Option<f64>,
+    count: usize,
+) -> Vec<Found> {
+    let null = Gamma::new(2.0 * runs.len() as f64, 1.0).expect("positive shape");
+    let mut all: Vec<Found> = grid
+        .filter_map(|at| {
+            let mut sum = 0.0;
+            for &r in runs {
+                sum += statistic(base, data, r, hz(at, r)?);
+            }
+            let p = (1.0 - null.cdf(sum)) * tests;
+            (p < 0.01).then_some(Found { at, statistic: sum, p_value: p })
+        })
+        .collect();
+    all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+    let mut kept: Vec<Found> = Vec::new();
+    for found in all {
+        if kept.len() < count && kept.iter().all(|k| (k.at - found.at).abs() > 0.15 * (1.0 + 0.01 * k.at)) {
+            kept.push(found);
+        }
+    }
+    kept
+}
+
+/// Strongest non-mesh orders up to a few mesh orders.
+pub fn orders(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
+    let fastest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(0.0, f64::max);
+    let z = f64::from(base.machine.teeth[0]);
+    let top = (14_000.0 / fastest).min(8.0 * z);
+    let step = 0.2 / (base.analyser.duration_s() * fastest);
+    let grid = (1..(top / step) as usize).map(|i| i as f64 * step);
+    let guard = 1.6 / (base.analyser.duration_s() * fastest);
+    let tests = top / step * 0.3;
+    scan(
+        base,
+        data,
+        runs,
+        grid.filter(move |o| (o - z * (o / z).round()).abs() > guard),
+        tests,
+        |o, r| {
+            let hz = o * base.runs[r].angle.shaft_hz;
+            (hz > 4.0).then_some(hz)
+        },
+        count,
+    )
+}
+
+/// Strongest fixed frequencies.
+pub fn frequencies(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
+    let step = 0.2 / base.analyser.duration_s();
+    let cells = (14_500.0 / step) as usize;
+    let grid = (20..cells).map(|i| i as f64 * step);
+    scan(base, data, runs, grid, cells as f64 * 0.3, |hz, _| Some(hz), count)
+}

@@ -1,0 +1,164 @@
+//! Effects that repeat with every tooth pair: wear, tip relief, profile error, friction.
+
+use super::Bench;
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, quadrature};
+use crate::closed_loop::harmonic_model::{DOF, GEAR, PINION};
+use rustfft::num_complex::Complex64 as C;
+use std::f64::consts::TAU;
+
+/// Candidates on the mesh's own comb.
+pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
+    let machine = &bench.base.machine;
+    let curve = &machine.curve;
+    let length = curve.contact_ratio();
+    let ramp = |x: f64, share: f64| ((share - x) / share).max(0.0);
+    let mut shapes: Vec<(String, &'static str, f64, Box<dyn Fn(f64) -> f64 + Sync>)> =
+        vec![("wear".into(), "depth", 1.0, Box::new(|x: f64| (2.0 * x - 1.0).powi(2)))];
+    for share in [0.15, 0.25, 0.4] {
+        shapes.push((
+            "tip-relief".into(),
+            "amount",
+            3.0,
+            Box::new(move |x: f64| ramp(x, share) + ramp(1.0 - x, share)),
+        ));
+    }
+    // Error e(s) on every pair: contact force -k(s) (e + tau de/dt).
+    let mut list: Vec<Candidate> = shapes
+        .iter()
+        .map(|(name, quantity, searched, shape)| {
+            let weighted = curve.times(|u| shape(u / length));
+            let step = 1e-4;
+            let slope = curve.times(|u| (shape(u / length + step) - shape(u / length - step)) / (2.0 * step * length));
+            let lines = bench.respond(
+                |_| 0.0,
+                |run, comb| {
+                    let rate = run.angle.shaft_hz * f64::from(machine.teeth[0]) * machine.tau_s;
+                    let contact = (0..comb.orders.len())
+                        .map(|n| {
+                            let nu = n as f64 - comb.centre as f64;
+                            -weighted.transform(nu) - slope.transform(nu) * rate
+                        })
+                        .collect();
+                    vec![(Vec::new(), contact)]
+                },
+            );
+            let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
+            Candidate {
+                name: name.clone(),
+                claim: Claim::Named,
+                family: "mesh-order",
+                shaft: "none",
+                order: Some(f64::from(machine.teeth[0])),
+                frequency_hz: None,
+                parameters: vec![Parameter { name: (*quantity).into(), unit: "m", first: 0, complex: false }],
+                templates: vec![real],
+                searched: *searched,
+                exponents: [0.0, 0.0],
+                phase_free: false,
+            }
+        })
+        .collect();
+    list.push(profile(bench));
+    list.push(friction(bench));
+    list
+}
+
+/// Free displacement of every pair at the first four mesh orders.
+fn profile(bench: &Bench<'_>) -> Candidate {
+    let machine = &bench.base.machine;
+    let z = f64::from(machine.teeth[0]);
+    let lines = bench.respond(
+        |_| 0.0,
+        |run, comb| {
+            (1..=4_i64)
+                .map(|h| {
+                    let omega = TAU * run.angle.shaft_hz * z * h as f64;
+                    let rate = C::new(1.0, omega * machine.tau_s);
+                    // Both signs of the order keep the rigid row's balance real; the pair's quadrature gives the phase.
+                    let contact = (0..comb.orders.len() as i64)
+                        .map(|n| -machine.stiffness(n - comb.centre as i64 - h) * rate)
+                        .collect();
+                    (Vec::new(), contact)
+                })
+                .collect()
+        },
+    );
+    Candidate {
+        name: "profile-error".into(),
+        claim: Claim::Named,
+        family: "mesh-order",
+        shaft: "none",
+        order: Some(z),
+        frequency_hz: None,
+        parameters: (0..4)
+            .map(|h| Parameter {
+                name: format!("displacement_at_mesh_order_{}", h + 1),
+                unit: "m",
+                first: 2 * h,
+                complex: true,
+            })
+            .collect(),
+        templates: lines.iter().flat_map(|l| quadrature(&bench.base.analyser, &bench.angles, l)).collect(),
+        searched: 1.0,
+        exponents: [0.0, 0.0],
+        phase_free: false,
+    }
+}
+
+/// Sliding friction across the line of action: its torques on both gears, `mu k(s) D lever sign(s - pitch)`.
+fn friction(bench: &Bench<'_>) -> Candidate {
+    let machine = &bench.base.machine;
+    let [rb1, rb2] = machine.base_radius_m;
+    let tangent = machine.pressure_angle_rad.tan();
+    let base_pitch = TAU * rb1 / f64::from(machine.teeth[0]);
+    let outer = |side: usize| {
+        let module =
+            2.0 * machine.base_radius_m[side] / (f64::from(machine.teeth[side]) * machine.pressure_angle_rad.cos());
+        0.5 * module * (f64::from(machine.teeth[side]) + 2.0)
+    };
+    // Distance along the line of action from the pinion's tangent point.
+    let start = (rb1 + rb2) * tangent - (outer(1).powi(2) - rb2 * rb2).max(0.0).sqrt();
+    let pitch = rb1 * tangent;
+    let levers = [0, 1].map(|side| {
+        machine.curve.times(|u| {
+            let s = start + u * base_pitch;
+            let lever = if side == 0 { s } else { (rb1 + rb2) * tangent - s };
+            lever * (s - pitch).signum()
+        })
+    });
+    let lines = bench.respond(
+        |_| 0.0,
+        |run, comb| {
+            let size = comb.orders.len() as i64;
+            let tables = levers
+                .each_ref()
+                .map(|curve| (-(size - 1)..size).map(|n| curve.transform(n as f64)).collect::<Vec<C>>());
+            let forces = (0..size)
+                .map(|n| {
+                    let mut f = [C::ZERO; DOF];
+                    for l in 0..size {
+                        let index = (n - l + size - 1) as usize;
+                        f[PINION] += tables[0][index] * run.inner.approach[l as usize];
+                        f[GEAR] += tables[1][index] * run.inner.approach[l as usize];
+                    }
+                    f
+                })
+                .collect();
+            vec![(forces, Vec::new())]
+        },
+    );
+    let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
+    Candidate {
+        name: "friction".into(),
+        claim: Claim::Named,
+        family: "mesh-order",
+        shaft: "none",
+        order: Some(f64::from(machine.teeth[0])),
+        frequency_hz: None,
+        parameters: vec![Parameter { name: "coefficient".into(), unit: "1", first: 0, complex: false }],
+        templates: vec![real],
+        searched: 1.0,
+        exponents: [0.0, 1.0],
+        phase_free: false,
+    }
+}

@@ -1,0 +1,131 @@
+//! The library: every effect as physically predicted templates, to be matched with the residual.
+//!
+//! Effects are excitations of the declared machine (displacement error, force, stiffness change) whose response comes from the harmonic
+//! balance, or changes of the measuring path applied to the prediction. Names follow the simulator's effects.
+
+mod mesh;
+mod order;
+mod path;
+mod teeth;
+
+use super::base_fit::{Base, RunState};
+use super::candidate::Candidate;
+use super::detect::Found;
+use super::harmonic_model::{Comb, DOF, Line};
+use super::input::Record;
+use super::least_squares::Data;
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+
+pub use teeth::ToothFamilies;
+
+/// Excitation of one comb: generalised forces and extra contact force, both per order.
+pub type Excitation = (Vec<[C; DOF]>, Vec<C>);
+
+/// Everything needed to build candidates.
+pub struct Bench<'a> {
+    /// Model and spectra.
+    pub base: &'a Base,
+    /// The record.
+    pub record: &'a Record,
+    /// Angle offset and shaft frequency per run.
+    pub angles: Vec<(f64, f64)>,
+    /// Responses to single teeth.
+    pub teeth: ToothFamilies,
+}
+
+impl<'a> Bench<'a> {
+    /// Prepares the parts that do not depend on the residual.
+    pub fn new(base: &'a Base, record: &'a Record) -> Self {
+        let angles: Vec<(f64, f64)> = base.runs.iter().map(|r| (r.angle.offset_rad, r.angle.shaft_hz)).collect();
+        let teeth = ToothFamilies::new(base, &angles);
+        Self { base, record, angles, teeth }
+    }
+
+    /// Teeth ratio: order of the gear's rotation per pinion turn.
+    pub fn ratio(&self) -> f64 {
+        f64::from(self.base.machine.teeth[0]) / f64::from(self.base.machine.teeth[1])
+    }
+
+    /// Response lines of several excitations on the comb with the given centre order (per run): `[excitation][run]`.
+    pub fn respond(
+        &self,
+        centre: impl Fn(&RunState) -> f64 + Sync,
+        excite: impl Fn(&RunState, &Comb) -> Vec<Excitation> + Sync,
+    ) -> Vec<Vec<Vec<Line>>> {
+        let per_run: Vec<Vec<Vec<Line>>> = self
+            .base
+            .runs
+            .par_iter()
+            .map(|run| {
+                let machine = &self.base.machine;
+                let comb = machine.comb(centre(run), run.angle.shaft_hz);
+                excite(run, &comb).iter().map(|(f, g)| machine.respond(&comb, f, g).lines).collect()
+            })
+            .collect();
+        let count = per_run.first().map_or(0, Vec::len);
+        (0..count).map(|e| per_run.iter().map(|run| run[e].clone()).collect()).collect()
+    }
+
+    /// All candidates for the present residual: fixed library, detected orders, detected frequencies.
+    pub fn candidates(&self, data: &Data, fit: &[usize], orders: &[Found], frequencies: &[Found]) -> Vec<Candidate> {
+        let ratio = self.ratio();
+        let mut all = self.teeth.candidates(self, data, fit);
+        all.extend(mesh::candidates(self));
+        all.extend(path::candidates(self, data, fit));
+        let mut done: Vec<f64> = vec![1.0, ratio, 2.0, 2.0 * ratio];
+        for &o in &done {
+            all.extend(order::at_order(self, o, 1.0));
+        }
+        for found in orders {
+            // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
+            let z = f64::from(self.base.machine.teeth[0]);
+            let at = self.peak(data, fit, found.at);
+            for n in -3..=3 {
+                let seat = self.refined(at - f64::from(n) * z).abs();
+                if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > 0.01) {
+                    done.push(seat);
+                    all.extend(order::at_order(self, seat, 200.0));
+                }
+            }
+        }
+        for found in frequencies {
+            all.extend(order::at_frequency(self, data, fit, found.at));
+        }
+        all
+    }
+
+    /// Order of the largest summed line power near a detected one.
+    fn peak(&self, data: &Data, fit: &[usize], order: f64) -> f64 {
+        let duration = self.base.analyser.duration_s();
+        let fastest = self.angles.iter().map(|a| a.1).fold(0.0, f64::max);
+        let power = |o: f64| -> f64 {
+            fit.iter()
+                .flat_map(|&r| [0, 1].map(|c| (r, c)))
+                .map(|(r, c)| {
+                    let hz = o * self.angles[r].1;
+                    let weight = data.weight[r][c].get((hz * duration).round() as usize).copied().unwrap_or(0.0);
+                    self.base.analyser.amplitude(&data.residual[r][c], hz).0.norm_sqr() * weight
+                })
+                .sum()
+        };
+        let step = 0.02 / (duration * fastest);
+        (-80..=80).map(|i| order + f64::from(i) * step).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(order)
+    }
+
+    /// Snaps an order to a whole order of pinion or gear when it is one within resolution.
+    fn refined(&self, order: f64) -> f64 {
+        let ratio = self.ratio();
+        let fastest = self.angles.iter().map(|a| a.1).fold(0.0, f64::max);
+        let near = 0.25 / (self.base.analyser.duration_s() * fastest);
+        let pinion = order.round();
+        let gear = (order / ratio).round() * ratio;
+        if (order - pinion).abs() < near {
+            pinion
+        } else if (order - gear).abs() < near {
+            gear
+        } else {
+            order
+        }
+    }
+}

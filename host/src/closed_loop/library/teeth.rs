@@ -1,0 +1,187 @@
+//! Effects carried by single teeth: pitch errors and stiffness loss (crack), for both gears.
+//!
+//! The response to one tooth's error repeats, shifted by whole teeth, for every other tooth. Its orders fall into families
+//! `m + n z`; tooth `i` enters family `m` with the phase `exp(-2 pi i m i / z)`, so one response per family serves a single tooth, every
+//! single tooth, and a free table of all teeth.
+
+use super::Bench;
+use crate::closed_loop::base_fit::Base;
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, quadrature};
+use crate::closed_loop::harmonic_model::Line;
+use crate::closed_loop::least_squares::{Column, Data, normal};
+use crate::closed_loop::spectrum::sparse;
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+use std::f64::consts::TAU;
+
+/// Kinds of tooth effect.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Displacement,
+    StiffnessLoss,
+}
+
+struct Families {
+    kind: Kind,
+    shaft: usize,
+    /// Family 0: the mesh orders' share of one tooth.
+    mesh: Template,
+    /// Families 1..=z/2 as quadrature pairs.
+    pairs: Vec<[Template; 2]>,
+}
+
+/// Responses of all tooth families.
+pub struct ToothFamilies {
+    all: Vec<Families>,
+}
+
+impl ToothFamilies {
+    /// Computes the responses of both kinds on both gears.
+    pub fn new(base: &Base, angles: &[(f64, f64)]) -> Self {
+        let machine = &base.machine;
+        let z1 = f64::from(machine.teeth[0]);
+        let longest = base.runs.iter().map(|r| machine.harmonics(r.angle.shaft_hz)).max().unwrap_or(24);
+        let mut all = Vec::new();
+        for shaft in 0..2 {
+            let z = machine.teeth[shaft];
+            // Lines of every family and run, both kinds.
+            let lines: Vec<[Vec<Vec<Line>>; 2]> = (0..=z / 2)
+                .into_par_iter()
+                .map(|m| {
+                    let nu = f64::from(m) / f64::from(z);
+                    let table: Vec<C> =
+                        (-2 * longest..=2 * longest).map(|i| machine.curve.transform(nu + i as f64)).collect();
+                    let at = |i: i64| table[(i + 2 * longest) as usize];
+                    let fold = if m == 0 || 2 * m == z { 1.0 } else { 2.0 };
+                    let scale = -fold / f64::from(z);
+                    let mut kinds = [Vec::new(), Vec::new()];
+                    for run in &base.runs {
+                        let comb = machine.comb(nu * z1, run.angle.shaft_hz);
+                        let half = comb.centre as i64;
+                        let size = comb.orders.len();
+                        let displacement: Vec<C> = (0..size).map(|n| at(n as i64 - half) * scale).collect();
+                        let loss: Vec<C> = (0..size)
+                            .map(|n| {
+                                let sum: C = (0..size).map(|l| run.inner.approach[l] * at(n as i64 - l as i64)).sum();
+                                sum * scale
+                            })
+                            .collect();
+                        for (kind, contact) in [displacement, loss].iter().enumerate() {
+                            kinds[kind].push(machine.respond(&comb, &[], contact).lines);
+                        }
+                    }
+                    kinds
+                })
+                .collect();
+            for (index, kind) in [Kind::Displacement, Kind::StiffnessLoss].into_iter().enumerate() {
+                let mut pairs: Vec<[Template; 2]> =
+                    lines.par_iter().map(|family| quadrature(&base.analyser, angles, &family[index])).collect();
+                let [mesh, _] = pairs.remove(0);
+                // One tooth's mean deflection sign: a loss of stiffness acts as a negative contact force.
+                all.push(Families { kind, shaft, mesh, pairs });
+            }
+        }
+        Self { all }
+    }
+
+    /// Best single tooth of each kind and gear, and free tables of pitch errors.
+    pub fn candidates(&self, bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
+        let mut list = Vec::new();
+        for families in &self.all {
+            let z = bench.base.machine.teeth[families.shaft];
+            let shaft = ["pinion", "gear"][families.shaft];
+            let (single, unit, quantity) = match families.kind {
+                Kind::Displacement => (format!("{shaft}-pitch-error"), "m", "single_tooth_offset"),
+                Kind::StiffnessLoss => (format!("{shaft}-tooth-crack"), "1", "stiffness_loss"),
+            };
+            let order = if families.shaft == 0 { 1.0 } else { bench.ratio() };
+            let exponents = if families.kind == Kind::Displacement { [0.0, 0.0] } else { [0.0, 1.0] };
+            let tooth = families.best_tooth(z, data, fit);
+            list.push(Candidate {
+                name: single,
+                claim: Claim::Named,
+                family: "shaft-order",
+                shaft,
+                order: Some(order),
+                frequency_hz: None,
+                parameters: vec![Parameter {
+                    name: format!("{quantity} of tooth {tooth}"),
+                    unit,
+                    first: 0,
+                    complex: false,
+                }],
+                templates: vec![families.tooth(tooth, z, bench.base.analyser.bins)],
+                searched: f64::from(z),
+                exponents,
+                phase_free: false,
+            });
+            let (name, claim) = match families.kind {
+                Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
+                Kind::StiffnessLoss => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
+            };
+            let parameters = (0..families.pairs.len())
+                .map(|m| Parameter {
+                    name: format!("tooth_table_harmonic_{}", m + 1),
+                    unit,
+                    first: 2 * m,
+                    complex: true,
+                })
+                .collect();
+            list.push(Candidate {
+                name,
+                claim,
+                family: "shaft-order",
+                shaft,
+                order: Some(order),
+                frequency_hz: None,
+                parameters,
+                templates: families.pairs.iter().flatten().cloned().collect(),
+                searched: 1.0,
+                exponents,
+                phase_free: false,
+            });
+        }
+        list
+    }
+}
+
+impl Families {
+    /// Tooth whose error the residual resembles most, families taken as orthogonal.
+    fn best_tooth(&self, z: u32, data: &Data, fit: &[usize]) -> u32 {
+        let right: Vec<[f64; 2]> = self
+            .pairs
+            .par_iter()
+            .map(|pair| [0, 1].map(|i| normal(data, fit, &[Column { template: &pair[i], prior: (0.0, 0.0) }]).right[0]))
+            .collect();
+        let value = |tooth: u32| -> f64 {
+            right
+                .iter()
+                .enumerate()
+                .map(|(m, b)| {
+                    let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth) / f64::from(z);
+                    phase.cos() * b[0] + phase.sin() * b[1]
+                })
+                .sum()
+        };
+        (0..z).max_by(|&a, &b| value(a).abs().total_cmp(&value(b).abs())).unwrap_or(0)
+    }
+
+    fn tooth(&self, tooth: u32, z: u32, bins: usize) -> Template {
+        let runs = (0..self.mesh.runs.len())
+            .map(|r| {
+                [0, 1].map(|c| {
+                    let mut dense = vec![C::ZERO; bins];
+                    self.mesh.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t);
+                    for (m, pair) in self.pairs.iter().enumerate() {
+                        let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth) / f64::from(z);
+                        for (part, factor) in pair.iter().zip([phase.cos(), phase.sin()]) {
+                            part.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t * factor);
+                        }
+                    }
+                    sparse(&dense)
+                })
+            })
+            .collect();
+        Template { runs }
+    }
+}
