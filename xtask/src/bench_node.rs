@@ -5,8 +5,9 @@
 //! rate with a line spacing of f_shaft/8, extrapolated by N log N from CMSIS-DSP's 4096 points.
 
 use crate::setup::TARGET;
-use crate::shell::{Outcome, capture, cargo, root, run, say};
+use crate::shell::{Outcome, cargo, root, run, say};
 use std::collections::BTreeMap;
+use std::process::Stdio;
 
 const SNAPSHOT: &str = "tests/snapshots/instructions.txt";
 /// Relative change that is reported as an error.
@@ -25,12 +26,14 @@ pub fn run_task(arguments: &[String]) -> Outcome {
     let image = crate::node_build::image("bench");
     let mut qemu = crate::shell::command(&["qemu-system-arm", "-machine", "mps2-an386", "-nodefaults"]);
     qemu.args(["-display", "none", "-monitor", "none", "-icount", "shift=6,sleep=off"]);
-    qemu.args(["-semihosting-config", "enable=on,target=native,chardev=out"]);
-    qemu.args(["-chardev", "stdio,id=out", "-kernel"]).arg(&image);
-    let counts = parse(&capture(&mut qemu)?);
-    if counts.is_empty() {
-        return Err("the bench image reported nothing".into());
+    qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(&image);
+    let output = qemu.stdin(Stdio::null()).output().map_err(|e| format!("qemu-system-arm: {e}"))?;
+    // The image's console is QEMU's standard error.
+    let console = String::from_utf8_lossy(&output.stderr);
+    if !(output.status.success() && console.lines().any(|line| line == "node: finished")) {
+        return Err(format!("the bench image did not finish:\n{console}"));
     }
+    let counts = parse(&console);
     table(&counts);
     let path = root().join(SNAPSHOT);
     if arguments.iter().any(|a| a == "--overwrite") {
