@@ -64,12 +64,15 @@ impl<const M: usize, const D: usize> HalfBand<M, D> {
     fn process(&mut self, samples: &mut [f32]) -> usize {
         let mut outputs = 0;
         for index in 0..samples.len() {
-            let sample = samples[index];
+            let sample = samples.get(index).copied().unwrap_or_default();
             let Some(first) = self.held.take() else {
                 self.held = Some(sample);
                 continue;
             };
-            samples[outputs] = self.pair(first, sample);
+            let output = self.pair(first, sample);
+            if let Some(place) = samples.get_mut(outputs) {
+                *place = output;
+            }
             outputs += 1;
         }
         outputs
@@ -79,14 +82,20 @@ impl<const M: usize, const D: usize> HalfBand<M, D> {
     #[inline]
     fn pair(&mut self, older: f32, newer: f32) -> f32 {
         let length = 2 * M;
-        self.side[self.at] = newer;
-        self.side[self.at + length] = newer;
+        // Both positions are below their lengths always; looking first costs less than proving it to the compiler.
+        for place in [self.at, self.at + length] {
+            if let Some(side) = self.side.get_mut(place) {
+                *side = newer;
+            }
+        }
         self.at = if self.at + 1 == length { 0 } else { self.at + 1 };
-        let window = &self.side[self.at..self.at + length];
-        self.centre[self.centre_at] = older;
+        let window = self.side.get(self.at..self.at + length).unwrap_or_default();
+        if let Some(place) = self.centre.get_mut(self.centre_at) {
+            *place = older;
+        }
         self.centre_at = if self.centre_at + 1 == M { 0 } else { self.centre_at + 1 };
-        let (old, new) = window.split_at(M);
-        let mut sum = 0.5 * self.centre[self.centre_at];
+        let (old, new) = window.split_at_checked(M).unwrap_or_default();
+        let mut sum = 0.5 * self.centre.get(self.centre_at).copied().unwrap_or_default();
         for ((tap, a), b) in self.taps.iter().zip(old.iter().rev()).zip(new) {
             sum += tap * (a + b);
         }
@@ -131,13 +140,13 @@ impl Cascade {
     pub fn process(&mut self, samples: &mut [f32]) -> usize {
         let mut count = samples.len();
         for stage in self.early.iter_mut().take(self.stages.saturating_sub(2)) {
-            count = stage.process(&mut samples[..count]);
+            count = stage.process(samples.get_mut(..count).unwrap_or_default());
         }
         if self.stages >= 2 {
-            count = self.second.process(&mut samples[..count]);
+            count = self.second.process(samples.get_mut(..count).unwrap_or_default());
         }
         if self.stages >= 1 {
-            count = self.last.process(&mut samples[..count]);
+            count = self.last.process(samples.get_mut(..count).unwrap_or_default());
         }
         count
     }

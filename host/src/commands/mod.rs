@@ -3,8 +3,8 @@
 pub mod alias;
 #[path = "loop.rs"]
 pub mod close;
-pub mod effects;
 pub mod configure;
+pub mod effects;
 pub mod import;
 pub mod monitor;
 pub mod node;

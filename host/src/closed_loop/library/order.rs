@@ -78,7 +78,9 @@ fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64
                 .map(|n| {
                     (0..size as i64)
                         .map(|l| {
-                            machine.stiffness(n - l) * C::new(0.0, TAU * (n - l) as f64) * run.inner.approach[l as usize]
+                            machine.stiffness(n - l)
+                                * C::new(0.0, TAU * (n - l) as f64)
+                                * run.inner.approach[l as usize]
                         })
                         .sum()
                 })
