@@ -22,6 +22,9 @@ pub struct Session<B = Buffers> {
     commit: bool,
 }
 
+/// A session whose arrays lie in a static of the board.
+pub type BoardSession = Session<&'static mut Buffers>;
+
 impl Session {
     /// A node with its arrays inside that waits for its tach, with a fresh link.
     ///

@@ -209,7 +209,7 @@ impl Plant<'_> {
         let [rb1, rb2] = self.base_radius;
         let delta = rb1 * q[1] - rb2 * q[2] + q[4] - q[5];
         let rate = rb1 * v[1] - rb2 * v[2] + v[4] - v[5];
-        let (mut error, mut error_rate) = (0.0, 0.0);
+        let (mut error, mut error_rate, mut roll) = (0.0, 0.0, 0.0);
         let mut force = [0.0; 6];
         let mut bearing = s.bearing_stiffness_n_per_m;
         let mut mesh_factor = 1.0;
@@ -217,6 +217,8 @@ impl Plant<'_> {
             match *effect {
                 Effect::Eccentricity { shaft, amplitude_m, phase_rad } => {
                     let o = if shaft == 0 { 1.0 } else { self.ratio };
+                    // The displaced gear carries its contact along the path.
+                    roll += amplitude_m * (o * theta + phase_rad).cos() / (TAU * self.base_radius[0] / self.teeth[0]);
                     error += amplitude_m * (o * theta + phase_rad).cos();
                     error_rate -= amplitude_m * o * omega * (o * theta + phase_rad).sin();
                 }
@@ -249,7 +251,7 @@ impl Plant<'_> {
                 _ => {}
             }
         }
-        let position = theta * self.teeth[0] / TAU;
+        let position = theta * self.teeth[0] / TAU + roll;
         let newest = position.floor();
         let mut mesh = 0.0;
         let mut pair = newest;

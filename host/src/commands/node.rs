@@ -12,6 +12,7 @@ use meshband_host::virtual_node::summary::{self, Table};
 use meshband_host::virtual_node::trial::{self, Trial};
 use meshband_host::virtual_node::{profile, report};
 use meshband_host::{Error, Result, effects, terminal};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `meshband node`.
@@ -115,7 +116,7 @@ pub fn run(args: Args) -> Result<()> {
     let config = configuration(&signal, shaft, args.rate)?;
     let firmware = args.firmware.unwrap_or_else(|| built_firmware("an386"));
     let qemu = Qemu { icount_shift: args.icount_shift, ..Qemu::new(firmware) };
-    eprintln!("node: {:.2} s of {}, {}, in QEMU ...", signal.duration_s(), signal.title, signal.channel);
+    progress(&format!("{:.2} s of {}, {}, in QEMU", signal.duration_s(), signal.title, signal.channel));
     let trial = trial::run(&signal, &config, shaft, &qemu, args.runs)?;
     let paces = if args.profile { profile::run(&signal, &config, &qemu)? } else { Vec::new() };
     print(&trial, &signal, shaft);
@@ -196,8 +197,15 @@ fn of_machine(args: &Args) -> Result<Signal> {
         seed: 1,
     };
     let operation = Operation { speed_hz, final_speed_hz, torque_n_m, effects: &effects, acquisition, channel };
-    eprintln!("node: simulating {duration_s} s of {} ...", machine.title);
+    progress(&format!("simulating {duration_s} s of {}", machine.title));
     Signal::of_machine(&machine, &operation)
+}
+
+/// One line for who is watching; logs and pipes stay clean.
+fn progress(what: &str) {
+    if std::io::stderr().is_terminal() {
+        eprintln!("node: {what} ...");
+    }
 }
 
 fn print_table(table: &Table) {

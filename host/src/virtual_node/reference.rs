@@ -13,7 +13,7 @@
 //! frequencies lies hundreds of bins away. Cost: one pass over the stretch per line, 40 ns per sample.
 
 use super::signal::Signal;
-use crate::spectral::{AngleMap, Spectrum, Window, amplitude_spectrum};
+use crate::spectral::{AngleMap, Window};
 use std::f64::consts::TAU;
 
 /// Sums that a demodulated line is kept in; the search within a few bins loses less than 1e-6 by it.
@@ -62,6 +62,11 @@ impl Shaft {
         turns * self.ratio
     }
 
+    /// Instant at which the order shaft has made this many turns.
+    pub fn time_at(&self, turns: f64) -> f64 {
+        self.map.time_at(turns / self.ratio)
+    }
+
     /// Mean speed between two instants, Hz.
     pub fn speed_hz(&self, from_s: f64, to_s: f64) -> f64 {
         (self.turns_at(to_s) - self.turns_at(from_s)) / (to_s - from_s)
@@ -77,6 +82,19 @@ pub struct ReferenceLine {
     pub amplitude: f64,
 }
 
+/// Which stretch of the signal is looked at, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stretch {
+    /// First instant, s.
+    pub start_s: f64,
+    /// Last instant, s.
+    pub end_s: f64,
+    /// What the phase of a line follows.
+    pub domain: Domain,
+    /// Weight over the phase.
+    pub window: Window,
+}
+
 /// A stretch of the signal, weighted.
 #[derive(Debug, Clone)]
 pub struct Reference {
@@ -85,20 +103,24 @@ pub struct Reference {
     phase: Vec<f64>,
     weight: f64,
     /// Bin width in orders.
-    bin: f64,
+    pub bin: f64,
     /// Mean speed over the stretch, Hz.
     pub speed_hz: f64,
 }
 
 impl Reference {
-    /// The stretch of `length_s` from `start_s`; `None` where the signal does not cover it with 64 samples.
-    pub fn over(signal: &Signal, shaft: &Shaft, start_s: f64, length_s: f64, domain: Domain) -> Option<Self> {
-        let samples = stretch(signal, start_s, length_s)?;
-        let first = (start_s * signal.rate_hz).ceil() as usize;
-        let times = (0..samples.len()).map(|i| (first + i) as f64 / signal.rate_hz);
-        let speed_hz = shaft.speed_hz(start_s, start_s + length_s);
+    /// A stretch of the signal; `None` where the signal does not cover it with 64 samples.
+    pub fn over(signal: &Signal, shaft: &Shaft, stretch: Stretch) -> Option<Self> {
+        let Stretch { start_s, end_s, domain, window } = stretch;
+        if !(start_s >= 0.0 && end_s > start_s) {
+            return None;
+        }
+        let (first, end) = ((start_s * signal.rate_hz).ceil() as usize, (end_s * signal.rate_hz).ceil() as usize);
+        let samples = signal.samples.get(first..end).filter(|samples| samples.len() >= 64)?;
+        let times = (first..end).map(|i| i as f64 / signal.rate_hz);
+        let speed_hz = shaft.speed_hz(start_s, end_s);
         let origin = shaft.turns_at(start_s);
-        let turns = speed_hz * length_s;
+        let turns = speed_hz * (end_s - start_s);
         let phase: Vec<f64> = match domain {
             Domain::Time => times.map(|t| (t - start_s) * speed_hz).collect(),
             Domain::Angle => times.map(|t| shaft.turns_at(t) - origin).collect(),
@@ -111,8 +133,7 @@ impl Reference {
                 (phase[b] - phase[a]) / (b - a) as f64
             }
         };
-        let weights: Vec<f64> =
-            (0..phase.len()).map(|i| density(i) * Window::BlackmanHarris.weight(phase[i] / turns)).collect();
+        let weights: Vec<f64> = (0..phase.len()).map(|i| density(i) * window.weight(phase[i] / turns)).collect();
         let weight: f64 = weights.iter().sum();
         let mean = samples.iter().zip(&weights).map(|(x, w)| x * w).sum::<f64>() / weight;
         let weighted = samples.iter().zip(&weights).map(|(x, w)| (x - mean) * w).collect();
@@ -122,14 +143,7 @@ impl Reference {
     /// The strongest line within a few bins of an order.
     pub fn line(&self, order: f64) -> ReferenceLine {
         let sums = self.demodulated(order);
-        let size = |bins: f64| {
-            let shift = bins * self.bin;
-            let (re, im) = sums.iter().fold((0.0, 0.0), |(re, im), &(phase, a, b)| {
-                let (s, c) = (TAU * shift * phase).sin_cos();
-                (re + a * c + b * s, im + b * c - a * s)
-            });
-            re.hypot(im)
-        };
+        let size = |bins: f64| turned_back(&sums, bins * self.bin);
         let steps = (8.0 * REACH) as i32;
         let best = (-steps..=steps).map(|k| f64::from(k) * 0.125).max_by(|a, b| size(*a).total_cmp(&size(*b)));
         let best = best.unwrap_or(0.0);
@@ -144,6 +158,14 @@ impl Reference {
     pub fn amplitude_at(&self, order: f64) -> f64 {
         let (re, im) = self.demodulated(order).iter().fold((0.0, 0.0), |(re, im), s| (re + s.1, im + s.2));
         2.0 * f64::hypot(re, im) / self.weight
+    }
+
+    /// The amplitude spectrum within `reach` orders of an order, four points per bin: order and amplitude.
+    pub fn spectrum(&self, order: f64, reach: f64) -> Vec<(f64, f64)> {
+        let sums = self.demodulated(order);
+        let steps = (4.0 * reach / self.bin).ceil() as i32;
+        let offsets = (-steps..=steps).map(|k| 0.25 * f64::from(k) * self.bin);
+        offsets.map(|o| (order + o, 2.0 * turned_back(&sums, o) / self.weight)).collect()
     }
 
     /// Weighted samples turned back by an order, in [`BLOCKS`] sums with their middle phases.
@@ -162,18 +184,13 @@ impl Reference {
     }
 }
 
-/// The amplitude spectrum of a stretch, for pictures and for the floor beneath the lines.
-pub fn spectrum(signal: &Signal, start_s: f64, length_s: f64) -> Option<Spectrum> {
-    Some(amplitude_spectrum(stretch(signal, start_s, length_s)?, signal.rate_hz, Window::BlackmanHarris))
-}
-
-fn stretch(signal: &Signal, start_s: f64, length_s: f64) -> Option<&[f64]> {
-    if !(start_s >= 0.0 && length_s > 0.0) {
-        return None;
-    }
-    let first = (start_s * signal.rate_hz).ceil() as usize;
-    let end = ((start_s + length_s) * signal.rate_hz).ceil() as usize;
-    signal.samples.get(first..end).filter(|samples| samples.len() >= 64)
+/// Size of the sum after turning back by further `orders`.
+fn turned_back(sums: &[(f64, f64, f64)], orders: f64) -> f64 {
+    let (re, im) = sums.iter().fold((0.0, 0.0), |(re, im), &(phase, a, b)| {
+        let (s, c) = (TAU * orders * phase).sin_cos();
+        (re + a * c + b * s, im + b * c - a * s)
+    });
+    f64::hypot(re, im)
 }
 
 /// Golden section to 1e-5 of the interval's size.

@@ -2,7 +2,7 @@
 
 use super::analogue::Interpolator;
 use super::profile::Pace;
-use super::reference;
+use super::reference::{Reference, Shaft};
 use super::setup::OrderShaft;
 use super::signal::Signal;
 use super::summary::{self, Table};
@@ -38,7 +38,7 @@ pub fn build(trial: &Trial, signal: &Signal, shaft: OrderShaft, paces: &[Pace]) 
     if let Some(spectrum) = last_steady(trial) {
         for harmonic in harmonics(spectrum) {
             report = report.picture(
-                &mesh_band(signal, spectrum, harmonic)?,
+                &mesh_band(signal, shaft, spectrum, harmonic)?,
                 &format!(
                     "Mesh harmonic {harmonic}: reference spectrum of the same {:.2} s and the lines the node sent; bins of {:.2} Hz.",
                     spectrum.length_s, spectrum.resolution_hz
@@ -102,17 +102,17 @@ fn harmonics(spectrum: &SpectrumRow) -> Vec<u8> {
 }
 
 /// The reference spectrum around a harmonic, the node's lines as spikes.
-fn mesh_band(signal: &Signal, row: &SpectrumRow, harmonic: u8) -> Result<String> {
+fn mesh_band(signal: &Signal, shaft: OrderShaft, row: &SpectrumRow, harmonic: u8) -> Result<String> {
     let lines: Vec<_> = row.lines.iter().filter(|line| line.harmonic == harmonic).collect();
     let reach = lines.iter().map(|line| line.sideband.abs()).max().unwrap_or(0) as f64 + 0.7;
     let centre = lines.iter().find(|line| line.sideband == 0).map_or(0.0, |line| line.reference_hz);
     let (from, to) = (centre - reach * row.speed_hz, centre + reach * row.speed_hz);
     let scale = signal.unit.scale();
-    let mut background = Vec::new();
-    if let Some(spectrum) = reference::spectrum(signal, row.start_s, row.length_s) {
-        let points = spectrum.values.iter().enumerate().map(|(i, &value)| (spectrum.frequency(i), value / scale));
-        background.extend(points.filter(|p| (from..=to).contains(&p.0)));
-    }
+    let order = f64::from(harmonic) * f64::from(shaft.teeth(signal)[0]);
+    let turning = Shaft::new(signal, shaft.per_tach(signal));
+    let reference = turning.and_then(|turning| Reference::over(signal, &turning, row.stretch));
+    let background = reference.map(|r| r.spectrum(order, reach)).unwrap_or_default();
+    let background = background.into_iter().map(|(o, value)| (o * row.speed_hz, value / scale)).collect();
     // Wider than a column of the picture, so that a spike stays one.
     let half = 0.002 * (to - from);
     let mut sorted = lines.clone();

@@ -141,7 +141,7 @@ impl Signal {
         let acquisition = &operation.acquisition;
         let motion = match operation.final_speed_hz {
             None => Motion::Constant { speed_hz: operation.speed_hz, turns_at_zero: 0.0 },
-            Some(to_hz) => Motion::RunUp { from_hz: operation.speed_hz, to_hz, duration_s: acquisition.duration_s },
+            Some(to_hz) => run_up(operation.speed_hz, to_hz, acquisition.duration_s),
         };
         let simulated = simulate(&rig, &motion, operation.torque_n_m, operation.effects, acquisition)?;
         let name = ["pinion bearing, line of action", "gear bearing, line of action"][operation.channel];
@@ -156,7 +156,7 @@ impl Signal {
             pulses_per_turn: acquisition.pulses_per_turn,
             pinion_per_tach: 1.0,
             teeth: machine.pair.teeth,
-            notes: vec![format!("simulated at {} N m", operation.torque_n_m)],
+            notes: vec![format!("simulated: bending-torsional model at {} N m", operation.torque_n_m)],
         })
     }
 
@@ -168,6 +168,22 @@ impl Signal {
     /// For the replay image.
     pub fn source(&self) -> Source<'_> {
         Source { samples: &self.samples, rate_hz: self.rate_hz, edges_s: &self.edges_s }
+    }
+}
+
+/// Steady for the first fifth, so that the tach can lock, then at constant acceleration, steady for the last tenth.
+fn run_up(from_hz: f64, to_hz: f64, duration_s: f64) -> Motion {
+    let (start, end) = (0.2 * duration_s, 0.9 * duration_s);
+    let turns = from_hz * start;
+    Motion::Knots {
+        times_s: vec![0.0, start, end, duration_s],
+        turns: vec![
+            0.0,
+            turns,
+            turns + 0.5 * (from_hz + to_hz) * (end - start),
+            turns + 0.5 * (from_hz + to_hz) * (end - start) + to_hz * (duration_s - end),
+        ],
+        speeds_hz: vec![from_hz, from_hz, to_hz, to_hz],
     }
 }
 

@@ -68,6 +68,7 @@ pub fn lines(trial: &Trial, sidebands: bool) -> Option<Table> {
         "worst, %",
         "worst, dB",
         "over floor, dB",
+        "remark",
     ];
     Some(Table { head, rows })
 }
@@ -86,11 +87,14 @@ fn line_row(trial: &Trial, line: &LineRow) -> Vec<String> {
         format!("{:+.3}", line.amplitude_error_db),
         format!("{:.4}", 100.0 * largest(|l| l.frequency_error)),
         format!("{:.3}", largest(|l| l.amplitude_error_db)),
-        if line.is_clear() {
-            format!("{:.0}", line.above_floor_db)
-        } else {
-            format!("{:.0} (noise)", line.above_floor_db)
-        },
+        format!("{:.0}", line.above_floor_db),
+        match line {
+            line if line.is_clear() => "",
+            line if line.off_order_bins.abs() > super::trial::NEAR_BINS => "not the shaft's",
+            line if line.below_strongest_db > super::trial::DEEPEST_DB => "skirt",
+            _ => "noise",
+        }
+        .into(),
     ]
 }
 

@@ -2,21 +2,26 @@
 
 use super::frames::Received;
 use super::image::{Image, TICKS_PER_SECOND};
-use super::reference::{self, Domain, Reference, Shaft};
+use super::reference::{Domain, Reference, Shaft, Stretch};
 use super::setup::OrderShaft;
 use super::signal::Signal;
 use super::simulation::{self, Simulated};
 use crate::qemu::Qemu;
+use crate::spectral::Window;
 use crate::{Error, Result};
 use meshband::config::Configuration;
-use meshband::message::{Message, Peaks, Spectrum, Status};
+use meshband::message::{MeshBand, Message, Peaks, SpectralLine, Spectrum, Status};
 use meshband::replay::{BLOCK_SAMPLES, Replay, START_TICK};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// A line counts for the worst errors where it stands this far above the median around it, dB.
+/// A line counts for the worst errors where the reference has it this far above the floor around it, dB...
 pub const CLEAR_DB: f64 = 12.0;
+/// ... no further below the strongest harmonic than this, dB: windows have skirts there ...
+pub const DEEPEST_DB: f64 = 60.0;
+/// ... and within this many bins of the shaft's order: otherwise it is another machine part's line.
+pub const NEAR_BINS: f64 = 1.0;
 /// Beyond this change of a line's frequency within the record, in bins, a spectrum is no longer compared.
 pub const STEADY_BINS: f64 = 2.0;
 
@@ -68,20 +73,29 @@ pub struct LineRow {
     pub amplitude_error_db: f64,
     /// Error against the amplitude at the exact order of the shaft's angle, dB: what a wandering speed smears.
     pub angle_error_db: f64,
-    /// Reference above the median of the spectrum around it, dB.
+    /// Reference above the lower quartile of the spectrum around it, dB.
     pub above_floor_db: f64,
+    /// Reference line off the shaft's order, bins.
+    pub off_order_bins: f64,
+    /// Reference below the spectrum's strongest harmonic, dB.
+    pub below_strongest_db: f64,
 }
 
 impl LineRow {
-    /// Whether it stands clear of the noise.
+    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone.
     pub fn is_clear(&self) -> bool {
         self.above_floor_db >= CLEAR_DB
+            && self.below_strongest_db <= DEEPEST_DB
+            && self.off_order_bins.abs() <= NEAR_BINS
     }
 }
 
 /// One mesh-band spectrum against the reference.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SpectrumRow {
+    /// How the reference looked at it.
+    #[serde(skip)]
+    pub stretch: Stretch,
     /// First sample, s from the signal's start.
     pub start_s: f64,
     /// Length of the record behind it, s.
@@ -276,6 +290,15 @@ fn seconds(tick: u64) -> f64 {
     (tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND)
 }
 
+/// Lower quartile of the spectrum within 1.5 orders, the line itself left out.
+fn floor(spectrum: &[(f64, f64)], order: f64, bin: f64) -> f64 {
+    let aside = |o: f64| (o - order).abs();
+    let around = spectrum.iter().filter(|(o, _)| aside(*o) <= 1.5 && aside(*o) > 4.0 * bin);
+    let mut values: Vec<f64> = around.map(|p| p.1).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 4).copied().unwrap_or(f64::MIN_POSITIVE).max(f64::MIN_POSITIVE)
+}
+
 struct Comparison<'a> {
     signal: &'a Signal,
     shaft: &'a Shaft,
@@ -311,39 +334,62 @@ impl Comparison<'_> {
     }
 
     fn spectrum(&self, spectrum: &Spectrum) -> Option<SpectrumRow> {
+        let stretch = self.stretch(spectrum);
         let resolution_hz = f64::from(spectrum.tag.resolution_hz);
-        let (start_s, length_s) = (seconds(spectrum.tag.first_tick), 1.0 / resolution_hz);
-        let over = |domain| Reference::over(self.signal, self.shaft, start_s, length_s, domain);
-        let (time, angle) = (over(Domain::Time)?, over(Domain::Angle)?);
-        let floor = reference::spectrum(self.signal, start_s, length_s)?;
+        let reference = Reference::over(self.signal, self.shaft, stretch)?;
+        let angle = Reference::over(self.signal, self.shaft, Stretch { domain: Domain::Angle, ..stretch })?;
         let decibel = |a: f64, b: f64| 20.0 * (a / b).log10();
         let mut lines = Vec::new();
         for band in &spectrum.bands {
-            let pairs = (band.sidebands.len() / 2) as i32;
-            let numbered = (-pairs..=pairs).filter(|&n| n != 0).zip(&band.sidebands);
-            for (sideband, line) in std::iter::once((0, &band.line)).chain(numbered) {
-                let order = f64::from(band.harmonic) * self.teeth + f64::from(sideband);
-                let reference = time.line(order);
-                let (at, aside) = (order * time.speed_hz, 0.5 * time.speed_hz);
+            let centre = f64::from(band.harmonic) * self.teeth;
+            let around = reference.spectrum(centre, 6.0);
+            for (sideband, offset, line) in self.lines(band) {
+                let order = centre + offset;
+                let found = reference.line(order);
                 let amplitude = f64::from(line.amplitude);
                 lines.push(LineRow {
                     harmonic: band.harmonic,
                     sideband,
                     frequency_hz: line.frequency_hz.into(),
                     amplitude: amplitude / self.scale,
-                    reference_hz: reference.frequency_hz,
-                    reference_amplitude: reference.amplitude / self.scale,
-                    frequency_error: f64::from(line.frequency_hz) / reference.frequency_hz - 1.0,
-                    amplitude_error_db: decibel(amplitude, reference.amplitude),
+                    reference_hz: found.frequency_hz,
+                    reference_amplitude: found.amplitude / self.scale,
+                    frequency_error: f64::from(line.frequency_hz) / found.frequency_hz - 1.0,
+                    amplitude_error_db: decibel(amplitude, found.amplitude),
                     angle_error_db: decibel(amplitude, angle.amplitude_at(order)),
-                    above_floor_db: decibel(reference.amplitude, floor.median_between(at - aside, at + aside)),
+                    above_floor_db: decibel(found.amplitude, floor(&around, order, reference.bin)),
+                    off_order_bins: (found.frequency_hz / reference.speed_hz - order) / reference.bin,
+                    below_strongest_db: 0.0,
                 });
             }
         }
-        let ends = |t: f64| self.shaft.speed_hz(t - 0.02 * length_s, t + 0.02 * length_s);
+        let harmonics = lines.iter().filter(|line| line.sideband == 0);
+        let strongest = harmonics.map(|line| line.reference_amplitude).fold(0.0, f64::max);
+        lines.iter_mut().for_each(|line| line.below_strongest_db = decibel(strongest, line.reference_amplitude));
+        let Stretch { start_s, end_s, .. } = stretch;
+        let ends = |t: f64| self.shaft.speed_hz(t - 0.02 * (end_s - start_s), t + 0.02 * (end_s - start_s));
         let highest = spectrum.bands.last().map_or(0.0, |band| f64::from(band.harmonic) * self.teeth);
-        let swept_bins = highest * (ends(start_s + length_s) - ends(start_s)).abs() / resolution_hz;
-        Some(SpectrumRow { start_s, length_s, resolution_hz, speed_hz: time.speed_hz, swept_bins, lines })
+        let swept_bins = match stretch.domain {
+            Domain::Time => highest * (ends(end_s) - ends(start_s)).abs() / resolution_hz,
+            Domain::Angle => 0.0,
+        };
+        let speed_hz = reference.speed_hz;
+        Some(SpectrumRow { stretch, start_s, length_s: end_s - start_s, resolution_hz, speed_hz, swept_bins, lines })
+    }
+
+    /// The stretch of time that a spectrum describes.
+    fn stretch(&self, spectrum: &Spectrum) -> Stretch {
+        let start_s = seconds(spectrum.tag.first_tick);
+        let end_s = start_s + 1.0 / f64::from(spectrum.tag.resolution_hz);
+        Stretch { start_s, end_s, domain: Domain::Time, window: Window::BlackmanHarris }
+    }
+
+    /// The lines of a band: number of the sideband, its offset in orders, the line.
+    fn lines<'m>(&self, band: &'m MeshBand) -> Vec<(i32, f64, &'m SpectralLine)> {
+        let pairs = (band.sidebands.len() / 2) as i32;
+        let numbered = (-pairs..=pairs).filter(|&n| n != 0).zip(&band.sidebands);
+        let sidebands = numbered.map(|(n, line)| (n, f64::from(n), line));
+        std::iter::once((0, 0.0, &band.line)).chain(sidebands).collect()
     }
 
     fn peaks(&self, peaks: &Peaks) -> Vec<PeakRow> {
@@ -351,7 +397,7 @@ impl Comparison<'_> {
         let mesh_hz = f64::from(tag.speed_hz) * self.teeth;
         let rate_hz = f64::from(tag.rate_hz);
         let within = 0.75 * f64::from(tag.resolution_hz);
-        let row = |line: &meshband::message::SpectralLine| {
+        let row = |line: &SpectralLine| {
             let frequency_hz = f64::from(line.frequency_hz);
             let folded = |h: u32| {
                 let true_hz = mesh_hz * f64::from(h);

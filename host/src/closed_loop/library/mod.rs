@@ -81,7 +81,8 @@ impl<'a> Bench<'a> {
             // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
             let z = f64::from(self.base.machine.teeth[0]);
             let at = self.peak(data, fit, found.at);
-            for n in -3..=3 {
+            let nearest = (at / z).round() as i32;
+            for n in [nearest, 0, 1, -1, 2, -2, nearest - 1, nearest + 1] {
                 let seat = self.refined(at - f64::from(n) * z).abs();
                 if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > 0.01) {
                     done.push(seat);

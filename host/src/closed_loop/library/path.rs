@@ -5,8 +5,9 @@
 
 use super::Bench;
 use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template};
+use crate::closed_loop::harmonic_model::Line;
 use crate::closed_loop::least_squares::Data;
-use crate::closed_loop::spectrum::{Bins, sparse};
+use crate::closed_loop::spectrum::{BAND_HZ, Bins, REACH, sparse};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -83,15 +84,13 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             vec![gain],
             [0.0, 1.0],
         ));
-        let delay = filtered(channel, &|f| C::new(0.0, -TAU * f));
-        list.push(path(
-            &format!("delay of the {who}"),
-            Claim::Generic,
-            "path",
-            parameter("delay", "s"),
-            vec![delay],
-            [0.0, 1.0],
-        ));
+        let delay = best_delay(bench, data, fit, channel);
+        let shifted = filtered(channel, &|f| C::cis(-TAU * f * delay) - 1.0);
+        let quantity = format!("share_of_a_delay_of_{:.2}_us", 1e6 * delay);
+        list.push(Candidate {
+            searched: 100.0,
+            ..path("channel-delay", Claim::Named, "path", parameter(&quantity, "1"), vec![shifted], [0.0, 1.0])
+        });
         let drift = made(channel, &|i, x| x * (i as f64 / samples - 0.5));
         list.push(path(
             "thermal-drift",
@@ -110,9 +109,88 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             vec![square],
             [0.0, 2.0],
         ));
+        let cube = made(channel, &|_, x| x * x * x);
+        list.push(path(
+            "sensor-nonlinearity",
+            Claim::Named,
+            "path",
+            parameter("cubic", "s4/m2"),
+            vec![cube],
+            [0.0, 3.0],
+        ));
     }
+    list.push(folded(bench));
     list.extend(modes(bench, data, fit));
     list
+}
+
+/// Lines above half the sampling rate that a missing anti-alias filter would fold into the band, up to the rate.
+///
+/// Above the modes the bodies' masses alone respond, so that the contact force follows from the approach of the inner orders.
+fn folded(bench: &Bench<'_>) -> Candidate {
+    let machine = &bench.base.machine;
+    let analyser = &bench.base.analyser;
+    let rate = analyser.rate_hz;
+    let z = f64::from(machine.teeth[0]);
+    let runs = bench
+        .base
+        .runs
+        .iter()
+        .map(|run| {
+            let f = run.angle.shaft_hz;
+            let inner = &run.inner.approach;
+            let half = (inner.len() / 2) as i64;
+            let first = (0.5 * rate / (f * z)).ceil() as i64;
+            let last = ((rate + BAND_HZ) / (f * z)) as i64;
+            let lines: Vec<Line> = (first..=last)
+                .map(|n| {
+                    let force: C = (-half..=half)
+                        .map(|l| machine.stiffness(n - l) * inner[(l + half) as usize])
+                        .sum();
+                    let order = n as f64 * z - rate / f;
+                    // The phase belongs to the true order, not to the folded one.
+                    let turn = C::cis(run.angle.offset_rad * rate / f);
+                    let [m1, m2] = machine.shafts.mass_kg;
+                    Line { order, amplitude: [-force * turn / m1, force * turn / m2] }
+                })
+                .collect();
+            [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
+        })
+        .collect();
+    path("aliasing", Claim::Named, "path", parameter("share_folded", "1"), vec![Template { runs }], [0.0, 1.0])
+}
+
+/// Delay (s, within 200 us) of a channel that explains the residual best.
+fn best_delay(bench: &Bench<'_>, data: &Data, fit: &[usize], channel: usize) -> f64 {
+    let duration = bench.base.analyser.duration_s();
+    // Sum over bins of w |x|^2 |exp(-i w d) - 1|^2 and of the product with the residual, by frequency band.
+    let bands = 1500;
+    let mut table = vec![(0.0, C::ZERO); bands];
+    for &r in fit {
+        for (b, x) in bench.base.runs[r].model[channel].iter().enumerate() {
+            let w = data.weight[r][channel][b];
+            if x.norm_sqr() * w > 1.0 {
+                let cell = &mut table[(b as f64 / duration / 10.0) as usize % bands];
+                cell.0 += x.norm_sqr() * w;
+                cell.1 += x.conj() * data.residual[r][channel][b] * w;
+            }
+        }
+    }
+    let gain = |d: f64| {
+        let (mut dot, mut energy) = (0.0, 1e-30);
+        for (i, (power, product)) in table.iter().enumerate() {
+            let h = C::cis(-TAU * (10.0 * i as f64 + 5.0) * d) - 1.0;
+            dot += (h.conj() * product).re;
+            energy += h.norm_sqr() * power;
+        }
+        // A delay is no free gain: the fit must stand at a share of 1.
+        2.0 * dot - energy
+    };
+    let best = |points: &mut dyn Iterator<Item = f64>| {
+        points.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).unwrap_or(1e-6)
+    };
+    let coarse = best(&mut (-400..=400).filter(|i| *i != 0).map(|i| 0.5e-6 * f64::from(i)));
+    best(&mut (-50..=50).map(|i| coarse + 0.01e-6 * f64::from(i)).filter(|d| d.abs() > 1e-9))
 }
 
 /// Best parallel mode per channel (and one common to both) over a grid of frequencies and damping ratios.
