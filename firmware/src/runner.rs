@@ -133,7 +133,7 @@ impl<F: NorFlash> Runner<F> {
         board.set_period_ticks(session.node().requested_period_ticks());
     }
 
-    /// Light, lost edges and stack.
+    /// Light and lost edges.
     fn report(&mut self, board: &mut impl Board, now: u32) {
         let code = Code::of(self.session.node().state(), self.crystal, self.self_test.failed != 0);
         board.set_light(code.is_lit(now, self.clock));
@@ -142,6 +142,11 @@ impl<F: NorFlash> Runner<F> {
             self.lost_edges = lost;
             self.note(BoardEvent::EdgesLost, lost);
         }
+    }
+
+    /// Looks at the stack's paint every few seconds and reports a new depth; not called where frames are compared with
+    /// those of a host that has no such stack.
+    pub fn watch_stack(&mut self, now: u32) {
         // Due at start and then every few seconds; wrapping order of ticks.
         if (now.wrapping_sub(self.stack_due) as i32) >= 0 || self.stack_due == 0 {
             self.stack_due = now.wrapping_add(self.clock.0.saturating_mul(STACK_PERIOD_S));

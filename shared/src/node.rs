@@ -484,8 +484,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
                 if *count == 0 {
                     *from = tick;
                 }
-                let taken = samples.len().min(WIDE_POINTS - *count);
-                record[*count..*count + taken].copy_from_slice(&samples[..taken]);
+                let taken = samples.len().min(WIDE_POINTS.saturating_sub(*count));
+                for (place, sample) in record.iter_mut().skip(*count).zip(samples) {
+                    *place = *sample;
+                }
                 *count += taken;
                 complete = *count == WIDE_POINTS;
             }
@@ -647,11 +649,13 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             return;
         }
         for index in 0..self.config.alarms.len() {
-            let band = self.config.alarms[index];
+            let (Some(&band), Some(alarm)) = (self.config.alarms.get(index), self.alarms.get_mut(index)) else {
+                return;
+            };
             if band.watched != watched {
                 continue;
             }
-            match self.alarms[index].update(&band, Hertz(tag.speed_hz), value) {
+            match alarm.update(&band, Hertz(tag.speed_hz), value) {
                 Some(AlarmChange::Raised) => self.note(EventKind::AlarmRaised, index as u32),
                 Some(AlarmChange::Cleared) => self.note(EventKind::AlarmCleared, index as u32),
                 None => {}

@@ -542,6 +542,12 @@ fn theory_flash_erases_only_the_configurations_sectors() {
             assert_eq!(word(&*controller, 0x04), 0, "not even unlocked");
         }
     }
+    for sector in 0..2u8 {
+        let controller = block::<pac::flash::RegisterBlock>();
+        flash::select(&controller, sector).unwrap();
+        // Words, sector 10 or 11, sector erase; neither locked nor started.
+        assert_eq!(word(&*controller, 0x10), (0b10 << 8) | ((10 + u32::from(sector)) << 3) | 2);
+    }
     let controller = block::<pac::flash::RegisterBlock>();
     flash::begin_write(&controller).unwrap();
     assert_eq!(word(&*controller, 0x10), (0b10 << 8) | 1, "words, programming");

@@ -5,6 +5,7 @@
 use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_rtt as _;
+use meshband::board::SampleClock;
 use meshband::buffers::Buffers;
 use meshband::events::EventKind;
 use meshband::session::Session;
@@ -35,6 +36,7 @@ fn main() -> ! {
             let mut restarts = 0;
             loop {
                 let worked = runner.turn(&mut board);
+                runner.watch_stack(board.now());
                 if board.restarts() != restarts {
                     restarts = board.restarts();
                     runner.note(BoardEvent::SamplingRestarted, restarts);

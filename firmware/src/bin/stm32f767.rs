@@ -81,8 +81,8 @@ fn power_up() {
     raise!(rcc().cr(), 1 << 16); // HSEON
     let crystal = waits(|| rcc().cr().read().bits() & 1 << 17 != 0);
     put!(flash().acr(), 5 | 1 << 8 | 1 << 9); // LATENCY 5, PRFTEN, ARTEN
-    // PLLM 4 or 8, PLLN 168, PLLP 2, PLLQ 7: 2 MHz x 168 / 2.
-    put!(rcc().pllcfgr(), if crystal { 4 | 1 << 22 } else { 8 } | 168 << 6 | 7 << 24);
+    // PLLM 4 or 8, PLLN 168, PLLP 2, PLLQ 7, PLLR 2 (not used): 2 MHz x 168 / 2.
+    put!(rcc().pllcfgr(), if crystal { 4 | 1 << 22 } else { 8 } | 168 << 6 | 7 << 24 | 2 << 28);
     raise!(rcc().cr(), 1 << 24); // PLLON
     let locked = waits(|| rcc().cr().read().bits() & 1 << 25 != 0);
     raise!(rcc().cfgr(), 0b101 << 10 | 0b100 << 13); // APB1 by 4, APB2 by 2
@@ -490,7 +490,9 @@ fn main() -> ! {
     power_up();
     let Some((mut runner, mut board)) = start() else { crash::record_and_reset(0, "start") };
     loop {
-        if !runner.turn(&mut board) {
+        let worked = runner.turn(&mut board);
+        runner.watch_stack(board.now());
+        if !worked {
             board.wait();
         }
     }
