@@ -13,7 +13,7 @@ use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Mesh, Solver, State};
 use std::hint::black_box;
 
-/// Simulated time of one integration, s; [`BENCH_SECONDS`] in `xtask/src/bench.rs` divides by the same.
+/// Simulated time of one integration, s; `xtask/src/bench.rs` divides by the same.
 const INTEGRATED_S: f64 = 0.1;
 /// Simulated time of one sampled channel, s.
 const SAMPLED_S: f64 = 0.01;
@@ -45,8 +45,11 @@ fn dynamics(criterion: &mut Criterion) {
             let mut state = state;
             let mut sampler = Sampler::new(100e6, (SAMPLED_S * 100e6) as usize);
             let mut sum = 0.0;
-            let sink = |step: &_| sampler.take(step, &[y1], |_, _, values| sum += values[values.len() - 1]);
-            solver.integrate(&mut mesh(), &mut state, (0.0, SAMPLED_S), &options, sink).expect("integrates");
+            solver
+                .integrate(&mut mesh(), &mut state, (0.0, SAMPLED_S), &options, |step| {
+                    sampler.take(step, &[y1], |_, _, values| sum += values[values.len() - 1]);
+                })
+                .expect("integrates");
             black_box(sum)
         });
     });
