@@ -20,8 +20,8 @@ cargo xtask TASK
   setup        compiler target and QEMU; does nothing where both are present
   demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
-  node-build   both firmware images, with their sizes
-  size         sizes of the images: text, data, bss, and their limits
+  node-build   all firmware images, with their sizes
+  size         text, data and bss of the images against limits and snapshots, and where they can panic
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -34,7 +34,7 @@ fn main() -> ExitCode {
         "demo" => demo::run(&rest),
         "test" => suite::run(),
         "node-build" => node_build::run(),
-        "size" => node_build::size(),
+        "size" => node_build::size(&rest),
         "flash" => flash::run(&rest),
         "" | "help" | "--help" | "-h" => {
             print!("{HELP}");
