@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 /// A line counts for the worst errors where the reference has it this far above the floor around it, dB...
 pub const CLEAR_DB: f64 = 12.0;
 /// ... no further below the strongest harmonic than this, dB: windows have skirts there ...
-pub const DEEPEST_DB: f64 = 60.0;
+pub const DEEPEST_DB: f64 = 50.0;
 /// ... and within this many bins of the shaft's order: otherwise it is another machine part's line.
 pub const NEAR_BINS: f64 = 1.0;
 
@@ -199,6 +199,10 @@ pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) ->
     let mut finished = (0..runs.max(1)).into_par_iter().map(|_| qemu.run(&image.bytes)).collect::<Result<Vec<_>>>()?;
     let first = finished.swap_remove(0);
     let received = Received::decode(&first.link);
+    if received.packets.is_empty() && received.refused > 0 {
+        let what = "its frames are of another version than this command: build it with `cargo xtask node-build`";
+        return Err(Error::tool("firmware", what));
+    }
     let number = |key: &str| first.statistic(key).and_then(|v| v.parse::<u32>().ok()).unwrap_or(0);
     let shaft = Shaft::new(signal).ok_or_else(|| Error::invalid("tach", "has fewer than two edges in the window"))?;
     let comparison = Comparison { signal, shaft: &shaft, scale };
