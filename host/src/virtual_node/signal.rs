@@ -171,20 +171,22 @@ impl Signal {
     }
 }
 
-/// Steady for the first fifth, so that the tach can lock, then at constant acceleration, steady for the last tenth.
+/// Steady for the first fifth, so that the tach can lock, then rising by the same share every second, steady for the
+/// last tenth.
 fn run_up(from_hz: f64, to_hz: f64, duration_s: f64) -> Motion {
     let (start, end) = (0.2 * duration_s, 0.9 * duration_s);
-    let turns = from_hz * start;
-    Motion::Knots {
-        times_s: vec![0.0, start, end, duration_s],
-        turns: vec![
-            0.0,
-            turns,
-            turns + 0.5 * (from_hz + to_hz) * (end - start),
-            turns + 0.5 * (from_hz + to_hz) * (end - start) + to_hz * (duration_s - end),
-        ],
-        speeds_hz: vec![from_hz, from_hz, to_hz, to_hz],
-    }
+    let growth = (to_hz / from_hz).ln() / (end - start);
+    let at = |t: f64| {
+        let held = t.min(end).max(start) - start;
+        let speed = from_hz * (growth * held).exp();
+        let rising = if growth == 0.0 { from_hz * held } else { (speed - from_hz) / growth };
+        (from_hz * t.min(start) + rising + to_hz * (t - end).max(0.0), speed)
+    };
+    // Cubic pieces between so many knots follow the exponential to 1e-7 of a turn.
+    let rising = (0..=140).map(|i| start + (end - start) * f64::from(i) / 140.0);
+    let times_s: Vec<f64> = std::iter::once(0.0).chain(rising).chain([duration_s]).collect();
+    let (turns, speeds_hz) = times_s.iter().map(|&t| at(t)).unzip();
+    Motion::Knots { times_s, turns, speeds_hz }
 }
 
 /// A channel by its number, its name, or a part that only one name has.
