@@ -17,6 +17,7 @@ pub mod detect;
 pub mod frame;
 pub mod generate;
 pub mod harmonic_model;
+pub mod impulsive;
 pub mod input;
 pub mod judge;
 pub mod least_squares;
@@ -26,6 +27,7 @@ pub mod pair_curve;
 pub mod spectrum;
 pub mod tables;
 pub mod verdict;
+pub mod waveform;
 
 pub use decide::{Options, close_loop};
 pub use outcome::Outcome;
