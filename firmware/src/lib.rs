@@ -4,7 +4,13 @@
 //! module per board, chosen by feature; `pipeline` holds what all boards share.
 #![no_std]
 
+pub mod crash;
+pub mod interrupt_cell;
+pub mod light;
 pub mod pipeline;
+pub mod runner;
+pub mod send_ring;
+pub mod stack;
 
 #[cfg(feature = "board-an386")]
 pub mod an386;

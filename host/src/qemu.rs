@@ -25,6 +25,8 @@ pub enum Link {
     Captured,
     /// A TCP port on this machine that QEMU listens on; the run begins when a client has connected.
     Tcp(u16),
+    /// A TCP port on this machine that the caller listens on.
+    Connect(u16),
 }
 
 /// A machine to run, not yet started.
@@ -39,6 +41,8 @@ pub struct Qemu {
     pub icount_shift: u8,
     /// Where the UART goes.
     pub link: Link,
+    /// File that keeps the board's memory with the stored configuration beyond a run; made where absent.
+    pub memory: Option<PathBuf>,
 }
 
 /// What a successful run left.
@@ -83,7 +87,8 @@ pub fn built_firmware(board: &str) -> PathBuf {
 impl Qemu {
     /// A machine with this image, a time limit of two minutes and a captured link.
     pub fn new(firmware: impl Into<PathBuf>) -> Self {
-        Self { firmware: firmware.into(), time_limit: Duration::from_secs(120), icount_shift: 2, link: Link::Captured }
+        let time_limit = Duration::from_secs(120);
+        Self { firmware: firmware.into(), time_limit, icount_shift: 2, link: Link::Captured, memory: None }
     }
 
     /// Boots the image with `replay` in its PSRAM and waits until it exits.
@@ -92,6 +97,14 @@ impl Qemu {
     /// [`Error::Tool`] unless the firmware itself reported success; the message says how it ended and quotes
     /// the console's last line.
     pub fn run(&self, replay: &[u8]) -> Result<Finished> {
+        self.start(replay)?.finish()
+    }
+
+    /// Boots the image with `replay` in its PSRAM. The machine dies with the returned value, as by a power cut.
+    ///
+    /// # Errors
+    /// [`Error::Tool`] where image or QEMU is absent, [`Error::Invalid`] for a replay larger than the memory.
+    pub fn start(&self, replay: &[u8]) -> Result<Running> {
         if !self.firmware.is_file() {
             let what = format!("no image at {}: build it with `cargo xtask node-build`", self.firmware.display());
             return Err(Error::tool("firmware", what));
@@ -105,17 +118,9 @@ impl Qemu {
         let link = folder.0.join("link.bin");
         std::fs::write(&signal, replay).map_err(Error::file(&signal))?;
         let start = Instant::now();
-        let mut machine = Machine::start(self.command(&signal, &link))?;
-        let status = machine.wait(start + self.time_limit)?;
-        let wall_time = start.elapsed();
-        let (log, console) = machine.output();
-        let console = String::from_utf8_lossy(&console).into_owned();
-        judge(status, &console, self.time_limit)?;
-        let link = match self.link {
-            Link::Captured => std::fs::read(&link).map_err(Error::file(&link))?,
-            Link::Tcp(_) => Vec::new(),
-        };
-        Ok(Finished { link, console, log, wall_time })
+        let machine = Machine::start(self.command(&signal, &link))?;
+        let captured = (self.link == Link::Captured).then_some(link);
+        Ok(Running { machine, start, time_limit: self.time_limit, captured, _folder: folder })
     }
 
     fn command(&self, signal: &Path, link: &Path) -> Command {
@@ -131,11 +136,45 @@ impl Qemu {
             .arg(match self.link {
                 Link::Captured => format!("file:{}", escape(link)),
                 Link::Tcp(port) => format!("tcp:127.0.0.1:{port},server=on,wait=on,nodelay=on"),
+                Link::Connect(port) => format!("tcp:127.0.0.1:{port},nodelay=on"),
             })
             .arg("-kernel")
             .arg(&self.firmware);
+        if let Some(memory) = &self.memory {
+            let file = escape(memory);
+            command.arg("-object").arg(format!("memory-backend-file,id=psram,size=16M,mem-path={file},share=on"));
+            command.args(["-machine", "memory-backend=psram"]);
+        }
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
+    }
+}
+
+/// A machine that runs; dropping it cuts its power.
+pub struct Running {
+    machine: Machine,
+    start: Instant,
+    time_limit: Duration,
+    captured: Option<PathBuf>,
+    _folder: RunFolder,
+}
+
+impl Running {
+    /// Waits until the firmware exits.
+    ///
+    /// # Errors
+    /// As [`Qemu::run`].
+    pub fn finish(mut self) -> Result<Finished> {
+        let status = self.machine.wait(self.start + self.time_limit)?;
+        let wall_time = self.start.elapsed();
+        let (log, console) = self.machine.output();
+        let console = String::from_utf8_lossy(&console).into_owned();
+        judge(status, &console, self.time_limit)?;
+        let link = match &self.captured {
+            Some(link) => std::fs::read(link).map_err(Error::file(link))?,
+            None => Vec::new(),
+        };
+        Ok(Finished { link, console, log, wall_time })
     }
 }
 

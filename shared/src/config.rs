@@ -13,8 +13,9 @@ use serde::{Deserialize, Serialize};
 /// Version of [`Configuration`]'s layout.
 pub const SCHEMA: u16 = 1;
 
-/// Most mesh harmonics in a spectrum.
-pub const MAX_HARMONICS: usize = 8;
+/// Most mesh harmonics in a spectrum. With more, the lowest rate that carries them would let harmonics 26 and up fold onto
+/// the first ones ([`crate::zoom::SAMPLES_PER_PITCH`]).
+pub const MAX_HARMONICS: usize = 6;
 
 /// Most sideband pairs per harmonic.
 pub const MAX_SIDEBANDS: usize = 4;
@@ -25,7 +26,7 @@ pub const MAX_ALARMS: usize = 8;
 /// Gear pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GearPair {
-    /// Teeth of the pinion, 4 to 1000.
+    /// Teeth of the pinion, 12 to 1000: with fewer the bands of neighbouring mesh harmonics would overlap.
     pub pinion_teeth: u16,
     /// Teeth of the gear, 4 to 1000.
     pub gear_teeth: u16,
@@ -161,7 +162,7 @@ impl core::fmt::Display for ConfigurationError {
 impl core::error::Error for ConfigurationError {}
 
 impl Default for Configuration {
-    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the provisional law: for
+    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the paper rig's law: for
     /// a node that has not been told its machine.
     fn default() -> Self {
         Self {
@@ -176,7 +177,8 @@ impl Default for Configuration {
             },
             sensor: Sensor { acceleration_per_code: Acceleration(0.03), zero_code: 32_768 },
             limits: RateLimits { analogue_stop: Hertz(100_000.0), highest_adc: Hertz(500_000.0) },
-            law: Law::PROVISIONAL,
+            // Another machine's law: nearer than any guess, and still flagged.
+            law: Law { provisional: true, ..crate::law_data::law() },
             policy: RatePolicy::Spectrum,
             mesh: MeshBandConfig { harmonics: 5, sidebands: 3 },
             alarms: Vec::new(),
@@ -194,7 +196,7 @@ impl Configuration {
         let teeth = 4..=1000;
         let ensure = |holds: bool, error: E| if holds { Ok(()) } else { Err(error) };
         ensure(self.schema == SCHEMA, E::Schema)?;
-        ensure(teeth.contains(&self.gears.pinion_teeth), E::PinionTeeth)?;
+        ensure((12..=1000).contains(&self.gears.pinion_teeth), E::PinionTeeth)?;
         ensure(teeth.contains(&self.gears.gear_teeth), E::GearTeeth)?;
         let tach = &self.tach;
         ensure((1..=1024).contains(&tach.pulses_per_turn), E::PulsesPerTurn)?;

@@ -46,16 +46,24 @@ pub enum EventKind {
     FramesRefused,
     /// A self-test failed; detail is the set of failed items.
     SelfTestFailed,
-    /// A stored configuration was refused and the default taken.
+    /// The newest stored configuration was not taken; detail says why ([`crate::store::Origin::complaint`]).
     ConfigurationRefused,
     /// A request was refused.
     RequestRefused,
     /// Reported by the board's own code; detail is the board's number.
     Board,
+    /// The configuration in force was stored.
+    ConfigurationStored,
+    /// The configuration in force could not be stored; the one stored before stays.
+    ConfigurationNotStored,
+    /// Measured bandwidth and law part; detail is measured over law in per cent.
+    BandwidthDeparts,
+    /// Measured bandwidth and law agree again; detail as before.
+    BandwidthAgrees,
 }
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::Board as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::BandwidthAgrees as usize + 1;
 
 /// Events kept.
 pub const RING: usize = 32;

@@ -1,12 +1,13 @@
 //! Bandwidth law: bandwidth of the gear vibration as a function of shaft rate, carried as data.
 //!
-//! Two forms. The paper's quadratic `B = a f^2 + b f + c`, and the physical `t_r^2 = (a/f)^2 + t_mode^2` with
+//! Three forms. The paper's quadratic `B = a f^2 + b f + c`, and the physical `t_r^2 = (a/f)^2 + t_mode^2` with
 //! `B = 0.35 / t_r`: the engagement edge takes the angle `a` (turns) of the ramp, and the structure's mode adds its own
-//! rise time. A law is only valid for the machine and the engagement ramp it was fitted on, inside its speed domain;
+//! rise time; and a table of knots ([`LawTable`]) where neither follows. A law is only valid for the machine and the engagement ramp it was fitted on, inside its speed domain;
 //! outside, the speed is clamped to the domain and the result says so.
 //!
 //! Source: Zhang et al. 2013, doi 10.1155/2013/462401; 0.35 is the rise-time constant of a first-order edge.
 
+pub use crate::law_table::{LawKnot, LawTable, MAX_KNOTS};
 use crate::math;
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ use serde::{Deserialize, Serialize};
 pub const RISE_TIME_CONSTANT: f32 = 0.35;
 
 /// Functional form of a law with its constants.
+// Laws are copied seldom, and there is no heap to put the table on.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LawForm {
     /// `B = a f^2 + b f + c`, Hz, with f in Hz.
@@ -33,6 +36,8 @@ pub enum LawForm {
         /// Rise time of the dominant mode, s.
         mode_rise_s: f32,
     },
+    /// Monotone cubic through knots, in logarithms.
+    Tabulated(LawTable),
 }
 
 /// What engagement ramp the law was fitted with; the bandwidth follows from it.
@@ -91,6 +96,8 @@ pub enum LawError {
     Bandwidth,
     /// The relative uncertainty is negative or above one.
     Uncertainty,
+    /// A table without two knots, or with knots that do not ascend or are not positive.
+    Table,
 }
 
 impl Law {
@@ -128,6 +135,11 @@ impl Law {
         if !self.form.is_finite() {
             return Err(LawError::NotFinite);
         }
+        if let LawForm::Tabulated(table) = &self.form
+            && !table.is_sound()
+        {
+            return Err(LawError::Table);
+        }
         if !(lowest > 0.0 && lowest < highest && highest <= 1000.0) {
             return Err(LawError::Domain);
         }
@@ -135,7 +147,7 @@ impl Law {
             return Err(LawError::Uncertainty);
         }
         // A quadratic over an interval is bounded by its ends and its vertex; 33 points catch the vertex closely enough
-        // for a sanity check, and the physical form is monotonic.
+        // for a sanity check; the physical form and the table are bounded by their ends and knots.
         for step in 0..=32 {
             let speed = lowest + (highest - lowest) * (step as f32 / 32.0);
             let bandwidth = self.form.evaluate(speed);
@@ -148,20 +160,23 @@ impl Law {
 }
 
 impl LawForm {
-    fn evaluate(self, f: f32) -> f32 {
-        match self {
+    fn evaluate(&self, f: f32) -> f32 {
+        match *self {
             LawForm::Quadratic { a_per_hz, b, c_hz } => (a_per_hz * f + b) * f + c_hz,
             LawForm::Physical { ramp_turns, mode_rise_s } => {
                 let ramp_s = ramp_turns / f;
                 RISE_TIME_CONSTANT / math::sqrt(ramp_s * ramp_s + mode_rise_s * mode_rise_s)
             }
+            LawForm::Tabulated(ref table) => table.evaluate(f),
         }
     }
 
-    fn is_finite(self) -> bool {
-        match self {
+    fn is_finite(&self) -> bool {
+        match *self {
             LawForm::Quadratic { a_per_hz, b, c_hz } => (a_per_hz + b + c_hz).is_finite(),
             LawForm::Physical { ramp_turns, mode_rise_s } => (ramp_turns + mode_rise_s).is_finite(),
+            // Judged by its own check.
+            LawForm::Tabulated(_) => true,
         }
     }
 }

@@ -1,131 +1,150 @@
-//! Mesh bands from one real FFT at the lowest rate that carries the harmonics, and peaks of the wideband record.
+//! The node's mesh bands: which rate, which record, and the table of lines that is sent.
 //!
-//! The rate lies between 2.56 and 5.12 times the highest sideband, so [`POINTS`] samples resolve f_shaft/8 up to
-//! order 200 at worst and order 400 at best. Blackman-Harris windows keep neighbouring sidebands apart by 92 dB; lines
-//! are read between bins with the window's known response.
+//! Computation is [`crate::order_chain`]'s, in the order domain: a record of [`record_turns`] turns (16 for all but very
+//! small pinions) resolves f_shaft/16 at every speed, whatever the speed does meanwhile. Frequencies are orders times the
+//! record's mean speed.
+//!
+//! Rate: the order chain wants 4 to 10 times the highest mesh harmonic. The plan takes the lowest rate of the half-band
+//! octaves above [`LOWEST_RATIO`], so that a fifth more speed before the next plan still leaves 3.6. Where two and a half
+//! turns at that rate do not fit into the buffer (above 76 teeth with five harmonics at worst) it takes a stage more and
+//! reports the harmonics that still have four samples per period.
 
 use crate::config::{Configuration, MAX_HARMONICS};
 use crate::decimate::MAX_STAGES;
 use crate::frame::CRC32;
-use crate::math;
-use crate::message::{MAX_PEAKS, MeshBand, SpectralLine};
-use crate::rate_plan::USABLE_SHARE;
-use crate::spectrum::{highest_near, mean, read_line};
+use crate::message::{MeshBand, SpectralLine};
+use crate::order_chain::OrderChain;
 use crate::units::Hertz;
 use crate::window::Window;
+use crate::zoom::{self, Averaging, MeshZoom, ZoomConfig};
 use heapless::Vec;
-use microfft::Complex32;
 
-/// Samples of a mesh-band record.
-pub const POINTS: usize = 8192;
+/// Samples held for order tracking.
+pub const CAPACITY: usize = 8192;
+/// Complex values per harmonic and record.
+pub const POINTS: usize = 256;
+/// Longest synchronous average, samples per turn.
+pub const AVERAGE: usize = 2048;
 
-const WINDOW: Window = Window::BlackmanHarris;
-/// Bins searched to each side of an expected line.
-const REACH: usize = 3;
+/// The node's order chain.
+pub type Chain = OrderChain<CAPACITY, POINTS, MAX_HARMONICS, AVERAGE>;
+/// Its mesh-band analyser.
+pub type Zoom = MeshZoom<POINTS, MAX_HARMONICS>;
 
-/// Second decimation, from the law's rate to the mesh bands'.
+/// Samples per period of the highest harmonic that a plan gives at least.
+pub const LOWEST_RATIO: f32 = 4.3;
+/// Samples per period below which a harmonic is left out.
+const FEWEST_PER_PERIOD: f32 = 4.0;
+/// Turns the buffer must hold: two, the block that arrives, and a speed that falls meanwhile.
+const TURNS_HELD: f32 = 2.5;
+/// Most turns of a synchronous average over the hunting period; longer periods are cut to [`BROKEN_TURNS`].
+const LONGEST_HUNTING: u16 = 64;
+/// Turns of an average whose hunting period is too long.
+const BROKEN_TURNS: u32 = 32;
+/// Fewest turns of an average.
+const FEWEST_TURNS: u32 = 16;
+/// Most teeth whose average of 1024 samples has no folded lines among its mesh harmonics.
+const TEETH_FOR_SHORT_AVERAGE: u16 = 23;
+
+/// Decimation from the ADC to the mesh bands, and how many harmonics it carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshPlan {
-    /// Half-band stages after the law's rate.
+    /// Half-band stages after the ADC.
     pub stages: u8,
+    /// Harmonics with enough samples per period.
+    pub harmonics: u8,
 }
 
 impl MeshPlan {
-    /// Most stages that leave the highest sideband of the highest harmonic in the usable band.
-    pub fn new(config: &Configuration, pinion: Hertz, rate: Hertz) -> Self {
-        let orders = f32::from(config.mesh.harmonics) * f32::from(config.gears.pinion_teeth)
-            + f32::from(config.mesh.sidebands)
-            + 1.0;
-        let highest = orders * pinion.0;
+    /// The plan for a pinion rate and an ADC rate; without a speed nothing is carried.
+    pub fn new(config: &Configuration, pinion: Hertz, adc: Hertz) -> Self {
+        let mesh_hz = f32::from(config.gears.pinion_teeth) * pinion.0;
+        if !(mesh_hz > 0.0 && adc.0 > 0.0) {
+            return Self { stages: MAX_STAGES as u8, harmonics: 0 };
+        }
+        let highest = f32::from(config.mesh.harmonics) * mesh_hz;
+        let mut rate = adc.0;
         let mut stages = 0;
-        let mut rate = rate.0;
-        while highest > 0.0 && stages < MAX_STAGES as u8 && 0.5 * rate * USABLE_SHARE >= highest {
+        while stages < MAX_STAGES as u8
+            && (0.5 * rate >= LOWEST_RATIO * highest || rate * TURNS_HELD > CAPACITY as f32 * pinion.0)
+        {
             rate *= 0.5;
             stages += 1;
         }
-        Self { stages }
+        let carried = (rate / (FEWEST_PER_PERIOD * mesh_hz)).min(f32::from(config.mesh.harmonics));
+        Self { stages, harmonics: carried as u8 }
     }
 }
 
-/// Reads harmonics and sidebands; destroys the record. Harmonics beyond half the rate are left out.
+/// Turns of a mesh-band record: 16, or as many as small pinions need for a full record.
+pub fn record_turns(teeth: u16) -> u16 {
+    (POINTS as u16).div_ceil(teeth.max(1)).clamp(16, (POINTS / 9) as u16)
+}
+
+/// Turns of a synchronous average: whole hunting periods, at least 16 turns; true when the period had to be broken.
+pub fn average_turns(pinion_teeth: u16, gear_teeth: u16) -> (u32, bool) {
+    match zoom::common_turns(pinion_teeth, gear_teeth) {
+        Some(period) if period <= LONGEST_HUNTING => {
+            let period = u32::from(period);
+            (FEWEST_TURNS.div_ceil(period) * period, false)
+        }
+        _ => (BROKEN_TURNS, true),
+    }
+}
+
+/// Samples per turn of a synchronous average.
+pub fn average_points(pinion_teeth: u16) -> usize {
+    if pinion_teeth <= TEETH_FOR_SHORT_AVERAGE { AVERAGE / 2 } else { AVERAGE }
+}
+
+/// Prepares the chain for a machine. A pair the chain refuses (validation lets none pass) leaves it idle.
+pub fn configure(chain: &mut Chain, config: &Configuration) {
+    let teeth = config.gears.pinion_teeth;
+    let zoom = ZoomConfig {
+        teeth,
+        turns: record_turns(teeth),
+        window: Window::Hann,
+        averaging: Averaging::Linear { records: 1 },
+    };
+    let turns = average_turns(teeth, config.gears.gear_teeth).0;
+    if chain.configure(zoom, average_points(teeth), turns).is_err() {
+        *chain = Chain::IDLE;
+    }
+}
+
+/// Harmonics and sidebands of both shafts of the latest record, and the digest of its values. Sidebands outside the band
+/// are zero.
 pub fn bands(
-    record: &mut [f32; POINTS],
-    spacing_hz: f32,
+    zoom: &Zoom,
     config: &Configuration,
+    harmonics: u8,
     pinion_hz: f32,
 ) -> (Vec<MeshBand, MAX_HARMONICS>, u32) {
-    let offset = mean(&record[..]);
-    WINDOW.apply(&mut record[..], offset);
-    let bins = microfft::real::rfft_8192(record);
-    bins[0].im = 0.0;
-    let digest = digest(bins);
-    let scale = 2.0 / (POINTS as f32 * WINDOW.coherent_gain());
-    let mesh_hz = f32::from(config.gears.pinion_teeth) * pinion_hz;
+    let teeth = f32::from(config.gears.pinion_teeth);
+    let gear_order = teeth / f32::from(config.gears.gear_teeth);
+    let pairs = i16::from(config.mesh.sidebands);
+    let mut digest = CRC32.digest();
     let mut found = Vec::new();
-    for harmonic in 1..=config.mesh.harmonics {
-        let centre = mesh_hz * f32::from(harmonic);
-        let mut band = MeshBand { harmonic, ..MeshBand::default() };
-        let Some(line) = line_near(bins, scale, spacing_hz, centre) else { break };
-        band.line = line;
-        let pairs = i16::from(config.mesh.sidebands);
-        for sideband in (-pairs..=pairs).filter(|&order| order != 0) {
-            let expected = centre + f32::from(sideband) * pinion_hz;
-            let line = line_near(bins, scale, spacing_hz, expected).unwrap_or_default();
-            // Capacity is MAX_SIDEBANDS pairs, which validation bounds.
-            let _ = band.sidebands.push(line);
+    for harmonic in 1..=harmonics.min(MAX_HARMONICS as u8) {
+        let number = usize::from(harmonic);
+        for power in zoom.powers(number).into_iter().flatten() {
+            digest.update(&power.to_bits().to_le_bytes());
         }
+        let line = |offset: f32| {
+            let line = zoom.line(number, offset)?;
+            let order = f32::from(harmonic) * teeth + line.bin * zoom.order_per_bin();
+            Some(SpectralLine { frequency_hz: order * pinion_hz, amplitude: line.amplitude })
+        };
+        let sidebands = |shaft: f32| {
+            let orders = (-pairs..=pairs).filter(|&k| k != 0);
+            orders.map(|k| line(f32::from(k) * shaft).unwrap_or_default()).collect()
+        };
+        let Some(centre) = line(0.0) else { break };
+        let band =
+            MeshBand { harmonic, line: centre, sidebands: sidebands(1.0), gear_sidebands: sidebands(gear_order) };
         if found.push(band).is_err() {
             break;
         }
     }
-    (found, digest)
-}
-
-/// The strongest lines of a record; destroys it.
-pub fn peaks(record: &mut [f32; 4096], spacing_hz: f32) -> (Vec<SpectralLine, MAX_PEAKS>, u32) {
-    let offset = mean(&record[..]);
-    WINDOW.apply(&mut record[..], offset);
-    let bins = microfft::real::rfft_4096(record);
-    bins[0].im = 0.0;
-    let digest = digest(bins);
-    let scale = 2.0 / (4096.0 * WINDOW.coherent_gain());
-    let mut strongest: Vec<(f32, usize), MAX_PEAKS> = Vec::new();
-    let power = |k: usize| bins.get(k).map_or(0.0, |bin| bin.norm_sqr());
-    for k in 4..bins.len() - 1 {
-        let here = power(k);
-        let highest = (1..=4).all(|d| here > power(k - d) && here >= power(k + d));
-        if !highest {
-            continue;
-        }
-        let place = strongest.iter().position(|&(other, _)| here > other).unwrap_or(strongest.len());
-        if strongest.is_full() && place < MAX_PEAKS {
-            strongest.pop();
-        }
-        let _ = strongest.insert(place, (here, k));
-    }
-    let lines =
-        strongest.iter().filter_map(|&(_, k)| line_near(bins, scale, spacing_hz, k as f32 * spacing_hz)).collect();
-    (lines, digest)
-}
-
-fn line_near(bins: &[Complex32], scale: f32, spacing_hz: f32, expected_hz: f32) -> Option<SpectralLine> {
-    let centre = (expected_hz / spacing_hz + 0.5) as usize;
-    let first = centre.checked_sub(REACH + 1)?;
-    let around = bins.get(first..=centre + REACH + 1)?;
-    let mut amplitudes = [0.0f32; 2 * REACH + 3];
-    for (amplitude, bin) in amplitudes.iter_mut().zip(around) {
-        *amplitude = scale * math::sqrt(bin.norm_sqr());
-    }
-    let peak = highest_near(&amplitudes, REACH + 1, REACH)?;
-    let line = read_line(&amplitudes, peak, WINDOW)?;
-    Some(SpectralLine { frequency_hz: (first as f32 + line.bin) * spacing_hz, amplitude: line.amplitude })
-}
-
-fn digest(bins: &[Complex32]) -> u32 {
-    let mut sum = CRC32.digest();
-    for bin in bins {
-        sum.update(&bin.re.to_bits().to_le_bytes());
-        sum.update(&bin.im.to_bits().to_le_bytes());
-    }
-    sum.finalize()
+    (found, digest.finalize())
 }

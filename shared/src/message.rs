@@ -10,7 +10,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages.
-pub const PROTOCOL: u16 = 1;
+pub const PROTOCOL: u16 = 2;
 
 /// Samples in one snapshot message.
 pub const SNAPSHOT_CHUNK: usize = 128;
@@ -101,7 +101,7 @@ pub struct SelfTest {
 pub struct Tag {
     /// Tick of the first sample of the result (group delay removed), since start.
     pub first_tick: u64,
-    /// Pinion rate at the end of the result, Hz.
+    /// Pinion rate, Hz: the record's mean for mesh bands and averages, at the end of the result for others.
     pub speed_hz: f32,
     /// Relative standard uncertainty of the speed.
     pub speed_uncertainty: f32,
@@ -176,8 +176,10 @@ pub struct MeshBand {
     pub harmonic: u8,
     /// The harmonic itself.
     pub line: SpectralLine,
-    /// Sidebands -n..-1, +1..+n.
+    /// Sidebands -n..-1, +1..+n of the pinion shaft. Zero where the band does not reach.
     pub sidebands: Vec<SpectralLine, { 2 * MAX_SIDEBANDS }>,
+    /// Sidebands -n..-1, +1..+n of the gear shaft.
+    pub gear_sidebands: Vec<SpectralLine, { 2 * MAX_SIDEBANDS }>,
 }
 
 /// Mesh-band spectrum.
@@ -189,6 +191,31 @@ pub struct Spectrum {
     pub bands: Vec<MeshBand, MAX_HARMONICS>,
     /// CRC-32 of all spectral values, bit for bit: equal on every target for equal input.
     pub digest: u32,
+    /// Turns of the pinion in the record; the resolution is one over this in orders.
+    pub turns: u16,
+    /// Slowest turn of the record, Hz. A line of fixed frequency passed the orders from its frequency over the fastest to
+    /// that over the slowest speed ([`crate::zoom::orders_swept`]).
+    pub slowest_hz: f32,
+    /// Fastest turn of the record, Hz.
+    pub fastest_hz: f32,
+}
+
+/// Where a line of a wideband spectrum may come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LineOrigin {
+    /// No mesh harmonic lies there, or the speed is not known.
+    #[default]
+    Unexplained,
+    /// A mesh harmonic below half the rate.
+    Mesh {
+        /// Its number.
+        harmonic: u16,
+    },
+    /// A mesh harmonic above half the rate, folded: the line may not exist on the machine.
+    Folded {
+        /// Its number.
+        harmonic: u16,
+    },
 }
 
 /// Strongest lines of the whole band at the law's rate.
@@ -202,6 +229,8 @@ pub struct Peaks {
     pub rms: f32,
     /// CRC-32 of all spectral values.
     pub digest: u32,
+    /// Origin of each line, in their order; empty without a locked speed.
+    pub origins: Vec<LineOrigin, MAX_PEAKS>,
 }
 
 /// Part of a wideband waveform.
@@ -219,6 +248,58 @@ pub struct Snapshot {
     pub samples: Vec<i16, SNAPSHOT_CHUNK>,
 }
 
+/// Indicators of one synchronous average of the pinion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GearIndicators {
+    /// Tick at which the average was complete.
+    pub tick: u64,
+    /// Pinion rate at that time, Hz.
+    pub speed_hz: f32,
+    /// Turns averaged.
+    pub turns: u16,
+    /// The hunting period is too long: the gear's pattern is not removed exactly.
+    pub hunting_broken: bool,
+    /// Root mean square of the average, m/s^2.
+    pub rms: f32,
+    /// Crest factor of the average.
+    pub crest: f32,
+    /// Kurtosis of the average.
+    pub kurtosis: f32,
+    /// Root mean square of the regular signal, m/s^2.
+    pub regular_rms: f32,
+    /// Root mean square of the residual signal, m/s^2.
+    pub residual_rms: f32,
+    /// Root mean square of the difference signal, m/s^2.
+    pub difference_rms: f32,
+    /// FM0 of the average; 0 without mesh lines.
+    pub fm0: f32,
+    /// FM4, kurtosis of the difference signal.
+    pub fm4: f32,
+    /// M6A of the difference signal.
+    pub m6a: f32,
+    /// NA4 of the residual signal against all averages since the configuration.
+    pub na4: f32,
+    /// Sideband energy ratio of the gear shaft at the first mesh harmonic, of the latest mesh-band record.
+    pub gear_sideband_energy_ratio: f32,
+}
+
+/// Bandwidth by the rise time of engagement edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredBandwidth {
+    /// Median 10-90 % rise time, s.
+    pub rise_s: f32,
+    /// Its median absolute deviation over the teeth, s.
+    pub deviation_s: f32,
+    /// Teeth timed.
+    pub teeth: u16,
+    /// Samples within the median rise time; at least five.
+    pub samples_per_edge: f32,
+    /// 0.35 over the rise time, Hz.
+    pub bandwidth_hz: f32,
+    /// The law's bandwidth at this speed, Hz.
+    pub law_hz: f32,
+}
+
 /// Condition indicators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Indicators {
@@ -232,8 +313,12 @@ pub struct Indicators {
     pub crest: f32,
     /// Kurtosis, 3 for Gaussian noise.
     pub kurtosis: f32,
-    /// Sideband energy ratio of the first mesh harmonic.
+    /// Sideband energy ratio of the pinion shaft at the first mesh harmonic.
     pub sideband_energy_ratio: f32,
+    /// Of the synchronous average completed since the last of these messages.
+    pub gear: Option<GearIndicators>,
+    /// Of the rise times measured since the last of these messages; none where the rate is too low to time edges.
+    pub bandwidth: Option<MeasuredBandwidth>,
 }
 
 /// Counters since start.

@@ -1,28 +1,39 @@
 //! The node as an executor-free state machine: tach pulses and sample blocks in, messages out.
 //!
 //! Pulses give the speed, the speed the law's bandwidth, the bandwidth a wanted rate, the rate plan a timer period that
-//! the board programs at the next block border. Blocks run through the half-band cascade to the law's rate (wideband
-//! record: peaks, RMS, snapshot) and through a second cascade to the lowest rate that still carries the mesh
-//! harmonics (mesh-band record). A change of rate, a lost block or a jump in time restarts the records; nothing is ever
-//! spliced. Every input is accepted; faults are counted and reported as events.
+//! the board programs at the next block border. All blocks run through a half-band cascade to the lowest rate that still
+//! carries the mesh harmonics and from there, with the turns of the pinion, into the order domain: mesh bands and the
+//! synchronous average with its condition indicators. A few times per second a second cascade takes a wideband record at
+//! the law's rate (peaks, RMS, snapshot); now and then it runs at a higher rate to time engagement edges, the law's check.
+//! A change of rate, a lost block or a jump in time restarts the records; nothing is ever spliced, only the synchronous
+//! average goes on, because its turns are found by the tach. Every input is accepted; faults are counted and reported.
 //!
 //! Rates are re-planned when a mesh-band record is complete, or at once when the speed has left the planned one by more
 //! than [`REPLAN_NOW`]: the spectrum policy's margin (2.56 against 2) covers that, so no bandwidth is lost in between.
+//! A record of 16 turns thus completes while the speed changes by less than a fifth within 20 turns: 5 %/s from 5 Hz on.
+//!
+//! The arrays lie in [`Buffers`]: inside the node on a host, in a static of their own on a board.
 
 use crate::alarm::{Alarm, AlarmChange, Watched};
+use crate::bandwidth_watch::{BandwidthWatch, Verdict};
+use crate::buffers::{self, Buffers};
 use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
 use crate::events::{EVENT_KINDS, EventKind, EventLog};
-use crate::indicators::Moments;
+use crate::gear_condition;
+use crate::indicators::{Moments, RunEnsemble};
 use crate::mesh_band::{self, MeshPlan};
 use crate::message::{
-    Identity, Indicators, Message, PROTOCOL, Peaks, Reply, Request, SNAPSHOT_CHUNK, SelfTest, Snapshot, Spectrum,
-    Statistics, Status, Tag,
+    GearIndicators, Identity, Indicators, MeasuredBandwidth, Message, PROTOCOL, Peaks, Reply, Request, SNAPSHOT_CHUNK,
+    SelfTest, Snapshot, Spectrum, Statistics, Status, Tag,
 };
+use crate::peaks;
 use crate::rate_plan::{RateGrant, RatePlan, RatePolicy};
-use crate::stream::{Stream, WIDE_POINTS};
+use crate::stream::{CHUNK, Stream, WIDE_POINTS};
 use crate::tach::{Speed, TachTracker, Validity};
 use crate::time::TickExtender;
+use crate::turn_marks::{Continuity, TurnMarks};
 use crate::units::{Hertz, TicksPerSecond};
+use core::borrow::BorrowMut;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +41,15 @@ use serde::{Deserialize, Serialize};
 pub const REPLAN_NOW: f32 = 0.2;
 /// Relative departure that re-plans when a record is complete.
 pub const REPLAN_AT_RECORD: f32 = 0.02;
+/// Wideband records begun per second, at most.
+const WIDE_PER_SECOND: u32 = 4;
+/// Time between measurements of rise times, s.
+const RISE_INTERVAL_S: u64 = 2;
+/// Most bytes of a node without its buffers.
+const STATE_BUDGET: usize = 14 * 1024;
+
+const _: () = assert!(core::mem::size_of::<Node<()>>() <= STATE_BUDGET);
+const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 100 * 1024);
 
 /// One block of samples from the board.
 #[derive(Clone, Copy, Debug)]
@@ -61,9 +81,20 @@ pub enum State {
     Measuring,
 }
 
-/// The node.
+/// What the wideband path does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum WideUse {
+    /// Nothing. Left at the next block border that is due.
+    Idle,
+    /// Fills the record. Left when it is full.
+    Record,
+    /// Times edges. Left when enough teeth have passed.
+    Edges,
+}
+
+/// The node; `B` is where its arrays are.
 #[derive(Clone, Debug)]
-pub struct Node {
+pub struct Node<B = Buffers> {
     config: Configuration,
     clock: TicksPerSecond,
     self_test: SelfTest,
@@ -78,6 +109,20 @@ pub struct Node {
     safe_rate: bool,
     law_clamped: bool,
     stream: Stream,
+    buffers: B,
+    marks: TurnMarks,
+    mesh_plan: MeshPlan,
+    wide_use: WideUse,
+    wide_count: usize,
+    wide_tick: u64,
+    wide_due: u64,
+    rise_due: u64,
+    signal_rms: f32,
+    bandwidth_watch: BandwidthWatch,
+    bandwidth: Option<MeasuredBandwidth>,
+    ensemble: RunEnsemble,
+    gear: Option<GearIndicators>,
+    sideband_energy: [f32; 2],
     next_sequence: Option<u32>,
     next_tick: u64,
     statistics: Statistics,
@@ -96,12 +141,20 @@ pub struct Node {
 }
 
 impl Node {
-    /// A node that waits for its tach. `clock` is the common time base of samples and pulses.
+    /// A node that waits for its tach, with its arrays inside (about 90 KiB). `clock` is the common time base of samples
+    /// and pulses.
     pub fn new(config: Configuration, clock: TicksPerSecond) -> Result<Node, ConfigurationError> {
+        Node::with_buffers(config, clock, Buffers::ZERO)
+    }
+}
+
+impl<B: BorrowMut<Buffers>> Node<B> {
+    /// A node with its arrays elsewhere: boards give a `&'static mut Buffers`.
+    pub fn with_buffers(config: Configuration, clock: TicksPerSecond, buffers: B) -> Result<Self, ConfigurationError> {
         config.validate(clock.0)?;
         let mut plan = RatePlan::new(clock, config.limits);
         let grant = safe_grant(&config, &mut plan);
-        let mut node = Node {
+        let mut node = Self {
             tach: TachTracker::new(config.tach, clock),
             clock,
             self_test: SelfTest::default(),
@@ -114,6 +167,20 @@ impl Node {
             safe_rate: true,
             law_clamped: false,
             stream: Stream::new(),
+            buffers,
+            marks: TurnMarks::new(&config.tach),
+            mesh_plan: MeshPlan { stages: 0, harmonics: 0 },
+            wide_use: WideUse::Idle,
+            wide_count: 0,
+            wide_tick: 0,
+            wide_due: 0,
+            rise_due: 0,
+            signal_rms: 0.0,
+            bandwidth_watch: BandwidthWatch::default(),
+            bandwidth: None,
+            ensemble: RunEnsemble::default(),
+            gear: None,
+            sideband_energy: [0.0; 2],
             next_sequence: None,
             next_tick: 0,
             statistics: Statistics::default(),
@@ -131,6 +198,7 @@ impl Node {
             send_statistics: false,
             config,
         };
+        mesh_band::configure(&mut node.buffers.borrow_mut().chain, &node.config);
         node.restart_stream(0);
         Ok(node)
     }
@@ -152,6 +220,11 @@ impl Node {
     pub fn on_tach_edge(&mut self, tick: u32) {
         let instant = self.time.extend(tick);
         self.tach.on_pulse(instant);
+        let chain = &mut self.buffers.borrow_mut().chain;
+        if self.marks.follow(&self.tach, |instant| chain.push_mark(instant as u32)) == Continuity::Broken {
+            chain.lose_tach();
+            chain.average().reset();
+        }
     }
 
     /// Sample period to program for the next block.
@@ -206,15 +279,13 @@ impl Node {
         self.statistics.samples += block.codes.len() as u64;
         self.follow_period(period, first, block.sequence);
         self.watch_input(block.codes);
-        for codes in block.codes.chunks(crate::stream::CHUNK) {
-            let progress = self.stream.push(codes, &self.config.sensor);
-            if progress.wide_complete {
-                self.finish_wide();
-            }
-            if progress.mesh_complete {
-                self.finish_mesh();
-            }
+        if !self.stream.wide_runs() {
+            self.start_wide(first);
         }
+        for codes in block.codes.chunks(CHUNK) {
+            self.take_chunk(codes);
+        }
+        self.follow_turns();
         if self.state == State::Settling && self.stream.is_settled() {
             self.state = State::Measuring;
         }
@@ -271,8 +342,10 @@ impl Node {
     }
 
     fn restart_stream(&mut self, first: u64) {
-        let mesh = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.output);
-        self.stream.restart(first, self.active.period_ticks, self.active.stages, mesh.stages);
+        self.mesh_plan = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.adc);
+        self.stream.restart(first, self.active.period_ticks, self.mesh_plan.stages);
+        self.wide_use = WideUse::Idle;
+        self.wide_due = first;
         if matches!(self.state, State::Settling | State::Measuring) {
             self.state = State::Settling;
         }
@@ -333,7 +406,12 @@ impl Node {
                 // The mesh cascade depends on the speed.
                 self.restart_stream(self.next_tick);
             }
-            (State::Settling | State::Measuring, Validity::None) => self.state = State::WaitingForTach,
+            (State::Settling | State::Measuring, Validity::None) => {
+                self.state = State::WaitingForTach;
+                let chain = &mut self.buffers.borrow_mut().chain;
+                chain.lose_tach();
+                chain.average().reset();
+            }
             _ => {}
         }
     }
@@ -348,7 +426,75 @@ impl Node {
         }
     }
 
-    fn tag(&self, first_tick: u64, rate: Hertz, stages: u8, points: usize) -> Tag {
+    /// Begins what the wideband path is due for.
+    fn start_wide(&mut self, first: u64) {
+        if self.state == State::Measuring && first >= self.rise_due && self.signal_rms > 0.0 {
+            self.rise_due = first + RISE_INTERVAL_S * u64::from(self.clock.0);
+            let speed = self.present_speed();
+            let law_hz = self.config.law.bandwidth(speed.pinion).bandwidth.0;
+            let stages = BandwidthWatch::stages(self.active.adc.0, law_hz);
+            if let (Some(stages), Validity::Locked, false) = (stages, speed.validity, self.active.aliasing) {
+                let rate = self.active.adc.0 / (1u32 << stages) as f32;
+                let mesh_hz = f32::from(self.config.gears.pinion_teeth) * speed.pinion.0;
+                self.bandwidth_watch.begin(rate, law_hz, mesh_hz, self.signal_rms);
+                self.stream.start_wide(first, stages);
+                self.wide_use = WideUse::Edges;
+                return;
+            }
+        }
+        if first >= self.wide_due || (self.snapshot_wanted && self.snapshot_sent.is_none()) {
+            self.wide_due = first + u64::from(self.clock.0 / WIDE_PER_SECOND);
+            self.stream.start_wide(first, self.active.stages);
+            self.wide_use = WideUse::Record;
+            self.wide_count = 0;
+        }
+    }
+
+    /// Filters at most [`CHUNK`] codes and takes what comes out.
+    fn take_chunk(&mut self, codes: &[u16]) {
+        let Buffers { chain, wide: record, .. } = self.buffers.borrow_mut();
+        let (wide_use, watch) = (self.wide_use, &mut self.bandwidth_watch);
+        let (count, from) = (&mut self.wide_count, &mut self.wide_tick);
+        let mut complete = false;
+        let take_wide = |samples: &[f32], tick: u64| match wide_use {
+            WideUse::Idle => {}
+            WideUse::Edges => complete = watch.push(samples),
+            WideUse::Record => {
+                if *count == 0 {
+                    *from = tick;
+                }
+                let taken = samples.len().min(WIDE_POINTS - *count);
+                record[*count..*count + taken].copy_from_slice(&samples[..taken]);
+                *count += taken;
+                complete = *count == WIDE_POINTS;
+            }
+        };
+        let take_mesh = |samples: &[f32], tick: u64, period: u32| chain.push_samples(samples, tick as u32, period);
+        self.stream.push(codes, &self.config.sensor, take_wide, take_mesh);
+        if complete {
+            self.stream.stop_wide();
+            match core::mem::replace(&mut self.wide_use, WideUse::Idle) {
+                WideUse::Record => self.finish_wide(),
+                _ => self.finish_edges(),
+            }
+        }
+    }
+
+    /// Resamples complete turns and takes what they complete.
+    fn follow_turns(&mut self) {
+        let chain = &mut self.buffers.borrow_mut().chain;
+        let progress = chain.process();
+        if progress.records > 0 {
+            self.finish_mesh();
+        }
+        let chain = &mut self.buffers.borrow_mut().chain;
+        let wanted = mesh_band::average_turns(self.config.gears.pinion_teeth, self.config.gears.gear_teeth).0;
+        if chain.average().turns() >= wanted {
+            self.finish_average();
+        }
+    }
+
+    fn tag(&self, first_tick: u64, rate: Hertz, stages: u8, resolution_hz: f32) -> Tag {
         let speed = self.present_speed();
         Tag {
             first_tick,
@@ -358,55 +504,115 @@ impl Node {
             period_ticks: self.active.period_ticks,
             stages,
             rate_hz: rate.0,
-            resolution_hz: rate.0 / points as f32,
+            resolution_hz,
             aliasing: self.active.aliasing,
         }
     }
 
     fn finish_wide(&mut self) {
-        let tag = self.tag(self.stream.wide_first_tick(), self.active.output, self.active.stages, WIDE_POINTS);
+        let (rate, stages) = (self.active.output, self.active.stages);
+        let tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
+        let Buffers { wide, snapshot, .. } = self.buffers.borrow_mut();
         if self.snapshot_wanted && self.snapshot_sent.is_none() {
             self.snapshot_wanted = false;
-            self.snapshot_scale = self.stream.keep_snapshot();
+            self.snapshot_scale = keep_snapshot(wide, snapshot);
             self.snapshot_tag = tag;
             self.snapshot_sent = Some(0);
         }
-        let moments = Moments::of(self.stream.wide());
-        let (lines, digest) = mesh_band::peaks(self.stream.wide_mut(), tag.resolution_hz);
-        self.stream.clear_wide();
+        let moments = Moments::of(wide);
+        let (lines, digest) = peaks::strongest(wide, tag.resolution_hz);
+        let mesh_hz = f32::from(self.config.gears.pinion_teeth) * tag.speed_hz;
+        let reach = peaks::reach_hz(rate.0, stages, self.config.limits.analogue_stop.0);
+        let origins = if tag.validity == Validity::Locked {
+            peaks::label(&lines, mesh_hz, rate.0, tag.resolution_hz, reach)
+        } else {
+            Vec::new()
+        };
         let rms = moments.rms();
-        let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest }).is_some();
+        self.signal_rms = rms;
+        let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest, origins }).is_some();
+        self.count_dropped(dropped);
         let (peak, kurtosis, crest) = (moments.peak(), moments.kurtosis, moments.crest());
-        let sideband_energy_ratio = self.indicators.map_or(0.0, |indicators| indicators.sideband_energy_ratio);
-        self.indicators = Some(Indicators { tag, rms, peak, crest, kurtosis, sideband_energy_ratio });
+        let sideband_energy_ratio = self.sideband_energy[0];
+        let (gear, bandwidth) = (self.gear.take(), self.bandwidth.take());
+        let indicators = Indicators { tag, rms, peak, crest, kurtosis, sideband_energy_ratio, gear, bandwidth };
+        let dropped = self.indicators.replace(indicators).is_some();
+        self.count_dropped(dropped);
         for (watched, value) in
             [(Watched::Rms, rms), (Watched::Peak, peak), (Watched::Crest, crest), (Watched::Kurtosis, kurtosis)]
         {
             self.watch(watched, tag, value);
         }
-        self.count_dropped(dropped);
+    }
+
+    fn finish_edges(&mut self) {
+        let Some(measured) = self.bandwidth_watch.result() else { return };
+        self.bandwidth = Some(measured);
+        let ratio = measured.bandwidth_hz / measured.law_hz;
+        let tag = self.tag(self.next_tick, self.active.adc, 0, 0.0);
+        self.watch(Watched::BandwidthRatio, tag, ratio);
+        let per_cent = (100.0 * ratio) as u32;
+        match self.bandwidth_watch.judge(&measured, &self.config) {
+            Some(Verdict::Departs) => self.note(EventKind::BandwidthDeparts, per_cent),
+            Some(Verdict::Agrees) => self.note(EventKind::BandwidthAgrees, per_cent),
+            None => {}
+        }
     }
 
     fn finish_mesh(&mut self) {
-        let (rate, stages, first_tick) = self.stream.mesh_format(self.clock);
-        let tag = self.tag(first_tick, rate, stages, mesh_band::POINTS);
+        let (stages, rate) = self.stream.mesh_format(self.clock);
+        let chain = &self.buffers.borrow().chain;
+        let (record, zoom) = (*chain.record(), chain.mesh_bands());
+        let speed_hz = record.mean_hz(self.clock.0);
+        let first_tick = self.time.peek(record.first_tick);
+        let tag = Tag { speed_hz, ..self.tag(first_tick, rate, stages, speed_hz * zoom.order_per_bin()) };
         if tag.validity == Validity::Locked && self.state == State::Measuring {
-            let (bands, digest) =
-                mesh_band::bands(self.stream.mesh_mut(), tag.resolution_hz, &self.config, tag.speed_hz);
+            let (bands, digest) = mesh_band::bands(zoom, &self.config, self.mesh_plan.harmonics, speed_hz);
+            let gear_order = f32::from(self.config.gears.pinion_teeth) / f32::from(self.config.gears.gear_teeth);
+            let energy = |shaft: f32| zoom.sideband_energy_ratio(1, shaft).unwrap_or(0.0);
+            let sideband_energy = [energy(1.0), energy(gear_order)];
+            let of_turn = |ticks: u32| self.clock.rate(ticks).0;
+            let (slowest_hz, fastest_hz) = (of_turn(record.longest), of_turn(record.shortest));
+            let turns = zoom.config().turns;
             if let Some(first) = bands.first() {
-                let sidebands: f32 = first.sidebands.iter().map(|line| line.amplitude).sum();
-                let ratio = if first.line.amplitude > 0.0 { sidebands / first.line.amplitude } else { 0.0 };
+                self.sideband_energy = sideband_energy;
                 self.watch(Watched::MeshAmplitude, tag, first.line.amplitude);
-                self.watch(Watched::SidebandEnergyRatio, tag, ratio);
-                if let Some(indicators) = &mut self.indicators {
-                    indicators.sideband_energy_ratio = ratio;
-                }
+                self.watch(Watched::SidebandEnergyRatio, tag, sideband_energy[0]);
             }
-            let dropped = self.spectrum.replace(Spectrum { tag, bands, digest }).is_some();
+            let spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz };
+            let dropped = self.spectrum.replace(spectrum).is_some();
             self.count_dropped(dropped);
         }
-        self.stream.clear_mesh();
         self.replan(true);
+    }
+
+    /// Indicators of a complete average. The wideband record serves as work space; one under way begins anew.
+    fn finish_average(&mut self) {
+        let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
+        let teeth = self.config.gears.pinion_teeth;
+        let (turns, hunting_broken) = mesh_band::average_turns(teeth, self.config.gears.gear_teeth);
+        if self.wide_use == WideUse::Record {
+            self.wide_count = 0;
+        }
+        let Buffers { chain, wide, .. } = self.buffers.borrow_mut();
+        let average = chain.average();
+        let points = average.points();
+        let (work, split) = wide.split_at_mut(WIDE_POINTS / 2);
+        let result = average.finish().map(|average| {
+            gear_condition::of_average(average, teeth, &mut self.ensemble, &mut work[..points], &mut split[..points])
+        });
+        average.reset();
+        let Some(Ok(indicators)) = result else { return };
+        self.gear = Some(GearIndicators {
+            tick: self.next_tick,
+            speed_hz: tag.speed_hz,
+            turns: turns as u16,
+            hunting_broken,
+            gear_sideband_energy_ratio: self.sideband_energy[1],
+            ..indicators
+        });
+        self.watch(Watched::Fm0, tag, indicators.fm0);
+        self.watch(Watched::Fm4, tag, indicators.fm4);
     }
 
     fn watch(&mut self, watched: Watched, tag: Tag, value: f32) {
@@ -487,7 +693,7 @@ impl Node {
 
     fn next_snapshot(&mut self) -> Option<Snapshot> {
         let offset = self.snapshot_sent?;
-        let rest = self.stream.snapshot().get(offset..)?;
+        let rest = self.buffers.borrow().snapshot.get(offset..)?;
         let samples: Vec<i16, SNAPSHOT_CHUNK> = rest.iter().take(SNAPSHOT_CHUNK).copied().collect();
         let next = offset + samples.len();
         self.snapshot_sent = (next < WIDE_POINTS).then_some(next);
@@ -557,7 +763,12 @@ impl Node {
         self.pending = safe_grant(&config, &mut self.plan);
         self.safe_rate = true;
         self.alarms = [Alarm::default(); MAX_ALARMS];
+        self.marks = TurnMarks::new(&config.tach);
+        self.ensemble = RunEnsemble::default();
+        (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
+        self.bandwidth_watch = BandwidthWatch::default();
         self.config = config;
+        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config);
         if self.state != State::Stopped {
             self.state = State::WaitingForTach;
         }
@@ -582,4 +793,14 @@ fn safe_grant(config: &Configuration, plan: &mut RatePlan) -> RateGrant {
         RatePolicy::Forced { rate } => plan.force(rate),
         policy => plan.grant(policy.rate(config.law.bandwidth(config.law.highest).bandwidth)),
     }
+}
+
+/// Keeps a wideband record in 16 bit; returns the scale, m/s^2 per unit.
+fn keep_snapshot(record: &[f32; WIDE_POINTS], kept: &mut [i16; WIDE_POINTS]) -> f32 {
+    let largest = record.iter().fold(0.0f32, |largest, sample| largest.max(sample.abs()));
+    let scale = if largest > 0.0 { largest / 32_767.0 } else { 1.0 };
+    for (kept, sample) in kept.iter_mut().zip(record) {
+        *kept = (sample / scale) as i16;
+    }
+    scale
 }

@@ -103,6 +103,9 @@ pub enum Discontinuity {
     Samples,
     /// The marks before this one are no longer covered by the buffer: the turn was dropped.
     Overrun,
+    /// Four marks that are not those of one shaft: out of order, or a speed that changes more than eightfold from one
+    /// turn to the next, or a turn of many buffers. The turn was dropped.
+    Marks,
 }
 
 /// Sample buffer with turn marks.
@@ -208,12 +211,20 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
             *tick = *mark;
         }
         let start_q16 = self.q16(ticks[1].wrapping_sub(self.oldest_tick));
-        if start_q16 >> 16 < TAPS as i64 / 2 {
+        let [a, b, c] = [ticks[0], ticks[2], ticks[3]].map(|tick| self.q16(tick.wrapping_sub(ticks[1])));
+        let ascending = a < 0 && b > 0 && c > b && -a <= 8 * b && c - b <= 8 * b && b >> 16 <= 16 * CAPACITY as i64;
+        let refusal = if !ascending {
+            Some(Discontinuity::Marks)
+        } else if start_q16 >> 16 < TAPS as i64 / 2 {
+            Some(Discontinuity::Overrun)
+        } else {
+            None
+        };
+        if let Some(reason) = refusal {
             self.marks.pop_front();
             self.turns_dropped = self.turns_dropped.wrapping_add(1);
-            return Err(Discontinuity::Overrun);
+            return Err(reason);
         }
-        let [a, b, c] = [ticks[0], ticks[2], ticks[3]].map(|tick| self.q16(tick.wrapping_sub(ticks[1])));
         if (start_q16 + b) >> 16 >= self.held as i64 - TAPS as i64 / 2 {
             return Ok(None);
         }

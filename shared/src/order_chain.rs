@@ -11,7 +11,7 @@
 //! sample of the average. RAM: the sum of its parts; 53 KiB for 8192 samples, 256 points, 5 harmonics and a 1024-point
 //! average.
 
-use crate::order::{Discontinuity, OrderTracker};
+use crate::order::{Discontinuity, OrderTracker, Turn};
 use crate::tsa::SynchronousAverage;
 use crate::zoom::{MeshZoom, SAMPLES_PER_PITCH, ZoomConfig, ZoomError};
 
@@ -32,20 +32,80 @@ pub struct OrderChain<const CAPACITY: usize, const POINTS: usize, const HARMONIC
     tracker: OrderTracker<CAPACITY>,
     zoom: MeshZoom<POINTS, HARMONICS>,
     average: SynchronousAverage<AVERAGE>,
+    /// Turns an average takes; further ones are left out until it is reset. 0 is no limit.
+    average_turns: u32,
+    /// Of the record in progress and of the latest complete one.
+    span: Span,
+    record: Span,
     interruptions: u32,
+}
+
+/// The turns of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Span {
+    /// Tick at which the first turn began.
+    pub first_tick: u32,
+    /// Whole turns.
+    pub turns: u32,
+    /// Their duration, ticks.
+    pub ticks: u64,
+    /// Duration of the fastest turn, ticks.
+    pub shortest: u32,
+    /// Duration of the slowest turn, ticks.
+    pub longest: u32,
+}
+
+impl Span {
+    /// Mean shaft rate, Hz; 0 without turns.
+    pub fn mean_hz(&self, ticks_per_second: u32) -> f32 {
+        if self.ticks == 0 {
+            return 0.0;
+        }
+        // One division in double precision keeps every digit of the speed.
+        (f64::from(self.turns) * f64::from(ticks_per_second) / self.ticks as f64) as f32
+    }
+
+    fn add(&mut self, turn: &Turn) {
+        if self.turns == 0 {
+            *self = Self { first_tick: turn.start_tick, shortest: u32::MAX, ..Self::default() };
+        }
+        self.turns += 1;
+        self.ticks += u64::from(turn.ticks);
+        self.shortest = self.shortest.min(turn.ticks);
+        self.longest = self.longest.max(turn.ticks);
+    }
 }
 
 impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const AVERAGE: usize>
     OrderChain<CAPACITY, POINTS, HARMONICS, AVERAGE>
 {
+    /// Without a configuration: all zero bytes, for statics. [`OrderChain::configure`] makes it useful.
+    pub const IDLE: Self = Self {
+        tracker: OrderTracker::new(),
+        zoom: MeshZoom::IDLE,
+        average: SynchronousAverage::new(),
+        average_turns: 0,
+        span: Span { first_tick: 0, turns: 0, ticks: 0, shortest: 0, longest: 0 },
+        record: Span { first_tick: 0, turns: 0, ticks: 0, shortest: 0, longest: 0 },
+        interruptions: 0,
+    };
+
     /// Checks the mesh-band configuration and starts empty.
     pub fn new(config: ZoomConfig) -> Result<Self, ZoomError> {
-        Ok(Self {
-            tracker: OrderTracker::new(),
-            zoom: MeshZoom::new(config)?,
-            average: SynchronousAverage::new(),
-            interruptions: 0,
-        })
+        let mut chain = Self::IDLE;
+        chain.configure(config, AVERAGE, 0)?;
+        Ok(chain)
+    }
+
+    /// Checks the mesh-band configuration and starts anew, with averages of this many samples per turn over this many
+    /// turns (0 is without end).
+    pub fn configure(&mut self, config: ZoomConfig, points: usize, turns: u32) -> Result<(), ZoomError> {
+        self.zoom.configure(config)?;
+        self.tracker.reset();
+        self.average.set_points(points);
+        self.average_turns = turns;
+        self.span = Span::default();
+        Ok(())
     }
 
     /// Appends samples, see [`OrderTracker::push_samples`]; call [`OrderChain::process`] before the buffer has turned over.
@@ -68,6 +128,7 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
 
     fn interrupt(&mut self) {
         self.zoom.interrupt();
+        self.span = Span::default();
         self.interruptions = self.interruptions.wrapping_add(1);
     }
 
@@ -77,19 +138,25 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
         loop {
             match self.tracker.next_turn() {
                 Ok(None) => return progress,
-                Err(Discontinuity::Overrun | Discontinuity::Samples) => {
+                Err(Discontinuity::Overrun | Discontinuity::Samples | Discontinuity::Marks) => {
                     self.interrupt();
                     progress.lost += 1;
                 }
                 Ok(Some(turn)) => {
+                    self.span.add(&turn);
                     let per_turn = self.zoom.samples_per_turn();
                     let mut pitch = [0.0f32; SAMPLES_PER_PITCH];
                     for first in (0..per_turn).step_by(SAMPLES_PER_PITCH) {
                         self.tracker.resample(&turn, first, per_turn, &mut pitch);
-                        progress.records += self.zoom.push(&pitch);
+                        if self.zoom.push(&pitch) > 0 {
+                            progress.records += 1;
+                            self.record = core::mem::take(&mut self.span);
+                        }
                     }
-                    let tracker = &self.tracker;
-                    self.average.add_turn(|first, out| tracker.resample(&turn, first, AVERAGE as u32, out));
+                    if self.average_turns == 0 || self.average.turns() < self.average_turns {
+                        let (tracker, points) = (&self.tracker, self.average.points() as u32);
+                        self.average.add_turn(|first, out| tracker.resample(&turn, first, points, out));
+                    }
                     progress.turns += 1;
                 }
             }
@@ -99,6 +166,11 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
     /// The mesh bands.
     pub fn mesh_bands(&self) -> &MeshZoom<POINTS, HARMONICS> {
         &self.zoom
+    }
+
+    /// Turns of the latest complete mesh-band record.
+    pub fn record(&self) -> &Span {
+        &self.record
     }
 
     /// Starts the mesh-band averages anew.

@@ -20,8 +20,13 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 pub const HEADER_BYTES: usize = 64;
 /// Address of the image on the QEMU board: the PSRAM of AN386.
 pub const IMAGE_ADDRESS: u32 = 0x2100_0000;
-/// Size of that PSRAM.
-pub const IMAGE_CAPACITY: usize = 16 << 20;
+/// Size of that PSRAM, less the flash at its end.
+pub const IMAGE_CAPACITY: usize = (16 << 20) - FLASH_CAPACITY;
+/// Address of the imitated configuration flash, at the end of the PSRAM: two sectors of 128 KiB, as on an STM32F405.
+/// QEMU can keep this memory in a file, so that it outlives the machine.
+pub const FLASH_ADDRESS: u32 = IMAGE_ADDRESS + IMAGE_CAPACITY as u32;
+/// Size of that flash.
+pub const FLASH_CAPACITY: usize = 256 << 10;
 /// The node's time stamp of the record's start: the counter wraps one second later at 25 MHz, so that every
 /// replay crosses the wrap.
 pub const START_TICK: u32 = u32::MAX - 25_000_000;
@@ -81,6 +86,8 @@ pub struct Header {
     pub forced_period_ticks: Option<u32>,
     /// Staged failure.
     pub drill: Drill,
+    /// The record begins when the host asks to start; until then the node only serves its link.
+    pub waits_for_start: bool,
 }
 
 impl Header {
@@ -94,6 +101,7 @@ impl Header {
             sampling: SamplingMode::PerBlock,
             forced_period_ticks: None,
             drill: Drill::None,
+            waits_for_start: false,
         }
     }
 }
@@ -343,6 +351,7 @@ fn write_header(header: &Header, head: &mut [u8]) {
         Drill::StackOverflow => 4,
     };
     put(head, 32, drill);
+    put(head, 36, u32::from(header.waits_for_start));
 }
 
 fn read_header(head: &[u8]) -> Option<Header> {
@@ -363,6 +372,11 @@ fn read_header(head: &[u8]) -> Option<Header> {
             2 => Drill::Hang,
             3 => Drill::LockUp,
             4 => Drill::StackOverflow,
+            _ => return None,
+        },
+        waits_for_start: match word(head, 36) {
+            0 => false,
+            1 => true,
             _ => return None,
         },
     };

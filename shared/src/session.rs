@@ -3,37 +3,55 @@
 //! Boards and the host's simulation of a board run this same code, so that the same record gives the same
 //! frames, byte for byte.
 
+use crate::buffers::Buffers;
 use crate::config::{Configuration, ConfigurationError};
+use crate::events::EventKind;
 use crate::frame::{self, Decoder, MAX_FRAME, Packet, PacketRef};
 use crate::message::Request;
 use crate::node::{Block, Node};
 use crate::units::TicksPerSecond;
+use core::borrow::BorrowMut;
 
 /// A node, the receiver of its commands and the counter of its frames.
 #[derive(Clone, Debug)]
-pub struct Session {
-    node: Node,
+pub struct Session<B = Buffers> {
+    node: Node<B>,
     decoder: Decoder,
     sequence: u16,
     unsent: u32,
+    commit: bool,
 }
 
+/// A session whose arrays lie in a static of the board.
+pub type BoardSession = Session<&'static mut Buffers>;
+
 impl Session {
-    /// A node that waits for its tach, with a fresh link.
+    /// A node with its arrays inside that waits for its tach, with a fresh link.
     ///
     /// # Errors
     /// The first field of the configuration that is out of range.
     pub fn new(config: Configuration, clock: TicksPerSecond) -> Result<Self, ConfigurationError> {
-        Ok(Self { node: Node::new(config, clock)?, decoder: Decoder::new(), sequence: 0, unsent: 0 })
+        Session::with_buffers(config, clock, Buffers::ZERO)
+    }
+}
+
+impl<B: BorrowMut<Buffers>> Session<B> {
+    /// A node with its arrays elsewhere, see [`Node::with_buffers`].
+    ///
+    /// # Errors
+    /// The first field of the configuration that is out of range.
+    pub fn with_buffers(config: Configuration, clock: TicksPerSecond, buffers: B) -> Result<Self, ConfigurationError> {
+        let node = Node::with_buffers(config, clock, buffers)?;
+        Ok(Self { node, decoder: Decoder::new(), sequence: 0, unsent: 0, commit: false })
     }
 
     /// The node itself.
-    pub fn node(&self) -> &Node {
+    pub fn node(&self) -> &Node<B> {
         &self.node
     }
 
     /// The node itself, for the board's own notes and self-test.
-    pub fn node_mut(&mut self) -> &mut Node {
+    pub fn node_mut(&mut self) -> &mut Node<B> {
         &mut self.node
     }
 
@@ -61,18 +79,35 @@ impl Session {
 
     /// A byte from the link; a complete command is carried out and answered at once.
     pub fn on_byte(&mut self, byte: u8, send: &mut impl FnMut(&[u8])) {
-        // Damaged frames are counted by the receiver; a node has no use for replies and messages.
-        if let Some(Ok(frame)) = self.decoder.push(byte)
-            && let Packet::Request(request) = frame.packet
-        {
-            self.on_request(request, send);
+        match self.decoder.push(byte) {
+            Some(Ok(frame)) => {
+                // A node has no use for replies and messages.
+                if let Packet::Request(request) = frame.packet {
+                    self.on_request(request, send);
+                }
+            }
+            Some(Err(_)) => self.node.note(EventKind::FramesRefused, 1),
+            None => {}
         }
     }
 
     /// A command, answered at once.
     pub fn on_request(&mut self, request: Request, send: &mut impl FnMut(&[u8])) {
+        self.commit |= request == Request::CommitConfiguration;
         let reply = self.node.on_request(request);
         self.send(PacketRef::Reply(&reply), send);
+    }
+
+    /// Whether a command asked to store the configuration in force, once per command; the board answers with
+    /// [`Session::on_stored`].
+    pub fn take_commit(&mut self) -> bool {
+        core::mem::take(&mut self.commit)
+    }
+
+    /// The board has stored the configuration, or failed to.
+    pub fn on_stored(&mut self, success: bool) {
+        let kind = if success { EventKind::ConfigurationStored } else { EventKind::ConfigurationNotStored };
+        self.node.note(kind, 0);
     }
 
     /// Frames too long to be sent, a defect of the message definitions; always zero in tested versions.

@@ -1,11 +1,14 @@
-//! From ADC codes to two records: wideband at the law's rate, mesh-band at the lowest rate that carries the harmonics.
+//! From ADC codes to the two rates of the products: the mesh bands' continuously, the wideband records' now and then.
+//!
+//! Two half-band cascades start from the ADC rate. The one to the mesh bands always runs; its first stages are the cheap
+//! ones. The one to the law's rate has its steep stages next to the ADC, so it only runs while a wideband record or a
+//! measurement of rise times is under way, with filters that start empty and settle before the first sample counts.
 //!
 //! Time is counted, not accumulated: output n of a cascade describes the instant of ADC sample
-//! `(n + 1) 2^k - 1 - delay`, so a record's first tick is exact however long the stream runs.
+//! `(n + 1) 2^k - 1 - delay`, so the tick of every sample is exact however long the stream runs.
 
 use crate::config::Sensor;
 use crate::decimate::Cascade;
-use crate::mesh_band::POINTS;
 use crate::units::{Hertz, TicksPerSecond};
 
 /// Samples of a wideband record.
@@ -13,32 +16,54 @@ pub const WIDE_POINTS: usize = 4096;
 /// ADC codes filtered at a time.
 pub const CHUNK: usize = 128;
 
-/// What a chunk completed.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Progress {
-    /// The wideband record is full.
-    pub wide_complete: bool,
-    /// The mesh-band record is full.
-    pub mesh_complete: bool,
+/// One cascade with the time of its samples.
+#[derive(Clone, Debug)]
+struct Path {
+    cascade: Cascade,
+    /// Tick of the first ADC sample.
+    origin: u64,
+    period_ticks: u32,
+    outputs: u64,
 }
 
-/// Filters and records.
+impl Path {
+    fn new() -> Self {
+        Self { cascade: Cascade::new(0), origin: 0, period_ticks: 1, outputs: 0 }
+    }
+
+    fn restart(&mut self, origin: u64, period_ticks: u32, stages: u8) {
+        self.cascade.restart(stages);
+        (self.origin, self.period_ticks, self.outputs) = (origin, period_ticks, 0);
+    }
+
+    /// Filters in place; settled outputs and the number of the first of them.
+    fn process<'a>(&mut self, samples: &'a mut [f32]) -> (&'a [f32], u64) {
+        let count = self.cascade.process(samples);
+        let first = self.outputs;
+        self.outputs += count as u64;
+        let unsettled = u64::from(self.cascade.settling_outputs()).saturating_sub(first).min(count as u64);
+        (&samples[unsettled as usize..count], first + unsettled)
+    }
+
+    /// Tick that output `number` describes.
+    fn tick_of(&self, number: u64) -> u64 {
+        let newest = ((number + 1) << self.cascade.stages()) - 1;
+        let since = newest as i64 - i64::from(self.cascade.delay_samples());
+        self.origin.saturating_add_signed(since * i64::from(self.period_ticks))
+    }
+
+    fn is_settled(&self) -> bool {
+        self.outputs > u64::from(self.cascade.settling_outputs())
+    }
+}
+
+/// Filters and the time of their outputs.
 #[derive(Clone, Debug)]
 pub struct Stream {
-    origin: u64,
     started: bool,
-    period_ticks: u32,
-    to_wide: Cascade,
-    to_mesh: Cascade,
-    wide_outputs: u64,
-    mesh_outputs: u64,
-    wide: [f32; WIDE_POINTS],
-    wide_count: usize,
-    wide_from: u64,
-    mesh: [f32; POINTS],
-    mesh_count: usize,
-    mesh_from: u64,
-    snapshot: [i16; WIDE_POINTS],
+    mesh: Path,
+    wide: Path,
+    wide_runs: bool,
 }
 
 impl Default for Stream {
@@ -50,33 +75,14 @@ impl Default for Stream {
 impl Stream {
     /// An empty stream without decimation.
     pub fn new() -> Self {
-        Self {
-            origin: 0,
-            started: false,
-            period_ticks: 1,
-            to_wide: Cascade::new(0),
-            to_mesh: Cascade::new(0),
-            wide_outputs: 0,
-            mesh_outputs: 0,
-            wide: [0.0; WIDE_POINTS],
-            wide_count: 0,
-            wide_from: 0,
-            mesh: [0.0; POINTS],
-            mesh_count: 0,
-            mesh_from: 0,
-            snapshot: [0; WIDE_POINTS],
-        }
+        Self { started: false, mesh: Path::new(), wide: Path::new(), wide_runs: false }
     }
 
-    /// Forgets everything; the next code was captured at tick `origin`.
-    pub fn restart(&mut self, origin: u64, period_ticks: u32, stages: u8, mesh_stages: u8) {
-        self.origin = origin;
+    /// Forgets everything; the next code was captured at tick `origin`. The wideband path stops.
+    pub fn restart(&mut self, origin: u64, period_ticks: u32, mesh_stages: u8) {
         self.started = false;
-        self.period_ticks = period_ticks;
-        self.to_wide.restart(stages);
-        self.to_mesh.restart(mesh_stages);
-        (self.wide_outputs, self.mesh_outputs) = (0, 0);
-        (self.wide_count, self.mesh_count) = (0, 0);
+        self.wide_runs = false;
+        self.mesh.restart(origin, period_ticks, mesh_stages);
     }
 
     /// Whether codes have come since the restart.
@@ -86,21 +92,39 @@ impl Stream {
 
     /// Corrects the origin before the first code.
     pub fn set_origin(&mut self, origin: u64) {
-        self.origin = origin;
+        self.mesh.origin = origin;
     }
 
-    /// Whether all filters have forgotten the time before the restart.
+    /// Whether the filters of the mesh bands have forgotten the time before the restart.
     pub fn is_settled(&self) -> bool {
-        self.wide_outputs > u64::from(self.to_wide.settling_outputs())
-            && self.mesh_outputs > u64::from(self.mesh_settling())
+        self.mesh.is_settled()
     }
 
-    fn mesh_settling(&self) -> u32 {
-        self.to_mesh.settling_outputs() + (self.to_wide.settling_outputs() >> self.to_mesh.stages())
+    /// Starts the wideband path with the code captured at tick `origin`.
+    pub fn start_wide(&mut self, origin: u64, stages: u8) {
+        self.wide_runs = true;
+        self.wide.restart(origin, self.mesh.period_ticks, stages);
     }
 
-    /// Takes at most [`CHUNK`] codes.
-    pub fn push(&mut self, codes: &[u16], sensor: &Sensor) -> Progress {
+    /// Stops the wideband path.
+    pub fn stop_wide(&mut self) {
+        self.wide_runs = false;
+    }
+
+    /// Whether the wideband path runs.
+    pub fn wide_runs(&self) -> bool {
+        self.wide_runs
+    }
+
+    /// Takes at most [`CHUNK`] codes. Settled samples of both paths are handed on with the tick of the first; those of the
+    /// mesh bands with their period as well.
+    pub fn push(
+        &mut self,
+        codes: &[u16],
+        sensor: &Sensor,
+        wide: impl FnOnce(&[f32], u64),
+        mesh: impl FnOnce(&[f32], u64, u32),
+    ) {
         let mut samples = [0.0f32; CHUNK];
         let zero = f32::from(sensor.zero_code);
         for (sample, &code) in samples.iter_mut().zip(codes) {
@@ -108,96 +132,23 @@ impl Stream {
         }
         let count = codes.len().min(CHUNK);
         self.started |= count > 0;
-        let wide = self.to_wide.process(&mut samples[..count]);
-        let settling = u64::from(self.to_wide.settling_outputs());
-        let mut progress = Progress::default();
-        for &sample in &samples[..wide] {
-            let number = self.wide_outputs;
-            self.wide_outputs += 1;
-            if number < settling || self.wide_count == WIDE_POINTS {
-                continue;
+        if self.wide_runs {
+            let mut copy = samples;
+            let (settled, number) = self.wide.process(&mut copy[..count]);
+            if !settled.is_empty() {
+                wide(settled, self.wide.tick_of(number));
             }
-            if self.wide_count == 0 {
-                self.wide_from = number;
-            }
-            self.wide[self.wide_count] = sample;
-            self.wide_count += 1;
-            progress.wide_complete |= self.wide_count == WIDE_POINTS;
         }
-        let mesh = self.to_mesh.process(&mut samples[..wide]);
-        let settling = u64::from(self.mesh_settling());
-        for &sample in &samples[..mesh] {
-            let number = self.mesh_outputs;
-            self.mesh_outputs += 1;
-            if number < settling || self.mesh_count == POINTS {
-                continue;
-            }
-            if self.mesh_count == 0 {
-                self.mesh_from = number;
-            }
-            self.mesh[self.mesh_count] = sample;
-            self.mesh_count += 1;
-            progress.mesh_complete |= self.mesh_count == POINTS;
+        let (settled, number) = self.mesh.process(&mut samples[..count]);
+        if !settled.is_empty() {
+            let period = self.mesh.period_ticks.saturating_mul(1 << self.mesh.cascade.stages());
+            mesh(settled, self.mesh.tick_of(number), period);
         }
-        progress
     }
 
-    /// Tick described by the first sample of the wideband record.
-    pub fn wide_first_tick(&self) -> u64 {
-        let stages = self.to_wide.stages();
-        self.tick_of(((self.wide_from + 1) << stages) - 1, self.to_wide.delay_samples())
-    }
-
-    /// Rate, stages from the ADC and first tick of the mesh-band record.
-    pub fn mesh_format(&self, clock: TicksPerSecond) -> (Hertz, u8, u64) {
-        let stages = self.to_wide.stages() + self.to_mesh.stages();
-        let rate = Hertz(clock.rate(self.period_ticks).0 / (1u32 << stages) as f32);
-        let delay = self.to_wide.delay_samples() + (self.to_mesh.delay_samples() << self.to_wide.stages());
-        (rate, stages, self.tick_of(((self.mesh_from + 1) << stages) - 1, delay))
-    }
-
-    fn tick_of(&self, newest_sample: u64, delay_samples: u32) -> u64 {
-        let since = newest_sample as i64 - i64::from(delay_samples);
-        self.origin.saturating_add_signed(since * i64::from(self.period_ticks))
-    }
-
-    /// The wideband record.
-    pub fn wide(&self) -> &[f32; WIDE_POINTS] {
-        &self.wide
-    }
-
-    /// The wideband record as work space.
-    pub fn wide_mut(&mut self) -> &mut [f32; WIDE_POINTS] {
-        &mut self.wide
-    }
-
-    /// Starts the next wideband record.
-    pub fn clear_wide(&mut self) {
-        self.wide_count = 0;
-    }
-
-    /// The mesh-band record as work space.
-    pub fn mesh_mut(&mut self) -> &mut [f32; POINTS] {
-        &mut self.mesh
-    }
-
-    /// Starts the next mesh-band record.
-    pub fn clear_mesh(&mut self) {
-        self.mesh_count = 0;
-    }
-
-    /// Keeps the wideband record in 16 bit; returns the scale, m/s^2 per unit.
-    pub fn keep_snapshot(&mut self) -> f32 {
-        let largest = self.wide.iter().fold(0.0f32, |largest, sample| largest.max(sample.abs()));
-        let scale = if largest > 0.0 { largest / 32_767.0 } else { 1.0 };
-        for (kept, sample) in self.snapshot.iter_mut().zip(&self.wide) {
-            *kept = (sample / scale) as i16;
-        }
-        scale
-    }
-
-    /// The kept snapshot.
-    pub fn snapshot(&self) -> &[i16; WIDE_POINTS] {
-        &self.snapshot
+    /// Stages and rate of the mesh bands.
+    pub fn mesh_format(&self, clock: TicksPerSecond) -> (u8, Hertz) {
+        let stages = self.mesh.cascade.stages();
+        (stages, Hertz(clock.rate(self.mesh.period_ticks).0 / (1u32 << stages) as f32))
     }
 }

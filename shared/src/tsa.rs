@@ -14,11 +14,13 @@
 use crate::spectrum::{self, SpectrumError};
 use microfft::Complex32;
 
-/// Running sum of turns of `N` samples each.
+/// Running sum of turns of at most `N` samples each.
 #[derive(Debug, Clone)]
 pub struct SynchronousAverage<const N: usize> {
     sum: [f32; N],
     turns: u32,
+    /// Samples per turn; 0 stands for `N`, so that an empty average is all zero bytes.
+    points: usize,
 }
 
 impl<const N: usize> Default for SynchronousAverage<N> {
@@ -30,7 +32,18 @@ impl<const N: usize> Default for SynchronousAverage<N> {
 impl<const N: usize> SynchronousAverage<N> {
     /// Nothing averaged yet.
     pub const fn new() -> Self {
-        Self { sum: [0.0; N], turns: 0 }
+        Self { sum: [0.0; N], turns: 0, points: 0 }
+    }
+
+    /// Samples per turn.
+    pub fn points(&self) -> usize {
+        if self.points == 0 { N } else { self.points }
+    }
+
+    /// Changes the samples per turn (1 to `N`, clamped) and starts anew.
+    pub fn set_points(&mut self, points: usize) {
+        self.points = points.clamp(1, N);
+        self.reset();
     }
 
     /// Starts anew.
@@ -44,7 +57,8 @@ impl<const N: usize> SynchronousAverage<N> {
     /// Parts keep the stack small; [`crate::order::OrderTracker::resample`] fits.
     pub fn add_turn(&mut self, mut part: impl FnMut(u32, &mut [f32])) {
         let mut scratch = [0.0f32; 64];
-        for (i, sums) in self.sum.chunks_mut(64).enumerate() {
+        let points = self.points();
+        for (i, sums) in self.sum[..points].chunks_mut(64).enumerate() {
             let values = &mut scratch[..sums.len()];
             part(i as u32 * 64, values);
             for (sum, &x) in sums.iter_mut().zip(values.iter()) {
@@ -54,14 +68,28 @@ impl<const N: usize> SynchronousAverage<N> {
         self.turns += 1;
     }
 
+    /// Turns the sum into the average in place, for those short of memory; reset it after use. `None` before the first turn.
+    pub fn finish(&mut self) -> Option<&[f32]> {
+        if self.turns == 0 {
+            return None;
+        }
+        let scale = 1.0 / self.turns as f32;
+        self.turns = 1;
+        let points = self.points();
+        for sum in &mut self.sum[..points] {
+            *sum *= scale;
+        }
+        Some(&self.sum[..points])
+    }
+
     /// Turns added since the start.
     pub fn turns(&self) -> u32 {
         self.turns
     }
 
-    /// The average; `None` before the first turn.
-    pub fn average(&self, out: &mut [f32; N]) -> Option<()> {
-        if self.turns == 0 {
+    /// The average, [`SynchronousAverage::points`] samples; `None` before the first turn or for an output of another length.
+    pub fn average(&self, out: &mut [f32]) -> Option<()> {
+        if self.turns == 0 || out.len() != self.points() {
             return None;
         }
         let scale = 1.0 / self.turns as f32;

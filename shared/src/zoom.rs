@@ -125,8 +125,37 @@ struct State<const POINTS: usize, const HARMONICS: usize> {
 }
 
 impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
+    /// Without a configuration, all zero bytes so that a static needs no image in flash; takes samples and never completes
+    /// a record.
+    pub const IDLE: Self = Self {
+        config: ZoomConfig {
+            teeth: 0,
+            turns: 0,
+            window: Window::Rectangular,
+            averaging: Averaging::Linear { records: 0 },
+        },
+        outputs_per_pitch: 0.0,
+        state: State {
+            pitches: [[0.0; SAMPLES_PER_PITCH]; WINDOW_SPACINGS],
+            newest: 0,
+            fill: 0,
+            primed: 0,
+            engagement: 0,
+            record: [[Complex32::new(0.0, 0.0); POINTS]; HARMONICS],
+            power: [[0.0; POINTS]; HARMONICS],
+            records: 0,
+        },
+    };
+
     /// Checks the configuration and starts with empty averages.
     pub fn new(config: ZoomConfig) -> Result<Self, ZoomError> {
+        let mut zoom = Self::IDLE;
+        zoom.configure(config)?;
+        Ok(zoom)
+    }
+
+    /// Checks the configuration, then starts anew with it; after an error the old one stays.
+    pub fn configure(&mut self, config: ZoomConfig) -> Result<(), ZoomError> {
         if !(POINTS.is_power_of_two() && (32..=2048).contains(&POINTS) && (1..=8).contains(&HARMONICS)) {
             return Err(ZoomError::Shape);
         }
@@ -144,17 +173,10 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         if !averaging_valid {
             return Err(ZoomError::Averaging);
         }
-        let state = State {
-            pitches: [[0.0; SAMPLES_PER_PITCH]; WINDOW_SPACINGS],
-            newest: 0,
-            fill: 0,
-            primed: 0,
-            engagement: 0,
-            record: [[Complex32::new(0.0, 0.0); POINTS]; HARMONICS],
-            power: [[0.0; POINTS]; HARMONICS],
-            records: 0,
-        };
-        Ok(Self { config, outputs_per_pitch: POINTS as f32 / engagements as f32, state })
+        self.config = config;
+        self.outputs_per_pitch = POINTS as f32 / engagements as f32;
+        self.reset();
+        Ok(())
     }
 
     /// The configuration in force.
@@ -202,7 +224,7 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
                 state.fill = 0;
                 state.newest = (state.newest + 1) % WINDOW_SPACINGS;
                 state.primed = (state.primed + 1).min(WINDOW_SPACINGS);
-                if state.primed == WINDOW_SPACINGS && self.engage() {
+                if state.primed == WINDOW_SPACINGS && self.config.turns != 0 && self.engage() {
                     completed += 1;
                 }
             }
@@ -299,6 +321,11 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
     /// Width of a bin in orders of the pinion.
     pub fn order_per_bin(&self) -> f32 {
         1.0 / f32::from(self.config.turns)
+    }
+
+    /// Squared amplitudes around a harmonic, `POINTS / 2` is the harmonic itself; places beyond the reach are not defined.
+    pub fn powers(&self, harmonic: usize) -> Option<&[f32; POINTS]> {
+        self.state.power.get(harmonic.checked_sub(1)?)
     }
 
     /// Amplitude (peak, input unit) `offset_bins` from mesh harmonic `harmonic` (1..); `None` outside the band.

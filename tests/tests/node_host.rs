@@ -218,21 +218,25 @@ fn theory_the_node_fits_its_memory() {
 }
 
 #[test]
-fn theory_mesh_bands_resolve_an_eighth_of_the_shaft_rate() {
-    use meshband::mesh_band::{MeshPlan, POINTS};
+fn theory_the_mesh_plan_resolves_an_eighth_of_the_shaft_rate_for_all_usual_tooth_counts() {
+    use meshband::mesh_band::{CAPACITY, MeshPlan, record_turns};
     use meshband::rate_plan::RatePlan;
-    // With five harmonics and the provisional law; more than 71 teeth need the order-domain zoom.
-    for teeth in 12..=71 {
+    for teeth in 12..=300 {
+        assert!((8..=28).contains(&record_turns(teeth)) && record_turns(teeth) * teeth >= 256);
         let config = config(teeth);
         let mut speed = 1.0f32;
         while speed <= 25.0 {
             let mut plan = RatePlan::new(TicksPerSecond(84_000_000), config.limits);
             let grant = plan.grant(config.policy.rate(config.law.bandwidth(Hertz(speed)).bandwidth));
-            let mesh = MeshPlan::new(&config, Hertz(speed), grant.output);
-            let rate = grant.output.0 / (1u32 << mesh.stages) as f32;
-            let highest = (5.0 * f32::from(teeth) + 4.0) * speed;
-            assert!(rate >= 2.56 * highest * 0.9999, "{teeth} teeth at {speed} Hz");
-            assert!(rate / POINTS as f32 <= speed / 8.0, "{teeth} teeth at {speed} Hz: {rate} Hz");
+            let mesh = MeshPlan::new(&config, Hertz(speed), grant.adc);
+            let per_turn = grant.adc.0 / (1u32 << mesh.stages) as f32 / speed;
+            let per_period = per_turn / (f32::from(mesh.harmonics) * f32::from(teeth));
+            assert!(2.5 * per_turn <= CAPACITY as f32, "{teeth} teeth at {speed} Hz: {per_turn} per turn");
+            assert!(mesh.harmonics >= 1 && per_period >= 4.0, "{teeth} teeth at {speed} Hz: {per_period} per period");
+            if teeth <= 76 {
+                assert_eq!(mesh.harmonics, 5, "{teeth} teeth at {speed} Hz");
+                assert!(per_period <= 8.7, "{teeth} teeth at {speed} Hz: {per_period}");
+            }
             speed *= 1.02;
         }
     }

@@ -1,6 +1,7 @@
 //! Record folders: what is written is read back, and every kind of broken record is refused in one line.
 
 use meshband_host::Error;
+use meshband_host::machine::Machine;
 use meshband_host::record::{
     Acquisition, Declaration, Record, Run, RunDeclaration, Tach, encode, npy, suggested_full_scale,
 };
@@ -216,6 +217,22 @@ fn regress_shipped_style_record_reads_with_its_machine() {
     let target = tempfile::tempdir().unwrap();
     record.write(target.path()).unwrap();
     let copy = Record::read(target.path()).unwrap();
-    assert_eq!(copy.declaration.machine().unwrap(), machine);
+    let copied = copy.declaration.machine().unwrap();
+    assert_eq!(Machine { folder: machine.folder.clone(), ..copied }, machine);
     assert_eq!(copy.runs[3].codes(), record.runs[3].codes());
+}
+
+#[test]
+fn regress_a_records_machine_is_the_one_read_from_its_folder_and_is_checked() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48");
+    let machine = Record::read(&folder).unwrap().declaration.machine().unwrap();
+    assert_eq!(machine, Machine::read(&folder).unwrap());
+    assert!(machine.pair_stiffness().is_ok(), "its table is found beside it");
+    let text = std::fs::read_to_string(folder.join("record.toml")).unwrap();
+    let at = text.find("module_m").unwrap();
+    let end = at + text[at..].find('\n').unwrap();
+    let text = format!("{}module_m = -1.0{}", &text[..at], &text[end..]);
+    let declaration = Declaration::parse(&text, "somewhere/record.toml").unwrap();
+    let refused = declaration.machine().unwrap_err().to_string();
+    assert!(refused.contains("module_m") && refused.contains("somewhere"), "{refused}");
 }

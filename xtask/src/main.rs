@@ -1,9 +1,10 @@
-//! Project tasks: `cargo xtask setup | demo | test | node-build | size | flash`.
+//! Project tasks: `cargo xtask setup | demo | test | node-build | size | bench | flash`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
 //! failure; exit code 1 then.
 
+mod bench;
 mod demo;
 mod elf;
 mod flash;
@@ -18,10 +19,11 @@ const HELP: &str = "\
 cargo xtask TASK
 
   setup        compiler target and QEMU; does nothing where both are present
-  demo RECORD  sets up, builds the node, runs it in QEMU on a record and prints what it reports
+  demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
-  node-build   both firmware images, with their sizes
-  size         sizes of the images: text, data, bss, and their limits
+  node-build   all firmware images, with their sizes
+  size         text, data and bss of the images against limits and snapshots, and where they can panic
+  bench        cost of the solver beside SciPy's on the same machine, ratios first
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -34,7 +36,8 @@ fn main() -> ExitCode {
         "demo" => demo::run(&rest),
         "test" => suite::run(),
         "node-build" => node_build::run(),
-        "size" => node_build::size(),
+        "size" => node_build::size(&rest),
+        "bench" => bench::bench(),
         "flash" => flash::run(&rest),
         "" | "help" | "--help" | "-h" => {
             print!("{HELP}");

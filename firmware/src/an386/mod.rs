@@ -3,6 +3,7 @@
 //! Interrupts share one priority, so none interrupts another; what they share with the main loop goes
 //! through queues. No device crate exists for this board: all interrupts arrive in one dispatcher.
 
+pub mod flash;
 pub mod registers;
 pub mod sampler;
 pub mod tach;
@@ -16,7 +17,11 @@ use cortex_m::peripheral::NVIC;
 use cortex_m::singleton;
 use critical_section::Mutex;
 use heapless::spsc::{Consumer, Queue};
-use meshband::replay::{IMAGE_ADDRESS, IMAGE_CAPACITY, Replay};
+use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
+use meshband::node::Block;
+use meshband::outbox::Outbox;
+use meshband::replay::{CodeDigest, IMAGE_ADDRESS, IMAGE_CAPACITY, Replay};
+use meshband::units::TicksPerSecond;
 use sampler::{Counters, Sampler};
 use tach::Tach;
 use time::TimeBase;
@@ -24,6 +29,8 @@ use uart::{Receiver, Sender};
 
 /// Bytes received that may wait for the main loop.
 const RECEIVE_QUEUE: usize = 256;
+/// Bytes that may wait for a slow link: a snapshot's frames fit nearly whole.
+const SEND_QUEUE: usize = 8192;
 
 /// Interrupt numbers of this board.
 #[derive(Clone, Copy)]
@@ -45,20 +52,83 @@ unsafe impl InterruptNumber for Line {
 struct Interrupts {
     sampler: Sampler,
     tach: Tach,
-    receiver: Receiver,
 }
 
 static INTERRUPTS: Mutex<RefCell<Option<Interrupts>>> = Mutex::new(RefCell::new(None));
+static RECEIVER: Mutex<RefCell<Option<Receiver>>> = Mutex::new(RefCell::new(None));
 static REQUEST: Request = Request::new();
+
+/// The link as the main loop sees it; it works before the board's sampling does. Whole frames wait for the line; they
+/// are dropped where the host does not read.
+pub struct Wire {
+    received: Consumer<'static, u8>,
+    sender: Sender,
+    outbox: &'static mut Outbox<SEND_QUEUE>,
+}
+
+impl Wire {
+    /// Opens the link.
+    ///
+    /// # Panics
+    /// When called twice: the queues exist once.
+    pub fn open() -> Self {
+        let once = "the link is opened once";
+        let (bytes_in, received) = singleton!(: Queue<u8, RECEIVE_QUEUE> = Queue::new()).expect(once).split();
+        let outbox = singleton!(: Outbox<SEND_QUEUE> = Outbox::new()).expect(once);
+        let (sender, receiver) = uart::open(bytes_in);
+        critical_section::with(|token| RECEIVER.borrow_ref_mut(token).replace(receiver));
+        // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
+        unsafe { NVIC::unmask(Line::UartReceive) };
+        Self { received, sender, outbox }
+    }
+
+    /// Passes on what the line takes; gives the number of bytes.
+    pub fn drain(&mut self) -> usize {
+        self.outbox.drain(|byte| self.sender.send(byte))
+    }
+
+    /// Whether everything was sent.
+    pub fn is_empty(&self) -> bool {
+        self.outbox.is_empty()
+    }
+
+    /// Sleeps until an interrupt, unless bytes wait on either side.
+    pub fn wait(&self) {
+        critical_section::with(|_| {
+            if !self.received.ready() && self.outbox.is_empty() {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+}
+
+impl Link for Wire {
+    fn send(&mut self, frame: &[u8]) -> bool {
+        self.drain();
+        let queued = self.outbox.push(frame);
+        self.drain();
+        queued
+    }
+
+    fn receive(&mut self) -> Option<u8> {
+        self.received.dequeue()
+    }
+
+    fn pump(&mut self) {
+        self.drain();
+    }
+
+    fn take_dropped(&mut self) -> Option<u32> {
+        self.outbox.take_unreported()
+    }
+}
 
 /// The board as the main loop sees it.
 pub struct Board {
-    /// Blocks and edges.
-    pub inbox: Inbox,
-    /// The link's sending side.
-    pub sender: Sender,
-    /// Bytes from the link.
-    pub received: Consumer<'static, u8>,
+    inbox: Inbox,
+    digest: CodeDigest,
+    /// Bytes from and to the host.
+    pub wire: Wire,
 }
 
 /// Closing statistics of a run.
@@ -70,6 +140,8 @@ pub struct Statistics {
     pub edges: (usize, u32),
     /// Bytes of the link lost on reception.
     pub link_lost: u32,
+    /// Frames that found no room on the way out.
+    pub frames_dropped: u32,
 }
 
 /// The replay image as QEMU's loader left it.
@@ -83,38 +155,31 @@ impl Board {
     ///
     /// # Panics
     /// When called twice: the queues exist once.
-    pub fn start(record: Replay<'static>, period_ticks: u32) -> Self {
+    pub fn start(record: Replay<'static>, period_ticks: u32, wire: Wire) -> Self {
         let once = "the board is started once";
         let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
         let (mut free, free_out) =
             singleton!(: Queue<&'static mut Codes, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
         let (edges_in, edges) = singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new()).expect(once).split();
-        let (bytes_in, received) = singleton!(: Queue<u8, RECEIVE_QUEUE> = Queue::new()).expect(once).split();
         let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS]).expect(once);
         for buffer in buffers {
             // The queue holds one more than there are buffers.
             let _ = free.enqueue(buffer);
         }
         REQUEST.publish(period_ticks);
-        let (sender, receiver) = uart::open(bytes_in);
         critical_section::with(|token| {
             let time = TimeBase::start();
             let mut sampler = Sampler::new(registers::timer0(), time, record, blocks_in, free_out, &REQUEST);
             let mut tach = Tach::new(registers::timer1(), time, record, edges_in);
             sampler.start();
             tach.start();
-            INTERRUPTS.borrow_ref_mut(token).replace(Interrupts { sampler, tach, receiver });
+            INTERRUPTS.borrow_ref_mut(token).replace(Interrupts { sampler, tach });
         });
-        for line in [Line::UartReceive, Line::SampleClock, Line::Tach] {
+        for line in [Line::SampleClock, Line::Tach] {
             // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
             unsafe { NVIC::unmask(line) };
         }
-        Self { inbox: Inbox { blocks, free, edges }, sender, received }
-    }
-
-    /// Publishes the node's wish for the next border.
-    pub fn request_period(&self, period_ticks: u32) {
-        REQUEST.publish(period_ticks);
+        Self { inbox: Inbox { blocks, free, edges }, digest: CodeDigest::new(), wire }
     }
 
     /// Whether the record has ended. Blocks may still wait in the queue.
@@ -122,19 +187,9 @@ impl Board {
         with_interrupts(|i| i.sampler.is_finished())
     }
 
-    /// The border behind the block that is running now: every edge before it is known to precede that block's end.
-    pub fn next_border(&self) -> u32 {
-        TimeBase::stamp(with_interrupts(|i| i.sampler.next_border()))
-    }
-
-    /// Sleeps until an interrupt, unless there is something to do.
-    pub fn wait(&self) {
-        critical_section::with(|_| {
-            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
-            if !self.inbox.blocks.ready() && !self.received.ready() {
-                cortex_m::asm::wfi();
-            }
-        });
+    /// Checksum of all codes handed over, as the host computes it.
+    pub fn codes_crc(&self) -> u32 {
+        self.digest.value()
     }
 
     /// Counters so far.
@@ -142,8 +197,87 @@ impl Board {
         with_interrupts(|i| Statistics {
             sampling: i.sampler.counters,
             edges: (i.tach.delivered(), i.tach.lost),
-            link_lost: i.receiver.lost,
+            link_lost: critical_section::with(|token| RECEIVER.borrow_ref(token).as_ref().map_or(0, |r| r.lost)),
+            frames_dropped: self.wire.outbox.dropped(),
         })
+    }
+}
+
+impl SampleClock for Board {
+    fn time_base(&self) -> TicksPerSecond {
+        TicksPerSecond(registers::CLOCK_HZ)
+    }
+
+    fn now(&self) -> u32 {
+        TimeBase::stamp(with_interrupts(|i| i.sampler.now()))
+    }
+
+    fn set_period_ticks(&mut self, period: u32) {
+        REQUEST.publish(period);
+    }
+}
+
+impl BlockSource for Board {
+    /// The border behind the running block: the record's edges before it are all known to precede that block's end.
+    fn horizon(&self) -> u32 {
+        TimeBase::stamp(with_interrupts(|i| i.sampler.next_border()))
+    }
+
+    fn pending_end(&self) -> Option<u32> {
+        self.inbox.blocks.peek().map(Filled::end_tick)
+    }
+
+    fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
+        let Some(block) = self.inbox.blocks.dequeue() else { return false };
+        self.digest.update(&block.codes[..]);
+        consume(block.as_block());
+        // The queue of empty buffers has room for all of them.
+        let _ = self.inbox.free.enqueue(block.codes);
+        true
+    }
+}
+
+impl TachCapture for Board {
+    fn next_edge_before(&mut self, tick: u32) -> Option<u32> {
+        self.inbox.edge_before(tick)
+    }
+
+    fn lost_edges(&self) -> u32 {
+        with_interrupts(|i| i.tach.lost)
+    }
+}
+
+impl Link for Board {
+    fn send(&mut self, frame: &[u8]) -> bool {
+        self.wire.send(frame)
+    }
+
+    fn receive(&mut self) -> Option<u8> {
+        self.wire.receive()
+    }
+
+    fn pump(&mut self) {
+        self.wire.pump();
+    }
+
+    fn take_dropped(&mut self) -> Option<u32> {
+        self.wire.take_dropped()
+    }
+}
+
+/// QEMU needs neither watchdog nor light.
+impl Supervision for Board {
+    fn feed_watchdog(&mut self) {}
+
+    fn set_light(&mut self, _lit: bool) {}
+
+    fn wait(&mut self) {
+        critical_section::with(|_| {
+            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
+            if !self.inbox.blocks.ready() && !self.wire.received.ready() {
+                cortex_m::asm::wfi();
+            }
+        });
     }
 }
 
@@ -158,9 +292,12 @@ fn with_interrupts<T>(read: impl FnOnce(&Interrupts) -> T) -> T {
 /// Dispatches a device interrupt by its number.
 pub fn on_interrupt(number: i16) {
     critical_section::with(|token| {
-        if let Some(interrupts) = INTERRUPTS.borrow_ref_mut(token).as_mut() {
+        if number == Line::UartReceive as i16 {
+            if let Some(receiver) = RECEIVER.borrow_ref_mut(token).as_mut() {
+                receiver.on_interrupt();
+            }
+        } else if let Some(interrupts) = INTERRUPTS.borrow_ref_mut(token).as_mut() {
             match number {
-                0 => interrupts.receiver.on_interrupt(),
                 8 => interrupts.sampler.on_interrupt(),
                 9 => interrupts.tach.on_interrupt(),
                 other => defmt::panic!("interrupt {=i16} is not ours", other),

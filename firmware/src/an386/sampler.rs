@@ -92,6 +92,11 @@ impl Sampler {
         }
     }
 
+    /// Present instant, ticks of the record.
+    pub fn now(&self) -> u32 {
+        self.time.now()
+    }
+
     /// Whether the record has ended.
     pub fn is_finished(&self) -> bool {
         self.finished

@@ -31,12 +31,13 @@ pub fn open(bytes: Producer<'static, u8>) -> (Sender, Receiver) {
 }
 
 impl Sender {
-    /// Sends a frame, waiting for room byte by byte.
-    pub fn send(&mut self, frame: &[u8]) {
-        for &byte in frame {
-            while self.0.state.read() & SEND_FULL != 0 {}
+    /// Sends a byte; false if the line is not ready for it.
+    pub fn send(&mut self, byte: u8) -> bool {
+        let ready = self.0.state.read() & SEND_FULL == 0;
+        if ready {
             self.0.data.write(u32::from(byte));
         }
+        ready
     }
 }
 

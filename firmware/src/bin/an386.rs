@@ -1,67 +1,92 @@
 //! The node on QEMU's `mps2-an386`: runs a replayed record to its end and exits with success.
+//!
+//! The configuration in force is the stored one, else the record's, else the default.
 #![no_std]
 #![no_main]
 
-use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_semihosting as _;
+use meshband::board::{Link, Supervision};
+use meshband::buffers::Buffers;
 use meshband::config::Configuration;
+use meshband::events::EventKind;
 use meshband::message::Request;
-use meshband::replay::{CodeDigest, Drill, Replay};
+use meshband::node::State;
+use meshband::replay::{Drill, Replay, START_TICK};
 use meshband::session::Session;
+use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
+use meshband_node::an386::flash::Flash;
 use meshband_node::an386::registers::CLOCK_HZ;
-use meshband_node::an386::{self, Board, Statistics};
+use meshband_node::an386::{self, Board, Statistics, Wire};
+use meshband_node::runner::{NodeSession, Runner};
+use meshband_node::stack::{self, StackUse};
 use semihosting::{eprintln, process};
 
 #[entry]
 fn main() -> ! {
+    // All zero bytes, hence in .bss; the rest of the node is small enough for the stack.
+    static mut BUFFERS: Buffers = Buffers::ZERO;
     let record = Replay::parse(an386::image()).unwrap_or_else(|reason| {
         eprintln!("node: no usable record in PSRAM: {reason:?}");
         process::exit(1)
     });
     rehearse(record.header().drill);
-    let session = open_session(&record);
-    let mut board = Board::start(record, session.node().requested_period_ticks());
-    let mut digest = CodeDigest::new();
+    let mut store = Store::new(Flash::take(), 0);
+    let session = open_session(&record, &mut store, BUFFERS);
+    let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
+    let mut wire = Wire::open();
+    if record.header().waits_for_start {
+        serve_until_start(&mut runner, &mut wire);
+    }
+    let mut board = Board::start(record, runner.session().node().requested_period_ticks(), wire);
     loop {
-        // Both are read before the queue: what they promise then holds for everything found in it.
-        let (border, finished) = (board.next_border(), board.is_finished());
-        let Board { inbox, sender, received } = &mut board;
-        let mut send = |frame: &[u8]| sender.send(frame);
-        while let Some(byte) = received.dequeue() {
-            session.on_byte(byte, &mut send);
-        }
-        if let Some(block) = inbox.blocks.dequeue() {
-            while let Some(edge) = inbox.edge_before(block.end_tick()) {
-                session.on_edge(edge);
-            }
-            digest.update(&block.codes[..]);
-            session.on_block(block.as_block(), &mut send);
-            // The queue of empty buffers has room for all of them.
-            let _ = inbox.free.enqueue(block.codes);
-            board.request_period(session.node().requested_period_ticks());
-        } else if finished {
-            break;
-        } else {
-            while let Some(edge) = inbox.edge_before(border) {
-                session.on_edge(edge);
+        // Read before the queue of blocks: what it promises then holds for everything found in it.
+        let finished = board.is_finished();
+        if !runner.turn(&mut board) {
+            if finished {
+                break;
             }
             board.wait();
         }
     }
-    session.on_request(Request::Statistics, &mut |frame| board.sender.send(frame));
-    close(&board.statistics(), digest.value())
+    runner.on_request(Request::Statistics, &mut board);
+    flush(&mut board.wire);
+    close(&board.statistics(), board.codes_crc(), stack::high_water())
 }
 
-/// The node with the record's configuration, in memory of its own.
-#[inline(never)]
-fn open_session(record: &Replay<'static>) -> &'static mut Session {
+/// Stopped, with the link alone, until the host asks to start.
+fn serve_until_start(runner: &mut Runner<Flash>, wire: &mut Wire) {
+    runner.session().node_mut().on_request(Request::Stop);
+    while runner.session().node().state() == State::Stopped {
+        runner.serve_link(wire);
+        runner.session().send_messages(START_TICK, &mut |frame| {
+            wire.send(frame);
+        });
+        wire.pump();
+        wire.wait();
+    }
+}
+
+/// Waits for a slow host, but not for one that no longer reads.
+fn flush(wire: &mut Wire) {
+    const PATIENCE: u32 = 10_000_000;
+    let mut idle = 0;
+    while !wire.is_empty() && idle < PATIENCE {
+        idle = if wire.drain() > 0 { 0 } else { idle + 1 };
+    }
+}
+
+/// The node with the stored or the record's configuration.
+fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'static mut Buffers) -> NodeSession {
     let fail = |what: &str, reason: &dyn core::fmt::Debug| -> ! {
         eprintln!("node: {what}: {reason:?}");
         process::exit(1)
     };
-    let config: Configuration = if record.configuration().is_empty() {
+    let (stored, origin) = store.load(CLOCK_HZ);
+    let config: Configuration = if matches!(origin, Origin::Stored | Origin::Former) {
+        stored
+    } else if record.configuration().is_empty() {
         Configuration::default()
     } else {
         postcard::from_bytes(record.configuration()).unwrap_or_else(|e| fail("configuration not understood", &e))
@@ -70,21 +95,22 @@ fn open_session(record: &Replay<'static>) -> &'static mut Session {
     if clock.0 != CLOCK_HZ {
         fail("the record is for another time base", &clock);
     }
-    let session =
-        singleton!(: Option<Session> = Session::new(config, clock).map_err(|e| fail("configuration", &e)).ok());
-    match session {
-        Some(Some(session)) => session,
-        _ => fail("configuration", &"refused"),
+    let mut session = Session::with_buffers(config, clock, buffers).unwrap_or_else(|e| fail("configuration", &e));
+    if let Some(complaint) = origin.complaint() {
+        session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }
+    session
 }
 
 /// Prints the closing statistics and ends with success.
-fn close(statistics: &Statistics, codes_crc: u32) -> ! {
+fn close(statistics: &Statistics, codes_crc: u32, stack: StackUse) -> ! {
     let (sampling, (edges, edges_lost)) = (statistics.sampling, statistics.edges);
     eprintln!(
-        "node: blocks={} lost={} missed={} edges={edges} edges_lost={edges_lost} link_lost={} codes_crc={codes_crc:08x}",
-        sampling.blocks, sampling.lost, sampling.missed, statistics.link_lost,
+        "node: blocks={} lost={} missed={} edges={edges} edges_lost={edges_lost} link_lost={} dropped={} \
+         codes_crc={codes_crc:08x}",
+        sampling.blocks, sampling.lost, sampling.missed, statistics.link_lost, statistics.frames_dropped,
     );
+    eprintln!("node: stack {} of {} bytes", stack.used, stack.size);
     eprintln!("node: finished");
     process::exit(0)
 }

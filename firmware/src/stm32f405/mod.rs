@@ -1,167 +1,245 @@
-//! STM32F405RG at 168 MHz: clocks, tachometer capture, link, light, watchdog.
+//! STM32F405RG at 168 MHz: the register programs of `meshband-stm32` put to work on the chip.
 //!
-//! Pins (as on an Olimex STM32-H405): tachometer PA0, link PA2 (out) and PA3 (in), light PC12 (low is lit),
-//! crystal 8 MHz. Without a crystal that starts, the internal oscillator serves and
-//! [`Board::crystal`] is false: its 1 % tolerance is then the tolerance of every frequency reported.
+//! Two interrupts, of one priority: a tach edge and a complete block. Everything else is polled by the main loop behind
+//! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
 
-pub mod crash;
-pub mod tach;
+pub mod config_flash;
+mod sampling;
+mod tach;
 
-use crate::pipeline::EDGE_QUEUE;
-use core::cell::RefCell;
+use crate::pipeline::{BUFFERS, Codes, EDGE_QUEUE, Filled, Inbox, Request};
+use crate::send_ring::SendRing;
+use core::ptr;
 use cortex_m::peripheral::syst::SystClkSource;
-use critical_section::Mutex;
-use heapless::spsc::{Consumer, Producer, Queue};
-use stm32f4xx_hal::gpio::{Output, PC12};
-use stm32f4xx_hal::pac::{self, NVIC, USART2, interrupt};
-use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::Config;
-use stm32f4xx_hal::serial::{self, Rx, Serial, Tx};
-use stm32f4xx_hal::watchdog::IndependentWatchdog;
-use tach::Tach;
+use cortex_m::singleton;
+use heapless::spsc::Queue;
+use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
+use meshband::config::TachWheel;
+use meshband::node::Block;
+use meshband::units::TicksPerSecond;
+use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::filter::Filter;
+use meshband_stm32::pac::{self, Interrupt};
+use meshband_stm32::time_base::{self, Edge};
+use meshband_stm32::{pins, uart, watchdog};
 
-/// Rate of the time base: timers of APB1 run at twice its 42 MHz.
-pub const TICKS_PER_SECOND: u32 = 84_000_000;
-/// Bit rate of the link.
-const LINK_BITS_PER_SECOND: u32 = 921_600;
-/// Bytes received that may wait for the main loop.
-const RECEIVE_QUEUE: usize = 256;
-/// Period of the wake-up that lets a standing machine's main loop feed the watchdog: 0.1 s at an eighth of 168 MHz.
-const WAKE_TICKS: u32 = 2_100_000;
-/// Polls of the crystal oscillator before it counts as absent: about 50 ms at 16 MHz; crystals need 2 ms.
-const CRYSTAL_PATIENCE: u32 = 100_000;
+/// Rate of the time base.
+pub const TIME_BASE: TicksPerSecond = TicksPerSecond(clock::TIMER_HZ);
+/// Circle of received bytes: 11 ms of the line's full rate.
+const RECEIVE_BYTES: usize = 1024;
+/// Bytes that may wait for the line: most of a snapshot.
+const SEND_BYTES: usize = 8 * 1024;
+/// Period of the wake-up that lets the main loop work while no blocks come: 5 ms at an eighth of 168 MHz.
+const WAKE_TICKS: u32 = 105_000;
 
-/// What the interrupts own.
-struct Interrupts {
-    tach: Tach,
-    receiver: Rx<USART2>,
-    received: Producer<'static, u8>,
+static REQUEST: Request = Request::new();
+
+/// Clocks, reset cause and pins: what must be before anything else.
+pub struct Power {
+    /// What drives the clocks.
+    pub oscillator: Oscillator,
+    /// Why the node started.
+    pub reset_cause: ResetCause,
 }
-
-static INTERRUPTS: Mutex<RefCell<Option<Interrupts>>> = Mutex::new(RefCell::new(None));
 
 /// The board as the main loop sees it.
 pub struct Board {
-    /// Edge instants, in order.
-    pub edges: Consumer<'static, u32>,
-    /// Bytes from the link.
-    pub received: Consumer<'static, u8>,
-    /// Whether the crystal drives the clocks.
-    pub crystal: bool,
-    sender: Tx<USART2>,
-    light: PC12<Output>,
-    watchdog: IndependentWatchdog,
+    inbox: Inbox,
+    received: &'static [u8; RECEIVE_BYTES],
+    read_position: u16,
+    ring: SendRing,
+}
+
+macro_rules! device {
+    ($($name:ident: $block:ident, $type:ident;)*) => {
+        $(
+            /// The chip's register block.
+            pub(crate) fn $name() -> &'static pac::$block::RegisterBlock {
+                // SAFETY: the device exists at this address; each register is used by one context only, or is read
+                // and written whole by one instruction.
+                unsafe { &*pac::$type::PTR }
+            }
+        )*
+    };
+}
+
+device! {
+    rcc: rcc, RCC;
+    flash: flash, FLASH;
+    tim2: tim2, TIM2;
+    tim3: tim3, TIM3;
+    tim5: tim5, TIM5;
+    adc1: adc1, ADC1;
+    adc_common: adc_common, ADC_COMMON;
+    dma1: dma2, DMA1;
+    dma2: dma2, DMA2;
+    usart1: usart1, USART1;
+    port_a: gpioa, GPIOA;
+    port_c: gpioi, GPIOC;
+    iwdg: iwdg, IWDG;
+}
+
+/// Clocks and pins. Starts the watchdog too: from here on a hang ends in a restart.
+pub fn power_up() -> Power {
+    let reset_cause = clock::reset_cause(rcc());
+    let oscillator = match clock::start(rcc(), flash()) {
+        Ok(oscillator) => oscillator,
+        // At 16 MHz neither link nor rates would be right: try again from reset.
+        Err(clock::PllFault) => crate::crash::record_and_reset(0, "PLL"),
+    };
+    clock::enable_peripherals(rcc());
+    pins::configure(port_a(), port_c());
+    watchdog::start(iwdg());
+    Power { oscillator, reset_cause }
+}
+
+/// Switches the light; for code that has no board.
+pub fn set_light(lit: bool) {
+    pins::set_light(port_c(), lit);
 }
 
 impl Board {
-    /// Sets up clocks and peripherals and starts the tachometer.
-    ///
-    /// # Panics
-    /// When called twice, or for a bit rate the clocks cannot give.
-    pub fn start() -> Self {
-        let once = "the board is started once";
-        let device = pac::Peripherals::take().expect(once);
-        let crystal = crystal_starts(&device.RCC);
-        let source = if crystal { Config::hse(8.MHz()) } else { Config::hsi() };
-        let mut rcc = device.RCC.freeze(source.sysclk(168.MHz()).pclk1(42.MHz()).pclk2(84.MHz()));
-        let port_a = device.GPIOA.split(&mut rcc);
-        let port_c = device.GPIOC.split(&mut rcc);
-
-        let settings = serial::Config::default().baudrate(LINK_BITS_PER_SECOND.bps());
-        let mut link = Serial::new(device.USART2, (port_a.pa2, port_a.pa3), settings, &mut rcc)
-            .expect("the clocks give this bit rate");
-        link.listen(serial::Event::RxNotEmpty);
-        let (sender, receiver) = link.split();
-
-        let (edges_in, edges) = cortex_m::singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new()).expect(once).split();
-        let (bytes_in, received) = cortex_m::singleton!(: Queue<u8, RECEIVE_QUEUE> = Queue::new()).expect(once).split();
-        // The pin belongs to the timer from here on.
-        port_a.pa0.into_alternate::<1>();
-        let tach = Tach::start(device.TIM2, &mut rcc, edges_in);
-        critical_section::with(|token| {
-            INTERRUPTS.borrow_ref_mut(token).replace(Interrupts { tach, receiver, received: bytes_in });
-        });
-        for line in [pac::Interrupt::TIM2, pac::Interrupt::USART2] {
-            // SAFETY: the state the handlers work on is complete, and nothing relies on these lines being masked.
-            unsafe { NVIC::unmask(line) };
+    /// Starts link, time base, tach and sampling at `period_ticks`; `None` when called twice.
+    pub fn start(period_ticks: u32, wheel: &TachWheel) -> Option<Self> {
+        let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new())?.split();
+        let (mut free, free_out) = singleton!(: Queue<&'static mut Codes, { BUFFERS + 1 }> = Queue::new())?.split();
+        let (edges_in, edges) = singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new())?.split();
+        for buffer in singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])? {
+            // The queue holds one more than there are buffers.
+            let _ = free.enqueue(buffer);
         }
-        let mut core = cortex_m::Peripherals::take().expect(once);
-        core.SYST.set_clock_source(SystClkSource::External);
-        core.SYST.set_reload(WAKE_TICKS - 1);
-        core.SYST.clear_current();
-        core.SYST.enable_interrupt();
-        core.SYST.enable_counter();
-        let mut watchdog = IndependentWatchdog::new(device.IWDG);
-        watchdog.start(2.secs());
-        Self { edges, received, crystal, sender, light: port_c.pc12.into_push_pull_output(), watchdog }
+        let received = singleton!(: [u8; RECEIVE_BYTES] = [0; RECEIVE_BYTES])?;
+        let ring = SendRing::new(singleton!(: [u8; SEND_BYTES] = [0; SEND_BYTES])?);
+        uart::start(usart1());
+        // SAFETY: the circle is static memory in SRAM that only this stream writes.
+        unsafe {
+            uart::start_reception(dma2(), data_address(), received.as_mut_ptr() as u32, RECEIVE_BYTES as u16);
+        }
+        REQUEST.publish(period_ticks);
+        let filter = tach_filter(wheel);
+        time_base::start(tim5(), Edge::Rising, filter);
+        tach::install(edges_in, filter);
+        sampling::install(period_ticks, blocks_in, free_out, &REQUEST)?;
+        for line in [Interrupt::TIM5, Interrupt::DMA2_STREAM0] {
+            // SAFETY: the state the handlers work on is complete, and nothing relies on these lines being masked.
+            unsafe { cortex_m::peripheral::NVIC::unmask(line) };
+        }
+        // SAFETY: nobody else uses the system timer.
+        let mut system_timer = unsafe { cortex_m::Peripherals::steal() }.SYST;
+        system_timer.set_clock_source(SystClkSource::External);
+        system_timer.set_reload(WAKE_TICKS - 1);
+        system_timer.clear_current();
+        system_timer.enable_interrupt();
+        system_timer.enable_counter();
+        Some(Self { inbox: Inbox { blocks, free, edges }, received, read_position: 0, ring })
     }
 
-    /// Present instant of the time base.
-    pub fn now(&self) -> u32 {
-        critical_section::with(|token| INTERRUPTS.borrow_ref(token).as_ref().map_or(0, |i| i.tach.now()))
+    /// Times sampling had to be started anew because samples had lost step with their triggers.
+    pub fn restarts(&self) -> u32 {
+        sampling::restarts()
+    }
+}
+
+/// The filter for a wheel: by its shortest believable pulse interval.
+fn tach_filter(wheel: &TachWheel) -> Filter {
+    let pulses_hz = wheel.highest.0 * f32::from(wheel.pulses_per_turn);
+    Filter::for_interval((clock::TIMER_HZ as f32 / pulses_hz) as u32)
+}
+
+fn data_address() -> u32 {
+    ptr::from_ref(usart1().dr()) as u32
+}
+
+impl SampleClock for Board {
+    fn time_base(&self) -> TicksPerSecond {
+        TIME_BASE
     }
 
-    /// Edges lost: overwritten in the capture register or refused by the queue.
-    pub fn lost_edges(&self) -> u32 {
-        critical_section::with(|token| INTERRUPTS.borrow_ref(token).as_ref().map_or(0, |i| i.tach.lost()))
+    fn now(&self) -> u32 {
+        time_base::now(tim5())
     }
 
-    /// Sends a frame, waiting for the line.
-    pub fn send(&mut self, frame: &[u8]) {
-        // This driver's writing cannot fail: there is no flow control.
-        let _ = self.sender.bwrite_all(frame);
+    fn set_period_ticks(&mut self, period: u32) {
+        REQUEST.publish(period);
+    }
+}
+
+impl BlockSource for Board {
+    fn horizon(&self) -> u32 {
+        self.now()
     }
 
-    /// Switches the light.
-    pub fn set_light(&mut self, lit: bool) {
-        self.light.set_state((!lit).into());
+    fn pending_end(&self) -> Option<u32> {
+        self.inbox.blocks.peek().map(Filled::end_tick)
     }
 
-    /// Tells the watchdog that the main loop lives.
-    pub fn feed_watchdog(&mut self) {
-        self.watchdog.feed();
+    fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
+        let Some(block) = self.inbox.blocks.dequeue() else { return false };
+        consume(block.as_block());
+        // The queue of empty buffers has room for all of them.
+        let _ = self.inbox.free.enqueue(block.codes);
+        true
+    }
+}
+
+impl TachCapture for Board {
+    fn next_edge_before(&mut self, tick: u32) -> Option<u32> {
+        self.inbox.edge_before(tick)
     }
 
-    /// Sleeps until an interrupt, unless there is something to do.
-    pub fn wait(&self) {
-        critical_section::with(|_| {
-            // With interrupts masked a pending one still ends the sleep.
-            if !self.edges.ready() && !self.received.ready() {
+    fn lost_edges(&self) -> u32 {
+        tach::lost()
+    }
+}
+
+impl Link for Board {
+    fn send(&mut self, frame: &[u8]) -> bool {
+        let queued = self.ring.push(frame);
+        self.pump();
+        queued
+    }
+
+    fn receive(&mut self) -> Option<u8> {
+        if self.read_position == uart::write_position(dma2(), RECEIVE_BYTES as u16) {
+            return None;
+        }
+        let place = self.received.get(usize::from(self.read_position))?;
+        // SAFETY: a valid place; volatile, because DMA writes there behind the compiler's back.
+        let byte = unsafe { ptr::read_volatile(place) };
+        self.read_position = (self.read_position + 1) % RECEIVE_BYTES as u16;
+        Some(byte)
+    }
+
+    fn pump(&mut self) {
+        if uart::is_sending(dma2()) {
+            return;
+        }
+        if let Some(run) = self.ring.next_run() {
+            // SAFETY: the ring is static memory in SRAM and leaves a lent run alone until the next one is asked for.
+            unsafe { uart::start_sending(dma2(), data_address(), run.as_ptr() as u32, run.len() as u16) };
+        }
+    }
+
+    fn take_dropped(&mut self) -> Option<u32> {
+        self.ring.take_dropped()
+    }
+}
+
+impl Supervision for Board {
+    fn feed_watchdog(&mut self) {
+        watchdog::feed(iwdg());
+    }
+
+    fn set_light(&mut self, lit: bool) {
+        set_light(lit);
+    }
+
+    fn wait(&mut self) {
+        cortex_m::interrupt::free(|_| {
+            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
+            if !self.inbox.blocks.ready() {
                 cortex_m::asm::wfi();
             }
         });
     }
-}
-
-/// Starts the crystal oscillator; the vendor driver would wait for it for ever.
-fn crystal_starts(rcc: &pac::RCC) -> bool {
-    rcc.cr().modify(|_, w| w.hseon().set_bit());
-    for _ in 0..CRYSTAL_PATIENCE {
-        if rcc.cr().read().hserdy().bit_is_set() {
-            return true;
-        }
-    }
-    rcc.cr().modify(|_, w| w.hseon().clear_bit());
-    false
-}
-
-#[interrupt]
-fn TIM2() {
-    critical_section::with(|token| {
-        if let Some(interrupts) = INTERRUPTS.borrow_ref_mut(token).as_mut() {
-            interrupts.tach.on_interrupt();
-        }
-    });
-}
-
-#[interrupt]
-fn USART2() {
-    critical_section::with(|token| {
-        if let Some(interrupts) = INTERRUPTS.borrow_ref_mut(token).as_mut() {
-            while let Ok(byte) = interrupts.receiver.read() {
-                // A full queue loses the byte; the frame's checksum shows it.
-                let _ = interrupts.received.enqueue(byte);
-            }
-        }
-    });
 }

@@ -1,89 +1,233 @@
-//! `meshband node`: the real firmware in QEMU on a run of a record.
+//! `meshband node`: the real firmware in QEMU on a run of a record, or on a machine simulated for the purpose.
 
-use clap::Args as ClapArgs;
-use meshband::config::{Configuration, GearPair, TachWheel};
+use clap::{Args as ClapArgs, ValueEnum};
+use meshband_host::dynamics::simulate::Acquisition;
+use meshband_host::machine::Machine;
 use meshband_host::qemu::{Qemu, built_firmware};
 use meshband_host::record::Record;
-use meshband_host::virtual_node::frames::Received;
-use meshband_host::virtual_node::image::{Image, Source};
-use meshband_host::virtual_node::simulation;
-use meshband_host::{Error, Result};
-use std::path::PathBuf;
+use meshband_host::report::write_json;
+use meshband_host::virtual_node::setup::{OrderShaft, configuration};
+use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
+use meshband_host::virtual_node::summary::{self, Table};
+use meshband_host::virtual_node::trial::{self, Trial};
+use meshband_host::virtual_node::{profile, report};
+use meshband_host::{Error, Result, effects, terminal};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `meshband node`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Record folder.
-    record: PathBuf,
+    /// Record folder, or machine file to simulate.
+    input: PathBuf,
     /// Run of the record.
     #[arg(long, default_value_t = 0)]
     run: usize,
-    /// Channel of the run.
-    #[arg(long, default_value_t = 0)]
-    channel: usize,
+    /// Channel: its number from 0, its name, or a part of it (machine: 0 pinion bearing, 1 gear bearing).
+    #[arg(long, default_value = "0")]
+    channel: String,
+    /// Start of the stretch to replay, s; the board's memory holds 8.3 s.
+    #[arg(long, default_value_t = 0.0)]
+    start: f64,
+    /// Length of the stretch, s; the rest of the run, or 3 s of a machine.
+    #[arg(long)]
+    duration: Option<f64>,
+    /// Unit of the amplitudes shown.
+    #[arg(long, value_enum)]
+    unit: Option<ShownUnit>,
+    /// Machine: pinion speed, Hz; its nominal speed otherwise.
+    #[arg(long)]
+    speed: Option<f64>,
+    /// Machine: run-up between two pinion speeds, Hz, as 3,25.
+    #[arg(long, value_delimiter = ',', conflicts_with = "speed")]
+    run_up: Option<Vec<f64>>,
+    /// Machine: torque at the motor, N m; its nominal torque otherwise.
+    #[arg(long)]
+    torque: Option<f64>,
+    /// Machine: effect, `name:key=value,...`; may be repeated.
+    #[arg(long = "effect")]
+    effects: Vec<String>,
+    /// Machine: tach pulses per turn of the pinion.
+    #[arg(long, default_value_t = 8)]
+    pulses: u32,
+    /// Machine: rate of the signal on the wire, Hz; its anti-alias filter is flat to 0.4 of it.
+    #[arg(long, default_value_t = 204_800.0)]
+    signal_rate: f64,
+    /// Forces the converter's rate, Hz, without decimation, whatever the law says: aliases are then real.
+    #[arg(long)]
+    rate: Option<f64>,
+    /// Shaft whose turns are the orders, and whose sidebands are read.
+    #[arg(long, value_enum, default_value_t = Shaft::Pinion)]
+    orders_of: Shaft,
+    /// Runs in QEMU; more than one are compared byte for byte.
+    #[arg(long, default_value_t = 1)]
+    runs: usize,
+    /// Instruction rate in QEMU: 1000 MIPS over 2 to this power.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(0..=8))]
+    icount_shift: u8,
+    /// Runs the record at other instruction rates, too, and says from which on the node keeps up.
+    #[arg(long)]
+    profile: bool,
     /// Firmware image; without it the one that `cargo xtask node-build` made.
     #[arg(long)]
     firmware: Option<PathBuf>,
     /// Writes the result as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Writes a report with pictures.
+    #[arg(long)]
+    report: Option<PathBuf>,
 }
 
-/// Replays the run, prints what the node reported, and compares its frames with the same code run here.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ShownUnit {
+    /// m/s2
+    #[value(name = "m/s2")]
+    Acceleration,
+    /// multiples of standard gravity
+    #[value(name = "g")]
+    Gravity,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Shaft {
+    /// The driving gear's.
+    Pinion,
+    /// The driven gear's.
+    Gear,
+}
+
+/// Replays the signal, prints what the node reported, and compares its lines with the f64 reference.
 pub fn run(args: Args) -> Result<()> {
-    let record = Record::read(&args.record)?;
-    let tach = record.require_tach()?;
-    let run = record.run(args.run)?;
-    let place = args.record.display();
-    if args.channel >= run.channels() {
-        return Err(Error::invalid(
-            "--channel",
-            format!("the record has {} channels, numbered from 0", run.channels()),
-        ));
+    let mut signal = if is_record(&args.input) { of_record(&args)? } else { of_machine(&args)? };
+    if let Some(unit) = args.unit {
+        if signal.unit != Unit::Acceleration {
+            return Err(Error::invalid("--unit", format!("the record is in {}, not in m/s2", signal.unit)));
+        }
+        signal.unit = match unit {
+            ShownUnit::Acceleration => Unit::Acceleration,
+            ShownUnit::Gravity => Unit::Gravity,
+        };
     }
-    let teeth = record.declaration.teeth().ok_or_else(|| Error::invalid(&place, "declares no tooth counts"))?;
-    let small = |value: u32, what: &str| {
-        u16::try_from(value).map_err(|_| Error::invalid(&place, format!("{what} {value} is beyond the node's range")))
+    let shaft = match args.orders_of {
+        Shaft::Pinion => OrderShaft::Pinion,
+        Shaft::Gear => OrderShaft::Gear,
     };
-    let defaults = Configuration::default();
-    let pinion_per_tach = if tach.shaft == "gear" { teeth[1] as f32 / teeth[0] as f32 } else { 1.0 };
-    let config = Configuration {
-        gears: GearPair { pinion_teeth: small(teeth[0], "teeth")?, gear_teeth: small(teeth[1], "teeth")? },
-        tach: TachWheel {
-            pulses_per_turn: small(tach.pulses_per_rev, "pulses_per_rev")?,
-            pinion_per_tach,
-            ..defaults.tach
-        },
-        ..defaults
-    };
-    let samples = run.signal_m_s2(args.channel);
-    let source = Source { samples: &samples, rate_hz: run.sample_rate_hz(), edges_s: &run.edges_s };
-    let image = Image::new(source, &config, |header| header)?;
-    eprintln!("node: {:.2} s of signal at {:.0} Hz, in QEMU ...", image.duration_s, image.signal_rate_hz);
-    let finished = Qemu::new(args.firmware.unwrap_or_else(|| built_firmware("an386"))).run(&image.bytes)?;
-    let same = simulation::run(&image.bytes)?.link == finished.link;
-    let received = Received::decode(&finished.link);
-    println!("{:>9} {:>11} {:>12} {:>11} {:>10}", "speed Hz", "law Hz", "requested Hz", "granted Hz", "ADC Hz");
-    for s in received.statuses() {
-        println!(
-            "{:9.4} {:11.1} {:12.1} {:11.1} {:10.1}",
-            s.speed_hz, s.bandwidth_hz, s.requested_hz, s.granted_hz, s.adc_hz
-        );
+    let config = configuration(&signal, shaft, args.rate)?;
+    let firmware = args.firmware.unwrap_or_else(|| built_firmware("an386"));
+    let qemu = Qemu { icount_shift: args.icount_shift, ..Qemu::new(firmware) };
+    progress(&format!("{:.2} s of {}, {}, in QEMU", signal.duration_s(), signal.title, signal.channel));
+    let trial = trial::run(&signal, &config, shaft, &qemu, args.runs)?;
+    let paces = if args.profile { profile::run(&signal, &config, &qemu)? } else { Vec::new() };
+    print(&trial, &signal, shaft);
+    if !paces.is_empty() {
+        println!();
+        print_table(&summary::paces(&paces));
     }
-    let spectrum = received.spectra().last();
-    for band in spectrum.iter().flat_map(|s| &s.bands) {
-        println!("mesh {:2}: {:10.3} Hz {:10.5}", band.harmonic, band.line.frequency_hz, band.line.amplitude);
-    }
-    println!("frames: {} lost, {} refused; same bytes as on the host: {same}", received.lost, received.refused);
-    if let Some(path) = args.json {
+    if let Some(path) = &args.json {
         let value = serde_json::json!({
-            "statuses": received.statuses().collect::<Vec<_>>(),
-            "spectrum": spectrum,
-            "statistics": received.statistics(),
-            "identical_to_host": same,
-            "wall_time_s": finished.wall_time.as_secs_f64(),
+            "title": signal.title,
+            "channel": signal.channel,
+            "unit": signal.unit.to_string(),
+            "orders_of": shaft.name(),
+            "notes": signal.notes,
+            "trial": trial,
+            "paces": paces,
         });
-        std::fs::write(&path, format!("{value:#}\n")).map_err(Error::file(&path))?;
+        write_json(path, &value)?;
+    }
+    if let Some(path) = &args.report {
+        report::build(&trial, &signal, shaft, &paces)?.write(path)?;
     }
     Ok(())
+}
+
+/// Folders are records; of files only a `record.toml` belongs to one.
+fn is_record(input: &Path) -> bool {
+    input.is_dir() || input.file_name().is_some_and(|name| name == "record.toml")
+}
+
+fn of_record(args: &Args) -> Result<Signal> {
+    let given = [
+        ("--speed", args.speed.is_some()),
+        ("--run-up", args.run_up.is_some()),
+        ("--torque", args.torque.is_some()),
+        ("--effect", !args.effects.is_empty()),
+    ];
+    if let Some((option, _)) = given.iter().find(|(_, is)| *is) {
+        return Err(Error::invalid(option, "is for machines; a record has its own"));
+    }
+    Signal::of_record(&Record::read(&args.input)?, args.run, &args.channel, args.start, args.duration)
+}
+
+fn of_machine(args: &Args) -> Result<Signal> {
+    let machine = Machine::read(&args.input)?;
+    let nominal = |value: Option<f64>, option: &str, nominal: Option<f64>| {
+        let value = value.or(nominal).ok_or_else(|| {
+            Error::invalid(option, format!("is needed: {} has no [nominal] operating point", args.input.display()))
+        })?;
+        if value.is_finite() && value > 0.0 {
+            Ok(value)
+        } else {
+            Err(Error::invalid(option, format!("{value} is not a positive number")))
+        }
+    };
+    let (speed_hz, final_speed_hz) = match args.run_up.as_deref() {
+        None => (nominal(args.speed, "--speed", machine.nominal.map(|n| n.speed_hz))?, None),
+        Some(&[from, to]) if [from, to].iter().all(|hz| hz.is_finite() && *hz > 0.0) => (from, Some(to)),
+        Some(_) => return Err(Error::invalid("--run-up", "needs two positive speeds in Hz, as 3,25")),
+    };
+    let torque_n_m = nominal(args.torque, "--torque", machine.nominal.map(|n| n.torque_n_m))?;
+    let effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
+    let channel = match args.channel.as_str() {
+        "0" | "pinion" => 0,
+        "1" | "gear" => 1,
+        other => return Err(Error::invalid("--channel", format!("'{other}': a machine has 0 (pinion) and 1 (gear)"))),
+    };
+    let duration_s = args.duration.unwrap_or(if final_speed_hz.is_some() { 8.0 } else { 3.0 });
+    if !(0.1..=60.0).contains(&duration_s) {
+        return Err(Error::invalid("--duration", format!("{duration_s} s is not within 0.1 to 60 s")));
+    }
+    let acquisition = Acquisition {
+        rate_hz: args.signal_rate,
+        duration_s,
+        pulses_per_turn: args.pulses,
+        jitter_s: 0.0,
+        noise_m_s2: 0.0,
+        seed: 1,
+    };
+    let operation = Operation { speed_hz, final_speed_hz, torque_n_m, effects: &effects, acquisition, channel };
+    progress(&format!("simulating {duration_s} s of {}", machine.title));
+    Signal::of_machine(&machine, &operation)
+}
+
+/// One line for who is watching; logs and pipes stay clean.
+fn progress(what: &str) {
+    if std::io::stderr().is_terminal() {
+        eprintln!("node: {what} ...");
+    }
+}
+
+fn print_table(table: &Table) {
+    print!("{}", terminal::table(&table.head, &table.rows));
+}
+
+fn print(trial: &Trial, signal: &Signal, shaft: OrderShaft) {
+    println!("\nspeed of the {} and rates", shaft.name());
+    print_table(&summary::rates(trial, 16));
+    if let Some(table) = summary::lines(trial, false) {
+        println!("\nmesh harmonics, amplitudes in {}, against the f64 reference", signal.unit);
+        print_table(&table);
+    }
+    let forced = trial.rates.first().is_some_and(|r| r.adc_hz == r.granted_hz && trial.peaks.iter().any(|p| p.folded));
+    if forced || trial.spectra.is_empty() {
+        println!("\nwideband peaks, lines {:.2} Hz apart", trial.peak_resolution_hz);
+        print_table(&summary::peaks(trial));
+    }
+    println!();
+    let lines = summary::verdicts(trial, signal, shaft);
+    let width = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    for (name, value) in lines {
+        println!("{name:<width$}  {value}");
+    }
 }

@@ -1,12 +1,16 @@
-//! `meshband simulate`: a record folder of a simulated machine.
+//! `meshband simulate`: a record folder of a simulated machine, one run per pair of speed and torque.
 
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::assembly::{Damping, Model};
-use meshband_host::dynamics::simulate::{Acquisition, simulate};
+use meshband_host::dynamics::simulate::{Acquisition, Simulated, run_seed, simulate, start_turns};
 use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::machine::Machine;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
-use meshband_host::{Error, Result, effects};
+use meshband_host::report::plot::{Axes, Series, lines, spectrum};
+use meshband_host::report::{Report, write_json};
+use meshband_host::spectral::{Window, amplitude_spectrum};
+use meshband_host::{Error, Result, effects, terminal};
+use rayon::prelude::*;
 use std::path::PathBuf;
 
 /// Arguments of `meshband simulate`.
@@ -14,24 +18,24 @@ use std::path::PathBuf;
 pub struct Args {
     /// Machine file or record folder.
     machine: PathBuf,
-    /// Pinion speed, Hz.
-    #[arg(long)]
-    speed: f64,
-    /// Pinion speed reached at the end of the run, Hz; default: constant speed.
-    #[arg(long)]
-    final_speed: Option<f64>,
-    /// Torque at the motor, N m.
-    #[arg(long)]
-    torque: f64,
-    /// Effect, `name:key=value,...`; may be repeated.
+    /// Pinion speeds, Hz, separated by commas; default: the machine's nominal speed.
+    #[arg(long, value_delimiter = ',')]
+    speed: Vec<f64>,
+    /// One run whose speed changes linearly instead: FROM,TO (Hz),SECONDS; it lasts at least that long.
+    #[arg(long, value_delimiter = ',', num_args = 1, conflicts_with = "speed")]
+    run_up: Vec<f64>,
+    /// Torques at the motor, N m, separated by commas; default: the machine's nominal torque.
+    #[arg(long, value_delimiter = ',')]
+    torque: Vec<f64>,
+    /// Effect, `name:key=value,...`; may be repeated (`meshband effects` lists them).
     #[arg(long = "effect")]
     effects: Vec<String>,
     /// Sampling rate, Hz.
     #[arg(long, default_value_t = 51_200.0)]
     rate: f64,
-    /// Length, s.
-    #[arg(long, default_value_t = 2.0)]
-    duration: f64,
+    /// Length of each run, s; default: 2, or the run-up's duration.
+    #[arg(long)]
+    duration: Option<f64>,
     /// Tach pulses per turn of the pinion.
     #[arg(long, default_value_t = 1)]
     pulses: u32,
@@ -44,42 +48,125 @@ pub struct Args {
     /// Seed of the random streams.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Start every run at a random angle (from the seed) instead of angle 0.
+    #[arg(long)]
+    random_start: bool,
     /// Model: bending-torsional, bending-torsional-6 or casing.
     #[arg(long, default_value = "bending-torsional")]
     model: Model,
     /// Record folder to write.
-    #[arg(short)]
+    #[arg(short, long)]
     output: PathBuf,
-    /// Statistics as JSON.
+    /// Write cost and energy of every run as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Write a report with pictures.
+    #[arg(long)]
+    report: Option<PathBuf>,
 }
 
-/// Simulates one run and writes it.
+/// One run's conditions.
+struct Point {
+    motion: Motion,
+    speed_text: String,
+    torque_n_m: f64,
+    seed: u64,
+}
+
+/// Simulates the runs and writes the record.
 pub fn run(args: Args) -> Result<()> {
     let machine = Machine::read(&args.machine)?;
     let rig = Rig::new(&machine, args.model, Damping::Declared)?;
     let effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
-    let motion = match args.final_speed {
-        None => Motion::Constant { speed_hz: args.speed, turns_at_zero: 0.0 },
-        Some(to_hz) if to_hz.is_finite() && to_hz > 0.0 => {
-            Motion::RunUp { from_hz: args.speed, to_hz, duration_s: args.duration }
+    let (points, default_s) = points(&args, &machine)?;
+    let duration_s = args.duration.unwrap_or(default_s);
+    let progress = terminal::Progress::new("simulate", points.len() as u64);
+    let results: Vec<Simulated> = points
+        .par_iter()
+        .map(|point| {
+            let acquisition = Acquisition {
+                rate_hz: args.rate,
+                duration_s,
+                pulses_per_turn: args.pulses,
+                jitter_s: args.jitter,
+                noise_m_s2: args.noise,
+                seed: point.seed,
+            };
+            let simulated = simulate(&rig, &point.motion, point.torque_n_m, &effects, &acquisition)?;
+            progress.step();
+            Ok(simulated)
+        })
+        .collect::<Result<_>>()?;
+    drop(progress);
+    for (index, warning) in results.iter().enumerate().filter_map(|(i, r)| Some((i, warning(r)?))) {
+        eprintln!("warning: run {index}: {warning}");
+    }
+    write_record(&args, &machine, &points, &results)?;
+    if let Some(path) = &args.json {
+        write_json(path, &json(&args, &points, &results))?;
+    }
+    if let Some(path) = &args.report {
+        report(&args, &machine, &points, &results)?.write(path)?;
+    }
+    Ok(())
+}
+
+/// The runs asked for, and their default length, s.
+fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
+    let nominal = |given: &[f64], option: &str, value: Option<f64>| match (given, value) {
+        ([], None) => Err(Error::invalid(option, "is needed: the machine declares no [nominal]")),
+        ([], Some(value)) => Ok(vec![value]),
+        (given, _) => Ok(given.to_vec()),
+    };
+    let torques = nominal(&args.torque, "--torque", machine.nominal.map(|n| n.torque_n_m))?;
+    let mut motions = Vec::new();
+    let mut default_s = 2.0;
+    match args.run_up[..] {
+        [] => {
+            for speed_hz in nominal(&args.speed, "--speed", machine.nominal.map(|n| n.speed_hz))? {
+                motions.push((Motion::Constant { speed_hz, turns_at_zero: 0.0 }, format!("{speed_hz}")));
+            }
         }
-        Some(to_hz) => return Err(Error::invalid("--final-speed", format!("{to_hz} Hz is not a positive speed"))),
-    };
-    let acquisition = Acquisition {
-        rate_hz: args.rate,
-        duration_s: args.duration,
-        pulses_per_turn: args.pulses,
-        jitter_s: args.jitter,
-        noise_m_s2: args.noise,
-        seed: args.seed,
-    };
-    let simulated = simulate(&rig, &motion, args.torque, &effects, &acquisition)?;
+        [from_hz, to_hz, duration_s] => {
+            if [from_hz, to_hz, duration_s].iter().any(|x| !(x.is_finite() && *x > 0.0)) {
+                return Err(Error::invalid("--run-up", "speeds and duration must be positive numbers"));
+            }
+            default_s = duration_s;
+            motions.push((Motion::RunUp { from_hz, to_hz, duration_s }, format!("{from_hz} to {to_hz}")));
+        }
+        _ => return Err(Error::invalid("--run-up", "needs FROM,TO,SECONDS")),
+    }
+    let mut points = Vec::new();
+    for (motion, speed_text) in &motions {
+        for &torque_n_m in &torques {
+            let seed = run_seed(args.seed, points.len());
+            let mut motion = motion.clone();
+            if let (Motion::Constant { turns_at_zero, .. }, true) = (&mut motion, args.random_start) {
+                *turns_at_zero = start_turns(seed);
+            }
+            points.push(Point { motion, speed_text: speed_text.clone(), torque_n_m, seed });
+        }
+    }
+    Ok((points, default_s))
+}
+
+/// What a reader of the result must know.
+fn warning(simulated: &Simulated) -> Option<String> {
+    let energy = &simulated.energy;
+    (energy.least_mesh_force_n < 0.0 && simulated.statistics.contact_events == 0).then(|| {
+        format!(
+            "the mesh force falls to {:.3e} N at {:.4} s: teeth cannot pull; add `--effect backlash` for contact loss",
+            energy.least_mesh_force_n, energy.least_at_s
+        )
+    })
+}
+
+fn write_record(args: &Args, machine: &Machine, points: &[Point], results: &[Simulated]) -> Result<()> {
+    let all: Vec<Vec<f64>> = results.iter().flat_map(|r| r.channels.iter().cloned()).collect();
     let declared = record::Acquisition {
         sample_rate_hz: args.rate,
         channels: vec!["pinion bearing, line of action".into(), "gear bearing, line of action".into()],
-        full_scale_m_s2: record::suggested_full_scale(&simulated.channels),
+        full_scale_m_s2: record::suggested_full_scale(&all),
         code_bits: 16,
         unit: None,
         other: toml::Table::new(),
@@ -91,15 +178,96 @@ pub fn run(args: Args) -> Result<()> {
         source: None,
         other: toml::Table::new(),
     };
-    let mut declaration = Declaration::of_machine(&machine, declared.clone(), Some(tach))?;
-    let mut table = RunDeclaration::numbered(0, true, Some(args.torque));
-    table.first_pulse_index = simulated.first_pulse_index;
-    declaration.runs.push(table.clone());
-    let run = Run::from_signals(table, &declared, &simulated.channels, simulated.edges_s)?;
-    Record { folder: machine.folder.clone(), declaration, runs: vec![run] }.write(&args.output)?;
-    if let Some(path) = &args.json {
-        let value = serde_json::json!({ "statistics": simulated.statistics, "effects": args.effects });
-        std::fs::write(path, value.to_string()).map_err(Error::file(path))?;
+    let mut declaration = Declaration::of_machine(machine, declared.clone(), Some(tach))?;
+    let mut runs = Vec::new();
+    for (index, (point, simulated)) in points.iter().zip(results).enumerate() {
+        if simulated.edges_s.len() < 2 {
+            let what =
+                format!("{} tach edges in run {index}: a speed needs two, lengthen the run", simulated.edges_s.len());
+            return Err(Error::invalid("--duration", what));
+        }
+        let mut table = RunDeclaration::numbered(index, true, Some(point.torque_n_m));
+        table.first_pulse_index = simulated.first_pulse_index;
+        declaration.runs.push(table.clone());
+        runs.push(Run::from_signals(table, &declared, &simulated.channels, simulated.edges_s.clone())?);
     }
-    Ok(())
+    Record { folder: machine.folder.clone(), declaration, runs }.write(&args.output)
+}
+
+fn json(args: &Args, points: &[Point], results: &[Simulated]) -> serde_json::Value {
+    let runs: Vec<_> = points
+        .iter()
+        .zip(results)
+        .map(|(point, r)| {
+            serde_json::json!({
+                "pinion_speed_hz": point.speed_text,
+                "input_torque_n_m": point.torque_n_m,
+                "statistics": r.statistics,
+                "energy": r.energy,
+                "warning": warning(r),
+            })
+        })
+        .collect();
+    serde_json::json!({ "effects": args.effects, "seed": args.seed, "runs": runs })
+}
+
+/// Samples drawn of a waveform.
+const DRAWN: usize = 4000;
+
+fn report(args: &Args, machine: &Machine, points: &[Point], results: &[Simulated]) -> Result<Report> {
+    let effects = if args.effects.is_empty() { "none".into() } else { args.effects.join(", ") };
+    let rows: Vec<Vec<String>> = points
+        .iter()
+        .zip(results)
+        .map(|(point, r)| {
+            let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
+            vec![
+                point.speed_text.clone(),
+                point.torque_n_m.to_string(),
+                format!("{:.4}", rms(&r.channels[0])),
+                format!("{:.4}", rms(&r.channels[1])),
+                r.statistics.steps.to_string(),
+                r.statistics.contact_events.to_string(),
+                format!("{:.1e}", r.energy.worst_residual),
+                format!("{:.1}", r.energy.least_mesh_force_n),
+            ]
+        })
+        .collect();
+    let head = [
+        "speed, Hz",
+        "torque, N m",
+        "RMS pinion, m/s2",
+        "RMS gear, m/s2",
+        "steps",
+        "contact events",
+        "energy residual",
+        "least mesh force, N",
+    ];
+    let mut report = Report::new("Simulation", &machine.title)
+        .figure("Runs", results.len())
+        .figure("Sampling rate", format!("{} Hz", args.rate))
+        .figure("Effects", effects)
+        .table("Runs: level, cost, energy balance per mesh period, least mesh force.", &head, &rows);
+    for text in results.iter().filter_map(warning).take(1) {
+        report = report.note(&text);
+    }
+    for (index, (point, r)) in points.iter().zip(results).enumerate() {
+        let named = ["pinion", "gear"];
+        let wave = |c: usize| {
+            let part = r.channels[c].iter().take(DRAWN).enumerate();
+            Series::new(named[c], part.map(|(i, x)| (i as f64 / args.rate, *x)).collect())
+        };
+        let bins = |c: usize| {
+            let s = amplitude_spectrum(&r.channels[c], args.rate, Window::Hann);
+            Series::new(named[c], (1..s.values.len()).map(|i| (s.frequency(i), s.values[i])).collect())
+        };
+        let title = format!("Run {index}: {} Hz, {} N m", point.speed_text, point.torque_n_m);
+        let waves = lines(&[wave(0), wave(1)], Axes { x: "time, s", y: "acceleration, m/s2" })?;
+        let axes = Axes { x: "frequency, Hz", y: "acceleration, dB re 1 m/s2" };
+        report = report
+            .section(&title)
+            .picture(&waves, "Start of the run.")
+            .picture(&spectrum(&[bins(0), bins(1)], &[], 1.0, 100.0, axes)?, "Amplitude spectrum of the whole run.");
+    }
+    Ok(report)
 }

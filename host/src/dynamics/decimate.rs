@@ -47,7 +47,63 @@ impl Decimator {
 
     /// The filtered signal at the output rate; `input` covers [`Decimator::span`].
     pub fn apply(&self, input: &[f64], count: usize) -> Vec<f64> {
-        (0..count).map(|i| input[i * OVERSAMPLING..].iter().zip(&self.taps).map(|(x, t)| x * t).sum()).collect()
+        (0..count).map(|i| self.output(&input[i * OVERSAMPLING..])).collect()
+    }
+
+    /// One output from the inputs that begin with its first.
+    fn output(&self, input: &[f64]) -> f64 {
+        // Eight partial sums: a single one would wait for itself.
+        let mut sums = [0.0; 8];
+        let (taps, input) = (self.taps.chunks_exact(8), input[..self.taps.len()].chunks_exact(8));
+        let rest: f64 = taps.remainder().iter().zip(input.remainder()).map(|(t, x)| t * x).sum();
+        for (t, x) in taps.zip(input) {
+            for i in 0..8 {
+                sums[i] += t[i] * x[i];
+            }
+        }
+        sums.iter().sum::<f64>() + rest
+    }
+}
+
+/// Filters a signal that arrives in parts, so that the oversampled signal is never stored whole.
+pub struct Stream<'f> {
+    filter: &'f Decimator,
+    pending: Vec<f64>,
+    output: Vec<f64>,
+    count: usize,
+}
+
+/// Inputs gathered before they are filtered.
+const GATHERED: usize = 1 << 16;
+
+impl<'f> Stream<'f> {
+    /// A stream that gives `count` outputs.
+    pub fn new(filter: &'f Decimator, count: usize) -> Self {
+        Self { filter, pending: Vec::new(), output: Vec::with_capacity(count), count }
+    }
+
+    /// Takes inputs in order, the first being [`Decimator::span`]'s first.
+    pub fn push(&mut self, input: &[f64]) {
+        self.pending.extend_from_slice(input);
+        if self.pending.len() >= GATHERED {
+            self.drain();
+        }
+    }
+
+    /// The outputs.
+    pub fn finish(mut self) -> Vec<f64> {
+        self.drain();
+        self.output
+    }
+
+    fn drain(&mut self) {
+        let taps = self.filter.taps.len();
+        let mut start = 0;
+        while start + taps <= self.pending.len() && self.output.len() < self.count {
+            self.output.push(self.filter.output(&self.pending[start..]));
+            start += OVERSAMPLING;
+        }
+        self.pending.drain(..start.min(self.pending.len()));
     }
 }
 

@@ -121,6 +121,8 @@ pub struct Sampled<'a> {
     pub seed: u64,
     /// Pinion angle at each sample, turns.
     pub turns: &'a [f64],
+    /// Machine and operating point.
+    pub facts: &'a Facts,
 }
 
 /// One effect. Every method has a neutral default; an effect overrides what it changes.
@@ -163,6 +165,11 @@ pub trait Effect: Send + Sync {
     /// Path positions (base pitches) at which a contribution of a pair is not smooth.
     fn path_knots(&self, _facts: &Facts) -> Vec<f64> {
         Vec::new()
+    }
+
+    /// Whether the acquisition lacks its anti-alias filter.
+    fn unfiltered(&self) -> bool {
+        false
     }
 
     /// Changes sampled acceleration: sensor, transfer path, noise. Applied in the order of the effects.

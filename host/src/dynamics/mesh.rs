@@ -4,6 +4,7 @@
 //! or of an effect, and collects everything the solver needs into [`Terms`]: rank-one channels
 //! `f -= out (k (in . q) + c (in . q') - g)` and external forces. With backlash every pair carries its
 //! own regime (drive flank, free, coast flank), changed only at roots of its deflection polynomial.
+//! A cracked tooth's pair follows its own curve.
 
 use super::assembly::{Coordinate, System};
 use super::excitation::{Backlash, Effect, Facts, Forces, Moment, PairOnPath, Place};
@@ -11,6 +12,7 @@ use super::kinematics::Motion;
 use super::roots::first_root;
 use super::series::Series;
 use crate::piecewise::PiecewisePolynomial;
+use crate::stiffness::CrackedPair;
 use std::f64::consts::TAU;
 
 /// Position ahead of the contact, base pitches, by which a piece is chosen at a knot.
@@ -58,6 +60,8 @@ pub struct PairTerm {
     pub c: Series,
     /// Error, m, the coast flank's clearance not included.
     pub e: Series,
+    /// Clearance passed where the coast flank carries, else 0, m.
+    pub clearance_m: f64,
 }
 
 /// Which flank of a pair is in contact.
@@ -74,12 +78,24 @@ pub enum Regime {
 /// What acts during one step.
 #[derive(Debug, Default)]
 pub struct Terms {
+    /// Position of the contact at the start, base pitches from the start of pair 0's path.
+    pub position: f64,
     /// Rank-one terms; the mesh is the first.
-    pub channels: Vec<Channel>,
+    channels: Vec<Channel>,
     /// External force series by direction index.
     pub forces: Vec<(usize, Series)>,
     /// Pairs on the path.
     pub pairs: Vec<PairTerm>,
+}
+
+/// Most rank-one terms of a step: the mesh, friction on three coordinates, two bearings in two directions.
+pub const CHANNELS: usize = 8;
+
+impl Terms {
+    /// The rank-one terms; effects on the same place are summed, so there are never more than [`CHANNELS`].
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
 }
 
 /// Index of the mesh direction among [`Mesh::directions`].
@@ -101,6 +117,7 @@ pub struct Mesh<'a> {
     pub effects: &'a [Box<dyn Effect>],
     /// What effects may know.
     pub facts: Facts,
+    cracked: Option<&'a CrackedPair>,
     coordinates: Vec<Coordinate>,
     knots: Vec<f64>,
     backlash: Option<Backlash>,
@@ -120,11 +137,32 @@ impl<'a> Mesh<'a> {
         let mut knots = stiffness.knots().to_vec();
         let end = *knots.last().expect("a curve has knots");
         knots.extend(effects.iter().flat_map(|e| e.path_knots(&facts)).filter(|&k| k > 0.0 && k < end));
-        knots.sort_by(f64::total_cmp);
-        knots.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+        tidy(&mut knots);
         let backlash = effects.iter().find_map(|e| e.backlash());
         let coordinates = system.coordinates.clone();
-        Self { stiffness, damping, motion, effects, facts, coordinates, knots, backlash, regimes: Vec::new() }
+        let regimes = Vec::new();
+        Self { stiffness, damping, motion, effects, facts, cracked: None, coordinates, knots, backlash, regimes }
+    }
+
+    /// Gives the pair of one tooth its own curve.
+    pub fn with_crack(mut self, cracked: Option<&'a CrackedPair>) -> Self {
+        self.cracked = cracked;
+        self.knots.extend(cracked.iter().flat_map(|c| c.curve.knots()));
+        tidy(&mut self.knots);
+        self
+    }
+
+    /// Stiffness curve of a pair.
+    fn curve(&self, number: i64) -> &'a PiecewisePolynomial {
+        match self.cracked {
+            Some(c) if number.rem_euclid(i64::from(self.facts.teeth[c.side.index()])) == i64::from(c.tooth) => &c.curve,
+            _ => self.stiffness,
+        }
+    }
+
+    /// Clearance between the flanks, m; zero where contact is never lost.
+    pub fn clearance_m(&self) -> f64 {
+        self.backlash.map_or(0.0, |b| b.clearance_m)
     }
 
     /// Whether contact may be lost.
@@ -137,6 +175,14 @@ impl<'a> Mesh<'a> {
         let column = |v: &nalgebra::DVector<f64>| std::array::from_fn(|i| v[i]);
         let mut all = vec![column(&system.mesh), column(&system.cross)];
         all.extend((0..N).map(|j| std::array::from_fn(|i| if i == j { 1.0 } else { 0.0 })));
+        all
+    }
+
+    /// [`Mesh::directions`] of any number of coordinates.
+    pub fn all_directions(system: &System) -> Vec<Vec<f64>> {
+        let n = system.len();
+        let mut all: Vec<Vec<f64>> = [&system.mesh, &system.cross].map(|v| v.iter().copied().collect()).into();
+        all.extend((0..n).map(|j| (0..n).map(|i| f64::from(u8::from(i == j))).collect()));
         all
     }
 
@@ -202,6 +248,7 @@ impl<'a> Mesh<'a> {
     }
 
     fn collect(&mut self, t: f64, h: f64, turns: &Series, position: &Series, approach: f64, terms: &mut Terms) {
+        terms.position = position.coefficient(0);
         terms.channels.clear();
         terms.forces.clear();
         terms.pairs.clear();
@@ -217,12 +264,13 @@ impl<'a> Mesh<'a> {
         let mut pairs_of_effects = Vec::new();
         for number in first..=last {
             let s0 = start - number as f64;
-            let Some(piece) = self.stiffness.locate(s0) else { continue };
+            let curve = self.curve(number);
+            let Some(piece) = curve.locate(s0) else { continue };
             let mut s = *position;
             s.add_constant(-(number as f64));
             let mut local = s;
-            local.add_constant(-self.stiffness.knots()[piece]);
-            let mut k = local.compose(self.stiffness.piece(piece));
+            local.add_constant(-curve.knots()[piece]);
+            let mut k = local.compose(curve.piece(piece));
             let mut e = Series::ZERO;
             if let Some(moment) = &moment {
                 let tooth = self.facts.teeth.map(|z| number.rem_euclid(i64::from(z)) as u32);
@@ -235,7 +283,8 @@ impl<'a> Mesh<'a> {
             }
             total.add_scaled(&k, 1.0);
             let regime = self.regime_of(number, approach - e.coefficient(0));
-            terms.pairs.push(PairTerm { number, regime, k, c: Series::ZERO, e });
+            let clearance_m = if regime == Regime::Coast { self.clearance_m() } else { 0.0 };
+            terms.pairs.push(PairTerm { number, regime, k, c: Series::ZERO, e, clearance_m });
         }
         self.regimes.retain(|(number, _)| (first..=last).contains(number));
         let shares = match self.damping {
@@ -254,11 +303,10 @@ impl<'a> Mesh<'a> {
         let mut mesh = Channel { input: MESH, output: MESH, k: Series::ZERO, c: Series::ZERO, g: Series::ZERO };
         for (i, pair) in terms.pairs.iter().enumerate() {
             let mut e = pair.e;
-            match pair.regime {
-                Regime::Free => continue,
-                Regime::Coast => e.add_constant(-self.backlash.map_or(0.0, |b| b.clearance_m)),
-                Regime::Drive => {}
+            if pair.regime == Regime::Free {
+                continue;
             }
+            e.add_constant(-pair.clearance_m);
             let mut g = Series::ZERO;
             if !e.is_zero() {
                 g = pair.k.product(&e);
@@ -302,15 +350,17 @@ impl<'a> Mesh<'a> {
 
     fn add_effect_forces(&self, moment: &Moment, terms: &mut Terms) {
         let mut forces = Forces::default();
-        for effect in self.effects {
-            effect.force(moment, &mut forces);
-            for body in 0..2 {
-                let Some(k) = effect.bearing(moment, body) else { continue };
-                for axis in [Coordinate::Across(body), Coordinate::Along(body)] {
-                    if let Some(unit) = self.unit(axis) {
-                        let (c, g) = (Series::ZERO, Series::ZERO);
-                        terms.channels.push(Channel { input: unit, output: unit, k, c, g });
-                    }
+        self.effects.iter().for_each(|effect| effect.force(moment, &mut forces));
+        for body in 0..2 {
+            let mut sum: Option<Series> = None;
+            for k in self.effects.iter().filter_map(|effect| effect.bearing(moment, body)) {
+                sum.get_or_insert(Series::ZERO).add_scaled(&k, 1.0);
+            }
+            let Some(k) = sum else { continue };
+            for axis in [Coordinate::Across(body), Coordinate::Along(body)] {
+                if let Some(unit) = self.unit(axis) {
+                    let (c, g) = (Series::ZERO, Series::ZERO);
+                    terms.channels.push(Channel { input: unit, output: unit, k, c, g });
                 }
             }
         }
@@ -376,6 +426,12 @@ impl<'a> Mesh<'a> {
             entry.1 = regime;
         }
     }
+}
+
+/// Sorted knots without near-duplicates.
+fn tidy(knots: &mut Vec<f64>) {
+    knots.sort_by(f64::total_cmp);
+    knots.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
 }
 
 /// First time in `(0, end]` at which the series crosses zero upwards (`rising`) or downwards.

@@ -1,16 +1,19 @@
 //! A machine made ready to run: model, stiffness curve and effects, with the number of coordinates hidden.
 
+use super::assembly::Coordinate;
 use super::assembly::{Damping, Model, Options as AssemblyOptions, System};
-use super::decimate::{Decimator, OVERSAMPLING};
+use super::decimate::{Decimator, OVERSAMPLING, Stream};
+use super::energy::{Report, Watch};
 use super::excitation::{Effect, Facts};
 use super::kinematics::Motion;
 use super::mesh::{Mesh, MeshDamping};
 use super::sample::Sampler;
 use super::taylor::{Options, Solver, State, Statistics, Step};
-use crate::machine::Machine;
+use crate::machine::{EngagementKind, Load, Machine, Motor};
 use crate::piecewise::PiecewisePolynomial;
-use crate::stiffness::{Geometry, Table};
+use crate::stiffness::{CrackedPair, Geometry, Table};
 use crate::{Error, Result};
+use std::f64::consts::TAU;
 
 /// Time that a transient is given to decay before the first sample, s.
 const RUN_IN_S: f64 = 0.4;
@@ -22,11 +25,26 @@ pub struct Rig {
     pub system: System,
     /// Stiffness of one pair over base pitches.
     pub stiffness: PiecewisePolynomial,
+    /// The pair of the cracked tooth, where the machine declares one.
+    pub cracked: Option<CrackedPair>,
     /// Damping of the contact.
     pub damping: MeshDamping,
     /// Accuracy.
     pub options: Options,
     facts: Facts,
+    motor: Option<Motor>,
+    load: Option<Load>,
+}
+
+/// Signals of a run with its cost and energy.
+#[derive(Debug, Clone)]
+pub struct Sampled {
+    /// Acceleration of both channels, m/s2.
+    pub channels: [Vec<f64>; 2],
+    /// Cost.
+    pub statistics: Statistics,
+    /// Energy balance of the first mesh periods and least mesh force.
+    pub energy: Report,
 }
 
 impl Rig {
@@ -35,10 +53,11 @@ impl Rig {
     /// # Errors
     /// Anything in the declaration that makes no sense.
     pub fn new(machine: &Machine, model: Model, damping: Damping) -> Result<Self> {
+        let hard = machine.engagement.is_none_or(|e| e.kind == EngagementKind::None);
         let stiffness = match &machine.pair.pair_stiffness {
             // A declared table means straight lines between its rows; fitted curves differ by up to 0.3 %.
-            Some(table) => Table::read(&machine.folder.join(table))?.linear(),
-            None => machine.pair_stiffness()?,
+            Some(table) if hard => Table::read(&machine.folder.join(table))?.linear(),
+            _ => machine.pair_stiffness()?,
         };
         let geometry = Geometry::new(&machine.pair)?;
         let knots = stiffness.knots();
@@ -61,7 +80,9 @@ impl Rig {
             return Err(Error::invalid("pair", "contact ratio below 1: no pair carries for part of the mesh cycle"));
         }
         let damping = MeshDamping::Time(machine.pair.mesh_damping_s);
-        Ok(Self { system, stiffness, damping, options: Options { tolerance: 1e-9, ..Options::default() }, facts })
+        let options = Options { tolerance: 1e-9, ..Options::default() };
+        let cracked = machine.cracked_pair()?;
+        Ok(Self { system, stiffness, cracked, damping, options, facts, motor: machine.motor, load: machine.load })
     }
 
     /// Machine facts at a torque.
@@ -88,7 +109,8 @@ impl Rig {
     /// Runs from before time 0 (the transient decays) to `duration_s`, handing every step to `sink`.
     ///
     /// # Errors
-    /// A torque or speed that is not finite, and everything that stops the solver.
+    /// A speed that is not positive, a torque that does not load the drive flanks although contact is taken as
+    /// permanent, and everything that stops the solver.
     pub fn run(
         &self,
         motion: &Motion,
@@ -99,6 +121,14 @@ impl Rig {
     ) -> Result<Statistics> {
         if !input_torque_n_m.is_finite() {
             return Err(Error::invalid("torque", format!("{input_torque_n_m} N m is not a finite number")));
+        }
+        if input_torque_n_m <= 0.0 && effects.iter().all(|e| e.backlash().is_none()) {
+            return Err(Error::impossible(
+                "torque",
+                format!(
+                    "{input_torque_n_m} N m does not load the drive flanks; contact loss needs the effect `backlash`"
+                ),
+            ));
         }
         let speed = motion.speed_hz(0.0);
         if !(speed.is_finite() && speed > 0.0) {
@@ -124,9 +154,33 @@ impl Rig {
         let force = &self.system.torque * torque;
         let start = self.system.static_deflection(&force, self.mean_stiffness_n_per_m())?;
         let mut state = State::<N> { q: std::array::from_fn(|i| start[i]), v: [0.0; N] };
-        let solver = Solver::<N>::new(&self.system, &force);
-        let mut mesh = Mesh::new(&self.system, &self.stiffness, self.damping, motion, effects, self.facts(torque));
+        let system = self.with_characteristics(motion.speed_hz(0.0), torque);
+        let solver = Solver::<N>::new(&system, &force);
+        let mut mesh = Mesh::new(&system, &self.stiffness, self.damping, motion, effects, self.facts(torque))
+            .with_crack(self.cracked.as_ref());
         solver.integrate(&mut mesh, &mut state, (-RUN_IN_S, duration_s), &self.options, sink)
+    }
+
+    /// The system with the slopes of motor and load characteristic about the operating point as damping.
+    fn with_characteristics(&self, speed_hz: f64, torque: f64) -> System {
+        let mut system = self.system.clone();
+        let mut damp = |coordinates: [Coordinate; 2], slope: f64| {
+            if let Some(i) = coordinates.into_iter().find_map(|c| self.system.index(c)) {
+                system.damping[(i, i)] += slope;
+            }
+        };
+        if let Some(motor) = self.motor {
+            // Below breakdown the torque is nearly proportional to slip: T = 2 Tb s / sb (Kloss).
+            let synchronous = TAU * motor.line_frequency_hz / f64::from(motor.pole_pairs);
+            let slope = 2.0 * motor.breakdown_torque_n_m / (motor.breakdown_slip * synchronous);
+            damp([Coordinate::Motor, Coordinate::Rotation(0)], slope);
+        }
+        if let Some(load) = self.load {
+            let ratio = f64::from(self.facts.teeth[1]) / f64::from(self.facts.teeth[0]);
+            let slope = load.speed_exponent * torque * ratio / (TAU * speed_hz / ratio);
+            damp([Coordinate::Load, Coordinate::Rotation(1)], slope);
+        }
+        system
     }
 
     /// Acceleration of both bearing channels, m/s2, at `index / rate_hz` for `count` samples, through the
@@ -142,21 +196,52 @@ impl Rig {
         rate_hz: f64,
         count: usize,
     ) -> Result<([Vec<f64>; 2], Statistics)> {
+        let sampled = self.sampled(motion, input_torque_n_m, effects, rate_hz, count)?;
+        Ok((sampled.channels, sampled.statistics))
+    }
+
+    /// [`Rig::accelerations`] with the energy balance. An effect may take the filter out ([`Effect::unfiltered`]).
+    ///
+    /// # Errors
+    /// As [`Rig::run`] and [`Rig::sensors`].
+    pub fn sampled(
+        &self,
+        motion: &Motion,
+        input_torque_n_m: f64,
+        effects: &[Box<dyn Effect>],
+        rate_hz: f64,
+        count: usize,
+    ) -> Result<Sampled> {
         if !(rate_hz.is_finite() && rate_hz > 0.0 && count > 0) {
             return Err(Error::invalid("sample rate", format!("{count} samples at {rate_hz} Hz is no record")));
         }
         let sensors = self.sensors()?;
         let filter = Decimator::new();
-        let (first, end) = filter.span(count);
-        let mut sampler = Sampler::spanning(rate_hz * OVERSAMPLING as f64, first, end);
-        let mut fine = [0, 1].map(|_| vec![0.0; (end - first) as usize]);
-        let duration_s = end as f64 / (rate_hz * OVERSAMPLING as f64);
+        let unfiltered = effects.iter().any(|e| e.unfiltered());
+        let (first, end) = if unfiltered { (0, count as i64) } else { filter.span(count) };
+        let fine_hz = if unfiltered { rate_hz } else { rate_hz * OVERSAMPLING as f64 };
+        let mut sampler = Sampler::spanning(fine_hz, first, end);
+        let mut streams = [0, 1].map(|_| Stream::new(&filter, count));
+        let mut points = [0, 1].map(|_| Vec::new());
+        let force = &self.system.torque * input_torque_n_m;
+        let mut watch = Watch::new(&self.system, &force);
+        // The last sample must lie inside a step.
+        let duration_s = (end as f64 + 0.5) / fine_hz;
         let statistics = self.run(motion, input_torque_n_m, effects, duration_s, |step| {
-            sampler.take(step, &sensors, |channel, index, values| {
-                let from = (index - first) as usize;
-                fine[channel][from..from + values.len()].copy_from_slice(values);
+            watch.add(step);
+            sampler.take(step, &sensors, |channel, _, values| {
+                if unfiltered {
+                    points[channel].extend_from_slice(values);
+                } else {
+                    streams[channel].push(values);
+                }
             });
         })?;
-        Ok((fine.map(|signal| filter.apply(&signal, count)), statistics))
+        let channels = if unfiltered { points } else { streams.map(Stream::finish) };
+        if let Some(short) = channels.iter().find(|c| c.len() != count) {
+            let what = format!("{} of {count} samples lie within the run", short.len());
+            return Err(Error::impossible("sample rate", what));
+        }
+        Ok(Sampled { channels, statistics, energy: watch.report() })
     }
 }

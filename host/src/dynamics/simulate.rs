@@ -1,5 +1,6 @@
 //! A record of a simulated machine: signals, codes and tach edges, from a seed.
 
+use super::energy::Report;
 use super::excitation::{Effect, Sampled};
 use super::kinematics::Motion;
 use super::rig::Rig;
@@ -37,6 +38,8 @@ pub struct Simulated {
     pub first_pulse_index: u32,
     /// Cost.
     pub statistics: Statistics,
+    /// Energy balance of the first mesh periods and least mesh force.
+    pub energy: Report,
 }
 
 /// Simulates one run.
@@ -68,12 +71,14 @@ pub fn simulate(
     };
     let (jitter, noise) = (deviation("--jitter", a.jitter_s)?, deviation("--noise", a.noise_m_s2)?);
     let count = (a.duration_s * a.rate_hz).round().max(1.0) as usize;
-    let (mut channels, statistics) = rig.accelerations(motion, input_torque_n_m, effects, a.rate_hz, count)?;
+    let sampled = rig.sampled(motion, input_torque_n_m, effects, a.rate_hz, count)?;
+    let mut channels = sampled.channels;
+    let facts = rig.facts(input_torque_n_m);
     let angle = |t: f64| angle_turns(motion, effects, t);
     let turns: Vec<f64> = (0..count).map(|i| angle(i as f64 / a.rate_hz)).collect();
     for effect in effects {
-        let mut sampled = Sampled { channels: &mut channels, rate_hz: a.rate_hz, seed: a.seed, turns: &turns };
-        effect.measure(&mut sampled);
+        let (rate_hz, seed) = (a.rate_hz, a.seed);
+        effect.measure(&mut Sampled { channels: &mut channels, rate_hz, seed, turns: &turns, facts: &facts });
     }
     // One stream per purpose: a change of the noise leaves the tach as it was.
     let mut random = ChaCha12Rng::seed_from_u64(a.seed);
@@ -83,7 +88,26 @@ pub fn simulate(
     let (first_pulse, edges_s) = edges(&turns, a, &angle);
     let edges_s = edges_s.into_iter().map(|t| t + jitter.sample(&mut random)).collect();
     let first_pulse_index = first_pulse.rem_euclid(i64::from(a.pulses_per_turn)) as u32;
-    Ok(Simulated { channels, edges_s, first_pulse_index, statistics })
+    let (statistics, energy) = (sampled.statistics, sampled.energy);
+    Ok(Simulated { channels, edges_s, first_pulse_index, statistics, energy })
+}
+
+/// Seed of run `index` of a record: well apart for neighbouring seeds and runs (SplitMix64).
+pub fn run_seed(seed: u64, index: usize) -> u64 {
+    if index == 0 {
+        return seed;
+    }
+    let mut x = seed.wrapping_add((index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
+/// Random angle, turns, at which a run of this seed starts.
+pub fn start_turns(seed: u64) -> f64 {
+    let mut random = ChaCha12Rng::seed_from_u64(seed);
+    random.set_stream(3);
+    rand::RngExt::random(&mut random)
 }
 
 fn angle_turns(motion: &Motion, effects: &[Box<dyn Effect>], t: f64) -> f64 {

@@ -10,6 +10,9 @@ use crate::dynamics::excitation::{Backlash as Clearance, Effect};
 pub const ENTRY: Entry = Entry {
     name: "backlash",
     meaning: "contact loss, and contact of the coast flanks beyond the clearance",
+    signature: "nothing while the mesh force stays positive; beyond that impacts over a wide band",
+    example: "clearance=50e-6",
+    span_hz: 5120.0,
     parameters: &[Parameter {
         name: "clearance",
         unit: "m",

@@ -12,6 +12,9 @@ use crate::dynamics::series::Series;
 pub const ENTRY: Entry = Entry {
     name: "eccentricity",
     meaning: "a gear whose centre circles around its shaft's axis",
+    signature: "sidebands of the shaft rate around every mesh harmonic; a displacement, independent of torque",
+    example: "amplitude=50e-6",
+    span_hz: 500.0,
     parameters: &[
         Parameter { name: "amplitude", unit: "m", default: 20e-6, range: [0.0, 1e-3], meaning: "centre offset" },
         PHASE,

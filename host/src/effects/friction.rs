@@ -12,6 +12,9 @@ use crate::dynamics::series::Series;
 pub const ENTRY: Entry = Entry {
     name: "friction",
     meaning: "sliding friction of the flanks with reversal at the pitch point",
+    signature: "mesh harmonics, most across the line of action; proportional to torque",
+    example: "coefficient=0.1",
+    span_hz: 2000.0,
     parameters: &[Parameter {
         name: "coefficient",
         unit: "",

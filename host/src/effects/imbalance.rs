@@ -7,6 +7,9 @@ use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
 pub const ENTRY: Entry = Entry {
     name: "imbalance",
     meaning: "centre of mass off the axis of one shaft",
+    signature: "one line at the shaft rate; force with the square of speed, acceleration with its fourth power",
+    example: "moment=1e-2",
+    span_hz: 500.0,
     parameters: &[
         Parameter { name: "moment", unit: "kg m", default: 1e-4, range: [0.0, 1.0], meaning: "mass times offset" },
         PHASE,

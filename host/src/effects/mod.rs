@@ -3,27 +3,76 @@
 //! One effect per file; its [`Entry`] names it, its parameters with units, ranges and defaults, and builds
 //! the [`Effect`]. Adding one means one file here and one line in [`REGISTRY`] (and its `mod` line).
 
+mod aliasing;
 mod backlash;
+mod bearing_impacts;
+mod bearing_stiffness_modulation;
+mod casing_resonance;
+pub mod catalogue;
+mod clipping;
+mod coupling_misalignment;
 mod eccentricity;
+mod filter;
+mod fixed_tone;
 mod friction;
-mod ghost;
+mod ghost_order;
 mod imbalance;
+mod load_fluctuation;
+mod mains_hum;
+mod noise;
 mod pitch_error;
+mod profile_error;
+mod quantisation;
+mod sensor_nonlinearity;
+mod sensor_resonance;
+mod speed_fluctuation;
+mod thermal_drift;
+mod tip_relief;
+mod tooth_crack;
 mod torque_ripple;
+mod transfer_path;
+mod transfer_path_resonance;
+mod wear;
 
 use crate::dynamics::Effect;
 use crate::{Error, Result};
+use rand_chacha::ChaCha12Rng;
+use rand_chacha::rand_core::SeedableRng;
 
-/// Every known effect.
+/// Every known effect; those of the measuring chain are applied in the order the caller gives them.
 pub const REGISTRY: &[&Entry] = &[
     &eccentricity::ENTRY,
     &pitch_error::ENTRY,
-    &torque_ripple::ENTRY,
-    &imbalance::ENTRY,
-    &ghost::ENTRY,
+    &profile_error::ENTRY,
+    &tip_relief::ENTRY,
+    &wear::ENTRY,
+    &ghost_order::ENTRY,
+    &tooth_crack::ENTRY,
     &friction::ENTRY,
     &backlash::ENTRY,
+    &imbalance::ENTRY,
+    &torque_ripple::ENTRY,
+    &load_fluctuation::ENTRY,
+    &coupling_misalignment::ENTRY,
+    &bearing_stiffness_modulation::ENTRY,
+    &bearing_impacts::ENTRY,
+    &speed_fluctuation::ENTRY,
+    &casing_resonance::ENTRY,
+    &transfer_path_resonance::ENTRY,
+    &transfer_path::ENTRY,
+    &sensor_resonance::ENTRY,
+    &sensor_nonlinearity::ENTRY,
+    &clipping::ENTRY,
+    &thermal_drift::ENTRY,
+    &mains_hum::ENTRY,
+    &fixed_tone::ENTRY,
+    &noise::ENTRY,
+    &aliasing::ENTRY,
+    &quantisation::ENTRY,
 ];
+
+/// Other names of entries.
+const ALIASES: [(&str, &str); 2] = [("ghost", "ghost-order"), ("tone", "fixed-tone")];
 
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +95,12 @@ pub struct Entry {
     pub name: &'static str,
     /// One sentence.
     pub meaning: &'static str,
+    /// Where it shows and how it depends on speed and torque, as the tests prove it.
+    pub signature: &'static str,
+    /// Values of the picture in the documentation, as `key=value,...`.
+    pub example: &'static str,
+    /// Highest frequency of that picture, Hz.
+    pub span_hz: f64,
     /// Parameters.
     pub parameters: &'static [Parameter],
     /// Builds the effect from checked values.
@@ -69,14 +124,43 @@ impl Values {
     pub fn body(&self) -> usize {
         usize::from(self.get("gear") >= 0.5)
     }
+
+    /// The channels meant.
+    fn channels(&self) -> std::ops::Range<usize> {
+        match self.get("channel") {
+            c if c < 0.5 => 0..1,
+            c if c < 1.5 => 1..2,
+            _ => 0..2,
+        }
+    }
+}
+
+/// A parameter in one line.
+const fn parameter(
+    name: &'static str,
+    unit: &'static str,
+    default: f64,
+    range: [f64; 2],
+    meaning: &'static str,
+) -> Parameter {
+    Parameter { name, unit, default, range, meaning }
 }
 
 /// Shared parameter of all effects that sit on one gear.
-const GEAR: Parameter =
-    Parameter { name: "gear", unit: "", default: 0.0, range: [0.0, 1.0], meaning: "0 pinion, 1 gear" };
+const GEAR: Parameter = parameter("gear", "", 0.0, [0.0, 1.0], "0 pinion, 1 gear");
 /// Shared phase parameter.
-const PHASE: Parameter =
-    Parameter { name: "phase", unit: "rad", default: 0.0, range: [-10.0, 10.0], meaning: "phase at angle or time 0" };
+const PHASE: Parameter = parameter("phase", "rad", 0.0, [-10.0, 10.0], "phase at angle or time 0");
+/// Shared parameter of effects on one tooth.
+const TOOTH: Parameter = parameter("tooth", "", 0.0, [0.0, 999.0], "which tooth, counted from that of pair 0");
+/// Shared parameter of all effects in the measuring chain.
+const CHANNEL: Parameter = parameter("channel", "", 2.0, [0.0, 2.0], "0 or 1; 2: both");
+
+/// The random stream of one effect in one run.
+fn random(seed: u64, effect: u64) -> ChaCha12Rng {
+    let mut random = ChaCha12Rng::seed_from_u64(seed);
+    random.set_stream(effect);
+    random
+}
 
 impl Entry {
     /// Builds the effect from given values; missing ones take their defaults.
@@ -101,12 +185,26 @@ impl Entry {
     }
 }
 
-/// The entry of a name.
+/// The entry of a name; `pinion-` or `gear-` before the name of an effect on one gear chooses the gear.
 ///
 /// # Errors
 /// An unknown name; the message lists the known ones.
 pub fn entry(name: &str) -> Result<&'static Entry> {
-    REGISTRY.iter().find(|e| e.name == name).copied().ok_or_else(|| {
+    resolve(name).map(|(entry, _)| entry)
+}
+
+/// The entry of a name, and the gear the name chooses.
+fn resolve(name: &str) -> Result<(&'static Entry, Option<f64>)> {
+    let known = |name: &str| {
+        let name = ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |(_, entry)| entry);
+        REGISTRY.iter().find(|e| e.name == name).copied()
+    };
+    let on_gear = |prefix: &str, gear: f64| {
+        let entry = known(name.strip_prefix(prefix)?)?;
+        entry.parameters.iter().any(|p| p.name == GEAR.name).then_some((entry, Some(gear)))
+    };
+    let found = known(name).map(|entry| (entry, None));
+    found.or_else(|| on_gear("pinion-", 0.0)).or_else(|| on_gear("gear-", 1.0)).ok_or_else(|| {
         let known: Vec<_> = REGISTRY.iter().map(|e| e.name).collect();
         Error::invalid("effect", format!("`{name}` is not one of {}", known.join(", ")))
     })
@@ -118,8 +216,8 @@ pub fn entry(name: &str) -> Result<&'static Entry> {
 /// Unknown names and keys, values that are no numbers or out of range.
 pub fn parse(text: &str) -> Result<Box<dyn Effect>> {
     let (name, list) = text.split_once(':').unwrap_or((text, ""));
-    let entry = entry(name.trim())?;
-    let mut given = Vec::new();
+    let (entry, gear) = resolve(name.trim())?;
+    let mut given: Vec<(&str, f64)> = gear.map(|gear| (GEAR.name, gear)).into_iter().collect();
     for item in list.split(',').filter(|item| !item.trim().is_empty()) {
         let refuse = || Error::invalid(format!("effect {name}"), format!("`{item}` is not key=number"));
         let (key, value) = item.split_once('=').ok_or_else(refuse)?;
@@ -133,12 +231,13 @@ pub fn parse(text: &str) -> Result<Box<dyn Effect>> {
 /// # Errors
 /// As [`parse`].
 pub fn from_table(name: &str, table: &toml::Table) -> Result<Box<dyn Effect>> {
-    let mut given = Vec::new();
+    let (entry, gear) = resolve(name)?;
+    let mut given: Vec<(&str, f64)> = gear.map(|gear| (GEAR.name, gear)).into_iter().collect();
     for (key, value) in table {
         let number = value.as_float().or(value.as_integer().map(|i| i as f64));
         let number = number
             .ok_or_else(|| Error::invalid(format!("effect {name}: {key}"), format!("{value} is not a number")))?;
         given.push((key.as_str(), number));
     }
-    entry(name)?.with(&given)
+    entry.with(&given)
 }

@@ -17,6 +17,9 @@ const TEETH: usize = 1000;
 pub const ENTRY: Entry = Entry {
     name: "pitch-error",
     meaning: "teeth of one gear off their place",
+    signature: "many uneven shaft harmonics around the mesh harmonics, the same every turn; independent of torque",
+    example: "random=3e-6",
+    span_hz: 500.0,
     parameters: &[
         Parameter { name: "single", unit: "m", default: 0.0, range: [-1e-3, 1e-3], meaning: "error of one tooth" },
         Parameter { name: "tooth", unit: "", default: 0.0, range: [0.0, 999.0], meaning: "which tooth that is" },

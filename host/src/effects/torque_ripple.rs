@@ -10,6 +10,9 @@ use std::f64::consts::TAU;
 pub const ENTRY: Entry = Entry {
     name: "torque-ripple",
     meaning: "motor torque with a sinusoidal part",
+    signature: "a line at the order or frequency and sidebands of it around the mesh; proportional to torque",
+    example: "depth=0.3,frequency=47",
+    span_hz: 500.0,
     parameters: &[
         Parameter { name: "depth", unit: "", default: 0.05, range: [0.0, 10.0], meaning: "amplitude over mean torque" },
         Parameter { name: "order", unit: "", default: 0.0, range: [0.0, 1000.0], meaning: "per pinion turn; 0: none" },

@@ -58,11 +58,40 @@ pub struct Edge {
     pub rise_time_s: f64,
 }
 
+impl Edge {
+    /// Height between the two levels, m/s2, positive.
+    pub fn height(&self) -> f64 {
+        (self.levels[1] - self.levels[0]).abs()
+    }
+}
+
+/// Direction of the edges looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Polarity {
+    /// Upward only.
+    Rising,
+    /// Downward only.
+    Falling,
+    /// The steepest of either direction.
+    Either,
+}
+
 /// The edge whose steepest point lies in `window_s` (absolute time), of either direction.
 ///
 /// `steps` are consecutive and should reach beyond the window by more than one edge on both sides. `None`
 /// when the window is not covered, the acceleration is constant in it, or the edge does not end within `steps`.
 pub fn edge_in_window(steps: &[Step], window_s: [f64; 2]) -> Option<Edge> {
+    steepest_edge(steps, window_s, Polarity::Either)
+}
+
+/// The steepest edge of the polarity given whose steepest point lies in `window_s`; otherwise as [`edge_in_window`].
+pub fn steepest_edge(steps: &[Step], window_s: [f64; 2], polarity: Polarity) -> Option<Edge> {
+    let size = |slope: f64| match polarity {
+        Polarity::Rising => slope,
+        Polarity::Falling => -slope,
+        Polarity::Either => slope.abs(),
+    };
     let (mut at, mut best) = (None, 0.0_f64);
     for (index, step) in steps.iter().enumerate() {
         let from = (window_s[0] - step.start_s).max(0.0);
@@ -72,8 +101,8 @@ pub fn edge_in_window(steps: &[Step], window_s: [f64; 2]) -> Option<Edge> {
         }
         for k in 0..=SUBDIVISIONS {
             let u = from + (to - from) * k as f64 / SUBDIVISIONS as f64;
-            if step.slope(u).abs() > best {
-                best = step.slope(u).abs();
+            if size(step.slope(u)) > best {
+                best = size(step.slope(u));
                 at = Some((index, u));
             }
         }
@@ -82,7 +111,7 @@ pub fn edge_in_window(steps: &[Step], window_s: [f64; 2]) -> Option<Edge> {
     // Parabola through three neighbouring slopes: the maximum is flat, so one refinement is ample.
     let spacing = (steps[index].length_s / SUBDIVISIONS as f64).min(0.5 * (window_s[1] - window_s[0]));
     if u > spacing && u + spacing < steps[index].length_s {
-        let s = [-spacing, 0.0, spacing].map(|d| steps[index].slope(u + d).abs());
+        let s = [-spacing, 0.0, spacing].map(|d| size(steps[index].slope(u + d)));
         let curvature = s[0] - 2.0 * s[1] + s[2];
         if curvature < 0.0 {
             u += (0.5 * spacing * (s[0] - s[2]) / curvature).clamp(-spacing, spacing);

@@ -1,6 +1,21 @@
 //! The bandwidth law: from simulated engagement edges to the numbers a node carries.
+//!
+//! `edges` defines what is timed, `operating` simulates it, `study` and `sampling` redo the paper's studies, `derive`
+//! fits and checks the law, `estimator` compares the node's sampled estimator, `file` and `export` hand the law on.
 
+pub mod crack;
+pub mod derive;
 pub mod edges;
+pub mod estimator;
+pub mod export;
+pub mod file;
 pub mod fit;
 pub mod forms;
+pub mod operating;
+pub mod outcome;
+pub mod paper;
+pub mod report;
+pub mod sampling;
+pub mod study;
 pub mod table;
+pub mod validation;

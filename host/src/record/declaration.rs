@@ -29,6 +29,8 @@ pub struct Declaration {
     pub rest: Table,
     /// Name of the file in messages.
     place: String,
+    /// Folder that the machine's tables are looked up in.
+    folder: PathBuf,
 }
 
 /// `[acquisition]`: sampling rate, channels and scale.
@@ -120,7 +122,8 @@ impl Declaration {
     pub fn of_machine(machine: &Machine, acquisition: Acquisition, tach: Option<Tach>) -> Result<Self> {
         let rest =
             Table::try_from(machine).map_err(|error| Error::invalid(&machine.title, one_line(&error.to_string())))?;
-        Ok(Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into() })
+        let folder = machine.folder.clone();
+        Ok(Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into(), folder })
     }
 
     /// A declaration of an imported record: a title and, where known, tooth counts.
@@ -131,7 +134,7 @@ impl Declaration {
             let teeth: Vec<Value> = teeth.iter().map(|&z| Value::Integer(z.into())).collect();
             rest.insert("pair".into(), Value::Table(Table::from_iter([("teeth".to_string(), Value::Array(teeth))])));
         }
-        Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into() }
+        Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into(), folder: PathBuf::new() }
     }
 
     /// Reads and checks a `record.toml`.
@@ -143,7 +146,8 @@ impl Declaration {
         Self::parse(&text, &path.display().to_string())
     }
 
-    /// Parses and checks the text of a `record.toml`; `place` names it in messages.
+    /// Parses and checks the text of a `record.toml`; `place` names it in messages, and its folder is where the
+    /// machine's tables are looked up.
     ///
     /// # Errors
     /// As [`Declaration::read`].
@@ -165,7 +169,8 @@ impl Declaration {
             Some(_) => return Err(Error::invalid(place, "run must be an array of tables [[run]]")),
             None => Vec::new(),
         };
-        let declaration = Self { acquisition, tach, runs, rest, place: place.into() };
+        let folder = Path::new(place).parent().unwrap_or(Path::new("")).to_owned();
+        let declaration = Self { acquisition, tach, runs, rest, place: place.into(), folder };
         declaration.check()?;
         Ok(declaration)
     }
@@ -206,10 +211,10 @@ impl Declaration {
         self.rest.contains_key("shafts") && self.rest.get("pair").is_some_and(|pair| pair.get("module_m").is_some())
     }
 
-    /// The declared machine.
+    /// The declared machine, checked, with its tables and its mesh damping resolved.
     ///
     /// # Errors
-    /// Where the record declares only tooth counts, or a key is missing or unknown.
+    /// Where the record declares only tooth counts, a key is missing or unknown, or a value makes no sense.
     pub fn machine(&self) -> Result<Machine> {
         if !self.has_machine() {
             let what = "declares no machine ([pair] geometry and [shafts]); this command needs one";
@@ -217,7 +222,7 @@ impl Declaration {
         }
         let mut tables = self.rest.clone();
         tables.retain(|key, _| !RECORD_KEYS.contains(&key));
-        typed(Value::Table(tables), &self.place)
+        typed::<Machine>(Value::Table(tables), &self.place)?.prepared(&self.place, &self.folder)
     }
 
     /// Path of the tooth-pair stiffness table as declared.

@@ -49,8 +49,8 @@ impl Image {
         if source.samples.len() < 2 || source.samples.iter().any(|x| !x.is_finite()) {
             return Err(refuse("needs at least two samples, all finite".into()));
         }
-        let edges = ticks(source.edges_s);
         let length_s = (source.samples.len() - 1) as f64 / source.rate_hz;
+        let edges = ticks(source.edges_s, length_s);
         let room = (IMAGE_CAPACITY - image_bytes(MAX_CONFIGURATION, edges.len(), 0)) / 2;
         let clock = f64::from(TICKS_PER_SECOND);
         let needed = (length_s * clock / room as f64).ceil() as u32;
@@ -87,7 +87,11 @@ impl Image {
     }
 }
 
-/// Edge times in ticks; edges before the signal's start are left out.
-fn ticks(edges_s: &[f64]) -> Vec<u32> {
-    edges_s.iter().filter(|&&t| t >= 0.0).map(|t| (t * f64::from(TICKS_PER_SECOND)).round() as u32).collect()
+/// Edge times in ticks; edges before the signal's start and behind its end are left out.
+fn ticks(edges_s: &[f64], length_s: f64) -> Vec<u32> {
+    edges_s
+        .iter()
+        .filter(|&&t| (0.0..=length_s).contains(&t))
+        .map(|t| (t * f64::from(TICKS_PER_SECOND)).round() as u32)
+        .collect()
 }

@@ -10,6 +10,7 @@ use meshband::config::Configuration;
 use meshband::message::Request;
 use meshband::node::Block;
 use meshband::replay::{BLOCK_SAMPLES, CodeDigest, LONGEST_PERIOD, Replay, START_TICK};
+use meshband::self_test::BootTest;
 use meshband::session::Session;
 use meshband::units::TicksPerSecond;
 
@@ -39,6 +40,8 @@ pub fn run(image: &[u8]) -> Result<Simulated> {
     };
     let clock = TicksPerSecond(replay.header().ticks_per_second);
     let mut session = Session::new(config, clock).map_err(|e| refuse(format!("configuration: {e}")))?;
+    let mut test = BootTest::new(clock);
+    session.node_mut().set_self_test(test.result());
     let forced = replay.header().forced_period_ticks;
     let wanted =
         |session: &Session| forced.unwrap_or_else(|| session.node().requested_period_ticks()).clamp(1, LONGEST_PERIOD);
@@ -58,14 +61,18 @@ pub fn run(image: &[u8]) -> Result<Simulated> {
         // When a block ends, the wish in force is the one made after the block before it.
         let after = wish;
         while let Some(edge) = replay.edge(edges).filter(|&edge| edge < end + 1) {
+            test.on_edge();
             session.on_edge(START_TICK.wrapping_add(edge));
             edges += 1;
         }
         digest.update(&codes);
         let first_tick = START_TICK.wrapping_add(border + running);
         let sequence = periods.len() as u32;
-        session
-            .on_block(Block { codes: &codes, first_tick, period_ticks: running, sequence, overrun: false }, &mut send);
+        let block = Block { codes: &codes, first_tick, period_ticks: running, sequence, overrun: false };
+        if let Some(result) = test.on_block(&block, START_TICK.wrapping_add(end)) {
+            session.node_mut().set_self_test(result);
+        }
+        session.on_block(block, &mut send);
         wish = wanted(&session);
         periods.push(running);
         border = end;

@@ -8,8 +8,11 @@ use crate::dynamics::series::Series;
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
-    name: "ghost",
+    name: "ghost-order",
     meaning: "machining undulation of one gear",
+    signature: "one line at an order that is no mesh multiple; independent of torque",
+    example: "amplitude=2e-6,order=31",
+    span_hz: 500.0,
     parameters: &[
         Parameter { name: "amplitude", unit: "m", default: 1e-6, range: [0.0, 1e-3], meaning: "of the undulation" },
         Parameter {

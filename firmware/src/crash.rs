@@ -1,0 +1,80 @@
+//! What is known of the last crash, kept in a page of RAM of its own (`memory.x`) that start-up does not touch.
+//!
+//! The page outlives resets and new images, not a loss of power. Debuggers find it at the symbol `CRASH`.
+
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use core::panic::PanicInfo;
+
+const MARK: u32 = 0x6d62_6372;
+/// Bytes of a source file's name that are kept, from its end.
+const NAME: usize = 48;
+
+/// A crash: where, or nothing known about where.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Crash {
+    mark: u32,
+    /// Source line of a panic, program counter of a fault.
+    pub place: u32,
+    /// Crashes in a row since power came.
+    pub count: u32,
+    /// End of the source file's name, zeros behind; empty for a fault.
+    file: [u8; NAME],
+    /// Guards against memory that never held a crash.
+    check: u32,
+}
+
+#[repr(transparent)]
+struct Kept(UnsafeCell<MaybeUninit<Crash>>);
+
+// SAFETY: read by `last`, and written only by `record_and_reset` with interrupts off for good.
+unsafe impl Sync for Kept {}
+
+#[unsafe(link_section = ".crash")]
+#[unsafe(no_mangle)]
+static CRASH: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
+
+impl Crash {
+    fn sum(&self) -> u32 {
+        let name = self.file.iter().fold(0u32, |sum, &byte| sum.rotate_left(5) ^ u32::from(byte));
+        !(self.mark ^ self.place ^ self.count.rotate_left(16) ^ name)
+    }
+
+    fn is_sound(&self) -> bool {
+        self.mark == MARK && self.check == self.sum()
+    }
+
+    /// End of the source file's name; empty for a fault.
+    pub fn file(&self) -> &str {
+        self.file.split(|&byte| byte == 0).next().and_then(|name| core::str::from_utf8(name).ok()).unwrap_or_default()
+    }
+}
+
+/// The crash that led to this start, if one did. It stays on record for the count of the next.
+pub fn last() -> Option<Crash> {
+    // SAFETY: any bit pattern is a valid `Crash`; the volatile read keeps the compiler from assuming what is there.
+    let crash = unsafe { CRASH.0.get().cast::<Crash>().read_volatile() };
+    crash.is_sound().then_some(crash)
+}
+
+/// Records a crash and starts the processor again.
+pub fn record_and_reset(place: u32, file: &str) -> ! {
+    cortex_m::interrupt::disable();
+    let count = last().map_or(1, |crash| crash.count.saturating_add(1));
+    let mut crash = Crash { mark: MARK, place, count, file: [0; NAME], check: 0 };
+    let skipped = file.len().saturating_sub(NAME);
+    for (kept, byte) in crash.file.iter_mut().zip(file.bytes().skip(skipped)) {
+        *kept = byte;
+    }
+    crash.check = crash.sum();
+    // SAFETY: interrupts are off and this function does not return, so nobody else looks.
+    unsafe { CRASH.0.get().cast::<Crash>().write_volatile(crash) };
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
+/// What the panic handler of an image does.
+pub fn on_panic(info: &PanicInfo) -> ! {
+    let (place, file) = info.location().map_or((0, ""), |place| (place.line(), place.file()));
+    record_and_reset(place, file)
+}

@@ -1,0 +1,162 @@
+//! The main loop of every board: edges, blocks and bytes to the session, frames to the link, commits to the flash.
+//!
+//! A board's `main` builds its board and a runner and calls [`Runner::turn`] for ever. Edges before a block's end go
+//! first, so the node sees both in the order of time whatever the interrupts' latency was.
+
+use crate::light::Code;
+use crate::stack::{self, StackUse};
+use embedded_storage::nor_flash::NorFlash;
+use meshband::board::{Board, Link};
+use meshband::buffers::Buffers;
+use meshband::events::EventKind;
+use meshband::message::{Request, SelfTest};
+use meshband::self_test::BootTest;
+use meshband::session::Session;
+use meshband::store::Store;
+use meshband::units::TicksPerSecond;
+
+/// What a board's own event ([`EventKind::Board`]) tells: kind in the detail's highest byte, number below.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum BoardEvent {
+    /// Restarted after a crash; number: source line of a panic, or low bits of a fault's program counter.
+    Crash = 1,
+    /// No crystal started: frequencies are within 1 % only.
+    InternalOscillator = 2,
+    /// Tach edges lost to over-capture; number: since start.
+    EdgesLost = 3,
+    /// Sampling was started anew because samples had lost step; number: since start.
+    SamplingRestarted = 4,
+    /// The stack reached a new depth; number: bytes.
+    StackDepth = 5,
+}
+
+impl BoardEvent {
+    /// The detail of the event.
+    pub const fn detail(self, number: u32) -> u32 {
+        (self as u32) << 24 | if number > 0x00ff_ffff { 0x00ff_ffff } else { number }
+    }
+}
+
+/// Seconds between looks at the stack's paint.
+const STACK_PERIOD_S: u32 = 10;
+/// Growth of the stack that is worth an event, bytes.
+const STACK_STEP: u32 = 1024;
+
+/// A session whose node keeps its arrays in a static.
+pub type NodeSession = Session<&'static mut Buffers>;
+
+/// State of the main loop.
+pub struct Runner<F: NorFlash> {
+    session: NodeSession,
+    store: Store<F>,
+    test: BootTest,
+    clock: TicksPerSecond,
+    /// Whether a crystal drives the clocks, for the light.
+    crystal: bool,
+    self_test: SelfTest,
+    lost_edges: u32,
+    stack_seen: u32,
+    stack_due: u32,
+}
+
+impl<F: NorFlash> Runner<F> {
+    /// Takes over a session; checks the mathematics at once.
+    pub fn new(mut session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
+        let test = BootTest::new(clock);
+        let self_test = test.result();
+        session.node_mut().set_self_test(self_test);
+        Self { session, store, test, clock, crystal, self_test, lost_edges: 0, stack_seen: 0, stack_due: 0 }
+    }
+
+    /// The session.
+    pub fn session(&mut self) -> &mut NodeSession {
+        &mut self.session
+    }
+
+    /// Records an event of the board.
+    pub fn note(&mut self, event: BoardEvent, number: u32) {
+        self.session.node_mut().note(EventKind::Board, event.detail(number));
+    }
+
+    /// One turn: bytes, then at most one block; false if there was no block.
+    pub fn turn(&mut self, board: &mut impl Board) -> bool {
+        board.feed_watchdog();
+        // Read before the queue of blocks: what they promise then holds for everything found in it.
+        let (horizon, now) = (board.horizon(), board.now());
+        board.pump();
+        self.serve_link(board);
+        let pending = board.pending_end();
+        let limit = pending.unwrap_or(horizon);
+        while let Some(edge) = board.next_edge_before(limit) {
+            self.test.on_edge();
+            self.session.on_edge(edge);
+        }
+        if pending.is_some() {
+            self.take_block(board, now);
+        }
+        self.report(board, now);
+        pending.is_some()
+    }
+
+    /// Commands from the host, and what they ask of the flash.
+    pub fn serve_link(&mut self, link: &mut impl Link) {
+        while let Some(byte) = link.receive() {
+            self.session.on_byte(byte, &mut |frame| {
+                link.send(frame);
+            });
+        }
+        if self.session.take_commit() {
+            let stored = self.store.save(self.session.node().configuration()).is_ok();
+            self.session.on_stored(stored);
+        }
+    }
+
+    fn take_block(&mut self, board: &mut impl Board, now: u32) {
+        // The frames of a block leave after the block is given back: its buffer is free again the sooner.
+        let Self { session, test, self_test, .. } = self;
+        let mut end = now;
+        board.with_block(&mut |block| {
+            if let Some(result) = test.on_block(&block, now) {
+                *self_test = result;
+                session.node_mut().set_self_test(result);
+            }
+            end = block.first_tick.wrapping_add(block.period_ticks.wrapping_mul(block.codes.len() as u32));
+            session.node_mut().on_block(block);
+        });
+        session.send_messages(end, &mut |frame| {
+            board.send(frame);
+        });
+        if let Some(frames) = board.take_dropped() {
+            session.node_mut().note(EventKind::MessagesDropped, frames);
+        }
+        board.set_period_ticks(session.node().requested_period_ticks());
+    }
+
+    /// Light, lost edges and stack.
+    fn report(&mut self, board: &mut impl Board, now: u32) {
+        let code = Code::of(self.session.node().state(), self.crystal, self.self_test.failed != 0);
+        board.set_light(code.is_lit(now, self.clock));
+        let lost = board.lost_edges();
+        if lost != self.lost_edges {
+            self.lost_edges = lost;
+            self.note(BoardEvent::EdgesLost, lost);
+        }
+        // Due at start and then every few seconds; wrapping order of ticks.
+        if (now.wrapping_sub(self.stack_due) as i32) >= 0 || self.stack_due == 0 {
+            self.stack_due = now.wrapping_add(self.clock.0.saturating_mul(STACK_PERIOD_S));
+            let StackUse { used, .. } = stack::high_water();
+            if used >= self.stack_seen.saturating_add(STACK_STEP) {
+                self.stack_seen = used;
+                self.note(BoardEvent::StackDepth, used);
+            }
+        }
+    }
+
+    /// Answers a request as if the host had sent it.
+    pub fn on_request(&mut self, request: Request, link: &mut impl Link) {
+        self.session.on_request(request, &mut |frame| {
+            link.send(frame);
+        });
+    }
+}

@@ -1,0 +1,46 @@
+//! Converter: ADC1, channel 1 (PA1), 12 bits left-aligned, one conversion per trigger of TIM2.
+//!
+//! 84 MHz / 4 = 21 MHz converter clock; 15 cycles of sampling and 12 of conversion: 1.29 us, 777 kHz at most, for
+//! source impedances up to about 8 kilohm (DS8626 equation 1). Left alignment gives the codes in 16 bits that the node
+//! expects, steps of 16. RM0090 section 13.
+
+use crate::pac::{adc_common, adc1};
+
+/// External trigger EXTSEL: TIM2's TRGO (RM0090, external trigger for regular channels).
+pub const TRIGGER_TIM2_TRGO: u8 = 0b0110;
+/// Channel of the signal, pin PA1.
+pub const CHANNEL: u8 = 1;
+/// Highest sample rate the node is granted on this board, Hz.
+pub const HIGHEST_RATE_HZ: u32 = 750_000;
+
+/// Sets the converter up; it waits for triggers from here on.
+pub fn start(adc: &adc1::RegisterBlock, common: &adc_common::RegisterBlock) {
+    common.ccr().write(|w| w.adcpre().div4());
+    adc.cr1().write(|w| w.res().twelve_bit().scan().disabled());
+    // SAFETY: sampling code 1 (15 cycles) and channel 1 exist.
+    adc.smpr2().write(|w| unsafe { w.bits(1 << (3 * CHANNEL)) });
+    adc.sqr1().write(|w| w.l().set(0));
+    // SAFETY: as above.
+    adc.sqr3().write(|w| unsafe { w.sq1().bits(CHANNEL) });
+    adc.cr2().write(|w| {
+        let w = w.adon().enabled().align().left().cont().single();
+        // One request per conversion, and requests go on after the last transfer (DDS): the buffers are a circle.
+        let w = w.dma().enabled().dds().continuous();
+        w.extsel().tim2trgo().exten().rising_edge()
+    });
+}
+
+/// Takes the overrun flag. After an overrun the converter makes no more requests until the flag is cleared.
+pub fn take_overrun(adc: &adc1::RegisterBlock) -> bool {
+    let overrun = adc.sr().read().ovr().bit_is_set();
+    if overrun {
+        // SAFETY: ones leave the other flags alone.
+        adc.sr().write(|w| unsafe { w.bits(u32::MAX).ovr().clear_bit() });
+    }
+    overrun
+}
+
+/// Stops the converter; [`start`] sets it up anew.
+pub fn stop(adc: &adc1::RegisterBlock) {
+    adc.cr2().reset();
+}

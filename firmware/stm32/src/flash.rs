@@ -1,0 +1,101 @@
+//! Flash: erasure and word writes in the two sectors of the configuration.
+//!
+//! Sectors 10 and 11, 128 KiB each: the stored configuration needs two to survive a power cut at any instant. The core
+//! stands still while flash is busy (it fetches from the same bank): 16 us per word, 1 s to 2 s per erasure; blocks
+//! are lost meanwhile and counted. RM0090 section 3.6.
+
+use crate::pac::flash;
+
+/// First address of the configuration.
+pub const START: u32 = 0x080c_0000;
+/// Bytes of one sector.
+pub const SECTOR_BYTES: u32 = 128 * 1024;
+/// Number of the first of the two sectors.
+pub const FIRST_SECTOR: u8 = 10;
+/// Sectors in use.
+pub const SECTORS: u8 = 2;
+/// Polls of a busy flash; an erasure holds the core for its whole length anyway.
+const PATIENCE: u32 = 50_000_000;
+
+/// Error flags and the end-of-operation flag in the status register.
+const FLAGS: u32 = 0xf3;
+
+/// What went wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashFault {
+    /// No such sector, or a word across its border.
+    Range,
+    /// The controller refused: protection, alignment, or a wrong sequence.
+    Refused,
+    /// Still busy after all patience.
+    Busy,
+}
+
+/// Erases sector 0 or 1 of the configuration.
+///
+/// # Errors
+/// As [`FlashFault`] says; the sector is then undefined.
+pub fn erase(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault> {
+    if sector >= SECTORS {
+        return Err(FlashFault::Range);
+    }
+    unlock(flash)?;
+    // SAFETY: sectors 10 and 11 exist and hold no code (memory.x).
+    flash.cr().write(|w| unsafe { w.psize().psize32().ser().set_bit().snb().bits(FIRST_SECTOR + sector) });
+    flash.cr().modify(|_, w| w.strt().set_bit());
+    finish(flash)
+}
+
+/// Prepares the writing of words; [`finish_write`] ends it.
+///
+/// # Errors
+/// [`FlashFault::Busy`].
+pub fn begin_write(flash: &flash::RegisterBlock) -> Result<(), FlashFault> {
+    unlock(flash)?;
+    flash.cr().write(|w| w.psize().psize32().pg().set_bit());
+    Ok(())
+}
+
+/// Waits for the word written last.
+///
+/// # Errors
+/// As [`FlashFault`] says.
+pub fn settle(flash: &flash::RegisterBlock) -> Result<(), FlashFault> {
+    if !(0..PATIENCE).any(|_| flash.sr().read().bsy().is_not_busy()) {
+        return Err(FlashFault::Busy);
+    }
+    let status = flash.sr().read();
+    let flags = status.bits() & FLAGS;
+    if flags != 0 {
+        // SAFETY: writing ones clears these flags; the rest is read-only.
+        flash.sr().write(|w| unsafe { w.bits(flags) });
+    }
+    let refused = status.wrperr().bit() || status.pgaerr().bit() || status.pgperr().bit() || status.pgserr().bit();
+    if refused { Err(FlashFault::Refused) } else { Ok(()) }
+}
+
+/// Ends the writing of words and locks.
+///
+/// # Errors
+/// As [`FlashFault`] says.
+pub fn finish_write(flash: &flash::RegisterBlock) -> Result<(), FlashFault> {
+    finish(flash)
+}
+
+fn unlock(flash: &flash::RegisterBlock) -> Result<(), FlashFault> {
+    // Refusals of an earlier operation were its own; only a busy flash matters here.
+    if settle(flash) == Err(FlashFault::Busy) {
+        return Err(FlashFault::Busy);
+    }
+    if flash.cr().read().lock().is_locked() {
+        flash.keyr().write(|w| w.key().set(0x4567_0123));
+        flash.keyr().write(|w| w.key().set(0xcdef_89ab));
+    }
+    Ok(())
+}
+
+fn finish(flash: &flash::RegisterBlock) -> Result<(), FlashFault> {
+    let outcome = settle(flash);
+    flash.cr().write(|w| w.lock().set_bit());
+    outcome
+}

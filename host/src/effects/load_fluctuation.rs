@@ -1,0 +1,45 @@
+//! Load fluctuation: the load's torque has a sinusoidal part, at an order of the gear's shaft or a fixed frequency.
+//!
+//! Signature: a line at the rate, and amplitude modulation of the mesh harmonics at that rate: mesh force
+//! follows the load. Proportional to the mean torque.
+
+use super::{Entry, PHASE, parameter};
+use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use std::f64::consts::TAU;
+
+/// Registry entry.
+pub const ENTRY: Entry = Entry {
+    name: "load-fluctuation",
+    meaning: "load torque with a sinusoidal part",
+    signature: "a line at the rate and sidebands of it around the mesh; proportional to torque",
+    example: "depth=0.3,frequency=7",
+    span_hz: 500.0,
+    parameters: &[
+        parameter("depth", "", 0.05, [0.0, 10.0], "amplitude over mean load torque"),
+        parameter("order", "", 0.0, [0.0, 1000.0], "per turn of the gear; 0: none"),
+        parameter("frequency", "Hz", 0.0, [0.0, 1e5], "fixed part of the rate"),
+        PHASE,
+    ],
+    build: |v| {
+        let [depth, order, frequency_hz, phase_rad] = ["depth", "order", "frequency", "phase"].map(|n| v.get(n));
+        Box::new(LoadFluctuation { depth, order, frequency_hz, phase_rad })
+    },
+};
+
+struct LoadFluctuation {
+    depth: f64,
+    order: f64,
+    frequency_hz: f64,
+    phase_rad: f64,
+}
+
+impl Effect for LoadFluctuation {
+    fn force(&self, moment: &Moment, forces: &mut Forces) {
+        let mut phase = moment.time_s().scaled(TAU * self.frequency_hz);
+        phase.add_scaled(&moment.angle_rad[1], self.order);
+        phase.add_constant(self.phase_rad);
+        let [z1, z2] = moment.facts.teeth.map(f64::from);
+        // The load brakes: its torque acts against the driven sense.
+        forces.add(Place::Load, phase.sin_cos().1.scaled(-self.depth * moment.facts.input_torque_n_m * z2 / z1));
+    }
+}

@@ -1,0 +1,34 @@
+//! Cracked tooth by a plain loss of its pair's stiffness.
+//!
+//! For a crack by depth and angle declare `[crack]` in the machine: its pair then follows the curve of the
+//! cracked section. Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per turn for
+//! about a contact ratio of mesh periods, proportional to torque.
+
+use super::{Entry, GEAR, TOOTH, parameter};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::series::Series;
+
+/// Registry entry.
+pub const ENTRY: Entry = Entry {
+    name: "tooth-crack",
+    meaning: "one tooth whose pair has lost part of its stiffness",
+    signature: "a wide comb of shaft harmonics around the mesh harmonics; proportional to torque",
+    example: "loss=0.3",
+    span_hz: 1000.0,
+    parameters: &[parameter("loss", "", 0.1, [0.0, 0.95], "share of the pair's stiffness"), TOOTH, GEAR],
+    build: |v| Box::new(ToothCrack { loss: v.get("loss"), tooth: v.get("tooth") as u32, body: v.body() }),
+};
+
+struct ToothCrack {
+    loss: f64,
+    tooth: u32,
+    body: usize,
+}
+
+impl Effect for ToothCrack {
+    fn pair_stiffness(&self, _moment: &Moment, pair: &PairOnPath, stiffness: &mut Series) {
+        if pair.tooth[self.body] == self.tooth {
+            *stiffness = stiffness.scaled(1.0 - self.loss);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! A mode of the structure beside the direct path: `y (1 + gain H(f))`, `H` of second order, 1 at low frequency.
+//!
+//! Signature: lines near a fixed frequency are raised and turned in phase at every speed; no new lines.
+
+use super::filter::{mode, pass};
+use super::{CHANNEL, Entry, parameter};
+use crate::dynamics::excitation::{Effect, Sampled};
+
+/// Registry entry.
+pub const ENTRY: Entry = Entry {
+    name: "transfer-path-resonance",
+    meaning: "a structural mode beside the direct path to the sensor",
+    signature: "a fixed formant over the whole order pattern; proportional to the signal; no new lines",
+    example: "gain=0.3,frequency=1900",
+    span_hz: 5120.0,
+    parameters: &[
+        parameter("gain", "", 0.1, [-100.0, 100.0], "of the mode, at low frequency"),
+        parameter("frequency", "Hz", 1900.0, [1.0, 1e6], "of the mode"),
+        parameter("damping", "", 0.02, [1e-4, 0.9], "ratio of the mode"),
+        CHANNEL,
+    ],
+    build: |v| {
+        let [gain, frequency_hz, damping] = ["gain", "frequency", "damping"].map(|n| v.get(n));
+        Box::new(Mode { gain, frequency_hz, damping, channels: v.channels() })
+    },
+};
+
+struct Mode {
+    gain: f64,
+    frequency_hz: f64,
+    damping: f64,
+    channels: std::ops::Range<usize>,
+}
+
+impl Effect for Mode {
+    fn measure(&self, sampled: &mut Sampled) {
+        let response = |hz: f64| 1.0 + self.gain * mode(hz, self.frequency_hz, self.damping);
+        pass(sampled, self.channels.clone(), response);
+    }
+}

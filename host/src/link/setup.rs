@@ -1,0 +1,80 @@
+//! A node's configuration from a declared machine, a law file and what only the installation knows.
+
+use crate::law::file::LawFile;
+use crate::machine::Machine;
+use crate::{Error, Result};
+use meshband::config::{Configuration, GearPair};
+use meshband::units::{Acceleration, Hertz};
+use std::path::Path;
+
+/// Facts of the installation; what is not given stays as the node has it.
+#[derive(Clone, Debug, Default)]
+pub struct Installation {
+    /// Teeth of pinion and gear; the machine's declaration otherwise.
+    pub teeth: Option<[u16; 2]>,
+    /// Tach pulse positions per turn of its shaft.
+    pub pulses_per_turn: Option<u16>,
+    /// Adjacent missing teeth of the tach wheel.
+    pub missing: Option<u16>,
+    /// Turns of the pinion per turn of the tach shaft.
+    pub pinion_per_tach: Option<f32>,
+    /// Acceleration per 16-bit ADC code, m/s^2.
+    pub acceleration_per_code: Option<f32>,
+    /// Stop edge of the analogue filter, Hz.
+    pub analogue_stop_hz: Option<f32>,
+    /// Highest ADC rate, Hz.
+    pub highest_adc_hz: Option<f32>,
+    /// Mesh harmonics to report.
+    pub harmonics: Option<u8>,
+    /// Sideband pairs to report per harmonic.
+    pub sidebands: Option<u8>,
+}
+
+/// Changes a configuration to suit machine, law and installation.
+///
+/// # Errors
+/// Unreadable files, tooth counts beyond a node's range, a law of another machine.
+pub fn apply(
+    config: &mut Configuration,
+    machine: Option<&Path>,
+    law: Option<&Path>,
+    installation: &Installation,
+) -> Result<()> {
+    let machine = machine.map(Machine::read).transpose()?;
+    if let Some(machine) = &machine {
+        let teeth = |n: usize| {
+            u16::try_from(machine.pair.teeth[n])
+                .map_err(|_| Error::invalid("[pair] teeth", "beyond the range of a node, 65535"))
+        };
+        config.gears = GearPair { pinion_teeth: teeth(0)?, gear_teeth: teeth(1)? };
+    }
+    if let Some([pinion_teeth, gear_teeth]) = installation.teeth {
+        config.gears = GearPair { pinion_teeth, gear_teeth };
+    }
+    if let Some(path) = law {
+        let file = LawFile::read(path)?;
+        let law = file.for_node()?;
+        if let Some(machine) = &machine
+            && law.machine_hash != machine.hash()
+        {
+            let what = format!("is the law of another machine ({}), or this one has changed since", file.machine);
+            return Err(Error::invalid(path.display(), what));
+        }
+        config.law = law;
+    }
+    set(&mut config.tach.pulses_per_turn, installation.pulses_per_turn);
+    set(&mut config.tach.missing, installation.missing);
+    set(&mut config.tach.pinion_per_tach, installation.pinion_per_tach);
+    set(&mut config.sensor.acceleration_per_code, installation.acceleration_per_code.map(Acceleration));
+    set(&mut config.limits.analogue_stop, installation.analogue_stop_hz.map(Hertz));
+    set(&mut config.limits.highest_adc, installation.highest_adc_hz.map(Hertz));
+    set(&mut config.mesh.harmonics, installation.harmonics);
+    set(&mut config.mesh.sidebands, installation.sidebands);
+    Ok(())
+}
+
+fn set<T>(place: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *place = value;
+    }
+}

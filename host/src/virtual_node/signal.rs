@@ -1,0 +1,212 @@
+//! What a virtual node is given: one channel of a record, or of a machine simulated for the purpose, with its tach.
+
+use crate::dynamics::assembly::{Damping, Model};
+use crate::dynamics::excitation::Effect;
+use crate::dynamics::simulate::{Acquisition, simulate};
+use crate::dynamics::{Motion, Rig};
+use crate::machine::Machine;
+use crate::record::{Declaration, Record};
+use crate::virtual_node::image::Source;
+use crate::{Error, Result};
+
+/// Unit of the amplitudes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Unit {
+    /// m/s2
+    Acceleration,
+    /// Multiples of standard gravity; the node computes in m/s2.
+    Gravity,
+    /// What the record says: "V", or that it says nothing.
+    Other(String),
+}
+
+impl Unit {
+    /// The node's m/s2 per this unit.
+    pub fn scale(&self) -> f64 {
+        if *self == Unit::Gravity { 9.80665 } else { 1.0 }
+    }
+}
+
+impl std::fmt::Display for Unit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Unit::Acceleration => f.write_str("m/s2"),
+            Unit::Gravity => f.write_str("g"),
+            Unit::Other(name) if name == "unknown" => f.write_str("record's unit"),
+            Unit::Other(name) => f.write_str(name),
+        }
+    }
+}
+
+/// A channel with its tachometer.
+#[derive(Debug, Clone)]
+pub struct Signal {
+    /// Record or machine.
+    pub title: String,
+    /// Name of the channel.
+    pub channel: String,
+    /// Unit of the samples, taken for m/s2 by the node.
+    pub unit: Unit,
+    /// Samples from the window's start.
+    pub samples: Vec<f64>,
+    /// Their rate, Hz.
+    pub rate_hz: f64,
+    /// Tach edges, s from the first sample, ascending; those before it are negative.
+    pub edges_s: Vec<f64>,
+    /// Tach pulses per turn of the tach's shaft.
+    pub pulses_per_turn: u32,
+    /// Turns of the pinion per turn of the tach's shaft.
+    pub pinion_per_tach: f64,
+    /// Teeth of pinion and gear.
+    pub teeth: [u32; 2],
+    /// What a reader should know: window taken, virtual tach.
+    pub notes: Vec<String>,
+}
+
+/// How a machine is run for the node.
+pub struct Operation<'a> {
+    /// Pinion speed, Hz.
+    pub speed_hz: f64,
+    /// Pinion speed at the end, Hz, for a run-up.
+    pub final_speed_hz: Option<f64>,
+    /// Torque at the motor, N m.
+    pub torque_n_m: f64,
+    /// Effects on top of the declared machine.
+    pub effects: &'a [Box<dyn Effect>],
+    /// Length and rate of the signal, tach, noise.
+    pub acquisition: Acquisition,
+    /// 0 for the pinion's bearing, 1 for the gear's.
+    pub channel: usize,
+}
+
+impl Signal {
+    /// A channel of a run, from `start_s` on, for `length_s` or to the end.
+    ///
+    /// # Errors
+    /// A record without tach or tooth counts, no such run or channel, a window outside the run, or one without two
+    /// tach edges.
+    pub fn of_record(record: &Record, run: usize, channel: &str, start_s: f64, length_s: Option<f64>) -> Result<Self> {
+        let declaration = &record.declaration;
+        let place = record.folder.display();
+        let tach = record.require_tach()?;
+        let run = record.run(run)?;
+        let teeth = declaration.teeth().ok_or_else(|| Error::invalid(place, "[pair] teeth: missing"))?;
+        let (index, name) = find_channel(declaration, channel)?;
+        let (rate_hz, duration_s) = (run.sample_rate_hz(), run.duration_s());
+        if !(0.0..duration_s).contains(&start_s) {
+            return Err(Error::invalid("--start", format!("{start_s} s is not within the run's {duration_s:.3} s")));
+        }
+        let length_s = length_s.unwrap_or(duration_s - start_s);
+        if !(length_s > 0.0 && length_s <= duration_s - start_s + 1e-9) {
+            let what = format!("{length_s} s from {start_s} s on are not within the run's {duration_s:.3} s");
+            return Err(Error::invalid("--duration", what));
+        }
+        let first = (start_s * rate_hz).round() as usize;
+        let count = (length_s * rate_hz).round() as usize;
+        let samples: Vec<f64> = run.signal_m_s2(index).into_iter().skip(first).take(count).collect();
+        let offset_s = first as f64 / rate_hz;
+        let edges_s: Vec<f64> = run.edges_s.iter().map(|t| t - offset_s).collect();
+        let end_s = count as f64 / rate_hz;
+        if edges_s.iter().filter(|&&t| (0.0..end_s).contains(&t)).count() < 2 {
+            return Err(Error::invalid("tach", format!("no two edges within the {end_s:.3} s replayed")));
+        }
+        let mut notes = Vec::new();
+        if count < run.samples() {
+            notes.push(format!("taken from the run of {duration_s:.2} s: {end_s:.2} s from {offset_s:.2} s on"));
+        }
+        if tach.is_virtual() {
+            notes.push("the tach is virtual: its edges come from the phase of the mesh line".into());
+        }
+        let ratio = f64::from(teeth[1]) / f64::from(teeth[0]);
+        Ok(Self {
+            title: declaration.title().to_owned(),
+            channel: name,
+            unit: declaration.acquisition.unit.clone().map_or(Unit::Acceleration, Unit::Other),
+            samples,
+            rate_hz,
+            edges_s,
+            pulses_per_turn: tach.pulses_per_rev,
+            pinion_per_tach: if tach.shaft == "gear" { ratio } else { 1.0 },
+            teeth,
+            notes,
+        })
+    }
+
+    /// A channel of a simulated machine.
+    ///
+    /// # Errors
+    /// What [`simulate`] refuses.
+    pub fn of_machine(machine: &Machine, operation: &Operation<'_>) -> Result<Self> {
+        let rig = Rig::new(machine, Model::BendingTorsional, Damping::Declared)?;
+        let acquisition = &operation.acquisition;
+        let motion = match operation.final_speed_hz {
+            None => Motion::Constant { speed_hz: operation.speed_hz, turns_at_zero: 0.0 },
+            Some(to_hz) => run_up(operation.speed_hz, to_hz, acquisition.duration_s),
+        };
+        let simulated = simulate(&rig, &motion, operation.torque_n_m, operation.effects, acquisition)?;
+        let name = ["pinion bearing, line of action", "gear bearing, line of action"][operation.channel];
+        let [first, second] = simulated.channels;
+        Ok(Self {
+            title: machine.title.clone(),
+            channel: name.into(),
+            unit: Unit::Acceleration,
+            samples: if operation.channel == 0 { first } else { second },
+            rate_hz: acquisition.rate_hz,
+            edges_s: simulated.edges_s,
+            pulses_per_turn: acquisition.pulses_per_turn,
+            pinion_per_tach: 1.0,
+            teeth: machine.pair.teeth,
+            notes: vec![format!("simulated: bending-torsional model at {} N m", operation.torque_n_m)],
+        })
+    }
+
+    /// Length, s.
+    pub fn duration_s(&self) -> f64 {
+        self.samples.len() as f64 / self.rate_hz
+    }
+
+    /// For the replay image.
+    pub fn source(&self) -> Source<'_> {
+        Source { samples: &self.samples, rate_hz: self.rate_hz, edges_s: &self.edges_s }
+    }
+}
+
+/// Steady for the first fifth, so that the tach can lock, then at constant acceleration, steady for the last tenth.
+fn run_up(from_hz: f64, to_hz: f64, duration_s: f64) -> Motion {
+    let (start, end) = (0.2 * duration_s, 0.9 * duration_s);
+    let turns = from_hz * start;
+    Motion::Knots {
+        times_s: vec![0.0, start, end, duration_s],
+        turns: vec![
+            0.0,
+            turns,
+            turns + 0.5 * (from_hz + to_hz) * (end - start),
+            turns + 0.5 * (from_hz + to_hz) * (end - start) + to_hz * (duration_s - end),
+        ],
+        speeds_hz: vec![from_hz, from_hz, to_hz, to_hz],
+    }
+}
+
+/// A channel by its number, its name, or a part that only one name has.
+fn find_channel(declaration: &Declaration, wanted: &str) -> Result<(usize, String)> {
+    let names = &declaration.acquisition.channels;
+    let refuse = |what: &str| Err(Error::invalid("--channel", format!("'{wanted}' {what}: {}", names.join(", "))));
+    if let Ok(index) = wanted.parse::<usize>() {
+        return match names.get(index) {
+            Some(name) => Ok((index, name.clone())),
+            None => Err(Error::invalid(
+                "--channel",
+                format!("{index}: the record has {} channels, numbered from 0", names.len()),
+            )),
+        };
+    }
+    if let Some(index) = names.iter().position(|name| name == wanted) {
+        return Ok((index, wanted.into()));
+    }
+    let mut hits = names.iter().enumerate().filter(|(_, name)| name.contains(wanted));
+    match (hits.next(), hits.next()) {
+        (Some((index, name)), None) => Ok((index, name.clone())),
+        (Some(_), Some(_)) => refuse("fits more than one channel of"),
+        _ => refuse("is none of the channels"),
+    }
+}

@@ -1,0 +1,417 @@
+//! A trial: the firmware in QEMU on a signal, the same code on the host, and every line against the f64 reference.
+
+use super::frames::Received;
+use super::image::{Image, TICKS_PER_SECOND};
+use super::reference::{Domain, Reference, Shaft, Stretch};
+use super::setup::OrderShaft;
+use super::signal::Signal;
+use super::simulation::{self, Simulated};
+use crate::qemu::Qemu;
+use crate::spectral::Window;
+use crate::{Error, Result};
+use meshband::config::Configuration;
+use meshband::message::{MeshBand, Message, Peaks, SpectralLine, Spectrum, Status};
+use meshband::replay::{BLOCK_SAMPLES, Replay, START_TICK};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A line counts for the worst errors where the reference has it this far above the floor around it, dB...
+pub const CLEAR_DB: f64 = 12.0;
+/// ... no further below the strongest harmonic than this, dB: windows have skirts there ...
+pub const DEEPEST_DB: f64 = 60.0;
+/// ... and within this many bins of the shaft's order: otherwise it is another machine part's line.
+pub const NEAR_BINS: f64 = 1.0;
+/// Beyond this change of a line's frequency within the record, in bins, a spectrum is no longer compared.
+pub const STEADY_BINS: f64 = 2.0;
+
+/// Speed, law and rates at an instant.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RateRow {
+    /// From the signal's start, s.
+    pub time_s: f64,
+    /// The node's speed of the order shaft, Hz.
+    pub speed_hz: f64,
+    /// The same from the tach edges in f64; `None` outside them.
+    pub reference_speed_hz: Option<f64>,
+    /// The law's bandwidth, Hz.
+    pub bandwidth_hz: f64,
+    /// Output rate the law asks for, Hz.
+    pub requested_hz: f64,
+    /// Output rate granted: converter rate after decimation, Hz.
+    pub granted_hz: f64,
+    /// Converter rate, Hz.
+    pub adc_hz: f64,
+    /// Half-band stages between them.
+    pub stages: u8,
+    /// Granted against requested, ppm.
+    pub residual_ppm: f64,
+    /// Block from which on this holds.
+    pub block: u32,
+    /// What is special: no speed, outside the law's domain, provisional law, rate limited.
+    pub flags: Vec<&'static str>,
+}
+
+/// One line of a mesh band against the reference.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LineRow {
+    /// Mesh harmonic.
+    pub harmonic: u8,
+    /// 0 for the harmonic itself, else the number of order-shaft turns aside.
+    pub sideband: i32,
+    /// As reported, Hz.
+    pub frequency_hz: f64,
+    /// As reported, unit of the signal.
+    pub amplitude: f64,
+    /// Reference over the same stretch of time, Hz.
+    pub reference_hz: f64,
+    /// Reference, unit of the signal.
+    pub reference_amplitude: f64,
+    /// Relative error of the frequency.
+    pub frequency_error: f64,
+    /// Error of the amplitude, dB.
+    pub amplitude_error_db: f64,
+    /// Error against the amplitude at the exact order of the shaft's angle, dB: what a wandering speed smears.
+    pub angle_error_db: f64,
+    /// Reference above the lower quartile of the spectrum around it, dB.
+    pub above_floor_db: f64,
+    /// Reference line off the shaft's order, bins.
+    pub off_order_bins: f64,
+    /// Reference below the spectrum's strongest harmonic, dB.
+    pub below_strongest_db: f64,
+}
+
+impl LineRow {
+    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone.
+    pub fn is_clear(&self) -> bool {
+        self.above_floor_db >= CLEAR_DB
+            && self.below_strongest_db <= DEEPEST_DB
+            && self.off_order_bins.abs() <= NEAR_BINS
+    }
+}
+
+/// One mesh-band spectrum against the reference.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpectrumRow {
+    /// How the reference looked at it.
+    #[serde(skip)]
+    pub stretch: Stretch,
+    /// First sample, s from the signal's start.
+    pub start_s: f64,
+    /// Length of the record behind it, s.
+    pub length_s: f64,
+    /// Bin width, Hz.
+    pub resolution_hz: f64,
+    /// Mean speed of the order shaft over it in f64, Hz.
+    pub speed_hz: f64,
+    /// Change of the highest harmonic's frequency within it, bins.
+    pub swept_bins: f64,
+    /// Its lines.
+    pub lines: Vec<LineRow>,
+}
+
+impl SpectrumRow {
+    /// Whether the speed was steady enough for lines to be lines.
+    pub fn is_steady(&self) -> bool {
+        self.swept_bins <= STEADY_BINS
+    }
+}
+
+/// A strong line of the wideband spectrum.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PeakRow {
+    /// As reported, Hz.
+    pub frequency_hz: f64,
+    /// As reported, unit of the signal.
+    pub amplitude: f64,
+    /// Mesh harmonic that lies there, where one does.
+    pub harmonic: Option<u32>,
+    /// Whether that harmonic lies above half the rate and is folded here.
+    pub folded: bool,
+}
+
+/// Worst errors over the lines that stand clear, in steady spectra.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Worst {
+    /// Lines looked at.
+    pub lines: usize,
+    /// Largest relative error of a frequency.
+    pub frequency_error: f64,
+    /// Largest error of an amplitude, dB.
+    pub amplitude_error_db: f64,
+}
+
+/// Whether everything arrived and agreed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Integrity {
+    /// QEMU's frames are those of the same code on the host, byte for byte.
+    pub identical_to_host: bool,
+    /// The codes sampled in QEMU are those the host read from the image.
+    pub identical_codes: bool,
+    /// All runs in QEMU sent the same bytes; `None` after a single run.
+    pub identical_runs: Option<bool>,
+    /// Blocks processed.
+    pub blocks: u32,
+    /// Blocks the node or the board missed.
+    pub blocks_lost: u32,
+    /// Tach edges lost.
+    pub edges_lost: u32,
+    /// Frames damaged or missing on the link.
+    pub frames_lost: u32,
+    /// Rate changes.
+    pub rate_changes: u32,
+    /// Events by kind.
+    pub events: BTreeMap<String, u32>,
+    /// Million instructions per second that QEMU granted.
+    pub mips: f64,
+}
+
+/// Result of a trial.
+#[derive(Debug, Clone, Serialize)]
+pub struct Trial {
+    /// Rate of the signal in the board's memory, Hz.
+    pub signal_rate_hz: f64,
+    /// Length replayed, s.
+    pub duration_s: f64,
+    /// Speeds and rates over time.
+    pub rates: Vec<RateRow>,
+    /// Mesh-band spectra.
+    pub spectra: Vec<SpectrumRow>,
+    /// Spectra reported whose stretch the reference cannot cover.
+    pub uncompared: usize,
+    /// Worst errors of the harmonics.
+    pub worst_harmonics: Worst,
+    /// Worst errors of the sidebands.
+    pub worst_sidebands: Worst,
+    /// Wideband peaks at the end, with their line spacing in Hz.
+    pub peaks: Vec<PeakRow>,
+    /// Line spacing of the wideband spectrum, Hz.
+    pub peak_resolution_hz: f64,
+    /// Losses and identities.
+    pub integrity: Integrity,
+    /// Wall-clock time of the run in QEMU, s.
+    pub wall_time_s: f64,
+    /// Converter rate of every block: start, s, and rate, Hz.
+    #[serde(skip)]
+    pub blocks: Vec<(f64, f64)>,
+    /// Codes of the last block as accelerations: time, s, and value, unit of the signal.
+    #[serde(skip)]
+    pub samples: Vec<(f64, f64)>,
+}
+
+/// Runs the node on a signal, in QEMU `runs` times and once on the host, and compares.
+///
+/// # Errors
+/// A signal or configuration that the node refuses; QEMU or the firmware image absent, or a failed run.
+pub fn run(signal: &Signal, config: &Configuration, shaft: OrderShaft, qemu: &Qemu, runs: usize) -> Result<Trial> {
+    let scale = signal.unit.scale();
+    let image = Image::new(signal.source(), config, |header| header)?;
+    let simulated = simulation::run(&image.bytes)?;
+    let mut finished = (0..runs.max(1)).into_par_iter().map(|_| qemu.run(&image.bytes)).collect::<Result<Vec<_>>>()?;
+    let first = finished.swap_remove(0);
+    let received = Received::decode(&first.link);
+    let number = |key: &str| first.statistic(key).and_then(|v| v.parse::<u32>().ok()).unwrap_or(0);
+    let order_shaft = Shaft::new(signal, shaft.per_tach(signal))
+        .ok_or_else(|| Error::invalid("tach", "has fewer than two edges in the window"))?;
+    let comparison = Comparison { signal, shaft: &order_shaft, teeth: f64::from(shaft.teeth(signal)[0]), scale };
+    let all: Vec<&Spectrum> = received.spectra().collect();
+    let spectra: Vec<SpectrumRow> = all.par_iter().filter_map(|s| comparison.spectrum(s)).collect();
+    let statistics = received.statistics().copied().unwrap_or_default();
+    let lost = statistics.blocks_lost.max(number("lost") + number("missed"));
+    let mut events = BTreeMap::new();
+    for message in received.messages() {
+        if let Message::Event(event) = message {
+            *events.entry(format!("{:?}", event.kind)).or_insert(0) += event.count;
+        }
+    }
+    let last_peaks = received.peaks().last();
+    Ok(Trial {
+        signal_rate_hz: image.signal_rate_hz,
+        duration_s: image.duration_s,
+        rates: received.statuses().map(|s| comparison.rates(s)).collect(),
+        uncompared: all.len() - spectra.len(),
+        worst_harmonics: worst(&spectra, |line| line.sideband == 0),
+        worst_sidebands: worst(&spectra, |line| line.sideband != 0),
+        spectra,
+        peaks: last_peaks.map(|p| comparison.peaks(p)).unwrap_or_default(),
+        peak_resolution_hz: last_peaks.map_or(0.0, |p| f64::from(p.tag.resolution_hz)),
+        integrity: Integrity {
+            identical_to_host: simulated.link == first.link,
+            identical_codes: first.statistic("codes_crc") == Some(&format!("{:08x}", simulated.codes_crc)),
+            identical_runs: (runs > 1).then(|| finished.iter().all(|other| other.link == first.link)),
+            blocks: number("blocks"),
+            blocks_lost: lost,
+            edges_lost: number("edges_lost"),
+            frames_lost: received.lost + received.refused,
+            rate_changes: simulated.periods.windows(2).filter(|w| w[0] != w[1]).count() as u32,
+            events,
+            mips: 1000.0 / f64::from(1u32 << qemu.icount_shift),
+        },
+        wall_time_s: first.wall_time.as_secs_f64(),
+        samples: last_block(&image, &simulated, scale)?,
+        blocks: block_rates(&simulated),
+    })
+}
+
+/// What the converter gave in the last block.
+fn last_block(image: &Image, simulated: &Simulated, scale: f64) -> Result<Vec<(f64, f64)>> {
+    let replay = Replay::parse(&image.bytes).map_err(|e| Error::invalid("replay image", format!("{e:?}")))?;
+    let Some((&period, before)) = simulated.periods.split_last() else { return Ok(Vec::new()) };
+    let border: u32 = before.iter().map(|period| period * BLOCK_SAMPLES as u32).sum();
+    let mut codes = [0; BLOCK_SAMPLES];
+    replay.sample(border + period, period, &mut codes);
+    let value = |code: u16| (f64::from(code) - 32_768.0) / 32_767.0 * image.full_scale_m_s2 / scale;
+    let time = |n: usize| (f64::from(border) + f64::from(period) * (n + 1) as f64) / f64::from(TICKS_PER_SECOND);
+    Ok(codes.iter().enumerate().map(|(n, &code)| (time(n), value(code))).collect())
+}
+
+fn block_rates(simulated: &Simulated) -> Vec<(f64, f64)> {
+    let clock = f64::from(TICKS_PER_SECOND);
+    let mut tick = 0.0;
+    let mut rate = |period: &u32| {
+        let start = tick;
+        tick += f64::from(*period) * BLOCK_SAMPLES as f64;
+        (start / clock, clock / f64::from(*period))
+    };
+    simulated.periods.iter().map(&mut rate).collect()
+}
+
+fn worst(spectra: &[SpectrumRow], wanted: impl Fn(&LineRow) -> bool) -> Worst {
+    let lines = spectra.iter().filter(|s| s.is_steady()).flat_map(|s| &s.lines);
+    lines.filter(|line| wanted(line) && line.is_clear()).fold(Worst::default(), |worst, line| Worst {
+        lines: worst.lines + 1,
+        frequency_error: worst.frequency_error.max(line.frequency_error.abs()),
+        amplitude_error_db: worst.amplitude_error_db.max(line.amplitude_error_db.abs()),
+    })
+}
+
+/// Seconds from the signal's start.
+fn seconds(tick: u64) -> f64 {
+    (tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND)
+}
+
+/// Lower quartile of the spectrum within 1.5 orders, the line itself left out.
+fn floor(spectrum: &[(f64, f64)], order: f64, bin: f64) -> f64 {
+    let aside = |o: f64| (o - order).abs();
+    let around = spectrum.iter().filter(|(o, _)| aside(*o) <= 1.5 && aside(*o) > 4.0 * bin);
+    let mut values: Vec<f64> = around.map(|p| p.1).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 4).copied().unwrap_or(f64::MIN_POSITIVE).max(f64::MIN_POSITIVE)
+}
+
+struct Comparison<'a> {
+    signal: &'a Signal,
+    shaft: &'a Shaft,
+    /// Teeth on the order shaft.
+    teeth: f64,
+    /// The node's m/s2 per unit of the signal shown.
+    scale: f64,
+}
+
+impl Comparison<'_> {
+    fn rates(&self, status: &Status) -> RateRow {
+        let time_s = seconds(status.tick);
+        let edges = &self.signal.edges_s;
+        let covered = edges.first().is_some_and(|&t| t <= time_s) && edges.last().is_some_and(|&t| t >= time_s);
+        let flags = [
+            (status.safe_rate, "no speed: highest rate"),
+            (status.law_clamped && !status.safe_rate, "speed outside the law's domain"),
+            (status.limited, "rate limited"),
+        ];
+        RateRow {
+            time_s,
+            speed_hz: status.speed_hz.into(),
+            reference_speed_hz: covered.then(|| self.shaft.speed_hz(time_s - 1e-4, time_s + 1e-4)),
+            bandwidth_hz: status.bandwidth_hz.into(),
+            requested_hz: status.requested_hz.into(),
+            granted_hz: status.granted_hz.into(),
+            adc_hz: status.adc_hz.into(),
+            stages: status.stages,
+            residual_ppm: status.residual_ppm.into(),
+            block: status.block,
+            flags: flags.iter().filter(|(is, _)| *is).map(|(_, name)| *name).collect(),
+        }
+    }
+
+    fn spectrum(&self, spectrum: &Spectrum) -> Option<SpectrumRow> {
+        let stretch = self.stretch(spectrum);
+        let resolution_hz = f64::from(spectrum.tag.resolution_hz);
+        let reference = Reference::over(self.signal, self.shaft, stretch)?;
+        let angle = Reference::over(self.signal, self.shaft, Stretch { domain: Domain::Angle, ..stretch })?;
+        let decibel = |a: f64, b: f64| 20.0 * (a / b).log10();
+        let mut lines = Vec::new();
+        for band in &spectrum.bands {
+            let centre = f64::from(band.harmonic) * self.teeth;
+            let around = reference.spectrum(centre, 6.0);
+            for (sideband, offset, line) in self.lines(band) {
+                let order = centre + offset;
+                let found = reference.line(order);
+                let amplitude = f64::from(line.amplitude);
+                lines.push(LineRow {
+                    harmonic: band.harmonic,
+                    sideband,
+                    frequency_hz: line.frequency_hz.into(),
+                    amplitude: amplitude / self.scale,
+                    reference_hz: found.frequency_hz,
+                    reference_amplitude: found.amplitude / self.scale,
+                    frequency_error: f64::from(line.frequency_hz) / found.frequency_hz - 1.0,
+                    amplitude_error_db: decibel(amplitude, found.amplitude),
+                    angle_error_db: decibel(amplitude, angle.amplitude_at(order)),
+                    above_floor_db: decibel(found.amplitude, floor(&around, order, reference.bin)),
+                    off_order_bins: (found.frequency_hz / reference.speed_hz - order) / reference.bin,
+                    below_strongest_db: 0.0,
+                });
+            }
+        }
+        let harmonics = lines.iter().filter(|line| line.sideband == 0);
+        let strongest = harmonics.map(|line| line.reference_amplitude).fold(0.0, f64::max);
+        lines.iter_mut().for_each(|line| line.below_strongest_db = decibel(strongest, line.reference_amplitude));
+        let Stretch { start_s, end_s, .. } = stretch;
+        let ends = |t: f64| self.shaft.speed_hz(t - 0.02 * (end_s - start_s), t + 0.02 * (end_s - start_s));
+        let highest = spectrum.bands.last().map_or(0.0, |band| f64::from(band.harmonic) * self.teeth);
+        let swept_bins = match stretch.domain {
+            Domain::Time => highest * (ends(end_s) - ends(start_s)).abs() / resolution_hz,
+            Domain::Angle => 0.0,
+        };
+        let speed_hz = reference.speed_hz;
+        Some(SpectrumRow { stretch, start_s, length_s: end_s - start_s, resolution_hz, speed_hz, swept_bins, lines })
+    }
+
+    /// The stretch of time that a spectrum describes.
+    fn stretch(&self, spectrum: &Spectrum) -> Stretch {
+        let start_s = seconds(spectrum.tag.first_tick);
+        let end_s = start_s + 1.0 / f64::from(spectrum.tag.resolution_hz);
+        Stretch { start_s, end_s, domain: Domain::Time, window: Window::BlackmanHarris }
+    }
+
+    /// The lines of a band: number of the sideband, its offset in orders, the line.
+    fn lines<'m>(&self, band: &'m MeshBand) -> Vec<(i32, f64, &'m SpectralLine)> {
+        let pairs = (band.sidebands.len() / 2) as i32;
+        let numbered = (-pairs..=pairs).filter(|&n| n != 0).zip(&band.sidebands);
+        let sidebands = numbered.map(|(n, line)| (n, f64::from(n), line));
+        std::iter::once((0, 0.0, &band.line)).chain(sidebands).collect()
+    }
+
+    fn peaks(&self, peaks: &Peaks) -> Vec<PeakRow> {
+        let tag = &peaks.tag;
+        let mesh_hz = f64::from(tag.speed_hz) * self.teeth;
+        let rate_hz = f64::from(tag.rate_hz);
+        let within = 0.75 * f64::from(tag.resolution_hz);
+        let row = |line: &SpectralLine| {
+            let frequency_hz = f64::from(line.frequency_hz);
+            let folded = |h: u32| {
+                let true_hz = mesh_hz * f64::from(h);
+                (true_hz, (true_hz - rate_hz * (true_hz / rate_hz).round()).abs())
+            };
+            let highest = if tag.aliasing { 100 } else { (0.5 * rate_hz / mesh_hz.max(1.0)) as u32 };
+            let near = (1..=highest).find(|&h| mesh_hz > 0.0 && (folded(h).1 - frequency_hz).abs() <= within);
+            PeakRow {
+                frequency_hz,
+                amplitude: f64::from(line.amplitude) / self.scale,
+                harmonic: near,
+                folded: near.is_some_and(|h| folded(h).0 > 0.5 * rate_hz),
+            }
+        };
+        peaks.lines.iter().map(row).collect()
+    }
+}

@@ -1,0 +1,551 @@
+//! The STM32F405's drivers, run on register blocks of plain memory: what they program, bit by bit.
+//!
+//! This stands in for a board: nobody could run one here, and QEMU's STM32F405 has neither PLL nor DMA nor
+//! converter. It proves what is written, not what silicon makes of it. Expected values are positions and numbers of
+//! the reference manual RM0090, written out here, not names of the register crate.
+
+use meshband::config::Configuration;
+use meshband::law::Law;
+use meshband::rate_plan::{RateLimits, RatePlan, RatePolicy};
+use meshband::units::{Hertz, TicksPerSecond};
+use meshband_stm32::block_stamp::{self, Borders};
+use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::filter::{FILTERS, Filter};
+use meshband_stm32::period::{SHORTEST_PERIOD, reload_of};
+use meshband_stm32::time_base::{self, Capture, Edge};
+use meshband_stm32::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
+
+/// A register block as after power-up with all zeros.
+fn block<T>() -> Box<T> {
+    // SAFETY: register blocks consist of integers; all zeros is a valid value.
+    unsafe { Box::new(std::mem::zeroed()) }
+}
+
+/// Word at a byte offset, as the manual numbers registers.
+fn word<T>(block: &T, offset: usize) -> u32 {
+    assert!(offset + 4 <= size_of::<T>());
+    // SAFETY: inside the block, aligned as the block is; registers are plain memory here.
+    unsafe { std::ptr::from_ref(block).cast::<u8>().add(offset).cast::<u32>().read_volatile() }
+}
+
+/// Sets a word as hardware would.
+fn set<T>(block: &T, offset: usize, value: u32) {
+    assert!(offset + 4 <= size_of::<T>());
+    // SAFETY: as for `word`; registers have interior mutability.
+    unsafe { std::ptr::from_ref(block).cast::<u8>().add(offset).cast::<u32>().cast_mut().write_volatile(value) }
+}
+
+const CR1: usize = 0x00;
+const CR2: usize = 0x04;
+const SMCR: usize = 0x08;
+const DIER: usize = 0x0c;
+const SR: usize = 0x10;
+const CCMR1: usize = 0x18;
+const CCER: usize = 0x20;
+const PSC: usize = 0x28;
+const ARR: usize = 0x2c;
+const CCR1: usize = 0x34;
+const CCR2: usize = 0x38;
+
+/// Periods of the plan for shaft rates of 0.5 to 60 Hz, under the policies and filters a node may be given.
+fn planned_periods() -> Vec<u32> {
+    let clock = TicksPerSecond(clock::TIMER_HZ);
+    let mut periods = Vec::new();
+    let widest = Law { highest: Hertz(60.0), lowest: Hertz(0.5), ..Configuration::default().law };
+    for (stop, policy) in [
+        (100_000.0, RatePolicy::Spectrum),
+        (20_000.0, RatePolicy::Spectrum),
+        (10_000.0, RatePolicy::Critical),
+        (2_000.0, RatePolicy::Waveform { multiple: 10.0 }),
+    ] {
+        let limits = RateLimits { analogue_stop: Hertz(stop), highest_adc: Hertz(adc::HIGHEST_RATE_HZ as f32) };
+        let mut plan = RatePlan::new(clock, limits);
+        for tenth in 5..=600u32 {
+            let bandwidth = widest.bandwidth(Hertz(tenth as f32 / 10.0)).bandwidth;
+            periods.push(plan.grant(policy.rate(bandwidth)).period_ticks);
+        }
+    }
+    periods
+}
+
+#[test]
+fn theory_every_rate_of_the_plan_is_programmed_as_granted() {
+    let periods = planned_periods();
+    assert_eq!(periods.len(), 4 * 596);
+    for period in periods {
+        assert!(period >= SHORTEST_PERIOD, "{period}");
+        let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
+        sample_clock::configure(&tim2, &tim3, period);
+        assert_eq!(word(&*tim2, ARR), period - 1);
+        assert_eq!(word(&*tim2, PSC), 0);
+        // The triggers' rate from the registers alone.
+        let rate = f64::from(clock::TIMER_HZ) / f64::from(word(&*tim2, PSC) + 1) / f64::from(word(&*tim2, ARR) + 1);
+        assert!((rate * f64::from(period) / f64::from(clock::TIMER_HZ) - 1.0).abs() < 1e-12);
+        // ARPE and URS, upwards, not one-pulse, not started.
+        assert_eq!(word(&*tim2, CR1), (1 << 7) | (1 << 2));
+        // MMS = 010: update is TRGO.
+        assert_eq!(word(&*tim2, CR2), 0b010 << 4);
+        assert_eq!(word(&*tim2, SMCR), 0);
+        sample_clock::start(&tim2, &tim3);
+        assert_eq!(word(&*tim2, CR1) & 1, 1);
+        assert_eq!(word(&*tim3, CR1) & 1, 1);
+    }
+}
+
+#[test]
+fn theory_periods_the_converter_cannot_follow_become_the_shortest() {
+    // Conversion: 15 + 12 cycles of 84 MHz / 4, in ticks of 84 MHz.
+    const { assert!(SHORTEST_PERIOD > 27 * 4) };
+    for period in [0, 1, 107, 109, 110] {
+        assert_eq!(reload_of(period), 109);
+    }
+    assert_eq!(reload_of(111), 110);
+    assert_eq!(reload_of(u32::MAX), u32::MAX - 1);
+}
+
+#[test]
+fn theory_sample_counter_counts_triggers_and_requests_the_reload() {
+    let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
+    sample_clock::configure(&tim2, &tim3, 420);
+    // TS = 001 (ITR1 = TIM2), SMS = 111 (external clock mode 1).
+    assert_eq!(word(&*tim3, SMCR), (0b001 << 4) | 0b111);
+    assert_eq!(word(&*tim3, ARR), u32::from(BLOCK_SAMPLES) - 1);
+    assert_eq!(word(&*tim3, PSC), 0);
+    assert_eq!(word(&*tim3, CR2), 0b010 << 4);
+    // UDE, and no interrupt.
+    assert_eq!(word(&*tim3, DIER), 1 << 8);
+    assert_eq!(usize::from(BLOCK_SAMPLES), meshband::replay::BLOCK_SAMPLES);
+
+    let dma1 = block::<dma::RegisterBlock>();
+    // SAFETY: plain memory, nothing is transferred.
+    unsafe { sample_clock::configure_reload(&dma1, 0x2000_1000, 0x4000_002c) };
+    let stream = 0x10 + 0x18 * 2;
+    let control = word(&*dma1, stream);
+    assert_eq!(control >> 25 & 7, 5, "channel 5: TIM3_UP");
+    assert_eq!(control >> 16 & 3, 3, "highest priority");
+    assert_eq!(control >> 13 & 3, 2, "memory words");
+    assert_eq!(control >> 11 & 3, 2, "register words");
+    assert_eq!(control >> 9 & 3, 0, "neither address moves");
+    assert_eq!(control >> 8 & 1, 1, "circular");
+    assert_eq!(control >> 6 & 3, 1, "memory to peripheral");
+    assert_eq!(control & 0x3f, 1, "enabled, no interrupts");
+    assert_eq!(word(&*dma1, stream + 0x04), 1);
+    assert_eq!(word(&*dma1, stream + 0x08), 0x4000_002c);
+    assert_eq!(word(&*dma1, stream + 0x0c), 0x2000_1000);
+    assert_eq!(word(&*dma1, stream + 0x14) & 4, 0, "direct mode");
+}
+
+#[test]
+fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
+    let (adc1, common) = (block::<pac::adc1::RegisterBlock>(), block::<pac::adc_common::RegisterBlock>());
+    adc::start(&adc1, &common);
+    let control = word(&*adc1, 0x08);
+    assert_eq!(control >> 28 & 3, 0b01, "EXTEN: rising edge");
+    assert_eq!(control >> 24 & 0xf, 0b0110, "EXTSEL: TIM2 TRGO");
+    assert_eq!(control >> 11 & 1, 1, "left-aligned");
+    assert_eq!(control >> 9 & 1, 1, "requests go on after the last transfer");
+    assert_eq!(control >> 8 & 1, 1, "DMA");
+    assert_eq!(control >> 1 & 1, 0, "not continuous");
+    assert_eq!(control & 1, 1, "on");
+    assert_eq!(control & !0x3f00_0b01, 0, "nothing else");
+    assert_eq!(word(&*adc1, 0x04) >> 24 & 3, 0, "12 bits");
+    assert_eq!(word(&*adc1, 0x04) >> 8 & 1, 0, "no scan");
+    assert_eq!(word(&*adc1, 0x10), 0b001 << 3, "channel 1: 15 cycles");
+    assert_eq!(word(&*adc1, 0x2c) >> 20, 0, "one conversion");
+    assert_eq!(word(&*adc1, 0x34), 1, "of channel 1");
+    // The common block begins at CSR; CCR is at 4. ADCPRE = 01: 84 MHz / 4 = 21 MHz, below the limit of 36 MHz.
+    assert_eq!(word(&*common, 0x04), 0b01 << 16);
+    let conversion_s = 27.0 / (f64::from(clock::APB2_HZ) / 4.0);
+    assert!(1.0 / f64::from(adc::HIGHEST_RATE_HZ) > conversion_s);
+}
+
+#[test]
+fn fault_converter_overrun_is_taken_once() {
+    let adc1 = block::<pac::adc1::RegisterBlock>();
+    assert!(!adc::take_overrun(&adc1));
+    set(&*adc1, 0x00, (1 << 5) | (1 << 4));
+    assert!(adc::take_overrun(&adc1));
+    // Flags are cleared by zeros: only OVR was written zero.
+    assert_eq!(word(&*adc1, 0x00) & 0x3f, 0x1f);
+}
+
+#[test]
+fn theory_double_buffer_takes_half_words_of_the_converter() {
+    let dma2 = block::<dma::RegisterBlock>();
+    // SAFETY: plain memory, nothing is transferred.
+    unsafe { dma::start_double_buffer(&dma2, 0x4001_204c, [0x2000_4000, 0x2000_4400], BLOCK_SAMPLES) };
+    let control = word(&*dma2, 0x10);
+    assert_eq!(control >> 25 & 7, 0, "channel 0: ADC1");
+    assert_eq!(control >> 18 & 1, 1, "double buffer");
+    assert_eq!(control >> 19 & 1, 0, "first target memory 0");
+    assert_eq!(control >> 16 & 3, 3, "highest priority");
+    assert_eq!(control >> 13 & 3, 1, "half-words to memory");
+    assert_eq!(control >> 11 & 3, 1, "half-words from the register");
+    assert_eq!(control >> 10 & 1, 1, "memory address moves");
+    assert_eq!(control >> 9 & 1, 0, "register address stays");
+    assert_eq!(control >> 8 & 1, 1, "circular");
+    assert_eq!(control >> 6 & 3, 0, "peripheral to memory");
+    assert_eq!(control & 0x3f, (1 << 4) | (1 << 2) | 1, "complete and error interrupts, enabled");
+    assert_eq!(word(&*dma2, 0x14), u32::from(BLOCK_SAMPLES));
+    assert_eq!(word(&*dma2, 0x18), 0x4001_204c);
+    assert_eq!(word(&*dma2, 0x1c), 0x2000_4000);
+    assert_eq!(word(&*dma2, 0x20), 0x2000_4400);
+
+    let stream = dma2.st(dma::ADC_STREAM);
+    assert_eq!(dma::target(stream), dma::Target::Memory0);
+    // SAFETY: as above.
+    unsafe { dma::exchange(stream, dma::Target::Memory1, 0x2000_4800) };
+    assert_eq!((word(&*dma2, 0x1c), word(&*dma2, 0x20)), (0x2000_4000, 0x2000_4800));
+    set(&*dma2, 0x10, control | 1 << 19);
+    assert_eq!(dma::target(stream), dma::Target::Memory1);
+    // SAFETY: as above.
+    unsafe { dma::exchange(stream, dma::Target::Memory0, 0x2000_4c00) };
+    assert_eq!((word(&*dma2, 0x1c), word(&*dma2, 0x20)), (0x2000_4c00, 0x2000_4800));
+}
+
+#[test]
+fn theory_stream_flags_are_read_and_cleared_at_their_own_place() {
+    for (stream, status, clear, shift) in
+        [(0, 0x00, 0x08, 0), (2, 0x00, 0x08, 16), (3, 0x00, 0x08, 22), (5, 0x04, 0x0c, 6), (7, 0x04, 0x0c, 22)]
+    {
+        let dma = block::<dma::RegisterBlock>();
+        set(&*dma, status, 1 << (shift + 5));
+        assert_eq!(dma::take_flags(&dma, stream), dma::Flags { complete: true, error: false });
+        assert_eq!(word(&*dma, clear), 0x3d << shift);
+        set(&*dma, status, 1 << (shift + 3));
+        assert_eq!(dma::take_flags(&dma, stream), dma::Flags { complete: false, error: true });
+        // Another stream's flags are not ours.
+        set(&*dma, status, !(0x3f << shift));
+        assert_eq!(dma::take_flags(&dma, stream), dma::Flags::default());
+    }
+}
+
+#[test]
+fn theory_time_base_captures_edges_and_borders() {
+    for edge in [Edge::Rising, Edge::Falling] {
+        for filter in FILTERS {
+            let tim5 = block::<pac::tim5::RegisterBlock>();
+            time_base::start(&tim5, edge, filter);
+            let expected_ckd = u32::from(filter.clock_division);
+            assert_eq!(word(&*tim5, CR1), (expected_ckd << 8) | 1, "free-running upwards");
+            assert_eq!(word(&*tim5, PSC), 0);
+            assert_eq!(word(&*tim5, ARR), u32::MAX);
+            assert_eq!(word(&*tim5, SMCR), 0b001 << 4, "TRC = ITR1 = TIM3, no slave mode");
+            // CC1S = 01 (TI1), IC1PSC = 0, IC1F; CC2S = 11 (TRC).
+            assert_eq!(word(&*tim5, CCMR1), (0b11 << 8) | (u32::from(filter.code) << 4) | 0b01);
+            let polarity = u32::from(edge == Edge::Falling) << 1;
+            assert_eq!(word(&*tim5, CCER), (1 << 4) | polarity | 1);
+            assert_eq!(word(&*tim5, DIER), 1 << 1, "interrupt of channel 1 only");
+            // Filter clock and count by RM0090's table of IC1F, in ticks.
+            let divided = if filter.clock_division == 2 { 4 } else { 1 };
+            let ticks = match filter.code {
+                3 => 8,
+                5 => 2 * 8 * divided,
+                7 => 4 * 8 * divided,
+                9 => 8 * 8 * divided,
+                12 => 16 * 8 * divided,
+                15 => 32 * 8 * divided,
+                other => panic!("{other} does not take eight samples"),
+            };
+            assert_eq!(filter.ticks, ticks);
+        }
+    }
+}
+
+#[test]
+fn theory_filter_passes_every_pulse_of_a_plan_and_is_the_longest_that_does() {
+    // One to 60 pulses per turn at up to 60 Hz, and the default's 100 Hz.
+    for pulses in [1u32, 2, 12, 36, 60, 256, 1024] {
+        for shaft_hz in [0.5, 1.0, 10.0, 25.0, 60.0, 100.0] {
+            let interval = (f64::from(clock::TIMER_HZ) / (shaft_hz * f64::from(pulses))) as u32;
+            let filter = Filter::for_interval(interval);
+            assert!(filter.ticks * 32 <= interval, "{pulses} pulses at {shaft_hz} Hz");
+            let longer = FILTERS.iter().find(|f| f.ticks > filter.ticks);
+            assert!(longer.is_none_or(|f| f.ticks * 32 > interval));
+        }
+    }
+    assert_eq!(Filter::for_interval(0), FILTERS[0]);
+}
+
+#[test]
+fn theory_captured_edge_is_stamped_without_the_filters_delay() {
+    let tim5 = block::<pac::tim5::RegisterBlock>();
+    let filter = FILTERS[7];
+    assert_eq!(time_base::take_edge(&tim5, filter), Capture::default());
+    set(&*tim5, SR, 1 << 1);
+    set(&*tim5, CCR1, 500);
+    let expected = 500u32.wrapping_sub(1024);
+    assert_eq!(time_base::take_edge(&tim5, filter), Capture { tick: Some(expected), lost: false });
+    set(&*tim5, SR, (1 << 9) | (1 << 1));
+    assert!(time_base::take_edge(&tim5, filter).lost);
+    assert_eq!(word(&*tim5, SR), !(1 << 9), "only the over-capture flag is cleared");
+    set(&*tim5, CCR2, 77);
+    set(&*tim5, SR, 1 << 10);
+    assert_eq!(time_base::take_border(&tim5), (77, true));
+    assert_eq!(word(&*tim5, SR), !(1 << 10));
+    set(&*tim5, SR, 1 << 2);
+    assert_eq!(time_base::take_border(&tim5), (77, false));
+}
+
+/// The three timers and the reload stream as RM0090 describes them, driven by what the drivers wrote.
+struct Timers {
+    tim2: Box<pac::tim2::RegisterBlock>,
+    tim3: Box<pac::tim3::RegisterBlock>,
+    tim5: Box<pac::tim5::RegisterBlock>,
+    /// TIM2's reload in force, behind the preload register.
+    shadow: u64,
+    now: u64,
+    counted: u32,
+    triggers: Vec<u64>,
+}
+
+impl Timers {
+    fn start(period: u32) -> Self {
+        let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
+        let tim5 = block::<pac::tim5::RegisterBlock>();
+        sample_clock::configure(&tim2, &tim3, period);
+        time_base::start(&tim5, Edge::Rising, FILTERS[0]);
+        sample_clock::start(&tim2, &tim3);
+        let shadow = u64::from(word(&*tim2, ARR));
+        // Near the wrap of the 32-bit counter, on purpose.
+        Self { tim2, tim3, tim5, shadow, now: u64::from(u32::MAX) - 300_000, counted: 0, triggers: Vec::new() }
+    }
+
+    /// Runs to the end of a block; DMA then copies `word`.
+    fn run_block(&mut self, reload_word: u32) {
+        loop {
+            self.now += self.shadow + 1;
+            // Update: the preload register is taken up, and the trigger goes out.
+            self.shadow = u64::from(word(&*self.tim2, ARR));
+            self.triggers.push(self.now);
+            assert_eq!(word(&*self.tim3, SMCR) & 0x77, 0x17, "TIM3 counts TIM2's updates");
+            self.counted += 1;
+            if self.counted > word(&*self.tim3, ARR) {
+                self.counted = 0;
+                let status = word(&*self.tim5, SR);
+                let over = if status & (1 << 2) != 0 { 1 << 10 } else { 0 };
+                set(&*self.tim5, SR, status | (1 << 2) | over);
+                set(&*self.tim5, CCR2, self.now as u32);
+                set(&*self.tim2, ARR, reload_word);
+                return;
+            }
+        }
+    }
+
+    /// The block interrupt's reading of the border; reading the count clears its flag, as hardware does.
+    fn take_border(&self) -> (u32, bool) {
+        let border = time_base::take_border(&self.tim5);
+        set(&*self.tim5, SR, word(&*self.tim5, SR) & !(1 << 2) & if border.1 { !(1 << 10) } else { u32::MAX });
+        border
+    }
+}
+
+#[test]
+fn theory_rate_changes_fall_on_block_borders_and_stamps_are_exact() {
+    let wanted = planned_periods();
+    let mut timers = Timers::start(wanted[0]);
+    let mut borders = Borders::starting(wanted[0]);
+    let samples = usize::from(BLOCK_SAMPLES);
+    let mut expected_first = None;
+    let mut changes = 0;
+    for (index, &period) in wanted.iter().step_by(3).enumerate() {
+        timers.run_block(reload_of(borders.published()));
+        let (last, missed) = timers.take_border();
+        assert!(!missed);
+        let stamp = borders.on_border(last, missed, period);
+        assert_eq!(stamp.sequence, index as u32);
+        assert!(!stamp.overrun);
+        let triggers = &timers.triggers[index * samples..];
+        assert_eq!(triggers.len(), samples);
+        // Every sample of the block where its stamp says, to the tick.
+        for (sample, &trigger) in triggers.iter().enumerate() {
+            let stamped = stamp.first_tick.wrapping_add(stamp.period_ticks * sample as u32);
+            assert_eq!(trigger as u32, stamped, "block {index}, sample {sample}");
+        }
+        // And the block where its predecessor ends.
+        assert!(expected_first.is_none_or(|first| first == stamp.first_tick));
+        expected_first = Some(stamp.first_tick.wrapping_add(stamp.period_ticks * BLOCK_SAMPLES as u32));
+        changes += usize::from(index > 0 && period != wanted[3 * (index - 1)]);
+    }
+    assert!(changes > 100, "{changes} changes of rate");
+}
+
+#[test]
+fn fault_missed_border_is_seen_and_the_next_stamp_is_right() {
+    let mut timers = Timers::start(420);
+    let mut borders = Borders::starting(420);
+    let publish = |timers: &mut Timers, borders: &mut Borders, wanted| {
+        timers.run_block(reload_of(borders.published()));
+        let (last, missed) = timers.take_border();
+        borders.on_border(last, missed, wanted)
+    };
+    assert_eq!(publish(&mut timers, &mut borders, 500).period_ticks, 420);
+    // The interrupt sleeps through the border behind the second block.
+    timers.run_block(reload_of(borders.published()));
+    let late = publish(&mut timers, &mut borders, 600);
+    assert_eq!((late.sequence, late.period_ticks, late.overrun), (2, 500, true));
+    let first = timers.triggers[2 * usize::from(BLOCK_SAMPLES)];
+    assert_eq!(late.first_tick, first as u32);
+    let next = publish(&mut timers, &mut borders, 600);
+    assert_eq!((next.sequence, next.period_ticks, next.overrun), (3, 500, false));
+    assert_eq!(next.first_tick, late.first_tick.wrapping_add(500 * u32::from(BLOCK_SAMPLES)));
+    assert_eq!(publish(&mut timers, &mut borders, 600).period_ticks, 600);
+}
+
+#[test]
+fn fault_samples_shifted_against_their_count_are_seen() {
+    let samples = BLOCK_SAMPLES;
+    for counted in 0..samples {
+        for lag in 0..samples {
+            // Transfers behind the triggers by `lag`; the stream counts down from a block's length.
+            let transferred = (counted + samples - lag) % samples;
+            let remaining = samples - transferred;
+            assert_eq!(block_stamp::is_aligned(counted, remaining), lag <= 2, "{counted} {lag}");
+        }
+    }
+}
+
+#[test]
+fn regress_restarted_sampling_leaves_a_gap_and_keeps_the_period_asked_for() {
+    let mut borders = Borders::starting(400);
+    borders.on_border(300_000, false, 500);
+    borders.restart();
+    let stamp = borders.on_border(900_000, false, 500);
+    assert_eq!((stamp.sequence, stamp.period_ticks, stamp.overrun), (2, 500, true));
+}
+
+#[test]
+fn theory_clocks_run_at_168_mhz_from_either_oscillator() {
+    for (crystal_present, divider, source, oscillator) in
+        [(true, 4, 1, Oscillator::Crystal), (false, 8, 0, Oscillator::Internal)]
+    {
+        let (rcc, flash) = (block::<pac::rcc::RegisterBlock>(), block::<pac::flash::RegisterBlock>());
+        // Ready flags of PLL and crystal, and the PLL as the clock in use.
+        set(&*rcc, 0x00, (1 << 25) | u32::from(crystal_present) << 17);
+        set(&*rcc, 0x08, 0b10 << 2);
+        assert_eq!(clock::start(&rcc, &flash), Ok(oscillator));
+        let pll = word(&*rcc, 0x04);
+        let (m, n, p, q) = (pll & 0x3f, pll >> 6 & 0x1ff, 2 * ((pll >> 16 & 3) + 1), pll >> 24 & 0xf);
+        assert_eq!((m, pll >> 22 & 1), (divider, source));
+        let input = if crystal_present { 8_000_000 } else { 16_000_000 };
+        assert_eq!(input / m * n / p, clock::CORE_HZ);
+        assert_eq!(input / m * n / q, 48_000_000);
+        let configuration = word(&*rcc, 0x08);
+        assert_eq!(configuration & 3, 0b10, "PLL taken");
+        assert_eq!(configuration >> 4 & 0xf, 0, "AHB by 1");
+        assert_eq!(configuration >> 10 & 7, 0b101, "APB1 by 4: 42 MHz, its timers 84 MHz");
+        assert_eq!(configuration >> 13 & 7, 0b100, "APB2 by 2: 84 MHz");
+        // Five wait states, prefetch, both caches.
+        assert_eq!(word(&*flash, 0x00), (0b111 << 8) | 5);
+        let control = word(&*rcc, 0x00);
+        assert_eq!(control >> 19 & 1, u32::from(crystal_present), "the crystal is watched");
+        assert_eq!(control >> 16 & 1, u32::from(crystal_present), "an absent crystal is switched off");
+    }
+}
+
+#[test]
+fn fault_pll_that_does_not_lock_ends_the_wait() {
+    let (rcc, flash) = (block::<pac::rcc::RegisterBlock>(), block::<pac::flash::RegisterBlock>());
+    assert_eq!(clock::start(&rcc, &flash), Err(clock::PllFault));
+    assert_eq!(word(&*rcc, 0x08) & 3, 0, "still the internal oscillator");
+}
+
+#[test]
+fn theory_peripheral_clocks_and_reset_causes() {
+    let rcc = block::<pac::rcc::RegisterBlock>();
+    clock::enable_peripherals(&rcc);
+    assert_eq!(word(&*rcc, 0x30), (1 << 22) | (1 << 21) | (1 << 20) | (1 << 2) | 1);
+    assert_eq!(word(&*rcc, 0x40), (1 << 3) | (1 << 1) | 1);
+    assert_eq!(word(&*rcc, 0x44), (1 << 8) | (1 << 4));
+    // The pin's flag (bit 26) accompanies every other cause.
+    for (flags, cause) in [
+        (1 << 29 | 1 << 26, ResetCause::Watchdog),
+        (1 << 28 | 1 << 26, ResetCause::Software),
+        (1 << 27 | 1 << 26 | 1 << 25, ResetCause::Power),
+        (1 << 26, ResetCause::Pin),
+        (1 << 30 | 1 << 26, ResetCause::Other),
+    ] {
+        set(&*rcc, 0x74, flags);
+        assert_eq!(clock::reset_cause(&rcc), cause);
+        assert_eq!(word(&*rcc, 0x74) >> 24 & 1, 1, "flags are cleared for the next time");
+    }
+}
+
+#[test]
+fn theory_link_runs_within_a_fifth_of_a_percent_and_by_dma() {
+    let usart = block::<pac::usart1::RegisterBlock>();
+    uart::start(&usart);
+    let divider = word(&*usart, 0x08) & 0xffff;
+    let rate = f64::from(clock::APB2_HZ) / f64::from(divider);
+    assert!((rate / f64::from(uart::BITS_PER_SECOND) - 1.0).abs() < 0.002, "{rate}");
+    // UE, TE, RE; oversampling by 16, 8 bits, no parity, no interrupts.
+    assert_eq!(word(&*usart, 0x0c) & 0xffff, (1 << 13) | (1 << 3) | (1 << 2));
+    assert_eq!(word(&*usart, 0x14) & 0xffff, (1 << 7) | (1 << 6));
+
+    let dma2 = block::<dma::RegisterBlock>();
+    // SAFETY: plain memory, nothing is transferred.
+    unsafe { uart::start_reception(&dma2, 0x4001_1004, 0x2000_0400, 1024) };
+    let (receive, send) = (0x10 + 0x18 * 5, 0x10 + 0x18 * 7);
+    let control = word(&*dma2, receive);
+    assert_eq!((control >> 25 & 7, control >> 8 & 1, control >> 6 & 3, control & 0x3f), (4, 1, 0, 1));
+    assert_eq!((control >> 9 & 3, control >> 11 & 0xf), (0b10, 0));
+    assert_eq!([4, 8, 12].map(|register| word(&*dma2, receive + register)), [1024, 0x4001_1004, 0x2000_0400],);
+    for (left, position) in [(1024, 0), (1023, 1), (1, 1023)] {
+        set(&*dma2, receive + 4, left);
+        assert_eq!(uart::write_position(&dma2, 1024), position);
+    }
+    assert!(!uart::is_sending(&dma2));
+    // SAFETY: as above.
+    unsafe { uart::start_sending(&dma2, 0x4001_1004, 0x2000_0800, 300) };
+    let control = word(&*dma2, send);
+    assert_eq!((control >> 25 & 7, control >> 8 & 1, control >> 6 & 3, control & 0x3f), (4, 0, 1, 1));
+    assert_eq!([4, 8, 12].map(|register| word(&*dma2, send + register)), [300, 0x4001_1004, 0x2000_0800]);
+    assert!(uart::is_sending(&dma2));
+}
+
+#[test]
+fn theory_pins_watchdog_and_light() {
+    let (port_a, port_c) = (block::<pac::gpioa::RegisterBlock>(), block::<pac::gpioi::RegisterBlock>());
+    // As reset leaves port A: the debug pins in alternate function.
+    set(&*port_a, 0x00, 0xa800_0000);
+    pins::configure(&port_a, &port_c);
+    assert_eq!(word(&*port_a, 0x00), 0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b11 << 2) | 0b10);
+    assert_eq!(word(&*port_a, 0x20), 2, "PA0: TIM5");
+    assert_eq!(word(&*port_a, 0x24), (7 << 8) | (7 << 4), "PA9, PA10: USART1");
+    assert_eq!(word(&*port_a, 0x0c), (0b01 << 20) | 0b01);
+    assert_eq!(word(&*port_c, 0x00), 0b01 << 24);
+    assert_eq!(word(&*port_c, 0x18), 1 << 12, "dark: high");
+    pins::set_light(&port_c, true);
+    assert_eq!(word(&*port_c, 0x18), 1 << 28);
+
+    let iwdg = block::<pac::iwdg::RegisterBlock>();
+    watchdog::start(&iwdg);
+    assert_eq!(word(&*iwdg, 0x04) & 7, 6, "by 256");
+    assert_eq!(word(&*iwdg, 0x08), 999);
+    assert_eq!(word(&*iwdg, 0x00) & 0xffff, 0xaaaa, "fed last");
+    // At the oscillator's fast end, 47 kHz, the time-out is still longer than an erasure.
+    assert!(1000.0 * 256.0 / 47e3 > 2.0);
+}
+
+#[test]
+fn theory_flash_erases_only_the_configurations_sectors() {
+    for sector in 0..4 {
+        let controller = block::<pac::flash::RegisterBlock>();
+        set(&*controller, 0x10, 1 << 31);
+        let outcome = flash::erase(&controller, sector);
+        if sector < 2 {
+            assert_eq!(outcome, Ok(()));
+            assert_eq!(word(&*controller, 0x04), 0xcdef_89ab, "second key last");
+            assert_eq!(word(&*controller, 0x10), 1 << 31, "locked again");
+        } else {
+            assert_eq!(outcome, Err(flash::FlashFault::Range));
+            assert_eq!(word(&*controller, 0x04), 0, "not even unlocked");
+        }
+    }
+    let controller = block::<pac::flash::RegisterBlock>();
+    flash::begin_write(&controller).unwrap();
+    assert_eq!(word(&*controller, 0x10), (0b10 << 8) | 1, "words, programming");
+    set(&*controller, 0x0c, 1 << 4);
+    assert_eq!(flash::settle(&controller), Err(flash::FlashFault::Refused));
+    assert_eq!(flash::START + 2 * flash::SECTOR_BYTES, 0x0810_0000, "the end of 1 MiB");
+}
