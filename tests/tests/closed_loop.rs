@@ -68,7 +68,7 @@ fn explained(effects: &[Effect], order: Option<f64>, hz: Option<f64>) -> Vec<(St
             data.weight[r][c] = (0..bins.len()).map(|b| if b < 8 { 0.0 } else { 1.0 }).collect();
         }
     }
-    let bench = Bench::new(&base, &with);
+    let bench = Bench::new(&base);
     let all: Vec<usize> = (0..with.runs.len()).collect();
     let found =
         |at: Option<f64>| at.map(|at| Found { at, statistic: 1e3, p_value: 0.0 }).into_iter().collect::<Vec<_>>();

@@ -3,16 +3,19 @@
 //! The residual's weights are renewed after every accepted term. Each further term must bring a stated share of what the strongest
 //! one brought: a template that is right to a few percent leaves a few percent, which is no second effect.
 
-use super::base_fit::Base;
+use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
 use super::detect;
+use super::impulsive::impacts;
 use super::input::Record;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
-use super::least_squares::Data;
+use super::least_squares::{Data, chi_square};
 use super::library::Bench;
-use super::outcome::Outcome;
+use super::library::path::refine_mode;
+use super::outcome::{Effect, Outcome};
 use super::tables::report;
 use super::verdict::verdicts;
+use super::waveform::{clipping, speed_fluctuation};
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
@@ -38,9 +41,13 @@ impl Default for Options {
 }
 
 /// A further term must gain this share of the largest gain so far.
-const LEAST_SHARE: f64 = 0.02;
+const LEAST_SHARE: f64 = 0.05;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
 const NAME_MARGIN: f64 = 4.6;
+/// Share of its gain by which a free table of all teeth must beat one named tooth: the form error of a first-order template.
+const TABLE_MARGIN: f64 = 0.03;
+/// A term that leaves more of the power at its own lines than this explains nothing.
+const MOST_LEFT: f64 = 0.5;
 
 /// Groups runs by speed; one inner speed is held out, another selects, the rest fit.
 fn split(base: &Base, seed: u64) -> Result<Split> {
@@ -94,15 +101,22 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     let split = split(&base, options.seed)?;
     let seen = split.seen();
     base.fit(&split.fit, 2);
+    let plain = base.data();
+    let mut whole: Vec<Effect> = clipping(&mut base, record, &plain, &split.held_out).into_iter().collect();
+    if whole.is_empty() {
+        whole.extend(speed_fluctuation(&mut base, record, &plain, &split.held_out));
+    }
+    // These distort every line: what is left of them is no second effect.
+    let rounds = if whole.is_empty() { options.most } else { 0 };
     say("responses of the library");
-    let bench = Bench::new(&base, record);
+    let bench = Bench::new(&base);
     let mut data = base.data();
     let raw = data.residual.clone();
     let mut accepted: Vec<Candidate> = Vec::new();
     let mut pool: Vec<Candidate> = Vec::new();
     let mut refused: BTreeMap<String, f64> = BTreeMap::new();
     let mut largest_gain = 0.0_f64;
-    for round in 0..options.most {
+    for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         // Noise from the residual after everything accepted; the form slack stays tied to the raw residual.
         let fitted = joint(&base, &data, &seen, &terms);
@@ -117,6 +131,12 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         candidates.retain(|c| c.claim == Claim::Generic || !options.withheld.contains(&c.name));
         let judge = Judge::new(&base, &data, &split, &terms);
         let mut judged: Vec<Judged> = candidates.into_par_iter().map(|c| judge.judge(c)).collect();
+        judged.sort_by(|a, b| b.score.total_cmp(&a.score));
+        for j in judged.iter_mut().take(3) {
+            if let Some(start) = j.candidate.tuning {
+                *j = judge.judge(refine_mode(&bench, start, |c| judge.judge(c).score));
+            }
+        }
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
@@ -138,7 +158,9 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
             *worst = worst.max(j.score);
         }
         let Some(best) = best else { break };
-        let near = judged[best].score - NAME_MARGIN;
+        let table = judged[best].candidate.templates.len() > 2;
+        let margin = if table { NAME_MARGIN.max(TABLE_MARGIN * judged[best].gain) } else { NAME_MARGIN };
+        let near = judged[best].score - margin;
         let name = judged.iter().position(|j| j.candidate.claim == Claim::Named && j.score > near && passes(j));
         let winner = &judged[name.unwrap_or(best)];
         largest_gain = largest_gain.max(winner.gain);
@@ -147,14 +169,44 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         accepted.push(winner);
         prune(&base, &data, &split, &mut accepted);
     }
+    confirm(&base, &data, &split, &mut accepted);
+    say("verdicts");
+    let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
+    let mut keep = effects.iter().map(|e| e.evidence.left_at_its_lines < MOST_LEFT).collect::<Vec<_>>().into_iter();
+    accepted.retain(|_| keep.next().unwrap_or(true));
+    effects.retain(|e| e.evidence.left_at_its_lines < MOST_LEFT);
+    if whole.is_empty() {
+        let terms: Vec<&Candidate> = accepted.iter().collect();
+        let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
+        whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+    }
     for term in &accepted {
         refused.remove(&term.name);
     }
-    say("verdicts");
-    let effects = verdicts(&base, &data, &split, &accepted, &pool);
-    let outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
+    let mut outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
+    outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
+}
+
+/// Drops terms that do not lower the whitened error of the held-out runs, predicted from the others.
+fn confirm(base: &Base, data: &Data, split: &Split, accepted: &mut Vec<Candidate>) {
+    let seen = split.seen();
+    let error = |terms: &[&Candidate]| {
+        let mut x = joint(base, data, &seen, terms).x;
+        x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
+        chi_square(&corrected(base, data, &x, terms), &split.held_out)
+    };
+    let mut i = 0;
+    while i < accepted.len() {
+        let with: Vec<&Candidate> = accepted.iter().collect();
+        let without: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
+        if error(&without) > error(&with) {
+            i += 1;
+        } else {
+            accepted.remove(i);
+        }
+    }
 }
 
 /// Drops terms that no longer earn their place next to the newest.

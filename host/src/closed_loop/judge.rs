@@ -54,8 +54,12 @@ pub struct Judged {
 impl Judged {
     /// Whether the term earns its place among `tests` candidates.
     pub fn passes(&self, tests: f64) -> bool {
+        // Gain and promise on the selection runs must agree: too little is chance, too much is another law.
+        let slack = 6.0 + 4.0 * self.select_promise.max(0.0).sqrt();
         self.score > LEAST_SCORE
-            && self.select_gain > LEAST_SELECT_GAIN.max(LEAST_SELECT_SHARE * self.select_promise)
+            && self.select_gain > LEAST_SELECT_GAIN
+            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise
+            && self.select_promise + slack > LEAST_SELECT_SHARE * self.select_gain
             && self.p_value(tests) < 1e-3
     }
 

@@ -20,6 +20,7 @@ pub mod detect;
 pub mod frame;
 pub mod generate;
 pub mod harmonic_model;
+pub mod impulsive;
 pub mod input;
 pub mod judge;
 pub mod least_squares;
@@ -31,6 +32,7 @@ pub mod report;
 pub mod spectrum;
 pub mod tables;
 pub mod verdict;
+pub mod waveform;
 
 pub use decide::{Options, close_loop};
 pub use outcome::Outcome;

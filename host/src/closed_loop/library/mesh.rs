@@ -55,6 +55,7 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
                 searched: *searched,
                 exponents: [0.0, 0.0],
                 phase_free: false,
+                tuning: None,
             }
         })
         .collect();
@@ -110,6 +111,7 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
         searched: 1.0,
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         phase_free: false,
+        tuning: None,
     }
 }
 
@@ -168,5 +170,6 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         searched: 1.0,
         exponents: [0.0, 1.0],
         phase_free: false,
+        tuning: None,
     }
 }

@@ -136,8 +136,12 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
     let plain =
         |text: String, quantity, unit| Label { name: text, claim: Claim::Generic, family, shaft, quantity, unit };
     match seat {
-        Seat::Displacement | Seat::RollingDisplacement if is(order, 1.0) => named("pinion-eccentricity", "amplitude", "m"),
-        Seat::Displacement | Seat::RollingDisplacement if is(order, ratio) => named("gear-eccentricity", "amplitude", "m"),
+        Seat::Displacement | Seat::RollingDisplacement if is(order, 1.0) => {
+            named("pinion-eccentricity", "amplitude", "m")
+        }
+        Seat::Displacement | Seat::RollingDisplacement if is(order, ratio) => {
+            named("gear-eccentricity", "amplitude", "m")
+        }
         Seat::Displacement if (pinion || gear) && order > 3.5 => named("ghost-order", "amplitude", "m"),
         Seat::Displacement | Seat::RollingDisplacement => {
             plain(format!("displacement error at {where_to}"), "amplitude", "m")
@@ -206,6 +210,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 searched,
                 exponents: exponents(seat),
                 phase_free: false,
+                tuning: None,
             }
         })
         .collect()
@@ -273,6 +278,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
                 searched: 2000.0,
                 exponents,
                 phase_free: true,
+                tuning: None,
             }
         })
         .collect()
