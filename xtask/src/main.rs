@@ -1,4 +1,4 @@
-//! Project tasks: `cargo xtask setup | demo | test | node-build | size | flash`.
+//! Project tasks: `cargo xtask setup | demo | prove | blind | test | node-build | size | flash`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
@@ -8,6 +8,7 @@ mod demo;
 mod elf;
 mod flash;
 mod node_build;
+mod prove;
 mod setup;
 mod shell;
 mod suite;
@@ -19,6 +20,8 @@ cargo xtask TASK
 
   setup        compiler target and QEMU; does nothing where both are present
   demo RECORD  sets up, builds the node, runs it in QEMU on a record and prints what it reports
+  prove        the loop's proof campaign on generated records, resumable, into docs/proof
+  blind        the loop's answers on the blind records that have none yet, into docs/blind
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
   node-build   both firmware images, with their sizes
   size         sizes of the images: text, data, bss, and their limits
@@ -33,6 +36,8 @@ fn main() -> ExitCode {
         "setup" => setup::run(),
         "demo" => demo::run(&rest),
         "test" => suite::run(),
+        "prove" => prove::campaign(&rest),
+        "blind" => prove::blind(),
         "node-build" => node_build::run(),
         "size" => node_build::size(),
         "flash" => flash::run(&rest),
