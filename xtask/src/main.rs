@@ -1,4 +1,4 @@
-//! Project tasks: `cargo xtask setup | demo | test | node-build | size | bench | bench-node | flash`.
+//! Project tasks: `cargo xtask setup | demo | test | prove | blind | node-build | size | bench | bench-node | flash`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
@@ -10,6 +10,7 @@ mod demo;
 mod elf;
 mod flash;
 mod node_build;
+mod prove;
 mod setup;
 mod shell;
 mod suite;
@@ -21,6 +22,8 @@ cargo xtask TASK
 
   setup        compiler target and QEMU; does nothing where both are present
   demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
+  prove        the loop's proof campaign on generated records, resumable, into docs/proof
+  blind        the loop's answers on the blind records that have none yet, into docs/blind
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
   node-build   all firmware images, with their sizes
   size         text, data and bss of the images against limits and snapshots, and where they can panic
@@ -37,6 +40,8 @@ fn main() -> ExitCode {
         "setup" => setup::run(),
         "demo" => demo::run(&rest),
         "test" => suite::run(),
+        "prove" => prove::campaign(&rest),
+        "blind" => prove::blind(),
         "node-build" => node_build::run(),
         "size" => node_build::size(&rest),
         "bench" => bench::bench(),
