@@ -6,8 +6,7 @@
 //! Design: Kaiser window, taps normalised to unit gain at zero frequency. The taps are linear-phase; the group delay is
 //! exact and kept in ADC samples so that a sample can be related to the tach's angle.
 //!
-//! Cost: 15, 7 and 5 multiplies per output of the last, second-last and each earlier stage, so 7.5 (k = 1), 7.3 (k = 2)
-//! or 6.1 (k = 3) per ADC sample, and less than 6 beyond.
+//! Cost (Cortex-M4F in QEMU): 40, 45, 45 and 48 instructions per ADC sample for one, two, three and five stages.
 
 /// Most stages of a cascade.
 pub const MAX_STAGES: usize = 10;
