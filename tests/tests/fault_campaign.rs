@@ -169,9 +169,7 @@ fn fault_a_minute_of_random_bytes_changes_nothing_but_a_counter() {
     assert_measures(&plant, from, SPEED_HZ, "under random bytes");
     assert!(plant.count(EventKind::FramesRefused) > 10_000, "{}", plant.count(EventKind::FramesRefused));
     assert_eq!(plant.session.node().configuration(), &configuration());
-    let answers = |plant: &Plant| {
-        plant.frames.iter().filter(|f| matches!(f.packet, Packet::Reply(_))).count()
-    };
+    let answers = |plant: &Plant| plant.frames.iter().filter(|f| matches!(f.packet, Packet::Reply(_))).count();
     assert_eq!(answers(&plant), 0, "noise was never taken for a command");
     plant.request(&Request::Identify);
     plant.drain();

@@ -66,7 +66,9 @@ fn table(effect: &Effect) -> Option<(String, toml::Table)> {
     let known = |key: &str| entry.parameters.iter().any(|p| p.name == key);
     let mut any = false;
     for (prefix, key) in *keys {
-        if let Some((label, value)) = effect.parameters.iter().find(|(n, _)| n.starts_with(prefix) && !n.contains("phase")) {
+        if let Some((label, value)) =
+            effect.parameters.iter().find(|(n, _)| n.starts_with(prefix) && !n.contains("phase"))
+        {
             put(key, value.value);
             any = true;
             if let Some(tooth) = label.rsplit("tooth ").next().and_then(|t| t.parse::<f64>().ok()) {
@@ -82,7 +84,9 @@ fn table(effect: &Effect) -> Option<(String, toml::Table)> {
     {
         put("gear", gear);
     }
-    if let Some((_, phase)) = effect.parameters.iter().find(|(n, _)| n.contains("phase")) && known("phase") {
+    if let Some((_, phase)) = effect.parameters.iter().find(|(n, _)| n.contains("phase"))
+        && known("phase")
+    {
         put("phase", phase.value);
     }
     if let Some(order) = effect.order_of_pinion.filter(|_| known("order")) {
@@ -135,7 +139,11 @@ fn change(machine: &mut Machine, outcome: &Outcome, folder: &Path, stem: &str) -
 pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
     let declared = Machine::read(path)?;
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
-    let stem = if path.is_dir() { "machine".into() } else { path.file_stem().unwrap_or_default().to_string_lossy().into_owned() };
+    let stem = if path.is_dir() {
+        "machine".into()
+    } else {
+        path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    };
     let mut corrected = declared.clone();
     change(&mut corrected, outcome, folder, &stem)?;
     let text = toml::to_string(&corrected).map_err(|e| Error::invalid(path.display(), e))?;

@@ -87,7 +87,8 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
     let peak = base.analyser.kernel_at(0.0).norm();
     // Amplitudes of lines, from 8 Hz on, as the loop compares them.
     let series = |name: &str, bins: &[rustfft::num_complex::Complex64], scale: f64, top: f64| {
-        let points = bins.iter().enumerate().skip((8.0 / bin) as usize).map(|(b, x)| (b as f64 * bin * scale, x.norm() / peak));
+        let points =
+            bins.iter().enumerate().skip((8.0 / bin) as usize).map(|(b, x)| (b as f64 * bin * scale, x.norm() / peak));
         Series::new(name, points.take_while(|p| p.0 < top).collect())
     };
     report = report.section("Residual spectrum").text(&format!(
@@ -147,7 +148,10 @@ fn evidence(mut report: Report, outcome: &Outcome) -> Report {
         }
         for (name, p) in e.parameters.iter().take(12) {
             let unit = if p.unit == "1" { "" } else { &p.unit };
-            rows.push(vec![name.clone(), format!("{} ({} to {}) {unit}", number(p.value), number(p.ci95[0]), number(p.ci95[1]))]);
+            rows.push(vec![
+                name.clone(),
+                format!("{} ({} to {}) {unit}", number(p.value), number(p.ci95[0]), number(p.ci95[1])),
+            ]);
         }
         report = report.table(&format!("{}: {}", e.verdict, e.name), &["", ""], &rows);
         if let Some(text) = &e.deciding_experiment {
@@ -182,7 +186,11 @@ fn refused(report: Report, outcome: &Outcome) -> Report {
         .iter()
         .take(25)
         .map(|(name, score)| {
-            let why = if *score > 0.0 { "below the accepted one, or not confirmed on the selection runs" } else { "does not pay for its unknowns" };
+            let why = if *score > 0.0 {
+                "below the accepted one, or not confirmed on the selection runs"
+            } else {
+                "does not pay for its unknowns"
+            };
             vec![name.clone(), format!("{score:.1}"), why.into()]
         })
         .collect();
@@ -198,7 +206,11 @@ fn refused(report: Report, outcome: &Outcome) -> Report {
         .collect();
     report
         .section("Considered and refused")
-        .table("Best score of every explanation not taken (gain in likelihood less unknowns and search)", &["explanation", "score", "why not"], &rows)
+        .table(
+            "Best score of every explanation not taken (gain in likelihood less unknowns and search)",
+            &["explanation", "score", "why not"],
+            &rows,
+        )
         .section("Declared parameters")
         .table("Adopted changes within tolerance", &["parameter", "change, %"], &changes)
         .section("What stays unexplained")

@@ -66,7 +66,12 @@ pub fn run(args: Args) -> Result<()> {
             .map(|b| {
                 let errors = [b.declared_error_db, b.corrected_error_db].map(|e| format!("{e:.3}"));
                 let [declared, corrected] = errors;
-                vec![format!("ch {}, {} x mesh", b.channel, b.harmonic), format!("{:.2}", b.record_db), declared, corrected]
+                vec![
+                    format!("ch {}, {} x mesh", b.channel, b.harmonic),
+                    format!("{:.2}", b.record_db),
+                    declared,
+                    corrected,
+                ]
             })
             .collect();
         print!("{}", terminal::table(&["held-out band, dB", "record", "declared off by", "corrected"], &rows));

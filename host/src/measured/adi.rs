@@ -52,7 +52,8 @@ pub fn run(data: &Path) -> Result<Outcome> {
         let columns = super::file(data, "adi", name)?;
         cases.push(case(state, &columns.channels[0]));
     }
-    let caution = "one speed only: the exponent of speed, and so imbalance against a bent shaft or a coupling, is not decided";
+    let caution =
+        "one speed only: the exponent of speed, and so imbalance against a bent shaft or a coupling, is not decided";
     Ok(Outcome { cases, caution })
 }
 

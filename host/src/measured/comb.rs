@@ -65,7 +65,8 @@ impl Power {
         let floors: Vec<f64> = (0..n.div_ceil(HOP))
             .map(|i| {
                 let centre = i * HOP + HOP / 2;
-                let mut part = self.values[centre.saturating_sub(REACH).min(n - 1)..(centre + REACH + 1).min(n)].to_vec();
+                let mut part =
+                    self.values[centre.saturating_sub(REACH).min(n - 1)..(centre + REACH + 1).min(n)].to_vec();
                 part.sort_by(f64::total_cmp);
                 (part[part.len() / 2] / std::f64::consts::LN_2).max(f64::MIN_POSITIVE)
             })

@@ -147,14 +147,7 @@ fn name(bin: f64, excess: &[f64], spacings: &[f64]) -> Vec<Vec<f64>> {
     (0..spacings.len()).map(|i| standing(bin, excess, &candidates(spacings, i), LEAST_EXCESS)).collect()
 }
 
-fn analyse(
-    first: &Half,
-    second: &Half,
-    channels: &[u32],
-    speed_hz: f64,
-    speed_std_rpm: f64,
-    turns: usize,
-) -> Outcome {
+fn analyse(first: &Half, second: &Half, channels: &[u32], speed_hz: f64, speed_std_rpm: f64, turns: usize) -> Outcome {
     let bin = first.power[0].bin;
     let half_width = HALF_WIDTH_HZ / speed_hz;
     let excess = mean_excess(&first.power[..FIT.len()]);
@@ -190,7 +183,8 @@ fn analyse(
         })
         .collect();
     let controls = shifted(bin, &excess, &spacings, &taken, &first.power[0], half_width);
-    let left = (0..channels.len()).map(|c| left(&second.power[c], channels[c], c >= FIT.len(), &mesh, &masks, &controls));
+    let left =
+        (0..channels.len()).map(|c| left(&second.power[c], channels[c], c >= FIT.len(), &mesh, &masks, &controls));
     let mut changes: Vec<f64> = (FIT.len()..channels.len())
         .flat_map(|c| {
             let (first, second) = (&first.power[c], &second.power[c]);
@@ -232,8 +226,7 @@ fn shifted(
     (0..40)
         .map(|trial| {
             let share = (0.01 + 0.05 * f64::from(trial / 2) / 19.0) * if trial % 2 == 0 { 1.0 } else { -1.0 };
-            let moved: Vec<f64> =
-                spacings.iter().map(|s| if of_shafts(*s) { *s } else { s * (1.0 + share) }).collect();
+            let moved: Vec<f64> = spacings.iter().map(|s| if of_shafts(*s) { *s } else { s * (1.0 + share) }).collect();
             let mut mask = power.mask(&name(bin, excess, &moved).concat(), half_width);
             mask.iter_mut().zip(taken).for_each(|(m, t)| *m &= !*t);
             mask
@@ -269,14 +262,21 @@ fn of_shafts(spacing: f64) -> bool {
 }
 
 /// Reads spacings: whole shaft rates by the tooth counts, a passage and its cage by their ratio.
-fn combs(spacings: &[f64], sigma: &[[f64; 2]], lines: &[Vec<f64>], power: &Power, half_width: f64, hz: f64) -> Vec<Comb> {
+fn combs(
+    spacings: &[f64],
+    sigma: &[[f64; 2]],
+    lines: &[Vec<f64>],
+    power: &Power,
+    half_width: f64,
+    hz: f64,
+) -> Vec<Comb> {
     let wheel = f64::from(TEETH[0]) / f64::from(TEETH[1]);
     let mut before = power.mask(&mesh_lines(), half_width);
     spacings
         .iter()
         .enumerate()
         .map(|(i, &s)| {
-                    let partner = spacings.iter().find(|&&t| {
+            let partner = spacings.iter().find(|&&t| {
                 let n = (t / s).max(s / t);
                 t != s && (n - n.round()).abs() < 0.01 && (6.0..30.0).contains(&n.round()) && !of_shafts(t)
             });
@@ -336,7 +336,12 @@ impl Outcome {
         text += &crate::terminal::table(&["channel", "mesh only", "after each comb", "control median / max"], &rows);
         text += &format!(
             "{} fitted values, {} chosen lines covering {:.2} % of the bins; a line changes by {:.1} dB (median) between the halves\n{}\ncaution: {}\n",
-            self.fitted_values, self.chosen_lines, self.covered_percent, self.median_line_change_db, self.effect, self.caution
+            self.fitted_values,
+            self.chosen_lines,
+            self.covered_percent,
+            self.median_line_change_db,
+            self.effect,
+            self.caution
         );
         text
     }

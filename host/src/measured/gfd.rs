@@ -86,10 +86,8 @@ pub struct Outcome {
 pub fn run(data: &Path) -> Result<Outcome> {
     let all: Vec<(char, u32)> =
         ['h', 'b'].into_iter().flat_map(|s| FIT_LOADS.iter().chain(&HELD_OUT_LOADS).map(move |&l| (s, l))).collect();
-    let mut files: Vec<(Measured, Vec<Power>)> = all
-        .par_iter()
-        .map(|&(series, load)| measure(data, series, load))
-        .collect::<Result<Vec<_>>>()?;
+    let mut files: Vec<(Measured, Vec<Power>)> =
+        all.par_iter().map(|&(series, load)| measure(data, series, load)).collect::<Result<Vec<_>>>()?;
     files.sort_by_key(|f| (f.0.series.clone(), f.0.load_percent));
     let fitting = |m: &Measured| FIT_LOADS.contains(&m.load_percent);
     let electric_hz = files.iter().filter(|f| fitting(&f.0)).map(|f| f.0.electric_hz).sum::<f64>()
@@ -310,7 +308,8 @@ impl Outcome {
                 ]
             })
             .collect();
-        let head = ["held out", "mesh before, %", "after, %", "slip / predicted, %", "supply, Hz", "lines, Hz", "standing"];
+        let head =
+            ["held out", "mesh before, %", "after, %", "slip / predicted, %", "supply, Hz", "lines, Hz", "standing"];
         text += &terminal::table(&head, &rows);
         text + "caution: " + self.caution + "\n"
     }

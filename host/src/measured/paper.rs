@@ -116,7 +116,8 @@ fn case(quoted: &Quoted) -> Case {
         .map(|i| {
             let harmonic = n + i as u32;
             let line_hz = quoted.lines_hz[i];
-            let before = (1..=17).map(|h| (line_hz - f64::from(h) * quoted.mesh_hz).abs()).fold(f64::INFINITY, f64::min);
+            let before =
+                (1..=17).map(|h| (line_hz - f64::from(h) * quoted.mesh_hz).abs()).fold(f64::INFINITY, f64::min);
             Line {
                 case: quoted.case.into(),
                 line_hz,

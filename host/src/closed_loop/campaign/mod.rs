@@ -129,11 +129,8 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     let mut scored = read_log(&plan.log)?;
     let done: BTreeSet<String> = scored.iter().map(|s| s.id.clone()).collect();
     let todo: Vec<Item> = items(plan).into_iter().filter(|i| !done.contains(&i.id())).collect();
-    let mut log = std::fs::OpenOptions::new()
-        .create(true)
-        .append(true)
-        .open(&plan.log)
-        .map_err(Error::file(&plan.log))?;
+    let mut log =
+        std::fs::OpenOptions::new().create(true).append(true).open(&plan.log).map_err(Error::file(&plan.log))?;
     let bar = Progress::new("records", todo.len() as u64);
     let mut floors = HashMap::new();
     for item in &todo {
@@ -160,7 +157,12 @@ fn read_log(path: &Path) -> Result<Vec<Scored>> {
         .collect()
 }
 
-fn one(plan: &Plan, item: &Item, machines: &[Record], floors: &mut HashMap<(usize, usize, bool), f64>) -> Result<Scored> {
+fn one(
+    plan: &Plan,
+    item: &Item,
+    machines: &[Record],
+    floors: &mut HashMap<(usize, usize, bool), f64>,
+) -> Result<Scored> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_mul(0x9E37_79B9).wrapping_add(stream));

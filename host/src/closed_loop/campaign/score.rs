@@ -75,7 +75,8 @@ pub fn strength(outcome: &Outcome, kind: &Kind, truth: f64) -> Option<(bool, f64
     if kind.parameter.is_empty() {
         return None;
     }
-    let effect = outcome.effects.iter().find(|e| e.verdict == "named" && kind.right_names.contains(&e.name.as_str()))?;
+    let effect =
+        outcome.effects.iter().find(|e| e.verdict == "named" && kind.right_names.contains(&e.name.as_str()))?;
     let (_, value) = effect.parameters.iter().find(|(name, _)| name.starts_with(kind.parameter))?;
     let covered = value.ci95[0] <= truth && truth <= value.ci95[1];
     Some((covered, value.value / truth))
@@ -156,8 +157,9 @@ fn row(group: impl Into<String>, of: &[&Scored]) -> Row {
 /// Tables of all records scored so far.
 pub fn summarise(all: &[Scored]) -> Summary {
     let part = |name: &'static str| all.iter().filter(move |s| s.part == name);
-    let null = [("white", false), ("coloured", true)]
-        .map(|(name, coloured)| row(format!("{name} noise"), &part("null").filter(|s| s.coloured == coloured).collect::<Vec<_>>()));
+    let null = [("white", false), ("coloured", true)].map(|(name, coloured)| {
+        row(format!("{name} noise"), &part("null").filter(|s| s.coloured == coloured).collect::<Vec<_>>())
+    });
     let mut null = null.to_vec();
     null.push(row("all", &part("null").collect::<Vec<_>>()));
     let power = super::LEVELS
@@ -241,7 +243,12 @@ impl Summary {
         }
         text += &format!(
             "intervals that cover the truth: {:.1} % of {}\nheld-out error after / floor, median: named {:.3}, not named {:.3}\nseconds per record: median {:.1}, largest {:.1}\n",
-            100.0 * self.coverage.0, self.coverage.1, self.after_over_floor[0], self.after_over_floor[1], self.seconds[0], self.seconds[1]
+            100.0 * self.coverage.0,
+            self.coverage.1,
+            self.after_over_floor[0],
+            self.after_over_floor[1],
+            self.seconds[0],
+            self.seconds[1]
         );
         text
     }
