@@ -215,7 +215,7 @@ fn prune(base: &Base, data: &Data, split: &Split, accepted: &mut Vec<Candidate>)
     while accepted.len() > 1 && i + 1 < accepted.len() {
         let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
         let again = Judge::new(base, data, split, &others).judge(accepted[i].clone());
-        if again.score < LEAST_SCORE || again.select_gain < 0.0 {
+        if again.score < LEAST_SCORE {
             accepted.remove(i);
         } else {
             i += 1;

@@ -105,7 +105,7 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     let (verdict, name) = if locked(order) {
         ("generic", format!("noise or impacts repeating at order {order:.3} of the pinion, a whole order of a shaft"))
     } else {
-        ("named", "bearing-defect-impacts".to_string())
+        ("named", "bearing-impacts".to_string())
     };
     Some(Effect {
         verdict: verdict.into(),

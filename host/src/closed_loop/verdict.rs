@@ -187,7 +187,13 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
                 map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn, "rad"));
             }
         } else {
-            map.insert(p.name.clone(), value(x[p.first], 1.96 * sigma[p.first], p.unit));
+            let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
+            if p.name.starts_with("stiffness_loss") && v > 0.0 {
+                // The template is of first order; a softer tooth deflects more, which the finite loss shares in as 1 / (1 - loss).
+                half /= (1.0 + v) * (1.0 + v);
+                v /= 1.0 + v;
+            }
+            map.insert(p.name.clone(), value(v, half, p.unit));
         }
     }
     map

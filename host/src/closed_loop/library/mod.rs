@@ -106,13 +106,16 @@ impl<'a> Bench<'a> {
                 .flat_map(|&r| [0, 1].map(|c| (r, c)))
                 .map(|(r, c)| {
                     let hz = o * self.angles[r].1;
-                    let weight = data.weight[r][c].get((hz * duration).round() as usize).copied().unwrap_or(0.0);
-                    self.base.analyser.amplitude(&data.residual[r][c], hz).0.norm_sqr() * weight
+                    // Unweighted: weights are tempered in proportion to the residual and would push the peak aside.
+                    self.base.analyser.amplitude(&data.residual[r][c], hz).0.norm_sqr()
                 })
                 .sum()
         };
         let step = 0.02 / (duration * fastest);
-        (-80..=80).map(|i| order + f64::from(i) * step).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(order)
+        (-120..=120)
+            .map(|i| order + f64::from(i) * step)
+            .max_by(|a, b| power(*a).total_cmp(&power(*b)))
+            .unwrap_or(order)
     }
 
     /// Snaps an order to a whole order of pinion or gear when it is one within resolution.

@@ -289,10 +289,7 @@ fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
     let power = |f: f64| -> f64 {
         fit.iter()
             .flat_map(|&r| [0, 1].map(|c| (r, c)))
-            .map(|(r, c)| {
-                let weight = data.weight[r][c][(f * bench.base.analyser.duration_s()).round() as usize];
-                bench.base.analyser.amplitude(&data.residual[r][c], f).0.norm_sqr() * weight
-            })
+            .map(|(r, c)| bench.base.analyser.amplitude(&data.residual[r][c], f).0.norm_sqr())
             .sum()
     };
     (-200..=200).map(|i| hz + f64::from(i) * 0.01).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
