@@ -254,7 +254,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     fn adapt_span(&mut self) {
         let mut teeth = self.teeth;
         let count = (self.counted as usize).min(TEETH);
-        if let Some(median) = math::median(&mut teeth[..count]) {
+        if let Some(median) = math::median(teeth.get_mut(..count).unwrap_or_default()) {
             self.span = Self::span_for(median);
         }
     }
@@ -263,7 +263,8 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     #[inline]
     fn back(&self, age: u32) -> f32 {
         let age = age as usize;
-        self.samples[if age <= self.newest { self.newest - age } else { self.newest + WINDOW - age }]
+        let place = if age <= self.newest { self.newest - age } else { self.newest + WINDOW - age };
+        self.samples.get(place).copied().unwrap_or_default()
     }
 
     /// Rise over the span ending `age` ago; it belongs to `age + span / 2`.

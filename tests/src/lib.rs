@@ -1,3 +1,6 @@
-//! Helpers shared by the tests: vectors, temporary records, tolerances.
+//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU.
 
+pub mod gear_signal;
 pub mod mock_flash;
+pub mod plant;
+pub mod qemu_node;

@@ -94,3 +94,34 @@ pub fn frequencies(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     let grid = (20..cells).map(|i| i as f64 * step);
     scan(base, data, runs, grid, cells as f64 * 0.3, |hz, _| Some(hz), count)
 }
+
+/// Strongest pairs of lines at a fixed distance, Hz, on both sides of the mesh orders: slow modulation that leaves no line of its own.
+pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
+    let duration = base.analyser.duration_s();
+    let z = f64::from(base.machine.teeth[0]);
+    let slowest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(f64::INFINITY, f64::min);
+    let step = 0.2 / duration;
+    let cells = ((0.45 * z * slowest).min(150.0) / step) as usize;
+    let harmonics = 12;
+    let null = Gamma::new(4.0 * f64::from(harmonics) * runs.len() as f64, 1.0).expect("positive shape");
+    let mut all: Vec<Found> = (16..cells)
+        .filter_map(|i| {
+            let at = i as f64 * step;
+            let mut sum = 0.0;
+            for &r in runs {
+                for n in 1..=harmonics {
+                    for side in [-1.0, 1.0] {
+                        let hz = f64::from(n) * z * base.runs[r].angle.shaft_hz + side * at;
+                        sum += statistic(base, data, r, hz).min(0.5 * CAP);
+                    }
+                }
+            }
+            let p = (1.0 - null.cdf(sum)) * cells as f64 * 0.3;
+            (p < 1e-3).then_some(Found { at, statistic: sum, p_value: p })
+        })
+        .collect();
+    all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+    all.dedup_by(|b, a| (a.at - b.at).abs() < 2.0 / duration);
+    all.truncate(count);
+    all
+}

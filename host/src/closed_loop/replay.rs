@@ -55,7 +55,7 @@ pub fn replay(record: &Record, outcome: &Outcome) -> Replay {
     let data = fitted.data();
     let (mut chosen, mut missing) = (Vec::new(), Vec::new());
     if !outcome.effects.is_empty() {
-        let bench = Bench::new(&fitted, record);
+        let bench = Bench::new(&fitted);
         let candidates = bench.candidates(&data, &outcome.split[0], &orders, &frequencies);
         for effect in &outcome.effects {
             let best = candidates.iter().filter(|c| matches(effect, c)).max_by_key(|c| c.name.len());

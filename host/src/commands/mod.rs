@@ -6,6 +6,7 @@ pub mod close;
 pub mod configure;
 pub mod effects;
 pub mod import;
+pub mod law;
 pub mod measured;
 pub mod monitor;
 pub mod node;

@@ -67,9 +67,9 @@ impl Client {
         self.losses
     }
 
-    /// Whether the link has ended (file read to its end, connection closed) and everything received was taken.
+    /// Whether the link has ended (file read to its end, connection closed) and every message received was taken.
     pub fn has_ended(&self) -> bool {
-        self.ended && self.waiting.is_empty()
+        self.ended && !self.waiting.iter().any(|packet| matches!(packet, Packet::Message(_)))
     }
 
     /// The next streamed message, within `patience`; `None` when none came or the link has ended.
@@ -79,11 +79,9 @@ impl Client {
     pub fn next_message(&mut self, patience: Duration) -> Result<Option<Message>> {
         let deadline = Instant::now() + patience;
         loop {
-            while let Some(packet) = self.waiting.pop_front() {
-                // Answers nobody waited for belong to repeated commands.
-                if let Packet::Message(message) = packet {
-                    return Ok(Some(message));
-                }
+            let at = self.waiting.iter().position(|packet| matches!(packet, Packet::Message(_)));
+            if let Some(Packet::Message(message)) = at.and_then(|at| self.waiting.remove(at)) {
+                return Ok(Some(message));
             }
             if self.ended || Instant::now() >= deadline {
                 return Ok(None);
