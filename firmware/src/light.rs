@@ -37,6 +37,6 @@ impl Code {
     /// Whether the light is lit at a tick: flashes of 0.1 s every 0.3 s, a cycle of 2.4 s.
     pub fn is_lit(self, now: u32, clock: TicksPerSecond) -> bool {
         let tenths = now / (clock.0 / 10).max(1) % 24;
-        tenths % 3 == 0 && tenths / 3 < self.flashes()
+        tenths.is_multiple_of(3) && tenths / 3 < self.flashes()
     }
 }

@@ -69,37 +69,46 @@ impl<const M: usize, const W: usize> HalfBand<M, W> {
     /// Filters in place and returns the number of outputs.
     fn process(&mut self, samples: &mut [f32]) -> usize {
         let (mut taken, mut outputs) = (0, 0);
-        while taken < samples.len() {
-            let mut side = [0.0f32; LONGEST_SIDE + RUN];
-            let mut centre = [0.0f32; LONGEST_CENTRE + RUN];
-            side[..W].copy_from_slice(&self.side);
-            centre[..M].copy_from_slice(&self.centre);
-            let mut pairs = 0;
-            if let Some(first) = self.held.take() {
-                (centre[M], side[W]) = (first, samples[taken]);
-                (pairs, taken) = (1, taken + 1);
-            }
-            let whole = ((samples.len() - taken) / 2).min(RUN - pairs);
-            let (older, newer) = (centre[M + pairs..].iter_mut(), side[W + pairs..].iter_mut());
-            // The newest sample of a pair meets the outermost side tap, the older one the centre branch.
-            for (pair, (older, newer)) in samples[taken..taken + 2 * whole].chunks_exact(2).zip(older.zip(newer)) {
-                (*older, *newer) = (pair[0], pair[1]);
-            }
-            (pairs, taken) = (pairs + whole, taken + 2 * whole);
-            if pairs == 0 {
-                self.held = samples.last().copied();
-                return outputs;
-            }
-            let middle = &centre[1..=pairs];
-            let windows = side[1..W + pairs].windows(W);
-            for ((output, &middle), window) in samples[outputs..outputs + pairs].iter_mut().zip(middle).zip(windows) {
-                *output = self.sum(middle, window);
-            }
-            outputs += pairs;
-            self.side.copy_from_slice(&side[pairs..pairs + W]);
-            self.centre.copy_from_slice(&centre[pairs..pairs + M]);
+        while let Some((used, made)) = self.run(samples, taken, outputs) {
+            (taken, outputs) = (taken + used, outputs + made);
         }
         outputs
+    }
+
+    /// Filters up to [`RUN`] pairs from `samples[taken..]` to `samples[outputs..]`; samples used and outputs made.
+    /// `None` at the end; a sample without partner is held. All places exist: asking is cheaper than a panic path.
+    fn run(&mut self, samples: &mut [f32], taken: usize, outputs: usize) -> Option<(usize, usize)> {
+        let fresh = samples.get(taken..).filter(|fresh| !fresh.is_empty())?;
+        let mut side = [0.0f32; LONGEST_SIDE + RUN];
+        let mut centre = [0.0f32; LONGEST_CENTRE + RUN];
+        *side.first_chunk_mut::<W>()? = self.side;
+        *centre.first_chunk_mut::<M>()? = self.centre;
+        let mut start = 0;
+        if let Some(first) = self.held.take() {
+            (*centre.get_mut(M)?, *side.get_mut(W)?) = (first, *fresh.first()?);
+            start = 1;
+        }
+        let whole = ((fresh.len() - start) / 2).min(RUN - start);
+        let (older, newer) = (centre.get_mut(M + start..)?.iter_mut(), side.get_mut(W + start..)?.iter_mut());
+        // The newest sample of a pair meets the outermost side tap, the older one the centre branch.
+        for (pair, (older, newer)) in fresh.get(start..start + 2 * whole)?.chunks_exact(2).zip(older.zip(newer)) {
+            (*older, *newer) = (*pair.first()?, *pair.last()?);
+        }
+        let pairs = start + whole;
+        if pairs == 0 {
+            self.held = fresh.first().copied();
+            return None;
+        }
+        let middle = centre.get(1..=pairs)?;
+        let windows = side.get(1..W + pairs)?.windows(W);
+        for ((output, &middle), window) in
+            samples.get_mut(outputs..outputs + pairs)?.iter_mut().zip(middle).zip(windows)
+        {
+            *output = self.sum(middle, window);
+        }
+        self.side = *side.get(pairs..)?.first_chunk::<W>()?;
+        self.centre = *centre.get(pairs..)?.first_chunk::<M>()?;
+        Some((start + 2 * whole, pairs))
     }
 
     #[inline]
@@ -151,13 +160,13 @@ impl Cascade {
     pub fn process(&mut self, samples: &mut [f32]) -> usize {
         let mut count = samples.len();
         for stage in self.early.iter_mut().take(self.stages.saturating_sub(2)) {
-            count = stage.process(&mut samples[..count]);
+            count = stage.process(samples.get_mut(..count).unwrap_or_default());
         }
         if self.stages >= 2 {
-            count = self.second.process(&mut samples[..count]);
+            count = self.second.process(samples.get_mut(..count).unwrap_or_default());
         }
         if self.stages >= 1 {
-            count = self.last.process(&mut samples[..count]);
+            count = self.last.process(samples.get_mut(..count).unwrap_or_default());
         }
         count
     }

@@ -202,7 +202,7 @@ pub struct Report {
 /// Mesh periods whose balance is taken; a step's balance costs ten times the step itself.
 const PERIODS: u32 = 20;
 
-/// Watches a run from time 0 on: balance of its first [`PERIODS`] mesh periods, and the least mesh force.
+/// Watches a run from time 0 on: balance of its first 20 mesh periods, and the least mesh force.
 pub struct Watch<'a> {
     meter: Meter<'a>,
     mesh: Vec<f64>,

@@ -183,7 +183,7 @@ pub fn derive(machine: &Machine, bench: &Bench, step: &(impl Fn() + Sync)) -> Re
     })
 }
 
-/// Number of operating points [`derive`] and [`check`] compute, for progress.
+/// Number of operating points [`derive()`] and [`check`] compute, for progress.
 pub const OPERATING_POINTS: u64 = 25 + FIT_SPEEDS as u64 + 3 + RANDOM_SPEEDS as u64;
 
 /// Compares every form with simulations at speeds that were not fitted.
