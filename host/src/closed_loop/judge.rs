@@ -58,7 +58,7 @@ impl Judged {
         let slack = 6.0 + 4.0 * self.select_promise.max(0.0).sqrt();
         self.score > LEAST_SCORE
             && self.select_gain > LEAST_SELECT_GAIN
-            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise
+            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise.min(self.gain)
             && self.select_promise + slack > LEAST_SELECT_SHARE * self.select_gain
             && self.p_value(tests) < 1e-3
     }
