@@ -87,7 +87,7 @@ fn main() -> ! {
 fn serve_until_start(session: &mut BoardSession, link: &mut Link, store: &mut Store<Flash>) {
     let Link { received, outgoing } = link;
     session.node_mut().on_request(Request::Stop);
-    while session.node().state() == State::Stopped {
+    loop {
         let mut send = |frame: &[u8]| outgoing.send(frame);
         while let Some(byte) = received.dequeue() {
             session.on_byte(byte, &mut send);
@@ -97,6 +97,9 @@ fn serve_until_start(session: &mut BoardSession, link: &mut Link, store: &mut St
         }
         session.send_messages(START_TICK, &mut send);
         outgoing.pump();
+        if session.node().state() != State::Stopped {
+            return;
+        }
         an386::wait(received, outgoing);
     }
 }
