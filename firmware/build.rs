@@ -15,6 +15,9 @@ fn main() {
         // Chooses this board's addresses in memory.x.
         println!("cargo:rustc-link-arg-bins=--defsym=_board_an386=1");
     }
+    if env::var_os("CARGO_FEATURE_BOARD_STM32F767").is_some() {
+        println!("cargo:rustc-link-arg-bins=--defsym=_board_stm32f767=1");
+    }
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     // Sections packed without page alignment: a page of zeros per section would not fit a small flash.

@@ -6,13 +6,13 @@
 use crate::light::Code;
 use crate::stack::{self, StackUse};
 use embedded_storage::nor_flash::NorFlash;
-use meshband::board::Board;
-use meshband::config::Configuration;
+use meshband::board::{Board, Link};
+use meshband::buffers::Buffers;
 use meshband::events::EventKind;
 use meshband::message::{Request, SelfTest};
 use meshband::self_test::BootTest;
-use meshband::session::BoardSession;
-use meshband::store::{Origin, Store};
+use meshband::session::Session;
+use meshband::store::Store;
 use meshband::units::TicksPerSecond;
 
 /// What a board's own event ([`EventKind::Board`]) tells: kind in the detail's highest byte, number below.
@@ -43,9 +43,12 @@ const STACK_PERIOD_S: u32 = 10;
 /// Growth of the stack that is worth an event, bytes.
 const STACK_STEP: u32 = 1024;
 
+/// A session whose node keeps its arrays in a static.
+pub type NodeSession = Session<&'static mut Buffers>;
+
 /// State of the main loop.
 pub struct Runner<F: NorFlash> {
-    session: &'static mut BoardSession,
+    session: NodeSession,
     store: Store<F>,
     test: BootTest,
     clock: TicksPerSecond,
@@ -57,14 +60,9 @@ pub struct Runner<F: NorFlash> {
     stack_due: u32,
 }
 
-/// The stored configuration, or the default, and whether there is something to report about it.
-pub fn load<F: NorFlash>(store: &mut Store<F>, clock: TicksPerSecond) -> (Configuration, Origin) {
-    store.load(clock.0)
-}
-
 impl<F: NorFlash> Runner<F> {
     /// Takes over a session; checks the mathematics at once.
-    pub fn new(session: &'static mut BoardSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
+    pub fn new(mut session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
         let test = BootTest::new(clock);
         let self_test = test.result();
         session.node_mut().set_self_test(self_test);
@@ -72,8 +70,8 @@ impl<F: NorFlash> Runner<F> {
     }
 
     /// The session.
-    pub fn session(&mut self) -> &mut BoardSession {
-        self.session
+    pub fn session(&mut self) -> &mut NodeSession {
+        &mut self.session
     }
 
     /// Records an event of the board.
@@ -102,10 +100,10 @@ impl<F: NorFlash> Runner<F> {
     }
 
     /// Commands from the host, and what they ask of the flash.
-    pub fn serve_link(&mut self, board: &mut impl Board) {
-        while let Some(byte) = board.receive() {
+    pub fn serve_link(&mut self, link: &mut impl Link) {
+        while let Some(byte) = link.receive() {
             self.session.on_byte(byte, &mut |frame| {
-                board.send(frame);
+                link.send(frame);
             });
         }
         if self.session.take_commit() {
@@ -135,7 +133,7 @@ impl<F: NorFlash> Runner<F> {
         board.set_period_ticks(session.node().requested_period_ticks());
     }
 
-    /// Light, lost edges and stack.
+    /// Light and lost edges.
     fn report(&mut self, board: &mut impl Board, now: u32) {
         let code = Code::of(self.session.node().state(), self.crystal, self.self_test.failed != 0);
         board.set_light(code.is_lit(now, self.clock));
@@ -144,6 +142,11 @@ impl<F: NorFlash> Runner<F> {
             self.lost_edges = lost;
             self.note(BoardEvent::EdgesLost, lost);
         }
+    }
+
+    /// Looks at the stack's paint every few seconds and reports a new depth; not called where frames are compared with
+    /// those of a host that has no such stack.
+    pub fn watch_stack(&mut self, now: u32) {
         // Due at start and then every few seconds; wrapping order of ticks.
         if (now.wrapping_sub(self.stack_due) as i32) >= 0 || self.stack_due == 0 {
             self.stack_due = now.wrapping_add(self.clock.0.saturating_mul(STACK_PERIOD_S));
@@ -156,9 +159,9 @@ impl<F: NorFlash> Runner<F> {
     }
 
     /// Answers a request as if the host had sent it.
-    pub fn on_request(&mut self, request: Request, board: &mut impl Board) {
+    pub fn on_request(&mut self, request: Request, link: &mut impl Link) {
         self.session.on_request(request, &mut |frame| {
-            board.send(frame);
+            link.send(frame);
         });
     }
 }

@@ -3,9 +3,22 @@ use meshband_host::closed_loop::generate::{Effect, Scenario, record};
 use meshband_host::closed_loop::{Options, close_loop, input};
 use std::path::Path;
 
+/// `loop_trial EFFECT SEED [WITHHELD] [p]`, or `loop_trial table EFFECT:SEED ...` for one line per record.
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
-    let (what, seed) = (arguments[1].as_str(), arguments[2].parse::<u64>().expect("seed"));
+    if arguments[1] == "table" {
+        for item in &arguments[2..] {
+            let (what, seed) = item.split_once(':').expect("EFFECT:SEED");
+            trial(what, seed.parse().expect("seed"), Options::default(), true);
+        }
+        return;
+    }
+    let withheld = arguments.get(3).map(|w| w.split(',').map(String::from).collect()).unwrap_or_default();
+    let options = Options { progress: arguments.len() > 4, withheld, ..Options::default() };
+    trial(&arguments[1], arguments[2].parse().expect("seed"), options, false);
+}
+
+fn trial(what: &str, seed: u64, options: Options, compact: bool) {
     let case = if seed % 2 == 0 { "check-19-48" } else { "check-55-75" };
     let source = input::read(&Path::new("../shared/vectors").join(case)).expect("machine");
     let mut scenario = Scenario::null(&source.shafts, seed);
@@ -48,6 +61,9 @@ fn main() {
         "path" => vec![Effect::PathMode { channel: 0, hz: 2300.0, damping: 0.02, gain: 0.1 }],
         "drift" => vec![Effect::Drift { channel: 1, share: 0.1 }],
         "square" => vec![Effect::Nonlinearity { channel: 0, per_m_s2: 1e-3 }],
+        "clip" => vec![Effect::Clipping { channel: 0, limit_m_s2: 12.0 }],
+        "speed" => vec![Effect::SpeedFluctuation { hz: 2.7, angle_rad: 0.01 }],
+        "cubic" => vec![Effect::Nonlinearity { channel: 0, per_m_s2: -5e-4 }],
         "impacts" => {
             vec![Effect::Impacts { channel: 0, order: 3.052, jitter: 0.01, hz: 4000.0, damping: 0.03, peak: 8.0 }]
         }
@@ -59,8 +75,31 @@ fn main() {
     };
     let made = record(&source.pair, &source.shafts, &source.curve, &scenario);
     let start = std::time::Instant::now();
-    let withheld = arguments.get(3).map(|w| w.split(',').map(String::from).collect()).unwrap_or_default();
-    let options = Options { progress: arguments.len() > 4, withheld, ..Options::default() };
     let outcome = close_loop(&made, &options).expect("loop");
-    println!("== {what} {case} seed {seed} ({:.1} s)\n{}", start.elapsed().as_secs_f64(), outcome.summary());
+    let seconds = start.elapsed().as_secs_f64();
+    if !compact {
+        println!("== {what} {case} seed {seed} ({seconds:.1} s)\n{}", outcome.summary());
+        return;
+    }
+    let verdicts: Vec<String> = outcome
+        .effects
+        .iter()
+        .map(|e| {
+            let value = e
+                .parameters
+                .iter()
+                .next()
+                .map(|(n, v)| format!("{n} {:.3e} [{:.3e}, {:.3e}]", v.value, v.ci95[0], v.ci95[1]));
+            let seat = e.order_of_pinion.or(e.frequency_hz).unwrap_or(0.0);
+            format!("{} {} @{seat:.4} {}", e.verdict, e.name, value.unwrap_or_default())
+        })
+        .collect();
+    let e = &outcome.error.held_out_runs;
+    println!(
+        "| {what} {seed} | {} | {:.4} -> {:.4} ({:.4}) | {seconds:.0} s |",
+        verdicts.join("; "),
+        e.before,
+        e.after,
+        e.noise_floor
+    );
 }

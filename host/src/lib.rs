@@ -8,6 +8,7 @@ pub mod import;
 pub mod law;
 pub mod link;
 pub mod machine;
+pub mod measured;
 pub mod piecewise;
 pub mod qemu;
 pub mod record;

@@ -21,6 +21,8 @@ enum Command {
     Effects(commands::effects::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
+    /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
+    Law(commands::law::Args),
     /// Tells a node its machine and law, and has it stored.
     Configure(commands::configure::Args),
     /// Live view of a node in the terminal, or of a captured link.
@@ -35,6 +37,10 @@ enum Command {
     Simulate(commands::simulate::Args),
     /// Finds what the declared machine of a record lacks; error before and after.
     Loop(commands::close::Args),
+    /// Published measurements: lines the model lacks, held-out error before and after.
+    Measured(commands::measured::Args),
+    /// Proof campaign of the loop on generated records: null, power, withheld effects, two effects.
+    Prove(commands::prove::Args),
 }
 
 fn main() -> ExitCode {
@@ -42,6 +48,7 @@ fn main() -> ExitCode {
         Command::Alias(args) => commands::alias::run(args),
         Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::Law(args) => commands::law::run(args),
         Command::Configure(args) => commands::configure::run(args),
         Command::Monitor(args) => commands::monitor::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
@@ -49,6 +56,8 @@ fn main() -> ExitCode {
         Command::Predict(args) => commands::predict::run(args),
         Command::Simulate(args) => commands::simulate::run(args),
         Command::Loop(args) => commands::close::run(args),
+        Command::Measured(args) => commands::measured::run(args),
+        Command::Prove(args) => commands::prove::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -122,3 +122,95 @@ fn regress_import_writes_record_json_and_report() {
     assert!(html.contains("<svg") && !html.contains("<script") && !html.contains("src=\"http"));
     assert!(Path::new(&record).join("run00.tach.csv").exists());
 }
+
+/// A sound record of half a second with one channel, as (file, text) pairs beside its codes.
+fn small_record(name: &str) -> std::path::PathBuf {
+    let folder = folder(name);
+    let toml = "title = \"small\"\n[pair]\nteeth = [23, 46]\n[acquisition]\nsample_rate_hz = 10240.0\n\
+                channels = [\"case\"]\nfull_scale_m_s2 = 10.0\n[tach]\nshaft = \"pinion\"\npulses_per_rev = 1\n\
+                [[run]]\nsignal = \"run00.npy\"\ntach = \"run00.tach.csv\"\n";
+    std::fs::write(folder.join("record.toml"), toml).expect("written");
+    let codes: Vec<i16> = (0..5120).map(|n| (8000.0 * (0.2 * f64::from(n)).sin()) as i16).collect();
+    meshband_host::record::npy::write_i16(&folder.join("run00.npy"), &codes, 1).expect("written");
+    let edges: String = (1..10).map(|n| format!("{}\n", 0.05 * f64::from(n))).collect();
+    std::fs::write(folder.join("run00.tach.csv"), format!("edge_time_s\n{edges}")).expect("written");
+    folder
+}
+
+#[test]
+fn fault_node_refuses_bad_records_in_one_line() {
+    type Damage = fn(&Path);
+    let edit = |path: &Path, from: &str, to: &str| {
+        let file = path.join("record.toml");
+        let text = std::fs::read_to_string(&file).expect("text");
+        assert!(text.contains(from));
+        std::fs::write(file, text.replace(from, to)).expect("written");
+    };
+    refused(&["node", "nowhere"], "nowhere");
+    let cases: [(&str, Damage, &str); 5] = [
+        ("no-toml", |p| std::fs::remove_file(p.join("record.toml")).expect("removed"), "record.toml"),
+        ("no-signal", |p| std::fs::remove_file(p.join("run00.npy")).expect("removed"), "run00.npy"),
+        (
+            "truncated",
+            |p| {
+                let bytes = std::fs::read(p.join("run00.npy")).expect("bytes");
+                std::fs::write(p.join("run00.npy"), &bytes[..bytes.len() / 2]).expect("written");
+            },
+            "truncated",
+        ),
+        ("no-edges", |p| std::fs::write(p.join("run00.tach.csv"), "edge_time_s\n").expect("written"), "no tach edges"),
+        (
+            "nan-edge",
+            |p| std::fs::write(p.join("run00.tach.csv"), "edge_time_s\n0.1\nnan\n").expect("written"),
+            "edge time is NaN",
+        ),
+    ];
+    for (name, damage, expected) in cases {
+        let path = small_record(&format!("node-{name}"));
+        damage(&path);
+        refused(&["node", &path.display().to_string()], expected);
+    }
+    for (name, from, to, expected) in [
+        ("teeth-many", "[23, 46]", "[23, 46000]", "46000"),
+        ("teeth-few", "[23, 46]", "[2, 46]", "2 is not a tooth count"),
+        ("nan", "10240.0", "nan", "sample_rate_hz"),
+        ("pulses", "pulses_per_rev = 1", "pulses_per_rev = 9000", "pulses_per_turn"),
+        ("no-tach", "[tach]\nshaft = \"pinion\"\npulses_per_rev = 1\n", "", "[tach]"),
+    ] {
+        let path = small_record(&format!("node-{name}"));
+        edit(&path, from, to);
+        refused(&["node", &path.display().to_string()], expected);
+    }
+}
+
+#[test]
+fn fault_node_refuses_bad_options_in_one_line() {
+    let record = small_record("node-options").display().to_string();
+    let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/paper-rig.toml").display().to_string();
+    let broken = folder("node-machine").join("broken.toml");
+    let text = std::fs::read_to_string(&machine).expect("text");
+    std::fs::write(&broken, text.replace("module_m = 0.002 ", "module_m = nan ")).expect("written");
+    let broken = broken.display().to_string();
+    for (arguments, expected) in [
+        (vec!["node", &record, "--run", "3"], "no run 3"),
+        (vec!["node", &record, "--channel", "4"], "--channel"),
+        (vec!["node", &record, "--channel", "casing"], "casing"),
+        (vec!["node", &record, "--start", "9"], "--start"),
+        (vec!["node", &record, "--duration", "nan"], "--duration"),
+        (vec!["node", &record, "--start", "0.4", "--duration", "0.05"], "tach"),
+        (vec!["node", &record, "--rate", "nan"], "--rate"),
+        (vec!["node", &record, "--rate", "9e9"], "--rate"),
+        (vec!["node", &record, "--speed", "10"], "--speed"),
+        (vec!["node", &record, "--firmware", "nowhere.elf"], "nowhere.elf"),
+        (vec!["node", &machine, "--speed", "nan"], "--speed"),
+        (vec!["node", &machine, "--run-up", "3"], "--run-up"),
+        (vec!["node", &machine, "--torque=-5"], "--torque"),
+        (vec!["node", &machine, "--duration", "1e9"], "--duration"),
+        (vec!["node", &machine, "--signal-rate", "nan"], "--rate"),
+        (vec!["node", &machine, "--channel", "2"], "--channel"),
+        (vec!["node", &machine, "--effect", "magic"], "magic"),
+        (vec!["node", &broken], "module_m"),
+    ] {
+        refused(&arguments, expected);
+    }
+}

@@ -20,6 +20,11 @@ pub struct Buffers {
 impl Buffers {
     /// Empty buffers, all zero bytes.
     pub const ZERO: Self = Self { chain: Chain::IDLE, wide: [0.0; WIDE_POINTS], snapshot: [0; WIDE_POINTS] };
+
+    /// The order chain, to be run without a node.
+    pub fn chain(&mut self) -> &mut Chain {
+        &mut self.chain
+    }
 }
 
 /// Most bytes of [`Buffers`].

@@ -162,7 +162,7 @@ impl core::fmt::Display for ConfigurationError {
 impl core::error::Error for ConfigurationError {}
 
 impl Default for Configuration {
-    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the provisional law: for
+    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the paper rig's law: for
     /// a node that has not been told its machine.
     fn default() -> Self {
         Self {
@@ -177,7 +177,8 @@ impl Default for Configuration {
             },
             sensor: Sensor { acceleration_per_code: Acceleration(0.03), zero_code: 32_768 },
             limits: RateLimits { analogue_stop: Hertz(100_000.0), highest_adc: Hertz(500_000.0) },
-            law: Law::PROVISIONAL,
+            // Another machine's law: nearer than any guess, and still flagged.
+            law: Law { provisional: true, ..crate::law_data::law() },
             policy: RatePolicy::Spectrum,
             mesh: MeshBandConfig { harmonics: 5, sidebands: 3 },
             alarms: Vec::new(),

@@ -34,7 +34,9 @@ pub fn envelope(
     let centre = (first + last) / 2;
     work.fill(Complex32::new(0.0, 0.0));
     for line in first..=last {
-        work[(line + points - centre) % points] = bins[line] * scale;
+        if let (Some(place), Some(bin)) = (work.get_mut((line + points - centre) % points), bins.get(line)) {
+            *place = *bin * scale;
+        }
     }
     spectrum::complex_ifft(work)?;
     for (y, z) in envelope.iter_mut().zip(work.iter()) {

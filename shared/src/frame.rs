@@ -109,11 +109,13 @@ pub fn encode<'b, 'p>(
     let body = &mut content[HEADER..MAX_CONTENT - CHECKSUM];
     let length = postcard::to_slice(&packet.into(), body).map_err(|_| FrameError::NoRoom)?.len();
     let end = HEADER + length;
-    let checksum = CRC32.checksum(&content[..end]);
-    content[end..end + CHECKSUM].copy_from_slice(&checksum.to_le_bytes());
+    let checksum = CRC32.checksum(content.get(..end).ok_or(FrameError::NoRoom)?);
+    let place = content.get_mut(end..end + CHECKSUM).ok_or(FrameError::NoRoom)?;
+    place.copy_from_slice(&checksum.to_le_bytes());
+    let content = content.get(..end + CHECKSUM).ok_or(FrameError::NoRoom)?;
     let (leading, place) = buffer.split_first_mut().ok_or(FrameError::NoRoom)?;
     *leading = 0;
-    let coded = cobs::try_encode(&content[..end + CHECKSUM], place).map_err(|_| FrameError::NoRoom)?;
+    let coded = cobs::try_encode(content, place).map_err(|_| FrameError::NoRoom)?;
     *place.get_mut(coded).ok_or(FrameError::NoRoom)? = 0;
     Ok(&buffer[..coded + 2])
 }
@@ -166,7 +168,7 @@ impl Decoder {
     }
 
     fn open(&mut self, length: usize) -> Result<Frame, FrameError> {
-        let bytes = &mut self.bytes[..length];
+        let bytes = self.bytes.get_mut(..length).ok_or(FrameError::Malformed)?;
         let decoded = cobs::decode_in_place(bytes).map_err(|_| FrameError::Malformed)?;
         let content = bytes.get(..decoded).ok_or(FrameError::Malformed)?;
         let (signed, checksum) = content.split_last_chunk::<CHECKSUM>().ok_or(FrameError::Malformed)?;

@@ -202,7 +202,7 @@ fn zoom_stage() -> u32 {
     let mut phase = 0u32;
     while records < 2 {
         // One turn is 2^32; the pinion's sixteenth order beside the mesh frequency is a lower sideband.
-        let step = u32::MAX / zoom.samples_per_turn();
+        let step = u32::MAX / zoom.samples_per_turn().max(1);
         let mesh = math::cossin(phase.wrapping_mul(17)).0;
         let sideband = math::cossin(phase.wrapping_mul(16)).1;
         records += zoom.push(&[2.0 * mesh + 0.3 * sideband + 0.1 * noise.next()]);

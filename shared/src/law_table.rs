@@ -37,7 +37,9 @@ pub struct LawTable {
 impl From<Vec<LawKnot, MAX_KNOTS>> for LawTable {
     fn from(used: Vec<LawKnot, MAX_KNOTS>) -> Self {
         let mut table = Self { knots: [LawKnot::default(); MAX_KNOTS], count: used.len() as u8 };
-        table.knots[..used.len()].copy_from_slice(&used);
+        for (place, knot) in table.knots.iter_mut().zip(&used) {
+            *place = *knot;
+        }
         table
     }
 }
@@ -90,9 +92,10 @@ impl LawTable {
 /// The cubic from knot `i` to the next one.
 fn between(knots: &[LawKnot], i: usize, speed_hz: f32) -> f32 {
     // Relative to knot i, so that the logarithms stay small and keep their digits.
-    let (speed, bandwidth) = (knots[i].speed.0, knots[i].bandwidth.0);
-    let x = |k: usize| math::ln(knots[k].speed.0 / speed);
-    let y = |k: usize| math::ln(knots[k].bandwidth.0 / bandwidth);
+    let knot = |k: usize| knots.get(k).copied().unwrap_or_default();
+    let (speed, bandwidth) = (knot(i).speed.0, knot(i).bandwidth.0);
+    let x = |k: usize| math::ln(knot(k).speed.0 / speed);
+    let y = |k: usize| math::ln(knot(k).bandwidth.0 / bandwidth);
     let last = knots.len() - 1;
     let secant = |k: usize| (y(k + 1) - y(k)) / (x(k + 1) - x(k));
     let slope = |k: usize| {

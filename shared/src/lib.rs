@@ -26,6 +26,7 @@ pub mod gear_condition;
 pub mod golden;
 pub mod indicators;
 pub mod law;
+pub mod law_data;
 pub mod law_table;
 pub mod math;
 pub mod mesh_band;

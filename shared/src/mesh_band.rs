@@ -84,7 +84,7 @@ pub fn record_turns(teeth: u16) -> u16 {
 /// Turns of a synchronous average: whole hunting periods, at least 16 turns; true when the period had to be broken.
 pub fn average_turns(pinion_teeth: u16, gear_teeth: u16) -> (u32, bool) {
     match zoom::common_turns(pinion_teeth, gear_teeth) {
-        Some(period) if period <= LONGEST_HUNTING => {
+        Some(period) if (1..=LONGEST_HUNTING).contains(&period) => {
             let period = u32::from(period);
             (FEWEST_TURNS.div_ceil(period) * period, false)
         }

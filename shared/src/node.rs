@@ -42,9 +42,13 @@ pub const REPLAN_NOW: f32 = 0.2;
 /// Relative departure that re-plans when a record is complete.
 pub const REPLAN_AT_RECORD: f32 = 0.02;
 /// Wideband records begun per second, at most.
-const WIDE_PER_SECOND: u32 = 4;
+const WIDE_PER_SECOND: u32 = 1;
 /// Time between measurements of rise times, s.
 const RISE_INTERVAL_S: u64 = 2;
+/// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
+/// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
+const HOLD_AFTER_RECORD: u32 = 16;
+const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its buffers.
 const STATE_BUDGET: usize = 14 * 1024;
 
@@ -111,6 +115,10 @@ pub struct Node<B = Buffers> {
     stream: Stream,
     buffers: B,
     marks: TurnMarks,
+    /// Blocks still to pass before another rate may be asked for.
+    hold: u32,
+    /// A mesh-band record was completed since the last plan.
+    record_complete: bool,
     mesh_plan: MeshPlan,
     wide_use: WideUse,
     wide_count: usize,
@@ -169,6 +177,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             stream: Stream::new(),
             buffers,
             marks: TurnMarks::new(&config.tach),
+            hold: 0,
+            record_complete: false,
             mesh_plan: MeshPlan { stages: 0, harmonics: 0 },
             wide_use: WideUse::Idle,
             wide_count: 0,
@@ -289,7 +299,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if self.state == State::Settling && self.stream.is_settled() {
             self.state = State::Measuring;
         }
-        self.replan(false);
+        self.replan();
         if self.next_tick >= self.status_due {
             self.post_status(block.sequence);
         }
@@ -356,9 +366,14 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     /// Speed, law and plan; called at block borders.
-    fn replan(&mut self, record_complete: bool) {
+    fn replan(&mut self) {
         let speed = self.present_speed();
         self.follow_tach(&speed);
+        if self.hold > 0 {
+            self.hold -= 1;
+            return;
+        }
+        let record_complete = core::mem::take(&mut self.record_complete);
         if let RatePolicy::Forced { rate } = self.config.policy {
             self.pending = self.plan.force(rate);
             return;
@@ -417,12 +432,18 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     fn watch_input(&mut self, codes: &[u16]) {
-        let railed = codes.iter().filter(|&&code| code == 0 || code >= 0xfff0).count();
+        // One pass without branches; railed are 0 and the upper 16 codes.
+        let first = codes[0];
+        let (mut railed, mut moved) = (0usize, 0u16);
+        for &code in codes {
+            railed += usize::from(code.wrapping_sub(1) >= 0xffef);
+            moved |= code ^ first;
+        }
         if railed * 1000 > codes.len() {
             self.note(EventKind::Saturated, (railed * 1000 / codes.len()) as u32 / 100 * 100);
         }
-        if codes.len() >= 64 && codes.iter().all(|&code| code == codes[0]) {
-            self.note(EventKind::Stuck, u32::from(codes[0]));
+        if codes.len() >= 64 && moved == 0 {
+            self.note(EventKind::Stuck, u32::from(first));
         }
     }
 
@@ -463,8 +484,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
                 if *count == 0 {
                     *from = tick;
                 }
-                let taken = samples.len().min(WIDE_POINTS - *count);
-                record[*count..*count + taken].copy_from_slice(&samples[..taken]);
+                let taken = samples.len().min(WIDE_POINTS.saturating_sub(*count));
+                for (place, sample) in record.iter_mut().skip(*count).zip(samples) {
+                    *place = *sample;
+                }
                 *count += taken;
                 complete = *count == WIDE_POINTS;
             }
@@ -484,6 +507,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     fn follow_turns(&mut self) {
         let chain = &mut self.buffers.borrow_mut().chain;
         let progress = chain.process();
+        if progress.turns > 0 {
+            self.hold = self.hold.max(HOLD_AFTER_TURN);
+        }
         if progress.records > 0 {
             self.finish_mesh();
         }
@@ -510,6 +536,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     fn finish_wide(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
         let (rate, stages) = (self.active.output, self.active.stages);
         let tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
         let Buffers { wide, snapshot, .. } = self.buffers.borrow_mut();
@@ -583,11 +610,13 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             let dropped = self.spectrum.replace(spectrum).is_some();
             self.count_dropped(dropped);
         }
-        self.replan(true);
+        self.record_complete = true;
+        self.hold = HOLD_AFTER_RECORD;
     }
 
     /// Indicators of a complete average. The wideband record serves as work space; one under way begins anew.
     fn finish_average(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
         let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
         let teeth = self.config.gears.pinion_teeth;
         let (turns, hunting_broken) = mesh_band::average_turns(teeth, self.config.gears.gear_teeth);
@@ -620,11 +649,13 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             return;
         }
         for index in 0..self.config.alarms.len() {
-            let band = self.config.alarms[index];
+            let (Some(&band), Some(alarm)) = (self.config.alarms.get(index), self.alarms.get_mut(index)) else {
+                return;
+            };
             if band.watched != watched {
                 continue;
             }
-            match self.alarms[index].update(&band, Hertz(tag.speed_hz), value) {
+            match alarm.update(&band, Hertz(tag.speed_hz), value) {
                 Some(AlarmChange::Raised) => self.note(EventKind::AlarmRaised, index as u32),
                 Some(AlarmChange::Cleared) => self.note(EventKind::AlarmCleared, index as u32),
                 None => {}

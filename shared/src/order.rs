@@ -171,7 +171,9 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
         }
         for &x in samples {
             if self.held == CAPACITY {
-                self.samples[self.oldest] = x;
+                if let Some(sample) = self.samples.get_mut(self.oldest) {
+                    *sample = x;
+                }
                 self.oldest = self.next(self.oldest);
                 self.oldest_tick = self.oldest_tick.wrapping_add(self.period_ticks);
             } else {
@@ -179,7 +181,9 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
                 if place >= CAPACITY {
                     place -= CAPACITY;
                 }
-                self.samples[place] = x;
+                if let Some(sample) = self.samples.get_mut(place) {
+                    *sample = x;
+                }
                 self.held += 1;
             }
         }
@@ -243,7 +247,7 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
 
     /// Signed tick difference in 2^-16 samples.
     fn q16(&self, ticks: u32) -> i64 {
-        (i64::from(ticks as i32) << 16) / i64::from(self.period_ticks)
+        (i64::from(ticks as i32) << 16) / i64::from(self.period_ticks.max(1))
     }
 
     /// Writes samples `first`, `first + 1`, ... of the turn cut into `per_turn` equal angles; `out` may be any part of it.
@@ -293,7 +297,7 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
             Some(samples) => samples,
             None => {
                 for x in &mut gathered {
-                    *x = self.samples[place];
+                    *x = self.samples.get(place).copied().unwrap_or_default();
                     place = self.next(place);
                 }
                 &gathered

@@ -119,7 +119,7 @@ impl RatePlan {
         };
         self.stages = Some(stages);
         // Rounding to the shorter period at the lower border keeps the ADC rate at or above the floor.
-        let adc = (target * power_of_two(stages)).clamp(floor, self.limits.highest_adc.0);
+        let adc = (target * power_of_two(stages)).max(floor).min(self.limits.highest_adc.0);
         let mut period = nearest_period(self.clock, adc);
         if self.clock.rate(period).0 < floor && period > self.shortest_period() {
             period -= 1;

@@ -254,7 +254,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     fn adapt_span(&mut self) {
         let mut teeth = self.teeth;
         let count = (self.counted as usize).min(TEETH);
-        if let Some(median) = math::median(&mut teeth[..count]) {
+        if let Some(median) = math::median(teeth.get_mut(..count).unwrap_or_default()) {
             self.span = Self::span_for(median);
         }
     }
@@ -263,7 +263,8 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     #[inline]
     fn back(&self, age: u32) -> f32 {
         let age = age as usize;
-        self.samples[if age <= self.newest { self.newest - age } else { self.newest + WINDOW - age }]
+        let place = if age <= self.newest { self.newest - age } else { self.newest + WINDOW - age };
+        self.samples.get(place).copied().unwrap_or_default()
     }
 
     /// Rise over the span ending `age` ago; it belongs to `age + span / 2`.
@@ -286,9 +287,16 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         let threshold = SLOPE_THRESHOLD * self.lobe.peak;
         let half_span = 0.5 * self.span as f32;
         let oldest = (self.held as u32).checked_sub(self.span + 3)?;
-        let between = |above: f32, below: f32| (above - threshold) / (above - below);
-        let end = LAG as f32 + 1.0 + half_span - between(sign * self.slope(LAG + 1), sign * self.slope(LAG));
-        let mut age = LAG + self.lobe.peak_age;
+        // Outside 0 to 1 where the span was changed within the lobe: the slopes no longer belong to its peak.
+        let between = |above: f32, below: f32| {
+            let share = (above - threshold) / (above - below);
+            (share >= 0.0 && share <= 1.0).then_some(share)
+        };
+        let end = LAG as f32 + 1.0 + half_span - between(sign * self.slope(LAG + 1), sign * self.slope(LAG))?;
+        let mut age = LAG.saturating_add(self.lobe.peak_age);
+        if age > oldest {
+            return None;
+        }
         let mut above = sign * self.slope(age);
         let begin = loop {
             age += 1;
@@ -297,7 +305,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
             }
             let slope = sign * self.slope(age);
             if slope < threshold {
-                break age as f32 - 1.0 + half_span + between(above, slope);
+                break age as f32 - 1.0 + half_span + between(above, slope)?;
             }
             above = slope;
         };

@@ -89,13 +89,18 @@ pub fn real_ifft(bins: &mut [Complex32], samples: &mut [f32]) -> Result<(), Spec
     bins[0] = Complex32::new(0.5 * (zero + nyquist), 0.5 * (zero - nyquist));
     let step = crate::window::phase_step(2 * half);
     for k in 1..=half / 2 {
-        let (x, y) = (bins[k], bins[half - k].conj());
+        let (Some(&x), Some(y)) = (bins.get(k), bins.get(half - k)) else { return Err(SpectrumError::Length) };
+        let y = y.conj();
         let (c, s) = math::cossin(step.wrapping_mul(k as u32));
         let even = (x + y) * 0.5;
         let odd = (x - y) * 0.5 * Complex32::new(c, s);
         // even + j odd at k; the mirrored bin holds the conjugates of both parts.
-        bins[k] = Complex32::new(even.re - odd.im, even.im + odd.re);
-        bins[half - k] = Complex32::new(even.re + odd.im, odd.re - even.im);
+        if let Some(bin) = bins.get_mut(k) {
+            *bin = Complex32::new(even.re - odd.im, even.im + odd.re);
+        }
+        if let Some(bin) = bins.get_mut(half - k) {
+            *bin = Complex32::new(even.re + odd.im, odd.re - even.im);
+        }
     }
     complex_ifft(bins)?;
     for (pair, z) in samples.chunks_exact_mut(2).zip(bins.iter()) {
@@ -118,9 +123,11 @@ pub fn amplitude_spectrum(samples: &mut [f32], window: Window, amplitudes: &mut 
     window.apply(samples, mean);
     let scale = 2.0 / (count as f32 * window.coherent_gain());
     let bins = real_fft(samples)?;
-    amplitudes[0] = 0.5 * scale * bins[0].re.abs();
-    amplitudes[count / 2] = 0.5 * scale * bins[0].im.abs();
-    for (amplitude, bin) in amplitudes[1..count / 2].iter_mut().zip(&bins[1..]) {
+    let Some((packed, bins)) = bins.split_first() else { return Err(SpectrumError::Length) };
+    let [zero, inner @ .., nyquist] = amplitudes else { return Err(SpectrumError::Output) };
+    *zero = 0.5 * scale * packed.re.abs();
+    *nyquist = 0.5 * scale * packed.im.abs();
+    for (amplitude, bin) in inner.iter_mut().zip(bins) {
         *amplitude = scale * math::sqrt(bin.norm_sqr());
     }
     Ok(())

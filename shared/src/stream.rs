@@ -42,7 +42,7 @@ impl Path {
         let first = self.outputs;
         self.outputs += count as u64;
         let unsettled = u64::from(self.cascade.settling_outputs()).saturating_sub(first).min(count as u64);
-        (&samples[unsettled as usize..count], first + unsettled)
+        (samples.get(unsettled as usize..count).unwrap_or_default(), first + unsettled)
     }
 
     /// Tick that output `number` describes.

@@ -227,7 +227,7 @@ impl TachTracker {
         if missing == 0 || steps <= missing {
             return 0;
         }
-        let positions = u64::from(self.wheel.pulses_per_turn);
+        let positions = u64::from(self.wheel.pulses_per_turn.max(1));
         match self.index {
             Some(index) => {
                 let to_index = (index + positions - self.last.position % positions) % positions;
@@ -244,7 +244,7 @@ impl TachTracker {
         if missing == 0 {
             return;
         }
-        let positions = u64::from(self.wheel.pulses_per_turn);
+        let positions = u64::from(self.wheel.pulses_per_turn.max(1));
         if steps == missing + 1 {
             let place = (self.last.position + steps) % positions;
             if self.index_candidate == Some(place) {
@@ -331,21 +331,24 @@ impl TachTracker {
     }
 
     fn add_anchor(&mut self) {
-        let newest = self.anchors[self.anchor_count.saturating_sub(1)].position;
-        if self.last.position / self.stride == newest / self.stride && self.anchor_count > 4 {
+        let newest = self.anchors.get(self.anchor_count.saturating_sub(1)).map_or(0, |pulse| pulse.position);
+        let stride = self.stride.max(1);
+        if self.last.position / stride == newest / stride && self.anchor_count > 4 {
             return;
         }
         if self.anchor_count == WINDOW {
             self.anchors.rotate_left(1);
             self.anchor_count -= 1;
         }
-        self.anchors[self.anchor_count] = self.last;
+        if let Some(place) = self.anchors.get_mut(self.anchor_count) {
+            *place = self.last;
+        }
         self.anchor_count += 1;
         self.refit();
         // Cut the window while its newest points all lie on one side of the fit.
         while self.anchor_count > 6 && self.newest_leave_fit() {
             let keep = (self.anchor_count / 2).max(4);
-            self.anchors.copy_within(self.anchor_count - keep..self.anchor_count, 0);
+            self.anchors.rotate_left((self.anchor_count - keep).min(WINDOW));
             self.anchor_count = keep;
             self.refit();
         }
@@ -353,13 +356,13 @@ impl TachTracker {
 
     fn newest_leave_fit(&self) -> bool {
         let one_tick = 1.0 / self.fit.period.max(1) as f32;
-        let newest = &self.anchors[self.anchor_count - 3..self.anchor_count];
+        let newest = self.anchors.get(self.anchor_count.saturating_sub(3)..self.anchor_count).unwrap_or_default();
         let sum: f32 = newest.iter().map(|pulse| self.fit.residual(pulse)).sum();
         sum.abs() > 5.0 * 1.732 * (self.noise + one_tick)
     }
 
     fn refit(&mut self) {
-        let anchors = &self.anchors[..self.anchor_count];
+        let anchors = self.anchors.get(..self.anchor_count).unwrap_or_default();
         let (Some(first), Some(newest)) = (anchors.first(), anchors.last()) else { return };
         let span = newest.position - first.position;
         let period = ((newest.instant - first.instant) / span.max(1)).max(1);

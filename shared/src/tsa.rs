@@ -58,8 +58,8 @@ impl<const N: usize> SynchronousAverage<N> {
     pub fn add_turn(&mut self, mut part: impl FnMut(u32, &mut [f32])) {
         let mut scratch = [0.0f32; 64];
         let points = self.points();
-        for (i, sums) in self.sum[..points].chunks_mut(64).enumerate() {
-            let values = &mut scratch[..sums.len()];
+        for (i, sums) in self.sum.get_mut(..points).unwrap_or_default().chunks_mut(64).enumerate() {
+            let values = scratch.get_mut(..sums.len()).unwrap_or_default();
             part(i as u32 * 64, values);
             for (sum, &x) in sums.iter_mut().zip(values.iter()) {
                 *sum += x;
@@ -76,10 +76,10 @@ impl<const N: usize> SynchronousAverage<N> {
         let scale = 1.0 / self.turns as f32;
         self.turns = 1;
         let points = self.points();
-        for sum in &mut self.sum[..points] {
+        for sum in self.sum.iter_mut().take(points) {
             *sum *= scale;
         }
-        Some(&self.sum[..points])
+        self.sum.get(..points)
     }
 
     /// Turns added since the start.
@@ -153,11 +153,13 @@ fn keep_lines(
     }
     work.copy_from_slice(samples);
     let bins = spectrum::real_fft(work)?;
-    if !keep(0) {
-        bins[0].re = 0.0;
-    }
-    if !keep(count / 2) {
-        bins[0].im = 0.0;
+    if let Some(packed) = bins.first_mut() {
+        if !keep(0) {
+            packed.re = 0.0;
+        }
+        if !keep(count / 2) {
+            packed.im = 0.0;
+        }
     }
     for (order, bin) in bins.iter_mut().enumerate().skip(1) {
         if !keep(order) {

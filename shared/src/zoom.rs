@@ -215,9 +215,13 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         let mut rest = samples;
         while !rest.is_empty() {
             let state = &mut self.state;
-            let count = rest.len().min(SAMPLES_PER_PITCH - state.fill);
+            let count = rest.len().min(SAMPLES_PER_PITCH.saturating_sub(state.fill));
             let (now, later) = rest.split_at(count);
-            state.pitches[state.newest][state.fill..state.fill + count].copy_from_slice(now);
+            if let Some(pitch) = state.pitches.get_mut(state.newest) {
+                for (place, x) in pitch.iter_mut().skip(state.fill).zip(now) {
+                    *place = *x;
+                }
+            }
             state.fill += count;
             rest = later;
             if state.fill == SAMPLES_PER_PITCH {
@@ -270,7 +274,7 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
 
     fn finish_record(&mut self) {
         let share = match self.config.averaging {
-            Averaging::Linear { records } => 1.0 / (self.state.records % u32::from(records) + 1) as f32,
+            Averaging::Linear { records } => 1.0 / (self.state.records % u32::from(records).max(1) + 1) as f32,
             Averaging::Exponential { .. } if self.state.records == 0 => 1.0,
             Averaging::Exponential { weight } => weight,
         };
@@ -289,9 +293,10 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
             let sides = if offset == 0 { 1 } else { 2 };
             for (record, power) in self.state.record.iter().zip(&mut self.state.power) {
                 for &(bin, place) in &places[..sides] {
-                    let new = record[bin].norm_sqr() * gain * gain;
-                    let old = power[place];
-                    power[place] = if share == 1.0 { new } else { old + share * (new - old) };
+                    let (Some(line), Some(power)) = (record.get(bin), power.get_mut(place)) else { continue };
+                    let new = line.norm_sqr() * gain * gain;
+                    let old = *power;
+                    *power = if share == 1.0 { new } else { old + share * (new - old) };
                 }
             }
         }
@@ -334,7 +339,7 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
             return None;
         }
         let band = self.state.power.get(harmonic.checked_sub(1)?)?;
-        Some(math::sqrt(band[(POINTS as i32 / 2 + offset_bins) as usize]))
+        band.get((POINTS as i32 / 2 + offset_bins) as usize).map(|&power| math::sqrt(power))
     }
 
     /// The line nearest to an order offset from a harmonic: highest of the bins within one bin, interpolated.
@@ -403,7 +408,8 @@ fn window_at(u: f32) -> f32 {
     }
     let index = place as usize;
     let fraction = place - index as f32;
-    WINDOW[index] + fraction * (WINDOW[index + 1] - WINDOW[index])
+    let (Some(&below), Some(&above)) = (WINDOW.get(index), WINDOW.get(index + 1)) else { return 0.0 };
+    below + fraction * (above - below)
 }
 
 /// Turns of the pinion after which both shafts have made whole turns: z2 / gcd(z1, z2). This is also the hunting

@@ -1,6 +1,7 @@
 //! The interpolation that turns a record into an "analogue" signal, and the image that carries it.
 
 use meshband::replay::{Header, Replay, ReplayError, image_bytes, write};
+use meshband_host::spectral::Window;
 use meshband_host::virtual_node::analogue::Interpolator;
 use proptest::prelude::*;
 use std::f64::consts::TAU;
@@ -20,6 +21,35 @@ fn theory_interpolated_tones_keep_amplitude_and_phase_up_to_0_45_of_the_rate() {
             .fold(0.0, f64::max);
         // 0.001 dB is 1.15e-4.
         assert!(worst < 1.15e-4, "error {worst:.2e} at {share} of the rate");
+    }
+}
+
+/// Amplitude of a line, at cycles per interpolated sample, under a Blackman-Harris window.
+fn line(samples: &[f64], frequency: f64) -> f64 {
+    let (mut re, mut im, mut sum) = (0.0, 0.0, 0.0);
+    for (n, x) in samples.iter().enumerate() {
+        let weight = Window::BlackmanHarris.weight(n as f64 / samples.len() as f64);
+        let (s, c) = (TAU * frequency * n as f64).sin_cos();
+        re += weight * x * c;
+        im += weight * x * s;
+        sum += weight;
+    }
+    2.0 * f64::hypot(re, im) / sum
+}
+
+#[test]
+fn theory_images_of_interpolated_tones_lie_95_db_down_from_0_55_of_the_rate_on() {
+    let interpolator = Interpolator::new();
+    let (steps, count) = (16, 16 * 2000);
+    for share in [0.03, 0.21, 0.35, 0.45] {
+        let samples = tone(share, 2200);
+        let values: Vec<f64> =
+            (0..count).map(|n| interpolator.value(&samples, 100.0 + n as f64 / steps as f64)).collect();
+        assert!((line(&values, share / steps as f64) - 1.0).abs() < 2e-4);
+        for image in [1.0 - share, 1.0 + share, 2.0 - share, 3.0 + share] {
+            let decibels = 20.0 * line(&values, image / steps as f64).log10();
+            assert!(decibels < -95.0, "image of {share} at {image} of the rate: {decibels:.1} dB");
+        }
     }
 }
 

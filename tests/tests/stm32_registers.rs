@@ -8,10 +8,12 @@ use meshband::config::Configuration;
 use meshband::law::Law;
 use meshband::rate_plan::{RateLimits, RatePlan, RatePolicy};
 use meshband::units::{Hertz, TicksPerSecond};
-use meshband_stm32f4::block_stamp::{self, Borders};
-use meshband_stm32f4::clock::{self, Oscillator, ResetCause};
-use meshband_stm32f4::time_base::{self, Capture, Edge, FILTERS, Filter};
-use meshband_stm32f4::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
+use meshband_stm32::block_stamp::{self, Borders};
+use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::filter::{FILTERS, Filter};
+use meshband_stm32::period::{SHORTEST_PERIOD, reload_of};
+use meshband_stm32::time_base::{self, Capture, Edge};
+use meshband_stm32::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
 
 /// A register block as after power-up with all zeros.
 fn block<T>() -> Box<T> {
@@ -71,7 +73,7 @@ fn theory_every_rate_of_the_plan_is_programmed_as_granted() {
     let periods = planned_periods();
     assert_eq!(periods.len(), 4 * 596);
     for period in periods {
-        assert!(period >= sample_clock::SHORTEST_PERIOD, "{period}");
+        assert!(period >= SHORTEST_PERIOD, "{period}");
         let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
         sample_clock::configure(&tim2, &tim3, period);
         assert_eq!(word(&*tim2, ARR), period - 1);
@@ -93,12 +95,12 @@ fn theory_every_rate_of_the_plan_is_programmed_as_granted() {
 #[test]
 fn theory_periods_the_converter_cannot_follow_become_the_shortest() {
     // Conversion: 15 + 12 cycles of 84 MHz / 4, in ticks of 84 MHz.
-    const { assert!(sample_clock::SHORTEST_PERIOD > 27 * 4) };
+    const { assert!(SHORTEST_PERIOD > 27 * 4) };
     for period in [0, 1, 107, 109, 110] {
-        assert_eq!(sample_clock::reload_of(period), 109);
+        assert_eq!(reload_of(period), 109);
     }
-    assert_eq!(sample_clock::reload_of(111), 110);
-    assert_eq!(sample_clock::reload_of(u32::MAX), u32::MAX - 1);
+    assert_eq!(reload_of(111), 110);
+    assert_eq!(reload_of(u32::MAX), u32::MAX - 1);
 }
 
 #[test]
@@ -347,7 +349,7 @@ fn theory_rate_changes_fall_on_block_borders_and_stamps_are_exact() {
     let mut expected_first = None;
     let mut changes = 0;
     for (index, &period) in wanted.iter().step_by(3).enumerate() {
-        timers.run_block(sample_clock::reload_of(borders.published()));
+        timers.run_block(reload_of(borders.published()));
         let (last, missed) = timers.take_border();
         assert!(!missed);
         let stamp = borders.on_border(last, missed, period);
@@ -373,13 +375,13 @@ fn fault_missed_border_is_seen_and_the_next_stamp_is_right() {
     let mut timers = Timers::start(420);
     let mut borders = Borders::starting(420);
     let publish = |timers: &mut Timers, borders: &mut Borders, wanted| {
-        timers.run_block(sample_clock::reload_of(borders.published()));
+        timers.run_block(reload_of(borders.published()));
         let (last, missed) = timers.take_border();
         borders.on_border(last, missed, wanted)
     };
     assert_eq!(publish(&mut timers, &mut borders, 500).period_ticks, 420);
     // The interrupt sleeps through the border behind the second block.
-    timers.run_block(sample_clock::reload_of(borders.published()));
+    timers.run_block(reload_of(borders.published()));
     let late = publish(&mut timers, &mut borders, 600);
     assert_eq!((late.sequence, late.period_ticks, late.overrun), (2, 500, true));
     let first = timers.triggers[2 * usize::from(BLOCK_SAMPLES)];
@@ -539,6 +541,12 @@ fn theory_flash_erases_only_the_configurations_sectors() {
             assert_eq!(outcome, Err(flash::FlashFault::Range));
             assert_eq!(word(&*controller, 0x04), 0, "not even unlocked");
         }
+    }
+    for sector in 0..2u8 {
+        let controller = block::<pac::flash::RegisterBlock>();
+        flash::select(&controller, sector).unwrap();
+        // Words, sector 10 or 11, sector erase; neither locked nor started.
+        assert_eq!(word(&*controller, 0x10), (0b10 << 8) | ((10 + u32::from(sector)) << 3) | 2);
     }
     let controller = block::<pac::flash::RegisterBlock>();
     flash::begin_write(&controller).unwrap();

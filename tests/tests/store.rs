@@ -18,7 +18,7 @@ fn flash(seed: u64) -> Flash {
 /// Configurations that differ, in length too.
 fn configuration(number: u32) -> Configuration {
     let mut config = Configuration::default();
-    config.gears.pinion_teeth = 4 + (number % 900) as u16;
+    config.gears.pinion_teeth = 12 + (number % 900) as u16;
     config.law.machine_hash = u64::from(number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     config.tach.highest = Hertz(20.0 + (number % 7) as f32);
     config

@@ -1,5 +1,12 @@
-//! Sizes of an ELF image, as `size` counts them: enough of ELF32 to read section headers, nothing more.
+//! Sizes of an ELF image, as `size` counts them, and the places in the source from which it can panic: enough of
+//! ELF32 to read section headers, nothing more.
+//!
+//! Every panic carries a `core::panic::Location`: pointer and length of the file's name, line, column. Whatever the
+//! optimiser proved impossible has lost its location too, so the locations left in the image's constants are the
+//! panics left, however much was inlined. A panic without a location (an `unwind` out of a `nounwind` function) would
+//! not be found; with `panic = "abort"` there are none.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Bytes a linked image needs.
@@ -25,6 +32,96 @@ impl Sizes {
     }
 }
 
+/// A place in the source that can panic.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct PanicSite {
+    /// File: relative to the workspace for own code, `crate-version/...` for a dependency, `core/...` for the library.
+    pub file: String,
+    /// Line in it.
+    pub line: u32,
+    /// Column in it.
+    pub column: u32,
+}
+
+impl PanicSite {
+    /// Whether the place is in a crate of this workspace.
+    pub fn is_own(&self) -> bool {
+        self.file.starts_with("shared/") || self.file.starts_with("firmware/")
+    }
+}
+
+/// The places an image can panic from.
+pub fn panic_sites(path: &Path) -> Result<BTreeSet<PanicSite>, String> {
+    let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    find_panic_sites(&bytes).ok_or_else(|| format!("{}: not a little-endian ELF32 file", path.display()))
+}
+
+fn find_panic_sites(bytes: &[u8]) -> Option<BTreeSet<PanicSite>> {
+    let loaded: Vec<(u32, &[u8])> = sections(bytes)?
+        .filter(|section| section.flags & SHF_ALLOC != 0 && section.kind != SHT_NOBITS)
+        .filter_map(|section| Some((section.address, bytes.get(section.offset..section.offset + section.size)?)))
+        .collect();
+    let text = |pointer: u32, length: u32| {
+        loaded.iter().find_map(|(address, data)| {
+            let start = pointer.checked_sub(*address)? as usize;
+            data.get(start..start.checked_add(length as usize)?)
+        })
+    };
+    let mut sites = BTreeSet::new();
+    for (_, data) in &loaded {
+        for at in (0..data.len().saturating_sub(15)).step_by(4) {
+            let [pointer, length, line, column] = [0, 4, 8, 12].map(|offset| word(data, at + offset).unwrap_or(0));
+            let plausible = (4..400).contains(&length) && (1..100_000).contains(&line) && (1..1000).contains(&column);
+            if let Some(name) = plausible.then(|| text(pointer, length)).flatten()
+                && name.ends_with(b".rs")
+                && name.iter().all(|c| (b' '..0x7f).contains(c))
+            {
+                sites.insert(PanicSite { file: shorten(&String::from_utf8_lossy(name)), line, column });
+            }
+        }
+    }
+    Some(sites)
+}
+
+/// A path without what differs from one machine to the next.
+fn shorten(path: &str) -> String {
+    let path = path.replace('\\', "/");
+    if let Some((_, rest)) = path.split_once("/registry/src/") {
+        return rest.split_once('/').map_or(rest, |(_, rest)| rest).to_owned();
+    }
+    path.split_once("/library/").map_or(path.as_str(), |(_, rest)| rest).to_owned()
+}
+
+struct Section {
+    kind: u32,
+    flags: u32,
+    address: u32,
+    offset: usize,
+    size: usize,
+}
+
+fn sections(bytes: &[u8]) -> Option<impl Iterator<Item = Section>> {
+    if bytes.get(..6)? != [0x7f, b'E', b'L', b'F', 1, 1] {
+        return None;
+    }
+    let table = word(bytes, 0x20)? as usize;
+    let entry = half(bytes, 0x2e)? as usize;
+    let count = half(bytes, 0x30)? as usize;
+    let sections: Option<Vec<Section>> = (0..count)
+        .map(|i| {
+            let header = bytes.get(table + i * entry..)?;
+            Some(Section {
+                kind: word(header, 4)?,
+                flags: word(header, 8)?,
+                address: word(header, 12)?,
+                offset: word(header, 16)? as usize,
+                size: word(header, 20)? as usize,
+            })
+        })
+        .collect();
+    sections.map(Vec::into_iter)
+}
+
 const SHF_WRITE: u32 = 1;
 const SHF_ALLOC: u32 = 2;
 const SHT_NOBITS: u32 = 8;
@@ -36,20 +133,10 @@ pub fn sizes(path: &Path) -> Result<Sizes, String> {
 }
 
 fn parse(bytes: &[u8]) -> Option<Sizes> {
-    if bytes.get(..6)? != [0x7f, b'E', b'L', b'F', 1, 1] {
-        return None;
-    }
-    let table = word(bytes, 0x20)? as usize;
-    let entry = half(bytes, 0x2e)? as usize;
-    let count = half(bytes, 0x30)? as usize;
     let mut sizes = Sizes::default();
-    for i in 0..count {
-        let header = bytes.get(table + i * entry..)?;
-        let (kind, flags, size) = (word(header, 4)?, word(header, 8)?, u64::from(word(header, 20)?));
-        if flags & SHF_ALLOC == 0 {
-            continue;
-        }
-        match (flags & SHF_WRITE != 0, kind == SHT_NOBITS) {
+    for section in sections(bytes)?.filter(|section| section.flags & SHF_ALLOC != 0) {
+        let size = section.size as u64;
+        match (section.flags & SHF_WRITE != 0, section.kind == SHT_NOBITS) {
             (_, true) => sizes.bss += size,
             (true, false) => sizes.data += size,
             (false, false) => sizes.text += size,
@@ -88,5 +175,35 @@ mod tests {
         assert_eq!(parse(&image), Some(Sizes { text: 100, data: 20, bss: 3 }));
         assert_eq!(parse(&image[..80]), None);
         assert_eq!(parse(b"MZ"), None);
+    }
+
+    #[test]
+    fn theory_a_location_in_the_constants_is_a_panic_site() {
+        let name = b"/home/x/.cargo/registry/src/index-1/cobs-0.5.1/src/dec.rs";
+        let mut constants = name.to_vec();
+        constants.resize(constants.len().next_multiple_of(4), 0);
+        for value in [0x0800_0000, name.len() as u32, 12, 7] {
+            constants.extend(u32::to_le_bytes(value));
+        }
+        // Looks like one, but the text is not where it points.
+        for value in [0x0900_0000, name.len() as u32, 13, 7] {
+            constants.extend(u32::to_le_bytes(value));
+        }
+        let mut image = vec![0u8; 0x34 + 40];
+        image[..6].copy_from_slice(&[0x7f, b'E', b'L', b'F', 1, 1]);
+        (image[0x20], image[0x2e], image[0x30]) = (0x34, 40, 1);
+        let start = image.len();
+        let header = [(4, 1), (8, SHF_ALLOC), (12, 0x0800_0000), (16, start as u32), (20, constants.len() as u32)];
+        for (offset, value) in header {
+            image[0x34 + offset..0x34 + offset + 4].copy_from_slice(&u32::to_le_bytes(value));
+        }
+        image.extend(&constants);
+        let found = find_panic_sites(&image).unwrap();
+        let expected = PanicSite { file: "cobs-0.5.1/src/dec.rs".into(), line: 12, column: 7 };
+        assert_eq!(found.into_iter().collect::<Vec<_>>(), [expected]);
+        assert_eq!(shorten("shared/src/tach.rs"), "shared/src/tach.rs");
+        assert_eq!(shorten("/rustc/59807/library/core/src/num/mod.rs"), "core/src/num/mod.rs");
+        let own = |file: &str| PanicSite { file: file.into(), line: 1, column: 1 }.is_own();
+        assert!(own("shared/src/tach.rs") && own("firmware/src/runner.rs") && !own("cobs-0.5.1/src/dec.rs"));
     }
 }

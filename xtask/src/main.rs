@@ -1,13 +1,16 @@
-//! Project tasks: `cargo xtask setup | demo | test | node-build | size | flash`.
+//! Project tasks: `cargo xtask setup | demo | test | prove | blind | node-build | size | bench | bench-node | flash`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
 //! failure; exit code 1 then.
 
+mod bench;
+mod bench_node;
 mod demo;
 mod elf;
 mod flash;
 mod node_build;
+mod prove;
 mod setup;
 mod shell;
 mod suite;
@@ -18,10 +21,14 @@ const HELP: &str = "\
 cargo xtask TASK
 
   setup        compiler target and QEMU; does nothing where both are present
-  demo RECORD  sets up, builds the node, runs it in QEMU on a record and prints what it reports
+  demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
+  prove        the loop's proof campaign on generated records, resumable, into docs/proof
+  blind        the loop's answers on the blind records that have none yet, into docs/blind
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
-  node-build   both firmware images, with their sizes
-  size         sizes of the images: text, data, bss, and their limits
+  node-build   all firmware images, with their sizes
+  size         text, data and bss of the images against limits and snapshots, and where they can panic
+  bench        cost of the solver beside SciPy's on the same machine, ratios first
+  bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -33,8 +40,12 @@ fn main() -> ExitCode {
         "setup" => setup::run(),
         "demo" => demo::run(&rest),
         "test" => suite::run(),
+        "prove" => prove::campaign(&rest),
+        "blind" => prove::blind(),
         "node-build" => node_build::run(),
-        "size" => node_build::size(),
+        "size" => node_build::size(&rest),
+        "bench" => bench::bench(),
+        "bench-node" => bench_node::run_task(&rest),
         "flash" => flash::run(&rest),
         "" | "help" | "--help" | "-h" => {
             print!("{HELP}");

@@ -1,26 +1,34 @@
-//! `cargo xtask node-build` and `size`: the firmware images and what they need of flash and RAM.
+//! `cargo xtask node-build` and `size`: the firmware images, what they need of flash and RAM, and from where they can
+//! panic.
 
-use crate::elf::{self, Sizes};
+use crate::elf::{self, PanicSite, Sizes};
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, cargo, root, timed};
+use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::PathBuf;
 
 /// One binary per board; the feature of the same name selects it.
-pub const BOARDS: [&str; 2] = ["an386", "stm32f405"];
+pub const BOARDS: [&str; 3] = ["an386", "stm32f405", "stm32f767"];
 
+/// The board the limits are meant for.
+const RELEASED: &str = "stm32f405";
 /// Bytes of flash a released image may take (issue 6).
 const FLASH_LIMIT: u64 = 160 * 1024;
 /// Bytes of static RAM a released image may take (issue 6): CCM and SRAM of the STM32F405 less the stack.
 const RAM_LIMIT: u64 = 160 * 1024;
+/// Growth over the snapshot that asks for a decision, percent. Paths of the build machine lie in the image too, so that
+/// exact sizes differ from one machine to the next.
+const GROWTH_PERCENT: u64 = 2;
 
-/// Sets up and builds both images, then prints their sizes.
+/// Sets up and builds all images, then prints their sizes.
 pub fn run() -> Outcome {
     setup::run()?;
     build()?;
-    size()
+    size(&[])
 }
 
-/// Builds both images.
+/// Builds all images.
 pub fn build() -> Outcome {
     BOARDS.iter().try_for_each(|board| timed(&format!("firmware for {board}"), || run_build(board)))
 }
@@ -43,27 +51,93 @@ fn run_build(board: &str) -> Outcome {
     ]))
 }
 
-/// Prints text, data and bss of each image that was built; an error names every limit passed.
-pub fn size() -> Outcome {
-    println!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9}", "image", "text", "data", "bss", "flash", "RAM");
+/// Prints text, data and bss of each image, and the released image's panics; an error names every limit passed, every
+/// growth over the snapshots in `tests/snapshots` and every panic of our own. `--bless` writes the snapshots anew.
+pub fn size(args: &[String]) -> Outcome {
+    let bless = match args {
+        [] => false,
+        [only] if only == "--bless" => true,
+        _ => return Err("size takes nothing but --bless".into()),
+    };
+    let mut table = format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM");
     let mut complaints = Vec::new();
+    let before = std::fs::read_to_string(snapshot("size.txt")).unwrap_or_default();
     for board in BOARDS {
         let path = image(board);
         if !path.exists() {
             return Err(format!("no image of {board}: run `cargo xtask node-build` first"));
         }
         let sizes: Sizes = elf::sizes(&path)?;
-        println!("{board:10} {:8} {:8} {:8} {:9} {:9}", sizes.text, sizes.data, sizes.bss, sizes.flash(), sizes.ram());
-        if board == "stm32f405" {
-            if sizes.flash() > FLASH_LIMIT {
-                complaints.push(format!("{board}: {} bytes of flash, limit {FLASH_LIMIT}", sizes.flash()));
-            }
-            if sizes.ram() > RAM_LIMIT {
-                complaints.push(format!("{board}: {} bytes of RAM, limit {RAM_LIMIT}", sizes.ram()));
-            }
+        let (flash, ram) = (sizes.flash(), sizes.ram());
+        let _ = writeln!(table, "{board:10} {:8} {:8} {:8} {flash:9} {ram:9}", sizes.text, sizes.data, sizes.bss);
+        if board == RELEASED {
+            complain_above(&mut complaints, board, "flash", flash, FLASH_LIMIT);
+            complain_above(&mut complaints, board, "RAM", ram, RAM_LIMIT);
+        }
+        if let Some((old_flash, old_ram)) = recorded(&before, board).filter(|_| !bless) {
+            let grown = |old: u64| old + old * GROWTH_PERCENT / 100;
+            complain_above(&mut complaints, board, "flash (grown over the snapshot)", flash, grown(old_flash));
+            complain_above(&mut complaints, board, "RAM (grown over the snapshot)", ram, grown(old_ram));
         }
     }
+    print!("{table}");
+    let panics = check_panics(&mut complaints, bless)?;
+    if bless {
+        write_snapshot("size.txt", &table)?;
+        write_snapshot("panics.txt", &panics)?;
+    }
     if complaints.is_empty() { Ok(()) } else { Err(complaints.join("\n")) }
+}
+
+fn complain_above(complaints: &mut Vec<String>, board: &str, what: &str, value: u64, limit: u64) {
+    if value > limit {
+        complaints.push(format!("{board}: {value} bytes of {what}, limit {limit}; `cargo xtask size --bless` accepts"));
+    }
+}
+
+/// Flash and RAM of a board in a table as `size` prints it.
+fn recorded(table: &str, board: &str) -> Option<(u64, u64)> {
+    let line = table.lines().find(|line| line.split_whitespace().next() == Some(board))?;
+    let numbers: Vec<u64> = line.split_whitespace().skip(1).filter_map(|word| word.parse().ok()).collect();
+    Some((*numbers.get(3)?, *numbers.get(4)?))
+}
+
+/// The released image's panics per file; complains about our own and about files that are new.
+fn check_panics(complaints: &mut Vec<String>, bless: bool) -> Outcome<String> {
+    let sites = elf::panic_sites(&image(RELEASED))?;
+    for PanicSite { file, line, column } in sites.iter().filter(|site| site.is_own()) {
+        complaints.push(format!("{RELEASED}: can panic at {file}:{line}:{column}"));
+    }
+    let mut files: BTreeMap<&str, usize> = BTreeMap::new();
+    for site in &sites {
+        *files.entry(&site.file).or_default() += 1;
+    }
+    println!(
+        "{RELEASED}: {} places can panic, {} of them ours",
+        sites.len(),
+        sites.iter().filter(|s| s.is_own()).count()
+    );
+    let mut list = String::new();
+    let before = std::fs::read_to_string(snapshot("panics.txt")).unwrap_or_default();
+    for (file, places) in files {
+        let line = format!("{places:4} {file}");
+        println!("{line}");
+        if !bless && !before.lines().any(|known| known.split_whitespace().nth(1) == Some(file)) {
+            complaints.push(format!("{RELEASED}: {file} can panic and is not in the snapshot"));
+        }
+        let _ = writeln!(list, "{line}");
+    }
+    Ok(list)
+}
+
+fn snapshot(name: &str) -> PathBuf {
+    root().join("tests/snapshots").join(name)
+}
+
+fn write_snapshot(name: &str, text: &str) -> Outcome {
+    let path = snapshot(name);
+    std::fs::create_dir_all(root().join("tests/snapshots")).map_err(|e| format!("tests/snapshots: {e}"))?;
+    std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 /// Where cargo puts the ELF image of a board.

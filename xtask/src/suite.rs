@@ -10,7 +10,7 @@ use std::process::Stdio;
 pub fn run() -> Outcome {
     setup::run()?;
     let mut report = Report::default();
-    report.step("firmware images", || node_build::build().and_then(|()| node_build::size()));
+    report.step("firmware images", || node_build::build().and_then(|()| node_build::size(&[])));
     report.step("formatting", || run_cargo(&["fmt", "--all", "--check"]));
     report.step("lints of host crates", || {
         run_cargo(&["clippy", "--quiet", "--release", "--all-targets", "--", "--deny", "warnings"])

@@ -17,8 +17,11 @@ use cortex_m::peripheral::NVIC;
 use cortex_m::singleton;
 use critical_section::Mutex;
 use heapless::spsc::{Consumer, Queue};
+use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
+use meshband::node::Block;
 use meshband::outbox::Outbox;
-use meshband::replay::{IMAGE_ADDRESS, IMAGE_CAPACITY, Replay};
+use meshband::replay::{CodeDigest, IMAGE_ADDRESS, IMAGE_CAPACITY, Replay};
+use meshband::units::TicksPerSecond;
 use sampler::{Counters, Sampler};
 use tach::Tach;
 use time::TimeBase;
@@ -55,21 +58,15 @@ static INTERRUPTS: Mutex<RefCell<Option<Interrupts>>> = Mutex::new(RefCell::new(
 static RECEIVER: Mutex<RefCell<Option<Receiver>>> = Mutex::new(RefCell::new(None));
 static REQUEST: Request = Request::new();
 
-/// The link as the main loop sees it; it works before the board's sampling does.
-pub struct Link {
-    /// Bytes received.
-    pub received: Consumer<'static, u8>,
-    /// What is to be sent.
-    pub outgoing: Outgoing,
-}
-
-/// The sending side: whole frames, dropped where the host does not read.
-pub struct Outgoing {
+/// The link as the main loop sees it; it works before the board's sampling does. Whole frames wait for the line; they
+/// are dropped where the host does not read.
+pub struct Wire {
+    received: Consumer<'static, u8>,
     sender: Sender,
     outbox: &'static mut Outbox<SEND_QUEUE>,
 }
 
-impl Link {
+impl Wire {
     /// Opens the link.
     ///
     /// # Panics
@@ -82,20 +79,11 @@ impl Link {
         critical_section::with(|token| RECEIVER.borrow_ref_mut(token).replace(receiver));
         // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
         unsafe { NVIC::unmask(Line::UartReceive) };
-        Self { received, outgoing: Outgoing { sender, outbox } }
-    }
-}
-
-impl Outgoing {
-    /// Sends a frame, now or as the line takes it.
-    pub fn send(&mut self, frame: &[u8]) {
-        self.pump();
-        self.outbox.push(frame);
-        self.pump();
+        Self { received, sender, outbox }
     }
 
     /// Passes on what the line takes; gives the number of bytes.
-    pub fn pump(&mut self) -> usize {
+    pub fn drain(&mut self) -> usize {
         self.outbox.drain(|byte| self.sender.send(byte))
     }
 
@@ -104,23 +92,43 @@ impl Outgoing {
         self.outbox.is_empty()
     }
 
-    /// Frames dropped and not yet reported.
-    pub fn take_dropped(&mut self) -> Option<u32> {
-        self.outbox.take_unreported()
+    /// Sleeps until an interrupt, unless bytes wait on either side.
+    pub fn wait(&self) {
+        critical_section::with(|_| {
+            if !self.received.ready() && self.outbox.is_empty() {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+}
+
+impl Link for Wire {
+    fn send(&mut self, frame: &[u8]) -> bool {
+        self.drain();
+        let queued = self.outbox.push(frame);
+        self.drain();
+        queued
     }
 
-    /// Frames dropped since start.
-    pub fn dropped(&self) -> u32 {
-        self.outbox.dropped()
+    fn receive(&mut self) -> Option<u8> {
+        self.received.dequeue()
+    }
+
+    fn pump(&mut self) {
+        self.drain();
+    }
+
+    fn take_dropped(&mut self) -> Option<u32> {
+        self.outbox.take_unreported()
     }
 }
 
 /// The board as the main loop sees it.
 pub struct Board {
-    /// Blocks and edges.
-    pub inbox: Inbox,
+    inbox: Inbox,
+    digest: CodeDigest,
     /// Bytes from and to the host.
-    pub link: Link,
+    pub wire: Wire,
 }
 
 /// Closing statistics of a run.
@@ -147,7 +155,7 @@ impl Board {
     ///
     /// # Panics
     /// When called twice: the queues exist once.
-    pub fn start(record: Replay<'static>, period_ticks: u32, link: Link) -> Self {
+    pub fn start(record: Replay<'static>, period_ticks: u32, wire: Wire) -> Self {
         let once = "the board is started once";
         let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
         let (mut free, free_out) =
@@ -171,17 +179,7 @@ impl Board {
             // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
             unsafe { NVIC::unmask(line) };
         }
-        Self { inbox: Inbox { blocks, free, edges }, link }
-    }
-
-    /// Publishes the node's wish for the next border.
-    pub fn request_period(&self, period_ticks: u32) {
-        REQUEST.publish(period_ticks);
-    }
-
-    /// Present instant, in the stamps of blocks and edges.
-    pub fn now(&self) -> u32 {
-        TimeBase::stamp(with_interrupts(|i| i.sampler.now()))
+        Self { inbox: Inbox { blocks, free, edges }, digest: CodeDigest::new(), wire }
     }
 
     /// Whether the record has ended. Blocks may still wait in the queue.
@@ -189,19 +187,9 @@ impl Board {
         with_interrupts(|i| i.sampler.is_finished())
     }
 
-    /// The border behind the block that is running now: every edge before it is known to precede that block's end.
-    pub fn next_border(&self) -> u32 {
-        TimeBase::stamp(with_interrupts(|i| i.sampler.next_border()))
-    }
-
-    /// Sleeps until an interrupt, unless there is something to do.
-    pub fn wait(&self) {
-        critical_section::with(|_| {
-            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
-            if !self.is_finished() && !self.inbox.blocks.ready() && !self.link.received.ready() {
-                cortex_m::asm::wfi();
-            }
-        });
+    /// Checksum of all codes handed over, as the host computes it.
+    pub fn codes_crc(&self) -> u32 {
+        self.digest.value()
     }
 
     /// Counters so far.
@@ -210,8 +198,86 @@ impl Board {
             sampling: i.sampler.counters,
             edges: (i.tach.delivered(), i.tach.lost),
             link_lost: critical_section::with(|token| RECEIVER.borrow_ref(token).as_ref().map_or(0, |r| r.lost)),
-            frames_dropped: self.link.outgoing.dropped(),
+            frames_dropped: self.wire.outbox.dropped(),
         })
+    }
+}
+
+impl SampleClock for Board {
+    fn time_base(&self) -> TicksPerSecond {
+        TicksPerSecond(registers::CLOCK_HZ)
+    }
+
+    fn now(&self) -> u32 {
+        TimeBase::stamp(with_interrupts(|i| i.sampler.now()))
+    }
+
+    fn set_period_ticks(&mut self, period: u32) {
+        REQUEST.publish(period);
+    }
+}
+
+impl BlockSource for Board {
+    /// The border behind the running block: the record's edges before it are all known to precede that block's end.
+    fn horizon(&self) -> u32 {
+        TimeBase::stamp(with_interrupts(|i| i.sampler.next_border()))
+    }
+
+    fn pending_end(&self) -> Option<u32> {
+        self.inbox.blocks.peek().map(Filled::end_tick)
+    }
+
+    fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
+        let Some(block) = self.inbox.blocks.dequeue() else { return false };
+        self.digest.update(&block.codes[..]);
+        consume(block.as_block());
+        // The queue of empty buffers has room for all of them.
+        let _ = self.inbox.free.enqueue(block.codes);
+        true
+    }
+}
+
+impl TachCapture for Board {
+    fn next_edge_before(&mut self, tick: u32) -> Option<u32> {
+        self.inbox.edge_before(tick)
+    }
+
+    fn lost_edges(&self) -> u32 {
+        with_interrupts(|i| i.tach.lost)
+    }
+}
+
+impl Link for Board {
+    fn send(&mut self, frame: &[u8]) -> bool {
+        self.wire.send(frame)
+    }
+
+    fn receive(&mut self) -> Option<u8> {
+        self.wire.receive()
+    }
+
+    fn pump(&mut self) {
+        self.wire.pump();
+    }
+
+    fn take_dropped(&mut self) -> Option<u32> {
+        self.wire.take_dropped()
+    }
+}
+
+/// QEMU needs neither watchdog nor light.
+impl Supervision for Board {
+    fn feed_watchdog(&mut self) {}
+
+    fn set_light(&mut self, _lit: bool) {}
+
+    fn wait(&mut self) {
+        critical_section::with(|_| {
+            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
+            if !self.inbox.blocks.ready() && !self.wire.received.ready() {
+                cortex_m::asm::wfi();
+            }
+        });
     }
 }
 
@@ -221,15 +287,6 @@ fn with_interrupts<T>(read: impl FnOnce(&Interrupts) -> T) -> T {
         let interrupts = INTERRUPTS.borrow_ref(token);
         read(interrupts.as_ref().expect("a board exists only after its interrupts"))
     })
-}
-
-/// Sleeps until an interrupt, unless bytes wait on either side of the link.
-pub fn wait(received: &Consumer<'static, u8>, outgoing: &Outgoing) {
-    critical_section::with(|_| {
-        if !received.ready() && outgoing.is_empty() {
-            cortex_m::asm::wfi();
-        }
-    });
 }
 
 /// Dispatches a device interrupt by its number.

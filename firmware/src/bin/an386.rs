@@ -6,19 +6,21 @@
 
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_semihosting as _;
+use meshband::board::{Link, Supervision};
 use meshband::buffers::Buffers;
 use meshband::config::Configuration;
 use meshband::events::EventKind;
 use meshband::message::Request;
 use meshband::node::State;
-use meshband::replay::{CodeDigest, Drill, Replay, START_TICK};
-use meshband::self_test::BootTest;
-use meshband::session::BoardSession;
+use meshband::replay::{Drill, Replay, START_TICK};
+use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
 use meshband_node::an386::flash::Flash;
 use meshband_node::an386::registers::CLOCK_HZ;
-use meshband_node::an386::{self, Board, Link, Outgoing, Statistics};
+use meshband_node::an386::{self, Board, Statistics, Wire};
+use meshband_node::runner::{NodeSession, Runner};
+use meshband_node::stack::{self, StackUse};
 use semihosting::{eprintln, process};
 
 #[entry]
@@ -31,96 +33,56 @@ fn main() -> ! {
     });
     rehearse(record.header().drill);
     let mut store = Store::new(Flash::take(), 0);
-    let mut session = open_session(&record, &mut store, BUFFERS);
-    let mut test = BootTest::new(TicksPerSecond(CLOCK_HZ));
-    session.node_mut().set_self_test(test.result());
-    let mut link = Link::open();
+    let session = open_session(&record, &mut store, BUFFERS);
+    let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
+    let mut wire = Wire::open();
     if record.header().waits_for_start {
-        serve_until_start(&mut session, &mut link, &mut store);
+        serve_until_start(&mut runner, &mut wire);
     }
-    let mut board = Board::start(record, session.node().requested_period_ticks(), link);
-    let mut digest = CodeDigest::new();
+    let mut board = Board::start(record, runner.session().node().requested_period_ticks(), wire);
     loop {
-        // Both are read before the queue: what they promise then holds for everything found in it.
-        let (border, finished, now) = (board.next_border(), board.is_finished(), board.now());
-        let Board { inbox, link: Link { received, outgoing } } = &mut board;
-        outgoing.pump();
-        let mut send = |frame: &[u8]| outgoing.send(frame);
-        while let Some(byte) = received.dequeue() {
-            session.on_byte(byte, &mut send);
-        }
-        if session.take_commit() {
-            commit(&mut session, &mut store);
-        }
-        if let Some(block) = inbox.blocks.dequeue() {
-            while let Some(edge) = inbox.edge_before(block.end_tick()) {
-                test.on_edge();
-                session.on_edge(edge);
-            }
-            digest.update(&block.codes[..]);
-            if let Some(result) = test.on_block(&block.as_block(), now) {
-                session.node_mut().set_self_test(result);
-            }
-            session.on_block(block.as_block(), &mut send);
-            if let Some(frames) = outgoing.take_dropped() {
-                session.node_mut().note(EventKind::MessagesDropped, frames);
-            }
-            // The queue of empty buffers has room for all of them.
-            let _ = inbox.free.enqueue(block.codes);
-            board.request_period(session.node().requested_period_ticks());
-        } else if finished {
-            break;
-        } else {
-            while let Some(edge) = inbox.edge_before(border) {
-                test.on_edge();
-                session.on_edge(edge);
+        // Read before the queue of blocks: what it promises then holds for everything found in it.
+        let finished = board.is_finished();
+        if !runner.turn(&mut board) {
+            if finished {
+                break;
             }
             board.wait();
         }
     }
-    session.on_request(Request::Statistics, &mut |frame| board.link.outgoing.send(frame));
-    flush(&mut board.link.outgoing);
-    close(&board.statistics(), digest.value())
+    runner.on_request(Request::Statistics, &mut board);
+    flush(&mut board.wire);
+    close(&board.statistics(), board.codes_crc(), stack::high_water())
 }
 
 /// Stopped, with the link alone, until the host asks to start.
-fn serve_until_start(session: &mut BoardSession, link: &mut Link, store: &mut Store<Flash>) {
-    let Link { received, outgoing } = link;
-    session.node_mut().on_request(Request::Stop);
+fn serve_until_start(runner: &mut Runner<Flash>, wire: &mut Wire) {
+    runner.session().node_mut().on_request(Request::Stop);
     loop {
-        let mut send = |frame: &[u8]| outgoing.send(frame);
-        while let Some(byte) = received.dequeue() {
-            session.on_byte(byte, &mut send);
-        }
-        if session.take_commit() {
-            commit(session, store);
-        }
-        session.send_messages(START_TICK, &mut send);
-        outgoing.pump();
-        if session.node().state() != State::Stopped {
+        runner.serve_link(wire);
+        runner.session().send_messages(START_TICK, &mut |frame| {
+            wire.send(frame);
+        });
+        wire.pump();
+        // Before the sleep: behind a start request no other byte need come to end it.
+        if runner.session().node().state() != State::Stopped {
             return;
         }
-        an386::wait(received, outgoing);
+        wire.wait();
     }
-}
-
-/// Stores the configuration in force; the outcome goes out as an event.
-fn commit(session: &mut BoardSession, store: &mut Store<Flash>) {
-    let stored = store.save(session.node().configuration()).is_ok();
-    session.on_stored(stored);
 }
 
 /// Waits for a slow host, but not for one that no longer reads.
-fn flush(outgoing: &mut Outgoing) {
+fn flush(wire: &mut Wire) {
     const PATIENCE: u32 = 10_000_000;
     let mut idle = 0;
-    while !outgoing.is_empty() && idle < PATIENCE {
-        idle = if outgoing.pump() > 0 { 0 } else { idle + 1 };
+    while !wire.is_empty() && idle < PATIENCE {
+        idle = if wire.drain() > 0 { 0 } else { idle + 1 };
     }
 }
 
-/// The node with the stored or the record's configuration, with its arrays in memory of their own.
-fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'static mut Buffers) -> BoardSession {
+/// The node with the stored or the record's configuration.
+fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'static mut Buffers) -> NodeSession {
     let fail = |what: &str, reason: &dyn core::fmt::Debug| -> ! {
         eprintln!("node: {what}: {reason:?}");
         process::exit(1)
@@ -137,7 +99,7 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
     if clock.0 != CLOCK_HZ {
         fail("the record is for another time base", &clock);
     }
-    let mut session = BoardSession::with_buffers(config, clock, buffers).unwrap_or_else(|e| fail("configuration", &e));
+    let mut session = Session::with_buffers(config, clock, buffers).unwrap_or_else(|e| fail("configuration", &e));
     if let Some(complaint) = origin.complaint() {
         session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }
@@ -145,13 +107,14 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
 }
 
 /// Prints the closing statistics and ends with success.
-fn close(statistics: &Statistics, codes_crc: u32) -> ! {
+fn close(statistics: &Statistics, codes_crc: u32, stack: StackUse) -> ! {
     let (sampling, (edges, edges_lost)) = (statistics.sampling, statistics.edges);
     eprintln!(
         "node: blocks={} lost={} missed={} edges={edges} edges_lost={edges_lost} link_lost={} dropped={} \
          codes_crc={codes_crc:08x}",
         sampling.blocks, sampling.lost, sampling.missed, statistics.link_lost, statistics.frames_dropped,
     );
+    eprintln!("node: stack {} of {} bytes", stack.used, stack.size);
     eprintln!("node: finished");
     process::exit(0)
 }

@@ -5,24 +5,23 @@
 use cortex_m::singleton;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_rtt as _;
+use meshband::board::SampleClock;
 use meshband::buffers::Buffers;
 use meshband::events::EventKind;
-use meshband::session::BoardSession;
+use meshband::session::Session;
 use meshband::store::Store;
 use meshband_node::crash;
 use meshband_node::runner::{BoardEvent, Runner};
 use meshband_node::stm32f405::config_flash::ConfigFlash;
 use meshband_node::stm32f405::{Board, TIME_BASE, power_up, set_light};
-use meshband_stm32f4::clock::Oscillator;
+use meshband_stm32::clock::Oscillator;
 
 #[entry]
 fn main() -> ! {
-    // All zero bytes, hence in .bss; the rest of the node is small enough for the stack.
-    static mut BUFFERS: Buffers = Buffers::ZERO;
     let power = power_up();
     // Lit until the main loop runs.
     set_light(true);
-    match start(power.oscillator == Oscillator::Crystal, BUFFERS) {
+    match start(power.oscillator == Oscillator::Crystal) {
         Some((mut runner, mut board)) => {
             runner.session().node_mut().note(EventKind::Started, power.reset_cause as u32);
             if let Some(crash) = crash::last() {
@@ -37,6 +36,7 @@ fn main() -> ! {
             let mut restarts = 0;
             loop {
                 let worked = runner.turn(&mut board);
+                runner.watch_stack(board.now());
                 if board.restarts() != restarts {
                     restarts = board.restarts();
                     runner.note(BoardEvent::SamplingRestarted, restarts);
@@ -51,12 +51,12 @@ fn main() -> ! {
 }
 
 /// Configuration, node and board; `None` only if this ran before.
-fn start(crystal: bool, buffers: &'static mut Buffers) -> Option<(Runner<ConfigFlash>, Board)> {
+fn start(crystal: bool) -> Option<(Runner<ConfigFlash>, Board)> {
     let mut store = Store::new(ConfigFlash::take()?, 0);
     let (configuration, origin) = store.load(TIME_BASE.0);
     let wheel = configuration.tach;
-    let session = BoardSession::with_buffers(configuration, TIME_BASE, buffers).ok();
-    let session = singleton!(: Option<BoardSession> = session)?.as_mut()?;
+    let buffers = singleton!(: Buffers = Buffers::ZERO)?;
+    let mut session = Session::with_buffers(configuration, TIME_BASE, buffers).ok()?;
     if let Some(complaint) = origin.complaint() {
         session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }

@@ -5,7 +5,7 @@ use core::ptr;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
-use meshband_stm32f4::flash::{self, FlashFault, SECTOR_BYTES, SECTORS, START};
+use meshband_stm32::flash::{self, FlashFault, SECTOR_BYTES, SECTORS, START};
 
 /// The two sectors; there is one set.
 pub struct ConfigFlash(());

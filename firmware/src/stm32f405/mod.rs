@@ -1,7 +1,7 @@
-//! STM32F405RG at 168 MHz: the register programs of `meshband-stm32f4` put to work on the chip.
+//! STM32F405RG at 168 MHz: the register programs of `meshband-stm32` put to work on the chip.
 //!
 //! Two interrupts, of one priority: a tach edge and a complete block. Everything else is polled by the main loop behind
-//! DMA. Pins and light as in `meshband_stm32f4::pins`; crystal 8 MHz.
+//! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
 
 pub mod config_flash;
 mod sampling;
@@ -17,10 +17,11 @@ use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
 use meshband::config::TachWheel;
 use meshband::node::Block;
 use meshband::units::TicksPerSecond;
-use meshband_stm32f4::clock::{self, Oscillator, ResetCause};
-use meshband_stm32f4::pac::{self, Interrupt};
-use meshband_stm32f4::time_base::{self, Edge, Filter};
-use meshband_stm32f4::{pins, uart, watchdog};
+use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::filter::Filter;
+use meshband_stm32::pac::{self, Interrupt};
+use meshband_stm32::time_base::{self, Edge};
+use meshband_stm32::{pins, uart, watchdog};
 
 /// Rate of the time base.
 pub const TIME_BASE: TicksPerSecond = TicksPerSecond(clock::TIMER_HZ);

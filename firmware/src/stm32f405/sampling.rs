@@ -10,10 +10,11 @@ use crate::pipeline::{Codes, Filled, Request};
 use core::ptr;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 use heapless::spsc::{Consumer, Producer};
-use meshband_stm32f4::block_stamp::{Borders, is_aligned};
-use meshband_stm32f4::dma::{self, Target};
-use meshband_stm32f4::pac::interrupt;
-use meshband_stm32f4::{BLOCK_SAMPLES, adc, sample_clock, time_base};
+use meshband_stm32::block_stamp::{Borders, is_aligned};
+use meshband_stm32::dma::{self, Target};
+use meshband_stm32::pac::interrupt;
+use meshband_stm32::period::reload_of;
+use meshband_stm32::{BLOCK_SAMPLES, adc, sample_clock, time_base};
 
 const _: () = assert!(BLOCK_SAMPLES as usize == crate::pipeline::BLOCK_SAMPLES);
 
@@ -55,7 +56,7 @@ impl Sampling {
     /// Everything from the timers to the first buffer, from a standstill.
     fn start(&mut self) {
         let period = self.borders.published();
-        RELOAD.store(sample_clock::reload_of(period), Ordering::Relaxed);
+        RELOAD.store(reload_of(period), Ordering::Relaxed);
         sample_clock::configure(tim2(), tim3(), period);
         let buffers = self.filling.each_mut().map(|codes| codes.as_mut_ptr() as u32);
         // SAFETY: all addresses are of static memory in SRAM and of the registers named; a buffer leaves `filling`
@@ -94,7 +95,7 @@ impl Sampling {
         fence(Ordering::Acquire);
         let (last_tick, missed) = time_base::take_border(tim5());
         let stamp = self.borders.on_border(last_tick, missed, self.request.latest());
-        RELOAD.store(sample_clock::reload_of(self.borders.published()), Ordering::Relaxed);
+        RELOAD.store(reload_of(self.borders.published()), Ordering::Relaxed);
         let (idle, [first, second]) = (dma::target(stream).other(), &mut self.filling);
         let place = if idle == Target::Memory0 { first } else { second };
         match self.free.dequeue() {

@@ -4,8 +4,9 @@ use super::tim5;
 use crate::interrupt_cell::InterruptCell;
 use core::sync::atomic::{AtomicU32, Ordering};
 use heapless::spsc::Producer;
-use meshband_stm32f4::pac::interrupt;
-use meshband_stm32f4::time_base::{self, Filter};
+use meshband_stm32::filter::Filter;
+use meshband_stm32::pac::interrupt;
+use meshband_stm32::time_base;
 
 struct Tach {
     edges: Producer<'static, u32>,

@@ -66,6 +66,17 @@ pub struct Candidate {
     pub exponents: [f64; 2],
     /// Phase is arbitrary in every run (not locked to the shaft): templates 0 and 1 are a quadrature pair.
     pub phase_free: bool,
+    /// Shape of a mode of the path, which may be improved once it is chosen.
+    pub tuning: Option<Tuning>,
+}
+
+/// Channel, natural frequency (Hz) and damping ratio of a mode of the path.
+#[derive(Debug, Clone, Copy)]
+#[allow(missing_docs, reason = "named by the line above")]
+pub struct Tuning {
+    pub channel: usize,
+    pub f0: f64,
+    pub zeta: f64,
 }
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.

@@ -13,7 +13,7 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 pub struct Found {
     /// Order of the pinion or frequency in Hz.
     pub at: f64,
-    /// Summed statistic.
+    /// Rank: sum over runs of the logarithm of the line's power over noise.
     pub statistic: f64,
     /// p-value after Bonferroni over the scan.
     pub p_value: f64,
@@ -31,7 +31,7 @@ fn statistic(base: &Base, data: &Data, run: usize, hz: f64) -> f64 {
             sum += a.norm_sqr() * energy * weight * 0.5 * OVERDISPERSION / 1.2;
         }
     }
-    sum.min(CAP)
+    sum
 }
 
 fn scan(
@@ -46,12 +46,15 @@ fn scan(
     let null = Gamma::new(2.0 * runs.len() as f64, 1.0).expect("positive shape");
     let mut all: Vec<Found> = grid
         .filter_map(|at| {
-            let mut sum = 0.0;
+            let (mut sum, mut rank) = (0.0, 0.0);
             for &r in runs {
-                sum += statistic(base, data, r, hz(at, r)?);
+                let own = statistic(base, data, r, hz(at, r)?);
+                sum += own.min(CAP);
+                // Uncapped on a logarithmic scale, so that a strong line's shoulders do not tie with its peak.
+                rank += (1.0 + own).ln();
             }
             let p = (1.0 - null.cdf(sum)) * tests;
-            (p < 0.01).then_some(Found { at, statistic: sum, p_value: p })
+            (p < 0.01).then_some(Found { at, statistic: rank, p_value: p })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
@@ -71,7 +74,8 @@ pub fn orders(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Fou
     let top = (14_000.0 / fastest).min(8.0 * z);
     let step = 0.2 / (base.analyser.duration_s() * fastest);
     let grid = (1..(top / step) as usize).map(|i| i as f64 * step);
-    let guard = 1.6 / (base.analyser.duration_s() * fastest);
+    let slowest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(f64::INFINITY, f64::min);
+    let guard = 2.5 / (base.analyser.duration_s() * slowest);
     let tests = top / step * 0.3;
     scan(
         base,
@@ -93,4 +97,35 @@ pub fn frequencies(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     let cells = (14_500.0 / step) as usize;
     let grid = (20..cells).map(|i| i as f64 * step);
     scan(base, data, runs, grid, cells as f64 * 0.3, |hz, _| Some(hz), count)
+}
+
+/// Strongest pairs of lines at a fixed distance, Hz, on both sides of the mesh orders: slow modulation that leaves no line of its own.
+pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
+    let duration = base.analyser.duration_s();
+    let z = f64::from(base.machine.teeth[0]);
+    let slowest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(f64::INFINITY, f64::min);
+    let step = 0.2 / duration;
+    let cells = ((0.45 * z * slowest).min(150.0) / step) as usize;
+    let harmonics = 12;
+    let null = Gamma::new(4.0 * f64::from(harmonics) * runs.len() as f64, 1.0).expect("positive shape");
+    let mut all: Vec<Found> = (16..cells)
+        .filter_map(|i| {
+            let at = i as f64 * step;
+            let mut sum = 0.0;
+            for &r in runs {
+                for n in 1..=harmonics {
+                    for side in [-1.0, 1.0] {
+                        let hz = f64::from(n) * z * base.runs[r].angle.shaft_hz + side * at;
+                        sum += statistic(base, data, r, hz).min(0.5 * CAP);
+                    }
+                }
+            }
+            let p = (1.0 - null.cdf(sum)) * cells as f64 * 0.3;
+            (p < 1e-3).then_some(Found { at, statistic: sum, p_value: p })
+        })
+        .collect();
+    all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+    all.dedup_by(|b, a| (a.at - b.at).abs() < 2.0 / duration);
+    all.truncate(count);
+    all
 }

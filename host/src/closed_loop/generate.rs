@@ -99,6 +99,16 @@ pub enum Effect {
         channel: usize,
         per_m_s2: f64,
     },
+    /// Channel limited to `limit_m_s2`.
+    Clipping {
+        channel: usize,
+        limit_m_s2: f64,
+    },
+    /// Sinusoidal departure of the pinion's angle at a fixed frequency, seen by the tachometer, too.
+    SpeedFluctuation {
+        hz: f64,
+        angle_rad: f64,
+    },
     /// Damped bursts at a jittered order of the pinion.
     Impacts {
         channel: usize,
@@ -201,15 +211,25 @@ impl Plant<'_> {
         self.stiffness[i] + (x - i as f64) * (self.stiffness[i + 1] - self.stiffness[i])
     }
 
+    fn angle(&self, t: f64) -> f64 {
+        let mut theta = self.start + TAU * self.speed * t;
+        for effect in &self.scenario.effects {
+            if let Effect::SpeedFluctuation { hz, angle_rad } = *effect {
+                theta += angle_rad * (TAU * hz * t + self.tone_phase).sin();
+            }
+        }
+        theta
+    }
+
     /// Accelerations of the six coordinates.
     fn accelerations(&self, t: f64, q: &[f64; 6], v: &[f64; 6]) -> [f64; 6] {
         let s = &self.scenario.actual;
-        let theta = self.start + TAU * self.speed * t;
+        let theta = self.angle(t);
         let omega = TAU * self.speed;
         let [rb1, rb2] = self.base_radius;
         let delta = rb1 * q[1] - rb2 * q[2] + q[4] - q[5];
         let rate = rb1 * v[1] - rb2 * v[2] + v[4] - v[5];
-        let (mut error, mut error_rate) = (0.0, 0.0);
+        let (mut error, mut error_rate, mut roll) = (0.0, 0.0, 0.0);
         let mut force = [0.0; 6];
         let mut bearing = s.bearing_stiffness_n_per_m;
         let mut mesh_factor = 1.0;
@@ -217,6 +237,8 @@ impl Plant<'_> {
             match *effect {
                 Effect::Eccentricity { shaft, amplitude_m, phase_rad } => {
                     let o = if shaft == 0 { 1.0 } else { self.ratio };
+                    // The displaced gear carries its contact along the path.
+                    roll += amplitude_m * (o * theta + phase_rad).cos() / (TAU * self.base_radius[0] / self.teeth[0]);
                     error += amplitude_m * (o * theta + phase_rad).cos();
                     error_rate -= amplitude_m * o * omega * (o * theta + phase_rad).sin();
                 }
@@ -249,7 +271,7 @@ impl Plant<'_> {
                 _ => {}
             }
         }
-        let position = theta * self.teeth[0] / TAU;
+        let position = theta * self.teeth[0] / TAU + roll;
         let newest = position.floor();
         let mut mesh = 0.0;
         let mut pair = newest;
@@ -375,9 +397,18 @@ fn run(pair: &Pair, curve: &PairCurve, scenario: &Scenario, index: usize, speed:
             *x = ((*x + scenario.noise_rms * state) / lsb).round() * lsb;
         }
     }
-    let first = (plant.start / TAU).ceil();
+    for effect in &scenario.effects {
+        if matches!(effect, Effect::Clipping { .. }) {
+            apply_path(effect, &mut channels, &plant, &mut rng);
+        }
+    }
+    let first = (plant.angle(0.0) / TAU).ceil();
     let edges_s = (0..)
-        .map(|i| ((first + f64::from(i)) * TAU - plant.start) / (TAU * speed))
+        .map(|i| {
+            let target = (first + f64::from(i)) * TAU;
+            // Fixed point: the departure's rate is a small share of the speed.
+            (0..30).fold((target - plant.start) / (TAU * speed), |t, _| t - (plant.angle(t) - target) / (TAU * speed))
+        })
         .take_while(|t| *t < scenario.duration_s)
         .map(|t| {
             let jitter: f64 = StandardNormal.sample(&mut rng);
@@ -408,6 +439,9 @@ fn apply_path(effect: &Effect, channels: &mut [Vec<f64>; 2], plant: &Plant<'_>, 
                 (y2, y1, x1) = (y1, y, *x);
                 *x += gain * y;
             }
+        }
+        Effect::Clipping { channel, limit_m_s2 } => {
+            channels[channel].iter_mut().for_each(|x| *x = x.clamp(-limit_m_s2, limit_m_s2));
         }
         Effect::Drift { channel, share } => {
             let n = channels[channel].len() as f64;

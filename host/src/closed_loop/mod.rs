@@ -10,18 +10,29 @@
 #![allow(clippy::needless_range_loop, clippy::type_complexity, reason = "indices run over parallel spectra")]
 
 pub mod angle;
+pub mod apply;
+pub mod bands;
 pub mod base_fit;
+pub mod campaign;
 pub mod candidate;
 pub mod decide;
 pub mod detect;
+pub mod frame;
 pub mod generate;
 pub mod harmonic_model;
+pub mod impulsive;
 pub mod input;
+pub mod judge;
 pub mod least_squares;
 pub mod library;
 pub mod outcome;
 pub mod pair_curve;
+pub mod replay;
+pub mod report;
 pub mod spectrum;
+pub mod tables;
+pub mod verdict;
+pub mod waveform;
 
 pub use decide::{Options, close_loop};
 pub use outcome::Outcome;

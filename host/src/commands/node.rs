@@ -6,12 +6,13 @@ use meshband_host::machine::Machine;
 use meshband_host::qemu::{Qemu, built_firmware};
 use meshband_host::record::Record;
 use meshband_host::report::write_json;
-use meshband_host::virtual_node::setup::{OrderShaft, configuration};
+use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
 use meshband_host::virtual_node::summary::{self, Table};
 use meshband_host::virtual_node::trial::{self, Trial};
 use meshband_host::virtual_node::{profile, report};
 use meshband_host::{Error, Result, effects, terminal};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `meshband node`.
@@ -55,9 +56,6 @@ pub struct Args {
     /// Forces the converter's rate, Hz, without decimation, whatever the law says: aliases are then real.
     #[arg(long)]
     rate: Option<f64>,
-    /// Shaft whose turns are the orders, and whose sidebands are read.
-    #[arg(long, value_enum, default_value_t = Shaft::Pinion)]
-    orders_of: Shaft,
     /// Runs in QEMU; more than one are compared byte for byte.
     #[arg(long, default_value_t = 1)]
     runs: usize,
@@ -88,14 +86,6 @@ enum ShownUnit {
     Gravity,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Shaft {
-    /// The driving gear's.
-    Pinion,
-    /// The driven gear's.
-    Gear,
-}
-
 /// Replays the signal, prints what the node reported, and compares its lines with the f64 reference.
 pub fn run(args: Args) -> Result<()> {
     let mut signal = if is_record(&args.input) { of_record(&args)? } else { of_machine(&args)? };
@@ -108,17 +98,13 @@ pub fn run(args: Args) -> Result<()> {
             ShownUnit::Gravity => Unit::Gravity,
         };
     }
-    let shaft = match args.orders_of {
-        Shaft::Pinion => OrderShaft::Pinion,
-        Shaft::Gear => OrderShaft::Gear,
-    };
-    let config = configuration(&signal, shaft, args.rate)?;
+    let config = configuration(&signal, args.rate)?;
     let firmware = args.firmware.unwrap_or_else(|| built_firmware("an386"));
     let qemu = Qemu { icount_shift: args.icount_shift, ..Qemu::new(firmware) };
-    eprintln!("node: {:.2} s of {}, {}, in QEMU ...", signal.duration_s(), signal.title, signal.channel);
-    let trial = trial::run(&signal, &config, shaft, &qemu, args.runs)?;
+    progress(&format!("{:.2} s of {}, {}, in QEMU", signal.duration_s(), signal.title, signal.channel));
+    let trial = trial::run(&signal, &config, &qemu, args.runs)?;
     let paces = if args.profile { profile::run(&signal, &config, &qemu)? } else { Vec::new() };
-    print(&trial, &signal, shaft);
+    print(&trial, &signal);
     if !paces.is_empty() {
         println!();
         print_table(&summary::paces(&paces));
@@ -128,7 +114,6 @@ pub fn run(args: Args) -> Result<()> {
             "title": signal.title,
             "channel": signal.channel,
             "unit": signal.unit.to_string(),
-            "orders_of": shaft.name(),
             "notes": signal.notes,
             "trial": trial,
             "paces": paces,
@@ -136,7 +121,7 @@ pub fn run(args: Args) -> Result<()> {
         write_json(path, &value)?;
     }
     if let Some(path) = &args.report {
-        report::build(&trial, &signal, shaft, &paces)?.write(path)?;
+        report::build(&trial, &signal, &paces)?.write(path)?;
     }
     Ok(())
 }
@@ -196,16 +181,23 @@ fn of_machine(args: &Args) -> Result<Signal> {
         seed: 1,
     };
     let operation = Operation { speed_hz, final_speed_hz, torque_n_m, effects: &effects, acquisition, channel };
-    eprintln!("node: simulating {duration_s} s of {} ...", machine.title);
+    progress(&format!("simulating {duration_s} s of {}", machine.title));
     Signal::of_machine(&machine, &operation)
+}
+
+/// One line for who is watching; logs and pipes stay clean.
+fn progress(what: &str) {
+    if std::io::stderr().is_terminal() {
+        eprintln!("node: {what} ...");
+    }
 }
 
 fn print_table(table: &Table) {
     print!("{}", terminal::table(&table.head, &table.rows));
 }
 
-fn print(trial: &Trial, signal: &Signal, shaft: OrderShaft) {
-    println!("\nspeed of the {} and rates", shaft.name());
+fn print(trial: &Trial, signal: &Signal) {
+    println!("\nspeed of the pinion and rates");
     print_table(&summary::rates(trial, 16));
     if let Some(table) = summary::lines(trial, false) {
         println!("\nmesh harmonics, amplitudes in {}, against the f64 reference", signal.unit);
@@ -217,7 +209,7 @@ fn print(trial: &Trial, signal: &Signal, shaft: OrderShaft) {
         print_table(&summary::peaks(trial));
     }
     println!();
-    let lines = summary::verdicts(trial, signal, shaft);
+    let lines = summary::verdicts(trial, signal);
     let width = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     for (name, value) in lines {
         println!("{name:<width$}  {value}");

@@ -85,7 +85,7 @@ pub fn markdown() -> String {
             let _ = writeln!(text, "| {} | {unit} | {} | {low} to {high} | {} |", p.name, p.default, p.meaning);
         }
         let gap = if entry.parameters.is_empty() { "" } else { "\n" };
-        let _ = write!(text, "{gap}![Spectrum with and without {}](effects/{}.svg)\n", entry.name, entry.name);
+        let _ = writeln!(text, "{gap}![Spectrum with and without {}](effects/{}.svg)", entry.name, entry.name);
     }
     text
 }

@@ -22,9 +22,9 @@ pub const DOMAIN_HZ: [f64; 2] = [1.0, 25.0];
 /// Speeds the paper checks its equation (10) at, Hz.
 pub const PAPER_CHECK_HZ: [f64; 3] = [8.0, 16.0, 22.0];
 /// Speeds from which the table's knots are chosen: log-spaced over the domain.
-const FIT_SPEEDS: usize = 193;
+const FIT_SPEEDS: usize = 577;
 /// Relative error at which no more knots are added.
-const KNOT_TOLERANCE: f64 = 5e-4;
+const KNOT_TOLERANCE: f64 = 2e-4;
 /// Seed of the random held-out speeds.
 const SEED: u64 = 42;
 /// Random held-out speeds.

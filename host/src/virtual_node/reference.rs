@@ -1,36 +1,25 @@
 //! The node's mesh-band lines in f64, from the analogue signal itself and the tachometer's edges.
 //!
-//! Nothing of the node's chain is used: no ADC codes, no decimation, no FFT. Over the same stretch of time the signal
-//! is weighted with a Blackman-Harris window and correlated with a line `exp(-2 pi i order phase)`; the line's order
-//! is the one that maximises the result within a few bins of the expected one. Two phases are available:
+//! Nothing of the node's chain is used: no ADC codes, no decimation, no resampling, no FFT. Over the same turns the
+//! signal is weighted with the window that the node's records have (Hann, over the angle) and correlated with
+//! `exp(-2 pi i order angle)`, the angle being a cubic spline through the tach edges; a line's order is the one that
+//! maximises the result within a bin and a half of the expected one.
 //!
-//! * *time*: `phase` grows uniformly, at the mean speed of the stretch. This is what a spectrum at a constant rate
-//!   sees, smear by a wandering speed included: the yardstick of the node's computation.
-//! * *angle*: `phase` is the shaft's angle from the tach edges (cubic spline). This is the line without smear: the
-//!   yardstick of what the machine did.
-//!
-//! Exact for one line at least four bins from its neighbours (those weigh in at -92 dB); the mirror image at negative
-//! frequencies lies hundreds of bins away. Cost: one pass over the stretch per line, 40 ns per sample.
+//! A neighbour eight bins away weighs in at -62 dB, at sixteen bins at -80 dB, in the node as here. The mirror image at
+//! negative orders lies hundreds of bins away. Cost: one pass over the stretch per line, 40 ns per sample.
 
 use super::signal::Signal;
-use crate::spectral::{AngleMap, Spectrum, Window, amplitude_spectrum};
+use crate::spectral::{AngleMap, Window};
 use std::f64::consts::TAU;
 
 /// Sums that a demodulated line is kept in; the search within a few bins loses less than 1e-6 by it.
 const BLOCKS: usize = 2048;
 /// Bins searched to each side.
-const REACH: f64 = 3.5;
+const REACH: f64 = 1.5;
+/// Window of the node's mesh-band records.
+const WINDOW: Window = Window::Hann;
 
-/// What the phase of a line follows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Domain {
-    /// Time.
-    Time,
-    /// Shaft angle.
-    Angle,
-}
-
-/// Shaft angle over time, in turns of the order shaft.
+/// Shaft angle over time, in turns of the pinion.
 #[derive(Debug, Clone)]
 pub struct Shaft {
     map: AngleMap,
@@ -41,11 +30,17 @@ pub struct Shaft {
 }
 
 impl Shaft {
-    /// The shaft that turns `ratio` times per turn of the tach's; `None` with fewer than two edges.
-    pub fn new(signal: &Signal, ratio: f64) -> Option<Self> {
+    /// The pinion of a signal; `None` with fewer than two edges.
+    pub fn new(signal: &Signal) -> Option<Self> {
         let map = AngleMap::new(&signal.edges_s, signal.pulses_per_turn, 0.0)?;
         let pulses = f64::from(signal.pulses_per_turn);
-        Some(Self { map, edges_s: signal.edges_s.clone(), turns_per_pulse: 1.0 / pulses, pulses, ratio })
+        Some(Self {
+            map,
+            edges_s: signal.edges_s.clone(),
+            turns_per_pulse: 1.0 / pulses,
+            pulses,
+            ratio: signal.pinion_per_tach,
+        })
     }
 
     /// Turns at an instant: the spline of time over angle, inverted by the secant method.
@@ -60,6 +55,11 @@ impl Shaft {
             turns -= miss / slope;
         }
         turns * self.ratio
+    }
+
+    /// Instant at which the pinion has made this many turns.
+    pub fn time_at(&self, turns: f64) -> f64 {
+        self.map.time_at(turns / self.ratio)
     }
 
     /// Mean speed between two instants, Hz.
@@ -81,55 +81,44 @@ pub struct ReferenceLine {
 #[derive(Debug, Clone)]
 pub struct Reference {
     weighted: Vec<f64>,
-    /// Turns of the order shaft from the stretch's start.
+    /// Turns of the pinion from the stretch's start.
     phase: Vec<f64>,
     weight: f64,
     /// Bin width in orders.
-    bin: f64,
+    pub bin: f64,
     /// Mean speed over the stretch, Hz.
     pub speed_hz: f64,
+    /// End of the stretch, s.
+    pub end_s: f64,
 }
 
 impl Reference {
-    /// The stretch of `length_s` from `start_s`; `None` where the signal does not cover it with 64 samples.
-    pub fn over(signal: &Signal, shaft: &Shaft, start_s: f64, length_s: f64, domain: Domain) -> Option<Self> {
-        let samples = stretch(signal, start_s, length_s)?;
-        let first = (start_s * signal.rate_hz).ceil() as usize;
-        let times = (0..samples.len()).map(|i| (first + i) as f64 / signal.rate_hz);
-        let speed_hz = shaft.speed_hz(start_s, start_s + length_s);
+    /// The `turns` from `start_s` on; `None` where the signal does not cover them with 64 samples.
+    pub fn over(signal: &Signal, shaft: &Shaft, start_s: f64, turns: f64) -> Option<Self> {
         let origin = shaft.turns_at(start_s);
-        let turns = speed_hz * length_s;
-        let phase: Vec<f64> = match domain {
-            Domain::Time => times.map(|t| (t - start_s) * speed_hz).collect(),
-            Domain::Angle => times.map(|t| shaft.turns_at(t) - origin).collect(),
+        let end_s = shaft.time_at(origin + turns);
+        if !(start_s >= 0.0 && end_s > start_s) {
+            return None;
+        }
+        let (first, end) = ((start_s * signal.rate_hz).ceil() as usize, (end_s * signal.rate_hz).ceil() as usize);
+        let samples = signal.samples.get(first..end).filter(|samples| samples.len() >= 64)?;
+        let phase: Vec<f64> = (first..end).map(|i| shaft.turns_at(i as f64 / signal.rate_hz) - origin).collect();
+        // Equal angles count equally, as they do after resampling.
+        let density = |i: usize| {
+            let (a, b) = (i.saturating_sub(1), (i + 1).min(phase.len() - 1));
+            (phase[b] - phase[a]) / (b - a) as f64
         };
-        // Weights go with the phase: equal angles count equally in the angle domain.
-        let density = |i: usize| match domain {
-            Domain::Time => 1.0,
-            Domain::Angle => {
-                let (a, b) = (i.saturating_sub(1), (i + 1).min(phase.len() - 1));
-                (phase[b] - phase[a]) / (b - a) as f64
-            }
-        };
-        let weights: Vec<f64> =
-            (0..phase.len()).map(|i| density(i) * Window::BlackmanHarris.weight(phase[i] / turns)).collect();
+        let weights: Vec<f64> = (0..phase.len()).map(|i| density(i) * WINDOW.weight(phase[i] / turns)).collect();
         let weight: f64 = weights.iter().sum();
         let mean = samples.iter().zip(&weights).map(|(x, w)| x * w).sum::<f64>() / weight;
         let weighted = samples.iter().zip(&weights).map(|(x, w)| (x - mean) * w).collect();
-        Some(Self { weighted, phase, weight, bin: 1.0 / turns, speed_hz })
+        Some(Self { weighted, phase, weight, bin: 1.0 / turns, speed_hz: turns / (end_s - start_s), end_s })
     }
 
     /// The strongest line within a few bins of an order.
     pub fn line(&self, order: f64) -> ReferenceLine {
         let sums = self.demodulated(order);
-        let size = |bins: f64| {
-            let shift = bins * self.bin;
-            let (re, im) = sums.iter().fold((0.0, 0.0), |(re, im), &(phase, a, b)| {
-                let (s, c) = (TAU * shift * phase).sin_cos();
-                (re + a * c + b * s, im + b * c - a * s)
-            });
-            re.hypot(im)
-        };
+        let size = |bins: f64| turned_back(&sums, bins * self.bin);
         let steps = (8.0 * REACH) as i32;
         let best = (-steps..=steps).map(|k| f64::from(k) * 0.125).max_by(|a, b| size(*a).total_cmp(&size(*b)));
         let best = best.unwrap_or(0.0);
@@ -140,10 +129,12 @@ impl Reference {
         }
     }
 
-    /// The amplitude at exactly this order.
-    pub fn amplitude_at(&self, order: f64) -> f64 {
-        let (re, im) = self.demodulated(order).iter().fold((0.0, 0.0), |(re, im), s| (re + s.1, im + s.2));
-        2.0 * f64::hypot(re, im) / self.weight
+    /// The amplitude spectrum within `reach` orders of an order, four points per bin: order and amplitude.
+    pub fn spectrum(&self, order: f64, reach: f64) -> Vec<(f64, f64)> {
+        let sums = self.demodulated(order);
+        let steps = (4.0 * reach / self.bin).ceil() as i32;
+        let offsets = (-steps..=steps).map(|k| 0.25 * f64::from(k) * self.bin);
+        offsets.map(|o| (order + o, 2.0 * turned_back(&sums, o) / self.weight)).collect()
     }
 
     /// Weighted samples turned back by an order, in [`BLOCKS`] sums with their middle phases.
@@ -162,18 +153,13 @@ impl Reference {
     }
 }
 
-/// The amplitude spectrum of a stretch, for pictures and for the floor beneath the lines.
-pub fn spectrum(signal: &Signal, start_s: f64, length_s: f64) -> Option<Spectrum> {
-    Some(amplitude_spectrum(stretch(signal, start_s, length_s)?, signal.rate_hz, Window::BlackmanHarris))
-}
-
-fn stretch(signal: &Signal, start_s: f64, length_s: f64) -> Option<&[f64]> {
-    if !(start_s >= 0.0 && length_s > 0.0) {
-        return None;
-    }
-    let first = (start_s * signal.rate_hz).ceil() as usize;
-    let end = ((start_s + length_s) * signal.rate_hz).ceil() as usize;
-    signal.samples.get(first..end).filter(|samples| samples.len() >= 64)
+/// Size of the sum after turning back by further `orders`.
+fn turned_back(sums: &[(f64, f64, f64)], orders: f64) -> f64 {
+    let (re, im) = sums.iter().fold((0.0, 0.0), |(re, im), &(phase, a, b)| {
+        let (s, c) = (TAU * orders * phase).sin_cos();
+        (re + a * c + b * s, im + b * c - a * s)
+    });
+    f64::hypot(re, im)
 }
 
 /// Golden section to 1e-5 of the interval's size.

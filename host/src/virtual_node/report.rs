@@ -2,8 +2,7 @@
 
 use super::analogue::Interpolator;
 use super::profile::Pace;
-use super::reference;
-use super::setup::OrderShaft;
+use super::reference::{Reference, Shaft};
 use super::signal::Signal;
 use super::summary::{self, Table};
 use super::trial::{SpectrumRow, Trial};
@@ -15,14 +14,14 @@ use crate::report::plot::{self, Axes, Label, Series};
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn build(trial: &Trial, signal: &Signal, shaft: OrderShaft, paces: &[Pace]) -> Result<Report> {
+pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
     let title = format!("Node on {}", signal.title);
     let subtitle = format!("{}: the firmware in QEMU against an f64 reference", signal.channel);
     let worst = trial.worst_harmonics;
     let yes = |is: bool| if is { "yes" } else { "no" };
     let mut report = Report::new(&title, &subtitle)
         .figure("Signal replayed", format!("{:.2} s", trial.duration_s))
-        .figure("Spectra compared", trial.spectra.iter().filter(|s| s.is_steady()).count())
+        .figure("Spectra compared", trial.spectra.len())
         .figure("Frequency of harmonics", percent(worst.lines, worst.frequency_error))
         .figure("Amplitude of harmonics", decibels(worst.lines, worst.amplitude_error_db))
         .figure("Same bytes as on the host", yes(trial.integrity.identical_to_host))
@@ -31,11 +30,11 @@ pub fn build(trial: &Trial, signal: &Signal, shaft: OrderShaft, paces: &[Pace]) 
         report.section("Mesh lines"),
         summary::lines(trial, false),
         &format!(
-            "Mesh harmonics of the last steady spectrum, amplitude in {}; the two columns of worst errors are over all spectra.",
+            "Mesh harmonics of the last spectrum, amplitude in {}; the two columns of worst errors are over all spectra.",
             signal.unit
         ),
     );
-    if let Some(spectrum) = last_steady(trial) {
+    if let Some(spectrum) = trial.spectra.last() {
         for harmonic in harmonics(spectrum) {
             report = report.picture(
                 &mesh_band(signal, spectrum, harmonic)?,
@@ -45,10 +44,9 @@ pub fn build(trial: &Trial, signal: &Signal, shaft: OrderShaft, paces: &[Pace]) 
                 ),
             );
         }
-        report =
-            report.picture(&errors(trial)?, "Error of every line that stands clear of the noise, all steady spectra.");
-        let caption = format!("Sidebands in turns of the {}. Lines near the noise are marked.", shaft.name());
-        report = with_table(report.section("Sidebands"), summary::lines(trial, true), &caption);
+        report = report.picture(&errors(trial)?, "Error of every line that stands clear of the noise, all spectra.");
+        let caption = "Sidebands in turns of the pinion, then of the gear. What is not a clear line of that shaft is marked and left out of the worst errors.";
+        report = with_table(report.section("Sidebands"), summary::lines(trial, true), caption);
     } else {
         report = report.note("No mesh-band spectrum: the run was too short, or the speed was never locked.");
     }
@@ -68,7 +66,7 @@ pub fn build(trial: &Trial, signal: &Signal, shaft: OrderShaft, paces: &[Pace]) 
         .picture(&waveform(trial, signal)?, "The signal on the wire and the converter's codes, near the end.")
         .section("Integrity");
     let rows: Vec<Vec<String>> =
-        summary::verdicts(trial, signal, shaft).into_iter().map(|(name, value)| vec![name, value]).collect();
+        summary::verdicts(trial, signal).into_iter().map(|(name, value)| vec![name, value]).collect();
     report = report.table("What was compared, and what was lost.", &["check", "result"], &rows);
     if !paces.is_empty() {
         let table = summary::paces(paces);
@@ -93,10 +91,6 @@ fn with_table(report: Report, table: Option<Table>, caption: &str) -> Report {
     }
 }
 
-fn last_steady(trial: &Trial) -> Option<&SpectrumRow> {
-    trial.spectra.iter().rev().find(|s| s.is_steady()).or(trial.spectra.last())
-}
-
 fn harmonics(spectrum: &SpectrumRow) -> Vec<u8> {
     spectrum.lines.iter().filter(|line| line.sideband == 0).map(|line| line.harmonic).collect()
 }
@@ -104,15 +98,16 @@ fn harmonics(spectrum: &SpectrumRow) -> Vec<u8> {
 /// The reference spectrum around a harmonic, the node's lines as spikes.
 fn mesh_band(signal: &Signal, row: &SpectrumRow, harmonic: u8) -> Result<String> {
     let lines: Vec<_> = row.lines.iter().filter(|line| line.harmonic == harmonic).collect();
-    let reach = lines.iter().map(|line| line.sideband.abs()).max().unwrap_or(0) as f64 + 0.7;
+    let reach =
+        lines.iter().filter(|l| l.shaft == "pinion").map(|line| line.sideband.abs()).max().unwrap_or(0) as f64 + 0.7;
     let centre = lines.iter().find(|line| line.sideband == 0).map_or(0.0, |line| line.reference_hz);
     let (from, to) = (centre - reach * row.speed_hz, centre + reach * row.speed_hz);
     let scale = signal.unit.scale();
-    let mut background = Vec::new();
-    if let Some(spectrum) = reference::spectrum(signal, row.start_s, row.length_s) {
-        let points = spectrum.values.iter().enumerate().map(|(i, &value)| (spectrum.frequency(i), value / scale));
-        background.extend(points.filter(|p| (from..=to).contains(&p.0)));
-    }
+    let order = f64::from(harmonic) * f64::from(signal.teeth[0]);
+    let turning = Shaft::new(signal);
+    let reference = turning.and_then(|turning| Reference::over(signal, &turning, row.start_s, row.turns));
+    let background = reference.map(|r| r.spectrum(order, reach)).unwrap_or_default();
+    let background = background.into_iter().map(|(o, value)| (o * row.speed_hz, value / scale)).collect();
     // Wider than a column of the picture, so that a spike stays one.
     let half = 0.002 * (to - from);
     let mut sorted = lines.clone();
@@ -122,16 +117,17 @@ fn mesh_band(signal: &Signal, row: &SpectrumRow, harmonic: u8) -> Result<String>
         [(x - half, 0.0), (x, y), (x + half, 0.0)]
     };
     let spikes = sorted.iter().flat_map(spike).collect();
-    let label = |line: &&super::trial::LineRow| Label { x: line.frequency_hz, text: summary::name(line) };
-    let labels: Vec<Label> = lines.iter().map(label).collect();
+    // The gear's sidebands are many: spikes without labels.
+    let labelled = lines.iter().filter(|line| line.shaft == "pinion");
+    let labels: Vec<Label> = labelled.map(|line| Label { x: line.frequency_hz, text: summary::name(line) }).collect();
     let series = [Series::new("reference", background), Series::new("node", spikes)];
     plot::spectrum(&series, &labels, 1.0, 80.0, Axes { x: "frequency, Hz", y: &format!("dB re 1 {}", signal.unit) })
 }
 
 fn errors(trial: &Trial) -> Result<String> {
     let points = |sidebands: bool| {
-        let spectra = trial.spectra.iter().filter(|s| s.is_steady());
-        let lines = spectra.flat_map(|s| &s.lines).filter(|l| l.is_clear() && (l.sideband != 0) == sidebands);
+        let lines =
+            trial.spectra.iter().flat_map(|s| &s.lines).filter(|l| l.is_clear() && (l.sideband != 0) == sidebands);
         let mut points: Vec<(f64, f64)> = lines.map(|l| (l.reference_hz, l.amplitude_error_db)).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
@@ -174,7 +170,7 @@ fn rate_plan(trial: &Trial) -> Result<String> {
 
 /// About three mesh periods, at least 40 samples.
 fn waveform(trial: &Trial, signal: &Signal) -> Result<String> {
-    let mesh_hz = last_steady(trial).and_then(|s| s.lines.first().map(|line| line.frequency_hz)).unwrap_or(1000.0);
+    let mesh_hz = trial.spectra.last().and_then(|s| s.lines.first().map(|line| line.frequency_hz)).unwrap_or(1000.0);
     let Some(&(first, _)) = trial.samples.first() else { return plot::lines(&[], Axes { x: "time, ms", y: "" }) };
     let period = trial.samples.get(1).map_or(1e-5, |p| p.0 - first);
     let length = (3.0 / mesh_hz).max(40.0 * period).min(period * trial.samples.len() as f64);

@@ -141,7 +141,7 @@ impl Signal {
         let acquisition = &operation.acquisition;
         let motion = match operation.final_speed_hz {
             None => Motion::Constant { speed_hz: operation.speed_hz, turns_at_zero: 0.0 },
-            Some(to_hz) => Motion::RunUp { from_hz: operation.speed_hz, to_hz, duration_s: acquisition.duration_s },
+            Some(to_hz) => run_up(operation.speed_hz, to_hz, acquisition.duration_s),
         };
         let simulated = simulate(&rig, &motion, operation.torque_n_m, operation.effects, acquisition)?;
         let name = ["pinion bearing, line of action", "gear bearing, line of action"][operation.channel];
@@ -156,7 +156,7 @@ impl Signal {
             pulses_per_turn: acquisition.pulses_per_turn,
             pinion_per_tach: 1.0,
             teeth: machine.pair.teeth,
-            notes: vec![format!("simulated at {} N m", operation.torque_n_m)],
+            notes: vec![format!("simulated: bending-torsional model at {} N m", operation.torque_n_m)],
         })
     }
 
@@ -169,6 +169,24 @@ impl Signal {
     pub fn source(&self) -> Source<'_> {
         Source { samples: &self.samples, rate_hz: self.rate_hz, edges_s: &self.edges_s }
     }
+}
+
+/// Steady for the first fifth, so that the tach can lock, then rising by the same share every second, steady for the
+/// last tenth.
+fn run_up(from_hz: f64, to_hz: f64, duration_s: f64) -> Motion {
+    let (start, end) = (0.2 * duration_s, 0.9 * duration_s);
+    let growth = (to_hz / from_hz).ln() / (end - start);
+    let at = |t: f64| {
+        let held = t.min(end).max(start) - start;
+        let speed = from_hz * (growth * held).exp();
+        let rising = if growth == 0.0 { from_hz * held } else { (speed - from_hz) / growth };
+        (from_hz * t.min(start) + rising + to_hz * (t - end).max(0.0), speed)
+    };
+    // Cubic pieces between so many knots follow the exponential to 1e-7 of a turn.
+    let rising = (0..=140).map(|i| start + (end - start) * f64::from(i) / 140.0);
+    let times_s: Vec<f64> = std::iter::once(0.0).chain(rising).chain([duration_s]).collect();
+    let (turns, speeds_hz) = times_s.iter().map(|&t| at(t)).unzip();
+    Motion::Knots { times_s, turns, speeds_hz }
 }
 
 /// A channel by its number, its name, or a part that only one name has.

@@ -1,7 +1,6 @@
 //! A trial in tables: the same rows for the terminal and for the report.
 
 use super::profile::Pace;
-use super::setup::OrderShaft;
 use super::signal::Signal;
 use super::trial::{LineRow, Trial, Worst};
 
@@ -52,9 +51,9 @@ pub fn rates(trial: &Trial, limit: usize) -> Table {
     Table { head, rows: picked.into_iter().map(row).collect() }
 }
 
-/// The last steady spectrum's harmonics (`sidebands` false) or sidebands, with the worst errors over all spectra.
+/// The last spectrum's harmonics (`sidebands` false) or sidebands, with the worst errors over all spectra.
 pub fn lines(trial: &Trial, sidebands: bool) -> Option<Table> {
-    let last = trial.spectra.iter().rev().find(|s| s.is_steady()).or(trial.spectra.last())?;
+    let last = trial.spectra.last()?;
     let wanted = |line: &&LineRow| (line.sideband != 0) == sidebands;
     let rows = last.lines.iter().filter(wanted).map(|line| line_row(trial, line)).collect();
     let head = vec![
@@ -68,13 +67,15 @@ pub fn lines(trial: &Trial, sidebands: bool) -> Option<Table> {
         "worst, %",
         "worst, dB",
         "over floor, dB",
+        "remark",
     ];
     Some(Table { head, rows })
 }
 
 fn line_row(trial: &Trial, line: &LineRow) -> Vec<String> {
-    let same = |other: &&LineRow| (other.harmonic, other.sideband) == (line.harmonic, line.sideband);
-    let all = || trial.spectra.iter().filter(|s| s.is_steady()).flat_map(|s| s.lines.iter().filter(same));
+    let same =
+        |other: &&LineRow| (other.harmonic, other.shaft, other.sideband) == (line.harmonic, line.shaft, line.sideband);
+    let all = || trial.spectra.iter().flat_map(|s| s.lines.iter().filter(same));
     let largest = |value: fn(&LineRow) -> f64| all().map(|l| value(l).abs()).fold(0.0, f64::max);
     vec![
         name(line),
@@ -86,19 +87,23 @@ fn line_row(trial: &Trial, line: &LineRow) -> Vec<String> {
         format!("{:+.3}", line.amplitude_error_db),
         format!("{:.4}", 100.0 * largest(|l| l.frequency_error)),
         format!("{:.3}", largest(|l| l.amplitude_error_db)),
-        if line.is_clear() {
-            format!("{:.0}", line.above_floor_db)
-        } else {
-            format!("{:.0} (noise)", line.above_floor_db)
-        },
+        format!("{:.0}", line.above_floor_db),
+        match line {
+            line if line.is_clear() => "",
+            line if line.off_order_bins.abs() > super::trial::NEAR_BINS => "not the shaft's",
+            line if line.below_strongest_db > super::trial::DEEPEST_DB => "skirt",
+            _ => "noise",
+        }
+        .into(),
     ]
 }
 
-/// "2x" or "2x -1": mesh harmonic and sideband.
+/// "2x", "2x -1" or "2x -1 gear": mesh harmonic, sideband of the pinion or of the gear.
 pub fn name(line: &LineRow) -> String {
     match line.sideband {
         0 => format!("{}x", line.harmonic),
-        n => format!("{}x {n:+}", line.harmonic),
+        n if line.shaft == "pinion" => format!("{}x {n:+}", line.harmonic),
+        n => format!("{}x {n:+} {}", line.harmonic, line.shaft),
     }
 }
 
@@ -121,7 +126,7 @@ pub fn peaks(trial: &Trial) -> Table {
 }
 
 /// The closing lines: what was compared, what was lost.
-pub fn verdicts(trial: &Trial, signal: &Signal, shaft: OrderShaft) -> Vec<(String, String)> {
+pub fn verdicts(trial: &Trial, signal: &Signal) -> Vec<(String, String)> {
     let yes = |is: bool| if is { "yes" } else { "NO" }.to_string();
     let worst = |w: Worst| match w.lines {
         0 => "none stands clear of the noise".to_string(),
@@ -133,15 +138,11 @@ pub fn verdicts(trial: &Trial, signal: &Signal, shaft: OrderShaft) -> Vec<(Strin
             )
         }
     };
-    let steady = trial.spectra.iter().filter(|s| s.is_steady()).count();
     let i = &trial.integrity;
     let mut lines = vec![
-        (
-            "spectra".into(),
-            format!("{steady} compared, {} with changing speed", trial.spectra.len() - steady + trial.uncompared),
-        ),
+        ("spectra".into(), format!("{} compared, {} not covered by the signal", trial.spectra.len(), trial.uncompared)),
         ("harmonics".into(), worst(trial.worst_harmonics)),
-        (format!("sidebands of the {}", shaft.name()), worst(trial.worst_sidebands)),
+        ("sidebands of both shafts".into(), worst(trial.worst_sidebands)),
         ("same bytes in QEMU and on the host".into(), yes(i.identical_to_host)),
         ("same codes sampled".into(), yes(i.identical_codes)),
     ];

@@ -2,30 +2,32 @@
 
 use super::frames::Received;
 use super::image::{Image, TICKS_PER_SECOND};
-use super::reference::{self, Domain, Reference, Shaft};
-use super::setup::OrderShaft;
+use super::reference::{Reference, Shaft};
 use super::signal::Signal;
 use super::simulation::{self, Simulated};
 use crate::qemu::Qemu;
 use crate::{Error, Result};
 use meshband::config::Configuration;
-use meshband::message::{Message, Peaks, Spectrum, Status};
+use meshband::message::{LineOrigin, MeshBand, Message, Peaks, SpectralLine, Spectrum, Status};
 use meshband::replay::{BLOCK_SAMPLES, Replay, START_TICK};
+use meshband::tach::Validity;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// A line counts for the worst errors where it stands this far above the median around it, dB.
+/// A line counts for the worst errors where the reference has it this far above the floor around it, dB...
 pub const CLEAR_DB: f64 = 12.0;
-/// Beyond this change of a line's frequency within the record, in bins, a spectrum is no longer compared.
-pub const STEADY_BINS: f64 = 2.0;
+/// ... no further below the strongest harmonic than this, dB: windows have skirts there ...
+pub const DEEPEST_DB: f64 = 50.0;
+/// ... and within this many bins of the shaft's order: otherwise it is another machine part's line.
+pub const NEAR_BINS: f64 = 1.0;
 
 /// Speed, law and rates at an instant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RateRow {
     /// From the signal's start, s.
     pub time_s: f64,
-    /// The node's speed of the order shaft, Hz.
+    /// The node's speed of the pinion, Hz.
     pub speed_hz: f64,
     /// The same from the tach edges in f64; `None` outside them.
     pub reference_speed_hz: Option<f64>,
@@ -52,8 +54,10 @@ pub struct RateRow {
 pub struct LineRow {
     /// Mesh harmonic.
     pub harmonic: u8,
-    /// 0 for the harmonic itself, else the number of order-shaft turns aside.
+    /// 0 for the harmonic itself, else the number of turns of the shaft aside.
     pub sideband: i32,
+    /// Shaft of the sideband; the pinion for the harmonic itself.
+    pub shaft: &'static str,
     /// As reported, Hz.
     pub frequency_hz: f64,
     /// As reported, unit of the signal.
@@ -66,16 +70,20 @@ pub struct LineRow {
     pub frequency_error: f64,
     /// Error of the amplitude, dB.
     pub amplitude_error_db: f64,
-    /// Error against the amplitude at the exact order of the shaft's angle, dB: what a wandering speed smears.
-    pub angle_error_db: f64,
-    /// Reference above the median of the spectrum around it, dB.
+    /// Reference above the lower quartile of the spectrum around it, dB.
     pub above_floor_db: f64,
+    /// Reference line off the shaft's order, bins.
+    pub off_order_bins: f64,
+    /// Reference below the spectrum's strongest harmonic, dB.
+    pub below_strongest_db: f64,
 }
 
 impl LineRow {
-    /// Whether it stands clear of the noise.
+    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone.
     pub fn is_clear(&self) -> bool {
         self.above_floor_db >= CLEAR_DB
+            && self.below_strongest_db <= DEEPEST_DB
+            && self.off_order_bins.abs() <= NEAR_BINS
     }
 }
 
@@ -88,19 +96,14 @@ pub struct SpectrumRow {
     pub length_s: f64,
     /// Bin width, Hz.
     pub resolution_hz: f64,
-    /// Mean speed of the order shaft over it in f64, Hz.
+    /// Mean speed of the pinion over it in f64, Hz.
     pub speed_hz: f64,
-    /// Change of the highest harmonic's frequency within it, bins.
-    pub swept_bins: f64,
+    /// Turns of the pinion in it.
+    pub turns: f64,
+    /// Fastest over slowest turn within it, as reported.
+    pub speed_ratio: f64,
     /// Its lines.
     pub lines: Vec<LineRow>,
-}
-
-impl SpectrumRow {
-    /// Whether the speed was steady enough for lines to be lines.
-    pub fn is_steady(&self) -> bool {
-        self.swept_bins <= STEADY_BINS
-    }
 }
 
 /// A strong line of the wideband spectrum.
@@ -116,7 +119,7 @@ pub struct PeakRow {
     pub folded: bool,
 }
 
-/// Worst errors over the lines that stand clear, in steady spectra.
+/// Worst errors over the lines that stand clear.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Worst {
     /// Lines looked at.
@@ -189,17 +192,20 @@ pub struct Trial {
 ///
 /// # Errors
 /// A signal or configuration that the node refuses; QEMU or the firmware image absent, or a failed run.
-pub fn run(signal: &Signal, config: &Configuration, shaft: OrderShaft, qemu: &Qemu, runs: usize) -> Result<Trial> {
+pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) -> Result<Trial> {
     let scale = signal.unit.scale();
     let image = Image::new(signal.source(), config, |header| header)?;
     let simulated = simulation::run(&image.bytes)?;
     let mut finished = (0..runs.max(1)).into_par_iter().map(|_| qemu.run(&image.bytes)).collect::<Result<Vec<_>>>()?;
     let first = finished.swap_remove(0);
     let received = Received::decode(&first.link);
+    if received.packets.is_empty() && received.refused > 0 {
+        let what = "its frames are of another version than this command: build it with `cargo xtask node-build`";
+        return Err(Error::tool("firmware", what));
+    }
     let number = |key: &str| first.statistic(key).and_then(|v| v.parse::<u32>().ok()).unwrap_or(0);
-    let order_shaft = Shaft::new(signal, shaft.per_tach(signal))
-        .ok_or_else(|| Error::invalid("tach", "has fewer than two edges in the window"))?;
-    let comparison = Comparison { signal, shaft: &order_shaft, teeth: f64::from(shaft.teeth(signal)[0]), scale };
+    let shaft = Shaft::new(signal).ok_or_else(|| Error::invalid("tach", "has fewer than two edges in the window"))?;
+    let comparison = Comparison { signal, shaft: &shaft, scale };
     let all: Vec<&Spectrum> = received.spectra().collect();
     let spectra: Vec<SpectrumRow> = all.par_iter().filter_map(|s| comparison.spectrum(s)).collect();
     let statistics = received.statistics().copied().unwrap_or_default();
@@ -263,7 +269,7 @@ fn block_rates(simulated: &Simulated) -> Vec<(f64, f64)> {
 }
 
 fn worst(spectra: &[SpectrumRow], wanted: impl Fn(&LineRow) -> bool) -> Worst {
-    let lines = spectra.iter().filter(|s| s.is_steady()).flat_map(|s| &s.lines);
+    let lines = spectra.iter().flat_map(|s| &s.lines);
     lines.filter(|line| wanted(line) && line.is_clear()).fold(Worst::default(), |worst, line| Worst {
         lines: worst.lines + 1,
         frequency_error: worst.frequency_error.max(line.frequency_error.abs()),
@@ -276,11 +282,18 @@ fn seconds(tick: u64) -> f64 {
     (tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND)
 }
 
+/// Lower quartile of the spectrum within 1.5 orders, the line itself left out.
+fn floor(spectrum: &[(f64, f64)], order: f64, bin: f64) -> f64 {
+    let aside = |o: f64| (o - order).abs();
+    let around = spectrum.iter().filter(|(o, _)| aside(*o) <= 1.5 && aside(*o) > 4.0 * bin);
+    let mut values: Vec<f64> = around.map(|p| p.1).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 4).copied().unwrap_or(f64::MIN_POSITIVE).max(f64::MIN_POSITIVE)
+}
+
 struct Comparison<'a> {
     signal: &'a Signal,
     shaft: &'a Shaft,
-    /// Teeth on the order shaft.
-    teeth: f64,
     /// The node's m/s2 per unit of the signal shown.
     scale: f64,
 }
@@ -293,6 +306,7 @@ impl Comparison<'_> {
         let flags = [
             (status.safe_rate, "no speed: highest rate"),
             (status.law_clamped && !status.safe_rate, "speed outside the law's domain"),
+            (status.validity == Validity::Doubtful, "speed doubtful: rate held"),
             (status.limited, "rate limited"),
         ];
         RateRow {
@@ -311,61 +325,72 @@ impl Comparison<'_> {
     }
 
     fn spectrum(&self, spectrum: &Spectrum) -> Option<SpectrumRow> {
-        let resolution_hz = f64::from(spectrum.tag.resolution_hz);
-        let (start_s, length_s) = (seconds(spectrum.tag.first_tick), 1.0 / resolution_hz);
-        let over = |domain| Reference::over(self.signal, self.shaft, start_s, length_s, domain);
-        let (time, angle) = (over(Domain::Time)?, over(Domain::Angle)?);
-        let floor = reference::spectrum(self.signal, start_s, length_s)?;
+        let turns = f64::from(spectrum.turns);
+        let start_s = seconds(spectrum.tag.first_tick);
+        let reference = Reference::over(self.signal, self.shaft, start_s, turns)?;
         let decibel = |a: f64, b: f64| 20.0 * (a / b).log10();
         let mut lines = Vec::new();
         for band in &spectrum.bands {
-            let pairs = (band.sidebands.len() / 2) as i32;
-            let numbered = (-pairs..=pairs).filter(|&n| n != 0).zip(&band.sidebands);
-            for (sideband, line) in std::iter::once((0, &band.line)).chain(numbered) {
-                let order = f64::from(band.harmonic) * self.teeth + f64::from(sideband);
-                let reference = time.line(order);
-                let (at, aside) = (order * time.speed_hz, 0.5 * time.speed_hz);
+            let centre = f64::from(band.harmonic) * f64::from(self.signal.teeth[0]);
+            let around = reference.spectrum(centre, 6.0);
+            for (sideband, shaft, offset, line) in self.lines(band) {
+                let order = centre + offset;
+                let found = reference.line(order);
                 let amplitude = f64::from(line.amplitude);
                 lines.push(LineRow {
                     harmonic: band.harmonic,
                     sideband,
+                    shaft,
                     frequency_hz: line.frequency_hz.into(),
                     amplitude: amplitude / self.scale,
-                    reference_hz: reference.frequency_hz,
-                    reference_amplitude: reference.amplitude / self.scale,
-                    frequency_error: f64::from(line.frequency_hz) / reference.frequency_hz - 1.0,
-                    amplitude_error_db: decibel(amplitude, reference.amplitude),
-                    angle_error_db: decibel(amplitude, angle.amplitude_at(order)),
-                    above_floor_db: decibel(reference.amplitude, floor.median_between(at - aside, at + aside)),
+                    reference_hz: found.frequency_hz,
+                    reference_amplitude: found.amplitude / self.scale,
+                    frequency_error: f64::from(line.frequency_hz) / found.frequency_hz - 1.0,
+                    amplitude_error_db: decibel(amplitude, found.amplitude),
+                    above_floor_db: decibel(found.amplitude, floor(&around, order, reference.bin)),
+                    off_order_bins: (found.frequency_hz / reference.speed_hz - order) / reference.bin,
+                    below_strongest_db: 0.0,
                 });
             }
         }
-        let ends = |t: f64| self.shaft.speed_hz(t - 0.02 * length_s, t + 0.02 * length_s);
-        let highest = spectrum.bands.last().map_or(0.0, |band| f64::from(band.harmonic) * self.teeth);
-        let swept_bins = highest * (ends(start_s + length_s) - ends(start_s)).abs() / resolution_hz;
-        Some(SpectrumRow { start_s, length_s, resolution_hz, speed_hz: time.speed_hz, swept_bins, lines })
+        let harmonics = lines.iter().filter(|line| line.sideband == 0);
+        let strongest = harmonics.map(|line| line.reference_amplitude).fold(0.0, f64::max);
+        lines.iter_mut().for_each(|line| line.below_strongest_db = decibel(strongest, line.reference_amplitude));
+        Some(SpectrumRow {
+            start_s,
+            length_s: reference.end_s - start_s,
+            resolution_hz: spectrum.tag.resolution_hz.into(),
+            speed_hz: reference.speed_hz,
+            turns,
+            speed_ratio: f64::from(spectrum.fastest_hz / spectrum.slowest_hz),
+            lines,
+        })
+    }
+
+    /// The lines of a band: number of the sideband, its shaft, its offset in pinion orders, the line. Sidebands that the
+    /// band does not reach are zero and left out.
+    fn lines<'m>(&self, band: &'m MeshBand) -> Vec<(i32, &'static str, f64, &'m SpectralLine)> {
+        let gear_order = f64::from(self.signal.teeth[0]) / f64::from(self.signal.teeth[1]);
+        let mut lines = vec![(0, "pinion", 0.0, &band.line)];
+        for (shaft, order, list) in [("pinion", 1.0, &band.sidebands), ("gear", gear_order, &band.gear_sidebands)] {
+            let pairs = (list.len() / 2) as i32;
+            let numbered = (-pairs..=pairs).filter(|&n| n != 0).zip(list);
+            lines.extend(numbered.map(|(n, line)| (n, shaft, order * f64::from(n), line)));
+        }
+        lines.retain(|(.., line)| line.amplitude > 0.0);
+        lines
     }
 
     fn peaks(&self, peaks: &Peaks) -> Vec<PeakRow> {
-        let tag = &peaks.tag;
-        let mesh_hz = f64::from(tag.speed_hz) * self.teeth;
-        let rate_hz = f64::from(tag.rate_hz);
-        let within = 0.75 * f64::from(tag.resolution_hz);
-        let row = |line: &meshband::message::SpectralLine| {
-            let frequency_hz = f64::from(line.frequency_hz);
-            let folded = |h: u32| {
-                let true_hz = mesh_hz * f64::from(h);
-                (true_hz, (true_hz - rate_hz * (true_hz / rate_hz).round()).abs())
+        let row = |(i, line): (usize, &SpectralLine)| {
+            let (harmonic, folded) = match peaks.origins.get(i) {
+                Some(LineOrigin::Mesh { harmonic }) => (Some(u32::from(*harmonic)), false),
+                Some(LineOrigin::Folded { harmonic }) => (Some(u32::from(*harmonic)), true),
+                _ => (None, false),
             };
-            let highest = if tag.aliasing { 100 } else { (0.5 * rate_hz / mesh_hz.max(1.0)) as u32 };
-            let near = (1..=highest).find(|&h| mesh_hz > 0.0 && (folded(h).1 - frequency_hz).abs() <= within);
-            PeakRow {
-                frequency_hz,
-                amplitude: f64::from(line.amplitude) / self.scale,
-                harmonic: near,
-                folded: near.is_some_and(|h| folded(h).0 > 0.5 * rate_hz),
-            }
+            let amplitude = f64::from(line.amplitude) / self.scale;
+            PeakRow { frequency_hz: line.frequency_hz.into(), amplitude, harmonic, folded }
         };
-        peaks.lines.iter().map(row).collect()
+        peaks.lines.iter().enumerate().map(row).collect()
     }
 }

@@ -55,16 +55,18 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
                 searched: *searched,
                 exponents: [0.0, 0.0],
                 phase_free: false,
+                tuning: None,
             }
         })
         .collect();
-    list.push(profile(bench));
+    list.push(profile(bench, false));
+    list.push(profile(bench, true));
     list.push(friction(bench));
     list
 }
 
-/// Free displacement of every pair at the first four mesh orders.
-fn profile(bench: &Bench<'_>) -> Candidate {
+/// Free displacement of every pair at the first four mesh orders, or (in proportion to torque) a free change of mesh stiffness there.
+fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
     let machine = &bench.base.machine;
     let z = f64::from(machine.teeth[0]);
     let lines = bench.respond(
@@ -75,8 +77,15 @@ fn profile(bench: &Bench<'_>) -> Candidate {
                     let omega = TAU * run.angle.shaft_hz * z * h as f64;
                     let rate = C::new(1.0, omega * machine.tau_s);
                     // Both signs of the order keep the rigid row's balance real; the pair's quadrature gives the phase.
-                    let contact = (0..comb.orders.len() as i64)
-                        .map(|n| -machine.stiffness(n - comb.centre as i64 - h) * rate)
+                    let size = comb.orders.len() as i64;
+                    let contact = (0..size)
+                        .map(|n| {
+                            if loaded {
+                                run.inner.force.get((n - h) as usize).copied().unwrap_or(C::ZERO)
+                            } else {
+                                -machine.stiffness(n - comb.centre as i64 - h) * rate
+                            }
+                        })
                         .collect();
                     (Vec::new(), contact)
                 })
@@ -84,24 +93,25 @@ fn profile(bench: &Bench<'_>) -> Candidate {
         },
     );
     Candidate {
-        name: "profile-error".into(),
-        claim: Claim::Named,
+        name: if loaded { "mesh stiffness varying at mesh orders" } else { "profile-error" }.into(),
+        claim: if loaded { Claim::Generic } else { Claim::Named },
         family: "mesh-order",
         shaft: "none",
         order: Some(z),
         frequency_hz: None,
         parameters: (0..4)
             .map(|h| Parameter {
-                name: format!("displacement_at_mesh_order_{}", h + 1),
-                unit: "m",
+                name: format!("{}_at_mesh_order_{}", if loaded { "share" } else { "displacement" }, h + 1),
+                unit: if loaded { "1" } else { "m" },
                 first: 2 * h,
                 complex: true,
             })
             .collect(),
         templates: lines.iter().flat_map(|l| quadrature(&bench.base.analyser, &bench.angles, l)).collect(),
         searched: 1.0,
-        exponents: [0.0, 0.0],
+        exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         phase_free: false,
+        tuning: None,
     }
 }
 
@@ -160,5 +170,6 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         searched: 1.0,
         exponents: [0.0, 1.0],
         phase_free: false,
+        tuning: None,
     }
 }

@@ -5,15 +5,15 @@
 
 mod mesh;
 mod order;
-mod path;
+pub mod path;
 mod teeth;
 
 use super::base_fit::{Base, RunState};
 use super::candidate::Candidate;
 use super::detect::Found;
 use super::harmonic_model::{Comb, DOF, Line};
-use super::input::Record;
 use super::least_squares::Data;
+use super::waveform::steady;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 
@@ -26,20 +26,21 @@ pub type Excitation = (Vec<[C; DOF]>, Vec<C>);
 pub struct Bench<'a> {
     /// Model and spectra.
     pub base: &'a Base,
-    /// The record.
-    pub record: &'a Record,
     /// Angle offset and shaft frequency per run.
     pub angles: Vec<(f64, f64)>,
     /// Responses to single teeth.
     pub teeth: ToothFamilies,
+    /// Predicted time signals per run and channel.
+    pub waveforms: Vec<[Vec<f64>; 2]>,
 }
 
 impl<'a> Bench<'a> {
     /// Prepares the parts that do not depend on the residual.
-    pub fn new(base: &'a Base, record: &'a Record) -> Self {
+    pub fn new(base: &'a Base) -> Self {
         let angles: Vec<(f64, f64)> = base.runs.iter().map(|r| (r.angle.offset_rad, r.angle.shaft_hz)).collect();
         let teeth = ToothFamilies::new(base, &angles);
-        Self { base, record, angles, teeth }
+        let waveforms = base.runs.par_iter().map(|run| steady(&base.analyser, run)).collect();
+        Self { base, angles, teeth, waveforms }
     }
 
     /// Teeth ratio: order of the gear's rotation per pinion turn.
@@ -81,7 +82,8 @@ impl<'a> Bench<'a> {
             // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
             let z = f64::from(self.base.machine.teeth[0]);
             let at = self.peak(data, fit, found.at);
-            for n in -3..=3 {
+            let nearest = (at / z).round() as i32;
+            for n in [nearest, 0, 1, -1, 2, -2, nearest - 1, nearest + 1] {
                 let seat = self.refined(at - f64::from(n) * z).abs();
                 if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > 0.01) {
                     done.push(seat);
@@ -104,13 +106,16 @@ impl<'a> Bench<'a> {
                 .flat_map(|&r| [0, 1].map(|c| (r, c)))
                 .map(|(r, c)| {
                     let hz = o * self.angles[r].1;
-                    let weight = data.weight[r][c].get((hz * duration).round() as usize).copied().unwrap_or(0.0);
-                    self.base.analyser.amplitude(&data.residual[r][c], hz).0.norm_sqr() * weight
+                    // Unweighted: weights are tempered in proportion to the residual and would push the peak aside.
+                    self.base.analyser.amplitude(&data.residual[r][c], hz).0.norm_sqr()
                 })
                 .sum()
         };
         let step = 0.02 / (duration * fastest);
-        (-80..=80).map(|i| order + f64::from(i) * step).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(order)
+        (-120..=120)
+            .map(|i| order + f64::from(i) * step)
+            .max_by(|a, b| power(*a).total_cmp(&power(*b)))
+            .unwrap_or(order)
     }
 
     /// Snaps an order to a whole order of pinion or gear when it is one within resolution.

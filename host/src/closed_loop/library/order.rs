@@ -12,6 +12,8 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, PartialEq)]
 enum Seat {
     Displacement,
+    /// Displacement that also rolls the contact along its path by as much.
+    RollingDisplacement,
     /// Force or torque with exponents of speed and torque.
     Force {
         dof: usize,
@@ -39,7 +41,7 @@ const SEATS: [Seat; 16] = [
     Seat::BearingModulation(1),
     Seat::MeshModulation,
     Seat::PositionModulation,
-    Seat::Force { dof: MOTOR, speed: 2, torque: 0 },
+    Seat::RollingDisplacement,
 ];
 
 fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64) -> Excitation {
@@ -73,21 +75,27 @@ fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64
             (forces, Vec::new())
         }
         Seat::MeshModulation => (Vec::new(), run.inner.force.clone()),
-        Seat::PositionModulation => {
-            let contact = (0..size as i64)
-                .map(|n| {
-                    (0..size as i64)
-                        .map(|l| {
-                            machine.stiffness(n - l)
-                                * C::new(0.0, TAU * (n - l) as f64)
-                                * run.inner.approach[l as usize]
-                        })
-                        .sum()
-                })
-                .collect();
+        Seat::PositionModulation => (Vec::new(), rolled(machine, run, size as i64)),
+        Seat::RollingDisplacement => {
+            let base_pitch = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
+            let (_, mut contact) = excite(Seat::Displacement, machine, run, comb, order);
+            for (g, roll) in contact.iter_mut().zip(rolled(machine, run, size as i64)) {
+                *g += roll / base_pitch;
+            }
             (Vec::new(), contact)
         }
     }
+}
+
+/// Contact force per base pitch of shift of all contacts.
+fn rolled(machine: &Machine, run: &RunState, size: i64) -> Vec<C> {
+    (0..size)
+        .map(|n| {
+            (0..size)
+                .map(|l| machine.stiffness(n - l) * C::new(0.0, TAU * (n - l) as f64) * run.inner.approach[l as usize])
+                .sum()
+        })
+        .collect()
 }
 
 struct Label {
@@ -128,10 +136,16 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
     let plain =
         |text: String, quantity, unit| Label { name: text, claim: Claim::Generic, family, shaft, quantity, unit };
     match seat {
-        Seat::Displacement if is(order, 1.0) => named("pinion-eccentricity", "amplitude", "m"),
-        Seat::Displacement if is(order, ratio) => named("gear-eccentricity", "amplitude", "m"),
+        Seat::Displacement | Seat::RollingDisplacement if is(order, 1.0) => {
+            named("pinion-eccentricity", "amplitude", "m")
+        }
+        Seat::Displacement | Seat::RollingDisplacement if is(order, ratio) => {
+            named("gear-eccentricity", "amplitude", "m")
+        }
         Seat::Displacement if (pinion || gear) && order > 3.5 => named("ghost-order", "amplitude", "m"),
-        Seat::Displacement => plain(format!("displacement error at {where_to}"), "amplitude", "m"),
+        Seat::Displacement | Seat::RollingDisplacement => {
+            plain(format!("displacement error at {where_to}"), "amplitude", "m")
+        }
         Seat::Force { dof: PINION_Y, speed: 2, .. } if is(order, 1.0) => named("pinion-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: GEAR_Y, speed: 2, .. } if is(order, ratio) => named("gear-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: PINION_Y, speed: 0, .. } if is(order, 2.0) => {
@@ -168,7 +182,7 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
 
 fn exponents(seat: Seat) -> [f64; 2] {
     match seat {
-        Seat::Displacement => [0.0, 0.0],
+        Seat::Displacement | Seat::RollingDisplacement => [0.0, 0.0],
         Seat::Force { speed, torque, .. } => [f64::from(speed), f64::from(torque)],
         _ => [0.0, 1.0],
     }
@@ -196,6 +210,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 searched,
                 exponents: exponents(seat),
                 phase_free: false,
+                tuning: None,
             }
         })
         .collect()
@@ -263,6 +278,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
                 searched: 2000.0,
                 exponents,
                 phase_free: true,
+                tuning: None,
             }
         })
         .collect()
@@ -273,10 +289,7 @@ fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
     let power = |f: f64| -> f64 {
         fit.iter()
             .flat_map(|&r| [0, 1].map(|c| (r, c)))
-            .map(|(r, c)| {
-                let weight = data.weight[r][c][(f * bench.base.analyser.duration_s()).round() as usize];
-                bench.base.analyser.amplitude(&data.residual[r][c], f).0.norm_sqr() * weight
-            })
+            .map(|(r, c)| bench.base.analyser.amplitude(&data.residual[r][c], f).0.norm_sqr())
             .sum()
     };
     (-200..=200).map(|i| hz + f64::from(i) * 0.01).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)

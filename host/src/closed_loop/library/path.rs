@@ -4,9 +4,10 @@
 //! (drift and curvature, whose products with noise average out).
 
 use super::Bench;
-use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template};
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning};
+use crate::closed_loop::harmonic_model::Line;
 use crate::closed_loop::least_squares::Data;
-use crate::closed_loop::spectrum::{Bins, sparse};
+use crate::closed_loop::spectrum::{BAND_HZ, Bins, REACH, sparse};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -31,6 +32,7 @@ fn path(
         searched: 2.0,
         exponents,
         phase_free: false,
+        tuning: None,
     }
 }
 
@@ -55,16 +57,14 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             })
             .collect(),
     };
+    // From the prediction, not the measured signal: powers of measured noise would explain the noise itself.
     let made = |channel: usize, f: &dyn Fn(usize, f64) -> f64| Template {
         runs: bench
-            .record
-            .runs
+            .waveforms
             .iter()
             .map(|run| {
                 let mut parts = [Vec::new(), Vec::new()];
-                let n = bench.base.analyser.samples;
-                let signal: Vec<f64> =
-                    run.channels[channel].iter().take(n).enumerate().map(|(i, &x)| f(i, x)).collect();
+                let signal: Vec<f64> = run[channel].iter().enumerate().map(|(i, &x)| f(i, x)).collect();
                 parts[channel] = sparse(&bench.base.analyser.bins_of(&signal));
                 parts
             })
@@ -83,15 +83,13 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             vec![gain],
             [0.0, 1.0],
         ));
-        let delay = filtered(channel, &|f| C::new(0.0, -TAU * f));
-        list.push(path(
-            &format!("delay of the {who}"),
-            Claim::Generic,
-            "path",
-            parameter("delay", "s"),
-            vec![delay],
-            [0.0, 1.0],
-        ));
+        let delay = best_delay(bench, data, fit, channel);
+        let shifted = filtered(channel, &|f| C::cis(-TAU * f * delay) - 1.0);
+        let quantity = format!("share_of_a_delay_of_{:.2}_us", 1e6 * delay);
+        list.push(Candidate {
+            searched: 100.0,
+            ..path("channel-delay", Claim::Named, "path", parameter(&quantity, "1"), vec![shifted], [0.0, 1.0])
+        });
         let drift = made(channel, &|i, x| x * (i as f64 / samples - 0.5));
         list.push(path(
             "thermal-drift",
@@ -110,9 +108,85 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             vec![square],
             [0.0, 2.0],
         ));
+        let cube = made(channel, &|_, x| x * x * x);
+        list.push(path(
+            "sensor-nonlinearity",
+            Claim::Named,
+            "path",
+            parameter("cubic", "s4/m2"),
+            vec![cube],
+            [0.0, 3.0],
+        ));
     }
+    list.push(folded(bench));
     list.extend(modes(bench, data, fit));
     list
+}
+
+/// Lines above half the sampling rate that a missing anti-alias filter would fold into the band, up to the rate.
+///
+/// Above the modes the bodies' masses alone respond, so that the contact force follows from the approach of the inner orders.
+fn folded(bench: &Bench<'_>) -> Candidate {
+    let machine = &bench.base.machine;
+    let analyser = &bench.base.analyser;
+    let rate = analyser.rate_hz;
+    let z = f64::from(machine.teeth[0]);
+    let runs = bench
+        .base
+        .runs
+        .iter()
+        .map(|run| {
+            let f = run.angle.shaft_hz;
+            let inner = &run.inner.approach;
+            let half = (inner.len() / 2) as i64;
+            let first = (0.5 * rate / (f * z)).ceil() as i64;
+            let last = ((rate + BAND_HZ) / (f * z)) as i64;
+            let lines: Vec<Line> = (first..=last)
+                .map(|n| {
+                    let force: C = (-half..=half).map(|l| machine.stiffness(n - l) * inner[(l + half) as usize]).sum();
+                    let order = n as f64 * z - rate / f;
+                    // The phase belongs to the true order, not to the folded one.
+                    let turn = C::cis(run.angle.offset_rad * rate / f);
+                    let [m1, m2] = machine.shafts.mass_kg;
+                    Line { order, amplitude: [-force * turn / m1, force * turn / m2] }
+                })
+                .collect();
+            [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
+        })
+        .collect();
+    path("aliasing", Claim::Named, "path", parameter("share_folded", "1"), vec![Template { runs }], [0.0, 1.0])
+}
+
+/// Delay (s, within 200 us) of a channel that explains the residual best.
+fn best_delay(bench: &Bench<'_>, data: &Data, fit: &[usize], channel: usize) -> f64 {
+    let duration = bench.base.analyser.duration_s();
+    // Sum over bins of w |x|^2 |exp(-i w d) - 1|^2 and of the product with the residual, by frequency band.
+    let bands = 1500;
+    let mut table = vec![(0.0, C::ZERO); bands];
+    for &r in fit {
+        for (b, x) in bench.base.runs[r].model[channel].iter().enumerate() {
+            let w = data.weight[r][channel][b];
+            if x.norm_sqr() * w > 1.0 {
+                let cell = &mut table[(b as f64 / duration / 10.0) as usize % bands];
+                cell.0 += x.norm_sqr() * w;
+                cell.1 += x.conj() * data.residual[r][channel][b] * w;
+            }
+        }
+    }
+    let gain = |d: f64| {
+        let (mut dot, mut energy) = (0.0, 1e-30);
+        for (i, (power, product)) in table.iter().enumerate() {
+            let h = C::cis(-TAU * (10.0 * i as f64 + 5.0) * d) - 1.0;
+            dot += (h.conj() * product).re;
+            energy += h.norm_sqr() * power;
+        }
+        // A delay is no free gain: the fit must stand at a share of 1.
+        2.0 * dot - energy
+    };
+    let best =
+        |points: &mut dyn Iterator<Item = f64>| points.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).unwrap_or(1e-6);
+    let coarse = best(&mut (-400..=400).filter(|i| *i != 0).map(|i| 0.5e-6 * f64::from(i)));
+    best(&mut (-50..=50).map(|i| coarse + 0.01e-6 * f64::from(i)).filter(|d| d.abs() > 1e-9))
 }
 
 /// Best parallel mode per channel (and one common to both) over a grid of frequencies and damping ratios.
@@ -175,32 +249,62 @@ fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
                 .collect();
             (f0, zeta) = best(&near);
         }
-        let templates: Vec<Template> = [C::ONE, C::I]
-            .iter()
-            .map(|factor| Template {
-                runs: bench
-                    .base
-                    .runs
-                    .iter()
-                    .map(|run| {
-                        let mut parts = [Vec::new(), Vec::new()];
-                        parts[channel] = run.model[channel]
-                            .iter()
-                            .enumerate()
-                            .filter(|(_, x)| x.norm_sqr() > 0.0)
-                            .map(|(b, x)| (b as u32, x * factor * response(b as f64 / duration, f0, zeta)))
-                            .collect();
-                        parts
-                    })
-                    .collect(),
-            })
-            .collect();
-        list.push(Candidate {
-            frequency_hz: Some(f0),
-            searched: 900.0,
-            parameters: vec![Parameter { name: "gain".into(), unit: "1", first: 0, complex: true }],
-            ..path("transfer-path-resonance", Claim::Named, "path", Vec::new(), templates, [0.0, 1.0])
-        });
+        list.push(mode(bench, channel, f0, zeta));
     }
     list
+}
+
+/// Parallel mode at `f0` with damping ratio `zeta` in one channel, complex gain free.
+pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate {
+    let duration = bench.base.analyser.duration_s();
+    let response = |f: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
+    let templates = [C::ONE, C::I].map(|factor| Template {
+        runs: bench
+            .base
+            .runs
+            .iter()
+            .map(|run| {
+                let mut parts = [Vec::new(), Vec::new()];
+                parts[channel] = run.model[channel]
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, x)| x.norm_sqr() > 0.0)
+                    .map(|(b, x)| (b as u32, x * factor * response(b as f64 / duration)))
+                    .collect();
+                parts
+            })
+            .collect(),
+    });
+    Candidate {
+        frequency_hz: Some(f0),
+        searched: 900.0,
+        tuning: Some(Tuning { channel, f0, zeta }),
+        parameters: vec![Parameter { name: "gain".into(), unit: "1", first: 0, complex: true }],
+        ..path("transfer-path-resonance", Claim::Named, "path", Vec::new(), templates.to_vec(), [0.0, 1.0])
+    }
+}
+
+/// Improves frequency and damping ratio of a mode by pattern search on `score`.
+pub fn refine_mode(bench: &Bench<'_>, start: Tuning, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
+    let channel = start.channel;
+    let mut best = (score(mode(bench, channel, start.f0, start.zeta)), start.f0, start.zeta);
+    let mut scale = 0.03;
+    while scale > 2e-4 {
+        let (_, f0, zeta) = best;
+        let points = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
+        let next = points
+            .par_iter()
+            .map(|(a, b)| {
+                let (f, z) = (f0 * (1.0 + scale * a), (zeta * (1.0 + 10.0 * scale * b)).max(1e-3));
+                (score(mode(bench, channel, f, z)), f, z)
+            })
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap_or(best);
+        if next.0 > best.0 {
+            best = next;
+        } else {
+            scale *= 0.4;
+        }
+    }
+    mode(bench, channel, best.1, best.2)
 }

@@ -114,6 +114,7 @@ impl ToothFamilies {
                 searched: f64::from(z),
                 exponents,
                 phase_free: false,
+                tuning: None,
             });
             let (name, claim) = match families.kind {
                 Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
@@ -139,6 +140,7 @@ impl ToothFamilies {
                 searched: 1.0,
                 exponents,
                 phase_free: false,
+                tuning: None,
             });
         }
         list

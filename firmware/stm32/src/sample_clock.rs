@@ -7,20 +7,13 @@
 //! comes exactly `512 x period` after its predecessor's. RM0090 sections 18.3 and 18.4.
 
 use crate::pac::{tim2, tim3};
+use crate::period::reload_of;
 use crate::{BLOCK_SAMPLES, dma};
 
 /// Stream of DMA1 that TIM3's update requests.
 pub const RELOAD_STREAM: usize = 2;
 /// Request channel of TIM3's update in that stream.
 const RELOAD_CHANNEL: u8 = 5;
-/// Shortest sample period, ticks: a conversion takes 27 cycles of 21 MHz, 108 ticks, and 110 leaves a margin.
-pub const SHORTEST_PERIOD: u32 = 110;
-
-/// Reload value for a period. Periods the converter cannot follow become the shortest one.
-pub const fn reload_of(period_ticks: u32) -> u32 {
-    if period_ticks < SHORTEST_PERIOD { SHORTEST_PERIOD - 1 } else { period_ticks - 1 }
-}
-
 /// Sets both timers up, stopped.
 pub fn configure(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock, period_ticks: u32) {
     tim2.cr1().write(|w| w.arpe().enabled().urs().counter_only());

@@ -1,6 +1,7 @@
-//! What the node programs into an STM32F405, one file per role.
+//! How the node samples on an STM32, and what it programs into an STM32F405, one file per role.
 //!
-//! Every driver takes a reference to a register block and does nothing but read and write it: no interrupt, no
+//! [`block_stamp`], [`filter`] and [`period`] know no register and serve every family whose timers are wired alike. The rest,
+//! behind the feature `f405`, are drivers: every driver takes a reference to a register block and does nothing but read and write it: no interrupt, no
 //! queue, no fixed address. The image hands in the chip's blocks, the tests (`tests/tests/stm32_registers.rs`)
 //! blocks of plain memory, and assert bit by bit what the reference manual asks for. That stands in for a board
 //! until one is at hand; it proves what is written, not what silicon makes of it.
@@ -22,17 +23,29 @@
 //! Source of all numbers: reference manual RM0090 and data sheet DS8626 (STM32F405).
 #![no_std]
 
+#[cfg(feature = "f405")]
 pub mod adc;
 pub mod block_stamp;
+#[cfg(feature = "f405")]
 pub mod clock;
+#[cfg(feature = "f405")]
 pub mod dma;
+pub mod filter;
+#[cfg(feature = "f405")]
 pub mod flash;
+pub mod period;
+#[cfg(feature = "f405")]
 pub mod pins;
+#[cfg(feature = "f405")]
 pub mod sample_clock;
+#[cfg(feature = "f405")]
 pub mod time_base;
+#[cfg(feature = "f405")]
 pub mod uart;
+#[cfg(feature = "f405")]
 pub mod watchdog;
 
+#[cfg(feature = "f405")]
 pub use stm32f4::stm32f405 as pac;
 
 /// Samples of a block. Equal to the node's; the image asserts that at compile time.

@@ -36,14 +36,25 @@ pub enum FlashFault {
 /// # Errors
 /// As [`FlashFault`] says; the sector is then undefined.
 pub fn erase(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault> {
+    select(flash, sector)?;
+    flash.cr().modify(|_, w| w.strt().set_bit());
+    finish(flash)
+}
+
+/// Unlocks the controller and names the sector to erase.
+///
+/// # Errors
+/// As [`FlashFault`] says.
+pub fn select(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault> {
     if sector >= SECTORS {
         return Err(FlashFault::Range);
     }
     unlock(flash)?;
     // SAFETY: sectors 10 and 11 exist and hold no code (memory.x).
-    flash.cr().write(|w| unsafe { w.psize().psize32().ser().set_bit().snb().bits(FIRST_SECTOR + sector) });
-    flash.cr().modify(|_, w| w.strt().set_bit());
-    finish(flash)
+    flash
+        .cr()
+        .write(|w| unsafe { w.lock().unlocked().psize().psize32().ser().set_bit().snb().bits(FIRST_SECTOR + sector) });
+    Ok(())
 }
 
 /// Prepares the writing of words; [`finish_write`] ends it.
@@ -52,7 +63,8 @@ pub fn erase(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault>
 /// [`FlashFault::Busy`].
 pub fn begin_write(flash: &flash::RegisterBlock) -> Result<(), FlashFault> {
     unlock(flash)?;
-    flash.cr().write(|w| w.psize().psize32().pg().set_bit());
+    // The register's reset value locks it: every write but the last says otherwise.
+    flash.cr().write(|w| w.lock().unlocked().psize().psize32().pg().set_bit());
     Ok(())
 }
 

@@ -1,0 +1,52 @@
+//! Detection floor of an effect: the strength at which its strongest line reaches 6 sqrt(S/T) in three runs.
+//!
+//! Two records without noise, with the effect at a reference strength and without it; the difference's lines against the noise density give
+//! the factor to the floor. Effects are taken as linear in their strength, which holds near the floor. Source: reference recipe, detection theory.
+
+use super::hidden::Kind;
+use crate::closed_loop::generate::{Scenario, record};
+use crate::closed_loop::input::Record;
+use crate::spectral::{Window, amplitude_spectrum};
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
+
+/// One-sided density of the generator's noise at `hz`, (m/s2)^2/Hz.
+fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
+    let c = scenario.noise_colour;
+    let shape = (1.0 - c * c) / (1.0 - 2.0 * c * (TAU * hz / rate_hz).cos() + c * c);
+    2.0 * scenario.noise_rms.powi(2) / rate_hz * shape
+}
+
+/// Strength of `kind` at the detection floor for the noise of `scenario`.
+pub fn strength(declared: &Record, scenario: &Scenario, kind: &Kind, rng: &mut ChaCha8Rng) -> f64 {
+    let mut quiet = scenario.clone();
+    quiet.effects.clear();
+    quiet.noise_rms = 0.0;
+    let mut with = quiet.clone();
+    with.effects.push((kind.build)(kind.reference, &declared.pair, rng));
+    let make = |s: &Scenario| record(&declared.pair, &declared.shafts, &declared.curve, s);
+    let (plain, with) = (make(&quiet), make(&with));
+    let mut ratios: Vec<f64> = plain
+        .runs
+        .iter()
+        .zip(&with.runs)
+        .map(|(a, b)| {
+            [0, 1]
+                .map(|c| {
+                    let difference: Vec<f64> = b.channels[c].iter().zip(&a.channels[c]).map(|(b, a)| b - a).collect();
+                    let lines = amplitude_spectrum(&difference, plain.sample_rate_hz, Window::Hann);
+                    let seconds = difference.len() as f64 / plain.sample_rate_hz;
+                    (1..lines.values.len())
+                        .map(|i| (lines.frequency(i), lines.values[i]))
+                        .filter(|(hz, _)| (8.0..15_000.0).contains(hz))
+                        .map(|(hz, a)| a / (6.0 * (density(scenario, plain.sample_rate_hz, hz) / seconds).sqrt()))
+                        .fold(0.0, f64::max)
+                })
+                .into_iter()
+                .fold(0.0, f64::max)
+        })
+        .collect();
+    ratios.sort_by(|a, b| b.total_cmp(a));
+    let third = ratios.get(2).or(ratios.last()).copied().unwrap_or(0.0);
+    kind.reference / third.max(1e-9)
+}

@@ -1,0 +1,255 @@
+//! Scoring of single records and the campaign's tables.
+
+use super::hidden::{KINDS, Kind};
+use crate::closed_loop::Outcome;
+use crate::terminal;
+use serde::{Deserialize, Serialize};
+
+/// What the loop said of one generated record.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Scored {
+    /// `part-number`.
+    pub id: String,
+    /// null, power, leave-one-out, two or parameter.
+    pub part: String,
+    /// Machine.
+    pub machine: String,
+    /// Whether the noise was coloured.
+    pub coloured: bool,
+    /// Whether declared parameters were wrong within tolerance.
+    pub parameters_off: bool,
+    /// Hidden effects.
+    pub hidden: Vec<String>,
+    /// Strength over the detection floor.
+    pub level: f64,
+    /// Verdict, name, family of every effect reported.
+    pub reported: Vec<[String; 3]>,
+    /// Per hidden effect: named, ambiguous, generic (right family), other-family or missed.
+    pub result: Vec<String>,
+    /// Effects named that are not in the record.
+    pub wrong_names: usize,
+    /// Effects reported beyond the hidden ones.
+    pub surplus: usize,
+    /// Whether the interval of the strength covers the truth, where it can be compared.
+    pub covered: Option<bool>,
+    /// Estimate over truth of the strength, where it can be compared.
+    pub estimate_over_truth: Option<f64>,
+    /// Held-out NRMSE of the shaft-synchronous part and of the whole signal: before, after, noise floor.
+    pub held_out: [[f64; 3]; 2],
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// Whether a reported name (of a single effect, or "a or b") contains one of the right names.
+fn has(name: &str, right: &[&str]) -> bool {
+    name.split(" or ").any(|part| right.contains(&part.trim()))
+}
+
+/// Per hidden effect the best thing said of it, and the number of wrong names.
+pub fn judge(outcome: &Outcome, hidden: &[(&Kind, f64)]) -> (Vec<String>, usize) {
+    let of = |kind: &Kind| {
+        let any = |test: &dyn Fn(&crate::closed_loop::outcome::Effect) -> bool| outcome.effects.iter().any(test);
+        if any(&|e| e.verdict == "named" && kind.right_names.contains(&e.name.as_str())) {
+            "named"
+        } else if any(&|e| e.verdict == "ambiguous" && has(&e.name, kind.right_names)) {
+            "ambiguous"
+        } else if any(&|e| e.verdict != "named" && kind.families.contains(&e.family.as_str())) {
+            "generic"
+        } else if outcome.effects.is_empty() {
+            "missed"
+        } else {
+            "other-family"
+        }
+    };
+    let result = hidden.iter().map(|(kind, _)| of(kind).to_string()).collect();
+    let wrong = outcome
+        .effects
+        .iter()
+        .filter(|e| e.verdict == "named" && !hidden.iter().any(|(k, _)| k.right_names.contains(&e.name.as_str())))
+        .count();
+    (result, wrong)
+}
+
+/// Coverage and relative size of the strength of a named effect.
+pub fn strength(outcome: &Outcome, kind: &Kind, truth: f64) -> Option<(bool, f64)> {
+    if kind.parameter.is_empty() {
+        return None;
+    }
+    let effect =
+        outcome.effects.iter().find(|e| e.verdict == "named" && kind.right_names.contains(&e.name.as_str()))?;
+    let (_, value) = effect.parameters.iter().find(|(name, _)| name.starts_with(kind.parameter))?;
+    let covered = value.ci95[0] <= truth && truth <= value.ci95[1];
+    Some((covered, value.value / truth))
+}
+
+/// One group's counts.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Row {
+    /// Group.
+    pub group: String,
+    /// Records.
+    pub records: usize,
+    /// Share with at least one effect reported.
+    pub found: f64,
+    /// Share whose hidden effects are all named.
+    pub named: f64,
+    /// Share whose hidden effects are at least ambiguous or of the right family.
+    pub right_family: f64,
+    /// Share with a wrong name.
+    pub wrong: f64,
+    /// Share whose held-out error fell.
+    pub error_fell: f64,
+    /// Median of held-out error after over noise floor (shaft-synchronous; whole signal for fixed frequencies).
+    pub after_over_floor: f64,
+    /// Medians of the held-out NRMSE before and after.
+    pub before_after: [f64; 2],
+}
+
+/// The campaign's tables.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// Records with nothing hidden: share with any term is `found`.
+    pub null: Vec<Row>,
+    /// Power by level over the detection floor.
+    pub power: Vec<Row>,
+    /// The same per effect at twice the floor and above.
+    pub power_by_effect: Vec<Row>,
+    /// Intervals that cover the truth, and how many were compared.
+    pub coverage: (f64, usize),
+    /// The true effect's name withheld.
+    pub leave_one_out: Vec<Row>,
+    /// Two effects at once; one effect and a wrong parameter.
+    pub two: Vec<Row>,
+    /// Held-out error after over floor, all single effects at twice the floor and above: named and not named, medians.
+    pub after_over_floor: [f64; 2],
+    /// Seconds per record, median and largest.
+    pub seconds: [f64; 2],
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Error triple that fits the hidden effect: whole signal for what is not tied to the shafts.
+fn error(s: &Scored) -> [f64; 3] {
+    let free = ["mains-hum", "fixed-frequency-tone", "jittered-impacts", "load-fluctuation"];
+    s.held_out[usize::from(s.hidden.iter().any(|h| free.contains(&h.as_str()) || h.contains("modulation")))]
+}
+
+fn row(group: impl Into<String>, of: &[&Scored]) -> Row {
+    let share = |test: &dyn Fn(&Scored) -> bool| of.iter().filter(|s| test(s)).count() as f64 / of.len().max(1) as f64;
+    let right = |r: &String| ["named", "ambiguous", "generic"].contains(&r.as_str());
+    Row {
+        group: group.into(),
+        records: of.len(),
+        found: share(&|s| !s.reported.is_empty()),
+        named: share(&|s| !s.result.is_empty() && s.result.iter().all(|r| r == "named")),
+        right_family: share(&|s| !s.result.is_empty() && s.result.iter().all(right)),
+        wrong: share(&|s| s.wrong_names > 0),
+        error_fell: share(&|s| error(s)[1] < error(s)[0]),
+        after_over_floor: median(of.iter().map(|s| error(s)[1] / error(s)[2]).collect()),
+        before_after: [0, 1].map(|i| median(of.iter().map(|s| error(s)[i]).collect())),
+    }
+}
+
+/// Tables of all records scored so far.
+pub fn summarise(all: &[Scored]) -> Summary {
+    let part = |name: &'static str| all.iter().filter(move |s| s.part == name);
+    let null = [("white", false), ("coloured", true)].map(|(name, coloured)| {
+        row(format!("{name} noise"), &part("null").filter(|s| s.coloured == coloured).collect::<Vec<_>>())
+    });
+    let mut null = null.to_vec();
+    null.push(row("all", &part("null").collect::<Vec<_>>()));
+    let power = super::LEVELS
+        .iter()
+        .map(|&l| row(format!("{l} x floor"), &part("power").filter(|s| s.level == l).collect::<Vec<_>>()))
+        .collect();
+    let by_kind = |name: &'static str, least: f64| -> Vec<Row> {
+        KINDS
+            .iter()
+            .map(|k| {
+                let own: Vec<&Scored> =
+                    all.iter().filter(|s| s.part == name && s.level >= least && s.hidden[0] == k.name).collect();
+                row(k.name, &own)
+            })
+            .filter(|r| r.records > 0)
+            .collect()
+    };
+    let compared: Vec<bool> = part("power").filter_map(|s| s.covered).collect();
+    let mut leave_one_out = by_kind("leave-one-out", 0.0);
+    leave_one_out.push(row("all", &part("leave-one-out").collect::<Vec<_>>()));
+    let two = vec![
+        row("two effects", &part("two").collect::<Vec<_>>()),
+        row("effect and parameter", &part("parameter").collect::<Vec<_>>()),
+    ];
+    let ratio = |named: bool| {
+        let own = part("power").filter(|s| s.level >= 2.0 && !s.reported.is_empty());
+        median(own.filter(|s| (s.result[0] == "named") == named).map(|s| error(s)[1] / error(s)[2]).collect())
+    };
+    let seconds: Vec<f64> = all.iter().map(|s| s.seconds).collect();
+    Summary {
+        null,
+        power,
+        power_by_effect: by_kind("power", 2.0),
+        coverage: (compared.iter().filter(|c| **c).count() as f64 / compared.len().max(1) as f64, compared.len()),
+        leave_one_out,
+        two,
+        after_over_floor: [ratio(true), ratio(false)],
+        seconds: [median(seconds.clone()), seconds.into_iter().fold(0.0, f64::max)],
+    }
+}
+
+/// Head of [`cells`].
+pub const HEAD: [&str; 8] =
+    ["", "records", "found %", "named %", "right family %", "wrong name %", "after / floor", "held-out NRMSE"];
+
+/// A row as table cells.
+pub fn cells(r: &Row) -> Vec<String> {
+    let percent = |x: f64| format!("{:.1}", 100.0 * x);
+    vec![
+        r.group.clone(),
+        r.records.to_string(),
+        percent(r.found),
+        percent(r.named),
+        percent(r.right_family),
+        percent(r.wrong),
+        format!("{:.3}", r.after_over_floor),
+        format!("{:.4} > {:.4}", r.before_after[0], r.before_after[1]),
+    ]
+}
+
+impl Summary {
+    /// Titled tables.
+    pub fn tables(&self) -> [(&'static str, &[Row]); 5] {
+        [
+            ("Nothing hidden (found = false terms)", &self.null),
+            ("One effect, by level over its detection floor", &self.power),
+            ("One effect at twice its floor and above", &self.power_by_effect),
+            ("The true effect withheld from the library", &self.leave_one_out),
+            ("Two at once", &self.two),
+        ]
+    }
+
+    /// Text for the terminal.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        for (title, rows) in self.tables() {
+            if rows.iter().any(|r| r.records > 0) {
+                let rows: Vec<Vec<String>> = rows.iter().filter(|r| r.records > 0).map(cells).collect();
+                text += &format!("{title}\n{}\n", terminal::table(&HEAD, &rows));
+            }
+        }
+        text += &format!(
+            "intervals that cover the truth: {:.1} % of {}\nheld-out error after / floor, median: named {:.3}, not named {:.3}\nseconds per record: median {:.1}, largest {:.1}\n",
+            100.0 * self.coverage.0,
+            self.coverage.1,
+            self.after_over_floor[0],
+            self.after_over_floor[1],
+            self.seconds[0],
+            self.seconds[1]
+        );
+        text
+    }
+}

@@ -1,0 +1,188 @@
+//! Bordered normal equations: the columns common to all candidates are weighted and multiplied once, a candidate adds its border.
+//!
+//! Everything is kept per run, so that any split of the runs is a sum of small matrices. The common columns are stored bin by bin
+//! (single precision), which turns a candidate's products into streams. Cost of a border: non-zero bins times common columns.
+
+use super::candidate::Template;
+use super::least_squares::{Column, Data, Estimate, Normal, solve};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+
+/// Common columns of one run, ready for products.
+struct RunFrame {
+    /// Columns with bins in this run.
+    active: Vec<usize>,
+    /// Real and imaginary parts per channel, `active.len()` values per bin.
+    parts: [(Vec<f32>, Vec<f32>); 2],
+    /// Gram over all common columns and right-hand side, without priors.
+    own: Normal,
+}
+
+/// The common columns of all candidates.
+pub struct Frame<'a> {
+    data: &'a Data,
+    priors: Vec<(f64, f64)>,
+    runs: Vec<RunFrame>,
+}
+
+/// What one candidate adds, per run.
+pub struct Border {
+    /// Number of its columns.
+    pub count: usize,
+    /// Per run: own Gram, products with the common columns (rows: own), right-hand side.
+    runs: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)>,
+}
+
+impl<'a> Frame<'a> {
+    /// Prepares `columns` for the residual and weights of `data`.
+    pub fn new(data: &'a Data, columns: &[Column<'_>]) -> Self {
+        let m = columns.len();
+        let runs = (0..data.residual.len())
+            .into_par_iter()
+            .map(|r| {
+                let active: Vec<usize> =
+                    (0..m).filter(|&i| columns[i].template.runs[r].iter().any(|part| !part.is_empty())).collect();
+                let parts = [0, 1].map(|c| {
+                    let bins = data.residual[r][c].len();
+                    let mut re = vec![0.0_f32; bins * active.len()];
+                    let mut im = re.clone();
+                    for (slot, &i) in active.iter().enumerate() {
+                        for &(b, t) in &columns[i].template.runs[r][c] {
+                            re[b as usize * active.len() + slot] = t.re as f32;
+                            im[b as usize * active.len() + slot] = t.im as f32;
+                        }
+                    }
+                    (re, im)
+                });
+                let own = Normal { gram: DMatrix::zeros(m, m), right: DVector::zeros(m) };
+                let mut run = RunFrame { active, parts, own };
+                for i in run.active.clone() {
+                    let (products, dot) = products(&run, data, r, columns[i].template);
+                    for (slot, &j) in run.active.iter().enumerate() {
+                        run.own.gram[(i, j)] = products[slot];
+                    }
+                    run.own.right[i] = dot;
+                }
+                run.own.gram = (&run.own.gram + run.own.gram.transpose()) * 0.5;
+                run
+            })
+            .collect();
+        Self { data, priors: columns.iter().map(|c| c.prior).collect(), runs }
+    }
+
+    /// Products of a candidate's templates.
+    pub fn border(&self, templates: &[Template]) -> Border {
+        let (k, m) = (templates.len(), self.priors.len());
+        let runs = (0..self.runs.len())
+            .map(|r| {
+                let mut gram = DMatrix::zeros(k, k);
+                let mut cross = DMatrix::zeros(k, m);
+                let mut right = DVector::zeros(k);
+                for (i, template) in templates.iter().enumerate() {
+                    if template.runs[r].iter().all(Vec::is_empty) {
+                        continue;
+                    }
+                    let (products, dot) = products(&self.runs[r], self.data, r, template);
+                    for (slot, &j) in self.runs[r].active.iter().enumerate() {
+                        cross[(i, j)] = products[slot];
+                    }
+                    right[i] = dot;
+                }
+                for c in 0..2 {
+                    let weight = &self.data.weight[r][c];
+                    let mut dense = vec![C::ZERO; if k > 0 { weight.len() } else { 0 }];
+                    for i in 0..k {
+                        let own = &templates[i].runs[r][c];
+                        own.iter().for_each(|&(b, t)| dense[b as usize] = t.conj() * weight[b as usize]);
+                        for j in i..k {
+                            let sum: f64 =
+                                templates[j].runs[r][c].iter().map(|&(b, t)| (dense[b as usize] * t).re).sum();
+                            gram[(i, j)] += sum;
+                            if i != j {
+                                gram[(j, i)] += sum;
+                            }
+                        }
+                        own.iter().for_each(|&(b, _)| dense[b as usize] = C::ZERO);
+                    }
+                }
+                (gram, cross, right)
+            })
+            .collect();
+        Border { count: k, runs }
+    }
+
+    fn sum(&self, runs: &[usize], border: Option<&Border>) -> Normal {
+        let (m, k) = (self.priors.len(), border.map_or(0, |b| b.count));
+        let mut all = Normal { gram: DMatrix::zeros(m + k, m + k), right: DVector::zeros(m + k) };
+        for &r in runs {
+            let own = &self.runs[r].own;
+            let mut view = all.gram.view_mut((0, 0), (m, m));
+            view += &own.gram;
+            let mut view = all.right.rows_mut(0, m);
+            view += &own.right;
+            if let Some(border) = border {
+                let (gram, cross, right) = &border.runs[r];
+                let mut view = all.gram.view_mut((m, m), (k, k));
+                view += gram;
+                let mut view = all.gram.view_mut((m, 0), (k, m));
+                view += cross;
+                let mut view = all.gram.view_mut((0, m), (m, k));
+                view += cross.transpose();
+                let mut view = all.right.rows_mut(m, k);
+                view += right;
+            }
+        }
+        all
+    }
+
+    /// Estimate of the common columns, and of the candidate's after them, over `runs`.
+    pub fn estimate(&self, runs: &[usize], border: Option<&Border>) -> Estimate {
+        let mut all = self.sum(runs, border);
+        for (i, (precision, mean)) in self.priors.iter().enumerate() {
+            all.gram[(i, i)] += precision;
+            all.right[i] += precision * mean;
+        }
+        solve(&all)
+    }
+
+    /// Change of the objective without priors over `runs` when `x` is applied.
+    pub fn change(&self, runs: &[usize], border: Option<&Border>, x: &DVector<f64>) -> f64 {
+        let all = self.sum(runs, border);
+        x.dot(&(&all.gram * x)) - 2.0 * x.dot(&all.right)
+    }
+}
+
+impl Border {
+    /// Own Gram of one run.
+    pub fn gram(&self, run: usize) -> &DMatrix<f64> {
+        &self.runs[run].0
+    }
+
+    /// Right-hand side of one run with the common columns' share `x` removed.
+    pub fn right_after(&self, run: usize, x: &DVector<f64>) -> DVector<f64> {
+        let (_, cross, right) = &self.runs[run];
+        right - cross * x.rows(0, cross.ncols())
+    }
+}
+
+/// Weighted products of a template with the active common columns, and with the residual, of one run.
+fn products(run: &RunFrame, data: &Data, r: usize, template: &Template) -> (Vec<f64>, f64) {
+    let m = run.active.len();
+    let mut sums = vec![0.0_f64; m];
+    let mut dot = 0.0;
+    for c in 0..2 {
+        let (residual, weight) = (&data.residual[r][c], &data.weight[r][c]);
+        let (re, im) = &run.parts[c];
+        for &(b, t) in &template.runs[r][c] {
+            let b = b as usize;
+            let (a, d) = (t.re * weight[b], t.im * weight[b]);
+            dot += a * residual[b].re + d * residual[b].im;
+            let row = b * m..(b + 1) * m;
+            for ((sum, x), y) in sums.iter_mut().zip(&re[row.clone()]).zip(&im[row]) {
+                *sum += a * f64::from(*x) + d * f64::from(*y);
+            }
+        }
+    }
+    (sums, dot)
+}

@@ -1,0 +1,121 @@
+//! Impacts at an order that is not locked to the teeth: squared-envelope spectrum of the residual, band by band.
+//!
+//! Deterministic lines are removed first (subtraction, then bins far above local noise are silenced). Each band's analytic
+//! signal gives a squared envelope; in stationary noise its spectrum's bins, over their local mean, are exponential with mean 1.
+//! An order scan sums fundamental and second harmonic over the fit runs (capped), with Bonferroni over orders, bands and channels, and
+//! the winner must stand alone in the selection runs. Source: Randall and Antoni's envelope analysis; limits: order from 0.2 to 40.
+
+use super::base_fit::Base;
+use super::judge::Split;
+use super::least_squares::Data;
+use super::outcome::{Effect, Evidence, Value};
+use super::spectrum::noise_power;
+use rayon::prelude::*;
+use rustfft::{FftPlanner, num_complex::Complex64 as C};
+use statrs::distribution::{ContinuousCDF, Gamma};
+use std::collections::BTreeMap;
+
+const BAND_WIDTH_HZ: f64 = 2000.0;
+const CAP: f64 = 14.0;
+
+/// Squared-envelope spectrum of one band over its local mean.
+fn envelope(bins: &[C], noise: &[f64], first: usize, count: usize) -> Vec<f64> {
+    let mut band: Vec<C> = (first..first + count)
+        .map(|b| {
+            let x = bins[b] / noise[b].sqrt();
+            if x.norm_sqr() > 12.0 { C::ZERO } else { x }
+        })
+        .collect();
+    let mut planner = FftPlanner::new();
+    planner.plan_fft_inverse(count).process(&mut band);
+    let mut square: Vec<C> = band.iter().map(|z| C::new(z.norm_sqr(), 0.0)).collect();
+    planner.plan_fft_forward(count).process(&mut square);
+    let power: Vec<f64> = square[..count / 2].iter().map(|z| z.norm_sqr()).collect();
+    let hop = 100;
+    let level: Vec<f64> = (0..power.len().div_ceil(hop))
+        .map(|i| {
+            let from = (i * hop).saturating_sub(hop).max(10);
+            let mut near = power[from..((i + 2) * hop).min(power.len())].to_vec();
+            near.sort_by(f64::total_cmp);
+            near[near.len() / 2] / std::f64::consts::LN_2
+        })
+        .collect();
+    power.iter().enumerate().map(|(i, p)| p / level[i / hop].max(1e-300)).collect()
+}
+
+fn summed(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) -> f64 {
+    let duration = base.analyser.duration_s();
+    let mut sum = 0.0;
+    for &r in runs {
+        for harmonic in [1.0, 2.0] {
+            let b = (harmonic * order * base.runs[r].angle.shaft_hz * duration).round() as usize;
+            sum += spectra[r].get(b).copied().unwrap_or(1.0).min(CAP);
+        }
+    }
+    sum
+}
+
+/// Looks for impacts in the residual `rest`.
+pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
+    let duration = base.analyser.duration_s();
+    let count = (BAND_WIDTH_HZ * duration) as usize;
+    let bands = base.analyser.bins / count;
+    let fastest = base.runs.iter().map(|r| r.angle.shaft_hz).fold(0.0, f64::max);
+    let slowest = base.runs.iter().map(|r| r.angle.shaft_hz).fold(f64::INFINITY, f64::min);
+    let ratio = f64::from(base.machine.teeth[0]) / f64::from(base.machine.teeth[1]);
+    let step = 0.4 / (duration * fastest);
+    let lowest = 12.0 / (duration * slowest);
+    let orders: Vec<f64> = (0..((40.0 - lowest) / step) as usize).map(|i| lowest + i as f64 * step).collect();
+    let guard = 1.5 / (duration * slowest);
+    let locked = |o: f64| (o - o.round()).abs() < guard || (o / ratio - (o / ratio).round()).abs() * ratio < guard;
+    let null = Gamma::new(2.0 * split.fit.len() as f64, 1.0).expect("positive shape");
+    let tests = orders.len() as f64 * 0.5 * 2.0 * bands as f64;
+    let noise: Vec<[Vec<f64>; 2]> =
+        rest.residual.par_iter().map(|run| [noise_power(&run[0]), noise_power(&run[1])]).collect();
+    let best = (0..2 * bands)
+        .into_par_iter()
+        .map(|index| {
+            let (channel, band) = (index % 2, index / 2);
+            let spectra: Vec<Vec<f64>> = (0..base.runs.len())
+                .map(|r| envelope(&rest.residual[r][channel], &noise[r][channel], band * count, count))
+                .collect();
+            let (order, sum) = orders
+                .iter()
+                .map(|&o| (o, summed(base, &spectra, &split.fit, o)))
+                .max_by(|a, b| a.1.total_cmp(&b.1))
+                .unwrap_or((1.0, 0.0));
+            let alone = summed(base, &spectra, &split.select, order);
+            (sum, alone, order, channel, band)
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (sum, alone, order, channel, band) = best;
+    let p_value = (1.0 - null.cdf(sum)) * tests;
+    let check = Gamma::new(2.0 * split.select.len() as f64, 1.0).expect("positive shape");
+    let p_select = 1.0 - check.cdf(alone);
+    if p_value > 1e-4 || p_select > 1e-3 {
+        return None;
+    }
+    let half = 0.6 / (duration * fastest);
+    let carrier = (band as f64 + 0.5) * BAND_WIDTH_HZ;
+    let mut parameters = BTreeMap::new();
+    let value =
+        |value: f64, half: f64, unit: &str| Value { value, ci95: [value - half, value + half], unit: unit.into() };
+    parameters.insert("order".to_string(), value(order, half, "per pinion turn"));
+    parameters.insert("carrier_band".to_string(), value(carrier, 0.5 * BAND_WIDTH_HZ, "Hz"));
+    let (verdict, name) = if locked(order) {
+        ("generic", format!("noise or impacts repeating at order {order:.3} of the pinion, a whole order of a shaft"))
+    } else {
+        ("named", "bearing-impacts".to_string())
+    };
+    Some(Effect {
+        verdict: verdict.into(),
+        name,
+        family: "impulsive".into(),
+        shaft: ["pinion", "gear"][channel].into(),
+        order_of_pinion: Some(order),
+        frequency_hz: Some(carrier),
+        parameters,
+        evidence: Evidence { p_value, held_out_gain: 0.0, ..Evidence::default() },
+        deciding_experiment: None,
+    })
+}

@@ -1,0 +1,194 @@
+//! Scores of candidates next to the nuisances and the accepted terms.
+//!
+//! Score: whitened likelihood gain over fit and selection runs, less [`PER_UNKNOWN`] per unknown and twice the logarithm of the
+//! search. The selection gain uses values from the fit runs alone and is compared with what the term predicts there.
+
+use super::base_fit::Base;
+use super::candidate::Candidate;
+use super::frame::Frame;
+use super::least_squares::{Column, Data, normal, subtract};
+use rustfft::num_complex::Complex64 as C;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Penalty per real unknown.
+pub const PER_UNKNOWN: f64 = 10.0;
+/// Least score of an accepted effect.
+pub const LEAST_SCORE: f64 = 15.0;
+/// Least gain on the selection runs.
+const LEAST_SELECT_GAIN: f64 = 6.0;
+/// Least share of its predicted power that a term must explain on the selection runs.
+const LEAST_SELECT_SHARE: f64 = 0.4;
+
+/// Runs by use.
+pub struct Split {
+    /// Values are fitted here.
+    pub fit: Vec<usize>,
+    /// Terms are selected here.
+    pub select: Vec<usize>,
+    /// Read once at the end.
+    pub held_out: Vec<usize>,
+}
+
+impl Split {
+    /// Fit and selection runs.
+    pub fn seen(&self) -> Vec<usize> {
+        self.fit.iter().chain(&self.select).copied().collect()
+    }
+}
+
+/// A candidate with its scores.
+#[derive(Debug, Clone)]
+pub struct Judged {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// Penalised gain.
+    pub score: f64,
+    /// Gain over fit and selection runs.
+    pub gain: f64,
+    /// Gain on the selection runs with values from the fit runs.
+    pub select_gain: f64,
+    /// Gain there if the law holds.
+    pub select_promise: f64,
+}
+
+impl Judged {
+    /// Whether the term earns its place among `tests` candidates.
+    pub fn passes(&self, tests: f64) -> bool {
+        // Gain and promise on the selection runs must agree: too little is chance, too much is another law.
+        let slack = 6.0 + 4.0 * self.select_promise.max(0.0).sqrt();
+        self.score > LEAST_SCORE
+            && self.select_gain > LEAST_SELECT_GAIN
+            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise
+            && self.select_promise + slack > LEAST_SELECT_SHARE * self.select_gain
+            && self.p_value(tests) < 1e-3
+    }
+
+    /// Probability of such a gain by chance, after Bonferroni over `tests` and the candidate's own search.
+    pub fn p_value(&self, tests: f64) -> f64 {
+        let null = ChiSquared::new(unknowns(&self.candidate, 6)).expect("positive");
+        ((1.0 - null.cdf(self.gain.max(0.0))) * self.candidate.searched * tests).min(1.0)
+    }
+}
+
+/// Estimate of everything in the model.
+pub struct Joint {
+    /// All unknowns: nuisances first, then every term's.
+    pub x: Vec<f64>,
+    /// Their standard errors.
+    pub sigma: Vec<f64>,
+}
+
+/// Columns of nuisances and terms.
+pub fn columns<'a>(base: &'a Base, terms: &[&'a Candidate]) -> Vec<Column<'a>> {
+    let mut all = base.columns();
+    for term in terms {
+        all.extend(term.templates.iter().map(|template| Column { template, prior: (0.0, 0.0) }));
+    }
+    all
+}
+
+/// Joint estimate over `runs`.
+pub fn joint(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Joint {
+    let estimate = Frame::new(data, &columns(base, terms)).estimate(runs, None);
+    let mut x: Vec<f64> = estimate.x.iter().copied().collect();
+    let sigma = (0..x.len()).map(|i| estimate.covariance[(i, i)].max(0.0).sqrt()).collect();
+    let mut at = base.nuisances.len();
+    for term in terms {
+        if term.phase_free {
+            tie_phase_free(data, runs, term, &mut x[at..at + term.templates.len()]);
+        }
+        at += term.templates.len();
+    }
+    Joint { x, sigma }
+}
+
+/// One amplitude for all runs, taken from `runs`; each run keeps its own phase.
+fn tie_phase_free(data: &Data, runs: &[usize], term: &Candidate, x: &mut [f64]) {
+    let (mut sum, mut total) = (0.0, 1e-300);
+    let mut own = vec![(C::ZERO, 0.0); x.len() / 2];
+    for (r, own) in own.iter_mut().enumerate() {
+        let pair = [2 * r, 2 * r + 1].map(|i| Column { template: &term.templates[i], prior: (0.0, 0.0) });
+        let n = normal(data, &[r], &pair);
+        let energy = n.gram[(0, 0)];
+        let value = if runs.contains(&r) {
+            C::new(x[2 * r], x[2 * r + 1])
+        } else {
+            C::new(n.right[0], n.right[1]) / energy.max(1e-300)
+        };
+        if runs.contains(&r) {
+            sum += energy * value.norm();
+            total += energy;
+        }
+        *own = (value, energy);
+    }
+    let amplitude = sum / total;
+    for (r, (value, _)) in own.iter().enumerate() {
+        let unit = if value.norm() > 0.0 { value / value.norm() } else { C::ONE };
+        x[2 * r] = amplitude * unit.re;
+        x[2 * r + 1] = amplitude * unit.im;
+    }
+}
+
+/// Residual with the joint estimate `x` removed everywhere.
+pub fn corrected(base: &Base, data: &Data, x: &[f64], terms: &[&Candidate]) -> Data {
+    let mut rest = Data { residual: data.residual.clone(), weight: data.weight.clone() };
+    subtract(&mut rest, &columns(base, terms), x);
+    rest
+}
+
+/// Effective number of unknowns: a free phase per run costs like an unknown, one amplitude for all.
+fn unknowns(candidate: &Candidate, runs: usize) -> f64 {
+    if candidate.phase_free { 1.0 + runs as f64 } else { candidate.templates.len() as f64 }
+}
+
+/// Nuisances and accepted terms, fitted and ready to judge candidates.
+pub struct Judge<'a> {
+    frame: Frame<'a>,
+    split: &'a Split,
+    seen: Vec<usize>,
+    common: nalgebra::DVector<f64>,
+    fit_change: f64,
+    gain: f64,
+}
+
+impl<'a> Judge<'a> {
+    /// Prepares the common columns.
+    pub fn new(base: &Base, data: &'a Data, split: &'a Split, terms: &[&Candidate]) -> Self {
+        let frame = Frame::new(data, &columns(base, terms));
+        let seen = split.seen();
+        let fitted = frame.estimate(&split.fit, None);
+        let fit_change = frame.change(&split.select, None, &fitted.x);
+        let all = frame.estimate(&seen, None);
+        Self { frame, split, seen, common: all.x, fit_change, gain: all.gain }
+    }
+
+    /// Scores of `candidate`.
+    pub fn judge(&self, candidate: Candidate) -> Judged {
+        let border = self.frame.border(&candidate.templates);
+        let (gain, select_gain, select_promise) = if candidate.phase_free {
+            // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
+            let runs: Vec<(f64, f64)> = (0..candidate.templates.len() / 2)
+                .map(|r| {
+                    let right = border.right_after(r, &self.common);
+                    let gram = border.gram(r);
+                    (right[2 * r].hypot(right[2 * r + 1]), 0.5 * (gram[(2 * r, 2 * r)] + gram[(2 * r + 1, 2 * r + 1)]))
+                })
+                .collect();
+            let amplitude = |of: &[usize]| {
+                of.iter().map(|&r| runs[r].0).sum::<f64>() / of.iter().map(|&r| runs[r].1).sum::<f64>().max(1e-300)
+            };
+            let gain = |of: &[usize], a: f64| of.iter().map(|&r| 2.0 * a * runs[r].0 - a * a * runs[r].1).sum::<f64>();
+            let a = amplitude(&self.split.fit);
+            let promise = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
+            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise)
+        } else {
+            let fitted = self.frame.estimate(&self.split.fit, Some(&border));
+            let select = self.fit_change - self.frame.change(&self.split.select, Some(&border), &fitted.x);
+            let own = fitted.x.rows(fitted.x.len() - border.count, border.count);
+            let promise = self.split.select.iter().map(|&r| own.dot(&(border.gram(r) * own))).sum();
+            (self.frame.estimate(&self.seen, Some(&border)).gain - self.gain, select, promise)
+        };
+        let score = gain - PER_UNKNOWN * unknowns(&candidate, self.seen.len()) - 2.0 * candidate.searched.ln();
+        Judged { candidate, score, gain, select_gain, select_promise }
+    }
+}

@@ -1,0 +1,218 @@
+//! The loop's report for people: errors, residual spectra before and after, evidence, what was refused, what stays.
+
+use super::bands::bands;
+use super::outcome::{ErrorPair, Outcome};
+use super::replay::Replay;
+use crate::Result;
+use crate::report::Report;
+use crate::report::plot::{Axes, Label, Series, spectrum};
+
+fn number(x: f64) -> String {
+    if x == 0.0 {
+        "0".into()
+    } else if (1e-3..1e4).contains(&x.abs()) {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
+fn optional(x: Option<f64>) -> String {
+    x.map_or("-".into(), number)
+}
+
+fn interval(value: Option<f64>, range: Option<[f64; 2]>) -> String {
+    match (value, range) {
+        (Some(v), Some([a, b])) => format!("{v:.2} ({a:.2} to {b:.2})"),
+        _ => "-".into(),
+    }
+}
+
+/// The whole report.
+///
+/// # Errors
+/// A picture that cannot be drawn.
+pub fn report(outcome: &Outcome, replay: &Replay) -> Result<Report> {
+    let held = &outcome.error.held_out_runs;
+    let verdict = match outcome.effects.as_slice() {
+        [] => "nothing beyond the declared machine".to_string(),
+        effects => effects.iter().map(|e| format!("{}: {}", e.verdict, e.name)).collect::<Vec<_>>().join("; "),
+    };
+    let mut report = Report::new(&format!("Closed loop: {}", outcome.record), &verdict)
+        .figure("held-out error before", number(held.before))
+        .figure("held-out error after", number(held.after))
+        .figure("noise floor", number(held.noise_floor))
+        .figure("effects", outcome.effects.len());
+    report = errors(report, outcome);
+    report = residuals(report, outcome, replay)?;
+    report = evidence(report, outcome);
+    report = levels(report, outcome, replay);
+    report = refused(report, outcome);
+    Ok(report)
+}
+
+fn errors(report: Report, outcome: &Outcome) -> Report {
+    let rows = |name: &str, e: &ErrorPair| {
+        let row = |what: &str, [before, after, floor]: [f64; 3]| {
+            let over = number(after / floor.max(1e-300));
+            vec![format!("{name}, {what}"), number(before), number(after), number(floor), over]
+        };
+        vec![
+            row("shaft-synchronous, pooled", [e.before, e.after, e.noise_floor]),
+            row("whole signal, pooled", e.whole_signal),
+            row("whole signal, channel 0", e.per_channel[0]),
+            row("whole signal, channel 1", e.per_channel[1]),
+        ]
+    };
+    let mut all = rows("fit runs", &outcome.error.fit_runs);
+    all.extend(rows("held-out runs", &outcome.error.held_out_runs));
+    let list = |runs: &[usize]| runs.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    report
+        .section("Error before and after")
+        .text("Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs were read once, after every decision.")
+        .table("NRMSE, below 15 kHz", &["", "before", "after", "noise floor", "after / floor"], &all)
+        .text(&format!(
+            "Runs to fit: {}; to select: {}; held out: {}.",
+            list(&outcome.split[0]),
+            list(&outcome.split[1]),
+            list(&outcome.split[2])
+        ))
+}
+
+fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<Report> {
+    let Some(&run) = outcome.split[2].last() else { return Ok(report) };
+    let base = &replay.declared;
+    let (hz, bin) = (base.runs[run].angle.shaft_hz, 1.0 / base.analyser.duration_s());
+    let z = f64::from(base.machine.teeth[0]);
+    let peak = base.analyser.kernel_at(0.0).norm();
+    // Amplitudes of lines, from 8 Hz on, as the loop compares them.
+    let series = |name: &str, bins: &[rustfft::num_complex::Complex64], scale: f64, top: f64| {
+        let points =
+            bins.iter().enumerate().skip((8.0 / bin) as usize).map(|(b, x)| (b as f64 * bin * scale, x.norm() / peak));
+        Series::new(name, points.take_while(|p| p.0 < top).collect())
+    };
+    report = report.section("Residual spectrum").text(&format!(
+        "Held-out run {run} at {hz:.3} Hz, {:.1} N m. Peak amplitudes, dB re 1 m/s2.",
+        base.runs[run].torque_n_m
+    ));
+    for channel in 0..2 {
+        for (scale, top, x) in [(1.0 / hz, 3.6 * z, "order of the pinion"), (1.0, 15_000.0, "frequency, Hz")] {
+            let all = [
+                series("record", &base.runs[run].measured[channel], scale, top),
+                series("residual before", &replay.before[run][channel], scale, top),
+                series("residual after", &replay.after[run][channel], scale, top),
+            ];
+            let in_orders = scale != 1.0;
+            let mut labels: Vec<Label> = Vec::new();
+            if in_orders {
+                labels.extend((1..=3).map(|h| Label { x: f64::from(h) * z, text: format!("{h} x mesh") }));
+            }
+            for e in &outcome.effects {
+                let at = match (e.order_of_pinion, e.frequency_hz) {
+                    (Some(o), _) => Some(if in_orders { o } else { o * hz }),
+                    (None, Some(f)) => Some(if in_orders { f / hz } else { f }),
+                    _ => None,
+                };
+                labels.extend(at.filter(|_| in_orders).map(|x| Label { x, text: e.name.chars().take(28).collect() }));
+            }
+            let svg = spectrum(&all, &labels, 1.0, 110.0, Axes { x, y: "dB re 1 m/s2" })?;
+            report = report.picture(&svg, &format!("Channel {channel} over {x}."));
+        }
+    }
+    if !replay.missing.is_empty() {
+        report = report.note(&format!("Not drawn into the residual after: {}.", replay.missing.join("; ")));
+    }
+    Ok(report)
+}
+
+fn evidence(mut report: Report, outcome: &Outcome) -> Report {
+    report = report.section("Effects and their evidence");
+    if outcome.effects.is_empty() {
+        return report.text("No term earned its place: the declared machine, within its tolerances, explains what stands above the noise.");
+    }
+    for e in &outcome.effects {
+        let v = &e.evidence;
+        let mut rows = vec![
+            vec!["family, shaft".to_string(), format!("{}, {}", e.family, e.shaft)],
+            vec!["order of the pinion".into(), optional(e.order_of_pinion)],
+            vec!["frequency, Hz".into(), optional(e.frequency_hz)],
+            vec!["exponent of speed (95 %)".into(), interval(v.speed_exponent, v.speed_exponent_ci95)],
+            vec!["exponent of torque (95 %)".into(), interval(v.torque_exponent, v.torque_exponent_ci95)],
+            vec!["fall of the held-out error when added last".into(), number(v.held_out_gain)],
+            vec!["p after correction for the search".into(), number(v.p_value)],
+            vec!["Bayes factor over the next".into(), optional(v.bayes_factor_over_next)],
+            vec!["left at its own lines beyond noise".into(), number(v.left_at_its_lines)],
+        ];
+        for (name, drop) in &v.next {
+            rows.push(vec![format!("next: {name}"), format!("log likelihood lower by {drop:.1}")]);
+        }
+        for (name, p) in e.parameters.iter().take(12) {
+            let unit = if p.unit == "1" { "" } else { &p.unit };
+            rows.push(vec![
+                name.clone(),
+                format!("{} ({} to {}) {unit}", number(p.value), number(p.ci95[0]), number(p.ci95[1])),
+            ]);
+        }
+        report = report.table(&format!("{}: {}", e.verdict, e.name), &["", ""], &rows);
+        if let Some(text) = &e.deciding_experiment {
+            report = report.note(&format!("What would decide: {text}."));
+        }
+    }
+    report
+}
+
+fn levels(report: Report, outcome: &Outcome, replay: &Replay) -> Report {
+    let rows: Vec<Vec<String>> = bands(replay, outcome)
+        .iter()
+        .map(|b| {
+            vec![
+                format!("channel {}, {} x mesh", b.channel, b.harmonic),
+                format!("{:.2}", b.record_db),
+                format!("{:.3}", b.declared_error_db),
+                format!("{:.3}", b.corrected_error_db),
+            ]
+        })
+        .collect();
+    report
+        .section("Band levels a node would report")
+        .text("RMS of each mesh harmonic with its sidebands on the held-out runs; errors of the model, RMS over the runs.")
+        .table("dB re 1 m/s2", &["band", "record", "declared off by", "corrected off by"], &rows)
+}
+
+fn refused(report: Report, outcome: &Outcome) -> Report {
+    let mut refused = outcome.refused.clone();
+    refused.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let rows: Vec<Vec<String>> = refused
+        .iter()
+        .take(25)
+        .map(|(name, score)| {
+            let why = if *score > 0.0 {
+                "below the accepted one, or not confirmed on the selection runs"
+            } else {
+                "does not pay for its unknowns"
+            };
+            vec![name.clone(), format!("{score:.1}"), why.into()]
+        })
+        .collect();
+    let changes: Vec<Vec<String>> = outcome
+        .declared_parameter_changes
+        .iter()
+        .map(|(name, change)| vec![name.clone(), format!("{:.3}", 100.0 * change)])
+        .collect();
+    let left: Vec<Vec<String>> = outcome
+        .unexplained
+        .iter()
+        .map(|u| vec![u.description.clone(), format!("{:.4}", 100.0 * u.variance_share)])
+        .collect();
+    report
+        .section("Considered and refused")
+        .table(
+            "Best score of every explanation not taken (gain in likelihood less unknowns and search)",
+            &["explanation", "score", "why not"],
+            &rows,
+        )
+        .section("Declared parameters")
+        .table("Adopted changes within tolerance", &["parameter", "change, %"], &changes)
+        .section("What stays unexplained")
+        .table("Share of the variance below 15 kHz, held-out runs", &["", "%"], &left)
+}

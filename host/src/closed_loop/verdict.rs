@@ -1,0 +1,200 @@
+//! Verdicts: named, ambiguous or generic, with evidence.
+//!
+//! A name is given only if what it leaves at its own lines is small, its strength does not depend on the run, and no
+//! other name comes within a Bayes factor of 10; else the verdict is ambiguous or generic.
+
+use super::base_fit::Base;
+use super::candidate::{Candidate, Claim};
+use super::judge::{Judge, Judged, Split, corrected, joint};
+use super::least_squares::{Column, Data, subtract};
+use super::outcome::{Effect, Evidence, Value};
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+use std::collections::BTreeMap;
+
+/// Largest power left at its own lines, beyond noise, of a named effect.
+const LARGEST_LEFT: f64 = 0.04;
+
+/// Bins where the prediction stands above noise, power left there beyond noise, and power before.
+fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> f64 {
+    let rest = corrected(base, data, x, terms);
+    let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
+    let own: Vec<Column<'_>> =
+        terms[index].templates.iter().map(|template| Column { template, prior: (0.0, 0.0) }).collect();
+    let zero = |r: &[Vec<C>; 2]| [vec![C::ZERO; r[0].len()], vec![C::ZERO; r[1].len()]];
+    let mut predicted = Data { residual: data.residual.iter().map(zero).collect(), weight: Vec::new() };
+    subtract(&mut predicted, &own, &x[at..at + own.len()]);
+    let (mut left, mut whole) = (0.0, 1e-300);
+    for &r in runs {
+        for c in 0..2 {
+            let noise = super::spectrum::noise_power(&rest.residual[r][c]);
+            for b in 0..noise.len() {
+                let p = predicted.residual[r][c][b].norm_sqr();
+                if p > 6.0 * noise[b] && data.weight[r][c][b] > 0.0 {
+                    // Whitened, so that one strong line does not decide alone; each line counts up to its tempered weight.
+                    let w = data.weight[r][c][b];
+                    left += (rest.residual[r][c][b].norm_sqr() - noise[b]) * w;
+                    whole += p * w;
+                }
+            }
+        }
+    }
+    (left / whole).max(0.0)
+}
+
+/// Exponents by which the strength of a term departs from its own law, with 95 % half widths.
+fn departure(
+    base: &Base,
+    data: &Data,
+    runs: &[usize],
+    terms: &[&Candidate],
+    index: usize,
+    x: &[f64],
+) -> Option<[[f64; 2]; 2]> {
+    let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
+    let count = terms[index].templates.len();
+    let mut others = x.to_vec();
+    others[at..at + count].fill(0.0);
+    let rest = corrected(base, data, &others, terms);
+    let own: Vec<Column<'_>> =
+        terms[index].templates.iter().map(|template| Column { template, prior: (0.0, 0.0) }).collect();
+    let zero = |r: &[Vec<C>; 2]| [vec![C::ZERO; r[0].len()], vec![C::ZERO; r[1].len()]];
+    let mut predicted = Data { residual: data.residual.iter().map(zero).collect(), weight: Vec::new() };
+    let minus: Vec<f64> = x[at..at + count].iter().map(|v| -v).collect();
+    subtract(&mut predicted, &own, &minus);
+    let (mut rows, mut values, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+    for &r in runs {
+        let (mut dot, mut energy) = (0.0, 1e-300);
+        for c in 0..2 {
+            for (b, w) in data.weight[r][c].iter().enumerate() {
+                let p = predicted.residual[r][c][b];
+                dot += (p.conj() * rest.residual[r][c][b]).re * w;
+                energy += p.norm_sqr() * w;
+            }
+        }
+        let g = dot / energy;
+        if energy > 9.0 && g > 0.05 {
+            rows.push([1.0, (base.runs[r].angle.shaft_hz / 15.0).ln(), (base.runs[r].torque_n_m / 12.0).ln()]);
+            values.push(g.ln());
+            weights.push(g * g * energy);
+        }
+    }
+    if rows.len() < 4 {
+        return None;
+    }
+    let n = nalgebra::DMatrix::from_fn(3, 3, |i, j| {
+        rows.iter().zip(&weights).map(|(row, w)| row[i] * row[j] * w).sum::<f64>() + if i == j { 1e-9 } else { 0.0 }
+    });
+    let b = nalgebra::DVector::from_fn(3, |i, _| {
+        rows.iter().zip(&weights).zip(&values).map(|((row, w), v)| row[i] * w * v).sum::<f64>()
+    });
+    let inverse = n.try_inverse()?;
+    let e = &inverse * b;
+    let half = |i: usize| 1.96 * inverse[(i, i)].max(0.0).sqrt();
+    Some([[e[1], half(1)], [e[2], half(2)]])
+}
+
+/// Verdicts of the accepted terms against the candidates of the search.
+pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate], pool: &[Candidate]) -> Vec<Effect> {
+    let seen = split.seen();
+    let terms: Vec<&Candidate> = accepted.iter().collect();
+    let all = joint(base, data, &seen, &terms);
+    let mut effects = Vec::new();
+    for (index, term) in accepted.iter().enumerate() {
+        let others: Vec<&Candidate> =
+            accepted.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| c).collect();
+        let judge = Judge::new(base, data, split, &others);
+        let own = judge.judge(term.clone());
+        let mut rivals: BTreeMap<String, f64> = BTreeMap::new();
+        let judged: Vec<Judged> =
+            pool.par_iter().filter(|c| c.name != term.name).map(|c| judge.judge(c.clone())).collect();
+        for j in &judged {
+            let best = rivals.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
+            *best = best.max(j.score);
+        }
+        let mut rivals: Vec<(String, f64)> = rivals.into_iter().map(|(n, s)| (n, 0.5 * (own.score - s))).collect();
+        rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+        rivals.truncate(6);
+        let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
+        let left = left_at_lines(base, data, &seen, &terms, index, &all.x);
+        let exponents = departure(base, data, &seen, &terms, index, &all.x);
+        let steady = exponents.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < 0.12 + half));
+        let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
+        let near: Vec<&str> = rivals.iter().filter(|r| r.1 < 2.4 && named(&r.0)).map(|r| r.0.as_str()).collect();
+        let (verdict, name, experiment) = if term.claim == Claim::Generic || left > LARGEST_LEFT || !steady {
+            let seat = term
+                .order
+                .map(|o| format!("order {o:.4} of the pinion"))
+                .or(term.frequency_hz.map(|f| format!("{f:.2} Hz")))
+                .unwrap_or_else(|| "all orders".into());
+            let text = if term.claim == Claim::Generic {
+                format!("{} ({seat})", term.name)
+            } else {
+                format!("excitation at {seat}; resembles {} but does not follow its law", term.name)
+            };
+            ("generic", text, None)
+        } else if !near.is_empty() {
+            let mut names = vec![term.name.as_str()];
+            names.extend(near);
+            let text = "runs at a third torque and at a higher speed separate these laws".to_string();
+            ("ambiguous", names.join(" or "), Some(text))
+        } else {
+            ("named", term.name.clone(), None)
+        };
+        let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
+        effects.push(Effect {
+            verdict: verdict.into(),
+            name,
+            family: term.family.into(),
+            shaft: term.shaft.into(),
+            order_of_pinion: term.order,
+            frequency_hz: term.frequency_hz,
+            parameters: values(term, &all.x[at..], &all.sigma[at..], &seen),
+            evidence: Evidence {
+                speed_exponent: exponents.map(|e| e[0][0] + term.exponents[0]),
+                speed_exponent_ci95: exponents.map(|e| interval(e[0][0] + term.exponents[0], e[0][1])),
+                torque_exponent: exponents.map(|e| e[1][0] + term.exponents[1]),
+                torque_exponent_ci95: exponents.map(|e| interval(e[1][0] + term.exponents[1], e[1][1])),
+                held_out_gain: 0.0,
+                p_value: own.p_value(150.0),
+                bayes_factor_over_next: next.is_finite().then(|| next.min(13.8).exp()),
+                left_at_its_lines: left,
+                next: rivals,
+            },
+            deciding_experiment: experiment,
+        });
+    }
+    effects
+}
+
+fn interval(value: f64, half: f64) -> [f64; 2] {
+    [value - half, value + half]
+}
+
+fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMap<String, Value> {
+    let mut map = BTreeMap::new();
+    let value = |v: f64, half: f64, unit: &str| Value { value: v, ci95: interval(v, half), unit: unit.into() };
+    for p in &term.parameters {
+        if p.complex {
+            let i = if term.phase_free { 2 * seen[0] } else { p.first };
+            let (a, b) = (x[i], x[i + 1]);
+            let r = a.hypot(b).max(1e-300);
+            let half = 1.96 * ((a * sigma[i]).powi(2) + (b * sigma[i + 1]).powi(2)).sqrt() / r;
+            let half = if term.phase_free { half / (seen.len() as f64).sqrt() } else { half };
+            map.insert(p.name.clone(), value(r, half, p.unit));
+            if !term.phase_free {
+                let turn = 1.96 * ((b * sigma[i]).powi(2) + (a * sigma[i + 1]).powi(2)).sqrt() / (r * r);
+                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn, "rad"));
+            }
+        } else {
+            let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
+            if p.name.starts_with("stiffness_loss") && v > 0.0 {
+                // The template is of first order; a softer tooth deflects more, which the finite loss shares in as 1 / (1 - loss).
+                half /= (1.0 + v) * (1.0 + v);
+                v /= 1.0 + v;
+            }
+            map.insert(p.name.clone(), value(v, half, p.unit));
+        }
+    }
+    map
+}

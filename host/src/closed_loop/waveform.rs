@@ -1,0 +1,215 @@
+//! Time signals of the declared machine's steady state, and two faults of a record that are judged on them: a clipped channel and
+//! a speed that moves within the run.
+//!
+//! The mesh orders are summed by powers of one phasor per sample; with the tachometer's own angle instead of a straight line the same
+//! sum gives a slowly frequency-modulated prediction (quasi-steady: the machine is taken to follow at once). Cost: orders times samples.
+
+use super::base_fit::{Base, RunState};
+use super::input::{Record, Run};
+use super::least_squares::Data;
+use super::outcome::{Effect, Evidence, Value};
+use super::spectrum::Analyser;
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Prediction of both channels at a pinion angle per sample.
+pub fn waveform(analyser: &Analyser, run: &RunState, angle: impl Fn(f64) -> f64) -> [Vec<f64>; 2] {
+    let centre = run.inner.lines.len() / 2;
+    let step = run.inner.lines[centre + 1].order;
+    // Both signs of an order add up to one positive order.
+    let amplitude: Vec<[C; 2]> = (1..=centre)
+        .map(|n| {
+            let (up, down) = (&run.inner.lines[centre + n], &run.inner.lines[centre - n]);
+            [0, 1].map(|c| up.amplitude[c] + down.amplitude[c].conj())
+        })
+        .collect();
+    let mut channels = [vec![0.0; analyser.samples], vec![0.0; analyser.samples]];
+    for k in 0..analyser.samples {
+        let turn = C::cis(step * angle(k as f64 / analyser.rate_hz));
+        let mut phasor = C::ONE;
+        for a in &amplitude {
+            phasor *= turn;
+            channels[0][k] += a[0].re * phasor.re - a[0].im * phasor.im;
+            channels[1][k] += a[1].re * phasor.re - a[1].im * phasor.im;
+        }
+    }
+    channels
+}
+
+/// Prediction at the straight-line angle.
+pub fn steady(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
+    let (offset, speed) = (run.angle.offset_rad, TAU * run.angle.shaft_hz);
+    waveform(analyser, run, |t| offset + speed * t)
+}
+
+fn effect(name: &str, family: &str, gain: f64) -> Effect {
+    Effect {
+        verdict: "named".into(),
+        name: name.into(),
+        family: family.into(),
+        shaft: "none".into(),
+        order_of_pinion: None,
+        frequency_hz: None,
+        parameters: BTreeMap::new(),
+        evidence: Evidence { held_out_gain: gain, ..Evidence::default() },
+        deciding_experiment: None,
+    }
+}
+
+fn chi_change(data: &Data, model: &[[Vec<C>; 2]], base: &Base, runs: &[usize]) -> f64 {
+    let mut sum = 0.0;
+    for &r in runs {
+        for c in 0..2 {
+            for (b, w) in data.weight[r][c].iter().enumerate() {
+                let residual = base.runs[r].measured[c][b] - model[r][c][b];
+                sum += (data.residual[r][c][b].norm_sqr() - residual.norm_sqr()) * w;
+            }
+        }
+    }
+    sum
+}
+
+/// Limit at which a channel's samples pile up, m/s2, if they do.
+fn limit(runs: &[Run], channel: usize) -> Option<f64> {
+    let peak = runs.iter().flat_map(|r| &r.channels[channel]).fold(0.0_f64, |m, x| m.max(x.abs()));
+    let near = |run: &Run, low: f64, high: f64| {
+        run.channels[channel].iter().filter(|x| (low * peak..=high * peak).contains(&x.abs())).count()
+    };
+    // A free signal thins out towards its peak; a limited one piles up there.
+    let (at, below) = runs.iter().fold((0, 0), |(a, b), run| (a + near(run, 0.998, 1.0), b + near(run, 0.99, 0.998)));
+    (at > 40 && at > 3 * below).then_some(peak)
+}
+
+/// A channel whose samples stop at a limit; replaces the model by its limited waveform.
+pub fn clipping(base: &mut Base, record: &Record, data: &Data, held_out: &[usize]) -> Option<Effect> {
+    let limits = [0, 1].map(|c| limit(&record.runs, c));
+    if limits == [None, None] {
+        return None;
+    }
+    let analyser = &base.analyser;
+    let models: Vec<[Vec<C>; 2]> = base
+        .runs
+        .par_iter()
+        .map(|run| {
+            let full = steady(analyser, run);
+            [0, 1].map(|c| match limits[c] {
+                None => run.model[c].clone(),
+                Some(limit) => {
+                    let cut: Vec<f64> = full[c].iter().map(|x| x.clamp(-limit, limit) - x).collect();
+                    analyser.bins_of(&cut).iter().zip(&run.model[c]).map(|(d, m)| d + m).collect()
+                }
+            })
+        })
+        .collect();
+    let gain = chi_change(data, &models, base, held_out);
+    for (run, model) in base.runs.iter_mut().zip(models) {
+        run.model = model;
+    }
+    let mut found = effect("clipping", "path", gain.signum() * 1e-6);
+    for (c, who) in [(0, "pinion"), (1, "gear")] {
+        if let Some(value) = limits[c] {
+            let v = Value { value, ci95: [0.998 * value, 1.002 * value], unit: "m/s2".into() };
+            found.parameters.insert(format!("limit_of_the_{who}_channel"), v);
+        }
+    }
+    Some(found)
+}
+
+/// Natural cubic spline through the tachometer's edges: angle (rad) as a function of time.
+struct EdgeAngle {
+    t: Vec<f64>,
+    y: Vec<f64>,
+    bend: Vec<f64>,
+}
+
+impl EdgeAngle {
+    fn new(run: &Run, pulses_per_rev: u32) -> Self {
+        let t = run.edges_s.clone();
+        let n = t.len();
+        let turns = |i: usize| (i as f64 + f64::from(run.first_pulse_index)) / f64::from(pulses_per_rev);
+        let y: Vec<f64> = (0..n).map(|i| TAU * turns(i)).collect();
+        let (mut bend, mut u) = (vec![0.0; n], vec![0.0; n]);
+        for i in 1..n - 1 {
+            let s = (t[i] - t[i - 1]) / (t[i + 1] - t[i - 1]);
+            let p = s * bend[i - 1] + 2.0;
+            bend[i] = (s - 1.0) / p;
+            let d = (y[i + 1] - y[i]) / (t[i + 1] - t[i]) - (y[i] - y[i - 1]) / (t[i] - t[i - 1]);
+            u[i] = (6.0 * d / (t[i + 1] - t[i - 1]) - s * u[i - 1]) / p;
+        }
+        for i in (0..n - 1).rev() {
+            bend[i] = bend[i] * bend[i + 1] + u[i];
+        }
+        Self { t, y, bend }
+    }
+
+    fn at(&self, t: f64) -> f64 {
+        let i = self.t.partition_point(|x| *x <= t).clamp(1, self.t.len() - 1);
+        let h = self.t[i] - self.t[i - 1];
+        let (a, b) = ((self.t[i] - t) / h, (t - self.t[i - 1]) / h);
+        let line = a * self.y[i - 1] + b * self.y[i];
+        if !(0.0..=1.0).contains(&a) {
+            return line;
+        }
+        line + ((a * a * a - a) * self.bend[i - 1] + (b * b * b - b) * self.bend[i]) * h * h / 6.0
+    }
+}
+
+/// Speed that moves within the runs by more than the tachometer's jitter; replaces the model by one at the tachometer's angle.
+pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out: &[usize]) -> Option<Effect> {
+    let limit = 5.0 * record.jitter_s + 2e-6;
+    let moving = base.runs.iter().filter(|r| r.angle.edge_scatter_s > limit).count();
+    if 2 * moving <= base.runs.len() {
+        return None;
+    }
+    let analyser = &base.analyser;
+    let made: Vec<([Vec<C>; 2], f64, f64)> = base
+        .runs
+        .par_iter()
+        .zip(&record.runs)
+        .map(|(run, source)| {
+            let spline = EdgeAngle::new(source, record.pulses_per_rev);
+            let signal = waveform(analyser, run, |t| spline.at(t));
+            // Strongest rate of the angle's departure, up to half the edge rate.
+            let line = |t: f64| run.angle.offset_rad + TAU * run.angle.shaft_hz * t;
+            let departure: Vec<(f64, f64)> = source.edges_s.iter().map(|&t| (t, spline.at(t) - line(t))).collect();
+            let power = |hz: f64| departure.iter().map(|(t, d)| C::cis(-TAU * hz * t) * *d).sum::<C>().norm_sqr();
+            let top = 0.5 * run.angle.shaft_hz * f64::from(record.pulses_per_rev);
+            let rate = (5..(top / 0.1) as usize)
+                .map(|i| 0.1 * i as f64)
+                .max_by(|a, b| power(*a).total_cmp(&power(*b)))
+                .unwrap_or(0.0);
+            let rms = (departure.iter().map(|(_, d)| d * d).sum::<f64>() / departure.len() as f64).sqrt();
+            (signal.map(|s| analyser.bins_of(&s)), rate, rms)
+        })
+        .collect();
+    let models: Vec<[Vec<C>; 2]> = made.iter().map(|m| m.0.clone()).collect();
+    let all: Vec<usize> = (0..base.runs.len()).collect();
+    let gain = chi_change(data, &models, base, held_out);
+    if gain < 30.0 || chi_change(data, &models, base, &all) < 60.0 {
+        return None;
+    }
+    let spread = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+        (mean, square.sqrt() / mean.max(1e-9))
+    };
+    let rates: Vec<f64> = made.iter().map(|m| m.1).collect();
+    let orders: Vec<f64> = made.iter().zip(&base.runs).map(|(m, r)| m.1 / r.angle.shaft_hz).collect();
+    let (fixed, order) = (spread(&rates), spread(&orders));
+    let mut found = effect("speed-fluctuation", "non-stationary", 1e-6);
+    if fixed.1 < 0.1 {
+        found.frequency_hz = Some(fixed.0);
+    } else if order.1 < 0.1 {
+        found.order_of_pinion = Some(order.0);
+    }
+    let (rms, relative) = spread(&made.iter().map(|m| m.2).collect::<Vec<f64>>());
+    let half = 1.96 * rms * relative / (made.len() as f64).sqrt();
+    let value = Value { value: rms, ci95: [rms - half, rms + half], unit: "rad".into() };
+    found.parameters.insert("angle_departure_rms".into(), value);
+    for (run, model) in base.runs.iter_mut().zip(models) {
+        run.model = model;
+    }
+    Some(found)
+}

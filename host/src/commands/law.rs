@@ -1,0 +1,218 @@
+//! `meshband law`: the paper's studies on a machine, its bandwidth law, and the check at speeds not fitted.
+
+use clap::{Args as ClapArgs, Subcommand};
+use meshband_host::law::derive::{Check, Laws, OPERATING_POINTS, check, derive};
+use meshband_host::law::operating::Bench;
+use meshband_host::law::outcome::{self, Outcome};
+use meshband_host::law::report::{
+    CHECK_HEAD, LAW_HEAD, check_rows, check_section, law_rows, law_section, study_report,
+};
+use meshband_host::law::{export, validation};
+use meshband_host::machine::Machine;
+use meshband_host::report::{Report, write_json};
+use meshband_host::terminal::{Progress, table};
+use meshband_host::{Error, Result};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `meshband law`.
+#[derive(ClapArgs)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Bandwidth against module, teeth, speed, torque, ramp, crack and sampling rate.
+    Study(Study),
+    /// Fits every form of the law; writes the tabulated one for a node.
+    Fit(Fit),
+    /// Compares every form with simulations at speeds that were not fitted.
+    Check(Common),
+    /// The law as the Rust constants that the node is built with.
+    Export(Export),
+}
+
+#[derive(ClapArgs)]
+struct Common {
+    /// Machine file, or a record folder.
+    machine: PathBuf,
+    /// Writes everything as JSON here.
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Writes a self-contained HTML page with pictures here.
+    #[arg(long)]
+    report: Option<PathBuf>,
+}
+
+#[derive(ClapArgs)]
+struct Study {
+    #[command(flatten)]
+    common: Common,
+    /// Writes the judgement of the paper's statements as Markdown here.
+    #[arg(long)]
+    validation: Option<PathBuf>,
+}
+
+#[derive(ClapArgs)]
+struct Fit {
+    #[command(flatten)]
+    common: Common,
+    /// Writes the tabulated law here (law.toml), for a node.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+#[derive(ClapArgs)]
+struct Export {
+    /// Machine file.
+    machine: PathBuf,
+    /// Writes the source text here instead of printing it.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+/// Runs the action.
+pub fn run(args: Args) -> Result<()> {
+    match args.action {
+        Action::Study(args) => study(&args),
+        Action::Fit(args) => fit(&args),
+        Action::Check(args) => check_only(&args),
+        Action::Export(args) => export_only(&args),
+    }
+}
+
+fn study(args: &Study) -> Result<()> {
+    let machine = Machine::read(&args.common.machine)?;
+    let progress = Progress::new("law study", outcome::STEPS);
+    let outcome = outcome::run(&machine, &|| progress.step())?;
+    drop(progress);
+    if let Some(path) = &args.common.json {
+        write_json(path, &WithClaims { outcome: &outcome, claims: validation::claims(&outcome) })?;
+    }
+    if let Some(path) = &args.common.report {
+        study_report(&outcome)?.write(path)?;
+    }
+    if let Some(path) = &args.validation {
+        std::fs::write(path, validation::markdown(&outcome)).map_err(Error::file(path))?;
+    }
+    print_study(&outcome);
+    Ok(())
+}
+
+#[derive(Serialize)]
+struct WithClaims<'a> {
+    #[serde(flatten)]
+    outcome: &'a Outcome,
+    claims: Vec<validation::Claim>,
+}
+
+fn print_study(o: &Outcome) {
+    let c = &o.calibration;
+    println!(
+        "calibration: {:.4} mrad gives {:.2} kHz at {} Hz; this machine's ramp is {:.4} mrad\n",
+        1e3 * c.width_rad,
+        c.target_hz * 1e-3,
+        c.shaft_hz,
+        1e3 * o.laws.ramp_width_rad
+    );
+    let khz = meshband_host::law::report::khz;
+    let sweeps = [o.module.as_ref(), o.teeth.as_ref(), Some(&o.speed), Some(&o.torque)];
+    for sweep in sweeps.into_iter().flatten() {
+        let head = [sweep.name, "positive pulse, kHz", "alone, kHz", "negative pulse, kHz", "99 % occupied, kHz"];
+        let rows: Vec<Vec<String>> = sweep
+            .rows
+            .iter()
+            .map(|r| vec![r.label.clone(), khz(r.exit_hz), khz(r.alone_hz), khz(r.entry_hz), khz(Some(r.occupied_hz))])
+            .collect();
+        println!("{}", table(&head, &rows));
+    }
+    print_check(&o.check);
+    for claim in validation::claims(o) {
+        let verdict = match &claim.verdict {
+            validation::Verdict::Holds => "holds".to_string(),
+            validation::Verdict::HoldsOnlyIf(condition) => format!("holds only if {condition}"),
+            validation::Verdict::DoesNotHold => "does not hold".to_string(),
+        };
+        println!("{} - {}", claim.sentence, verdict);
+    }
+}
+
+fn print_check(check: &Check) {
+    println!("{}", table(&CHECK_HEAD, &check_rows(check)));
+    println!(
+        "ring of earlier engagements: {:.2} % rms, {:.2} % at most; hides the edge at {} of {} speeds\n",
+        100.0 * check.ring_rms,
+        100.0 * check.ring_worst,
+        check.hidden,
+        check.rows.len()
+    );
+}
+
+#[derive(Serialize)]
+struct Fitted<'a> {
+    laws: &'a Laws,
+    check: &'a Check,
+}
+
+/// Fits and checks a machine.
+fn fitted(path: &Path) -> Result<(Laws, Check)> {
+    let machine = Machine::read(path)?;
+    let bench = Bench::new(&machine)?;
+    let progress = Progress::new("law fit", OPERATING_POINTS);
+    let laws = derive(&machine, &bench, &|| progress.step())?;
+    let check = check(&laws, &bench, &|| progress.step())?;
+    Ok((laws, check))
+}
+
+fn write_common(args: &Common, laws: &Laws, check: &Check, title: &str) -> Result<()> {
+    if let Some(path) = &args.json {
+        write_json(path, &Fitted { laws, check })?;
+    }
+    if let Some(path) = &args.report {
+        let subtitle = format!("{}, ramp {:?}, hash {}", laws.machine, laws.ramp, laws.machine_hash);
+        let report = law_section(Report::new(title, &subtitle), laws)?;
+        check_section(report, check)?.write(path)?;
+    }
+    Ok(())
+}
+
+fn fit(args: &Fit) -> Result<()> {
+    let (laws, check) = fitted(&args.common.machine)?;
+    write_common(&args.common, &laws, &check, "Bandwidth law: fit")?;
+    if let Some(path) = &args.output {
+        let file = laws.file(check.relative_uncertainty());
+        file.for_node()?;
+        std::fs::write(path, file.to_toml()).map_err(Error::file(path))?;
+    }
+    println!(
+        "machine {}, hash {}, ramp {:?} of {:.4} mrad, 1 to 25 Hz",
+        laws.machine,
+        laws.machine_hash,
+        laws.ramp,
+        1e3 * laws.ramp_width_rad
+    );
+    println!("{}", table(&LAW_HEAD, &law_rows(&laws)));
+    print_check(&check);
+    Ok(())
+}
+
+fn check_only(args: &Common) -> Result<()> {
+    let (laws, check) = fitted(&args.machine)?;
+    write_common(args, &laws, &check, "Bandwidth law: check")?;
+    print_check(&check);
+    Ok(())
+}
+
+fn export_only(args: &Export) -> Result<()> {
+    let (laws, check) = fitted(&args.machine)?;
+    let source = export::rust_source(&laws.file(check.relative_uncertainty()), &args.machine.display().to_string())?;
+    match &args.output {
+        Some(path) => std::fs::write(path, source).map_err(Error::file(path)),
+        None => {
+            print!("{source}");
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Cost of the solver on the golden 19/48 pair at 30 turns/s, one thread: integration at 1e-9, the periodic
+//! steady state of one operating point, and one channel sampled at 100 MHz. `cargo xtask bench` runs it beside
+//! a peer; simulated time per iteration is 0.1 s, 0.01 s for the sampled channel.
+
+#[path = "../tests/golden_pair/mod.rs"]
+mod golden_pair;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use golden_pair::golden;
+use meshband_host::dynamics::sample::Sampler;
+use meshband_host::dynamics::steady::steady_state;
+use meshband_host::dynamics::taylor::Options;
+use meshband_host::dynamics::{Mesh, Solver, State};
+use std::hint::black_box;
+
+/// Simulated time of one integration, s; `xtask/src/bench.rs` divides by the same.
+const INTEGRATED_S: f64 = 0.1;
+/// Simulated time of one sampled channel, s.
+const SAMPLED_S: f64 = 0.01;
+
+fn dynamics(criterion: &mut Criterion) {
+    let g = golden();
+    let force = &g.system.torque * g.torque;
+    let options = Options { tolerance: 1e-9, ..Default::default() };
+    let start = g.system.static_deflection(&force, g.k[0]).expect("solvable");
+    let state = State::<8> { q: std::array::from_fn(|i| start[i]), v: [0.0; 8] };
+    let solver = Solver::<8>::new(&g.system, &force);
+    let mesh = || Mesh::new(&g.system, &g.stiffness, g.damping, &g.motion, &[], g.facts);
+    criterion.bench_function("integrate", |b| {
+        b.iter(|| {
+            let mut state = state;
+            solver.integrate(&mut mesh(), &mut state, (0.0, INTEGRATED_S), &options, |_| {}).expect("integrates");
+            black_box(state)
+        });
+    });
+    criterion.bench_function("steady_state", |b| {
+        b.iter(|| {
+            let steady = steady_state::<8>(&g.system, &mut mesh(), &force, (0.0, g.period), &options);
+            black_box(steady.expect("stable").state)
+        });
+    });
+    let y1 = g.system.sensor(0).expect("y1");
+    criterion.bench_function("channel_100_mhz", |b| {
+        b.iter(|| {
+            let mut state = state;
+            let mut sampler = Sampler::new(100e6, (SAMPLED_S * 100e6) as usize);
+            let mut sum = 0.0;
+            solver
+                .integrate(&mut mesh(), &mut state, (0.0, SAMPLED_S), &options, |step| {
+                    sampler.take(step, &[y1], |_, _, values| sum += values[values.len() - 1]);
+                })
+                .expect("integrates");
+            black_box(sum)
+        });
+    });
+}
+
+criterion_group!(benches, dynamics);
+criterion_main!(benches);

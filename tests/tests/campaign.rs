@@ -1,0 +1,64 @@
+//! The proof campaign: same seed same records, and a stopped campaign goes on where it was.
+
+use meshband_host::closed_loop::campaign::{Plan, Scored, run, summarise};
+use std::path::{Path, PathBuf};
+
+fn machine(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors").join(name)
+}
+
+#[test]
+fn theory_summary_counts_false_terms_and_right_families() {
+    let scored = |id: &str, part: &str, reported: usize, result: &[&str], wrong_names: usize| Scored {
+        id: id.into(),
+        part: part.into(),
+        machine: "m".into(),
+        coloured: false,
+        parameters_off: false,
+        hidden: result.iter().map(|_| "pinion-eccentricity".to_string()).collect(),
+        level: 2.0,
+        reported: vec![["named".into(), "x".into(), "path".into()]; reported],
+        result: result.iter().map(|r| r.to_string()).collect(),
+        wrong_names,
+        surplus: 0,
+        covered: Some(true),
+        estimate_over_truth: None,
+        held_out: [[0.4, 0.1, 0.1], [0.4, 0.2, 0.1]],
+        seconds: 1.0,
+    };
+    let all = [
+        scored("null-0", "null", 0, &[], 0),
+        scored("null-1", "null", 1, &[], 1),
+        scored("power-0", "power", 1, &["named"], 0),
+        scored("power-1", "power", 1, &["generic"], 0),
+        scored("power-2", "power", 1, &["other-family"], 1),
+        scored("power-3", "power", 0, &["missed"], 0),
+    ];
+    let summary = summarise(&all);
+    let null = summary.null.last().unwrap();
+    assert_eq!((null.records, null.found), (2, 0.5));
+    let power = summary.power.iter().find(|r| r.group.starts_with('2')).unwrap();
+    assert_eq!((power.found, power.named, power.right_family, power.wrong), (0.75, 0.25, 0.5, 0.25));
+    assert!((power.after_over_floor - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn regress_a_campaign_resumes_from_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = |null: usize, log: &str| Plan {
+        machines: vec![machine("check-19-48")],
+        null,
+        power: 0,
+        leave_one_out: 0,
+        two: 0,
+        seed: 3,
+        log: folder.path().join(log),
+    };
+    let first = run(&plan(1, "a")).unwrap();
+    let started = std::fs::read_to_string(folder.path().join("a")).unwrap();
+    // Nothing left to do: the log is read, not written.
+    let again = run(&plan(1, "a")).unwrap();
+    assert_eq!(std::fs::read_to_string(folder.path().join("a")).unwrap(), started);
+    assert_eq!(first[0].held_out, again[0].held_out);
+    assert!(first[0].wrong_names == 0);
+}

@@ -1,0 +1,59 @@
+//! The loop's report, band levels and corrected machine, on a generated record with a known effect.
+
+use meshband_host::closed_loop::generate::{self, Effect, Scenario};
+use meshband_host::closed_loop::{Options, apply, bands, close_loop, input, replay, report};
+use meshband_host::machine::Machine;
+use std::path::Path;
+
+#[test]
+fn loop_report_and_corrected_machine_agree_with_the_outcome() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48");
+    let declared = input::read(&folder).unwrap();
+    let mut scenario = Scenario::null(&declared.shafts, 11);
+    scenario.duration_s = 1.0;
+    scenario.effects = vec![Effect::Eccentricity { shaft: 0, amplitude_m: 30e-6, phase_rad: 0.7 }];
+    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    let outcome = close_loop(&record, &Options::default()).unwrap();
+    print!("{}", outcome.summary());
+    assert!(!outcome.effects.is_empty());
+    let replayed = replay::replay(&record, &outcome);
+    assert!(replayed.missing.is_empty(), "{:?}", replayed.missing);
+    let power = |residual: &[[Vec<rustfft::num_complex::Complex64>; 2]]| -> f64 {
+        outcome.split[2].iter().flat_map(|&r| &residual[r]).flatten().map(|x| x.norm_sqr()).sum()
+    };
+    let (before, after) = (power(&replayed.before), power(&replayed.after));
+    println!("held-out residual power {before:.4e} -> {after:.4e}");
+    assert!(after < 0.8 * before, "the rebuilt effects lower the residual: {before} -> {after}");
+    for band in bands::bands(&replayed, &outcome) {
+        println!("{band:?}");
+        assert!(band.record_db.is_finite() && band.corrected_error_db < band.declared_error_db + 0.3, "{band:?}");
+    }
+    let html = report::report(&outcome, &replayed).unwrap().html();
+    for section in ["Error before and after", "Residual spectrum", "Considered and refused", "stays unexplained"] {
+        assert!(html.contains(section), "{section}");
+    }
+    let copy = tempfile::tempdir().unwrap();
+    let machine = copy.path().join("bench.toml");
+    std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/19-48.toml"), &machine).unwrap();
+    let applied = apply::apply(&machine, &outcome).unwrap();
+    println!("{applied:?}");
+    let corrected = Machine::read(&applied.machine).unwrap();
+    let plain = Machine::read(&machine).unwrap();
+    let change = 1.0 + outcome.declared_parameter_changes["pinion mass"];
+    assert!((corrected.shafts.mass_kg[0] / plain.shafts.mass_kg[0] - change).abs() < 1e-9);
+    for effect in &applied.written {
+        meshband_host::effects::parse(effect).unwrap();
+    }
+}
+
+#[test]
+fn theory_every_mapped_name_and_key_exists_in_the_simulator() {
+    for (_, name, gear, keys) in apply::MAPPING {
+        let entry = meshband_host::effects::entry(name).unwrap();
+        let known = |key: &str| entry.parameters.iter().any(|p| p.name == key);
+        assert!(gear.is_none() || known("gear"), "{name}: gear");
+        for (_, key) in *keys {
+            assert!(known(key), "{name}: {key}");
+        }
+    }
+}

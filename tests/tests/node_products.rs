@@ -1,0 +1,234 @@
+//! What the node makes of whole signals: sidebands of both shafts, run-ups, the law's check, and a cracked tooth.
+
+use meshband::alarm::{AlarmBand, Watched};
+use meshband::config::Configuration;
+use meshband::events::EventKind;
+use meshband::law::{Law, LawForm};
+use meshband::message::{Indicators, Message, Spectrum};
+use meshband::node::{Block, Node};
+use meshband::units::{Acceleration, Hertz, TicksPerSecond};
+use meshband_host::dynamics::assembly::{Damping, Model};
+use meshband_host::dynamics::{Motion, Rig};
+use meshband_host::machine::{Crack, Machine, Side};
+use std::f64::consts::TAU;
+
+const BLOCK: usize = 512;
+const CLOCK: f64 = 25.0e6;
+const PER_CODE: f64 = 0.01;
+
+#[derive(Default)]
+struct Heard {
+    spectra: Vec<Spectrum>,
+    indicators: Vec<Indicators>,
+    events: Vec<EventKind>,
+}
+
+fn config(pinion_teeth: u16, gear_teeth: u16) -> Configuration {
+    let mut config = Configuration::default();
+    (config.gears.pinion_teeth, config.gears.gear_teeth) = (pinion_teeth, gear_teeth);
+    config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+    config
+}
+
+/// Feeds a node for `seconds`; `turns(t)` must ascend, `signal(t, turns)` is the acceleration.
+fn run(
+    config: Configuration,
+    seconds: f64,
+    turns: impl Fn(f64) -> f64,
+    mut signal: impl FnMut(f64, f64) -> f64,
+) -> Heard {
+    let mut node = Box::new(Node::new(config, TicksPerSecond(CLOCK as u32)).expect("a sound configuration"));
+    let mut heard = Heard::default();
+    let (mut first, mut next_turn, mut sequence) = (1_000u64, 0.0, 0);
+    let mut period = node.requested_period_ticks();
+    let mut codes = [0u16; BLOCK];
+    while (first as f64) < seconds * CLOCK {
+        for (n, code) in codes.iter_mut().enumerate() {
+            let t = (first + n as u64 * u64::from(period)) as f64 / CLOCK;
+            *code = ((signal(t, turns(t)) / PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
+        }
+        let end = first + BLOCK as u64 * u64::from(period);
+        while next_turn <= turns(end as f64 / CLOCK) {
+            let (mut low, mut high) = (first as f64 / CLOCK - 1.0, end as f64 / CLOCK);
+            for _ in 0..50 {
+                let middle = 0.5 * (low + high);
+                if turns(middle) < next_turn { low = middle } else { high = middle }
+            }
+            node.on_tach_edge((high * CLOCK).round() as i64 as u32);
+            next_turn += 1.0;
+        }
+        let first_tick = first as u32;
+        node.on_block(Block { codes: &codes, first_tick, period_ticks: period, sequence, overrun: false });
+        (sequence, first, period) = (sequence + 1, end, node.requested_period_ticks());
+        while let Some(message) = node.poll(end as u32) {
+            match message {
+                Message::Spectrum(spectrum) => heard.spectra.push(spectrum),
+                Message::Indicators(indicators) => heard.indicators.push(indicators),
+                Message::Event(event) => heard.events.push(event.kind),
+                _ => {}
+            }
+        }
+    }
+    heard
+}
+
+fn tone(turns: f64, order: f64) -> f64 {
+    (TAU * (order * turns).fract()).sin()
+}
+
+/// Harmonics 1..5 of 19 teeth, each with sidebands of both shafts of a 19/48 pair.
+fn gear_signal(turns: f64) -> f64 {
+    (1..=5)
+        .map(|h| {
+            let order = f64::from(h) * 19.0;
+            let wheel = 19.0 / 48.0;
+            10.0 / f64::from(h) * tone(turns, order)
+                + tone(turns, order + 1.0)
+                + 0.5 * tone(turns, order - 1.0)
+                + 0.3 * tone(turns, order + wheel)
+        })
+        .sum()
+}
+
+/// Asserts the lines of [`gear_signal`]: frequency within a tenth of a bin, amplitudes within `decibels`.
+fn assert_lines(spectrum: &Spectrum, decibels: f64) {
+    assert_eq!(spectrum.bands.len(), 5);
+    let speed = f64::from(spectrum.tag.speed_hz);
+    let bin = f64::from(spectrum.tag.resolution_hz);
+    assert!(bin <= speed / 8.0 * 1.0001, "resolution {bin} Hz at {speed} Hz");
+    for band in &spectrum.bands {
+        let centre = f64::from(band.harmonic) * 19.0;
+        let lines = [
+            (band.line, centre, 10.0 / f64::from(band.harmonic)),
+            (band.sidebands[3], centre + 1.0, 1.0),
+            (band.sidebands[2], centre - 1.0, 0.5),
+            (band.gear_sidebands[3], centre + 19.0 / 48.0, 0.3),
+        ];
+        for (line, order, amplitude) in lines {
+            let bins = (f64::from(line.frequency_hz) - order * speed) / bin;
+            let level = 20.0 * (f64::from(line.amplitude) / amplitude).log10();
+            assert!(bins.abs() < 0.1, "order {order} at {speed} Hz: {bins} bins off");
+            assert!(level.abs() < decibels, "order {order} at {speed} Hz: {level} dB");
+        }
+    }
+}
+
+#[test]
+fn theory_sidebands_of_both_shafts_are_resolved_from_1_to_25_hz() {
+    for (speed, seconds) in [(1.0, 25.0), (5.0, 6.0), (15.0, 3.0), (25.0, 2.0)] {
+        let heard = run(config(19, 48), seconds, |t| speed * t, |_, turns| gear_signal(turns));
+        let spectrum = heard.spectra.last().unwrap_or_else(|| panic!("no spectrum at {speed} Hz"));
+        assert!((f64::from(spectrum.tag.speed_hz) / speed - 1.0).abs() < 1e-4);
+        assert_lines(spectrum, 0.1);
+    }
+}
+
+#[test]
+fn theory_a_run_up_of_5_percent_per_second_gives_sharp_lines() {
+    let turns = |t: f64| 6.0 * ((0.05 * t).exp_m1() / 0.05);
+    let heard = run(config(19, 48), 9.0, turns, |_, turns| gear_signal(turns));
+    assert!(!heard.spectra.is_empty());
+    for spectrum in &heard.spectra {
+        assert!(spectrum.fastest_hz > 1.05 * spectrum.slowest_hz, "the speed does change");
+        assert_lines(spectrum, 0.2);
+    }
+}
+
+#[test]
+fn theory_the_law_is_checked_by_rise_times_and_an_event_tells_when_they_part() {
+    // Engagement edges of 100 us, 80 us from 10 to 90 %: 4375 Hz.
+    let edges = |_: f64, turns: f64| {
+        let t = (turns * 20.0).fract() * 5e-3;
+        20.0 * if t < 1e-4 { t / 1e-4 } else { (1.0 - (t - 1e-4) / 4.0e-3).max(0.0) }
+    };
+    let law = |bandwidth: f32| Law {
+        form: LawForm::Quadratic { a_per_hz: 0.0, b: 0.0, c_hz: bandwidth },
+        relative_uncertainty: 0.05,
+        provisional: false,
+        ..Law::PROVISIONAL
+    };
+    let alarm = AlarmBand {
+        watched: Watched::BandwidthRatio,
+        from: Hertz(1.0),
+        to: Hertz(50.0),
+        raise: 1.5,
+        clear: 1.2,
+        persistence: 1,
+    };
+    for (bandwidth, parts, raised) in [(4_375.0, false, false), (2_200.0, true, true), (9_000.0, true, false)] {
+        let mut config = Configuration { law: law(bandwidth), ..config(20, 30) };
+        config.alarms.push(alarm).expect("room for one");
+        let heard = run(config, 9.0, |t| 10.0 * t, edges);
+        let measured: Vec<_> = heard.indicators.iter().filter_map(|i| i.bandwidth).collect();
+        assert!(measured.len() >= 3, "{} measurements", measured.len());
+        for measured in &measured {
+            let error = measured.bandwidth_hz / 4_375.0 - 1.0;
+            assert!(error.abs() < 0.03, "law {bandwidth}: {measured:?}");
+        }
+        assert_eq!(heard.events.contains(&EventKind::BandwidthDeparts), parts, "law {bandwidth}");
+        assert_eq!(heard.events.contains(&EventKind::AlarmRaised), raised, "law {bandwidth}");
+    }
+}
+
+/// One turn of the pinion of the 19/48 machine in steady state, acceleration of the pinion, unit RMS; `crack_m` deep crack.
+fn turn_of_the_machine(crack_m: f64, speed: f64) -> Vec<f64> {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/19-48.toml");
+    let mut machine = Machine::read(&path).expect("a machine");
+    if crack_m > 0.0 {
+        machine.crack =
+            Some(Crack { side: Side::Pinion, tooth: 3, depth_m: crack_m, angle_deg: 70.0, rule: Default::default() });
+    }
+    let rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).expect("a rig");
+    let rate = 1024.0 * speed;
+    let motion = Motion::Constant { speed_hz: speed, turns_at_zero: 0.0 };
+    let (channels, _) = rig.accelerations(&motion, 11.9, &[], rate, 9 * 1024).expect("runs");
+    let turn = channels[0][8 * 1024..].to_vec();
+    let rms = (turn.iter().map(|x| x * x).sum::<f64>() / 1024.0).sqrt();
+    turn.iter().map(|x| x / rms).collect()
+}
+
+/// FM4 of successive averages of the machine with noise, load and speed fluctuation.
+fn fm4_of(turn: &[f64], noise: f64, load: f64, wander: f64, seed: u64, seconds: f64) -> (Vec<f64>, usize) {
+    let mut state = seed;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let mut config = config(19, 48);
+    let watched = Watched::Fm4;
+    let alarm = AlarmBand { watched, from: Hertz(1.0), to: Hertz(50.0), raise: 4.5, clear: 4.0, persistence: 1 };
+    config.alarms.push(alarm).expect("room for one");
+    let turns = |t: f64| 20.0 * t + 20.0 * wander / (TAU * 0.7) * (1.0 - (TAU * 0.7 * t).cos());
+    let heard = run(config, seconds, turns, |t, turns| {
+        let place = turns.rem_euclid(1.0) * 1024.0;
+        let (k, u) = (place as usize % 1024, place.fract());
+        let value = turn[k] + u * (turn[(k + 1) % 1024] - turn[k]);
+        let gaussian = random() + random() + random() + random() - 2.0;
+        20.0 * value * (1.0 + load * (TAU * 1.3 * t).sin()) + 20.0 * noise * gaussian * 3f64.sqrt()
+    });
+    let alarms = heard.events.iter().filter(|&&kind| kind == EventKind::AlarmRaised).count();
+    (heard.indicators.iter().filter_map(|i| i.gear).map(|g| f64::from(g.fm4)).collect(), alarms)
+}
+
+#[test]
+fn fault_a_cracked_tooth_raises_fm4_beyond_healthy_runs() {
+    let speed = 20.0;
+    let (healthy, cracked) = (turn_of_the_machine(0.0, speed), turn_of_the_machine(1.8e-3, speed));
+    let (with_noise, false_alarms) = fm4_of(&healthy, 1.0, 0.0, 0.0, 11, 26.0);
+    let (damaged, alarms) = fm4_of(&cracked, 1.0, 0.0, 0.0, 12, 10.0);
+    let mean = with_noise.iter().sum::<f64>() / with_noise.len() as f64;
+    let deviation = (with_noise.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (with_noise.len() - 1) as f64).sqrt();
+    let lowest = damaged.iter().fold(f64::MAX, |a, &b| a.min(b));
+    println!("healthy FM4 {mean:.3} +- {deviation:.3} over {} averages, cracked {damaged:.3?}", with_noise.len());
+    println!("alarms at FM4 4.5: healthy {false_alarms}, cracked {alarms}");
+    for (name, load, wander) in [("load +-20 %", 0.2, 0.0), ("speed +-2 %", 0.0, 0.02), ("both", 0.2, 0.02)] {
+        let (values, alarms) = fm4_of(&healthy, 1.0, load, wander, 13, 26.0);
+        let above = values.iter().filter(|&&x| x > mean + 5.0 * deviation).count();
+        println!("{name}: {above} of {} above five sigma, {alarms} alarms, {values:.2?}", values.len());
+    }
+    assert!(with_noise.len() >= 8 && damaged.len() >= 3);
+    assert!(lowest > mean + 5.0 * deviation, "cracked {lowest}, healthy {mean} +- {deviation}");
+    assert!(alarms > 0 && false_alarms == 0, "the alarm tells them apart");
+}

@@ -1,0 +1,100 @@
+//! `cargo xtask bench-node`: instructions of the node's stages in QEMU against the committed counts.
+//!
+//! `--overwrite` writes the counts instead. Counts repeat exactly; a change beyond the tolerance is a change of code or
+//! compiler and wants a look. The table shows the price of resolving the mesh bands against one full-band FFT at the law's
+//! rate with a line spacing of f_shaft/8, extrapolated by N log N from CMSIS-DSP's 4096 points.
+
+use crate::setup::TARGET;
+use crate::shell::{Outcome, cargo, root, run, say};
+use std::collections::BTreeMap;
+use std::process::Stdio;
+
+const SNAPSHOT: &str = "tests/snapshots/instructions.txt";
+/// Relative change that is reported as an error.
+const TOLERANCE: f64 = 0.03;
+/// Instructions per second the complete chain may take: half of a 168 MHz Cortex-M4F at two cycles each.
+const BUDGET: u64 = 42_000_000;
+/// CMSIS-DSP's `arm_rfft_fast_f32` of 4096 points, instructions.
+const CMSIS_4096: f64 = 229_520.0;
+
+type Counts = BTreeMap<String, u64>;
+
+/// Builds, runs, prints, compares.
+pub fn run_task(arguments: &[String]) -> Outcome {
+    let build = ["build", "--quiet", "--package", "meshband-node", "--target", TARGET, "--profile", "firmware"];
+    run(cargo(&build).args(["--bin", "bench", "--features", "board-an386"]))?;
+    let image = crate::node_build::image("bench");
+    let mut qemu = crate::shell::command(&["qemu-system-arm", "-machine", "mps2-an386", "-nodefaults"]);
+    qemu.args(["-display", "none", "-monitor", "none", "-icount", "shift=6,sleep=off"]);
+    qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(&image);
+    let output = qemu.stdin(Stdio::null()).output().map_err(|e| format!("qemu-system-arm: {e}"))?;
+    // The image's console is QEMU's standard error.
+    let console = String::from_utf8_lossy(&output.stderr);
+    if !(output.status.success() && console.lines().any(|line| line == "node: finished")) {
+        return Err(format!("the bench image did not finish:\n{console}"));
+    }
+    let counts = parse(&console);
+    table(&counts);
+    let path = root().join(SNAPSHOT);
+    if arguments.iter().any(|a| a == "--overwrite") {
+        let text: String = counts.iter().map(|(name, value)| format!("{name} {value}\n")).collect();
+        let folder = path.parent().unwrap_or(&path);
+        std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&path, text)).map_err(|e| e.to_string())?;
+        say(format_args!("written: {SNAPSHOT}"));
+        return Ok(());
+    }
+    let committed = std::fs::read_to_string(&path).map_err(|e| format!("{SNAPSHOT}: {e}"))?;
+    compare(&counts, &pairs(committed.lines()))
+}
+
+fn parse(text: &str) -> Counts {
+    pairs(text.lines().filter_map(|line| line.trim().strip_prefix("bench: ")))
+}
+
+fn pairs<'a>(lines: impl Iterator<Item = &'a str>) -> Counts {
+    lines.filter_map(|line| line.rsplit_once(' ')).filter_map(|(n, v)| Some((n.to_owned(), v.parse().ok()?))).collect()
+}
+
+fn compare(counts: &Counts, committed: &Counts) -> Outcome {
+    let mut complaints = Vec::new();
+    for (name, &old) in committed {
+        let Some(&new) = counts.get(name) else {
+            complaints.push(format!("{name}: no longer reported"));
+            continue;
+        };
+        let change = new as f64 / old.max(1) as f64 - 1.0;
+        if change.abs() > TOLERANCE {
+            complaints.push(format!("{name}: {new} instead of {old} ({:+.1} %)", 100.0 * change));
+        }
+    }
+    if complaints.is_empty() { Ok(()) } else { Err(complaints.join("\n")) }
+}
+
+fn table(counts: &Counts) {
+    for (name, value) in counts {
+        println!("{name:40} {value:>12}");
+    }
+    let get = |name: String| counts.get(&name).copied().unwrap_or(0) as f64;
+    println!("\nmesh bands against one full-band FFT of the same resolution (f_shaft/8), M instructions per second");
+    println!("{:>5} {:>9} {:>11} {:>9} {:>12} {:>14}", "Hz", "filters", "order chain", "FFT", "FFT/chain", "FFT/(all)");
+    for speed in [1, 5, 10, 25] {
+        let rate = get(format!("law-rate-hz@{speed}"));
+        let points = (8.0 * rate / f64::from(speed)).max(2.0).log2().ceil();
+        let fft = CMSIS_4096 * (points - 12.0).exp2() * points / 12.0 * rate / points.exp2();
+        let filters = get(format!("mesh-decimation-per-s@{speed}"));
+        let chain = get(format!("mesh-order-domain-per-s@{speed}"));
+        println!(
+            "{speed:5} {:9.2} {:11.2} {:9.2} {:12.2} {:14.2}",
+            filters / 1e6,
+            chain / 1e6,
+            fft / 1e6,
+            fft / chain,
+            fft / (chain + filters)
+        );
+    }
+    for name in ["chain-per-s@25", "chain-highest-rate-per-s@25"] {
+        let spent = get(name.to_owned()) as u64;
+        let verdict = if spent <= BUDGET { "within" } else { "BEYOND" };
+        println!("{name}: {:.1} M, {verdict} the budget of {:.0} M", spent as f64 / 1e6, BUDGET as f64 / 1e6);
+    }
+}

@@ -1,0 +1,59 @@
+//! `cargo xtask prove` and `cargo xtask blind`: the loop's proof campaign and its answers on the blind records.
+
+use crate::shell::{Outcome, cargo, root, run, say, timed};
+use std::path::PathBuf;
+
+/// Builds the command once, so that later steps only run it.
+fn meshband() -> Outcome<PathBuf> {
+    timed("the meshband command", || {
+        run(&mut cargo(&["build", "--quiet", "--release", "--package", "meshband-host", "--bin", "meshband"]))
+    })?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    Ok(target.join("release").join(format!("meshband{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// The campaign of the proof; further arguments go to `meshband prove` in place of the counts.
+pub fn campaign(args: &[String]) -> Outcome {
+    let program = meshband()?;
+    let docs = root().join("docs/proof");
+    std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
+    let counts = ["--null", "200", "--power", "336", "--leave-one-out", "76", "--two", "38", "--seed", "1"];
+    let mut command = std::process::Command::new(program);
+    command.current_dir(root()).arg("prove");
+    for machine in ["check-19-48", "check-55-75"] {
+        command.arg("--machine").arg(format!("tests/vectors/{machine}"));
+    }
+    if args.is_empty() {
+        command.args(counts);
+    } else {
+        command.args(args);
+    }
+    command.arg("--log").arg(docs.join("records.jsonl"));
+    command.arg("--json").arg(docs.join("summary.json")).arg("--report").arg(docs.join("report.html"));
+    run(&mut command)
+}
+
+/// The loop on every blind record that has no answer yet; an answer that exists is never overwritten.
+pub fn blind() -> Outcome {
+    let records = root().join("../shared/blind");
+    let entries = std::fs::read_dir(&records).map_err(|e| format!("{}: {e}", records.display()))?;
+    let mut cases: Vec<PathBuf> = entries
+        .filter_map(|entry| entry.ok().map(|e| e.path()))
+        .filter(|path| path.join("record.toml").is_file())
+        .collect();
+    cases.sort();
+    let program = meshband()?;
+    let docs = root().join("docs/blind");
+    for case in cases {
+        let name = case.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let json = docs.join(format!("{name}.json"));
+        if json.exists() {
+            say(format!("{name}: answered already, kept"));
+            continue;
+        }
+        let mut command = std::process::Command::new(&program);
+        command.arg("loop").arg(&case).arg("--json").arg(&json).arg("--report").arg(docs.join(format!("{name}.html")));
+        timed(&name, || run(&mut command))?;
+    }
+    Ok(())
+}
