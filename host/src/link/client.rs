@@ -186,7 +186,7 @@ impl Client {
 
     /// Replaces the law in force.
     pub fn put_law(&mut self, law: &Law) -> Result<()> {
-        self.done(&Request::PutLaw(law.clone()))
+        self.done(&Request::PutLaw(*law))
     }
 
     /// Measures.
