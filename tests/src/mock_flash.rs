@@ -138,10 +138,8 @@ impl<const SECTOR: usize, const WORD: usize> NorFlash for MockFlash<SECTOR, WORD
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), MockError> {
         let range = self.range(offset, bytes.len(), WORD)?;
         for (at, &byte) in range.zip(bytes) {
-            if at % WORD == 0 {
-                if std::mem::replace(&mut self.written[at / WORD], true) {
-                    return Err(MockError::WrittenTwice);
-                }
+            if at % WORD == 0 && std::mem::replace(&mut self.written[at / WORD], true) {
+                return Err(MockError::WrittenTwice);
             }
             if !self.spend() {
                 // Some of the bits made it.

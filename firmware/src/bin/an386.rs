@@ -58,12 +58,16 @@ fn main() -> ! {
 /// Stopped, with the link alone, until the host asks to start.
 fn serve_until_start(runner: &mut Runner<Flash>, wire: &mut Wire) {
     runner.session().node_mut().on_request(Request::Stop);
-    while runner.session().node().state() == State::Stopped {
+    loop {
         runner.serve_link(wire);
         runner.session().send_messages(START_TICK, &mut |frame| {
             wire.send(frame);
         });
         wire.pump();
+        // Before the sleep: behind a start request no other byte need come to end it.
+        if runner.session().node().state() != State::Stopped {
+            return;
+        }
         wire.wait();
     }
 }
