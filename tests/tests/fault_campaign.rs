@@ -191,7 +191,7 @@ fn fault_damaged_commands_are_carried_out_whole_or_not_at_all() {
         let mut config = configuration();
         config.gears.gear_teeth = 20 + (number % 500) as u16;
         let frame = encode(&Request::SetConfiguration(config.clone()), number as u16, &mut buffer).expect("fits");
-        for byte in frame.to_vec() {
+        for byte in frame.iter().copied() {
             let flip = if random.random_bool(0.01) { random.random() } else { 0 };
             plant.receive(byte ^ flip);
         }
