@@ -19,7 +19,7 @@ fn main() {
 }
 
 fn trial(what: &str, seed: u64, options: Options, compact: bool) {
-    let case = if seed % 2 == 0 { "check-19-48" } else { "check-55-75" };
+    let case = if seed.is_multiple_of(2) { "check-19-48" } else { "check-55-75" };
     let source = input::read(&Path::new("../shared/vectors").join(case)).expect("machine");
     let mut scenario = Scenario::null(&source.shafts, seed);
     let phase_rad = seed as f64;

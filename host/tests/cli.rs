@@ -197,7 +197,7 @@ fn fault_node_refuses_bad_options_in_one_line() {
         (vec!["node", &record, "--channel", "casing"], "casing"),
         (vec!["node", &record, "--start", "9"], "--start"),
         (vec!["node", &record, "--duration", "nan"], "--duration"),
-        (vec!["node", &record, "--start", "0.4", "--duration", "0.05"], "tach"),
+        (vec!["node", &record, "--start", "0.46", "--duration", "0.03"], "tach"),
         (vec!["node", &record, "--rate", "nan"], "--rate"),
         (vec!["node", &record, "--rate", "9e9"], "--rate"),
         (vec!["node", &record, "--speed", "10"], "--speed"),

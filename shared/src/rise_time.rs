@@ -290,7 +290,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         // Outside 0 to 1 where the span was changed within the lobe: the slopes no longer belong to its peak.
         let between = |above: f32, below: f32| {
             let share = (above - threshold) / (above - below);
-            (share >= 0.0 && share <= 1.0).then_some(share)
+            (0.0..=1.0).contains(&share).then_some(share)
         };
         let end = LAG as f32 + 1.0 + half_span - between(sign * self.slope(LAG + 1), sign * self.slope(LAG))?;
         let mut age = LAG.saturating_add(self.lobe.peak_age);
