@@ -10,7 +10,7 @@ fn loop_report_and_corrected_machine_agree_with_the_outcome() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48");
     let declared = input::read(&folder).unwrap();
     let mut scenario = Scenario::null(&declared.shafts, 11);
-    scenario.effects = vec![Effect::TorqueRipple { at: 0, order: 5.0, share: 0.4, phase_rad: 0.7 }];
+    scenario.effects = vec![Effect::TorqueRipple { at: 0, order: 5.0, share: 0.02, phase_rad: 0.7 }];
     let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
     let outcome = close_loop(&record, &Options::default()).unwrap();
     print!("{}", outcome.summary());
