@@ -288,7 +288,7 @@ fn fault_impossible_operation_is_refused_with_the_reason() {
     let rig = Rig::new(&smooth_machine(), Model::BendingTorsional, Damping::Declared).expect("sound");
     let steady = Motion::Constant { speed_hz: 30.0, turns_at_zero: 0.0 };
     let refused = |motion: &Motion, torque: f64, rate: f64, count: usize| {
-        rig.accelerations(motion, torque, &[], rate, count).err().expect("refused").to_string()
+        rig.accelerations(motion, torque, &[], rate, count).expect_err("refused").to_string()
     };
     assert!(refused(&steady, 0.0, 20e3, 100).contains("does not load"));
     assert!(refused(&steady, -5.0, 20e3, 100).contains("backlash"));
