@@ -14,6 +14,7 @@
 
 pub mod alarm;
 pub mod alias;
+pub mod angle_filter;
 pub mod bandwidth_watch;
 pub mod board;
 pub mod buffers;
