@@ -179,7 +179,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             marks: TurnMarks::new(&config.tach),
             hold: 0,
             record_complete: false,
-            mesh_plan: MeshPlan { stages: 0, harmonics: 0 },
+            mesh_plan: MeshPlan::NONE,
             wide_use: WideUse::Idle,
             wide_count: 0,
             wide_tick: 0,
@@ -353,7 +353,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     fn restart_stream(&mut self, first: u64) {
         self.mesh_plan = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.adc);
-        self.stream.restart(first, self.active.period_ticks, self.mesh_plan.stages);
+        self.stream.restart(first, self.active.period_ticks, self.mesh_plan.decimation);
+        self.buffers.borrow_mut().chain.set_samples_per_pitch(usize::from(self.mesh_plan.samples_per_pitch));
         self.wide_use = WideUse::Idle;
         self.wide_due = first;
         if matches!(self.state, State::Settling | State::Measuring) {

@@ -229,7 +229,7 @@ fn theory_the_mesh_plan_resolves_an_eighth_of_the_shaft_rate_for_all_usual_tooth
             let mut plan = RatePlan::new(TicksPerSecond(84_000_000), config.limits);
             let grant = plan.grant(config.policy.rate(config.law.bandwidth(Hertz(speed)).bandwidth));
             let mesh = MeshPlan::new(&config, Hertz(speed), grant.adc);
-            let per_turn = grant.adc.0 / (1u32 << mesh.stages) as f32 / speed;
+            let per_turn = grant.adc.0 / mesh.decimation.ratio() as f32 / speed;
             let per_period = per_turn / (f32::from(mesh.harmonics) * f32::from(teeth));
             assert!(2.5 * per_turn <= CAPACITY as f32, "{teeth} teeth at {speed} Hz: {per_turn} per turn");
             assert!(mesh.harmonics >= 1 && per_period >= 4.0, "{teeth} teeth at {speed} Hz: {per_period} per period");
