@@ -31,9 +31,8 @@ impl Comb {
     pub fn new(ratio: u32) -> Self {
         let ratio = ratio.clamp(1, HIGHEST_RATIO);
         let mut comb = Self { ratio, filled: 0, sums: [0; ORDER], earlier: [0; ORDER] };
-        for _ in 0..ORDER {
-            comb.process(&[MIDDLE as u16; HIGHEST_RATIO as usize][..ratio as usize], 0.0, 0, &mut [0.0]);
-        }
+        let past = [MIDDLE as u16; ORDER * HIGHEST_RATIO as usize];
+        comb.process(past.get(..ORDER * ratio as usize).unwrap_or_default(), 0.0, 0, &mut [0.0; ORDER]);
         comb
     }
 
@@ -66,7 +65,7 @@ impl Comb {
         if made == 1 || start == 0 {
             let rest = outputs.get_mut(made..).unwrap_or_default();
             made += integrate(&mut self.sums, body, ratio, rest);
-            self.filled = (body.len() % ratio) as u32;
+            self.filled = body.len().checked_rem(ratio).unwrap_or(0) as u32;
         }
         let mut earlier = self.earlier;
         for output in outputs.iter_mut().take(made) {
@@ -95,7 +94,7 @@ fn integrate(sums: &mut [u32; ORDER], codes: &[u16], ratio: usize, kept: &mut [f
     };
     let mut groups = codes.chunks_exact(ratio.max(1));
     let mut count = 0;
-    for (group, kept) in (&mut groups).zip(kept) {
+    for (kept, group) in kept.iter_mut().zip(&mut groups) {
         let mut fours = group.chunks_exact(4);
         let mut newest = 0;
         for four in &mut fours {

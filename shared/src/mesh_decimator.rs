@@ -140,7 +140,7 @@ impl MeshDecimator {
 
     /// Outputs after a restart that still see the zeros before it.
     pub fn settling_outputs(&self) -> u32 {
-        2 * self.delay_samples() / self.decimation.ratio() + 2
+        (2 * self.delay_samples()).checked_div(self.decimation.ratio()).unwrap_or(0) + 2
     }
 }
 

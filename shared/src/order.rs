@@ -253,10 +253,11 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
     /// Whether the marks are in order and the end of the turn just lies ahead of the samples: where most calls end, so
     /// without a division.
     fn still_comes(&self, ticks: &[u32; 4]) -> bool {
-        let [before, turn, after] = [0, 1, 2].map(|n| ticks[n + 1].wrapping_sub(ticks[n]) as i32);
+        let [first, start, end, last] = *ticks;
+        let after = |later: u32, earlier: u32| later.wrapping_sub(earlier) as i32;
+        let turn = after(end, start);
         let newest = self.oldest_tick.wrapping_add(self.period_ticks.wrapping_mul(self.held as u32));
-        let ahead = ticks[2].wrapping_sub(newest) as i32;
-        before > 0 && turn > 0 && after > 0 && (0..turn).contains(&ahead)
+        after(start, first) > 0 && after(last, end) > 0 && (0..turn).contains(&after(end, newest))
     }
 
     /// Signed tick difference in 2^-16 samples.
