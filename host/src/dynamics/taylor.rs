@@ -453,7 +453,7 @@ impl<const N: usize> Solver<N> {
             *degree = n + 2;
             let square = self.squared_norm(&a);
             if n == 0 {
-                start = square.sqrt();
+                start = square;
             }
             squares = [square, squares[0]];
             if n >= LEAST && squares[0] < enough && squares[1] < enough {
@@ -461,7 +461,7 @@ impl<const N: usize> Solver<N> {
             }
         }
         *last = squares.map(f64::sqrt);
-        start
+        start.sqrt()
     }
 
     /// Mass-weighted norm of an acceleration.
