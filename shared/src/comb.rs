@@ -67,53 +67,80 @@ impl Comb {
             made += integrate(&mut self.sums, body, ratio, rest);
             self.filled = body.len().checked_rem(ratio).unwrap_or(0) as u32;
         }
-        let mut earlier = self.earlier;
+        let [mut first, mut second, mut third, mut fourth] = self.earlier;
         for output in outputs.iter_mut().take(made) {
-            let mut difference = output.to_bits();
-            for earlier in &mut earlier {
-                (*earlier, difference) = (difference, difference.wrapping_sub(*earlier));
-            }
-            *output = difference.wrapping_sub(below) as i32 as f32 * scale + offset;
+            let sum = output.to_bits();
+            let once = sum.wrapping_sub(first);
+            let twice = once.wrapping_sub(second);
+            let thrice = twice.wrapping_sub(third);
+            let mean = thrice.wrapping_sub(fourth).wrapping_sub(below) as i32;
+            (first, second, third, fourth) = (sum, once, twice, thrice);
+            *output = mean as f32 * scale + offset;
         }
-        self.earlier = earlier;
+        self.earlier = [first, second, third, fourth];
         made
     }
 }
 
-/// Sums of sums over the codes, the fourth kept (its bits) after every `ratio` of them; how many were kept. A function of
-/// its own: the sums stay in registers.
-#[inline(never)]
+/// Sums of sums over the codes, the fourth kept (its bits) after every `ratio` of them; how many were kept.
 fn integrate(sums: &mut [u32; ORDER], codes: &[u16], ratio: usize, kept: &mut [f32]) -> usize {
-    let [mut first, mut second, mut third, mut fourth] = *sums;
-    let mut add = |code: u16| {
-        first = first.wrapping_add(u32::from(code));
-        second = second.wrapping_add(first);
-        third = third.wrapping_add(second);
-        fourth = fourth.wrapping_add(third);
-        fourth
-    };
-    let mut groups = codes.chunks_exact(ratio.max(1));
+    match ratio {
+        6 => integrate_groups::<6>(sums, codes, kept),
+        7 => integrate_groups::<7>(sums, codes, kept),
+        8 => integrate_groups::<8>(sums, codes, kept),
+        9 => integrate_groups::<9>(sums, codes, kept),
+        10 => integrate_groups::<10>(sums, codes, kept),
+        11 => integrate_groups::<11>(sums, codes, kept),
+        12 => integrate_groups::<12>(sums, codes, kept),
+        13 => integrate_groups::<13>(sums, codes, kept),
+        14 => integrate_groups::<14>(sums, codes, kept),
+        15 => integrate_groups::<15>(sums, codes, kept),
+        16 => integrate_groups::<16>(sums, codes, kept),
+        ratio => {
+            let mut all = Integrators(*sums);
+            let mut groups = codes.chunks_exact(ratio.max(1));
+            let mut count = 0;
+            for (kept, group) in kept.iter_mut().zip(&mut groups) {
+                group.iter().for_each(|&code| all.add(code));
+                *kept = f32::from_bits(all.0[ORDER - 1]);
+                count += 1;
+            }
+            groups.remainder().iter().for_each(|&code| all.add(code));
+            *sums = all.0;
+            count
+        }
+    }
+}
+
+/// The same for a ratio known to the compiler, which leaves no loop in a group: half the price. A function of its own: the
+/// sums stay in registers.
+#[inline(never)]
+fn integrate_groups<const RATIO: usize>(sums: &mut [u32; ORDER], codes: &[u16], kept: &mut [f32]) -> usize {
+    let mut all = Integrators(*sums);
+    let mut groups = codes.chunks_exact(RATIO);
     let mut count = 0;
     for (kept, group) in kept.iter_mut().zip(&mut groups) {
-        let mut fours = group.chunks_exact(4);
-        let mut newest = 0;
-        for four in &mut fours {
-            if let [a, b, c, d] = *four {
-                add(a);
-                add(b);
-                add(c);
-                newest = add(d);
-            }
+        if let Some(group) = group.first_chunk::<RATIO>() {
+            group.iter().for_each(|&code| all.add(code));
         }
-        for &code in fours.remainder() {
-            newest = add(code);
-        }
-        *kept = f32::from_bits(newest);
+        *kept = f32::from_bits(all.0[ORDER - 1]);
         count += 1;
     }
-    for &code in groups.remainder() {
-        add(code);
-    }
-    *sums = [first, second, third, fourth];
+    groups.remainder().iter().for_each(|&code| all.add(code));
+    *sums = all.0;
     count
+}
+
+/// The four sums.
+struct Integrators([u32; ORDER]);
+
+impl Integrators {
+    #[inline(always)]
+    fn add(&mut self, code: u16) {
+        let [first, second, third, fourth] = &mut self.0;
+        *first = first.wrapping_add(u32::from(code));
+        *second = second.wrapping_add(*first);
+        *third = third.wrapping_add(*second);
+        *fourth = fourth.wrapping_add(*third);
+    }
 }

@@ -1,9 +1,12 @@
 //! The node's streaming rise time against the host's polynomial one at the operating points of the law study: speeds,
 //! torques, modules, teeth, ramps, and single pulses beside a cracked tooth.
 //!
-//! Both sides time the steepest rising edge of a tooth pitch. Where the ring of earlier edges is steeper than the engagement
-//! edge itself, that is not the law's edge: such points are *hidden*. They are compared as well (the estimator must time
-//! what is there), and listed, because there neither side measures the law's bandwidth.
+//! Both sides time the steepest rising edge of a tooth pitch. Two kinds of points are listed apart, with their errors, and not
+//! held to the limits, because what is to be timed is not sharply defined there:
+//! *hidden* ones, where the ring of earlier edges is steeper than the engagement edge (often on several
+//! slopes that differ by little, of which sampling picks another one each time), and *soft* ones, whose
+//! polynomial rise time itself changes by more than 2 % when the edge's end is put at 0.30 or 0.367 instead of a third of the
+//! greatest slope.
 
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig, RiseTimeRefusal};
 use meshband_host::law::derive::study_torque;
@@ -40,6 +43,24 @@ fn steepest(response: &Periodic, exit: &Edge) -> Edge {
     edges::steepest_edge(&steps, window, edges::Polarity::Rising).expect("an edge")
 }
 
+/// The definition on a fine grid, with another share of the greatest slope at which an edge ends, s.
+fn dense(response: &Periodic, edge: &Edge, share: f64) -> f64 {
+    let step = edge.rise_time_s / 2000.0;
+    let at = |i: i64| response.value(edge.steepest_s + i as f64 * step);
+    let slope = |i: i64| at(i + 1) - at(i);
+    let steepest = (-20..20).map(slope).fold(0.0, f64::max);
+    let (mut begin, mut end) = (0, 0);
+    while slope(begin - 1) >= share * steepest {
+        begin -= 1;
+    }
+    while slope(end) >= share * steepest {
+        end += 1;
+    }
+    let (low, high) = (at(begin), at(end));
+    let first = |part: f64| (begin..=end).find(|&i| at(i) >= low + part * (high - low)).unwrap_or(end) as f64;
+    (first(0.9) - first(0.1)) * step
+}
+
 /// Estimated over polynomial rise time, less one.
 fn error(response: &Periodic, edge: &Edge, samples_per_edge: f64) -> f64 {
     let rate_hz = samples_per_edge / edge.rise_time_s;
@@ -60,50 +81,42 @@ fn error(response: &Periodic, edge: &Edge, samples_per_edge: f64) -> f64 {
     f64::from(found) / samples_per_edge - 1.0
 }
 
+const KINDS: [&str; 3] = ["clear", "hidden", "soft"];
+
 /// Worst errors so far.
 #[derive(Default)]
 struct Worst {
-    points: usize,
-    hidden: Vec<String>,
-    /// Per case, of visible and hidden edges.
-    errors: [[(f64, String); 2]; CASES.len()],
+    labels: [Vec<String>; KINDS.len()],
+    errors: [[(f64, String); KINDS.len()]; CASES.len()],
 }
 
 impl Worst {
     fn add(&mut self, bench: &Bench, label: &str, speed: f64, torque: f64) {
         let response = bench.healthy(speed, torque).expect("a steady state");
-        let Some(exit) = response.edge(0, Event::Exit) else { return self.hidden.push(format!("{label}: no edge")) };
+        let Some(exit) = response.edge(0, Event::Exit) else { return self.labels[1].push(format!("{label}: no edge")) };
         let edge = steepest(&response, &exit);
-        let visible = (edge.steepest_s - exit.steepest_s).abs() < 0.5 * exit.rise_time_s;
-        self.points += 1;
-        if !visible {
-            self.hidden.push(label.to_string());
-        }
+        let hidden = (edge.steepest_s - exit.steepest_s).abs() > 0.5 * exit.rise_time_s;
+        let soft =
+            [0.30, 0.367].iter().any(|&share| (dense(&response, &edge, share) / edge.rise_time_s - 1.0).abs() > 0.02);
+        let kind = if hidden { 1 } else { 2 * usize::from(soft) };
+        self.labels[kind].push(label.to_string());
         for ((samples, _), worst) in CASES.iter().zip(&mut self.errors) {
             let error = error(&response, &edge, *samples);
-            let worst = &mut worst[usize::from(!visible)];
-            if error.abs() > worst.0.abs() {
-                *worst = (error, label.to_string());
+            if error.abs() > worst[kind].0.abs() {
+                worst[kind] = (error, label.to_string());
             }
         }
     }
 
     fn check(&self, name: &str) {
-        println!(
-            "{name}: {} points, ring steeper than the edge at {}: {:?}",
-            self.points,
-            self.hidden.len(),
-            self.hidden
-        );
-        for ((samples, limit), [visible, hidden]) in CASES.iter().zip(&self.errors) {
-            println!(
-                "  {samples} samples per edge: worst {:+.2} % ({}), of hidden ones {:+.2} % ({})",
-                100.0 * visible.0,
-                visible.1,
-                100.0 * hidden.0,
-                hidden.1
-            );
-            assert!(visible.0.abs() < *limit, "{name}, {samples} samples per edge: {visible:?}");
+        for ((kind, labels), place) in KINDS.iter().zip(&self.labels).zip(0..) {
+            println!("{name}, {} {kind} points: {labels:?}", labels.len());
+            for ((samples, _), worst) in CASES.iter().zip(&self.errors) {
+                println!("  {samples} samples per edge: worst {:+.2} % ({})", 100.0 * worst[place].0, worst[place].1);
+            }
+        }
+        for ((samples, limit), worst) in CASES.iter().zip(&self.errors) {
+            assert!(worst[0].0.abs() < *limit, "{name}, {samples} samples per edge: {:?}", worst[0]);
         }
     }
 }
