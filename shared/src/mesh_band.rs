@@ -7,7 +7,7 @@
 //! Rate: the upper band, a third of a pitch above the highest harmonic, must stay below [`BAND_SHARE`] of the rate until a
 //! fifth more speed makes the node plan anew. The decimator comes within a few per cent of that, so the grid of the order
 //! domain can be as coarse as the bands allow ([`MeshPlan::samples_per_pitch`]). Where two and a half
-//! turns at that rate do not fit into the buffer (above 95 teeth with five harmonics at worst) the rate is lower and
+//! turns at that rate do not fit into the buffer (above 69 teeth with five harmonics at worst) the rate is lower and
 //! the harmonics that still have four samples per period are reported.
 
 use crate::config::{Configuration, MAX_HARMONICS};

@@ -11,6 +11,8 @@
 //!
 //! The droop (at most 0.3 dB) is undone by 5 symmetric taps at the output rate, exact at two frequencies of the band.
 //! All parts have linear phase; the delay is exact in ADC samples.
+//!
+//! Cost (Cortex-M4F in QEMU): 10 to 15 instructions per code in all. RAM: 2.6 KiB.
 
 use crate::comb::{Comb, HIGHEST_RATIO, MOST_CODES};
 use crate::decimate::{HalfBand, Scratch};

@@ -13,8 +13,8 @@
 //!   lies above must be absent or fold outside the wanted orders.
 //! * *Position.* 2^-16 sample.
 //!
-//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 122 per output sample. RAM: 4 bytes per buffered sample; `CAPACITY` must hold three
-//! turns at the lowest speed at which the sampling rate is still lowered.
+//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 80 per output sample. RAM: 4 bytes per buffered sample;
+//! `CAPACITY` must hold three turns at the lowest speed at which the sampling rate is still lowered.
 
 use crate::math;
 

@@ -4,11 +4,11 @@
 //! synchronous average. A lost block, a new rate or a lost turn interrupts the record in progress, never the averages, so
 //! no product mixes what is not contiguous.
 //!
-//! Input rate: four to ten times the highest wanted mesh harmonic (a half-band stage less than a plain spectrum of the
-//! harmonics needs). Below four the resampling loses amplitude, above ten harmonics 27 and up may fold onto the fifth.
+//! Input rate: at least four times the highest wanted mesh harmonic, or the resampling loses amplitude. The grid of the mesh
+//! bands goes with it ([`OrderChain::set_samples_per_pitch`]): fine enough that half the input rate does not fold into a band.
 //!
-//! Cost (Cortex-M4F in QEMU): 22 instructions per input sample, 175 per mesh-band sample (32 per tooth pitch), 128 per
-//! sample of the average. RAM: the sum of its parts; 53 KiB for 8192 samples, 256 points, 5 harmonics and a 1024-point
+//! Cost (Cortex-M4F in QEMU): 22 instructions per input sample, about 80 per angle resampled and as much again per angle of the
+//! mesh bands. RAM: the sum of its parts; 55 KiB for 8192 samples, 256 points, 5 harmonics and a 1024-point
 //! average.
 
 use crate::order::{Discontinuity, OrderTracker, Turn};

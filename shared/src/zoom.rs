@@ -28,7 +28,7 @@ use crate::window::Window;
 use microfft::Complex32;
 
 /// Most input samples per tooth pitch, S: anything above mesh harmonic S - H must be filtered away before resampling.
-pub const SAMPLES_PER_PITCH: usize = 36;
+pub const SAMPLES_PER_PITCH: usize = 42;
 /// Fewest input samples per tooth pitch.
 const COARSEST_GRID: usize = 16;
 /// Length of the filter bank's window, in pitches, and of the decimator's, in output spacings.

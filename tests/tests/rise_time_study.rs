@@ -3,8 +3,8 @@
 //!
 //! Both sides time the steepest rising edge of a tooth pitch. Two kinds of points are listed apart, with their errors, and not
 //! held to the limits, because what is to be timed is not sharply defined there:
-//! *hidden* ones, where the ring of earlier edges is steeper than the engagement edge (often on several
-//! slopes that differ by little, of which sampling picks another one each time), and *soft* ones, whose
+//! *hidden* ones, where the ring of earlier edges is steeper than the engagement edge (its foot is then
+//! often a kink where the slope jumps from falling to rising, and a slope over a fifth of the edge rounds that), and *soft* ones, whose
 //! polynomial rise time itself changes by more than 2 % when the edge's end is put at 0.30 or 0.367 instead of a third of the
 //! greatest slope.
 

@@ -53,7 +53,7 @@ const RISE_INTERVAL_S: u64 = 2;
 const HOLD_AFTER_RECORD: u32 = 16;
 const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its buffers.
-const STATE_BUDGET: usize = 14 * 1024;
+const STATE_BUDGET: usize = 13 * 1024;
 
 const _: () = assert!(core::mem::size_of::<Node<()>>() <= STATE_BUDGET);
 const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 100 * 1024);
