@@ -247,11 +247,7 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
             let state = &mut self.state;
             let count = rest.len().min(self.grid.saturating_sub(state.fill));
             let (now, later) = rest.split_at(count);
-            for (pitches, x) in state.pitches.iter_mut().skip(state.fill).zip(now) {
-                if let Some(place) = pitches.get_mut(state.newest) {
-                    *place = *x;
-                }
-            }
+            store(state.pitches.get_mut(state.fill..).unwrap_or_default(), state.newest, now);
             state.fill += count;
             rest = later;
             if state.fill == self.grid {
@@ -295,7 +291,7 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
     fn harmonics(&self) -> [Complex32; HARMONICS] {
         let mut values = [Complex32::new(0.0, 0.0); HARMONICS];
         let mut folded = [0.0f32; SAMPLES_PER_PITCH];
-        fold(&self.state.pitches, &self.weights, self.state.newest, &mut folded);
+        fold(&self.state.pitches, &self.weights, self.state.newest, folded.get_mut(..self.grid).unwrap_or_default());
         transform(&folded, self.grid, &self.circles, &mut values);
         values
     }
@@ -419,13 +415,21 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
     }
 }
 
-/// Windowed sum of six pitches of a ring whose oldest is `oldest`. This and the next two have no type parameters (but the
-/// number of harmonics) so that they are compiled here, for speed, and not in the binary that picks the sizes.
+/// Samples into one pitch of the ring.
+fn store(pitches: &mut [[f32; WINDOW_SPACINGS]], newest: usize, samples: &[f32]) {
+    let Some(places) = pitches.as_flattened_mut().get_mut(newest..) else { return };
+    for (place, x) in places.iter_mut().step_by(WINDOW_SPACINGS).zip(samples) {
+        *place = *x;
+    }
+}
+
+/// Windowed sum of six pitches of a ring whose oldest is `oldest`. This and its neighbours have no type parameters so that
+/// they are compiled here, for speed, and not in the binary that picks the sizes.
 fn fold(
     pitches: &[[f32; WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
     weights: &[[f32; 2 * WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
     oldest: usize,
-    folded: &mut [f32; SAMPLES_PER_PITCH],
+    folded: &mut [f32],
 ) {
     let start = WINDOW_SPACINGS - oldest.min(WINDOW_SPACINGS);
     for ((sum, [a, b, c, d, e, f]), weights) in folded.iter_mut().zip(pitches).zip(weights) {
