@@ -8,7 +8,7 @@
 //! (the innovations of the right filter are white; Mehra 1970), so noise makes it long and a wandering speed short.
 //!
 //! The gate is six times the RMS prediction error, so it holds what the acceleration's own changes do to the next
-//! interval. A pulse just outside widens the gate for its successors and is still rejected itself.
+//! interval. Where a pulse just outside was the only one for its position, the gate is widened for its successors.
 //!
 //! Instants and positions are 64-bit integers; only differences are `f32`; nothing drifts. Cost: about 150 instructions per pulse.
 
@@ -80,7 +80,12 @@ impl AngleFilter {
         Self { period: 1, longest, variance: FIRST_RMS * FIRST_RMS, ..Self::default() }
     }
 
-    /// Starts anew with four pulses on successive positions, the newest at `position`.
+    /// Forgets how large the errors were.
+    pub fn reset_gate(&mut self) {
+        self.variance = FIRST_RMS * FIRST_RMS;
+    }
+
+    /// Starts anew with four pulses on successive positions, the newest at `position`. The gate stays as wide as it was.
     pub fn start(&mut self, instants: [u64; 4], position: u64) {
         let [a, b, c, d] = instants;
         self.last = Pulse { instant: d, position };
@@ -95,7 +100,7 @@ impl AngleFilter {
         self.rate = mean_rate - 1.0 + self.acceleration * mean_age;
         self.offset = 0.0;
         self.memory = SHORTEST;
-        self.variance = FIRST_RMS * FIRST_RMS;
+        self.variance = self.variance.max(FIRST_RMS * FIRST_RMS);
         self.taken = 0;
         self.correlation = 0.0;
         self.error = 0.0;
@@ -209,7 +214,7 @@ impl AngleFilter {
     /// Rate in positions per tick after some ticks; the acceleration is believed for one and a half positions.
     pub fn rate(&self, ticks: u64) -> f32 {
         let u = ticks as f32 / self.period as f32;
-        (1.0 + self.rate + self.acceleration * u.min(1.5)) / self.period as f32
+        (1.0 + self.rate + self.acceleration * u.min(1.5)).max(0.0) / self.period as f32
     }
 
     /// Acceleration, positions per tick^2.

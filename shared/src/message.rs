@@ -109,7 +109,7 @@ pub struct Tag {
     pub validity: Validity,
     /// Granted sample period of the ADC, ticks.
     pub period_ticks: u32,
-    /// Half-band stages between ADC and the result.
+    /// Half-band stages between ADC and the result; in front of those of mesh bands a comb of any ratio, so read `rate_hz`.
     pub stages: u8,
     /// Sample rate of the result, Hz.
     pub rate_hz: f32,

@@ -12,8 +12,8 @@
 //! A wheel with adjacent missing teeth has the same equidistant positions; its gap is learned from pulses that follow
 //! one wheel-gap and confirmed by the next pulse. Direction is not observable from one track.
 //!
-//! What a wheel cannot see: speed that wanders faster than a third of the pulse rate looks like jitter; the speed is then
-//! the mean, and the uncertainty says by how much it misses.
+//! What a wheel cannot see: speed that wanders faster than a third of the pulse rate looks like jitter. The speed is then the
+//! mean, and its uncertainty that of the mean.
 //!
 //! Cost: about 250 instructions per pulse.
 //! Prior art: engine decoders (relative gap rejection, re-opening, tooth angle error), RPLL of idsp (test harness).
@@ -98,6 +98,8 @@ pub struct TachTracker {
     /// How many of the newest raw pulses were accepted, as bits.
     raw_accepted: u8,
     filter: AngleFilter,
+    /// Position of a pulse that was rejected just outside the gate.
+    near_miss: Option<u64>,
     /// Position (modulo the wheel) of the first tooth after the gap, once confirmed.
     index: Option<u64>,
     index_candidate: Option<u64>,
@@ -119,6 +121,7 @@ impl TachTracker {
             raw_count: 0,
             raw_accepted: 0,
             filter: AngleFilter::new((LONGEST_TURNS * positions as f32).max(LONGEST_PULSES)),
+            near_miss: None,
             index: None,
             index_candidate: None,
             counters: TachCounters::default(),
@@ -158,9 +161,15 @@ impl TachTracker {
             self.raw_count = 1;
             return;
         }
+        let position = self.filter.last().position + steps;
+        if self.near_miss.is_some_and(|missed| position > missed) {
+            // Nothing better came for that position: it was its pulse.
+            self.near_miss = None;
+            self.filter.widen();
+        }
         if steps == 0 || error.abs() > self.filter.gate() {
             if steps > 0 && error.abs() < WIDEST_GATE {
-                self.filter.widen();
+                self.near_miss = Some(position);
             }
             self.counters.spurious = self.counters.spurious.saturating_add(1);
             self.doubt();
@@ -172,6 +181,7 @@ impl TachTracker {
         self.counters.missed = self.counters.missed.saturating_add(skipped as u32);
         self.counters.accepted = self.counters.accepted.saturating_add(1);
         self.learn_index(steps);
+        self.near_miss = None;
         let motion = self.filter.take(instant, steps, error);
         self.lock = match self.lock {
             Lock::Locked | Lock::Doubtful { needed: 1 } if motion == Motion::Changed => Lock::Doubtful { needed: 2 },
@@ -281,6 +291,13 @@ impl TachTracker {
         self.index = None;
         self.index_candidate = None;
         let [_, a, b, c, d] = self.raw;
+        self.near_miss = None;
+        // Nearly the same speed again: it is less steady than was believed. Another one tells nothing about steadiness.
+        if similar {
+            self.filter.widen()
+        } else {
+            self.filter.reset_gate()
+        }
         self.filter.start([a, b, c, d], self.filter.last().position + 4);
         self.lock = match (accepted > 1, similar) {
             (true, _) => Lock::Doubtful { needed: 6 },
