@@ -30,7 +30,9 @@ const LAST: [f32; 14] = [
     9.888_446_4e-5,
     -2.079_222_8e-5,
 ];
+#[allow(clippy::excessive_precision)]
 const SECOND: [f32; 5] = [0.305_888_96, -0.073_738_904, 0.022_366_794, -0.005_150_751_9, 0.000_633_900_33];
+#[allow(clippy::excessive_precision)]
 const EARLY: [f32; 3] = [0.294_336_17, -0.050_931_306, 0.006_595_134_7];
 
 /// Pairs of samples filtered in one go.

@@ -227,6 +227,8 @@ fn fm4(averages: &[GearIndicators]) -> Vec<f64> {
     averages.iter().map(|g| f64::from(g.fm4)).collect()
 }
 
+type Indicator = fn(&GearIndicators) -> f32;
+
 /// Mean and standard deviation.
 fn spread(values: &[f64]) -> (f64, f64) {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -261,7 +263,7 @@ fn fault_load_and_speed_fluctuation_raise_no_false_alarms_of_a_healthy_gear() {
         ("both, 20 % and 2 %", Fluctuation { load: 0.2, load_hz: 1.3, wander: 0.02, wander_hz: 0.7 }),
     ];
     // What stands beyond five standard deviations of steady running would be called a fault.
-    let indicators: [(&str, fn(&GearIndicators) -> f32); 5] =
+    let indicators: [(&str, Indicator); 5] =
         [("FM4", |g| g.fm4), ("M6A", |g| g.m6a), ("NA4", |g| g.na4), ("FM0", |g| g.fm0), ("kurtosis", |g| g.kurtosis)];
     let (mut total, mut alarms_raised, mut beyond_fm4) = (0, 0, 0);
     for (seed, (name, about)) in (31..).zip(cases) {
