@@ -10,7 +10,7 @@
 //! The gate is six times the RMS prediction error, so it holds what the acceleration's own changes do to the next
 //! interval. Where a pulse just outside was the only one for its position, the gate is widened for its successors.
 //!
-//! Instants and positions are 64-bit integers; only differences are `f32`; nothing drifts. Cost: about 150 instructions per pulse.
+//! Instants and positions are 64-bit integers; only differences are `f32`; nothing drifts.
 
 use crate::math;
 

@@ -9,7 +9,7 @@
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use defmt_semihosting as _;
 use meshband::buffers::Buffers;
-use meshband::config::{Configuration, Sensor};
+use meshband::config::{Configuration, Sensor, TachWheel};
 use meshband::decimate::Cascade;
 use meshband::gear_condition;
 use meshband::indicators::RunEnsemble;
@@ -23,6 +23,7 @@ use meshband::rate_plan::{RateGrant, RatePlan};
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig};
 use meshband::session::Session;
 use meshband::stream::{CHUNK, Stream};
+use meshband::tach::TachTracker;
 use meshband::units::{Hertz, TicksPerSecond};
 use meshband::window::Window;
 use meshband::zoom::{Averaging, ZoomConfig};
@@ -131,6 +132,13 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
         }
         report("decimate-per-4096-samples", u32::from(stages), total);
     }
+    let wheel = TachWheel { pulses_per_turn: 60, missing: 2, ..Configuration::default().tach };
+    let mut tach = TachTracker::new(wheel, CLOCK);
+    let mut total = 0;
+    for position in (1u64..=1000).filter(|position| position % 60 < 58) {
+        total += counter.count(|| tach.on_pulse((1 << 33) + position * 16_667));
+    }
+    report("tach-per-967-pulses", 25, total);
     for (comb, stages) in [(7, 2), (16, 2), (16, 5)] {
         let mut decimator = MeshDecimator::new(Decimation { comb, stages });
         let mut total = 0;
