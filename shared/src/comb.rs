@@ -47,6 +47,7 @@ impl Comb {
     }
 
     /// Means of at most [`MOST_CODES`] codes, in units of `per_code` above `zero`; the number of outputs written.
+    #[inline(never)]
     pub fn process(&mut self, codes: &[u16], per_code: f32, zero: u16, outputs: &mut [f32]) -> usize {
         let codes = codes.get(..MOST_CODES).unwrap_or(codes);
         let gain = self.ratio.wrapping_mul(self.ratio).wrapping_mul(self.ratio).wrapping_mul(self.ratio);
@@ -83,6 +84,7 @@ impl Comb {
 }
 
 /// Sums of sums over the codes, the fourth kept (its bits) after every `ratio` of them; how many were kept.
+#[inline(never)]
 fn integrate(sums: &mut [u32; ORDER], codes: &[u16], ratio: usize, kept: &mut [f32]) -> usize {
     match ratio {
         6 => integrate_groups::<6>(sums, codes, kept),
@@ -90,11 +92,8 @@ fn integrate(sums: &mut [u32; ORDER], codes: &[u16], ratio: usize, kept: &mut [f
         8 => integrate_groups::<8>(sums, codes, kept),
         9 => integrate_groups::<9>(sums, codes, kept),
         10 => integrate_groups::<10>(sums, codes, kept),
-        11 => integrate_groups::<11>(sums, codes, kept),
         12 => integrate_groups::<12>(sums, codes, kept),
-        13 => integrate_groups::<13>(sums, codes, kept),
         14 => integrate_groups::<14>(sums, codes, kept),
-        15 => integrate_groups::<15>(sums, codes, kept),
         16 => integrate_groups::<16>(sums, codes, kept),
         ratio => {
             let mut all = Integrators(*sums);

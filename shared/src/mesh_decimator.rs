@@ -62,7 +62,9 @@ impl Decimation {
             let comb = match comb {
                 0 => break,
                 2..LOWEST_RATIO if stages < 3 => 1,
-                comb => comb.min(HIGHEST_RATIO),
+                // Those the comb has code of their own for.
+                11.. => comb.min(HIGHEST_RATIO) & !1,
+                comb => comb,
             };
             let next = Self { comb: comb as u8, stages };
             if next.ratio() > best.ratio() {
