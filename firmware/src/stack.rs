@@ -32,3 +32,16 @@ pub fn high_water() -> StackUse {
     }
     StackUse { used: (start as u32).saturating_sub(word as u32), size }
 }
+
+/// Paints anew what is free now, so that [`high_water`] shows the deepest use from here on.
+pub fn repaint() {
+    let mut word = (&raw const _stack_end).cast_mut();
+    // Read here, in the frame that writes: everything below is free.
+    let here = cortex_m::register::msp::read() as *mut u32;
+    while word < here {
+        // SAFETY: between the stack's end and the stack pointer lies memory that nobody uses; an interrupt's frame there
+        // has served by the time this goes on.
+        unsafe { ptr::write_volatile(word, PAINT) };
+        word = word.wrapping_add(1);
+    }
+}

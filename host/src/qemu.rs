@@ -5,8 +5,9 @@
 //! take a QEMU killed by a signal for a success: here a panic, a fault, a lock-up, a signal and a time-out
 //! are all errors with a reason. The virtual clock counts instructions, so two runs give the same bytes.
 
+use crate::virtual_node::simulation::TakenBlock;
 use crate::{Error, Result};
-use meshband::replay::{IMAGE_ADDRESS, IMAGE_CAPACITY};
+use meshband::replay::{BLOCK_SAMPLES, IMAGE_ADDRESS, IMAGE_CAPACITY};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -27,6 +28,9 @@ pub enum Link {
     Tcp(u16),
     /// A TCP port on this machine that the caller listens on.
     Connect(u16),
+    /// A Unix socket that the caller listens on. It holds a few hundred bytes where TCP holds megabytes: a caller that
+    /// does not read stalls the line at once.
+    Socket(PathBuf),
 }
 
 /// A machine to run, not yet started.
@@ -59,6 +63,34 @@ pub struct Finished {
 }
 
 impl Finished {
+    /// A counter among the closing statistics; zero where it is missing.
+    pub fn count(&self, key: &str) -> u32 {
+        self.statistic(key).and_then(|value| value.parse().ok()).unwrap_or(0)
+    }
+
+    /// The blocks that the firmware's node got, as its log says.
+    ///
+    /// # Errors
+    /// [`Error::Tool`] where the firmware kept no log, or one that did not hold them all.
+    pub fn blocks(&self) -> Result<Vec<TakenBlock>> {
+        let incomplete = || Error::tool("node in QEMU", "its log of blocks is incomplete");
+        if self.statistic("runs_left_out") != Some("0") {
+            return Err(incomplete());
+        }
+        let mut blocks = Vec::new();
+        for line in self.console.lines().filter_map(|line| line.strip_prefix("block: ")) {
+            let numbers: Vec<u32> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+            let [sequence, first_tick, period, overrun, count] = numbers[..] else { return Err(incomplete()) };
+            blocks.extend((0..count).map(|n| TakenBlock {
+                sequence: sequence.wrapping_add(n),
+                first_tick: first_tick.wrapping_add(n * period * BLOCK_SAMPLES as u32),
+                period,
+                overrun: overrun != 0 && n == 0,
+            }));
+        }
+        Ok(blocks)
+    }
+
     /// The value of `key=value` in the firmware's closing statistics.
     pub fn statistic(&self, key: &str) -> Option<&str> {
         let words = self.console.lines().filter(|l| l.starts_with("node: ")).flat_map(str::split_whitespace);
@@ -137,6 +169,7 @@ impl Qemu {
                 Link::Captured => format!("file:{}", escape(link)),
                 Link::Tcp(port) => format!("tcp:127.0.0.1:{port},server=on,wait=on,nodelay=on"),
                 Link::Connect(port) => format!("tcp:127.0.0.1:{port},nodelay=on"),
+                Link::Socket(ref path) => format!("unix:{}", escape(path)),
             })
             .arg("-kernel")
             .arg(&self.firmware);

@@ -50,6 +50,7 @@ fn image(seconds: f64, from_hz: f64, to_hz: f64) -> Image {
 
 fn assert_same(run: &Finished, image: &Image) {
     let simulated = simulation::run(&image.bytes).expect("the host runs it");
+    assert_eq!(run.blocks().expect("a whole log"), simulated.blocks, "{}", run.console);
     assert_eq!((run.statistic("lost"), run.statistic("missed")), (Some("0"), Some("0")), "{}", run.console);
     assert_eq!(run.statistic("codes_crc"), Some(format!("{:08x}", simulated.codes_crc).as_str()), "{}", run.console);
     assert!(run.link == simulated.link, "frames differ: {} and {} bytes", run.link.len(), simulated.link.len());
@@ -83,4 +84,25 @@ fn golden_firmware_in_qemu_and_host_send_the_same_frames_in_a_run_up() {
     assert_same(&run, &image);
     let again = machine.run(&image.bytes).expect("runs to its end");
     assert!(run.link == again.link, "two runs differ");
+}
+
+#[test]
+fn golden_a_late_processor_sends_what_the_host_computes_from_the_same_blocks() {
+    let Some(machine) = machine("late processor") else { return };
+    let image = image(4.0, 3.0, 25.0);
+    let planned = simulation::run(&image.bytes).expect("the host runs it");
+    let (mut late, mut lossy) = (0, 0);
+    for icount_shift in [3, 4] {
+        let run = Qemu { icount_shift, ..machine.clone() }.run(&image.bytes).expect("runs to its end");
+        let blocks = run.blocks().expect("a whole log");
+        let lost = run.count("lost") + run.count("missed");
+        println!("{} MIPS: {} blocks, {lost} lost, as planned: {}", 1000 >> icount_shift, blocks.len(), blocks == planned.blocks);
+        late += u32::from(blocks != planned.blocks);
+        lossy += u32::from(lost > 0);
+        assert_eq!(run.count("edges_lost"), 0, "{}", run.console);
+        let followed = simulation::follow(&image.bytes, &blocks).expect("the host follows it");
+        assert_eq!(run.statistic("codes_crc"), Some(format!("{:08x}", followed.codes_crc).as_str()), "{}", run.console);
+        assert!(run.link == followed.link, "frames differ at shift {icount_shift}");
+    }
+    assert!(late > 0 && lossy > 0, "no pace was too slow: nothing is proven");
 }

@@ -3,6 +3,7 @@
 //! Interrupts share one priority, so none interrupts another; what they share with the main loop goes
 //! through queues. No device crate exists for this board: all interrupts arrive in one dispatcher.
 
+pub mod block_log;
 pub mod flash;
 pub mod registers;
 pub mod sampler;
@@ -10,6 +11,7 @@ pub mod tach;
 pub mod time;
 pub mod uart;
 
+use self::block_log::BlockLog;
 use crate::pipeline::{BUFFERS, Codes, EDGE_QUEUE, Filled, Inbox, Request};
 use core::cell::RefCell;
 use cortex_m::interrupt::InterruptNumber;
@@ -127,6 +129,7 @@ impl Link for Wire {
 pub struct Board {
     inbox: Inbox,
     digest: CodeDigest,
+    log: &'static mut BlockLog,
     /// Bytes from and to the host.
     pub wire: Wire,
 }
@@ -166,6 +169,7 @@ impl Board {
             // The queue holds one more than there are buffers.
             let _ = free.enqueue(buffer);
         }
+        let log = singleton!(: BlockLog = BlockLog::new()).expect(once);
         REQUEST.publish(period_ticks);
         critical_section::with(|token| {
             let time = TimeBase::start();
@@ -179,7 +183,7 @@ impl Board {
             // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
             unsafe { NVIC::unmask(line) };
         }
-        Self { inbox: Inbox { blocks, free, edges }, digest: CodeDigest::new(), wire }
+        Self { inbox: Inbox { blocks, free, edges }, digest: CodeDigest::new(), log, wire }
     }
 
     /// Whether the record has ended. Blocks may still wait in the queue.
@@ -190,6 +194,11 @@ impl Board {
     /// Checksum of all codes handed over, as the host computes it.
     pub fn codes_crc(&self) -> u32 {
         self.digest.value()
+    }
+
+    /// The blocks handed over.
+    pub fn log(&self) -> &BlockLog {
+        self.log
     }
 
     /// Counters so far.
@@ -218,9 +227,8 @@ impl SampleClock for Board {
 }
 
 impl BlockSource for Board {
-    /// The border behind the running block: the record's edges before it are all known to precede that block's end.
     fn horizon(&self) -> u32 {
-        TimeBase::stamp(with_interrupts(|i| i.sampler.next_border()))
+        TimeBase::stamp(with_interrupts(|i| i.sampler.horizon()))
     }
 
     fn pending_end(&self) -> Option<u32> {
@@ -230,6 +238,7 @@ impl BlockSource for Board {
     fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
         let Some(block) = self.inbox.blocks.dequeue() else { return false };
         self.digest.update(&block.codes[..]);
+        self.log.append(&block);
         consume(block.as_block());
         // The queue of empty buffers has room for all of them.
         let _ = self.inbox.free.enqueue(block.codes);

@@ -35,6 +35,9 @@ fn main() -> ! {
     let mut store = Store::new(Flash::take(), 0);
     let session = open_session(&record, &mut store, BUFFERS);
     let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
+    // The self-test at start needs most of the stack; what comes after it is measured by itself.
+    let boot = stack::high_water();
+    stack::repaint();
     let mut wire = Wire::open();
     if record.header().waits_for_start {
         serve_until_start(&mut runner, &mut wire);
@@ -52,7 +55,10 @@ fn main() -> ! {
     }
     runner.on_request(Request::Statistics, &mut board);
     flush(&mut board.wire);
-    close(&board.statistics(), board.codes_crc(), stack::high_water())
+    // Before anything is printed: the node itself never formats text.
+    let operation = stack::high_water();
+    board.log().print();
+    close(&board.statistics(), board.codes_crc(), boot, operation)
 }
 
 /// Stopped, with the link alone, until the host asks to start.
@@ -107,14 +113,14 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
 }
 
 /// Prints the closing statistics and ends with success.
-fn close(statistics: &Statistics, codes_crc: u32, stack: StackUse) -> ! {
+fn close(statistics: &Statistics, codes_crc: u32, boot: StackUse, operation: StackUse) -> ! {
     let (sampling, (edges, edges_lost)) = (statistics.sampling, statistics.edges);
     eprintln!(
         "node: blocks={} lost={} missed={} edges={edges} edges_lost={edges_lost} link_lost={} dropped={} \
          codes_crc={codes_crc:08x}",
         sampling.blocks, sampling.lost, sampling.missed, statistics.link_lost, statistics.frames_dropped,
     );
-    eprintln!("node: stack {} of {} bytes", stack.used, stack.size);
+    eprintln!("node: stack_boot={} stack_operation={} stack_size={}", boot.used, operation.used, boot.size);
     eprintln!("node: finished");
     process::exit(0)
 }
