@@ -9,7 +9,7 @@ use meshband::replay::Header;
 use meshband::self_test::MATHEMATICS;
 use meshband::tach::Validity;
 use meshband_host::law::file::LawFile;
-use meshband_host::link::setup::{self, Installation};
+use meshband_host::link::setup::{Installation, Sources};
 use meshband_host::link::view::View;
 use meshband_host::link::{Client, Losses};
 use meshband_host::machine::{EngagementKind, Machine};
@@ -86,7 +86,8 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
         harmonics: Some(4),
         ..Installation::default()
     };
-    setup::apply(&mut config, Some(&machine_file()), Some(&law_file(folder.path())), &installation).expect("applies");
+    let sources = Sources::read(Some(&machine_file()), Some(&law_file(folder.path())), None).expect("sound files");
+    sources.apply(&mut config, &installation).expect("applies");
     assert_eq!([config.gears.pinion_teeth, config.gears.gear_teeth], TEETH);
     let mut wrong = config.clone();
     wrong.mesh.harmonics = 0;

@@ -96,7 +96,12 @@ fn golden_a_late_processor_sends_what_the_host_computes_from_the_same_blocks() {
         let run = Qemu { icount_shift, ..machine.clone() }.run(&image.bytes).expect("runs to its end");
         let blocks = run.blocks().expect("a whole log");
         let lost = run.count("lost") + run.count("missed");
-        println!("{} MIPS: {} blocks, {lost} lost, as planned: {}", 1000 >> icount_shift, blocks.len(), blocks == planned.blocks);
+        println!(
+            "{} MIPS: {} blocks, {lost} lost, as planned: {}",
+            1000 >> icount_shift,
+            blocks.len(),
+            blocks == planned.blocks
+        );
         late += u32::from(blocks != planned.blocks);
         lossy += u32::from(lost > 0);
         assert_eq!(run.count("edges_lost"), 0, "{}", run.console);

@@ -263,7 +263,8 @@ fn last_block(image: &Image, simulated: &Simulated, scale: f64) -> Result<Vec<(f
 
 fn block_rates(simulated: &Simulated) -> Vec<(f64, f64)> {
     let clock = f64::from(TICKS_PER_SECOND);
-    let row = |block: &TakenBlock| (f64::from(block.first_tick - block.period) / clock, clock / f64::from(block.period));
+    let row =
+        |block: &TakenBlock| (f64::from(block.first_tick - block.period) / clock, clock / f64::from(block.period));
     simulated.blocks.iter().map(row).collect()
 }
 
