@@ -4,3 +4,4 @@ pub mod gear_signal;
 pub mod mock_flash;
 pub mod plant;
 pub mod qemu_node;
+pub mod script;
