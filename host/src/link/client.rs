@@ -11,6 +11,7 @@ use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
 use meshband::law::Law;
 use meshband::message::{Identity, Message, PROTOCOL, Reply, Request, SelfTest, Statistics};
 use std::collections::VecDeque;
+use std::io::ErrorKind;
 use std::time::{Duration, Instant};
 
 /// How often a command is sent before the node counts as absent.
@@ -271,7 +272,11 @@ impl Client {
         let frame = encode(request, self.sequence, &mut buffer)
             .map_err(|e| Error::invalid("command", format!("does not fit a frame: {e:?}")))?;
         self.sequence = self.sequence.wrapping_add(1);
-        self.transport.write(frame).map_err(|e| Error::tool("link", e))
+        match self.transport.write(frame) {
+            // What was answered before the peer went may still be read.
+            Err(e) if matches!(e.kind(), ErrorKind::BrokenPipe | ErrorKind::ConnectionReset) => Ok(()),
+            other => other.map_err(|e| Error::tool("link", e)),
+        }
     }
 
     /// Takes in what the transport has.
