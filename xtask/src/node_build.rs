@@ -4,6 +4,7 @@
 use crate::elf::{self, PanicSite, Sizes};
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, cargo, root, timed};
+use crate::stack_use::{self, StackUse};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -17,6 +18,8 @@ const RELEASED: &str = "stm32f405";
 const FLASH_LIMIT: u64 = 160 * 1024;
 /// Bytes of static RAM a released image may take (issue 6): CCM and SRAM of the STM32F405 less the stack.
 const RAM_LIMIT: u64 = 160 * 1024;
+/// Bytes of the released image's stack that must stay free.
+const STACK_MARGIN: u32 = 8 * 1024;
 /// Growth over the snapshot that asks for a decision, percent. Paths of the build machine lie in the image too, so that
 /// exact sizes differ from one machine to the next.
 const GROWTH_PERCENT: u64 = 2;
@@ -51,7 +54,7 @@ fn run_build(board: &str) -> Outcome {
     ]))
 }
 
-/// Prints text, data and bss of each image, and the released image's panics; an error names every limit passed, every
+/// Prints text, data, bss and deepest stack of each image, and the released image's panics; an error names every limit passed, every
 /// growth over the snapshots in `tests/snapshots` and every panic of our own. `--bless` writes the snapshots anew.
 pub fn size(args: &[String]) -> Outcome {
     let bless = match args {
@@ -59,8 +62,9 @@ pub fn size(args: &[String]) -> Outcome {
         [only] if only == "--bless" => true,
         _ => return Err("size takes nothing but --bless".into()),
     };
-    let mut table = format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM");
-    let mut complaints = Vec::new();
+    let mut table =
+        format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM", "stack");
+    let (mut complaints, mut stacks) = (Vec::new(), Vec::new());
     let before = std::fs::read_to_string(snapshot("size.txt")).unwrap_or_default();
     for board in BOARDS {
         let path = image(board);
@@ -69,10 +73,24 @@ pub fn size(args: &[String]) -> Outcome {
         }
         let sizes: Sizes = elf::sizes(&path)?;
         let (flash, ram) = (sizes.flash(), sizes.ram());
-        let _ = writeln!(table, "{board:10} {:8} {:8} {:8} {flash:9} {ram:9}", sizes.text, sizes.data, sizes.bss);
+        let stack = stack_use::of(&path)?;
+        let _ = writeln!(
+            table,
+            "{board:10} {:8} {:8} {:8} {flash:9} {ram:9} {:9}",
+            sizes.text,
+            sizes.data,
+            sizes.bss,
+            stack.sum()
+        );
+        stacks.push((board, stack));
         if board == RELEASED {
             complain_above(&mut complaints, board, "flash", flash, FLASH_LIMIT);
             complain_above(&mut complaints, board, "RAM", ram, RAM_LIMIT);
+            let limit = stack.size.saturating_sub(STACK_MARGIN);
+            if stack.recursive {
+                complaints.push(format!("{board}: a function may call itself, so its stack has no bound"));
+            }
+            complain_above(&mut complaints, board, "stack", stack.sum().into(), limit.into());
         }
         if let Some((old_flash, old_ram)) = recorded(&before, board).filter(|_| !bless) {
             let grown = |old: u64| old + old * GROWTH_PERCENT / 100;
@@ -81,6 +99,13 @@ pub fn size(args: &[String]) -> Outcome {
         }
     }
     print!("{table}");
+    for (board, stack) in &stacks {
+        let StackUse { main, interrupt, fault, size, .. } = stack;
+        let sum = stack.sum();
+        println!(
+            "{board}: at most {main} bytes of stack in main + {interrupt} in an interrupt + {fault} in a fault = {sum} of {size}"
+        );
+    }
     let panics = check_panics(&mut complaints, bless)?;
     if bless {
         write_snapshot("size.txt", &table)?;
