@@ -35,6 +35,13 @@ fn set<T>(block: &T, offset: usize, value: u32) {
     unsafe { std::ptr::from_ref(block).cast::<u8>().add(offset).cast::<u32>().cast_mut().write_volatile(value) }
 }
 
+/// Compares fields of a register: lowest bit, mask, expected value, meaning.
+fn assert_fields(register: u32, fields: &[(u32, u32, u32, &str)]) {
+    for &(lowest, mask, expected, meaning) in fields {
+        assert_eq!(register >> lowest & mask, expected, "bits from {lowest} on of {register:#010x}: {meaning}");
+    }
+}
+
 const CR1: usize = 0x00;
 const CR2: usize = 0x04;
 const SMCR: usize = 0x08;
@@ -121,13 +128,18 @@ fn theory_sample_counter_counts_triggers_and_requests_the_reload() {
     unsafe { sample_clock::configure_reload(&dma1, 0x2000_1000, 0x4000_002c) };
     let stream = 0x10 + 0x18 * 2;
     let control = word(&*dma1, stream);
-    assert_eq!(control >> 25 & 7, 5, "channel 5: TIM3_UP");
-    assert_eq!(control >> 16 & 3, 3, "highest priority");
-    assert_eq!(control >> 13 & 3, 2, "memory words");
-    assert_eq!(control >> 11 & 3, 2, "register words");
-    assert_eq!(control >> 9 & 3, 0, "neither address moves");
-    assert_eq!(control >> 8 & 1, 1, "circular");
-    assert_eq!(control >> 6 & 3, 1, "memory to peripheral");
+    assert_fields(
+        control,
+        &[
+            (25, 7, 5, "channel 5: TIM3_UP"),
+            (16, 3, 3, "highest priority"),
+            (13, 3, 2, "memory words"),
+            (11, 3, 2, "register words"),
+            (9, 3, 0, "neither address moves"),
+            (8, 1, 1, "circular"),
+            (6, 3, 1, "memory to peripheral"),
+        ],
+    );
     assert_eq!(control & 0x3f, 1, "enabled, no interrupts");
     assert_eq!(word(&*dma1, stream + 0x04), 1);
     assert_eq!(word(&*dma1, stream + 0x08), 0x4000_002c);
@@ -140,16 +152,20 @@ fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
     let (adc1, common) = (block::<pac::adc1::RegisterBlock>(), block::<pac::adc_common::RegisterBlock>());
     adc::start(&adc1, &common);
     let control = word(&*adc1, 0x08);
-    assert_eq!(control >> 28 & 3, 0b01, "EXTEN: rising edge");
-    assert_eq!(control >> 24 & 0xf, 0b0110, "EXTSEL: TIM2 TRGO");
-    assert_eq!(control >> 11 & 1, 1, "left-aligned");
-    assert_eq!(control >> 9 & 1, 1, "requests go on after the last transfer");
-    assert_eq!(control >> 8 & 1, 1, "DMA");
-    assert_eq!(control >> 1 & 1, 0, "not continuous");
-    assert_eq!(control & 1, 1, "on");
+    assert_fields(
+        control,
+        &[
+            (28, 3, 0b01, "EXTEN: rising edge"),
+            (24, 0xf, 0b0110, "EXTSEL: TIM2 TRGO"),
+            (11, 1, 1, "left-aligned"),
+            (9, 1, 1, "requests go on after the last transfer"),
+            (8, 1, 1, "DMA"),
+            (1, 1, 0, "not continuous"),
+            (0, 1, 1, "on"),
+        ],
+    );
     assert_eq!(control & !0x3f00_0b01, 0, "nothing else");
-    assert_eq!(word(&*adc1, 0x04) >> 24 & 3, 0, "12 bits");
-    assert_eq!(word(&*adc1, 0x04) >> 8 & 1, 0, "no scan");
+    assert_eq!(word(&*adc1, 0x04), 1 << 26, "12 bits, no scan, an interrupt for overruns alone");
     assert_eq!(word(&*adc1, 0x10), 0b001 << 3, "channel 1: 15 cycles");
     assert_eq!(word(&*adc1, 0x2c) >> 20, 0, "one conversion");
     assert_eq!(word(&*adc1, 0x34), 1, "of channel 1");
@@ -167,6 +183,9 @@ fn fault_converter_overrun_is_taken_once() {
     assert!(adc::take_overrun(&adc1));
     // Flags are cleared by zeros: only OVR was written zero.
     assert_eq!(word(&*adc1, 0x00) & 0x3f, 0x1f);
+    set(&*adc1, 0x00, 1 << 5);
+    adc::stop(&adc1);
+    assert_eq!((word(&*adc1, 0x00), word(&*adc1, 0x08)), (0, 0), "off, and no flag left to hold the requests up");
 }
 
 #[test]
@@ -175,16 +194,21 @@ fn theory_double_buffer_takes_half_words_of_the_converter() {
     // SAFETY: plain memory, nothing is transferred.
     unsafe { dma::start_double_buffer(&dma2, 0x4001_204c, [0x2000_4000, 0x2000_4400], BLOCK_SAMPLES) };
     let control = word(&*dma2, 0x10);
-    assert_eq!(control >> 25 & 7, 0, "channel 0: ADC1");
-    assert_eq!(control >> 18 & 1, 1, "double buffer");
-    assert_eq!(control >> 19 & 1, 0, "first target memory 0");
-    assert_eq!(control >> 16 & 3, 3, "highest priority");
-    assert_eq!(control >> 13 & 3, 1, "half-words to memory");
-    assert_eq!(control >> 11 & 3, 1, "half-words from the register");
-    assert_eq!(control >> 10 & 1, 1, "memory address moves");
-    assert_eq!(control >> 9 & 1, 0, "register address stays");
-    assert_eq!(control >> 8 & 1, 1, "circular");
-    assert_eq!(control >> 6 & 3, 0, "peripheral to memory");
+    assert_fields(
+        control,
+        &[
+            (25, 7, 0, "channel 0: ADC1"),
+            (18, 1, 1, "double buffer"),
+            (19, 1, 0, "first target memory 0"),
+            (16, 3, 3, "highest priority"),
+            (13, 3, 1, "half-words to memory"),
+            (11, 3, 1, "half-words from the register"),
+            (10, 1, 1, "memory address moves"),
+            (9, 1, 0, "register address stays"),
+            (8, 1, 1, "circular"),
+            (6, 3, 0, "peripheral to memory"),
+        ],
+    );
     assert_eq!(control & 0x3f, (1 << 4) | (1 << 2) | 1, "complete and error interrupts, enabled");
     assert_eq!(word(&*dma2, 0x14), u32::from(BLOCK_SAMPLES));
     assert_eq!(word(&*dma2, 0x18), 0x4001_204c);
@@ -249,6 +273,17 @@ fn theory_time_base_captures_edges_and_borders() {
             };
             assert_eq!(filter.ticks, ticks);
         }
+    }
+}
+
+#[test]
+fn theory_filter_can_change_while_the_time_base_runs() {
+    let tim5 = block::<pac::tim5::RegisterBlock>();
+    time_base::start(&tim5, Edge::Rising, FILTERS[0]);
+    for filter in FILTERS.into_iter().rev() {
+        time_base::set_filter(&tim5, filter);
+        assert_eq!(word(&*tim5, CR1), (u32::from(filter.clock_division) << 8) | 1, "it goes on counting");
+        assert_eq!(word(&*tim5, CCMR1), (0b11 << 8) | (u32::from(filter.code) << 4) | 0b01);
     }
 }
 
@@ -390,6 +425,20 @@ fn fault_missed_border_is_seen_and_the_next_stamp_is_right() {
     assert_eq!((next.sequence, next.period_ticks, next.overrun), (3, 500, false));
     assert_eq!(next.first_tick, late.first_tick.wrapping_add(500 * u32::from(BLOCK_SAMPLES)));
     assert_eq!(publish(&mut timers, &mut borders, 600).period_ticks, 600);
+}
+
+#[test]
+fn fault_period_the_converter_cannot_follow_is_stamped_as_it_is_served() {
+    // A configuration may ask for 1 MHz; the timer then runs at the converter's fastest, and the stamps say so.
+    let mut timers = Timers::start(84);
+    let mut borders = Borders::starting(84);
+    for index in 0..4 {
+        timers.run_block(reload_of(borders.published()));
+        let (last, missed) = timers.take_border();
+        let stamp = borders.on_border(last, missed, if index < 2 { 84 } else { 500 });
+        assert_eq!((stamp.period_ticks, stamp.overrun), (SHORTEST_PERIOD, false), "block {index}");
+        assert_eq!(stamp.first_tick, timers.triggers[index * usize::from(BLOCK_SAMPLES)] as u32, "block {index}");
+    }
 }
 
 #[test]

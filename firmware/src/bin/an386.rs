@@ -4,7 +4,7 @@
 #![no_std]
 #![no_main]
 
-use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_rt::{entry, exception};
 use defmt_semihosting as _;
 use meshband::board::{Link, Supervision};
 use meshband::buffers::Buffers;
@@ -154,9 +154,13 @@ unsafe fn DefaultHandler(number: i16) {
     an386::on_interrupt(number);
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    eprintln!("node: hard fault at {:#010x}", frame.pc());
+// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
+#[unsafe(no_mangle)]
+extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
+    match stack_overflow {
+        true => eprintln!("node: stack overflow"),
+        false => eprintln!("node: hard fault at {program_counter:#010x}"),
+    }
     process::exit(3)
 }
 

@@ -1,8 +1,9 @@
 //! The block interrupt: a complete buffer out, a fresh one in, the next period published.
 //!
 //! When a rate changes and when a block began is decided by the timers alone; this handler has a whole block's
-//! time to read it. It also watches that transfers keep step with triggers; where they do not, sampling starts anew
-//! and the node sees a gap in the sequence, never a shifted block.
+//! time to read it. It also watches that transfers keep step with triggers; where they do not, or the converter reports an
+//! overrun (an interrupt of its own: after one no block would ever be complete), sampling starts anew and the node sees a
+//! gap in the sequence, never a shifted block.
 
 use super::{adc_common, adc1, dma1, dma2, tim2, tim3, tim5};
 use crate::interrupt_cell::InterruptCell;
@@ -79,6 +80,12 @@ impl Sampling {
         self.start();
     }
 
+    fn on_overrun(&mut self) {
+        if adc::take_overrun(adc1()) {
+            self.restart();
+        }
+    }
+
     fn on_interrupt(&mut self) {
         let flags = dma::take_flags(dma2(), dma::ADC_STREAM);
         let stream = dma2().st(dma::ADC_STREAM);
@@ -121,6 +128,12 @@ impl Sampling {
 
 #[interrupt]
 fn DMA2_STREAM0() {
-    // SAFETY: this is the one handler.
+    // SAFETY: this handler and the next share a priority.
     unsafe { SAMPLING.with(Sampling::on_interrupt) };
+}
+
+#[interrupt]
+fn ADC() {
+    // SAFETY: as above.
+    unsafe { SAMPLING.with(Sampling::on_overrun) };
 }

@@ -4,6 +4,7 @@
 //! its successor is already running with the word last published, and the word published now governs the one after.
 
 use crate::BLOCK_SAMPLES;
+use crate::period::served;
 
 /// What a block carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,11 +31,13 @@ pub struct Borders {
 impl Borders {
     /// The first two blocks share a period.
     pub const fn starting(period_ticks: u32) -> Self {
-        Self { running: period_ticks, published: period_ticks, sequence: 0, overrun: false }
+        let period = served(period_ticks);
+        Self { running: period, published: period, sequence: 0, overrun: false }
     }
 
     /// A block has ended: `last_tick` is its last sample's instant, `missed` tells that another border passed
-    /// unnoticed before it. `wanted` is the period to publish now. Gives the block's stamp.
+    /// unnoticed before it. `wanted` is the period to publish now, as far as the converter can follow: a block is stamped with
+    /// the period it has. Gives the block's stamp.
     pub fn on_border(&mut self, last_tick: u32, missed: bool, wanted: u32) -> Stamp {
         if missed {
             // The unnoticed block ended with the published period taken up; so did this one, unchanged.
@@ -47,7 +50,7 @@ impl Borders {
         let stamp = Stamp { first_tick, period_ticks, sequence: self.sequence, overrun: self.overrun };
         self.overrun = false;
         self.running = self.published;
-        self.published = wanted;
+        self.published = served(wanted);
         self.sequence = self.sequence.wrapping_add(1);
         stamp
     }

@@ -36,6 +36,7 @@ pub mod flash;
 pub mod period;
 #[cfg(feature = "f405")]
 pub mod pins;
+pub mod reset;
 #[cfg(feature = "f405")]
 pub mod sample_clock;
 #[cfg(feature = "f405")]
