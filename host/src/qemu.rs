@@ -123,6 +123,12 @@ impl Qemu {
         Self { firmware: firmware.into(), time_limit, icount_shift: 2, link: Link::Captured, memory: None }
     }
 
+    /// A machine with the built image of a board; `None` where QEMU or the image is absent.
+    pub fn of_board(board: &str) -> Option<Self> {
+        let firmware = built_firmware(board);
+        (is_installed() && firmware.is_file()).then(|| Self::new(firmware))
+    }
+
     /// Boots the image with `replay` in its PSRAM and waits until it exits.
     ///
     /// # Errors

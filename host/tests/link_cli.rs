@@ -6,7 +6,7 @@ use meshband::replay::{Header, image_bytes, write};
 use meshband_host::law::file::LawFile;
 use meshband_host::law::forms::Law;
 use meshband_host::machine::{EngagementKind, Machine};
-use meshband_host::qemu::{Link, Qemu, built_firmware, is_installed};
+use meshband_host::qemu::{Link, Qemu};
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::io::{Read, Write};
@@ -197,12 +197,11 @@ fn image() -> Vec<u8> {
 
 /// The machine, or `None` after saying why the test is skipped.
 fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
+    let machine = Qemu::of_board("an386");
+    if machine.is_none() {
         println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
     }
-    Some(Qemu::new(firmware))
+    machine
 }
 
 fn json(path: &str) -> Value {

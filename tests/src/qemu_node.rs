@@ -2,19 +2,18 @@
 
 use meshband_host::link::Client;
 use meshband_host::link::transport::Tcp;
-use meshband_host::qemu::{Finished, Link, Qemu, Running, built_firmware, is_installed};
+use meshband_host::qemu::{Finished, Link, Qemu, Running};
 use std::net::{TcpListener, TcpStream};
 #[cfg(unix)]
 use std::os::unix::net::{UnixListener, UnixStream};
 
 /// The machine, or `None` after saying why the test is skipped.
 pub fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
-        println!("skipped: {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
+    let machine = Qemu::of_board("an386");
+    if machine.is_none() {
+        println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
     }
-    Some(Qemu::new(firmware))
+    machine
 }
 
 /// Starts the machine with its link on a connection.

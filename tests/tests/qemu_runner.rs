@@ -1,20 +1,11 @@
 //! The QEMU runner calls only a run that the firmware itself finished a success.
 
 use meshband::replay::{CodeDigest, Drill, Header, Replay, SamplingMode, image_bytes, write};
-use meshband_host::qemu::{Finished, Qemu, built_firmware, is_installed};
+use meshband_host::qemu::{Finished, Qemu};
+use meshband_tests::qemu_node::machine;
 use std::time::Duration;
 
 const TICKS_PER_SECOND: u32 = 25_000_000;
-
-/// The machine, or `None` after saying why the test is skipped.
-fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
-        println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
-    }
-    Some(Qemu::new(firmware))
-}
 
 /// 0.2 s of a 700 Hz tone at 1 MHz with a tachometer at 40 pulses per second.
 fn image(header: Header) -> Vec<u8> {

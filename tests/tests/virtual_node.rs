@@ -2,23 +2,14 @@
 
 use meshband::config::{Configuration, GearPair};
 use meshband::replay::Header;
-use meshband_host::qemu::{Finished, Qemu, built_firmware, is_installed};
+use meshband_host::qemu::{Finished, Qemu};
 use meshband_host::virtual_node::frames::Received;
 use meshband_host::virtual_node::image::{Image, Source};
 use meshband_host::virtual_node::simulation;
+use meshband_tests::qemu_node::machine;
 use std::f64::consts::TAU;
 
 const RATE_HZ: f64 = 100_000.0;
-
-/// The machine, or `None` after saying why the test is skipped.
-fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
-        println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
-    }
-    Some(Qemu::new(firmware))
-}
 
 /// Mesh harmonics with a shaft sideband at a shaft rate that changes linearly; one pulse per turn.
 fn gear_signal(seconds: f64, from_hz: f64, to_hz: f64, teeth: u16) -> (Vec<f64>, Vec<f64>) {
