@@ -3,7 +3,6 @@
 use meshband_host::dynamics::simulate::Acquisition;
 use meshband_host::import::{ImportOptions, Unit as SourceUnit, import};
 use meshband_host::machine::Machine;
-use meshband_host::qemu::Qemu;
 use meshband_host::record::Record;
 use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
