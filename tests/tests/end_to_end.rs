@@ -16,7 +16,7 @@ use meshband_host::machine::{EngagementKind, Machine};
 use meshband_host::qemu::Qemu;
 use meshband_host::virtual_node::image::{Image, Source};
 use meshband_tests::gear_signal::{Course, FIRST_HARMONIC_M_S2};
-use meshband_tests::qemu_node::{machine, power_up_with_client};
+use meshband_tests::qemu_node::{check_stack, machine, power_up_with_client};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -113,6 +113,7 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
     let finished = running.finish().expect("the firmware ends well");
     assert_eq!(client.losses(), Losses::default());
     assert_eq!(finished.statistic("lost"), Some("0"), "{}", finished.console);
+    println!("stack at start and in operation: {:?} bytes", check_stack(&finished));
     let seen = events(&messages);
     for kind in [EventKind::TachLocked, EventKind::RateChanged] {
         assert!(seen.contains(&kind), "no {kind:?} in {seen:?}");

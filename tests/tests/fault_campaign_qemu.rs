@@ -29,7 +29,8 @@ fn run(machine: &Qemu, image: &[u8]) -> (Finished, Account) {
     assert_eq!((account.received.refused, account.received.lost), (0, 0));
     let (boot, operation) = check_stack(&finished);
     let wall = finished.wall_time.as_secs_f64();
-    println!("{wall:.1} s of host time; stack: {boot} bytes at start, {operation} in operation");
+    let sent = finished.link.len();
+    println!("{wall:.1} s of host time; {sent} bytes sent; stack: {boot} bytes at start, {operation} in operation");
     (finished, account)
 }
 
