@@ -74,6 +74,7 @@ impl<F: NorFlash> Runner<F> {
     #[inline(always)]
     pub fn open(mut store: Store<F>, clock: TicksPerSecond, crystal: bool, buffers: &'static mut Buffers) -> Self {
         let (configuration, origin) = store.load(clock.0);
+        defmt::info!("configuration: {}", origin);
         let Ok(mut session) = Session::with_buffers(configuration, clock, buffers) else {
             crash::on_cause(Cause::Start)
         };
@@ -109,6 +110,7 @@ impl<F: NorFlash> Runner<F> {
     /// Reports why the board started, by its own number, and the crash if it was one (`after_crash`: the processor reset
     /// itself).
     pub fn report_start(&mut self, reset_cause: u32, after_crash: bool) {
+        defmt::info!("started, cause {=u32}", reset_cause);
         self.session.node_mut().note(EventKind::Started, reset_cause);
         if let Some(crash) = crash::last().filter(|_| after_crash) {
             defmt::error!("restarted after crash {=u32} at {=str}:{=u32:x}", crash.count, crash.file(), crash.place);
@@ -158,6 +160,7 @@ impl<F: NorFlash> Runner<F> {
         }
         if self.session.take_commit() {
             let stored = self.store.save(self.session.node().configuration()).is_ok();
+            defmt::info!("configuration stored: {=bool}", stored);
             self.session.on_stored(stored);
         }
     }
@@ -168,6 +171,7 @@ impl<F: NorFlash> Runner<F> {
         let mut end = now;
         board.with_block(&mut |block| {
             if let Some(result) = test.on_block(&block, now) {
+                defmt::info!("self-test: {=u8:05b} run, {=u8:05b} failed", result.run, result.failed);
                 *self_test = result;
                 session.node_mut().set_self_test(result);
             }

@@ -8,6 +8,7 @@ use meshband::events::EventKind;
 use meshband::law::LawForm;
 use meshband::message::{Message, Spectrum};
 use meshband::node::State;
+use meshband::self_test::{NOISE, RAILS, SAMPLE_COUNT, TACH};
 use meshband::tach::Validity;
 use meshband::units::Hertz;
 use meshband_host::qemu::{Finished, Qemu};
@@ -324,6 +325,58 @@ mod link {
         assert_eq!(finished.count("lost") + finished.count("missed") + finished.count("dropped"), 0);
         assert_measures(&account, (4.0, end_s), SPEED_HZ);
     }
+}
+
+#[test]
+fn fault_the_self_test_at_boot_names_what_fails() {
+    let Some(machine) = machine("self-test") else { return };
+    let steady = |_: f64| SPEED_HZ;
+    let mut slow = configuration();
+    slow.limits.highest_adc = Hertz(500_000.0);
+    slow.law.form = LawForm::Quadratic { a_per_hz: 0.0, b: 7_000.0, c_hz: 0.0 };
+    for (name, disturbance, config, icount_shift, expected) in [
+        ("sound", Disturbance::None, configuration(), 2, 0),
+        ("stuck", Disturbance::Codes(|_, _| 291.0), configuration(), 2, NOISE),
+        ("at its rail", Disturbance::Codes(|_, _| 32_767.0), configuration(), 2, RAILS | NOISE),
+        ("no tach", Disturbance::NoPulses, configuration(), 2, TACH),
+        ("loses samples", Disturbance::None, slow, 5, SAMPLE_COUNT),
+    ] {
+        let mut script = Script::new(7);
+        script.run(2.5, steady, disturbance);
+        let image = script.image(Some(&config), |header| header);
+        let finished = Qemu { icount_shift, ..machine.clone() }.run(&image).expect("the firmware ends well");
+        let account = Account::of(&finished.link);
+        let events = account.events(0.0, 3.0);
+        let failed = events.iter().filter(|e| e.kind == EventKind::SelfTestFailed).map(|e| e.detail).next_back();
+        assert_eq!(failed.unwrap_or(0), u32::from(expected), "{name}: {}", finished.console);
+    }
+}
+
+#[test]
+fn fault_commits_while_measuring_do_not_disturb_the_measurement() {
+    use meshband::replay::Header;
+    use meshband_tests::qemu_node::power_up_with_client;
+    use std::time::Duration;
+
+    let Some(machine) = machine("commits") else { return };
+    let mut script = Script::new(8);
+    let (_, end_s) = script.run(30.0, |_| SPEED_HZ, Disturbance::None);
+    let image = script.image(Some(&configuration()), |header| Header { waits_for_start: true, ..header });
+    let (running, mut client) = power_up_with_client(&machine, &image);
+    client.start().expect("starts");
+    // A sector holds 64 records: both are used, and one is erased.
+    for _ in 0..70 {
+        client.commit().expect("stored");
+    }
+    let mut spectra = Vec::new();
+    while let Some(message) = client.next_message(Duration::from_secs(30)).expect("the link works") {
+        spectra.extend(if let Message::Spectrum(spectrum) = message { Some(spectrum) } else { None });
+    }
+    let finished = running.finish().expect("the firmware ends well");
+    assert_eq!(finished.count("lost") + finished.count("missed"), 0, "{}", finished.console);
+    assert!(spectra.iter().all(|spectrum| is_right(spectrum, SPEED_HZ)));
+    assert!(spectra.len() as f64 > 0.6 * end_s, "{} spectra in {end_s} s", spectra.len());
+    check_stack(&finished);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The QEMU runner calls only a run that the firmware itself finished a success.
 
 use meshband::replay::{CodeDigest, Drill, Header, Replay, SamplingMode, image_bytes, write};
-use meshband_host::qemu::{Finished, Qemu};
+use meshband_host::qemu::{Finished, Qemu, built_firmware};
 use meshband_tests::qemu_node::machine;
 use std::time::Duration;
 
@@ -54,6 +54,23 @@ fn fault_a_stack_overflow_is_found_and_named() {
     // Neither corrupted nor locked up: the fault's entry finds its way without a stack.
     let message = drill(machine, Drill::StackOverflow);
     assert!(message.contains("exit code 3") && message.contains("stack overflow"), "{message}");
+}
+
+#[test]
+fn fault_panic_stack_overflow_fault_and_hang_restart_the_node_which_then_knows_why() {
+    let Some(machine) = machine("restarts") else { return };
+    let drill = Qemu { firmware: built_firmware("restart"), time_limit: Duration::from_secs(30), ..machine };
+    let run = drill.run(&[0; 64]).expect("four restarts, then the end");
+    let said = |stage: u32| {
+        let start = format!("node: stage={stage} ");
+        run.console.lines().find_map(|line| line.strip_prefix(&start)).unwrap_or_else(|| panic!("{}", run.console))
+    };
+    assert_eq!(said(0), "crashes=0");
+    assert!(said(1).starts_with("crashes=1 place=") && said(1).ends_with("firmware/src/bin/restart.rs"), "{}", said(1));
+    assert!(said(2).starts_with("crashes=2 place=4 "), "the stack overflow: {}", said(2));
+    // The fault's own address; the hang leaves no record, so the same one still stands after the watchdog's reset.
+    assert!(said(3).starts_with("crashes=3 place=") && !said(3).contains("place=0 "), "{}", said(3));
+    assert_eq!(said(4), said(3));
 }
 
 #[test]

@@ -12,6 +12,10 @@ use std::path::PathBuf;
 /// One binary per board; the feature of the same name selects it.
 pub const BOARDS: [&str; 3] = ["an386", "stm32f405", "stm32f767"];
 
+/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu_runner.rs`.
+pub const IMAGES: [(&str, &str); 4] =
+    [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405"), ("stm32f767", "stm32f767")];
+
 /// The board the limits are meant for.
 const RELEASED: &str = "stm32f405";
 /// Bytes of flash a released image may take (issue 6).
@@ -33,10 +37,10 @@ pub fn run() -> Outcome {
 
 /// Builds all images.
 pub fn build() -> Outcome {
-    BOARDS.iter().try_for_each(|board| timed(&format!("firmware for {board}"), || run_build(board)))
+    IMAGES.iter().try_for_each(|(image, board)| timed(&format!("firmware {image}"), || run_build(image, board)))
 }
 
-fn run_build(board: &str) -> Outcome {
+fn run_build(image: &str, board: &str) -> Outcome {
     let feature = format!("board-{board}");
     crate::shell::run(&mut cargo(&[
         "build",
@@ -48,7 +52,7 @@ fn run_build(board: &str) -> Outcome {
         "--profile",
         "firmware",
         "--bin",
-        board,
+        image,
         "--features",
         &feature,
     ]))
