@@ -428,6 +428,27 @@ fn fault_missed_border_is_seen_and_the_next_stamp_is_right() {
 }
 
 #[test]
+fn fault_every_block_of_a_long_silence_is_counted() {
+    // The core stands still while a sector is erased; timers and transfers go on.
+    for asleep in [1, 2, 3, 10, 977] {
+        for (period, published) in [(420, 420), (420, 900), (900, 110)] {
+            let mut timers = Timers::start(period);
+            let mut borders = Borders::starting(period);
+            timers.run_block(reload_of(borders.published()));
+            let (last, missed) = timers.take_border();
+            borders.on_border(last, missed, published);
+            (0..asleep).for_each(|_| timers.run_block(reload_of(borders.published())));
+            timers.run_block(reload_of(borders.published()));
+            let (last, missed) = timers.take_border();
+            assert!(missed);
+            let stamp = borders.on_border(last, missed, published);
+            let first = timers.triggers[(1 + asleep) * usize::from(BLOCK_SAMPLES)];
+            assert_eq!((stamp.sequence, stamp.first_tick), (1 + asleep as u32, first as u32), "{asleep} {published}");
+        }
+    }
+}
+
+#[test]
 fn fault_period_the_converter_cannot_follow_is_stamped_as_it_is_served() {
     // A configuration may ask for 1 MHz; the timer then runs at the converter's fastest, and the stamps say so.
     let mut timers = Timers::start(84);

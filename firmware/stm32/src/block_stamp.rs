@@ -26,33 +26,46 @@ pub struct Borders {
     published: u32,
     sequence: u32,
     overrun: bool,
+    /// Last sample's instant and period of the block stamped before.
+    before: Option<(u32, u32)>,
 }
 
 impl Borders {
     /// The first two blocks share a period.
     pub const fn starting(period_ticks: u32) -> Self {
         let period = served(period_ticks);
-        Self { running: period, published: period, sequence: 0, overrun: false }
+        Self { running: period, published: period, sequence: 0, overrun: false, before: None }
     }
 
-    /// A block has ended: `last_tick` is its last sample's instant, `missed` tells that another border passed
-    /// unnoticed before it. `wanted` is the period to publish now, as far as the converter can follow: a block is stamped with
+    /// A block has ended: `last_tick` is its last sample's instant, `missed` tells that other borders passed
+    /// unnoticed before it; how many, the time since the last one noticed tells (a flash erasure takes seconds). `wanted` is the period to publish now, as far as the converter can follow: a block is stamped with
     /// the period it has. Gives the block's stamp.
     pub fn on_border(&mut self, last_tick: u32, missed: bool, wanted: u32) -> Stamp {
         if missed {
-            // The unnoticed block ended with the published period taken up; so did this one, unchanged.
+            // The first unnoticed block ended with the published period taken up; all later ones have it, this one too.
+            self.sequence = self.sequence.wrapping_add(self.unnoticed(last_tick));
             self.running = self.published;
-            self.sequence = self.sequence.wrapping_add(1);
             self.overrun = true;
         }
         let period_ticks = self.running;
         let first_tick = last_tick.wrapping_sub(period_ticks.wrapping_mul(u32::from(BLOCK_SAMPLES) - 1));
         let stamp = Stamp { first_tick, period_ticks, sequence: self.sequence, overrun: self.overrun };
+        self.before = Some((last_tick, period_ticks));
         self.overrun = false;
         self.running = self.published;
         self.published = served(wanted);
         self.sequence = self.sequence.wrapping_add(1);
         stamp
+    }
+
+    /// Blocks between the one stamped before and the one that ends now.
+    fn unnoticed(&self, last_tick: u32) -> u32 {
+        let Some((before, period)) = self.before else { return 1 };
+        let samples = u32::from(BLOCK_SAMPLES);
+        // A block's first sample follows its predecessor's last at the predecessor's period.
+        let with_one = period + self.running * samples + self.published * (samples - 1);
+        let more = last_tick.wrapping_sub(before).saturating_sub(with_one);
+        1 + more.checked_div(self.published * samples).unwrap_or(0)
     }
 
     /// The next block is known to lack samples, or the one just stamped could not be handed over.
@@ -65,6 +78,7 @@ impl Borders {
         self.running = self.published;
         self.sequence = self.sequence.wrapping_add(1);
         self.overrun = true;
+        self.before = None;
     }
 
     /// The period word that DMA is to copy at the next border.
