@@ -104,3 +104,26 @@ pub fn on_panic(info: &PanicInfo) -> ! {
     let (place, file) = info.location().map_or((0, ""), |place| (place.line(), place.file()));
     record_and_reset(place, file)
 }
+
+/// Defines what every image does that restarts after a failure: the hooks of a panic, of a fault
+/// ([`mod@crate::fault`]) and of an interrupt that nobody unmasked.
+#[macro_export]
+macro_rules! restart_on_failure {
+    () => {
+        // SAFETY: no other symbol has this name; the entry of the fault calls it.
+        #[unsafe(no_mangle)]
+        extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
+            $crate::crash::on_fault(program_counter, stack_overflow)
+        }
+
+        #[cortex_m_rt::exception]
+        unsafe fn DefaultHandler(_number: i16) -> ! {
+            $crate::crash::on_cause($crate::crash::Cause::Interrupt)
+        }
+
+        #[panic_handler]
+        fn panic(info: &core::panic::PanicInfo) -> ! {
+            $crate::crash::on_panic(info)
+        }
+    };
+}

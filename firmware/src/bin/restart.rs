@@ -6,10 +6,12 @@
 #![no_main]
 
 use core::cell::UnsafeCell;
-use cortex_m_rt::entry;
+use cortex_m_rt::{entry, exception};
 use defmt_semihosting as _;
 use meshband_node::crash::{self, Cause};
 use semihosting::{eprintln, process};
+
+meshband_node::restart_on_failure!();
 
 /// How many restarts lie behind; zero after power-up, which QEMU's memory is all of.
 #[repr(transparent)]
@@ -50,6 +52,10 @@ fn main() -> ! {
     process::exit(1)
 }
 
+/// The watchdog's warning; a hanging node would not heed it.
+#[exception]
+unsafe fn NonMaskableInt() {}
+
 /// Recurses without end, with a frame the compiler cannot remove.
 #[inline(never)]
 fn overflow(depth: u32) -> u32 {
@@ -70,17 +76,6 @@ fn hang() -> ! {
     loop {
         cortex_m::asm::nop();
     }
-}
-
-// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
-#[unsafe(no_mangle)]
-extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
-    crash::on_fault(program_counter, stack_overflow)
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    crash::on_panic(info)
 }
 
 const _: () = assert!(Cause::StackOverflow as u32 == 4, "docs/node.md and tests/tests/qemu_runner.rs say so");

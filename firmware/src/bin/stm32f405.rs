@@ -14,6 +14,8 @@ use meshband_node::stm32f405::{Board, TIME_BASE, power_up, set_light};
 use meshband_stm32::clock::Oscillator;
 use meshband_stm32::reset::ResetCause;
 
+meshband_node::restart_on_failure!();
+
 #[entry]
 fn main() -> ! {
     let power = power_up();
@@ -47,20 +49,4 @@ fn SysTick() {}
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     crash::on_cause(Cause::Crystal)
-}
-
-#[exception]
-unsafe fn DefaultHandler(_number: i16) -> ! {
-    crash::on_cause(Cause::Interrupt)
-}
-
-// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
-#[unsafe(no_mangle)]
-extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
-    crash::on_fault(program_counter, stack_overflow)
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    crash::on_panic(info)
 }

@@ -35,6 +35,8 @@ use meshband_stm32::period::reload_of;
 use meshband_stm32::reset::ResetCause;
 use stm32f7::stm32f767::{self as pac, Interrupt, interrupt};
 
+meshband_node::restart_on_failure!();
+
 const TIME_BASE: TicksPerSecond = TicksPerSecond(84_000_000);
 const RECEIVE_BYTES: usize = 1024;
 const SEND_BYTES: usize = 8 * 1024;
@@ -512,15 +514,4 @@ fn SysTick() {}
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     crash::on_cause(Cause::Crystal)
-}
-
-// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
-#[unsafe(no_mangle)]
-extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
-    crash::on_fault(program_counter, stack_overflow)
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    crash::on_panic(info)
 }
