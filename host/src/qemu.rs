@@ -43,6 +43,9 @@ pub struct Qemu {
     /// Virtual nanoseconds per instruction as a power of two. 2 gives 250 million instructions per second, about twice
     /// an STM32F405 at 168 MHz: the board spends some 100 instructions per sample on imitating ADC and DMA.
     pub icount_shift: u8,
+    /// Whether an idle processor waits for the clock on the wall, so that the node lives as long as its record says; else
+    /// idle time takes none.
+    pub at_wall_speed: bool,
     /// Where the UART goes.
     pub link: Link,
     /// File that keeps the board's memory with the stored configuration beyond a run; made where absent.
@@ -120,7 +123,14 @@ impl Qemu {
     /// A machine with this image, a time limit of two minutes and a captured link.
     pub fn new(firmware: impl Into<PathBuf>) -> Self {
         let time_limit = Duration::from_secs(120);
-        Self { firmware: firmware.into(), time_limit, icount_shift: 2, link: Link::Captured, memory: None }
+        Self {
+            firmware: firmware.into(),
+            time_limit,
+            icount_shift: 2,
+            at_wall_speed: false,
+            link: Link::Captured,
+            memory: None,
+        }
     }
 
     /// A machine with the built image of a board; `None` where QEMU or the image is absent.
@@ -166,7 +176,7 @@ impl Qemu {
         command
             .args(["-machine", "mps2-an386", "-nodefaults", "-display", "none", "-monitor", "none"])
             .arg("-icount")
-            .arg(format!("shift={},sleep=off", self.icount_shift))
+            .arg(format!("shift={},sleep={}", self.icount_shift, if self.at_wall_speed { "on" } else { "off" }))
             .args(["-semihosting-config", "enable=on,target=native"])
             .arg("-device")
             .arg(format!("loader,file={},addr={IMAGE_ADDRESS:#x},force-raw=on", escape(signal)))

@@ -178,7 +178,7 @@ fn fault_bad_files_are_refused_with_table_and_key_before_any_node_is_asked() {
     refused(&["configure", port, "--law", &machine_file()], &["19-48.toml"]);
 }
 
-/// A minute of mesh harmonics at 15 Hz; the board waits for `configure --start`.
+/// A minute of mesh harmonics at 15 Hz; the board waits for `configure --start`, and a minute it will then be.
 fn image() -> Vec<u8> {
     const RATE_HZ: u32 = 50_000;
     let value = |n: u32| {
@@ -262,7 +262,7 @@ fn session(port: &str, folder: &Path) {
 fn claim_a_node_is_configured_and_watched_over_tcp() {
     let Some(machine) = machine("TCP") else { return };
     let port = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a free port").port();
-    let running = Qemu { link: Link::Tcp(port), ..machine }.start(&image()).expect("QEMU starts");
+    let running = Qemu { link: Link::Tcp(port), at_wall_speed: true, ..machine }.start(&image()).expect("QEMU starts");
     // QEMU listens some moments later.
     let (start, address) = (Instant::now(), ("127.0.0.1", port));
     while std::net::TcpStream::connect(address).is_err() && start.elapsed() < Duration::from_secs(20) {
@@ -285,7 +285,7 @@ fn claim_the_same_over_a_pseudo_terminal() {
     let Some(machine) = machine("pseudo-terminal") else { return };
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
     let link = Link::Connect(listener.local_addr().expect("bound").port());
-    let running = Qemu { link, ..machine }.start(&image()).expect("QEMU starts");
+    let running = Qemu { link, at_wall_speed: true, ..machine }.start(&image()).expect("QEMU starts");
     let (mut node, _) = listener.accept().expect("QEMU connects");
     // Its own hold on the far end would keep the command out.
     let (mut near, far) = TTYPort::pair().expect("a pair");

@@ -256,7 +256,7 @@ mod link {
         // More answers than the queue of 8 KiB holds, and a waveform, while nobody reads.
         wire.send(&Request::Snapshot);
         (0..600).for_each(|_| wire.send(&Request::Identify));
-        std::thread::sleep(Duration::from_millis(300));
+        std::thread::sleep(Duration::from_millis(50));
         assert!(wire.read_until(status_at(0.0)), "the node goes on");
         assert!(!wire.read_until(|_| false));
         let account = wire.account();
@@ -363,9 +363,11 @@ fn fault_commits_while_measuring_do_not_disturb_the_measurement() {
     let (_, end_s) = script.run(30.0, |_| SPEED_HZ, Disturbance::None);
     let image = script.image(Some(&configuration()), |header| Header { waits_for_start: true, ..header });
     let (running, mut client) = power_up_with_client(&machine, &image);
-    client.start().expect("starts");
-    // A sector holds 64 records: both are used, and one is erased.
-    for _ in 0..70 {
+    // A sector holds 64 records: the one used first is full when the measurement begins, so the other is erased in it.
+    for number in 0..66 {
+        if number == 63 {
+            client.start().expect("starts");
+        }
         client.commit().expect("stored");
     }
     let mut spectra = Vec::new();
