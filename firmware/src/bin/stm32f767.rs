@@ -224,8 +224,11 @@ impl Sampling {
         if missed {
             put!(tim5().sr(), !(1 << 10));
         }
-        let stamp = self.borders.on_border(last_tick, missed, REQUEST.latest());
-        RELOAD.store(reload_of(self.borders.published()), Ordering::Relaxed);
+        let next = tim2().arr().read().bits().wrapping_add(1);
+        let next = (tim5().sr().read().bits() & 1 << 2 == 0).then_some(next);
+        let stamp = self.borders.on_border(last_tick, missed, next);
+        RELOAD.store(self.borders.publish(REQUEST.latest()), Ordering::Relaxed);
+        let Some(stamp) = stamp else { return };
         let second_filling = stream.cr().read().bits() & 1 << 19 != 0;
         let [first, second] = &mut self.filling;
         let place = if second_filling { first } else { second };

@@ -101,8 +101,13 @@ impl Sampling {
         // What DMA wrote is visible from here on.
         fence(Ordering::Acquire);
         let (last_tick, missed) = time_base::take_border(tim5());
-        let stamp = self.borders.on_border(last_tick, missed, self.request.latest());
-        RELOAD.store(reload_of(self.borders.published()), Ordering::Relaxed);
+        let next = sample_clock::period(tim2());
+        // A border that came meanwhile has brought another block's period.
+        let next = (!time_base::border_waits(tim5())).then_some(next);
+        let stamp = self.borders.on_border(last_tick, missed, next);
+        RELOAD.store(self.borders.publish(self.request.latest()), Ordering::Relaxed);
+        // A block without a stamp is given up, and its buffer filled again.
+        let Some(stamp) = stamp else { return };
         let (idle, [first, second]) = (dma::target(stream).other(), &mut self.filling);
         let place = if idle == Target::Memory0 { first } else { second };
         match self.free.dequeue() {

@@ -62,6 +62,12 @@ pub fn stop(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock) {
     tim3.smcr().reset();
 }
 
+/// The sample period that the block behind the last border has: the preload register, which the timer takes up with the
+/// block's first trigger.
+pub fn period(tim2: &tim2::RegisterBlock) -> u32 {
+    tim2.arr().read().arr().bits().wrapping_add(1)
+}
+
 /// Triggers of the running block so far.
 pub fn counted(tim3: &tim3::RegisterBlock) -> u16 {
     tim3.cnt().read().cnt().bits()

@@ -80,6 +80,11 @@ pub fn take_border(tim5: &tim5::RegisterBlock) -> (u32, bool) {
     (tick, missed)
 }
 
+/// Whether a border has passed since the last one was taken.
+pub fn border_waits(tim5: &tim5::RegisterBlock) -> bool {
+    tim5.sr().read().cc2if().bit_is_set()
+}
+
 /// Clears flags of the status register, and only these: writing one leaves a flag as it is, so a flag that rises
 /// meanwhile is not lost, as it would be with read-modify-write.
 fn clear(tim5: &tim5::RegisterBlock, flags: impl FnOnce(&mut crate::pac::tim5::sr::W) -> &mut crate::pac::tim5::sr::W) {
