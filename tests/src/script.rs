@@ -1,12 +1,14 @@
 //! Records for the node in QEMU with faults at known times: a gear pair's signal, its tach, and what befalls either.
 
-use crate::gear_signal::acceleration;
+use crate::gear_signal::{FIRST_HARMONIC_M_S2, acceleration};
 use crate::plant::{CLOCK_HZ, PER_CODE_M_S2, TEETH};
 use meshband::config::Configuration;
-use meshband::events::Event;
+use meshband::events::{Event, EventKind};
 use meshband::frame::Packet;
 use meshband::message::{Message, Spectrum, Statistics, Status};
+use meshband::node::State;
 use meshband::replay::{Header, MAX_CONFIGURATION, START_TICK, image_bytes, write};
+use meshband::tach::Validity;
 use meshband_host::virtual_node::frames::Received;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -146,4 +148,40 @@ impl Account {
     pub fn replies(&self) -> usize {
         self.received.packets.iter().filter(|packet| matches!(packet, Packet::Reply(_))).count()
     }
+
+    /// How often an event occurred, by the closing statistics.
+    pub fn counted(&self, kind: EventKind) -> u32 {
+        self.statistics().events[kind as usize]
+    }
+
+    /// Asserts that in the last part of a stretch the node measures and its spectra are right.
+    ///
+    /// # Panics
+    /// Where they are not.
+    pub fn assert_measures(&self, (from_s, to_s): (f64, f64), speed_hz: f64) {
+        // Records that reach into the next part are none of this one's.
+        let ends_s = |s: &Spectrum| seconds(s.tag.first_tick) + f64::from(s.turns) / f64::from(s.tag.speed_hz);
+        let mut spectra = self.spectra(from_s + 0.5, to_s);
+        spectra.retain(|s| ends_s(s) < to_s);
+        assert!(!spectra.is_empty(), "no spectrum from {from_s} s to {to_s} s");
+        for spectrum in spectra {
+            let what = (spectrum.bands[0].line, spectrum.tag.speed_hz);
+            assert!(is_right(spectrum, speed_hz), "{what:?} between {from_s} s and {to_s} s");
+        }
+        let statuses = self.statuses(from_s, to_s);
+        let last = statuses.last().expect("statuses come each second");
+        assert_eq!(
+            (last.state, last.validity, last.safe_rate),
+            (State::Measuring, Validity::Locked, false),
+            "{to_s} s"
+        );
+    }
+}
+
+/// Whether a spectrum has the first mesh harmonic of the gear pair at a speed.
+pub fn is_right(spectrum: &Spectrum, speed_hz: f64) -> bool {
+    let line = spectrum.bands[0].line;
+    let frequency = f64::from(line.frequency_hz) / (speed_hz * f64::from(TEETH)) - 1.0;
+    let amplitude = f64::from(line.amplitude) / FIRST_HARMONIC_M_S2 - 1.0;
+    frequency.abs() < 5e-4 && amplitude.abs() < 0.06
 }
