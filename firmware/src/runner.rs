@@ -72,7 +72,13 @@ impl<F: NorFlash> Runner<F> {
     /// Not wrapped in an option, and part of the caller: each wrapping of these 15 KB is another copy on the stack. A clock
     /// on which not even the default can run is a crash.
     #[inline(always)]
-    pub fn open(mut store: Store<F>, clock: TicksPerSecond, crystal: bool, buffers: &'static mut Buffers) -> Self {
+    pub fn open(
+        mut store: Store<F>,
+        test: BootTest,
+        clock: TicksPerSecond,
+        crystal: bool,
+        buffers: &'static mut Buffers,
+    ) -> Self {
         let (configuration, origin) = store.load(clock.0);
         defmt::info!("configuration: {}", origin);
         let Ok(mut session) = Session::with_buffers(configuration, clock, buffers) else {
@@ -81,16 +87,22 @@ impl<F: NorFlash> Runner<F> {
         if let Some(complaint) = origin.complaint() {
             session.node_mut().note(EventKind::ConfigurationRefused, complaint);
         }
-        let mut runner = Self::new(session, store, clock, crystal);
+        let mut runner = Self::new(session, store, test, clock, crystal);
         if !crystal {
             runner.note(BoardEvent::InternalOscillator, 0);
         }
         runner
     }
 
-    /// Takes over a session; checks the mathematics at once.
-    pub fn new(mut session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
-        let test = BootTest::new(clock);
+    /// Takes over a session, and a self-test that has checked the mathematics: where little lies on the stack yet, because
+    /// that takes a lot of it.
+    pub fn new(
+        mut session: NodeSession,
+        store: Store<F>,
+        test: BootTest,
+        clock: TicksPerSecond,
+        crystal: bool,
+    ) -> Self {
         let self_test = test.result();
         session.node_mut().set_self_test(self_test);
         let (lost_edges, block_seen, stack_seen, stack_due) = (0, None, 0, 0);

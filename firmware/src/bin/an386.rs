@@ -13,6 +13,7 @@ use meshband::events::EventKind;
 use meshband::message::Request;
 use meshband::node::State;
 use meshband::replay::{Drill, Replay, START_TICK};
+use meshband::self_test::BootTest;
 use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
@@ -32,12 +33,19 @@ fn main() -> ! {
         process::exit(1)
     });
     rehearse(record.header().drill);
-    let mut store = Store::new(Flash::take(), 0);
-    let session = open_session(&record, &mut store, BUFFERS);
-    let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
-    // The self-test at start needs most of the stack; what comes after it is measured by itself.
+    let test = BootTest::new(TicksPerSecond(CLOCK_HZ));
+    // The self-test at start needs much stack; what comes after it is measured by itself.
     let boot = stack::high_water();
     stack::repaint();
+    operate(record, test, boot, BUFFERS)
+}
+
+/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+#[inline(never)]
+fn operate(record: Replay<'static>, test: BootTest, boot: StackUse, buffers: &'static mut Buffers) -> ! {
+    let mut store = Store::new(Flash::take(), 0);
+    let session = open_session(&record, &mut store, buffers);
+    let mut runner = Runner::new(session, store, test, TicksPerSecond(CLOCK_HZ), true);
     let mut wire = Wire::open();
     if record.header().waits_for_start {
         serve_until_start(&mut runner, &mut wire);

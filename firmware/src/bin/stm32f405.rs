@@ -6,11 +6,12 @@ use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use defmt_rtt as _;
 use meshband::buffers::Buffers;
+use meshband::self_test::BootTest;
 use meshband::store::Store;
 use meshband_node::crash::{self, Cause};
 use meshband_node::runner::{BoardEvent, Runner};
 use meshband_node::stm32f405::config_flash::ConfigFlash;
-use meshband_node::stm32f405::{Board, TIME_BASE, power_up, set_light};
+use meshband_node::stm32f405::{Board, Power, TIME_BASE, power_up, set_light};
 use meshband_stm32::clock::Oscillator;
 use meshband_stm32::reset::ResetCause;
 
@@ -21,11 +22,17 @@ fn main() -> ! {
     let power = power_up();
     // Lit until the main loop runs.
     set_light(true);
+    operate(&power, BootTest::new(TIME_BASE))
+}
+
+/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+#[inline(never)]
+fn operate(power: &Power, test: BootTest) -> ! {
     let (Some(flash), Some(buffers)) = (ConfigFlash::take(), singleton!(: Buffers = Buffers::ZERO)) else {
         crash::on_cause(Cause::Start)
     };
     let crystal = power.oscillator == Oscillator::Crystal;
-    let mut runner = Runner::open(Store::new(flash, 0), TIME_BASE, crystal, buffers);
+    let mut runner = Runner::open(Store::new(flash, 0), test, TIME_BASE, crystal, buffers);
     runner.report_start(power.reset_cause as u32, power.reset_cause == ResetCause::Software);
     let node = runner.session().node();
     let (wheel, period) = (node.configuration().tach, node.requested_period_ticks());

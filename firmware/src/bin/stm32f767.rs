@@ -21,6 +21,7 @@ use heapless::spsc::{Consumer, Producer};
 use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
 use meshband::buffers::Buffers;
 use meshband::node::Block;
+use meshband::self_test::BootTest;
 use meshband::store::Store;
 use meshband::units::TicksPerSecond;
 use meshband_node::crash::{self, Cause};
@@ -491,8 +492,14 @@ impl NorFlash for ConfigFlash {
 #[entry]
 fn main() -> ! {
     let (crystal, cause) = power_up();
+    operate(crystal, cause, BootTest::new(TIME_BASE))
+}
+
+/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+#[inline(never)]
+fn operate(crystal: bool, cause: ResetCause, test: BootTest) -> ! {
     let Some(buffers) = singleton!(: Buffers = Buffers::ZERO) else { crash::on_cause(Cause::Start) };
-    let mut runner = Runner::open(Store::new(ConfigFlash, 0), TIME_BASE, crystal, buffers);
+    let mut runner = Runner::open(Store::new(ConfigFlash, 0), test, TIME_BASE, crystal, buffers);
     runner.report_start(cause as u32, cause == ResetCause::Software);
     let node = runner.session().node();
     let (wheel, period) = (node.configuration().tach, node.requested_period_ticks());
