@@ -58,7 +58,7 @@ pub fn power_up_on_socket(machine: &Qemu, image: &[u8], folder: &std::path::Path
 /// Stack of the released board, bytes: all of its core-coupled memory (`memory.x`).
 pub const STACK_BYTES: u32 = 64 * 1024;
 /// What must stay free of it, bytes: the released board's own interrupts, which QEMU does not run, need less than one.
-pub const STACK_MARGIN: u32 = 16 * 1024;
+pub const STACK_MARGIN: u32 = 8 * 1024;
 
 /// Asserts the margin and gives the deepest use at start and in operation, bytes.
 ///
