@@ -4,7 +4,7 @@
 //! of one engagement alone: what the ramp and the modes make of it, free of the ring of other engagements.
 //! The ring is no property of speed alone (it changes with every small change of it), so no law can hold it;
 //! what it adds in the full simulation is measured here at every held-out speed and reported as scatter.
-//! Where that scatter is small everywhere (at most [`SMALL_RING`]: short ramps, as the paper's) the table takes
+//! Where that scatter is small everywhere (at most `SMALL_RING`: short ramps, as the paper's) the table takes
 //! the middle between the edge alone and the edge on its ring, which is nearest to both.
 
 use super::edges::Edge;
