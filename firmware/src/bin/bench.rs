@@ -6,7 +6,7 @@
 #![no_std]
 #![no_main]
 
-use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_rt::entry;
 use defmt_semihosting as _;
 use meshband::buffers::Buffers;
 use meshband::config::{Configuration, Sensor, TachWheel};
@@ -300,9 +300,10 @@ fn whole(counter: Counter, config: Configuration, speed_hz: u32, name: &str, buf
     eprintln!("bench: {name}-link-bytes@{speed_hz} {bytes}");
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    eprintln!("bench: hard fault at {:#010x}", frame.pc());
+// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
+#[unsafe(no_mangle)]
+extern "C" fn on_fault(program_counter: u32, _stack_overflow: bool) -> ! {
+    eprintln!("bench: hard fault at {program_counter:#010x}");
     process::exit(3)
 }
 
