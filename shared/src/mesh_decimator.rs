@@ -54,7 +54,7 @@ impl Decimation {
     }
 
     /// The largest ratio up to `wanted`, with as few half-band stages as the comb's aliases allow: two behind a ratio of
-    /// at least [`LOWEST_RATIO`] (shorter sums have higher side lobes), three behind any other.
+    /// at least 6 (shorter sums have higher side lobes), three behind any other.
     pub fn up_to(wanted: f32) -> Self {
         let mut best = Self { comb: 1, stages: u8::from(wanted >= 2.0) };
         for stages in 2..=MAX_STAGES {

@@ -1,8 +1,8 @@
 //! Boot self-test on the live inputs: does the converter really run at the timer's rate, does it move, is there a tach.
 //!
 //! Converters that run freely instead of by trigger, or miss triggers, give plausible spectra at wrong frequencies; so
-//! the first [`BLOCKS`] blocks are counted against a clock read independently at their arrival. The test runs beside the
-//! measurement and costs it nothing.
+//! the first [`BLOCKS`] blocks are counted against a clock read independently at their arrival. Blocks that a busy processor
+//! lost were sampled too; their sequence numbers say how many. The test runs beside the measurement and costs it nothing.
 
 use crate::golden;
 use crate::message::SelfTest;
@@ -37,6 +37,7 @@ pub struct BootTest {
     sampled: u64,
     passed: u64,
     latest: u32,
+    sequence: u32,
     codes: u32,
     railed: u32,
     lowest: u16,
@@ -56,6 +57,7 @@ impl BootTest {
             sampled: 0,
             passed: 0,
             latest: 0,
+            sequence: 0,
             codes: 0,
             railed: 0,
             lowest: u16::MAX,
@@ -81,10 +83,12 @@ impl BootTest {
             return None;
         }
         if self.blocks > 0 {
-            self.sampled += u64::from(block.period_ticks) * block.codes.len() as u64;
+            let blocks = block.sequence.wrapping_sub(self.sequence);
+            self.sampled += u64::from(block.period_ticks) * block.codes.len() as u64 * u64::from(blocks);
             self.passed += u64::from(now_tick.wrapping_sub(self.latest));
         }
         self.latest = now_tick;
+        self.sequence = block.sequence;
         self.blocks = self.blocks.saturating_add(1);
         if self.blocks <= BLOCKS {
             for &code in block.codes {
