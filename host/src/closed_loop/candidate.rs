@@ -68,6 +68,18 @@ pub struct Candidate {
     pub phase_free: bool,
     /// Shape of a mode of the path, which may be improved once it is chosen.
     pub tuning: Option<Tuning>,
+    /// What to simulate for the response at a finite strength, where it is not proportional to the strength.
+    pub finite: Option<Finite>,
+}
+
+/// Effects whose response departs from proportionality; the parameters are the candidate's first unknowns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "fields are named by quantity; shaft 0 pinion, 1 gear; orders of the pinion")]
+pub enum Finite {
+    RollingEccentricity { shaft: usize },
+    Crack { shaft: usize, tooth: usize },
+    BearingModulation { shaft: usize, order: f64 },
+    MeshModulation { order: f64 },
 }
 
 /// Channel, natural frequency (Hz) and damping ratio of a mode of the path.

@@ -162,7 +162,10 @@ pub fn summarise(all: &[Scored]) -> Summary {
     });
     let mut null = null.to_vec();
     null.push(row("all", &part("null").collect::<Vec<_>>()));
-    let power = super::LEVELS
+    let mut levels: Vec<f64> = part("power").map(|s| s.level).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    let power = levels
         .iter()
         .map(|&l| row(format!("{l} x floor"), &part("power").filter(|s| s.level == l).collect::<Vec<_>>()))
         .collect();

@@ -56,6 +56,7 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
                 exponents: [0.0, 0.0],
                 phase_free: false,
                 tuning: None,
+                finite: None,
             }
         })
         .collect();
@@ -112,6 +113,7 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         phase_free: false,
         tuning: None,
+        finite: None,
     }
 }
 
@@ -171,5 +173,6 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         exponents: [0.0, 1.0],
         phase_free: false,
         tuning: None,
+        finite: None,
     }
 }

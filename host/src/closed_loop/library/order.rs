@@ -3,7 +3,7 @@
 
 use super::{Bench, Excitation};
 use crate::closed_loop::base_fit::RunState;
-use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
 use crate::closed_loop::harmonic_model::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
 use crate::closed_loop::least_squares::Data;
 use rustfft::num_complex::Complex64 as C;
@@ -167,6 +167,10 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
             plain(name, "share_of_stiffness", "1")
         }
         Seat::MeshModulation => plain(format!("mesh stiffness varying at {where_to}"), "share_of_stiffness", "1"),
+        // At a whole order of a shaft the contact is carried by that shaft's geometry, not by its speed.
+        Seat::PositionModulation if pinion || gear => {
+            plain(format!("contact position varying at {where_to}"), "contact_position", "base pitch")
+        }
         Seat::PositionModulation => named("speed-fluctuation", "contact_position", "base pitch"),
         Seat::Force { dof, speed, torque } => {
             let body = match dof {
@@ -185,6 +189,18 @@ fn exponents(seat: Seat) -> [f64; 2] {
         Seat::Displacement | Seat::RollingDisplacement => [0.0, 0.0],
         Seat::Force { speed, torque, .. } => [f64::from(speed), f64::from(torque)],
         _ => [0.0, 1.0],
+    }
+}
+
+fn finite(seat: Seat, order: f64, ratio: f64) -> Option<Finite> {
+    match seat {
+        Seat::RollingDisplacement => [1.0, ratio]
+            .iter()
+            .position(|o| (order - o).abs() < 1e-9)
+            .map(|shaft| Finite::RollingEccentricity { shaft }),
+        Seat::BearingModulation(shaft) => Some(Finite::BearingModulation { shaft, order }),
+        Seat::MeshModulation => Some(Finite::MeshModulation { order }),
+        _ => None,
     }
 }
 
@@ -211,6 +227,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 exponents: exponents(seat),
                 phase_free: false,
                 tuning: None,
+                finite: finite(seat, order, bench.ratio()),
             }
         })
         .collect()
@@ -279,6 +296,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
                 exponents,
                 phase_free: true,
                 tuning: None,
+                finite: None,
             }
         })
         .collect()
