@@ -155,7 +155,7 @@ fn loop_template_of_every_generated_effect_explains_it() {
             None,
         ),
         ("thermal-drift", 0.99, Effect::Drift { channel: 1, share: 0.1 }, None, None),
-        ("sensor-nonlinearity", 0.98, Effect::Nonlinearity { channel: 0, per_m_s2: 1e-4 }, None, None),
+        ("sensor-nonlinearity", 0.98, Effect::Nonlinearity { channel: 0, per_m_s2: 1e-4, per_m2_s4: 0.0 }, None, None),
     ];
     let mut failed = Vec::new();
     for (name, least, effect, order, hz) in cases {

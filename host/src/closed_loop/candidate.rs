@@ -70,6 +70,8 @@ pub struct Candidate {
     pub tuning: Option<Tuning>,
     /// What to simulate for the response at a finite strength, where it is not proportional to the strength.
     pub finite: Option<Finite>,
+    /// Whether the templates already give the simulated response at the fitted strength.
+    pub bent: bool,
 }
 
 /// Effects whose response departs from proportionality; the parameters are the candidate's first unknowns.

@@ -42,6 +42,12 @@ impl Default for Options {
 
 /// A further term must gain this share of the largest gain so far.
 const LEAST_SHARE: f64 = 0.05;
+/// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
+const FINITE_GAIN: f64 = 300.0;
+/// A candidate's share of the best score from which its response at finite strength could still make it the best.
+const FINITE_SHARE: f64 = 0.6;
+/// Most candidates simulated in a round.
+const MOST_FINITE: usize = 4;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a free table of all teeth must beat one named tooth: the form error of a first-order template.
@@ -137,6 +143,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
                 *j = judge.judge(refine_mode(&bench, start, |c| judge.judge(c).score));
             }
         }
+        at_their_strength(&bench, &judge, &data, &mut judged);
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
@@ -187,6 +194,28 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
+}
+
+/// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.
+fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: &mut [Judged]) {
+    let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
+    let may_win = |j: &Judged| {
+        j.candidate.finite.is_some() && j.gain > FINITE_GAIN && j.score > FINITE_SHARE * best && !j.x.is_empty()
+    };
+    let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
+    chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
+    chosen.truncate(MOST_FINITE);
+    for i in chosen {
+        let first_order = judged[i].candidate.clone();
+        for _ in 0..2 {
+            let Some(bent) = bench.at_strength(&first_order, &judged[i].x, data) else { break };
+            let again = judge.judge(bent);
+            if again.score <= judged[i].score {
+                break;
+            }
+            judged[i] = again;
+        }
+    }
 }
 
 /// Drops terms that do not lower the whitened error of the held-out runs, predicted from the others.

@@ -13,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use rustfft::{FftPlanner, num_complex::Complex64 as C};
 use std::f64::consts::{PI, TAU};
 
 /// Something in the record that the declaration does not mention. Angles in rad, SI units, `shaft` 0 pinion and 1 gear.
@@ -96,15 +97,30 @@ pub enum Effect {
         channel: usize,
         share: f64,
     },
-    /// `y + a y^2`.
+    /// Relief of the pair by `amount_m` at both ends of the path, falling to zero over `share` of it.
+    TipRelief {
+        amount_m: f64,
+        share: f64,
+    },
+    /// `y + a y^2 + b y^3`.
     Nonlinearity {
         channel: usize,
         per_m_s2: f64,
+        per_m2_s4: f64,
     },
-    /// Channel limited to `limit_m_s2`.
+    /// Channel limited to a share of its largest value in all runs.
     Clipping {
         channel: usize,
-        limit_m_s2: f64,
+        share_of_peak: f64,
+    },
+    /// Channel later than the other by `seconds`.
+    Delay {
+        channel: usize,
+        seconds: f64,
+    },
+    /// Share of what lies above half the sampling rate that no filter keeps from folding.
+    Folding {
+        share: f64,
     },
     /// Sinusoidal departure of the pinion's angle at a fixed frequency, seen by the tachometer, too.
     SpeedFluctuation {
@@ -176,11 +192,18 @@ pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenar
     let actual_curve = curve.times(|_| scenario.stiffness_factor);
     let mut actual = Machine::new(pair, &scenario.actual, &actual_curve);
     actual.tau_s *= scenario.damping_factor;
-    let runs = points
+    let mut runs: Vec<Run> = points
         .par_iter()
         .enumerate()
         .map(|(index, &(speed, torque))| run(&actual, scenario, index, speed, torque))
         .collect();
+    for effect in &scenario.effects {
+        if let Effect::Clipping { channel, share_of_peak } = *effect {
+            let peak = runs.iter().flat_map(|r| &r.channels[channel]).fold(0.0_f64, |m, x| m.max(x.abs()));
+            let limit = share_of_peak * peak;
+            runs.iter_mut().flat_map(|r| &mut r.channels[channel]).for_each(|x| *x = x.clamp(-limit, limit));
+        }
+    }
     Record {
         title: format!("generated-{}", scenario.seed),
         pair: pair.clone(),
@@ -295,6 +318,13 @@ impl Plant<'_> {
                     Effect::Crack { shaft, tooth, share } if pair.rem_euclid(self.teeth[*shaft]) as usize == *tooth => {
                         k *= 1.0 - share;
                     }
+                    Effect::TipRelief { amount_m, share } => {
+                        let x = u / self.contact_ratio;
+                        let depth = |x: f64| ((share - x) / share).max(0.0);
+                        e += amount_m * (depth(x) + depth(1.0 - x));
+                        let per_s = self.speed * self.teeth[0] / self.contact_ratio / share;
+                        e_rate += amount_m * per_s * (f64::from(x > 1.0 - share) - f64::from(x < *share));
+                    }
                     Effect::Wear { depth_m } => {
                         let x = 2.0 * u / self.contact_ratio - 1.0;
                         e += depth_m * x * x;
@@ -405,8 +435,14 @@ impl<'a> Plant<'a> {
                 fine_signal[1].push(a[5]);
             }
         }
+        let folded = self.effects.iter().map(|e| if let Effect::Folding { share } = e { *share } else { 0.0 }).sum::<f64>();
         fine_signal.map(|fine| {
-            (0..samples).map(|n| taps.iter().zip(&fine[n * over..]).map(|(a, b)| a * b).sum::<f64>()).collect()
+            (0..samples)
+                .map(|n| {
+                    let filtered = taps.iter().zip(&fine[n * over..]).map(|(a, b)| a * b).sum::<f64>();
+                    filtered + folded * (fine[n * over + half] - filtered)
+                })
+                .collect()
         })
     }
 }
@@ -439,11 +475,6 @@ fn run(machine: &Machine, scenario: &Scenario, index: usize, speed: f64, torque:
             state = colour * state + (1.0 - colour * colour).sqrt() * white;
             let lsb = 150.0 / 32767.0;
             *x = ((*x + scenario.noise_rms * state) / lsb).round() * lsb;
-        }
-    }
-    for effect in &scenario.effects {
-        if matches!(effect, Effect::Clipping { .. }) {
-            apply_path(effect, &mut channels, &plant, &mut rng);
         }
     }
     let first = (plant.angle(0.0) / TAU).ceil();
@@ -484,17 +515,26 @@ fn apply_path(effect: &Effect, channels: &mut [Vec<f64>; 2], plant: &Plant<'_>, 
                 *x += gain * y;
             }
         }
-        Effect::Clipping { channel, limit_m_s2 } => {
-            channels[channel].iter_mut().for_each(|x| *x = x.clamp(-limit_m_s2, limit_m_s2));
-        }
         Effect::Drift { channel, share } => {
             let n = channels[channel].len() as f64;
             for (i, x) in channels[channel].iter_mut().enumerate() {
                 *x *= 1.0 + share * (i as f64 / n - 0.5);
             }
         }
-        Effect::Nonlinearity { channel, per_m_s2 } => {
-            channels[channel].iter_mut().for_each(|x| *x += per_m_s2 * *x * *x);
+        Effect::Nonlinearity { channel, per_m_s2, per_m2_s4 } => {
+            channels[channel].iter_mut().for_each(|x| *x += (per_m_s2 + per_m2_s4 * *x) * *x * *x);
+        }
+        Effect::Delay { channel, seconds } => {
+            let n = channels[channel].len();
+            let mut bins: Vec<C> = channels[channel].iter().map(|x| C::new(*x, 0.0)).collect();
+            let mut planner = FftPlanner::new();
+            planner.plan_fft_forward(n).process(&mut bins);
+            for (k, bin) in bins.iter_mut().enumerate() {
+                let signed = if 2 * k > n { k as f64 - n as f64 } else { k as f64 };
+                *bin *= C::cis(-TAU * signed * RATE_HZ / n as f64 * seconds) / n as f64;
+            }
+            planner.plan_fft_inverse(n).process(&mut bins);
+            channels[channel].iter_mut().zip(&bins).for_each(|(x, bin)| *x = bin.re);
         }
         Effect::Impacts { channel, order, jitter, hz, damping, peak } => {
             let interval = 1.0 / (order * plant.speed);

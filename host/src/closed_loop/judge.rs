@@ -49,6 +49,8 @@ pub struct Judged {
     pub select_gain: f64,
     /// Gain there if the law holds.
     pub select_promise: f64,
+    /// Values of the candidate's unknowns over fit and selection runs; empty where every run has its own phase.
+    pub x: Vec<f64>,
 }
 
 impl Judged {
@@ -85,6 +87,26 @@ pub fn columns<'a>(base: &'a Base, terms: &[&'a Candidate]) -> Vec<Column<'a>> {
         all.extend(term.templates.iter().map(|template| Column { template, prior: (0.0, 0.0) }));
     }
     all
+}
+
+/// Spread of every unknown when each of `runs` is left out in turn: what the least-squares covariance cannot know, a law that
+/// does not hold from run to run, shows here. Standard error by the jackknife.
+pub fn jackknife(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<f64> {
+    let frame = Frame::new(data, &columns(base, terms));
+    let all: Vec<nalgebra::DVector<f64>> = runs
+        .iter()
+        .map(|left_out| {
+            let kept: Vec<usize> = runs.iter().copied().filter(|r| r != left_out).collect();
+            frame.estimate(&kept, None).x
+        })
+        .collect();
+    let n = all.len() as f64;
+    (0..all.first().map_or(0, nalgebra::DVector::len))
+        .map(|i| {
+            let mean = all.iter().map(|x| x[i]).sum::<f64>() / n;
+            ((n - 1.0) / n * all.iter().map(|x| (x[i] - mean).powi(2)).sum::<f64>()).sqrt()
+        })
+        .collect()
 }
 
 /// Joint estimate over `runs`.
@@ -165,7 +187,7 @@ impl<'a> Judge<'a> {
     /// Scores of `candidate`.
     pub fn judge(&self, candidate: Candidate) -> Judged {
         let border = self.frame.border(&candidate.templates);
-        let (gain, select_gain, select_promise) = if candidate.phase_free {
+        let (gain, select_gain, select_promise, x) = if candidate.phase_free {
             // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
             let runs: Vec<(f64, f64)> = (0..candidate.templates.len() / 2)
                 .map(|r| {
@@ -180,15 +202,17 @@ impl<'a> Judge<'a> {
             let gain = |of: &[usize], a: f64| of.iter().map(|&r| 2.0 * a * runs[r].0 - a * a * runs[r].1).sum::<f64>();
             let a = amplitude(&self.split.fit);
             let promise = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
-            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise)
+            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise, Vec::new())
         } else {
             let fitted = self.frame.estimate(&self.split.fit, Some(&border));
             let select = self.fit_change - self.frame.change(&self.split.select, Some(&border), &fitted.x);
             let own = fitted.x.rows(fitted.x.len() - border.count, border.count);
             let promise = self.split.select.iter().map(|&r| own.dot(&(border.gram(r) * own))).sum();
-            (self.frame.estimate(&self.seen, Some(&border)).gain - self.gain, select, promise)
+            let whole = self.frame.estimate(&self.seen, Some(&border));
+            let x = whole.x.rows(whole.x.len() - border.count, border.count).iter().copied().collect();
+            (whole.gain - self.gain, select, promise, x)
         };
         let score = gain - PER_UNKNOWN * unknowns(&candidate, self.seen.len()) - 2.0 * candidate.searched.ln();
-        Judged { candidate, score, gain, select_gain, select_promise }
+        Judged { candidate, score, gain, select_gain, select_promise, x }
     }
 }

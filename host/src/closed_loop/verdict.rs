@@ -5,7 +5,7 @@
 
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim};
-use super::judge::{Judge, Judged, Split, corrected, joint};
+use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
 use rayon::prelude::*;
@@ -98,7 +98,10 @@ fn departure(
 pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate], pool: &[Candidate]) -> Vec<Effect> {
     let seen = split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
-    let all = joint(base, data, &seen, &terms);
+    let mut all = joint(base, data, &seen, &terms);
+    for (sigma, spread) in all.sigma.iter_mut().zip(jackknife(base, data, &seen, &terms)) {
+        *sigma = sigma.max(spread);
+    }
     let mut effects = Vec::new();
     for (index, term) in accepted.iter().enumerate() {
         let others: Vec<&Candidate> =
@@ -188,7 +191,7 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
             }
         } else {
             let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
-            if p.name.starts_with("stiffness_loss") && v > 0.0 {
+            if p.name.starts_with("stiffness_loss") && v > 0.0 && !term.bent {
                 // The template is of first order; a softer tooth deflects more, which the finite loss shares in as 1 / (1 - loss).
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;

@@ -198,7 +198,7 @@ fn one(
             plain.duration_s = plan.duration_s;
             floor::strength(declared, &plain, kind, &mut own)
         });
-        let size = item.level * floor;
+        let size = if kind.has_floor { item.level * floor } else { floor };
         scenario.effects.push((kind.build)(size, &declared.pair, &mut rng));
         hidden.push((kind, size));
     }

@@ -134,7 +134,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Error triple that fits the hidden effect: whole signal for what is not tied to the shafts.
 fn error(s: &Scored) -> [f64; 3] {
-    let free = ["mains-hum", "fixed-frequency-tone", "jittered-impacts", "load-fluctuation"];
+    let free = ["mains-hum", "fixed-frequency-tone", "bearing-impacts", "load-fluctuation"];
     s.held_out[usize::from(s.hidden.iter().any(|h| free.contains(&h.as_str()) || h.contains("modulation")))]
 }
 

@@ -55,7 +55,7 @@ impl Bench<'_> {
         }
         let without = self.plain.get_or_init(|| self.simulated(&[]));
         let with = self.simulated(&[effect(finite, x)]);
-        let mut bent = candidate.clone();
+        let mut bent = Candidate { bent: true, ..candidate.clone() };
         for r in 0..with.len() {
             for c in 0..2 {
                 let mut missing: Vec<C> = with[r][c].iter().zip(&without[r][c]).map(|(a, b)| a - b).collect();

@@ -56,6 +56,7 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
                 exponents: [0.0, 0.0],
                 phase_free: false,
                 tuning: None,
+                bent: false,
                 finite: None,
             }
         })
@@ -113,6 +114,7 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         phase_free: false,
         tuning: None,
+        bent: false,
         finite: None,
     }
 }
@@ -173,6 +175,7 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         exponents: [0.0, 1.0],
         phase_free: false,
         tuning: None,
+        bent: false,
         finite: None,
     }
 }

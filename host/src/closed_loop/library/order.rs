@@ -227,6 +227,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 exponents: exponents(seat),
                 phase_free: false,
                 tuning: None,
+                bent: false,
                 finite: finite(seat, order, bench.ratio()),
             }
         })
@@ -296,6 +297,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
                 exponents,
                 phase_free: true,
                 tuning: None,
+                bent: false,
                 finite: None,
             }
         })

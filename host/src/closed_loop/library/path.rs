@@ -33,6 +33,7 @@ fn path(
         exponents,
         phase_free: false,
         tuning: None,
+        bent: false,
         finite: None,
     }
 }

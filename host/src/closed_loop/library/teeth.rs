@@ -115,6 +115,7 @@ impl ToothFamilies {
                 exponents,
                 phase_free: false,
                 tuning: None,
+                bent: false,
                 finite: (families.kind == Kind::StiffnessLoss)
                     .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
             });
@@ -143,6 +144,7 @@ impl ToothFamilies {
                 exponents,
                 phase_free: false,
                 tuning: None,
+                bent: false,
                 finite: None,
             });
         }
