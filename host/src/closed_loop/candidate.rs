@@ -66,7 +66,7 @@ pub struct Candidate {
     pub exponents: [f64; 2],
     /// Phase is arbitrary in every run (not locked to the shaft): templates 0 and 1 are a quadrature pair.
     pub phase_free: bool,
-    /// Shape of a mode of the path, which may be improved once it is chosen.
+    /// Shape which may be improved once the candidate is among the best.
     pub tuning: Option<Tuning>,
     /// What to simulate for the response at a finite strength, where it is not proportional to the strength.
     pub finite: Option<Finite>,
@@ -84,13 +84,14 @@ pub enum Finite {
     MeshModulation { order: f64 },
 }
 
-/// Channel, natural frequency (Hz) and damping ratio of a mode of the path.
+/// A shape that enters a candidate not in proportion, improved by search once the candidate is among the best.
 #[derive(Debug, Clone, Copy)]
-#[allow(missing_docs, reason = "named by the line above")]
-pub struct Tuning {
-    pub channel: usize,
-    pub f0: f64,
-    pub zeta: f64,
+#[allow(missing_docs, reason = "named by the line above each")]
+pub enum Tuning {
+    /// Mode of a channel's path: natural frequency (Hz) and damping ratio.
+    Mode { channel: usize, f0: f64, zeta: f64 },
+    /// Share of the path of contact that tip relief covers at each end.
+    Relief { share: f64 },
 }
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.

@@ -4,13 +4,14 @@
 //! one brought: a template that is right to a few percent leaves a few percent, which is no second effect.
 
 use super::base_fit::{Base, TOLERANCES};
-use super::candidate::{Candidate, Claim};
+use super::candidate::{Candidate, Claim, Tuning};
 use super::detect;
 use super::impulsive::impacts;
 use super::input::Record;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
 use super::least_squares::{Data, chi_square};
 use super::library::Bench;
+use super::library::mesh::refine_relief;
 use super::library::path::refine_mode;
 use super::outcome::{Effect, Outcome};
 use super::tables::report;
@@ -42,6 +43,10 @@ impl Default for Options {
 
 /// A further term must gain this share of the largest gain so far.
 const LEAST_SHARE: f64 = 0.05;
+/// Most times that the declared parameters are centred again with effects in the fit.
+const MOST_CENTRED: usize = 2;
+/// Second-order error of a move of the declared parameters from which it pays to centre again.
+const LEAST_DEPARTURE: f64 = 3.0;
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
 const FINITE_GAIN: f64 = 300.0;
 /// A candidate's share of the best score from which its response at finite strength could still make it the best.
@@ -114,8 +119,60 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
+    let mut attempt = 0;
+    let (accepted, pool, mut refused, data) = loop {
+        let bench = Bench::new(&base);
+        match search(&bench, &split, options, rounds, attempt, &say) {
+            Search::Done { accepted, pool, refused, data } => break (accepted, pool, refused, data),
+            Search::Recentre(change) => {
+                say("declared parameters moved with the effect: centring again");
+                drop(bench);
+                base.adopt(&change);
+                attempt += 1;
+            }
+        }
+    };
+    let mut accepted = accepted;
+    confirm(&base, &data, &split, &mut accepted);
+    say("verdicts");
+    let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
+    let mut keep = effects.iter().map(|e| e.evidence.left_at_its_lines < MOST_LEFT).collect::<Vec<_>>().into_iter();
+    accepted.retain(|_| keep.next().unwrap_or(true));
+    effects.retain(|e| e.evidence.left_at_its_lines < MOST_LEFT);
+    if whole.is_empty() {
+        let terms: Vec<&Candidate> = accepted.iter().collect();
+        let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
+        whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+    }
+    for term in &accepted {
+        refused.remove(&term.name);
+    }
+    let mut outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
+    outcome.effects.extend(whole);
+    say("done");
+    Ok(outcome)
+}
+
+/// What a search came to.
+enum Search {
+    /// Terms, everything that scored, scores of what was refused, final weights.
+    Done { accepted: Vec<Candidate>, pool: Vec<Candidate>, refused: BTreeMap<String, f64>, data: Data },
+    /// An effect took the declared parameters along before it was known: they move by this much with it in the fit.
+    Recentre(Vec<f64>),
+}
+
+/// Adds effects strongest first.
+fn search(
+    bench: &Bench<'_>,
+    split: &Split,
+    options: &Options,
+    rounds: usize,
+    attempt: usize,
+    say: &dyn Fn(&str),
+) -> Search {
+    let base = bench.base;
+    let seen = split.seen();
     say("responses of the library");
-    let bench = Bench::new(&base);
     let mut data = base.data();
     let raw = data.residual.clone();
     let mut accepted: Vec<Candidate> = Vec::new();
@@ -125,25 +182,21 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         // Noise from the residual after everything accepted; the form slack stays tied to the raw residual.
-        let fitted = joint(&base, &data, &seen, &terms);
-        let rest = corrected(&base, &data, &fitted.x, &terms);
+        let fitted = joint(base, &data, &seen, &terms);
+        let rest = corrected(base, &data, &fitted.x, &terms);
         data.weight = base.weights(&rest.residual, &raw);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
-        let orders = detect::orders(&base, &rest, &split.fit, 2);
-        let mut frequencies = detect::frequencies(&base, &rest, &split.fit, 2);
-        frequencies.extend(detect::modulations(&base, &rest, &split.fit, 1));
+        let orders = detect::orders(base, &rest, &split.fit, 2);
+        let mut frequencies = detect::frequencies(base, &rest, &split.fit, 2);
+        frequencies.extend(detect::modulations(base, &rest, &split.fit, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
         let mut candidates = bench.candidates(&rest, &split.fit, &orders, &frequencies);
         candidates.retain(|c| c.claim == Claim::Generic || !options.withheld.contains(&c.name));
-        let judge = Judge::new(&base, &data, &split, &terms);
+        let judge = Judge::new(base, &data, split, &terms);
         let mut judged: Vec<Judged> = candidates.into_par_iter().map(|c| judge.judge(c)).collect();
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
-        for j in judged.iter_mut().take(3) {
-            if let Some(start) = j.candidate.tuning {
-                *j = judge.judge(refine_mode(&bench, start, |c| judge.judge(c).score));
-            }
-        }
-        at_their_strength(&bench, &judge, &data, &mut judged);
+        tune(bench, &judge, &mut judged);
+        at_their_strength(bench, &judge, &data, &mut judged);
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
@@ -174,26 +227,33 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         let winner = winner.candidate.clone();
         pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
         accepted.push(winner);
-        prune(&base, &data, &split, &mut accepted);
-    }
-    confirm(&base, &data, &split, &mut accepted);
-    say("verdicts");
-    let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
-    let mut keep = effects.iter().map(|e| e.evidence.left_at_its_lines < MOST_LEFT).collect::<Vec<_>>().into_iter();
-    accepted.retain(|_| keep.next().unwrap_or(true));
-    effects.retain(|e| e.evidence.left_at_its_lines < MOST_LEFT);
-    if whole.is_empty() {
+        prune(base, &data, split, &mut accepted);
         let terms: Vec<&Candidate> = accepted.iter().collect();
-        let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
-        whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+        let move_to = joint(base, &data, &seen, &terms).x[..TOLERANCES.len()].to_vec();
+        if attempt < MOST_CENTRED && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE {
+            return Search::Recentre(move_to);
+        }
     }
-    for term in &accepted {
-        refused.remove(&term.name);
+    Search::Done { accepted, pool, refused, data }
+}
+
+/// Improves the shape of the best candidates that have one.
+fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
+    let score = |c: Candidate| judge.judge(c).score;
+    let best = judged.first().map_or(0.0, |j| j.score);
+    let mut relief = false;
+    for j in judged.iter_mut().take(8) {
+        match j.candidate.tuning {
+            Some(Tuning::Mode { channel, f0, zeta }) if j.score > 0.6 * best => {
+                *j = judge.judge(refine_mode(bench, (channel, f0, zeta), score));
+            }
+            Some(Tuning::Relief { share }) if j.score > 0.6 * best && !relief => {
+                relief = true;
+                *j = judge.judge(refine_relief(bench, share, score));
+            }
+            _ => {}
+        }
     }
-    let mut outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
-    outcome.effects.extend(whole);
-    say("done");
-    Ok(outcome)
 }
 
 /// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.

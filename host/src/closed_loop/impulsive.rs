@@ -90,7 +90,8 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     let step = 0.4 / (duration * fastest);
     let lowest = 12.0 / (duration * slowest);
     let orders: Vec<f64> = (0..((40.0 - lowest) / step) as usize).map(|i| lowest + i as f64 * step).collect();
-    let guard = 1.5 / (duration * slowest);
+    // An order is known to about a bin at the fastest run.
+    let guard = 1.0 / (duration * fastest);
     let locked = |o: f64| (o - o.round()).abs() < guard || (o / ratio - (o / ratio).round()).abs() * ratio < guard;
     let null = Gamma::new(2.0 * split.fit.len() as f64, 1.0).expect("positive shape");
     let tests = orders.len() as f64 * 0.5 * 2.0 * bands as f64;

@@ -332,7 +332,7 @@ pub const KINDS: &[Kind] = &[
         reference: 1e-3,
         has_floor: true,
         parameter: "",
-        build: |size, _, rng| Effect::SpeedFluctuation { hz: 1.0 + 3.0 * rng.random::<f64>(), angle_rad: size },
+        build: |size, _, rng| Effect::SpeedFluctuation { hz: 2.5 + 6.0 * rng.random::<f64>(), angle_rad: size },
     },
     Kind {
         name: "bearing-impacts",

@@ -232,6 +232,7 @@ fn one(
         coloured,
         parameters_off,
         hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),
+        truth: format!("{:?}", scenario.effects),
         level: item.level,
         reported: outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone(), e.family.clone()]).collect(),
         result,

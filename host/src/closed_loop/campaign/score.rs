@@ -20,6 +20,8 @@ pub struct Scored {
     pub parameters_off: bool,
     /// Hidden effects.
     pub hidden: Vec<String>,
+    /// The same with every number.
+    pub truth: String,
     /// Strength over the detection floor.
     pub level: f64,
     /// Verdict, name, family of every effect reported.

@@ -4,8 +4,9 @@
 //! balance, or changes of the measuring path applied to the prediction. Names follow the simulator's effects.
 
 mod finite;
-mod mesh;
+pub mod mesh;
 mod order;
+mod parameter;
 pub mod path;
 mod teeth;
 
@@ -48,6 +49,7 @@ impl<'a> Bench<'a> {
         let waveforms = base.runs.par_iter().map(|run| steady(&base.analyser, run)).collect();
         let mut bench = Self { base, angles, teeth, waveforms, fixed: Vec::new(), plain: OnceLock::new() };
         let mut fixed = mesh::candidates(&bench);
+        fixed.extend(parameter::candidates(&bench));
         for order in bench.shaft_orders() {
             fixed.extend(order::at_order(&bench, order, 1.0));
         }

@@ -275,7 +275,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
         claim,
         family: "fixed-frequency",
         shaft: "none",
-        quantity: "acceleration",
+        quantity: "acceleration_of_the_larger_channel",
         unit: "m/s2",
     };
     labels.push((tone, [0.0, 0.0]));
@@ -304,7 +304,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
         .collect()
 }
 
-/// Frequency of the largest summed line power near `hz`.
+/// Frequency of the largest summed line power within one and a half bins of `hz`.
 fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
     let power = |f: f64| -> f64 {
         fit.iter()
@@ -312,10 +312,11 @@ fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
             .map(|(r, c)| bench.base.analyser.amplitude(&data.residual[r][c], f).0.norm_sqr())
             .sum()
     };
-    (-200..=200).map(|i| hz + f64::from(i) * 0.01).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
+    let step = 0.01 / bench.base.analyser.duration_s();
+    (-150..=150).map(|i| hz + f64::from(i) * step).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
 }
 
-/// Complex amplitude ratio of the channels of a tone, from all fit runs, normalised to unit length.
+/// Complex amplitude ratio of the channels of a tone, from all fit runs, the larger channel taken as 1.
 fn channel_pattern(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> [C; 2] {
     let (mut first, mut second, mut cross) = (0.0, 0.0, C::ZERO);
     for &r in fit {
@@ -324,7 +325,7 @@ fn channel_pattern(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> [C
         second += a[1].norm_sqr();
         cross += a[1] * a[0].conj();
     }
-    let total = (first + second).sqrt().max(1e-30);
+    let total = first.max(second).sqrt().max(1e-30);
     let turn = if cross.norm() > 0.0 { cross / cross.norm() } else { C::ONE };
     [C::new(first.sqrt() / total, 0.0), turn * (second.sqrt() / total)]
 }
