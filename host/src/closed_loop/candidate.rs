@@ -48,6 +48,8 @@ pub struct Candidate {
     pub name: String,
     /// Named or generic.
     pub claim: Claim,
+    /// Plain description of the same excitation, which stays when the name is withheld from the library.
+    pub plain: Option<String>,
     /// Family word of the outcome.
     pub family: &'static str,
     /// pinion, gear or none.

@@ -117,6 +117,18 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     if whole.is_empty() {
         whole.extend(speed_fluctuation(&mut base, record, &plain, &split.held_out));
     }
+    if whole.iter().any(|e| e.name == "speed-fluctuation") {
+        // Smeared lines may have led the declared parameters astray: the declaration itself may do better.
+        let mut unfitted = Base::new(record);
+        let again = speed_fluctuation(&mut unfitted, record, &plain, &split.held_out);
+        let left = |base: &Base| chi_square(&Data { residual: base.data().residual, weight: plain.weight.clone() }, &seen);
+        if let Some(again) = again
+            && left(&unfitted) < left(&base)
+        {
+            whole = vec![again];
+            base = unfitted;
+        }
+    }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
     let mut attempt = 0;
@@ -191,7 +203,7 @@ fn search(
         frequencies.extend(detect::modulations(base, &rest, &split.fit, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
         let mut candidates = bench.candidates(&rest, &split.fit, &orders, &frequencies);
-        candidates.retain(|c| c.claim == Claim::Generic || !options.withheld.contains(&c.name));
+        withhold(&mut candidates, &options.withheld);
         let judge = Judge::new(base, &data, split, &terms);
         let mut judged: Vec<Judged> = candidates.into_par_iter().map(|c| judge.judge(c)).collect();
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -237,6 +249,19 @@ fn search(
     Search::Done { accepted, pool, refused, data }
 }
 
+/// Takes names out of the library. Plain order-locked excitations, fixed-frequency forcing and modes are no part of it and stay under
+/// their description; what has none goes.
+fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
+    candidates.retain_mut(|c| {
+        if c.claim == Claim::Generic || !names.contains(&c.name) {
+            return true;
+        }
+        let plain = c.plain.take();
+        c.claim = Claim::Generic;
+        plain.map(|text| c.name = text).is_some()
+    });
+}
+
 /// Improves the shape of the best candidates that have one.
 fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
     let score = |c: Candidate| judge.judge(c).score;
@@ -245,7 +270,8 @@ fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
     for j in judged.iter_mut().take(8) {
         match j.candidate.tuning {
             Some(Tuning::Mode { channel, f0, zeta }) if j.score > 0.6 * best => {
-                *j = judge.judge(refine_mode(bench, (channel, f0, zeta), score));
+                let (name, claim) = (j.candidate.name.clone(), j.candidate.claim);
+                *j = judge.judge(Candidate { name, claim, ..refine_mode(bench, (channel, f0, zeta), score) });
             }
             Some(Tuning::Relief { share }) if j.score > 0.6 * best && !relief => {
                 relief = true;

@@ -118,9 +118,6 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
             report = report.picture(&svg, &format!("Channel {channel} over {x}."));
         }
     }
-    if !replay.missing.is_empty() {
-        report = report.note(&format!("Not drawn into the residual after: {}.", replay.missing.join("; ")));
-    }
     Ok(report)
 }
 

@@ -15,6 +15,10 @@ use std::collections::BTreeMap;
 /// Largest power left at its own lines, beyond noise, of a named effect.
 const LARGEST_LEFT: f64 = 0.04;
 
+/// Half width that every interval has at least, as a share of the value: error of the forward model and of declared parameters that no
+/// spread over runs shows. From generated records, where strong effects come out right to about this.
+const FORM: f64 = 0.01;
+
 /// Bins where the prediction stands above noise, power left there beyond noise, and power before.
 fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> f64 {
     let rest = corrected(base, data, x, terms);
@@ -99,8 +103,15 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
     let seen = split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let mut all = joint(base, data, &seen, &terms);
-    for (sigma, spread) in all.sigma.iter_mut().zip(jackknife(base, data, &seen, &terms)) {
-        *sigma = sigma.max(spread);
+    let spread = jackknife(base, data, &seen, &terms);
+    let mut at = base.nuisances.len();
+    for term in &terms {
+        let own = at..at + term.templates.len();
+        at = own.end;
+        // A free phase per run has no value in a run that is left out.
+        if !term.phase_free {
+            own.for_each(|i| all.sigma[i] = all.sigma[i].max(spread[i]));
+        }
     }
     let mut effects = Vec::new();
     for (index, term) in accepted.iter().enumerate() {
@@ -183,11 +194,12 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
             let (a, b) = (x[i], x[i + 1]);
             let r = a.hypot(b).max(1e-300);
             let half = 1.96 * ((a * sigma[i]).powi(2) + (b * sigma[i + 1]).powi(2)).sqrt() / r;
+            let half = half.hypot(FORM * r);
             let half = if term.phase_free { half / (seen.len() as f64).sqrt() } else { half };
             map.insert(p.name.clone(), value(r, half, p.unit));
             if !term.phase_free {
                 let turn = 1.96 * ((b * sigma[i]).powi(2) + (a * sigma[i + 1]).powi(2)).sqrt() / (r * r);
-                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn, "rad"));
+                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn.hypot(FORM), "rad"));
             }
         } else {
             let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
@@ -196,7 +208,7 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;
             }
-            map.insert(p.name.clone(), value(v, half, p.unit));
+            map.insert(p.name.clone(), value(v, half.hypot(FORM * v), p.unit));
         }
     }
     map

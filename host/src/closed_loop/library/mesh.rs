@@ -90,6 +90,7 @@ fn shaped(
         exponents: [0.0, 0.0],
         phase_free: false,
         tuning: None,
+        plain: None,
         bent: false,
         finite: None,
     }
@@ -142,6 +143,7 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         phase_free: false,
         tuning: None,
+        plain: None,
         bent: false,
         finite: None,
     }
@@ -203,6 +205,7 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         exponents: [0.0, 1.0],
         phase_free: false,
         tuning: None,
+        plain: None,
         bent: false,
         finite: None,
     }

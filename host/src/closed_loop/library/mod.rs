@@ -107,7 +107,7 @@ impl<'a> Bench<'a> {
             }
         }
         for found in frequencies {
-            all.extend(order::at_frequency(self, data, fit, found.at));
+            all.extend(order::at_frequency(self, data, fit, *found));
         }
         all
     }

@@ -4,6 +4,7 @@
 use super::{Bench, Excitation};
 use crate::closed_loop::base_fit::RunState;
 use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
+use crate::closed_loop::detect::Found;
 use crate::closed_loop::harmonic_model::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
 use crate::closed_loop::least_squares::Data;
 use rustfft::num_complex::Complex64 as C;
@@ -100,6 +101,7 @@ fn rolled(machine: &Machine, run: &RunState, size: i64) -> Vec<C> {
 
 struct Label {
     name: String,
+    plain: String,
     claim: Claim,
     family: &'static str,
     shaft: &'static str,
@@ -131,10 +133,31 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
         "non-integer-order"
     };
     let where_to = if fixed { "a fixed frequency" } else { "a fixed order" };
-    let named =
-        |name: &str, quantity, unit| Label { name: name.into(), claim: Claim::Named, family, shaft, quantity, unit };
-    let plain =
-        |text: String, quantity, unit| Label { name: text, claim: Claim::Generic, family, shaft, quantity, unit };
+    let text = match seat {
+        Seat::Displacement | Seat::RollingDisplacement => format!("displacement error at {where_to}"),
+        Seat::BearingModulation(side) => {
+            format!("bearing stiffness of the {} varying at {where_to}", ["pinion", "gear"][side])
+        }
+        Seat::MeshModulation => format!("mesh stiffness varying at {where_to}"),
+        Seat::PositionModulation => format!("contact position varying at {where_to}"),
+        Seat::Force { dof, speed, torque } => {
+            let body = match dof {
+                PINION_Y => "radial force on the pinion",
+                GEAR_Y => "radial force on the gear",
+                MOTOR => "torque on the motor",
+                _ => "torque on the load",
+            };
+            format!("{body} at {where_to}, speed exponent {speed}, torque exponent {torque}")
+        }
+    };
+    let named = |name: &str, quantity, unit| {
+        let (name, plain) = (name.into(), text.clone());
+        Label { name, plain, claim: Claim::Named, family, shaft, quantity, unit }
+    };
+    let plain = |quantity, unit| {
+        let (name, plain) = (text.clone(), text.clone());
+        Label { name, plain, claim: Claim::Generic, family, shaft, quantity, unit }
+    };
     match seat {
         Seat::Displacement | Seat::RollingDisplacement if is(order, 1.0) => {
             named("pinion-eccentricity", "amplitude", "m")
@@ -144,7 +167,7 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
         }
         Seat::Displacement if (pinion || gear) && order > 3.5 => named("ghost-order", "amplitude", "m"),
         Seat::Displacement | Seat::RollingDisplacement => {
-            plain(format!("displacement error at {where_to}"), "amplitude", "m")
+            plain("amplitude", "m")
         }
         Seat::Force { dof: PINION_Y, speed: 2, .. } if is(order, 1.0) => named("pinion-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: GEAR_Y, speed: 2, .. } if is(order, ratio) => named("gear-imbalance", "unbalance", "kg m"),
@@ -162,25 +185,14 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
             shaft: ["pinion", "gear"][side],
             ..named("bearing-stiffness-modulation", "share_of_stiffness", "1")
         },
-        Seat::BearingModulation(side) => {
-            let name = format!("bearing stiffness of the {} varying at {where_to}", ["pinion", "gear"][side]);
-            plain(name, "share_of_stiffness", "1")
-        }
-        Seat::MeshModulation => plain(format!("mesh stiffness varying at {where_to}"), "share_of_stiffness", "1"),
+        Seat::BearingModulation(_) => plain("share_of_stiffness", "1"),
+        Seat::MeshModulation => plain("share_of_stiffness", "1"),
         // At a whole order of a shaft the contact is carried by that shaft's geometry, not by its speed.
         Seat::PositionModulation if pinion || gear => {
-            plain(format!("contact position varying at {where_to}"), "contact_position", "base pitch")
+            plain("contact_position", "base pitch")
         }
         Seat::PositionModulation => named("speed-fluctuation", "contact_position", "base pitch"),
-        Seat::Force { dof, speed, torque } => {
-            let body = match dof {
-                PINION_Y => "radial force on the pinion",
-                GEAR_Y => "radial force on the gear",
-                MOTOR => "torque on the motor",
-                _ => "torque on the load",
-            };
-            plain(format!("{body} at {where_to}, speed exponent {speed}, torque exponent {torque}"), "amplitude", "SI")
-        }
+        Seat::Force { .. } => plain("amplitude", "SI"),
     }
 }
 
@@ -216,6 +228,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
             let l = label(seat, order, bench.ratio(), false);
             Candidate {
                 name: l.name,
+                plain: Some(l.plain),
                 claim: l.claim,
                 family: l.family,
                 shaft: l.shaft,
@@ -235,10 +248,10 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
 }
 
 /// Every excitation at a fixed frequency, phase free in every run: forces on the machine, and a tone added by the acquisition.
-pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> Vec<Candidate> {
+pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found) -> Vec<Candidate> {
     let base = bench.base;
     let machine = &base.machine;
-    let hz = refine(bench, data, fit, hz);
+    let hz = if found.modulation { found.at } else { refine(bench, data, fit, found.at) };
     let seats: Vec<Seat> = SEATS
         .iter()
         .copied()
@@ -272,6 +285,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
         if mains { ("mains-hum", Claim::Named) } else { ("additive tone at a fixed frequency", Claim::Generic) };
     let tone = Label {
         name: name.into(),
+        plain: "additive tone at a fixed frequency".into(),
         claim,
         family: "fixed-frequency",
         shaft: "none",
@@ -286,6 +300,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
             let pair = quadrature(&base.analyser, &bench.angles, lines);
             Candidate {
                 name: l.name,
+                plain: Some(l.plain),
                 claim: l.claim,
                 family: l.family,
                 shaft: l.shaft,

@@ -30,6 +30,7 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
             exponents: [0.0, 1.0],
             phase_free: false,
             tuning: None,
+            plain: None,
             bent: false,
             finite: None,
         })

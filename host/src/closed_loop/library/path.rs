@@ -33,6 +33,7 @@ fn path(
         exponents,
         phase_free: false,
         tuning: None,
+        plain: None,
         bent: false,
         finite: None,
     }
@@ -89,6 +90,7 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
         let shifted = filtered(channel, &|f| C::cis(-TAU * f * delay) - 1.0);
         let quantity = format!("share_of_a_delay_of_{:.2}_us", 1e6 * delay);
         list.push(Candidate {
+            plain: Some("delay or all-pass in the path of a channel".into()),
             searched: 100.0,
             ..path("channel-delay", Claim::Named, "path", parameter(&quantity, "1"), vec![shifted], [0.0, 1.0])
         });
@@ -281,6 +283,7 @@ pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate 
     Candidate {
         frequency_hz: Some(f0),
         searched: 900.0,
+        plain: Some("fixed-frequency mode in the path of a channel".into()),
         tuning: Some(Tuning::Mode { channel, f0, zeta }),
         parameters: vec![Parameter { name: "gain".into(), unit: "1", first: 0, complex: true }],
         ..path("transfer-path-resonance", Claim::Named, "path", Vec::new(), templates.to_vec(), [0.0, 1.0])

@@ -115,6 +115,7 @@ impl ToothFamilies {
                 exponents,
                 phase_free: false,
                 tuning: None,
+                plain: None,
                 bent: false,
                 finite: (families.kind == Kind::StiffnessLoss)
                     .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
@@ -144,6 +145,8 @@ impl ToothFamilies {
                 exponents,
                 phase_free: false,
                 tuning: None,
+                plain: (families.kind == Kind::Displacement)
+                    .then(|| format!("displacement error repeating with every {shaft} turn")),
                 bent: false,
                 finite: None,
             });
