@@ -70,8 +70,9 @@ fn explained(effects: &[Effect], order: Option<f64>, hz: Option<f64>) -> Vec<(St
     }
     let bench = Bench::new(&base);
     let all: Vec<usize> = (0..with.runs.len()).collect();
-    let found =
-        |at: Option<f64>| at.map(|at| Found { at, statistic: 1e3, p_value: 0.0, modulation: false }).into_iter().collect::<Vec<_>>();
+    let found = |at: Option<f64>| {
+        at.map(|at| Found { at, statistic: 1e3, p_value: 0.0, modulation: false }).into_iter().collect::<Vec<_>>()
+    };
     let mut shares: Vec<(String, f64)> = bench
         .candidates(&data, &all, &found(order), &found(hz))
         .iter()

@@ -18,6 +18,9 @@ const MODEL_SLACK: f64 = 6e-4;
 /// Share of a bin's own residual treated as model-form error of whatever explains it.
 const FORM_SLACK: f64 = 0.03;
 
+/// Tolerances beyond which a declared parameter is not moved.
+pub const FARTHEST: f64 = 3.0;
+
 /// Half width of a sensitivity's kernel, bins: tolerances times the tail stay below noise beyond it.
 const NUISANCE_REACH: i64 = 40;
 
@@ -259,13 +262,28 @@ impl Base {
         delta.iter().enumerate().map(|(i, d)| gram[(i, i)] * (10.0 * d * d).powi(2)).sum()
     }
 
-    /// Gauss-Newton on the declared parameters over `runs`; returns the gain of the last linear step's objective.
-    pub fn fit(&mut self, runs: &[usize], steps: usize) {
+    /// Gauss-Newton on the declared parameters over `runs`; false where they would have to leave [`FARTHEST`] tolerances, which says that
+    /// something else is in the record: the machine is then of no use any more.
+    pub fn fit(&mut self, runs: &[usize], steps: usize) -> bool {
         for _ in 0..steps {
             let data = self.data();
             let estimate = solve(&normal(&data, runs, &self.columns()));
-            let delta: Vec<f64> = estimate.x.iter().take(TOLERANCES.len()).map(|d| d.clamp(-0.3, 0.3)).collect();
+            let delta: Vec<f64> = estimate.x.iter().take(TOLERANCES.len()).copied().collect();
+            let within = |(i, d): (usize, &f64)| (self.change[i] + d).abs() < FARTHEST * TOLERANCES[i].1;
+            if !delta.iter().enumerate().all(within) {
+                return false;
+            }
             self.adopt(&delta);
         }
+        true
+    }
+
+    /// The move `delta` cut so that no parameter leaves [`FARTHEST`] tolerances.
+    pub fn within_reach(&self, delta: &[f64]) -> Vec<f64> {
+        let cut = |(i, d): (usize, &f64)| {
+            let far = FARTHEST * TOLERANCES[i].1;
+            (self.change[i] + d).clamp(-far, far) - self.change[i]
+        };
+        delta.iter().enumerate().map(cut).collect()
     }
 }

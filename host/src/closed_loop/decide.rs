@@ -14,6 +14,7 @@ use super::library::Bench;
 use super::library::mesh::refine_relief;
 use super::library::path::refine_mode;
 use super::outcome::{Effect, Outcome};
+use super::spectrum::noise_power;
 use super::tables::report;
 use super::verdict::verdicts;
 use super::waveform::{clipping, speed_fluctuation};
@@ -42,9 +43,11 @@ impl Default for Options {
 }
 
 /// A further term must gain this share of the largest gain so far.
-const LEAST_SHARE: f64 = 0.05;
+const LEAST_SHARE: f64 = 0.01;
 /// Most times that the declared parameters are centred again with effects in the fit.
 const MOST_CENTRED: usize = 2;
+/// Power over local noise left by a search from which it pays to search again from the declaration.
+const MOST_OVER_NOISE: f64 = 1.3;
 /// Second-order error of a move of the declared parameters from which it pays to centre again.
 const LEAST_DEPARTURE: f64 = 3.0;
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
@@ -111,7 +114,10 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     let declared = base.data();
     let split = split(&base, options.seed)?;
     let seen = split.seen();
-    base.fit(&split.fit, 2);
+    if !base.fit(&split.fit, 2) {
+        say("no declared parameters within tolerance explain the record: searching from the declaration");
+        base = Base::new(record);
+    }
     let plain = base.data();
     let mut whole: Vec<Effect> = clipping(&mut base, record, &plain, &split.held_out).into_iter().collect();
     if whole.is_empty() {
@@ -121,7 +127,8 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         // Smeared lines may have led the declared parameters astray: the declaration itself may do better.
         let mut unfitted = Base::new(record);
         let again = speed_fluctuation(&mut unfitted, record, &plain, &split.held_out);
-        let left = |base: &Base| chi_square(&Data { residual: base.data().residual, weight: plain.weight.clone() }, &seen);
+        let left =
+            |base: &Base| chi_square(&Data { residual: base.data().residual, weight: plain.weight.clone() }, &seen);
         if let Some(again) = again
             && left(&unfitted) < left(&base)
         {
@@ -131,21 +138,16 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
-    let mut attempt = 0;
-    let (accepted, pool, mut refused, data) = loop {
-        let bench = Bench::new(&base);
-        match search(&bench, &split, options, rounds, attempt, &say) {
-            Search::Done { accepted, pool, refused, data } => break (accepted, pool, refused, data),
-            Search::Recentre(change) => {
-                say("declared parameters moved with the effect: centring again");
-                drop(bench);
-                base.adopt(&change);
-                attempt += 1;
-            }
+    let mut explained = explain(base, &split, options, rounds, &plain, &say);
+    if rounds > 0 && explained.left_over_noise > MOST_OVER_NOISE {
+        // Parameters that were fitted before the effect was known may have been led too far astray to find back.
+        say("much is left: searching again from the declaration as it stands");
+        let again = explain(Base::new(record), &split, options, rounds, &plain, &say);
+        if again.left < explained.left {
+            explained = again;
         }
-    };
-    let mut accepted = accepted;
-    confirm(&base, &data, &split, &mut accepted);
+    }
+    let Explained { base, mut accepted, pool, mut refused, data, .. } = explained;
     say("verdicts");
     let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
     let mut keep = effects.iter().map(|e| e.evidence.left_at_its_lines < MOST_LEFT).collect::<Vec<_>>().into_iter();
@@ -163,6 +165,56 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
+}
+
+/// A search brought to its end.
+struct Explained {
+    base: Base,
+    accepted: Vec<Candidate>,
+    pool: Vec<Candidate>,
+    refused: BTreeMap<String, f64>,
+    data: Data,
+    /// Whitened residual of the runs seen, by weights common to all searches.
+    left: f64,
+    /// Power of that residual over local noise.
+    left_over_noise: f64,
+}
+
+/// Searches, centring again as often as needed, and confirms on the held-out runs.
+fn explain(
+    mut base: Base,
+    split: &Split,
+    options: &Options,
+    rounds: usize,
+    plain: &Data,
+    say: &dyn Fn(&str),
+) -> Explained {
+    let seen = split.seen();
+    let mut attempt = 0;
+    let (mut accepted, pool, refused, data) = loop {
+        let bench = Bench::new(&base);
+        match search(&bench, split, options, rounds, attempt, say) {
+            Search::Done { accepted, pool, refused, data } => break (accepted, pool, refused, data),
+            Search::Recentre(change) => {
+                say("declared parameters moved with the effect: centring again");
+                drop(bench);
+                let change = base.within_reach(&change);
+                base.adopt(&change);
+                attempt += 1;
+            }
+        }
+    };
+    confirm(&base, &data, split, &mut accepted);
+    let terms: Vec<&Candidate> = accepted.iter().collect();
+    let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms).residual;
+    let (mut power, mut noise) = (0.0, 1e-300);
+    for bins in seen.iter().flat_map(|&r| &rest[r]) {
+        let lowest = (8.0 * base.analyser.duration_s()) as usize;
+        power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
+        noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
+    }
+    let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
+    Explained { base, accepted, pool, refused, data, left, left_over_noise: power / noise }
 }
 
 /// What a search came to.
@@ -204,6 +256,7 @@ fn search(
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
         let mut candidates = bench.candidates(&rest, &split.fit, &orders, &frequencies);
         withhold(&mut candidates, &options.withheld);
+        candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
         let judge = Judge::new(base, &data, split, &terms);
         let mut judged: Vec<Judged> = candidates.into_par_iter().map(|c| judge.judge(c)).collect();
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -249,6 +302,19 @@ fn search(
     Search::Done { accepted, pool, refused, data }
 }
 
+/// Whether two candidates are the same effect in the same place: a second helping of a term is never a second effect.
+fn same(a: &Candidate, b: &Candidate) -> bool {
+    let near = |a: Option<f64>, b: Option<f64>| match (a, b) {
+        (Some(a), Some(b)) => (a - b).abs() < 0.01 * (1.0 + a.abs()),
+        (None, None) => true,
+        _ => false,
+    };
+    a.name == b.name
+        && near(a.order, b.order)
+        && near(a.frequency_hz, b.frequency_hz)
+        && a.parameters.first().map(|p| &p.name) == b.parameters.first().map(|p| &p.name)
+}
+
 /// Takes names out of the library. Plain order-locked excitations, fixed-frequency forcing and modes are no part of it and stay under
 /// their description; what has none goes.
 fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
@@ -291,15 +357,22 @@ fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: 
     let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     chosen.truncate(MOST_FINITE);
-    for i in chosen {
+    for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
-        for _ in 0..2 {
+        // The strength itself follows the secant: the leading candidate gets the steps it needs, the others enough to compare.
+        for _ in 0..if rank == 0 { 5 } else { 2 } {
             let Some(bent) = bench.at_strength(&first_order, &judged[i].x, data) else { break };
             let again = judge.judge(bent);
-            if again.score <= judged[i].score {
+            let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let moved: Vec<f64> = again.x.iter().zip(&judged[i].x).map(|(a, b)| a - b).collect();
+            let settled = size(&moved) < 0.002 * size(&again.x);
+            if again.score <= judged[i].score - 1.0 {
                 break;
             }
             judged[i] = again;
+            if settled {
+                break;
+            }
         }
     }
 }

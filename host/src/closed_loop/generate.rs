@@ -435,7 +435,8 @@ impl<'a> Plant<'a> {
                 fine_signal[1].push(a[5]);
             }
         }
-        let folded = self.effects.iter().map(|e| if let Effect::Folding { share } = e { *share } else { 0.0 }).sum::<f64>();
+        let folded =
+            self.effects.iter().map(|e| if let Effect::Folding { share } = e { *share } else { 0.0 }).sum::<f64>();
         fine_signal.map(|fine| {
             (0..samples)
                 .map(|n| {

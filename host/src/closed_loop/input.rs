@@ -53,7 +53,10 @@ pub fn view(record: &record::Record) -> Result<Record> {
     let place = |key: &str| format!("{}: {key}", path.display());
     let tach = record.require_tach()?;
     if tach.is_virtual() {
-        return Err(Error::invalid(place("tach.source"), "the closed loop needs shaft angle 0, which a virtual tach has not"));
+        return Err(Error::invalid(
+            place("tach.source"),
+            "the closed loop needs shaft angle 0, which a virtual tach has not",
+        ));
     }
     let machine = record.declaration.machine()?;
     check(&machine, tach, &place)?;

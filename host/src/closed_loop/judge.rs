@@ -207,10 +207,16 @@ impl<'a> Judge<'a> {
             let fitted = self.frame.estimate(&self.split.fit, Some(&border));
             let select = self.fit_change - self.frame.change(&self.split.select, Some(&border), &fitted.x);
             let own = fitted.x.rows(fitted.x.len() - border.count, border.count);
-            let promise = self.split.select.iter().map(|&r| own.dot(&(border.gram(r) * own))).sum();
             let whole = self.frame.estimate(&self.seen, Some(&border));
-            let x = whole.x.rows(whole.x.len() - border.count, border.count).iter().copied().collect();
-            (whole.gain - self.gain, select, promise, x)
+            let x = whole.x.rows(whole.x.len() - border.count, border.count).into_owned();
+            let gain = whole.gain - self.gain;
+            let power = |runs: &[usize], x: &nalgebra::DVector<f64>| -> f64 {
+                runs.iter().map(|&r| x.dot(&(border.gram(r) * x))).sum()
+            };
+            // What the common columns explain of the term without it is no promise: the same share is taken off everywhere.
+            let net = (gain / power(&self.seen, &x).max(1e-300)).clamp(0.0, 1.0);
+            let promise = net * power(&self.split.select, &own.into_owned());
+            (gain, select, promise, x.iter().copied().collect())
         };
         let score = gain - PER_UNKNOWN * unknowns(&candidate, self.seen.len()) - 2.0 * candidate.searched.ln();
         Judged { candidate, score, gain, select_gain, select_promise, x }

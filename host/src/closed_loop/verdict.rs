@@ -15,6 +15,10 @@ use std::collections::BTreeMap;
 /// Largest power left at its own lines, beyond noise, of a named effect.
 const LARGEST_LEFT: f64 = 0.04;
 
+/// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared parameters that move
+/// the same lines.
+const LEAST_MESH_GAIN: f64 = 400.0;
+
 /// Half width that every interval has at least, as a share of the value: error of the forward model and of declared parameters that no
 /// spread over runs shows. From generated records, where strong effects come out right to about this.
 const FORM: f64 = 0.01;
@@ -134,8 +138,12 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
         let steady = exponents.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < 0.12 + half));
         let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
-        let near: Vec<&str> = rivals.iter().filter(|r| r.1 < 2.4 && named(&r.0)).map(|r| r.0.as_str()).collect();
-        let (verdict, name, experiment) = if term.claim == Claim::Generic || left > LARGEST_LEFT || !steady {
+        // Other names within a Bayes factor of 10, and any description of another excitation that does better than the name.
+        let near: Vec<&str> =
+            rivals.iter().filter(|r| r.1 < if named(&r.0) { 2.4 } else { 0.0 }).map(|r| r.0.as_str()).collect();
+        let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
+        let lawful = left <= LARGEST_LEFT && steady && possible(term, &all.x[at..]);
+        let (verdict, name, experiment) = if term.claim == Claim::Generic || !lawful {
             let seat = term
                 .order
                 .map(|o| format!("order {o:.4} of the pinion"))
@@ -147,15 +155,17 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
                 format!("excitation at {seat}; resembles {} but does not follow its law", term.name)
             };
             ("generic", text, None)
-        } else if !near.is_empty() {
+        } else if !near.is_empty() || (term.family == "mesh-order" && own.gain < LEAST_MESH_GAIN) {
             let mut names = vec![term.name.as_str()];
             names.extend(near);
+            if names.len() == 1 {
+                names.push(if term.name == "profile-error" { "tip-relief" } else { "profile-error" });
+            }
             let text = "runs at a third torque and at a higher speed separate these laws".to_string();
             ("ambiguous", names.join(" or "), Some(text))
         } else {
             ("named", term.name.clone(), None)
         };
-        let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
         effects.push(Effect {
             verdict: verdict.into(),
             name,
@@ -179,6 +189,15 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         });
     }
     effects
+}
+
+/// Whether the values make physical sense: a crack does not stiffen a tooth, wear and relief take material away, friction brakes.
+fn possible(term: &Candidate, x: &[f64]) -> bool {
+    const NEVER_NEGATIVE: [&str; 5] = ["stiffness_loss", "depth", "amount", "coefficient", "share_folded"];
+    term.parameters
+        .iter()
+        .filter(|p| !p.complex && NEVER_NEGATIVE.iter().any(|n| p.name.starts_with(n)))
+        .all(|p| x[p.first] > 0.0)
 }
 
 fn interval(value: f64, half: f64) -> [f64; 2] {

@@ -79,7 +79,12 @@ fn limit(runs: &[Run], channel: usize) -> Option<f64> {
     };
     // A free signal thins out towards its peak; a limited one piles up there.
     let (at, below) = runs.iter().fold((0, 0), |(a, b), run| (a + near(run, 0.998, 1.0), b + near(run, 0.99, 0.998)));
-    (at > 40 && at > 3 * below).then_some(peak)
+    // Noise-free peaks repeat, too, but are round: only a limit holds three samples in a row.
+    let flat: usize = runs
+        .iter()
+        .map(|run| run.channels[channel].windows(3).filter(|w| w.iter().all(|x| x.abs() >= 0.998 * peak)).count())
+        .sum();
+    (at > 40 && at > 3 * below && flat > 10).then_some(peak)
 }
 
 /// A channel whose samples stop at a limit; replaces the model by its limited waveform.
@@ -234,9 +239,8 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
         return None;
     }
     let (at, fixed, left) = rate(base, record);
-    let scatter = |r: &RunState, run: &Run| {
-        (TAU * r.angle.shaft_hz * r.angle.edge_scatter_s).powi(2) * run.edges_s.len() as f64
-    };
+    let scatter =
+        |r: &RunState, run: &Run| (TAU * r.angle.shaft_hz * r.angle.edge_scatter_s).powi(2) * run.edges_s.len() as f64;
     let whole: f64 = base.runs.iter().zip(&record.runs).map(|(r, run)| scatter(r, run)).sum();
     let sinusoid = left < 0.05 * whole;
     let analyser = &base.analyser;

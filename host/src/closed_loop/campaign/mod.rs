@@ -229,6 +229,7 @@ fn one(
         id: item.id(),
         part: item.part.into(),
         machine: declared.title.clone(),
+        duration_s: plan.duration_s,
         coloured,
         parameters_off,
         hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),

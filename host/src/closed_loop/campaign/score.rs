@@ -14,6 +14,8 @@ pub struct Scored {
     pub part: String,
     /// Machine.
     pub machine: String,
+    /// Length of a run, s.
+    pub duration_s: f64,
     /// Whether the noise was coloured.
     pub coloured: bool,
     /// Whether declared parameters were wrong within tolerance.
@@ -235,6 +237,33 @@ impl Summary {
             ("The true effect withheld from the library", &self.leave_one_out),
             ("Two at once", &self.two),
         ]
+    }
+
+    /// The tables as Markdown.
+    pub fn markdown(&self) -> String {
+        let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let mut text = String::new();
+        for (title, rows) in self.tables() {
+            let rows: Vec<&Row> = rows.iter().filter(|r| r.records > 0).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            text += &format!("### {title}\n\n");
+            text += &line(&HEAD.map(String::from));
+            text += &line(&HEAD.map(|_| "---".to_string()));
+            rows.iter().for_each(|r| text += &line(&cells(r)));
+            text += "\n";
+        }
+        let [named, not_named] = self.after_over_floor;
+        text += &format!(
+            "Intervals that cover the truth: {:.1} % of {}. Held-out error after over noise floor, median at twice the floor and above: named {named:.3}, \
+             not named {not_named:.3}. Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
+            100.0 * self.coverage.0,
+            self.coverage.1,
+            self.seconds[0],
+            self.seconds[1]
+        );
+        text
     }
 
     /// Text for the terminal.

@@ -23,7 +23,9 @@ fn effect(finite: Finite, x: &[f64]) -> Effect {
     match finite {
         Finite::RollingEccentricity { shaft } => Effect::Eccentricity { shaft, amplitude_m: size, phase_rad },
         Finite::Crack { shaft, tooth } => Effect::Crack { shaft, tooth, share: size.clamp(-0.9, 0.9) },
-        Finite::BearingModulation { shaft, order } => Effect::BearingModulation { shaft, order, share: size, phase_rad },
+        Finite::BearingModulation { shaft, order } => {
+            Effect::BearingModulation { shaft, order, share: size, phase_rad }
+        }
         Finite::MeshModulation { order } => Effect::StiffnessModulation { order, share: size, phase_rad },
     }
 }

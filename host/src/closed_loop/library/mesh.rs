@@ -64,9 +64,8 @@ fn shaped(
             let rate = run.angle.shaft_hz * f64::from(machine.teeth[0]) * machine.tau_s;
             let half = comb.centre as i64;
             // Both signs of an order are conjugate for a real shape.
-            let positive: Vec<C> = (0..=half)
-                .map(|n| -weighted.transform(n as f64) - slope.transform(n as f64) * rate)
-                .collect();
+            let positive: Vec<C> =
+                (0..=half).map(|n| -weighted.transform(n as f64) - slope.transform(n as f64) * rate).collect();
             let contact = (-half..=half)
                 .map(|n| {
                     let value = positive[n.unsigned_abs() as usize];

@@ -166,9 +166,7 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
             named("gear-eccentricity", "amplitude", "m")
         }
         Seat::Displacement if (pinion || gear) && order > 3.5 => named("ghost-order", "amplitude", "m"),
-        Seat::Displacement | Seat::RollingDisplacement => {
-            plain("amplitude", "m")
-        }
+        Seat::Displacement | Seat::RollingDisplacement => plain("amplitude", "m"),
         Seat::Force { dof: PINION_Y, speed: 2, .. } if is(order, 1.0) => named("pinion-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: GEAR_Y, speed: 2, .. } if is(order, ratio) => named("gear-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: PINION_Y, speed: 0, .. } if is(order, 2.0) => {
@@ -188,9 +186,7 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
         Seat::BearingModulation(_) => plain("share_of_stiffness", "1"),
         Seat::MeshModulation => plain("share_of_stiffness", "1"),
         // At a whole order of a shaft the contact is carried by that shaft's geometry, not by its speed.
-        Seat::PositionModulation if pinion || gear => {
-            plain("contact_position", "base pitch")
-        }
+        Seat::PositionModulation if pinion || gear => plain("contact_position", "base pitch"),
         Seat::PositionModulation => named("speed-fluctuation", "contact_position", "base pitch"),
         Seat::Force { .. } => plain("amplitude", "SI"),
     }

@@ -19,12 +19,7 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
             shaft: "none",
             order: Some(f64::from(bench.base.machine.teeth[0])),
             frequency_hz: None,
-            parameters: vec![Parameter {
-                name: "relative_change".into(),
-                unit: "1",
-                first: 0,
-                complex: false,
-            }],
+            parameters: vec![Parameter { name: "relative_change".into(), unit: "1", first: 0, complex: false }],
             templates: vec![template.clone()],
             searched: 15.0,
             exponents: [0.0, 1.0],
