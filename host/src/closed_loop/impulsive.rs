@@ -49,7 +49,9 @@ fn summed(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) -> f64 
     for &r in runs {
         for harmonic in [1.0, 2.0] {
             let b = (harmonic * order * base.runs[r].angle.shaft_hz * duration).round() as usize;
-            sum += spectra[r].get(b).copied().unwrap_or(1.0).min(CAP);
+            let power = spectra[r].get(b).copied().unwrap_or(1.0);
+            // Strong impacts reach the cap in every band and at neighbouring orders: a trace of the uncapped size decides between those.
+            sum += power.min(CAP) + 1e-3 * (1.0 + power).ln();
         }
     }
     sum
@@ -121,7 +123,8 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     if p_value > 1e-4 || p_select > 1e-3 {
         return None;
     }
-    let half = 0.6 / (duration * fastest);
+    // Resolution of the scan, or the wander of a slipping order.
+    let half = (0.6 / (duration * fastest)).max(0.005 * order);
     let carrier = (band as f64 + 0.5) * BAND_WIDTH_HZ;
     let mut parameters = BTreeMap::new();
     let value =
