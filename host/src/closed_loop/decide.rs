@@ -60,6 +60,8 @@ const MOST_FINITE: usize = 4;
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a free table of all teeth must beat one named tooth: the form error of a first-order template.
 const TABLE_MARGIN: f64 = 0.03;
+/// Largest probability of a term's gain by chance, after correction for the search.
+const LARGEST_P: f64 = 1e-3;
 /// A term that leaves more of the power at its own lines than this explains nothing.
 const MOST_LEFT: f64 = 0.5;
 
@@ -150,9 +152,11 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     let Explained { base, mut accepted, pool, mut refused, data, .. } = explained;
     say("verdicts");
     let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
-    let mut keep = effects.iter().map(|e| e.evidence.left_at_its_lines < MOST_LEFT).collect::<Vec<_>>().into_iter();
+    // Next to the others and with the final weights a term must still stand.
+    let stands = |e: &Effect| e.evidence.left_at_its_lines < MOST_LEFT && e.evidence.p_value < LARGEST_P;
+    let mut keep = effects.iter().map(stands).collect::<Vec<_>>().into_iter();
     accepted.retain(|_| keep.next().unwrap_or(true));
-    effects.retain(|e| e.evidence.left_at_its_lines < MOST_LEFT);
+    effects.retain(stands);
     if whole.is_empty() {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
