@@ -10,12 +10,28 @@ const MARK: u32 = 0x6d62_6372;
 /// Bytes of a source file's name that are kept, from its end.
 const NAME: usize = 48;
 
+/// Reasons to start again that are no panic and have no address; they take the place of a source line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Cause {
+    /// The PLL did not lock.
+    Pll = 1,
+    /// The crystal stopped while running.
+    Crystal = 2,
+    /// A part of the board was started twice.
+    Start = 3,
+    /// The stack grew beyond its memory.
+    StackOverflow = 4,
+    /// An interrupt came that nobody unmasked.
+    Interrupt = 5,
+}
+
 /// A crash: where, or nothing known about where.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct Crash {
     mark: u32,
-    /// Source line of a panic, program counter of a fault.
+    /// Source line of a panic, program counter of a fault, or a [`Cause`].
     pub place: u32,
     /// Crashes in a row since power came.
     pub count: u32,
@@ -59,7 +75,7 @@ pub fn last() -> Option<Crash> {
 }
 
 /// Records a crash and starts the processor again.
-pub fn record_and_reset(place: u32, file: &str) -> ! {
+fn record_and_reset(place: u32, file: &str) -> ! {
     cortex_m::interrupt::disable();
     let count = last().map_or(1, |crash| crash.count.saturating_add(1));
     let mut crash = Crash { mark: MARK, place, count, file: [0; NAME], check: 0 };
@@ -73,8 +89,41 @@ pub fn record_and_reset(place: u32, file: &str) -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
+/// Records one of the known causes and starts the processor again.
+pub fn on_cause(cause: Cause) -> ! {
+    record_and_reset(cause as u32, "")
+}
+
+/// What a board does on a fault, see [`crate::fault`].
+pub fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
+    if stack_overflow { on_cause(Cause::StackOverflow) } else { record_and_reset(program_counter, "") }
+}
+
 /// What the panic handler of an image does.
 pub fn on_panic(info: &PanicInfo) -> ! {
     let (place, file) = info.location().map_or((0, ""), |place| (place.line(), place.file()));
     record_and_reset(place, file)
+}
+
+/// Defines what every image does that restarts after a failure: the hooks of a panic, of a fault
+/// ([`mod@crate::fault`]) and of an interrupt that nobody unmasked.
+#[macro_export]
+macro_rules! restart_on_failure {
+    () => {
+        // SAFETY: no other symbol has this name; the entry of the fault calls it.
+        #[unsafe(no_mangle)]
+        extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
+            $crate::crash::on_fault(program_counter, stack_overflow)
+        }
+
+        #[cortex_m_rt::exception]
+        unsafe fn DefaultHandler(_number: i16) -> ! {
+            $crate::crash::on_cause($crate::crash::Cause::Interrupt)
+        }
+
+        #[panic_handler]
+        fn panic(info: &core::panic::PanicInfo) -> ! {
+            $crate::crash::on_panic(info)
+        }
+    };
 }

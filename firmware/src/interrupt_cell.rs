@@ -1,8 +1,9 @@
-//! State that belongs to one interrupt handler.
+//! State that belongs to one interrupt handler, or to some that never interrupt each other.
 
 use core::cell::UnsafeCell;
 
-/// A place that is filled once, before its interrupt is unmasked, and then used by that handler alone. No lock and no
+/// A place that is filled once, before its interrupts are unmasked, and then used by their handlers alone, which share one
+/// priority. No lock and no
 /// check at run time, hence nothing that can fail in a handler.
 pub struct InterruptCell<T>(UnsafeCell<Option<T>>);
 
@@ -18,18 +19,18 @@ impl<T> InterruptCell<T> {
     /// Fills the place.
     ///
     /// # Safety
-    /// The handler's interrupt must be masked.
+    /// The handlers' interrupts must be masked.
     pub unsafe fn install(&self, state: T) {
-        // SAFETY: nobody else looks while the interrupt is masked.
+        // SAFETY: nobody else looks while the interrupts are masked.
         unsafe { *self.0.get() = Some(state) }
     }
 
     /// Lends the state to the handler; nothing happens while there is none.
     ///
     /// # Safety
-    /// Only to be called by the one handler, which cannot interrupt itself.
+    /// Only to be called by handlers of one priority: none can interrupt another, or itself.
     pub unsafe fn with(&self, handle: impl FnOnce(&mut T)) {
-        // SAFETY: after `install` the handler is the only user.
+        // SAFETY: after `install` the handler that runs is the only user.
         if let Some(state) = unsafe { (*self.0.get()).as_mut() } {
             handle(state);
         }

@@ -5,9 +5,11 @@
 #![no_std]
 
 pub mod crash;
+pub mod fault;
 pub mod interrupt_cell;
 pub mod light;
 pub mod pipeline;
+pub mod receive_circle;
 pub mod runner;
 pub mod send_ring;
 pub mod stack;

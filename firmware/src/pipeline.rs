@@ -5,7 +5,7 @@
 //! governs block `j + 2`. Rates therefore change at block borders only, on every board after the same rule.
 
 use core::sync::atomic::{AtomicU32, Ordering};
-use heapless::spsc::{Consumer, Producer};
+use heapless::spsc::{Consumer, Producer, Queue};
 use meshband::node::Block;
 pub use meshband::replay::BLOCK_SAMPLES;
 
@@ -97,17 +97,85 @@ impl Default for Request {
     }
 }
 
+/// Queues between interrupts and main loop; one set in a static.
+pub struct Queues {
+    // One place more than there are buffers: such a queue never fills.
+    blocks: Queue<Filled, { BUFFERS + 1 }>,
+    free: Queue<&'static mut Codes, { BUFFERS + 1 }>,
+    edges: Queue<u32, EDGE_QUEUE>,
+}
+
+/// The interrupts' ends of the queues.
+pub struct Outlets {
+    /// Filled blocks, in order.
+    pub blocks: Producer<'static, Filled>,
+    /// Empty buffers.
+    pub free: Consumer<'static, &'static mut Codes>,
+    /// Edge instants, in order.
+    pub edges: Producer<'static, u32>,
+}
+
+impl Queues {
+    /// Empty ones.
+    pub const fn new() -> Self {
+        Self { blocks: Queue::new(), free: Queue::new(), edges: Queue::new() }
+    }
+
+    /// Both ends, with all buffers empty.
+    pub fn split(&'static mut self, buffers: &'static mut [Codes; BUFFERS]) -> (Outlets, Inbox) {
+        let (blocks_in, blocks) = self.blocks.split();
+        let (mut free, free_out) = self.free.split();
+        let (edges_in, edges) = self.edges.split();
+        for buffer in buffers {
+            let _ = free.enqueue(buffer);
+        }
+        (Outlets { blocks: blocks_in, free: free_out, edges: edges_in }, Inbox { blocks, free, edges })
+    }
+}
+
+impl Default for Queues {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// The main loop's ends of the queues.
 pub struct Inbox {
-    /// Filled blocks, in order.
-    pub blocks: Consumer<'static, Filled>,
-    /// Emptied buffers.
-    pub free: Producer<'static, &'static mut Codes>,
-    /// Edge instants, in order.
-    pub edges: Consumer<'static, u32>,
+    blocks: Consumer<'static, Filled>,
+    free: Producer<'static, &'static mut Codes>,
+    edges: Consumer<'static, u32>,
 }
 
 impl Inbox {
+    /// Whether a block waits.
+    pub fn has_block(&self) -> bool {
+        self.blocks.ready()
+    }
+
+    /// First instant behind the oldest block.
+    pub fn pending_end(&self) -> Option<u32> {
+        self.blocks.peek().map(Filled::end_tick)
+    }
+
+    /// Lends the oldest block and takes its buffer back as empty; false if there is none.
+    pub fn with_block(&mut self, consume: impl FnOnce(&Filled)) -> bool {
+        let Some(block) = self.blocks.dequeue() else { return false };
+        consume(&block);
+        // The queue of empty buffers has room for all of them.
+        let _ = self.free.enqueue(block.codes);
+        true
+    }
+
+    /// Sleeps until an interrupt, unless a block waits.
+    pub fn wait(&self) {
+        cortex_m::interrupt::free(|_| {
+            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
+            if !self.has_block() {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+
     /// The next edge that comes before `instant`.
     pub fn edge_before(&mut self, instant: u32) -> Option<u32> {
         // Wrapping order: differences below half the range.

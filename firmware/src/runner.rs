@@ -3,6 +3,7 @@
 //! A board's `main` builds its board and a runner and calls [`Runner::turn`] for ever. Edges before a block's end go
 //! first, so the node sees both in the order of time whatever the interrupts' latency was.
 
+use crate::crash::{self, Cause};
 use crate::light::Code;
 use crate::stack::{self, StackUse};
 use embedded_storage::nor_flash::NorFlash;
@@ -19,7 +20,8 @@ use meshband::units::TicksPerSecond;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum BoardEvent {
-    /// Restarted after a crash; number: source line of a panic, or low bits of a fault's program counter.
+    /// Restarted after a crash; number: source line of a panic, low bits of a fault's program counter, or a
+    /// [`crash::Cause`].
     Crash = 1,
     /// No crystal started: frequencies are within 1 % only.
     InternalOscillator = 2,
@@ -38,6 +40,8 @@ impl BoardEvent {
     }
 }
 
+/// Seconds without a block after which the main loop no longer counts as alive: twice the longest block of any board.
+const BLOCK_PATIENCE_S: u32 = 1;
 /// Seconds between looks at the stack's paint.
 const STACK_PERIOD_S: u32 = 10;
 /// Growth of the stack that is worth an event, bytes.
@@ -56,17 +60,53 @@ pub struct Runner<F: NorFlash> {
     crystal: bool,
     self_test: SelfTest,
     lost_edges: u32,
+    /// When the last block came.
+    block_seen: Option<u32>,
     stack_seen: u32,
     stack_due: u32,
 }
 
 impl<F: NorFlash> Runner<F> {
-    /// Takes over a session; checks the mathematics at once.
-    pub fn new(mut session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
-        let test = BootTest::new(clock);
+    /// The node with its stored configuration, or the default, and a complaint about the one that was not taken.
+    ///
+    /// Not wrapped in an option, and part of the caller: each wrapping of these 15 KB is another copy on the stack. A clock
+    /// on which not even the default can run is a crash.
+    #[inline(always)]
+    pub fn open(
+        mut store: Store<F>,
+        test: BootTest,
+        clock: TicksPerSecond,
+        crystal: bool,
+        buffers: &'static mut Buffers,
+    ) -> Self {
+        let (configuration, origin) = store.load(clock.0);
+        defmt::info!("configuration: {}", origin);
+        let Ok(mut session) = Session::with_buffers(configuration, clock, buffers) else {
+            crash::on_cause(Cause::Start)
+        };
+        if let Some(complaint) = origin.complaint() {
+            session.node_mut().note(EventKind::ConfigurationRefused, complaint);
+        }
+        let mut runner = Self::new(session, store, test, clock, crystal);
+        if !crystal {
+            runner.note(BoardEvent::InternalOscillator, 0);
+        }
+        runner
+    }
+
+    /// Takes over a session, and a self-test that has checked the mathematics: where little lies on the stack yet, because
+    /// that takes a lot of it.
+    pub fn new(
+        mut session: NodeSession,
+        store: Store<F>,
+        test: BootTest,
+        clock: TicksPerSecond,
+        crystal: bool,
+    ) -> Self {
         let self_test = test.result();
         session.node_mut().set_self_test(self_test);
-        Self { session, store, test, clock, crystal, self_test, lost_edges: 0, stack_seen: 0, stack_due: 0 }
+        let (lost_edges, block_seen, stack_seen, stack_due) = (0, None, 0, 0);
+        Self { session, store, test, clock, crystal, self_test, lost_edges, block_seen, stack_seen, stack_due }
     }
 
     /// The session.
@@ -79,11 +119,34 @@ impl<F: NorFlash> Runner<F> {
         self.session.node_mut().note(EventKind::Board, event.detail(number));
     }
 
+    /// Reports why the board started, by its own number, and the crash if it was one (`after_crash`: the processor reset
+    /// itself).
+    pub fn report_start(&mut self, reset_cause: u32, after_crash: bool) {
+        defmt::info!("started, cause {=u32}", reset_cause);
+        self.session.node_mut().note(EventKind::Started, reset_cause);
+        if let Some(crash) = crash::last().filter(|_| after_crash) {
+            defmt::error!("restarted after crash {=u32} at {=str}:{=u32:x}", crash.count, crash.file(), crash.place);
+            self.note(BoardEvent::Crash, crash.place);
+        }
+    }
+
+    /// What a board does for ever: one turn, the stack, and sleep where there was nothing to do.
+    pub fn work(&mut self, board: &mut impl Board) {
+        let worked = self.turn(board);
+        self.watch_stack(board.now());
+        if !worked {
+            board.wait();
+        }
+    }
+
     /// One turn: bytes, then at most one block; false if there was no block.
     pub fn turn(&mut self, board: &mut impl Board) -> bool {
-        board.feed_watchdog();
         // Read before the queue of blocks: what they promise then holds for everything found in it.
         let (horizon, now) = (board.horizon(), board.now());
+        // A converter that has stopped is as bad as a loop that hangs: the watchdog restarts both.
+        if now.wrapping_sub(*self.block_seen.get_or_insert(now)) < self.clock.0.saturating_mul(BLOCK_PATIENCE_S) {
+            board.feed_watchdog();
+        }
         board.pump();
         self.serve_link(board);
         let pending = board.pending_end();
@@ -93,6 +156,7 @@ impl<F: NorFlash> Runner<F> {
             self.session.on_edge(edge);
         }
         if pending.is_some() {
+            self.block_seen = Some(now);
             self.take_block(board, now);
         }
         self.report(board, now);
@@ -108,6 +172,7 @@ impl<F: NorFlash> Runner<F> {
         }
         if self.session.take_commit() {
             let stored = self.store.save(self.session.node().configuration()).is_ok();
+            defmt::info!("configuration stored: {=bool}", stored);
             self.session.on_stored(stored);
         }
     }
@@ -118,6 +183,7 @@ impl<F: NorFlash> Runner<F> {
         let mut end = now;
         board.with_block(&mut |block| {
             if let Some(result) = test.on_block(&block, now) {
+                defmt::info!("self-test: {=u8:05b} run, {=u8:05b} failed", result.run, result.failed);
                 *self_test = result;
                 session.node_mut().set_self_test(result);
             }

@@ -5,8 +5,9 @@
 //! take a QEMU killed by a signal for a success: here a panic, a fault, a lock-up, a signal and a time-out
 //! are all errors with a reason. The virtual clock counts instructions, so two runs give the same bytes.
 
+use crate::virtual_node::simulation::TakenBlock;
 use crate::{Error, Result};
-use meshband::replay::{IMAGE_ADDRESS, IMAGE_CAPACITY};
+use meshband::replay::{BLOCK_SAMPLES, IMAGE_ADDRESS, IMAGE_CAPACITY};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -27,6 +28,9 @@ pub enum Link {
     Tcp(u16),
     /// A TCP port on this machine that the caller listens on.
     Connect(u16),
+    /// A Unix socket that the caller listens on. It holds a few hundred bytes where TCP holds megabytes: a caller that
+    /// does not read stalls the line at once.
+    Socket(PathBuf),
 }
 
 /// A machine to run, not yet started.
@@ -39,6 +43,9 @@ pub struct Qemu {
     /// Virtual nanoseconds per instruction as a power of two. 2 gives 250 million instructions per second, about twice
     /// an STM32F405 at 168 MHz: the board spends some 100 instructions per sample on imitating ADC and DMA.
     pub icount_shift: u8,
+    /// Whether an idle processor waits for the clock on the wall, so that the node lives as long as its record says; else
+    /// idle time takes none.
+    pub at_wall_speed: bool,
     /// Where the UART goes.
     pub link: Link,
     /// File that keeps the board's memory with the stored configuration beyond a run; made where absent.
@@ -59,6 +66,34 @@ pub struct Finished {
 }
 
 impl Finished {
+    /// A counter among the closing statistics; zero where it is missing.
+    pub fn count(&self, key: &str) -> u32 {
+        self.statistic(key).and_then(|value| value.parse().ok()).unwrap_or(0)
+    }
+
+    /// The blocks that the firmware's node got, as its log says.
+    ///
+    /// # Errors
+    /// [`Error::Tool`] where the firmware kept no log, or one that did not hold them all.
+    pub fn blocks(&self) -> Result<Vec<TakenBlock>> {
+        let incomplete = || Error::tool("node in QEMU", "its log of blocks is incomplete");
+        if self.statistic("runs_left_out") != Some("0") {
+            return Err(incomplete());
+        }
+        let mut blocks = Vec::new();
+        for line in self.console.lines().filter_map(|line| line.strip_prefix("block: ")) {
+            let numbers: Vec<u32> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+            let [sequence, first_tick, period, overrun, count] = numbers[..] else { return Err(incomplete()) };
+            blocks.extend((0..count).map(|n| TakenBlock {
+                sequence: sequence.wrapping_add(n),
+                first_tick: first_tick.wrapping_add(n * period * BLOCK_SAMPLES as u32),
+                period,
+                overrun: overrun != 0 && n == 0,
+            }));
+        }
+        Ok(blocks)
+    }
+
     /// The value of `key=value` in the firmware's closing statistics.
     pub fn statistic(&self, key: &str) -> Option<&str> {
         let words = self.console.lines().filter(|l| l.starts_with("node: ")).flat_map(str::split_whitespace);
@@ -88,7 +123,20 @@ impl Qemu {
     /// A machine with this image, a time limit of two minutes and a captured link.
     pub fn new(firmware: impl Into<PathBuf>) -> Self {
         let time_limit = Duration::from_secs(120);
-        Self { firmware: firmware.into(), time_limit, icount_shift: 2, link: Link::Captured, memory: None }
+        Self {
+            firmware: firmware.into(),
+            time_limit,
+            icount_shift: 2,
+            at_wall_speed: false,
+            link: Link::Captured,
+            memory: None,
+        }
+    }
+
+    /// A machine with the built image of a board; `None` where QEMU or the image is absent.
+    pub fn of_board(board: &str) -> Option<Self> {
+        let firmware = built_firmware(board);
+        (is_installed() && firmware.is_file()).then(|| Self::new(firmware))
     }
 
     /// Boots the image with `replay` in its PSRAM and waits until it exits.
@@ -128,7 +176,7 @@ impl Qemu {
         command
             .args(["-machine", "mps2-an386", "-nodefaults", "-display", "none", "-monitor", "none"])
             .arg("-icount")
-            .arg(format!("shift={},sleep=off", self.icount_shift))
+            .arg(format!("shift={},sleep={}", self.icount_shift, if self.at_wall_speed { "on" } else { "off" }))
             .args(["-semihosting-config", "enable=on,target=native"])
             .arg("-device")
             .arg(format!("loader,file={},addr={IMAGE_ADDRESS:#x},force-raw=on", escape(signal)))
@@ -137,6 +185,7 @@ impl Qemu {
                 Link::Captured => format!("file:{}", escape(link)),
                 Link::Tcp(port) => format!("tcp:127.0.0.1:{port},server=on,wait=on,nodelay=on"),
                 Link::Connect(port) => format!("tcp:127.0.0.1:{port},nodelay=on"),
+                Link::Socket(ref path) => format!("unix:{}", escape(path)),
             })
             .arg("-kernel")
             .arg(&self.firmware);

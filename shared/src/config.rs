@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 /// Version of [`Configuration`]'s layout.
 pub const SCHEMA: u16 = 1;
 
-/// Most mesh harmonics in a spectrum. With more, the lowest rate that carries them would let harmonics 26 and up fold onto
-/// the first ones ([`crate::zoom::SAMPLES_PER_PITCH`]).
+/// Most mesh harmonics in a spectrum. With more, what the lowest rate may carry would fold into the bands on the finest grid of
+/// the order domain ([`crate::zoom::SAMPLES_PER_PITCH`]).
 pub const MAX_HARMONICS: usize = 6;
 
 /// Most sideband pairs per harmonic.

@@ -1,12 +1,13 @@
 //! Half-band decimation by 2^k: a cascade of symmetric FIR stages in f32.
 //!
 //! Usable band: 1/2.56 of the output rate. The stage next to the output needs the steepest transition (55 taps, 14
-//! distinct), the one before it 6 distinct taps, all earlier ones 4. Half-band symmetry makes every other tap zero and
+//! distinct), the one before it 5 distinct taps, all earlier ones 3. Half-band symmetry makes every other tap zero and
 //! the pass-band ripple equal to the stop-band ripple: stop band -95 dB, ripple 0.0002 dB, single-precision noise lower.
-//! Design: Kaiser window, taps normalised to unit gain at zero frequency. The taps are linear-phase; the group delay is
-//! exact and kept in ADC samples so that a sample can be related to the tach's angle.
+//! Design: Kaiser window for the last stage, equiripple for the others, taps normalised to unit gain at zero frequency.
+//! The taps are linear-phase; the group delay is exact and kept in ADC samples so that a sample can be related to the
+//! tach's angle. The mesh bands need much less and have [`crate::mesh_decimator`].
 //!
-//! Cost (Cortex-M4F in QEMU): 40, 45, 45 and 48 instructions per ADC sample for one, two, three and five stages.
+//! Cost (Cortex-M4F in QEMU): see `tests/snapshots/instructions.txt`.
 
 /// Most stages of a cascade.
 pub const MAX_STAGES: usize = 10;
@@ -29,9 +30,10 @@ const LAST: [f32; 14] = [
     9.888_446_4e-5,
     -2.079_222_8e-5,
 ];
-const SECOND: [f32; 6] =
-    [0.306_480_01, -0.075_109_16, 0.023_706_464, -0.005_949_937_7, 0.000_922_409_08, -4.978_094_5e-5];
-const EARLY: [f32; 4] = [0.296_418_27, -0.054_756_056, 0.008_807_556, -0.000_469_771_68];
+#[allow(clippy::excessive_precision)]
+const SECOND: [f32; 5] = [0.305_888_96, -0.073_738_904, 0.022_366_794, -0.005_150_751_9, 0.000_633_900_33];
+#[allow(clippy::excessive_precision)]
+const EARLY: [f32; 3] = [0.294_336_17, -0.050_931_306, 0.006_595_134_7];
 
 /// Pairs of samples filtered in one go.
 const RUN: usize = 64;
@@ -39,12 +41,23 @@ const RUN: usize = 64;
 const LONGEST_SIDE: usize = 28;
 const LONGEST_CENTRE: usize = 14;
 
+/// Work space of a stage; its content is never read. Kept by the owner because clearing it would cost a third of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Scratch {
+    side: [f32; LONGEST_SIDE + RUN],
+    centre: [f32; LONGEST_CENTRE + RUN],
+}
+
+impl Scratch {
+    pub(crate) const NEW: Self = Self { side: [0.0; LONGEST_SIDE + RUN], centre: [0.0; LONGEST_CENTRE + RUN] };
+}
+
 /// One half-band stage with `M` distinct non-zero side taps; `W` is `2 M`.
 ///
 /// A run of samples is parted into those under the side taps and those on their way to the centre tap, each behind its
 /// history in one piece, so that the sums need no ring and their lengths are known to the compiler.
 #[derive(Clone, Debug)]
-struct HalfBand<const M: usize, const W: usize> {
+pub(crate) struct HalfBand<const M: usize, const W: usize> {
     taps: &'static [f32; M],
     /// Newest samples under the side taps.
     side: [f32; W],
@@ -55,7 +68,7 @@ struct HalfBand<const M: usize, const W: usize> {
 }
 
 impl<const M: usize, const W: usize> HalfBand<M, W> {
-    const fn new(taps: &'static [f32; M]) -> Self {
+    pub(crate) const fn new(taps: &'static [f32; M]) -> Self {
         Self { taps, side: [0.0; W], centre: [0.0; M], held: None }
     }
 
@@ -64,12 +77,12 @@ impl<const M: usize, const W: usize> HalfBand<M, W> {
     }
 
     /// Group delay in input samples, counted from the second sample of the newest pair.
-    const DELAY: u32 = 2 * M as u32 - 1;
+    pub(crate) const DELAY: u32 = 2 * M as u32 - 1;
 
     /// Filters in place and returns the number of outputs.
-    fn process(&mut self, samples: &mut [f32]) -> usize {
+    pub(crate) fn process(&mut self, samples: &mut [f32], scratch: &mut Scratch) -> usize {
         let (mut taken, mut outputs) = (0, 0);
-        while let Some((used, made)) = self.run(samples, taken, outputs) {
+        while let Some((used, made)) = self.run(samples, taken, outputs, scratch) {
             (taken, outputs) = (taken + used, outputs + made);
         }
         outputs
@@ -77,10 +90,15 @@ impl<const M: usize, const W: usize> HalfBand<M, W> {
 
     /// Filters up to [`RUN`] pairs from `samples[taken..]` to `samples[outputs..]`; samples used and outputs made.
     /// `None` at the end; a sample without partner is held. All places exist: asking is cheaper than a panic path.
-    fn run(&mut self, samples: &mut [f32], taken: usize, outputs: usize) -> Option<(usize, usize)> {
+    fn run(
+        &mut self,
+        samples: &mut [f32],
+        taken: usize,
+        outputs: usize,
+        scratch: &mut Scratch,
+    ) -> Option<(usize, usize)> {
         let fresh = samples.get(taken..).filter(|fresh| !fresh.is_empty())?;
-        let mut side = [0.0f32; LONGEST_SIDE + RUN];
-        let mut centre = [0.0f32; LONGEST_CENTRE + RUN];
+        let Scratch { side, centre } = scratch;
         *side.first_chunk_mut::<W>()? = self.side;
         *centre.first_chunk_mut::<M>()? = self.centre;
         let mut start = 0;
@@ -127,9 +145,10 @@ impl<const M: usize, const W: usize> HalfBand<M, W> {
 #[derive(Clone, Debug)]
 pub struct Cascade {
     stages: usize,
-    early: [HalfBand<4, 8>; MAX_STAGES - 2],
-    second: HalfBand<6, 12>,
+    early: [HalfBand<3, 6>; MAX_STAGES - 2],
+    second: HalfBand<5, 10>,
     last: HalfBand<14, 28>,
+    scratch: Scratch,
 }
 
 impl Cascade {
@@ -140,6 +159,7 @@ impl Cascade {
             early: [const { HalfBand::new(&EARLY) }; MAX_STAGES - 2],
             second: HalfBand::new(&SECOND),
             last: HalfBand::new(&LAST),
+            scratch: Scratch::NEW,
         }
     }
 
@@ -160,13 +180,13 @@ impl Cascade {
     pub fn process(&mut self, samples: &mut [f32]) -> usize {
         let mut count = samples.len();
         for stage in self.early.iter_mut().take(self.stages.saturating_sub(2)) {
-            count = stage.process(samples.get_mut(..count).unwrap_or_default());
+            count = stage.process(samples.get_mut(..count).unwrap_or_default(), &mut self.scratch);
         }
         if self.stages >= 2 {
-            count = self.second.process(samples.get_mut(..count).unwrap_or_default());
+            count = self.second.process(samples.get_mut(..count).unwrap_or_default(), &mut self.scratch);
         }
         if self.stages >= 1 {
-            count = self.last.process(samples.get_mut(..count).unwrap_or_default());
+            count = self.last.process(samples.get_mut(..count).unwrap_or_default(), &mut self.scratch);
         }
         count
     }
@@ -174,9 +194,9 @@ impl Cascade {
     /// Input samples between the instant an output describes and the newest input sample it needed.
     pub fn delay_samples(&self) -> u32 {
         let early = self.stages.saturating_sub(2) as u32;
-        let mut delay = HalfBand::<4, 8>::DELAY * ((1 << early) - 1);
+        let mut delay = HalfBand::<3, 6>::DELAY * ((1 << early) - 1);
         if self.stages >= 2 {
-            delay += HalfBand::<6, 12>::DELAY << early;
+            delay += HalfBand::<5, 10>::DELAY << early;
         }
         if self.stages >= 1 {
             delay += HalfBand::<14, 28>::DELAY << (self.stages as u32 - 1);

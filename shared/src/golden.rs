@@ -7,19 +7,24 @@
 //! Cost: 3.4 M instructions (Cortex-M4F in QEMU), 40 ms at 168 MHz; 8 KiB of stack.
 
 use crate::alias::{self, Origin};
+use crate::config::TachWheel;
+use crate::decimate::Cascade;
 use crate::envelope::envelope;
 use crate::indicators::{Moments, fm0};
 use crate::math;
+use crate::mesh_decimator::{BATCH, Decimation, MeshDecimator};
 use crate::order::OrderTracker;
 use crate::rise_time::{Polarity, RiseTime, RiseTimeConfig};
 use crate::spectrum::amplitude_spectrum;
+use crate::tach::TachTracker;
 use crate::tsa::{self, RegularLines};
+use crate::units::{Hertz, TicksPerSecond};
 use crate::window::Window;
 use crate::zoom::{Averaging, MeshZoom, ZoomConfig};
 use microfft::Complex32;
 
 /// Number of stages.
-pub const STAGES: usize = 9;
+pub const STAGES: usize = 12;
 
 /// Hash of one stage's output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,11 +41,14 @@ pub const EXPECTED: [StageHash; STAGES] = [
     StageHash { stage: "window", hash: 0x926e_928e },
     StageHash { stage: "spectrum", hash: 0xe3ef_d032 },
     StageHash { stage: "order", hash: 0xd728_e2c2 },
-    StageHash { stage: "zoom", hash: 0x8fb5_8239 },
+    StageHash { stage: "zoom", hash: 0x631c_224b },
     StageHash { stage: "tsa", hash: 0x8739_766f },
     StageHash { stage: "envelope", hash: 0xa80b_c33a },
     StageHash { stage: "rise_time", hash: 0xc40f_7961 },
     StageHash { stage: "alias", hash: 0xcb63_4942 },
+    StageHash { stage: "decimate", hash: 0x4a34_005d },
+    StageHash { stage: "mesh_decimator", hash: 0x7c28_c0fc },
+    StageHash { stage: "tach", hash: 0xc2e6_e6c4 },
 ];
 
 /// FNV-1a over 32-bit words, byte by byte.
@@ -93,6 +101,9 @@ pub fn hashes() -> [StageHash; STAGES] {
         envelope_stage(),
         rise_time_stage(),
         alias_stage(),
+        decimate_stage(),
+        mesh_decimator_stage(),
+        tach_stage(),
     ];
     core::array::from_fn(|i| StageHash { stage: EXPECTED[i].stage, hash: results[i] })
 }
@@ -287,6 +298,56 @@ fn alias_stage() -> u32 {
             }
             Origin::Unexplained => hash.word(0),
         }
+    }
+    hash.0
+}
+
+#[inline(never)]
+fn decimate_stage() -> u32 {
+    let mut samples = signal::<512>(9);
+    let count = Cascade::new(4).process(&mut samples);
+    Fnv::new().values(samples.get(..count).unwrap_or_default())
+}
+
+#[inline(never)]
+fn mesh_decimator_stage() -> u32 {
+    let mut noise = Noise(10);
+    let mut decimator = MeshDecimator::new(Decimation { comb: 7, stages: 3 });
+    let mut hash = Fnv::new();
+    for _ in 0..24 {
+        let codes: [u16; BATCH] = core::array::from_fn(|_| (32_768.0 + 30_000.0 * noise.next()) as u16);
+        for &x in decimator.process(&codes, 0.01, 31_000) {
+            hash.value(x);
+        }
+    }
+    hash.0
+}
+
+#[inline(never)]
+fn tach_stage() -> u32 {
+    let wheel =
+        TachWheel { pulses_per_turn: 12, missing: 1, pinion_per_tach: 2.5, highest: Hertz(80.0), lowest: Hertz(0.5) };
+    let mut tach = TachTracker::new(wheel, TicksPerSecond(84_000_000));
+    let mut noise = Noise(11);
+    let mut hash = Fnv::new();
+    let (mut instant, mut gap) = (1u64 << 32, 1_000_000.0f32);
+    for position in 0..400u32 {
+        // A run-up that levels out, jitter, and now and then a pulse too few or too many.
+        gap *= if position < 200 { 0.997 } else { 1.0 };
+        instant += gap as u64;
+        let jitter = 100.0 * noise.next();
+        if position % 12 == 11 || position % 97 == 50 {
+            continue;
+        }
+        tach.on_pulse(instant.saturating_add_signed(jitter as i64));
+        if position % 89 == 40 {
+            tach.on_pulse(instant + gap as u64 / 3);
+        }
+        let speed = tach.speed(instant + 1000);
+        for value in [speed.pinion.0, speed.uncertainty, speed.acceleration_hz_per_s, speed.pulse_error] {
+            hash.value(value);
+        }
+        hash.word(speed.validity as u32);
     }
     hash.0
 }

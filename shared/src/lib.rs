@@ -14,9 +14,11 @@
 
 pub mod alarm;
 pub mod alias;
+pub mod angle_filter;
 pub mod bandwidth_watch;
 pub mod board;
 pub mod buffers;
+pub mod comb;
 pub mod config;
 pub mod decimate;
 pub mod envelope;
@@ -30,6 +32,7 @@ pub mod law_data;
 pub mod law_table;
 pub mod math;
 pub mod mesh_band;
+pub mod mesh_decimator;
 pub mod message;
 pub mod node;
 pub mod order;

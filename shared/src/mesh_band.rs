@@ -4,19 +4,21 @@
 //! small pinions) resolves f_shaft/16 at every speed, whatever the speed does meanwhile. Frequencies are orders times the
 //! record's mean speed.
 //!
-//! Rate: the order chain wants 4 to 10 times the highest mesh harmonic. The plan takes the lowest rate of the half-band
-//! octaves above [`LOWEST_RATIO`], so that a fifth more speed before the next plan still leaves 3.6. Where two and a half
-//! turns at that rate do not fit into the buffer (above 76 teeth with five harmonics at worst) it takes a stage more and
-//! reports the harmonics that still have four samples per period.
+//! Rate: the upper band, a third of a pitch above the highest harmonic, must stay below [`BAND_SHARE`] of the rate until a
+//! fifth more speed makes the node plan anew. The decimator comes within a few per cent of that, so the grid of the order
+//! domain can be as coarse as the bands allow ([`MeshPlan::samples_per_pitch`]). Where two and a half
+//! turns at that rate do not fit into the buffer (above 69 teeth with five harmonics at worst) the rate is lower and
+//! the harmonics that still have four samples per period are reported.
 
 use crate::config::{Configuration, MAX_HARMONICS};
-use crate::decimate::MAX_STAGES;
 use crate::frame::CRC32;
+use crate::mesh_decimator::{BAND_SHARE, Decimation};
 use crate::message::{MeshBand, SpectralLine};
+use crate::node::REPLAN_NOW;
 use crate::order_chain::OrderChain;
 use crate::units::Hertz;
 use crate::window::Window;
-use crate::zoom::{self, Averaging, MeshZoom, ZoomConfig};
+use crate::zoom::{self, Averaging, MeshZoom, SAMPLES_PER_PITCH, ZoomConfig};
 use heapless::Vec;
 
 /// Samples held for order tracking.
@@ -31,8 +33,8 @@ pub type Chain = OrderChain<CAPACITY, POINTS, MAX_HARMONICS, AVERAGE>;
 /// Its mesh-band analyser.
 pub type Zoom = MeshZoom<POINTS, MAX_HARMONICS>;
 
-/// Samples per period of the highest harmonic that a plan gives at least.
-pub const LOWEST_RATIO: f32 = 4.3;
+/// Reach of a band above its harmonic, pitches.
+const REACH: f32 = 1.0 / 3.0;
 /// Samples per period below which a harmonic is left out.
 const FEWEST_PER_PERIOD: f32 = 4.0;
 /// Turns the buffer must hold: two, the block that arrives, and a speed that falls meanwhile.
@@ -46,33 +48,43 @@ const FEWEST_TURNS: u32 = 16;
 /// Most teeth whose average of 1024 samples has no folded lines among its mesh harmonics.
 const TEETH_FOR_SHORT_AVERAGE: u16 = 23;
 
-/// Decimation from the ADC to the mesh bands, and how many harmonics it carries.
+/// Decimation from the ADC to the mesh bands, and what it carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshPlan {
-    /// Half-band stages after the ADC.
-    pub stages: u8,
+    /// Decimation after the ADC.
+    pub decimation: Decimation,
     /// Harmonics with enough samples per period.
     pub harmonics: u8,
+    /// Grid of the order domain: fine enough that nothing of the stream folds into a band, until replanned.
+    pub samples_per_pitch: u8,
 }
 
 impl MeshPlan {
+    /// Nothing is carried: there is no speed.
+    pub const NONE: Self =
+        Self { decimation: Decimation::MOST, harmonics: 0, samples_per_pitch: SAMPLES_PER_PITCH as u8 };
+
     /// The plan for a pinion rate and an ADC rate; without a speed nothing is carried.
     pub fn new(config: &Configuration, pinion: Hertz, adc: Hertz) -> Self {
         let mesh_hz = f32::from(config.gears.pinion_teeth) * pinion.0;
         if !(mesh_hz > 0.0 && adc.0 > 0.0) {
-            return Self { stages: MAX_STAGES as u8, harmonics: 0 };
+            return Self::NONE;
         }
-        let highest = f32::from(config.mesh.harmonics) * mesh_hz;
-        let mut rate = adc.0;
-        let mut stages = 0;
-        while stages < MAX_STAGES as u8
-            && (0.5 * rate >= LOWEST_RATIO * highest || rate * TURNS_HELD > CAPACITY as f32 * pinion.0)
-        {
-            rate *= 0.5;
-            stages += 1;
+        let wanted = f32::from(config.mesh.harmonics);
+        let lowest = (1.0 + REPLAN_NOW) * (wanted + REACH) / BAND_SHARE * mesh_hz;
+        let mut ratio = adc.0 / lowest;
+        let mut decimation = Decimation::up_to(ratio);
+        let rate = |decimation: Decimation| adc.0 / decimation.ratio() as f32;
+        while rate(decimation) * TURNS_HELD > CAPACITY as f32 * pinion.0 && decimation != Decimation::MOST {
+            ratio = 1.1 * ratio.max(1.0);
+            decimation = Decimation::up_to(ratio);
         }
-        let carried = (rate / (FEWEST_PER_PERIOD * mesh_hz)).min(f32::from(config.mesh.harmonics));
-        Self { stages, harmonics: carried as u8 }
+        let per_pitch = rate(decimation) / mesh_hz;
+        let harmonics = (per_pitch / FEWEST_PER_PERIOD).min(wanted) as u8;
+        // Half the rate is the highest order there is; a fifth less speed makes it a quarter more.
+        let finest = 0.5 * per_pitch / (1.0 - REPLAN_NOW) + f32::from(harmonics) + REACH;
+        let samples_per_pitch = (2 * (0.5 * finest + 1.0) as u8).clamp(16, SAMPLES_PER_PITCH as u8);
+        Self { decimation, harmonics, samples_per_pitch }
     }
 }
 

@@ -109,7 +109,7 @@ pub struct Tag {
     pub validity: Validity,
     /// Granted sample period of the ADC, ticks.
     pub period_ticks: u32,
-    /// Half-band stages between ADC and the result.
+    /// Half-band stages between ADC and the result; in front of those of mesh bands a comb of any ratio, so read `rate_hz`.
     pub stages: u8,
     /// Sample rate of the result, Hz.
     pub rate_hz: f32,
@@ -140,7 +140,7 @@ pub struct Status {
     pub law_clamped: bool,
     /// The law is provisional.
     pub law_provisional: bool,
-    /// Output rate wanted, Hz.
+    /// Output rate wanted at least, Hz.
     pub requested_hz: f32,
     /// Output rate granted, Hz.
     pub granted_hz: f32,
@@ -150,7 +150,7 @@ pub struct Status {
     pub period_ticks: u32,
     /// Half-band stages.
     pub stages: u8,
-    /// Granted minus requested, parts per million.
+    /// Granted over wanted, less one, parts per million: 0 to one tick of the sample timer unless limited.
     pub residual_ppm: f32,
     /// The wanted rate is beyond the board.
     pub limited: bool,

@@ -13,12 +13,14 @@
 //!   lies above must be absent or fold outside the wanted orders.
 //! * *Position.* 2^-16 sample.
 //!
-//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 122 per output sample. RAM: 4 bytes per buffered sample; `CAPACITY` must hold three
-//! turns at the lowest speed at which the sampling rate is still lowered.
+//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 80 per output sample. RAM: 4 bytes per buffered sample;
+//! `CAPACITY` must hold three turns at the lowest speed at which the sampling rate is still lowered.
 
 use crate::math;
 
 const TAPS: usize = 8;
+/// Taps before the sample an output follows.
+const BEFORE: i32 = TAPS as i32 / 2 - 1;
 const PHASES: usize = 128;
 /// Outputs that share one fixed-point evaluation of the angle polynomial.
 const RUN: usize = 32;
@@ -214,6 +216,9 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
         for (tick, mark) in ticks.iter_mut().zip(self.marks.iter()) {
             *tick = *mark;
         }
+        if self.still_comes(&ticks) {
+            return Ok(None);
+        }
         let start_q16 = self.q16(ticks[1].wrapping_sub(self.oldest_tick));
         let [a, b, c] = [ticks[0], ticks[2], ticks[3]].map(|tick| self.q16(tick.wrapping_sub(ticks[1])));
         let ascending = a < 0 && b > 0 && c > b && -a <= 8 * b && c - b <= 8 * b && b >> 16 <= 16 * CAPACITY as i64;
@@ -245,6 +250,16 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
         }))
     }
 
+    /// Whether the marks are in order and the end of the turn just lies ahead of the samples: where most calls end, so
+    /// without a division.
+    fn still_comes(&self, ticks: &[u32; 4]) -> bool {
+        let [first, start, end, last] = *ticks;
+        let after = |later: u32, earlier: u32| later.wrapping_sub(earlier) as i32;
+        let turn = after(end, start);
+        let newest = self.oldest_tick.wrapping_add(self.period_ticks.wrapping_mul(self.held as u32));
+        after(start, first) > 0 && after(last, end) > 0 && (0..turn).contains(&after(end, newest))
+    }
+
     /// Signed tick difference in 2^-16 samples.
     fn q16(&self, ticks: u32) -> i64 {
         (i64::from(ticks as i32) << 16) / i64::from(self.period_ticks.max(1))
@@ -266,48 +281,98 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
             let curvature = (c2 as f32 + 3.0 * u * c3 as f32) * (1.0 / 65536.0);
             let base_sample = (base >> 16) as i32;
             let base_fraction = (base & 0xffff) as f32 * (1.0 / 65536.0);
-            for (n, y) in run.iter_mut().enumerate() {
-                let ahead = n as f32 * step;
-                let place = base_fraction + ahead * (slope + ahead * curvature);
-                let whole = place as i32;
-                *y = self.interpolate(base_sample.wrapping_add(whole), place - whole as f32);
+            let path = Path { start: base_fraction, slope, curvature, step };
+            let stretch = self.stretch(base_sample);
+            if !interpolate_run(stretch, path, run) {
+                for (n, y) in run.iter_mut().enumerate() {
+                    let (whole, fraction) = path.at(n);
+                    *y = self.interpolate(base_sample.wrapping_add(whole), fraction);
+                }
             }
             index += run.len() as u32;
         }
     }
 
-    /// Value `fraction` beyond the sample of this index, 0 outside the buffer.
-    #[inline]
+    /// The samples from the first tap around this index on that lie in one piece.
+    fn stretch(&self, sample: i32) -> &[f32] {
+        let first = sample - BEFORE;
+        if first < 0 || first as usize >= self.held {
+            return &[];
+        }
+        let mut place = self.oldest + first as usize;
+        if place >= CAPACITY {
+            place -= CAPACITY;
+        }
+        let count = (self.held - first as usize).min(CAPACITY - place.min(CAPACITY));
+        self.samples.get(place..place + count).unwrap_or_default()
+    }
+
+    /// Value `fraction` beyond the sample of this index, wherever its taps lie; 0 outside the buffer.
+    #[cold]
     fn interpolate(&self, sample: i32, fraction: f32) -> f32 {
-        let first = sample - (TAPS as i32 / 2 - 1);
+        let first = sample - BEFORE;
         if first < 0 || first as usize + TAPS > self.held {
             return 0.0;
         }
-        let phase = fraction * PHASES as f32;
-        let row = (phase as usize).min(PHASES - 1);
-        let blend = phase - row as f32;
-        let (now, later) = (&KERNEL[row], &KERNEL[row + 1]);
         let mut place = self.oldest + first as usize;
         if place >= CAPACITY {
             place -= CAPACITY;
         }
         let mut gathered = [0.0f32; TAPS];
-        // All but 8 places of the ring hold the taps in one piece.
-        let samples = match self.samples.get(place..).and_then(|rest| rest.first_chunk::<TAPS>()) {
-            Some(samples) => samples,
-            None => {
-                for x in &mut gathered {
-                    *x = self.samples.get(place).copied().unwrap_or_default();
-                    place = self.next(place);
-                }
-                &gathered
-            }
-        };
-        let (mut early, mut late) = (0.0, 0.0);
-        for tap in 0..TAPS {
-            early += samples[tap] * now[tap];
-            late += samples[tap] * later[tap];
+        for x in &mut gathered {
+            *x = self.samples.get(place).copied().unwrap_or_default();
+            place = self.next(place);
         }
-        early + blend * (late - early)
+        weigh(&gathered, fraction)
     }
+}
+
+/// Places of a run's outputs, samples: start + x (slope + x curvature) with x counting in steps.
+#[derive(Clone, Copy)]
+struct Path {
+    start: f32,
+    slope: f32,
+    curvature: f32,
+    step: f32,
+}
+
+impl Path {
+    /// Whole samples and fraction of an output.
+    #[inline]
+    fn at(self, output: usize) -> (i32, f32) {
+        let ahead = output as f32 * self.step;
+        let place = self.start + ahead * (self.slope + ahead * self.curvature);
+        let whole = place as i32;
+        (whole, place - whole as f32)
+    }
+}
+
+/// A run whose taps all lie in one stretch; false, with any outputs, where they do not. Free of type parameters so that it
+/// is compiled here, for speed, and not in the binary that picks the sizes.
+fn interpolate_run(stretch: &[f32], path: Path, outputs: &mut [f32]) -> bool {
+    for (n, y) in outputs.iter_mut().enumerate() {
+        let (whole, fraction) = path.at(n);
+        let Some(samples) = stretch.get(whole as usize..).and_then(|rest| rest.first_chunk::<TAPS>()) else {
+            return false;
+        };
+        *y = weigh(samples, fraction);
+    }
+    true
+}
+
+/// Windowed sinc `fraction` beyond the middle of the taps.
+#[inline]
+fn weigh(samples: &[f32; TAPS], fraction: f32) -> f32 {
+    let phase = fraction * PHASES as f32;
+    let row = (phase as usize).min(PHASES - 1);
+    let blend = phase - row as f32;
+    let Some(rows) = KERNEL.as_flattened().get(row * TAPS..).and_then(|rest| rest.first_chunk::<{ 2 * TAPS }>()) else {
+        return 0.0;
+    };
+    let (mut early, mut late) = (0.0, 0.0);
+    for tap in 0..TAPS {
+        early += samples[tap] * rows[tap];
+        late += samples[tap] * rows[TAPS + tap];
+    }
+    early + blend * (late - early)
 }

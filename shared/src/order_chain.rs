@@ -4,16 +4,19 @@
 //! synchronous average. A lost block, a new rate or a lost turn interrupts the record in progress, never the averages, so
 //! no product mixes what is not contiguous.
 //!
-//! Input rate: four to ten times the highest wanted mesh harmonic (a half-band stage less than a plain spectrum of the
-//! harmonics needs). Below four the resampling loses amplitude, above ten harmonics 27 and up may fold onto the fifth.
+//! Input rate: at least four times the highest wanted mesh harmonic, or the resampling loses amplitude. The grid of the mesh
+//! bands goes with it ([`OrderChain::set_samples_per_pitch`]): fine enough that half the input rate does not fold into a band.
 //!
-//! Cost (Cortex-M4F in QEMU): 22 instructions per input sample, 175 per mesh-band sample (32 per tooth pitch), 128 per
-//! sample of the average. RAM: the sum of its parts; 53 KiB for 8192 samples, 256 points, 5 harmonics and a 1024-point
+//! Cost (Cortex-M4F in QEMU): 22 instructions per input sample, about 80 per angle resampled and as much again per angle of the
+//! mesh bands. RAM: the sum of its parts; 55 KiB for 8192 samples, 256 points, 5 harmonics and a 1024-point
 //! average.
 
 use crate::order::{Discontinuity, OrderTracker, Turn};
 use crate::tsa::SynchronousAverage;
-use crate::zoom::{MeshZoom, SAMPLES_PER_PITCH, ZoomConfig, ZoomError};
+use crate::zoom::{MeshZoom, ZoomConfig, ZoomError};
+
+/// Angles resampled in one go.
+const STRETCH: usize = 128;
 
 /// What a call to [`OrderChain::process`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -108,6 +111,14 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
         Ok(())
     }
 
+    /// Sets the grid of the mesh bands, see [`MeshZoom::set_samples_per_pitch`].
+    pub fn set_samples_per_pitch(&mut self, samples: usize) {
+        if samples != self.zoom.samples_per_pitch() {
+            self.interrupt();
+            self.zoom.set_samples_per_pitch(samples);
+        }
+    }
+
     /// Appends samples, see [`OrderTracker::push_samples`]; call [`OrderChain::process`] before the buffer has turned over.
     pub fn push_samples(&mut self, samples: &[f32], first_tick: u32, period_ticks: u32) {
         if self.tracker.push_samples(samples, first_tick, period_ticks).is_err() {
@@ -145,13 +156,17 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
                 Ok(Some(turn)) => {
                     self.span.add(&turn);
                     let per_turn = self.zoom.samples_per_turn();
-                    let mut pitch = [0.0f32; SAMPLES_PER_PITCH];
-                    for first in (0..per_turn).step_by(SAMPLES_PER_PITCH) {
-                        self.tracker.resample(&turn, first, per_turn, &mut pitch);
-                        if self.zoom.push(&pitch) > 0 {
+                    let mut angles = [0.0f32; STRETCH];
+                    let mut first = 0;
+                    while first < per_turn {
+                        let count = (per_turn - first).min(STRETCH as u32);
+                        let angles = angles.get_mut(..count as usize).unwrap_or_default();
+                        self.tracker.resample(&turn, first, per_turn, angles);
+                        if self.zoom.push(angles) > 0 {
                             progress.records += 1;
                             self.record = core::mem::take(&mut self.span);
                         }
+                        first += count;
                     }
                     if self.average_turns == 0 || self.average.turns() < self.average_turns {
                         let (tracker, points) = (&self.tracker, self.average.points() as u32);

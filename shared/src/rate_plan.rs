@@ -5,9 +5,12 @@
 //! `output = adc / 2^k`. A rate wanted above F needs no stage. Once chosen, k is kept until the ADC rate would fall
 //! below F or rise [`OCTAVE_OVERLAP`] above 2F: a speed that dithers on an octave border changes nothing.
 //!
-//! The sample timer divides the time base by an integer, so granted and requested rate differ by at most half a tick:
-//! 150 ppm hold up to 300e-6 times the time base (25 kHz of 84 MHz, 7.5 kHz of 25 MHz). Above, the nearest integer period
-//! is granted; its residual is reported exactly, and every product uses the granted rate, never the requested one.
+//! The sample timer divides the time base by an integer: at 84 MHz one tick is 0.24 to 0.48 % of the period between 200 and
+//! 400 kHz, so no plan meets a wanted rate to 150 ppm there. It need not: the law says which rate the signal wants *at
+//! least*, and the order domain is resampled by time stamps. What is asked of the board is therefore a period
+//! in ticks, the longest whose rate is not below the wanted one; the board grants that integer or says otherwise, and
+//! every product carries the granted rate, exact to single precision. The excess over the wanted rate, less than one tick,
+//! is reported with it.
 
 use crate::units::{Hertz, PartsPerMillion, TicksPerSecond};
 use serde::{Deserialize, Serialize};
@@ -64,7 +67,7 @@ pub struct RateLimits {
 /// A granted rate: what the timer really does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RateGrant {
-    /// Output rate that was wanted.
+    /// Output rate that is wanted at least.
     pub requested: Hertz,
     /// Granted sample period, ticks of the time base.
     pub period_ticks: u32,
@@ -74,7 +77,7 @@ pub struct RateGrant {
     pub adc: Hertz,
     /// Granted output rate.
     pub output: Hertz,
-    /// Granted minus requested output rate, relative.
+    /// Granted over wanted output rate, less one: 0 to one tick, unless limited.
     pub residual: PartsPerMillion,
     /// Highest frequency that is flat and free of aliases at the output.
     pub usable: Hertz,
@@ -103,7 +106,8 @@ impl RatePlan {
         Hertz(2.0 * self.limits.analogue_stop.0)
     }
 
-    /// Grants the rate nearest to the wanted output rate. Undefined or absurd wishes get the highest rate.
+    /// Grants the lowest rate of the timer that is not below the wanted output rate. Undefined or absurd wishes get the
+    /// highest rate.
     pub fn grant(&mut self, wanted: Hertz) -> RateGrant {
         let floor = self.lowest_adc().0.min(self.limits.highest_adc.0);
         let sane = wanted.0 > 0.0 && wanted.0 <= self.limits.highest_adc.0;
@@ -118,14 +122,11 @@ impl RatePlan {
             _ => (0..MAX_STAGES).find(|&k| target * power_of_two(k) >= floor).unwrap_or(MAX_STAGES),
         };
         self.stages = Some(stages);
-        // Rounding to the shorter period at the lower border keeps the ADC rate at or above the floor.
         let adc = (target * power_of_two(stages)).max(floor).min(self.limits.highest_adc.0);
-        let mut period = nearest_period(self.clock, adc);
-        if self.clock.rate(period).0 < floor && period > self.shortest_period() {
-            period -= 1;
-        }
-        let limited = !sane || adc != target * power_of_two(stages);
-        self.describe(wanted, period.max(self.shortest_period()), stages, limited)
+        let period = self.longest_period(adc).max(self.shortest_period());
+        let granted = self.clock.rate(period).0;
+        let limited = !sane || adc != target * power_of_two(stages) || granted < adc;
+        self.describe(wanted, period, stages, limited)
     }
 
     /// Grants an exact ADC rate without decimation; only the timer and the ADC limit it.
@@ -153,6 +154,12 @@ impl RatePlan {
             limited,
             aliasing: adc.0 < 2.0 * stop,
         }
+    }
+
+    /// Longest period whose rate is not below `adc`.
+    fn longest_period(&self, adc: f32) -> u32 {
+        let period = nearest_period(self.clock, adc);
+        if self.clock.rate(period).0 < adc { (period - 1).max(1) } else { period }
     }
 
     fn shortest_period(&self) -> u32 {

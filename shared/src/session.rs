@@ -20,6 +20,8 @@ pub struct Session<B = Buffers> {
     sequence: u16,
     unsent: u32,
     commit: bool,
+    /// Commits carried out or failed.
+    commits: u32,
 }
 
 /// A session whose arrays lie in a static of the board.
@@ -42,7 +44,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     /// The first field of the configuration that is out of range.
     pub fn with_buffers(config: Configuration, clock: TicksPerSecond, buffers: B) -> Result<Self, ConfigurationError> {
         let node = Node::with_buffers(config, clock, buffers)?;
-        Ok(Self { node, decoder: Decoder::new(), sequence: 0, unsent: 0, commit: false })
+        Ok(Self { node, decoder: Decoder::new(), sequence: 0, unsent: 0, commit: false, commits: 0 })
     }
 
     /// The node itself.
@@ -104,10 +106,12 @@ impl<B: BorrowMut<Buffers>> Session<B> {
         core::mem::take(&mut self.commit)
     }
 
-    /// The board has stored the configuration, or failed to.
+    /// The board has stored the configuration, or failed to. The event's detail counts the attempts: equal events in a row
+    /// would be one, and the host would wait for the second.
     pub fn on_stored(&mut self, success: bool) {
         let kind = if success { EventKind::ConfigurationStored } else { EventKind::ConfigurationNotStored };
-        self.node.note(kind, 0);
+        self.commits = self.commits.wrapping_add(1);
+        self.node.note(kind, self.commits);
     }
 
     /// Frames too long to be sent, a defect of the message definitions; always zero in tested versions.

@@ -1,7 +1,7 @@
 //! From ADC codes to the two rates of the products: the mesh bands' continuously, the wideband records' now and then.
 //!
-//! Two half-band cascades start from the ADC rate. The one to the mesh bands always runs; its first stages are the cheap
-//! ones. The one to the law's rate has its steep stages next to the ADC, so it only runs while a wideband record or a
+//! Two decimators start from the ADC rate. The one to the mesh bands always runs and is the cheaper one. The one to the
+//! law's rate has its steep stages next to the ADC, so it only runs while a wideband record or a
 //! measurement of rise times is under way, with filters that start empty and settle before the first sample counts.
 //!
 //! Time is counted, not accumulated: output n of a cascade describes the instant of ADC sample
@@ -9,6 +9,7 @@
 
 use crate::config::Sensor;
 use crate::decimate::Cascade;
+use crate::mesh_decimator::{Decimation, MeshDecimator};
 use crate::units::{Hertz, TicksPerSecond};
 
 /// Samples of a wideband record.
@@ -16,44 +17,42 @@ pub const WIDE_POINTS: usize = 4096;
 /// ADC codes filtered at a time.
 pub const CHUNK: usize = 128;
 
-/// One cascade with the time of its samples.
+/// What the clock of an output needs to know of its filter.
+#[derive(Clone, Copy, Debug)]
+struct Filter {
+    ratio: u32,
+    delay_samples: u32,
+    settling_outputs: u32,
+}
+
+/// The time of a filter's outputs.
 #[derive(Clone, Debug)]
-struct Path {
-    cascade: Cascade,
+struct OutputClock {
     /// Tick of the first ADC sample.
     origin: u64,
     period_ticks: u32,
     outputs: u64,
 }
 
-impl Path {
-    fn new() -> Self {
-        Self { cascade: Cascade::new(0), origin: 0, period_ticks: 1, outputs: 0 }
+impl OutputClock {
+    fn new(origin: u64, period_ticks: u32) -> Self {
+        Self { origin, period_ticks, outputs: 0 }
     }
 
-    fn restart(&mut self, origin: u64, period_ticks: u32, stages: u8) {
-        self.cascade.restart(stages);
-        (self.origin, self.period_ticks, self.outputs) = (origin, period_ticks, 0);
-    }
-
-    /// Filters in place; settled outputs and the number of the first of them.
-    fn process<'a>(&mut self, samples: &'a mut [f32]) -> (&'a [f32], u64) {
-        let count = self.cascade.process(samples);
+    /// Counts outputs; the settled ones and the tick of the first of them.
+    fn take<'a>(&mut self, outputs: &'a [f32], filter: Filter) -> (&'a [f32], u64) {
         let first = self.outputs;
-        self.outputs += count as u64;
-        let unsettled = u64::from(self.cascade.settling_outputs()).saturating_sub(first).min(count as u64);
-        (samples.get(unsettled as usize..count).unwrap_or_default(), first + unsettled)
+        let count = outputs.len() as u64;
+        self.outputs += count;
+        let unsettled = u64::from(filter.settling_outputs).saturating_sub(first).min(count);
+        (outputs.get(unsettled as usize..).unwrap_or_default(), self.tick_of(first + unsettled, filter))
     }
 
     /// Tick that output `number` describes.
-    fn tick_of(&self, number: u64) -> u64 {
-        let newest = ((number + 1) << self.cascade.stages()) - 1;
-        let since = newest as i64 - i64::from(self.cascade.delay_samples());
+    fn tick_of(&self, number: u64, filter: Filter) -> u64 {
+        let newest = (number + 1) * u64::from(filter.ratio) - 1;
+        let since = newest as i64 - i64::from(filter.delay_samples);
         self.origin.saturating_add_signed(since * i64::from(self.period_ticks))
-    }
-
-    fn is_settled(&self) -> bool {
-        self.outputs > u64::from(self.cascade.settling_outputs())
     }
 }
 
@@ -61,8 +60,10 @@ impl Path {
 #[derive(Clone, Debug)]
 pub struct Stream {
     started: bool,
-    mesh: Path,
-    wide: Path,
+    mesh: MeshDecimator,
+    mesh_clock: OutputClock,
+    wide: Cascade,
+    wide_clock: OutputClock,
     wide_runs: bool,
 }
 
@@ -75,14 +76,22 @@ impl Default for Stream {
 impl Stream {
     /// An empty stream without decimation.
     pub fn new() -> Self {
-        Self { started: false, mesh: Path::new(), wide: Path::new(), wide_runs: false }
+        Self {
+            started: false,
+            mesh: MeshDecimator::new(Decimation::NONE),
+            mesh_clock: OutputClock::new(0, 1),
+            wide: Cascade::new(0),
+            wide_clock: OutputClock::new(0, 1),
+            wide_runs: false,
+        }
     }
 
     /// Forgets everything; the next code was captured at tick `origin`. The wideband path stops.
-    pub fn restart(&mut self, origin: u64, period_ticks: u32, mesh_stages: u8) {
+    pub fn restart(&mut self, origin: u64, period_ticks: u32, mesh: Decimation) {
         self.started = false;
         self.wide_runs = false;
-        self.mesh.restart(origin, period_ticks, mesh_stages);
+        self.mesh = MeshDecimator::new(mesh);
+        self.mesh_clock = OutputClock::new(origin, period_ticks);
     }
 
     /// Whether codes have come since the restart.
@@ -92,18 +101,19 @@ impl Stream {
 
     /// Corrects the origin before the first code.
     pub fn set_origin(&mut self, origin: u64) {
-        self.mesh.origin = origin;
+        self.mesh_clock.origin = origin;
     }
 
     /// Whether the filters of the mesh bands have forgotten the time before the restart.
     pub fn is_settled(&self) -> bool {
-        self.mesh.is_settled()
+        self.mesh_clock.outputs > u64::from(self.mesh.settling_outputs())
     }
 
     /// Starts the wideband path with the code captured at tick `origin`.
     pub fn start_wide(&mut self, origin: u64, stages: u8) {
         self.wide_runs = true;
-        self.wide.restart(origin, self.mesh.period_ticks, stages);
+        self.wide.restart(stages);
+        self.wide_clock = OutputClock::new(origin, self.mesh_clock.period_ticks);
     }
 
     /// Stops the wideband path.
@@ -125,30 +135,42 @@ impl Stream {
         wide: impl FnOnce(&[f32], u64),
         mesh: impl FnOnce(&[f32], u64, u32),
     ) {
-        let mut samples = [0.0f32; CHUNK];
-        let zero = f32::from(sensor.zero_code);
-        for (sample, &code) in samples.iter_mut().zip(codes) {
-            *sample = (f32::from(code) - zero) * sensor.acceleration_per_code.0;
-        }
-        let count = codes.len().min(CHUNK);
-        self.started |= count > 0;
+        let codes = codes.get(..CHUNK).unwrap_or(codes);
+        let (per_code, zero_code) = (sensor.acceleration_per_code.0, sensor.zero_code);
+        self.started |= !codes.is_empty();
         if self.wide_runs {
-            let mut copy = samples;
-            let (settled, number) = self.wide.process(&mut copy[..count]);
+            let mut samples = [0.0f32; CHUNK];
+            let zero = f32::from(zero_code);
+            for (sample, &code) in samples.iter_mut().zip(codes) {
+                *sample = (f32::from(code) - zero) * per_code;
+            }
+            let count = self.wide.process(samples.get_mut(..codes.len()).unwrap_or_default());
+            let filter = Filter {
+                ratio: 1 << self.wide.stages(),
+                delay_samples: self.wide.delay_samples(),
+                settling_outputs: self.wide.settling_outputs(),
+            };
+            let (settled, tick) = self.wide_clock.take(samples.get(..count).unwrap_or_default(), filter);
             if !settled.is_empty() {
-                wide(settled, self.wide.tick_of(number));
+                wide(settled, tick);
             }
         }
-        let (settled, number) = self.mesh.process(&mut samples[..count]);
+        let ratio = self.mesh.decimation().ratio();
+        let filter =
+            Filter { ratio, delay_samples: self.mesh.delay_samples(), settling_outputs: self.mesh.settling_outputs() };
+        let outputs = self.mesh.process(codes, per_code, zero_code);
+        if outputs.is_empty() {
+            return;
+        }
+        let (settled, tick) = self.mesh_clock.take(outputs, filter);
         if !settled.is_empty() {
-            let period = self.mesh.period_ticks.saturating_mul(1 << self.mesh.cascade.stages());
-            mesh(settled, self.mesh.tick_of(number), period);
+            mesh(settled, tick, self.mesh_clock.period_ticks.saturating_mul(ratio));
         }
     }
 
-    /// Stages and rate of the mesh bands.
+    /// Half-band stages and rate of the mesh bands.
     pub fn mesh_format(&self, clock: TicksPerSecond) -> (u8, Hertz) {
-        let stages = self.mesh.cascade.stages();
-        (stages, Hertz(clock.rate(self.mesh.period_ticks).0 / (1u32 << stages) as f32))
+        let decimation = self.mesh.decimation();
+        (decimation.stages, Hertz(clock.rate(self.mesh_clock.period_ticks).0 / decimation.ratio() as f32))
     }
 }

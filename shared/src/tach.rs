@@ -1,37 +1,37 @@
 //! Tachometer tracker in the revolution domain: from pulse instants to speed, angle, and how far to trust them.
 //!
-//! Every pulse belongs to an integer *position* on the wheel. The tracker predicts when positions pass, gives each pulse
-//! the nearest position and fits `position(t)` to the accepted pulses: linear while the speed is steady, quadratic
-//! (exact for constant acceleration) when the curvature is significant. The window grows while the fit holds and is cut
-//! when the newest pulses leave it. Gains therefore count pulses, not seconds, and one setting serves 1000:1 in speed.
+//! Every pulse belongs to an integer *position* on the wheel. An [`AngleFilter`] predicts when positions pass, with speed,
+//! acceleration and the size of its own errors; each pulse is given the nearest position and corrects it. Gains count
+//! pulses, not seconds, and one setting serves 1000:1 in speed.
 //!
 //! A pulse at no position is rejected (spurious); a skipped position is counted (missed). Either only *lowers the
 //! validity*; the tracker is re-opened by evidence, never by time alone: four pulses whose three gaps agree with one
-//! constant acceleration start a new fit, whatever was tracked before. Two of them at a fraction of the tracked period
+//! constant acceleration start a new track, whatever was tracked before. Two of them at a fraction of the tracked period
 //! may be noise, so while they fit both hypotheses, the speed is flagged instead of changed.
 //!
 //! A wheel with adjacent missing teeth has the same equidistant positions; its gap is learned from pulses that follow
 //! one wheel-gap and confirmed by the next pulse. Direction is not observable from one track.
 //!
-//! Precision: instants and positions are 64-bit integers, only residuals against a reference period are `f32`; nothing
-//! drifts. Cost: about 20 operations per pulse, a fit over at most 32 pulses about 1500.
+//! What a wheel cannot see: speed that wanders faster than a third of the pulse rate looks like jitter. The speed is then the
+//! mean, and its uncertainty that of the mean.
+//!
+//! Cost (Cortex-M4F in QEMU): 660 instructions per pulse.
 //! Prior art: engine decoders (relative gap rejection, re-opening, tooth angle error), RPLL of idsp (test harness).
 
+use crate::angle_filter::{AngleFilter, Motion, Pulse, WIDEST_GATE};
 use crate::config::TachWheel;
-use crate::math;
 use crate::units::{Hertz, TicksPerSecond, TurnFraction};
 use serde::{Deserialize, Serialize};
 
-/// Pulses in the longest fit.
-const WINDOW: usize = 32;
+/// Turns a steady speed is averaged over, at most, and pulses of a coarse wheel.
+const LONGEST_TURNS: f32 = 8.0;
+const LONGEST_PULSES: f32 = 32.0;
 /// Positions that may pass without a pulse before tracking starts anew.
 const REOPEN_AFTER: u64 = 8;
-/// Largest error of a prediction, positions, at which a pulse is still believed.
-const WIDEST_GATE: f32 = 0.15;
-/// Smallest half-width of the gate, positions.
-const NARROWEST_GATE: f32 = 0.01;
-/// Agreement of four pulses with one constant acceleration that starts a new fit, positions.
+/// Agreement of four pulses with one constant acceleration that starts a new track, positions.
 const AGREEMENT: f32 = 0.03;
+/// The same against a track whose pulses still come.
+const AGREEMENT_AGAINST: f32 = 0.003;
 
 /// How far a speed can be trusted. Only `Locked` is a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -76,26 +76,6 @@ pub struct Speed {
     pub pulse_error: f32,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Pulse {
-    instant: u64,
-    position: u64,
-}
-
-/// `position = origin.position + c0 + (1 + c1) u + c2 u^2`, u = (t - origin.instant) / period.
-#[derive(Clone, Copy, Debug, Default)]
-struct Fit {
-    origin: Pulse,
-    period: u64,
-    c0: f32,
-    c1: f32,
-    c2: f32,
-    /// RMS residual, positions.
-    noise: f32,
-    /// Standard uncertainty of the slope at the origin, relative.
-    slope_uncertainty: f32,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lock {
     Acquiring,
@@ -113,20 +93,15 @@ pub struct TachTracker {
     clock: TicksPerSecond,
     shortest_gap: u64,
     longest_gap: u64,
-    /// Anchors are kept every this many positions, so that a fit spans whole turns of finely toothed wheels.
-    stride: u64,
     lock: Lock,
     /// Newest raw pulses, newest last.
     raw: [u64; 5],
     raw_count: usize,
     /// How many of the newest raw pulses were accepted, as bits.
     raw_accepted: u8,
-    anchors: [Pulse; WINDOW],
-    anchor_count: usize,
-    last: Pulse,
-    fit: Fit,
-    noise: f32,
-    error: f32,
+    filter: AngleFilter,
+    /// Position of a pulse that was rejected just outside the gate.
+    near_miss: Option<u64>,
     /// Position (modulo the wheel) of the first tooth after the gap, once confirmed.
     index: Option<u64>,
     index_candidate: Option<u64>,
@@ -143,17 +118,12 @@ impl TachTracker {
             clock,
             shortest_gap: ticks(wheel.highest.0).max(2) * 9 / 10,
             longest_gap: ticks(wheel.lowest.0) * (1 + u64::from(wheel.missing)) * 3 / 2,
-            stride: (positions / 4).max(1),
             lock: Lock::Acquiring,
             raw: [0; 5],
             raw_count: 0,
             raw_accepted: 0,
-            anchors: [Pulse::default(); WINDOW],
-            anchor_count: 0,
-            last: Pulse::default(),
-            fit: Fit::default(),
-            noise: NARROWEST_GATE,
-            error: 0.0,
+            filter: AngleFilter::new((LONGEST_TURNS * positions as f32).max(LONGEST_PULSES)),
+            near_miss: None,
             index: None,
             index_candidate: None,
             counters: TachCounters::default(),
@@ -186,30 +156,39 @@ impl TachTracker {
     }
 
     fn track(&mut self, instant: u64) {
-        let place = self.fit.place(instant) - (self.last.position - self.fit.origin.position) as f32;
-        let steps = (place + 0.5).max(0.0) as u64;
-        let error = place - steps as f32;
-        let gate = (6.0 * self.noise).clamp(NARROWEST_GATE, WIDEST_GATE);
+        let (steps, error) = self.filter.steps(instant);
         if steps > REOPEN_AFTER + u64::from(self.wheel.missing) {
             self.start_acquiring();
             self.raw[4] = instant;
             self.raw_count = 1;
             return;
         }
-        if steps == 0 || error.abs() > gate {
+        let position = self.filter.last().position + steps;
+        if self.near_miss.is_some_and(|missed| position > missed) {
+            // Nothing better came for that position: it was its pulse.
+            self.near_miss = None;
+            self.filter.widen();
+        }
+        if steps == 0 || error.abs() > self.filter.gate() {
+            if steps > 0 && error.abs() < WIDEST_GATE {
+                self.near_miss = Some(position);
+            }
             self.counters.spurious = self.counters.spurious.saturating_add(1);
             self.doubt();
             return;
         }
-        self.error = error;
         let skipped = steps - 1 - self.wheel_gap(steps).min(steps - 1);
         // Pulses with two or more lost in between are no evidence for the tracked speed.
         self.raw_accepted |= u8::from(skipped < 2);
         self.counters.missed = self.counters.missed.saturating_add(skipped as u32);
         self.counters.accepted = self.counters.accepted.saturating_add(1);
         self.learn_index(steps);
-        self.last = Pulse { instant, position: self.last.position + steps };
+        self.near_miss = None;
+        let motion = self.filter.take(instant, steps, error);
         self.lock = match self.lock {
+            Lock::Locked | Lock::Doubtful { needed: 1 } if motion == Motion::Changed => Lock::Doubtful { needed: 2 },
+            // The next pulse tells.
+            Lock::Locked if motion == Motion::Unusual && skipped == 0 => Lock::Doubtful { needed: 1 },
             // Two positions lost in a row are more likely another speed.
             Lock::Doubtful { needed } if skipped > 0 => Lock::Doubtful { needed: needed.max(skipped.min(2) as u8) },
             _ if skipped > 0 => Lock::Doubtful { needed: skipped.min(2) as u8 },
@@ -218,7 +197,6 @@ impl TachTracker {
             }
             _ => Lock::Locked,
         };
-        self.add_anchor();
     }
 
     /// Positions of the wheel's own gap among the steps since the last pulse.
@@ -230,7 +208,7 @@ impl TachTracker {
         let positions = u64::from(self.wheel.pulses_per_turn.max(1));
         match self.index {
             Some(index) => {
-                let to_index = (index + positions - self.last.position % positions) % positions;
+                let to_index = (index + positions - self.filter.last().position % positions) % positions;
                 if to_index > 0 && to_index <= steps { missing } else { 0 }
             }
             None => missing,
@@ -246,7 +224,7 @@ impl TachTracker {
         }
         let positions = u64::from(self.wheel.pulses_per_turn.max(1));
         if steps == missing + 1 {
-            let place = (self.last.position + steps) % positions;
+            let place = (self.filter.last().position + steps) % positions;
             if self.index_candidate == Some(place) {
                 self.index = Some(place);
             }
@@ -266,7 +244,6 @@ impl TachTracker {
         self.lock = Lock::Acquiring;
         self.raw_count = 0;
         self.raw_accepted = 0;
-        self.anchor_count = 0;
         self.index = None;
         self.index_candidate = None;
     }
@@ -287,11 +264,15 @@ impl TachTracker {
         let rates = [1.0 / gaps[0], 1.0 / gaps[1]];
         let acceleration = (rates[1] - rates[0]) / (0.5 * (gaps[0] + gaps[1]));
         let predicted = rates[1] + acceleration * 0.5 * (gaps[1] + gaps[2]);
-        let agrees = (predicted * gaps[2] - 1.0).abs() < AGREEMENT;
+        // While the tracked positions are still met, chance alone must not unseat them.
+        let met = self.lock != Lock::Acquiring && self.filter.place(d.saturating_sub(self.filter.last().instant)) < 1.3;
+        let agrees = (predicted * gaps[2] - 1.0).abs() < if met { AGREEMENT_AGAINST } else { AGREEMENT };
         let gap = d - c;
-        let tracked = if self.lock == Lock::Acquiring { 0 } else { self.fit.period };
-        // The tracked speed itself is no rival, unless its pulses all come at the wrong angle.
-        let same = gap.abs_diff(tracked) as f32 <= 0.02 * tracked as f32 && self.raw_accepted & 0b111 != 0;
+        let tracked = self.tracked_period();
+        // A speed near the tracked one is no rival unless its pulses all come at the wrong angle: one noise pulse beside
+        // its true one would bend it.
+        let near = gap.abs_diff(tracked) as f32 <= WIDEST_GATE * tracked as f32;
+        let same = near && self.raw_accepted & 0b111 != 0;
         (agrees && !same).then_some(gap)
     }
 
@@ -307,102 +288,58 @@ impl TachTracker {
             }
         }
         // Two noise pulses can imitate a slightly different speed, hardly one beyond a factor of 1.5: confirm the former.
-        let tracked = self.fit.period;
-        let similar = self.lock != Lock::Acquiring && gap < tracked + tracked / 2 && tracked < gap + gap / 2;
+        let tracked = self.tracked_period();
+        let similar = gap < tracked + tracked / 2 && tracked < gap + gap / 2;
         self.counters.relocks = self.counters.relocks.saturating_add(1);
         self.counters.accepted = self.counters.accepted.saturating_add(4);
         self.index = None;
         self.index_candidate = None;
-        let base = self.last.position + 1;
-        for step in 0..4 {
-            self.anchors[step as usize] = Pulse { instant: self.raw[1 + step as usize], position: base + step };
+        let [_, a, b, c, d] = self.raw;
+        self.near_miss = None;
+        // Nearly the same speed again: it is less steady than was believed. Another one tells nothing about steadiness.
+        if similar {
+            self.filter.widen()
+        } else {
+            self.filter.reset_gate()
         }
-        self.anchor_count = 4;
-        self.last = self.anchors[3];
-        self.fit.period = gap;
-        self.noise = 0.5 * NARROWEST_GATE;
+        self.filter.start([a, b, c, d], self.filter.last().position + 4);
         self.lock = match (accepted > 1, similar) {
             (true, _) => Lock::Doubtful { needed: 6 },
             (false, true) => Lock::Doubtful { needed: 2 },
             (false, false) => Lock::Locked,
         };
         self.raw_accepted = 0b1111;
-        self.refit();
     }
 
-    fn add_anchor(&mut self) {
-        let newest = self.anchors.get(self.anchor_count.saturating_sub(1)).map_or(0, |pulse| pulse.position);
-        let stride = self.stride.max(1);
-        if self.last.position / stride == newest / stride && self.anchor_count > 4 {
-            return;
-        }
-        if self.anchor_count == WINDOW {
-            self.anchors.rotate_left(1);
-            self.anchor_count -= 1;
-        }
-        if let Some(place) = self.anchors.get_mut(self.anchor_count) {
-            *place = self.last;
-        }
-        self.anchor_count += 1;
-        self.refit();
-        // Cut the window while its newest points all lie on one side of the fit.
-        while self.anchor_count > 6 && self.newest_leave_fit() {
-            let keep = (self.anchor_count / 2).max(4);
-            self.anchors.rotate_left((self.anchor_count - keep).min(WINDOW));
-            self.anchor_count = keep;
-            self.refit();
-        }
-    }
-
-    fn newest_leave_fit(&self) -> bool {
-        let one_tick = 1.0 / self.fit.period.max(1) as f32;
-        let newest = self.anchors.get(self.anchor_count.saturating_sub(3)..self.anchor_count).unwrap_or_default();
-        let sum: f32 = newest.iter().map(|pulse| self.fit.residual(pulse)).sum();
-        sum.abs() > 5.0 * 1.732 * (self.noise + one_tick)
-    }
-
-    fn refit(&mut self) {
-        let anchors = self.anchors.get(..self.anchor_count).unwrap_or_default();
-        let (Some(first), Some(newest)) = (anchors.first(), anchors.last()) else { return };
-        let span = newest.position - first.position;
-        let period = ((newest.instant - first.instant) / span.max(1)).max(1);
-        self.fit = Fit::new(anchors, period, self.noise);
-        // The noise follows the short fit quickly downwards and slowly upwards, so that a changing speed is noticed.
-        let short = &anchors[anchors.len().saturating_sub(8)..];
-        if short.len() >= 6 {
-            let observed = Fit::new(short, period, 0.0).noise;
-            let weight = if observed < self.noise { 0.2 } else { 0.1 };
-            self.noise += weight * (observed - self.noise);
-        }
+    /// Ticks per position of the tracked speed; 0 without one.
+    fn tracked_period(&self) -> u64 {
+        if self.lock == Lock::Acquiring { 0 } else { self.filter.present_period() as u64 }
     }
 
     /// Speed at an instant; a pulse that is overdue then lowers the validity.
     pub fn speed(&self, now: u64) -> Speed {
-        let age = now.saturating_sub(self.last.instant);
+        let age = now.saturating_sub(self.filter.last().instant);
         if self.lock == Lock::Acquiring {
             return Speed { age_s: self.clock.seconds(age), ..Speed::default() };
         }
-        let per_tach_turn = f32::from(self.wheel.pulses_per_turn);
-        let rate = self.clock.0 as f32 / (self.fit.period as f32 * per_tach_turn) * self.wheel.pinion_per_tach;
-        let at = (self.last.instant - self.fit.origin.instant) as f32 / self.fit.period as f32;
-        let periods = age as f32 / self.fit.period as f32;
-        // The acceleration is believed for one and a half positions without a pulse.
-        let slope = 1.0 + self.fit.c1 + 2.0 * self.fit.c2 * (at + periods.min(1.5));
-        let gate = (6.0 * self.noise).clamp(NARROWEST_GATE, WIDEST_GATE);
-        let wheel_gap = f32::from(self.wheel.missing);
+        let ticks_per_second = self.clock.0 as f32;
+        let pinion_per_position = self.wheel.pinion_per_tach / f32::from(self.wheel.pulses_per_turn);
+        let due = 1.0 + f32::from(self.wheel.missing) + self.filter.gate();
         let validity = match self.lock {
             _ if age > self.longest_gap => Validity::None,
-            Lock::Acquiring => Validity::None,
-            Lock::Locked if periods * slope <= 1.0 + wheel_gap + gate => Validity::Locked,
+            Lock::Locked if self.filter.place(age) <= due => Validity::Locked,
             _ => Validity::Doubtful,
         };
         Speed {
-            pinion: Hertz(rate * slope),
-            uncertainty: self.fit.slope_uncertainty,
-            acceleration_hz_per_s: 2.0 * self.fit.c2 * rate * (self.clock.0 as f32 / self.fit.period as f32),
+            pinion: Hertz(self.filter.rate(age) * ticks_per_second * pinion_per_position),
+            uncertainty: self.filter.uncertainty(),
+            acceleration_hz_per_s: self.filter.acceleration()
+                * ticks_per_second
+                * ticks_per_second
+                * pinion_per_position,
             age_s: self.clock.seconds(age),
             validity,
-            pulse_error: self.error,
+            pulse_error: self.filter.error(),
         }
     }
 
@@ -410,8 +347,11 @@ impl TachTracker {
     pub fn tach_angle(&self, instant: u64) -> TurnFraction {
         let positions = u64::from(self.wheel.pulses_per_turn.max(1));
         let index = self.index.unwrap_or(0);
-        let whole = (self.fit.origin.position + positions - index) % positions;
-        let part = TurnFraction::from_turns(self.fit.place(instant) / positions as f32);
+        let Pulse { instant: last, position } = self.filter.last();
+        let whole = (position + positions - index) % positions;
+        let place =
+            if instant >= last { self.filter.place(instant - last) } else { self.filter.place_before(last - instant) };
+        let part = TurnFraction::from_turns(place / positions as f32);
         TurnFraction((((whole << 32) / positions) as u32).wrapping_add(part.0))
     }
 
@@ -422,84 +362,12 @@ impl TachTracker {
 
     /// Latest accepted pulse: instant and position count.
     pub fn latest_pulse(&self) -> (u64, u64) {
-        (self.last.instant, self.last.position)
+        let Pulse { instant, position } = self.filter.last();
+        (instant, position)
     }
 
     /// Counters since start.
     pub fn counters(&self) -> TachCounters {
         self.counters
-    }
-}
-
-impl Fit {
-    /// Least squares over the anchors (at least 2); curvature only where it exceeds 4.5 times its uncertainty.
-    fn new(anchors: &[Pulse], period: u64, noise_floor: f32) -> Self {
-        let origin = anchors[anchors.len() - 1];
-        let mut fit = Fit { origin, period, ..Fit::default() };
-        let count = anchors.len() as f32;
-        // Centred and scaled abscissa v in about [-1, 1] keeps the normal equations well conditioned in f32.
-        let half = ((origin.instant - anchors[0].instant) as f32 / period as f32 * 0.5).max(0.5);
-        let (mut s1, mut s2, mut s3, mut s4) = (0.0f32, 0.0, 0.0, 0.0);
-        let (mut r0, mut r1, mut r2, mut rr) = (0.0f32, 0.0, 0.0, 0.0);
-        for pulse in anchors {
-            let u = -((origin.instant - pulse.instant) as f32) / period as f32;
-            let v = u / half + 1.0;
-            let r = fit.raw_residual(pulse);
-            let vv = v * v;
-            s1 += v;
-            s2 += vv;
-            s3 += vv * v;
-            s4 += vv * vv;
-            r0 += r;
-            r1 += r * v;
-            r2 += r * vv;
-            rr += r * r;
-        }
-        // Linear part.
-        let determinant = count * s2 - s1 * s1;
-        let slope = (count * r1 - s1 * r0) / determinant;
-        let offset = (r0 - slope * s1) / count;
-        // Curvature: the square made orthogonal to the line.
-        let q1 = (count * s3 - s1 * s2) / determinant;
-        let q0 = (s2 - q1 * s1) / count;
-        let qq = s4 - q1 * s3 - q0 * s2;
-        let curvature = if qq > 1.0e-6 { (r2 - q1 * r1 - q0 * r0) / qq } else { 0.0 };
-        let linear_rest = (rr - slope * r1 - offset * r0).max(0.0);
-        let square_rest = (linear_rest - curvature * curvature * qq).max(0.0);
-        let freedom = (count - 3.0).max(1.0);
-        let noise = math::sqrt(square_rest / freedom);
-        let used_noise = noise.max(0.3 * noise_floor.min(NARROWEST_GATE)).max(0.3 / period as f32);
-        let curved = curvature * curvature * qq > 20.0 * used_noise * used_noise && anchors.len() >= 4;
-        let (a0, a1, a2) =
-            if curved { (offset - curvature * q0, slope - curvature * q1, curvature) } else { (offset, slope, 0.0) };
-        // From v back to u, v = u / half + 1.
-        fit.c2 = a2 / (half * half);
-        fit.c1 = (a1 + 2.0 * a2) / half;
-        fit.c0 = a0 + a1 + a2;
-        fit.noise = if curved { noise } else { math::sqrt(linear_rest / (count - 2.0).max(1.0)) };
-        let slope_variance = count / determinant;
-        let curved_variance = if curved { (2.0 - q1) * (2.0 - q1) / qq } else { 0.0 };
-        fit.slope_uncertainty =
-            fit.noise.max(0.3 / period as f32) * math::sqrt(slope_variance + curved_variance) / half;
-        fit
-    }
-
-    /// Positions since the origin at an instant, by the fit.
-    fn place(&self, instant: u64) -> f32 {
-        let u = (instant as i64 - self.origin.instant as i64) as f32 / self.period.max(1) as f32;
-        u + (self.c0 + u * (self.c1 + u * self.c2))
-    }
-
-    /// Position minus elapsed reference periods, both exact integers until the last step.
-    fn raw_residual(&self, pulse: &Pulse) -> f32 {
-        let positions = pulse.position as i64 - self.origin.position as i64;
-        let ticks = pulse.instant as i64 - self.origin.instant as i64;
-        (positions * self.period as i64 - ticks) as f32 / self.period as f32
-    }
-
-    /// Position minus fit.
-    fn residual(&self, pulse: &Pulse) -> f32 {
-        let u = (pulse.instant as i64 - self.origin.instant as i64) as f32 / self.period.max(1) as f32;
-        self.raw_residual(pulse) - (self.c0 + u * (self.c1 + u * self.c2))
     }
 }

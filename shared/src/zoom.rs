@@ -1,10 +1,10 @@
 //! Mesh bands in the order domain: the neighbourhoods of mesh harmonics 1..H, fine enough to separate shaft sidebands.
 //!
-//! Input is vibration resampled to [`SAMPLES_PER_PITCH`] samples per tooth pitch of the pinion ([`crate::order`]), so a
+//! Input is vibration resampled to 16 to [`SAMPLES_PER_PITCH`] samples per tooth pitch of the pinion ([`crate::order`]), so a
 //! mesh harmonic stays where it is at any speed and during a run-up, and orders replace hertz. Three stages:
 //!
 //! 1. *Filter bank.* Once per pitch the last 6 pitches are weighted with a Blackman-Harris window, folded to one pitch
-//!    and transformed (32-point real FFT). Bin h is the complex amplitude of mesh harmonic h for that engagement, for all
+//!    and transformed, the wanted bins only, by definition. Bin h is the complex amplitude of mesh harmonic h for that engagement, for all
 //!    harmonics at the price of one mixer. A neighbouring harmonic (1 - b of the spacing away, b <= 1/3) meets the side
 //!    lobes, below -92 dB.
 //! 2. *Decimation by any ratio.* The engagement values (z per turn) are gathered under the same window, 6 output
@@ -19,20 +19,18 @@
 //! A line of fixed frequency (mains, another machine) sweeps through orders when the speed changes; [`orders_swept`]
 //! gives the orders it touched so that lines there can be flagged instead of believed.
 //!
-//! Cost (Cortex-M4F in QEMU, 5 harmonics, 256 points, 55 teeth): 51 instructions per input sample for all harmonics
-//! together when pushed in runs of 32 (182 one by one), 215 k per record end, 16 k for the sideband tables. With the
-//! resampling 175 per sample: 7.7 M per second at 25 Hz. A full-band FFT of the same resolution needs 56-80 per sample of
-//! the *full* rate, so the mesh bands win by the ratio of the rates, most at low speed.
-//! RAM: 12 bytes per point and harmonic, 0.8 KiB for the pitches; flash 3 KiB of window table.
+//! Cost: see `tests/snapshots/instructions.txt` and `cargo xtask bench-node`, which sets it against a full-band FFT.
+//! RAM: 12 bytes per point and harmonic, 1.7 KiB for the pitches and their window; flash 3 KiB of window table.
 
 use crate::math;
 use crate::spectrum::{self, Line, read_line};
 use crate::window::Window;
 use microfft::Complex32;
 
-/// Input samples per tooth pitch: harmonics up to 16 do not fold; anything above mesh harmonic 32 - H must be filtered
-/// away before resampling.
-pub const SAMPLES_PER_PITCH: usize = 32;
+/// Most input samples per tooth pitch, S: anything above mesh harmonic S - H must be filtered away before resampling.
+pub const SAMPLES_PER_PITCH: usize = 42;
+/// Fewest input samples per tooth pitch.
+const COARSEST_GRID: usize = 16;
 /// Length of the filter bank's window, in pitches, and of the decimator's, in output spacings.
 const WINDOW_SPACINGS: usize = 6;
 const HISTORY: usize = SAMPLES_PER_PITCH * WINDOW_SPACINGS;
@@ -106,13 +104,18 @@ pub struct MeshZoom<const POINTS: usize, const HARMONICS: usize> {
     config: ZoomConfig,
     /// Output spacings per pitch.
     outputs_per_pitch: f32,
+    /// Samples per pitch; the window at each sample, from the oldest pitch to the newest and once more, so that a ring of
+    /// pitches finds its weights in one piece; cosine and sine of each harmonic on this grid.
+    grid: usize,
+    weights: [[f32; 2 * WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
+    circles: [[(f32, f32); SAMPLES_PER_PITCH / 2]; HARMONICS],
     state: State<POINTS, HARMONICS>,
 }
 
 #[derive(Debug, Clone)]
 struct State<const POINTS: usize, const HARMONICS: usize> {
-    /// Last six pitches, `newest` is being filled.
-    pitches: [[f32; SAMPLES_PER_PITCH]; WINDOW_SPACINGS],
+    /// Last six pitches by sample, `newest` is being filled.
+    pitches: [[f32; WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
     newest: usize,
     fill: usize,
     /// Pitches seen since the start, up to a full history.
@@ -135,8 +138,11 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
             averaging: Averaging::Linear { records: 0 },
         },
         outputs_per_pitch: 0.0,
+        grid: 0,
+        weights: [[0.0; 2 * WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
+        circles: [[(0.0, 0.0); SAMPLES_PER_PITCH / 2]; HARMONICS],
         state: State {
-            pitches: [[0.0; SAMPLES_PER_PITCH]; WINDOW_SPACINGS],
+            pitches: [[0.0; WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
             newest: 0,
             fill: 0,
             primed: 0,
@@ -176,7 +182,31 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         self.config = config;
         self.outputs_per_pitch = POINTS as f32 / engagements as f32;
         self.reset();
+        self.set_samples_per_pitch(SAMPLES_PER_PITCH);
         Ok(())
+    }
+
+    /// Changes the grid of the input (16 to [`SAMPLES_PER_PITCH`], made even) and forgets the record in progress.
+    pub fn set_samples_per_pitch(&mut self, samples: usize) {
+        self.interrupt();
+        self.grid = samples.clamp(COARSEST_GRID, SAMPLES_PER_PITCH) & !1;
+        let length = 1.0 / (self.grid * WINDOW_SPACINGS) as f32;
+        for (n, weights) in self.weights.iter_mut().take(self.grid).enumerate() {
+            for (pitch, weight) in weights.iter_mut().enumerate() {
+                *weight = window_at((pitch % WINDOW_SPACINGS * self.grid + n) as f32 * length);
+            }
+        }
+        let step = crate::window::phase_step(self.grid);
+        for (order, circle) in (1u32..).zip(&mut self.circles) {
+            for (n, unit) in (1u32..).zip(circle) {
+                *unit = math::cossin(step.wrapping_mul(order * n));
+            }
+        }
+    }
+
+    /// Input samples per tooth pitch.
+    pub fn samples_per_pitch(&self) -> usize {
+        self.grid
     }
 
     /// The configuration in force.
@@ -186,7 +216,7 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
 
     /// Samples per turn of the pinion this analyser wants.
     pub fn samples_per_turn(&self) -> u32 {
-        u32::from(self.config.teeth) * SAMPLES_PER_PITCH as u32
+        u32::from(self.config.teeth) * self.grid as u32
     }
 
     /// Forgets the record in progress (lost samples, lost tach); the averages stay.
@@ -213,18 +243,14 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
     pub fn push(&mut self, samples: &[f32]) -> u32 {
         let mut completed = 0;
         let mut rest = samples;
-        while !rest.is_empty() {
+        while !rest.is_empty() && self.grid != 0 {
             let state = &mut self.state;
-            let count = rest.len().min(SAMPLES_PER_PITCH.saturating_sub(state.fill));
+            let count = rest.len().min(self.grid.saturating_sub(state.fill));
             let (now, later) = rest.split_at(count);
-            if let Some(pitch) = state.pitches.get_mut(state.newest) {
-                for (place, x) in pitch.iter_mut().skip(state.fill).zip(now) {
-                    *place = *x;
-                }
-            }
+            store(state.pitches.get_mut(state.fill..).unwrap_or_default(), state.newest, now);
             state.fill += count;
             rest = later;
-            if state.fill == SAMPLES_PER_PITCH {
+            if state.fill == self.grid {
                 state.fill = 0;
                 state.newest = (state.newest + 1) % WINDOW_SPACINGS;
                 state.primed = (state.primed + 1).min(WINDOW_SPACINGS);
@@ -238,31 +264,20 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
 
     /// One engagement: filter bank, then decimation. True when the record is complete.
     fn engage(&mut self) -> bool {
-        let state = &mut self.state;
-        let mut folded = [0.0f32; SAMPLES_PER_PITCH];
-        for p in 0..WINDOW_SPACINGS {
-            let pitch = &state.pitches[(state.newest + p) % WINDOW_SPACINGS];
-            let window = &WINDOW[p * 4 * SAMPLES_PER_PITCH..(p + 1) * 4 * SAMPLES_PER_PITCH];
-            for ((sum, &x), w) in folded.iter_mut().zip(pitch).zip(window.chunks_exact(4)) {
-                *sum += w[0] * x;
-            }
-        }
-        let bins = microfft::real::rfft_32(&mut folded);
         // Peak amplitude of the harmonic, times the decimator's normalisation.
-        let scale =
-            2.0 / (HISTORY as f32 * WINDOW_MEAN) * self.outputs_per_pitch / (WINDOW_SPACINGS as f32 * WINDOW_MEAN);
-        let mut values = [Complex32::new(0.0, 0.0); HARMONICS];
-        for (h, value) in values.iter_mut().enumerate() {
-            *value = bins[h + 1] * scale;
+        let history = (self.grid * WINDOW_SPACINGS) as f32;
+        let scale = 2.0 / (history * WINDOW_MEAN) * self.outputs_per_pitch / (WINDOW_SPACINGS as f32 * WINDOW_MEAN);
+        let mut values = self.harmonics();
+        for value in &mut values {
+            *value *= scale;
         }
+        let state = &mut self.state;
         let position = state.engagement as f32 * self.outputs_per_pitch;
-        let newest_output = position as usize;
-        for output in newest_output.saturating_sub(WINDOW_SPACINGS - 1)..=newest_output.min(POINTS - 1) {
-            let weight = window_at((position - output as f32) * (1.0 / WINDOW_SPACINGS as f32));
-            for (record, value) in state.record.iter_mut().zip(&values) {
-                record[output] += value * weight;
-            }
-        }
+        // Outputs whose windows hold this engagement: six, fewer at the ends of the record.
+        let first = (position as usize).saturating_sub(WINDOW_SPACINGS - 1);
+        let weights =
+            core::array::from_fn(|n| window_at((position - (first + n) as f32) * (1.0 / WINDOW_SPACINGS as f32)));
+        gather(state.record.as_flattened_mut(), POINTS, &values, &weights, first);
         state.engagement += 1;
         if position < (POINTS - 1 + WINDOW_SPACINGS) as f32 {
             return false;
@@ -270,6 +285,15 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         self.finish_record();
         self.restart_record();
         true
+    }
+
+    /// The windowed pitches folded to one, bins 1..=`HARMONICS` of its transform.
+    fn harmonics(&self) -> [Complex32; HARMONICS] {
+        let mut values = [Complex32::new(0.0, 0.0); HARMONICS];
+        let mut folded = [0.0f32; SAMPLES_PER_PITCH];
+        fold(&self.state.pitches, &self.weights, self.state.newest, folded.get_mut(..self.grid).unwrap_or_default());
+        transform(&folded, self.grid, &self.circles, &mut values);
+        values
     }
 
     fn finish_record(&mut self) {
@@ -388,6 +412,72 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
             sum += line.as_ref()?.amplitude;
         }
         (carrier > 0.0).then(|| sum / carrier)
+    }
+}
+
+/// Samples into one pitch of the ring.
+fn store(pitches: &mut [[f32; WINDOW_SPACINGS]], newest: usize, samples: &[f32]) {
+    let Some(places) = pitches.as_flattened_mut().get_mut(newest..) else { return };
+    for (place, x) in places.iter_mut().step_by(WINDOW_SPACINGS).zip(samples) {
+        *place = *x;
+    }
+}
+
+/// Windowed sum of six pitches of a ring whose oldest is `oldest`. This and its neighbours have no type parameters so that
+/// they are compiled here, for speed, and not in the binary that picks the sizes.
+fn fold(
+    pitches: &[[f32; WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
+    weights: &[[f32; 2 * WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
+    oldest: usize,
+    folded: &mut [f32],
+) {
+    let start = WINDOW_SPACINGS - oldest.min(WINDOW_SPACINGS);
+    for ((sum, [a, b, c, d, e, f]), weights) in folded.iter_mut().zip(pitches).zip(weights) {
+        if let Some([p, q, r, s, t, u]) = weights.get(start..).and_then(|rest| rest.first_chunk()) {
+            *sum = a * p + b * q + c * r + d * s + e * t + f * u;
+        }
+    }
+}
+
+/// Bins 1, 2, ... of the transform of one folded pitch: samples n and S - n meet the same cosine and opposite sines.
+fn transform(
+    folded: &[f32; SAMPLES_PER_PITCH],
+    grid: usize,
+    circles: &[[(f32, f32); SAMPLES_PER_PITCH / 2]],
+    values: &mut [Complex32],
+) {
+    let half = grid / 2;
+    let mut pairs = [(0.0f32, 0.0f32); SAMPLES_PER_PITCH / 2];
+    let (Some(rising), Some(falling)) = (folded.get(1..half), folded.get(half + 1..grid)) else { return };
+    for ((pair, &x), &y) in pairs.iter_mut().zip(rising).zip(falling.iter().rev()) {
+        *pair = (x + y, x - y);
+    }
+    let pairs = pairs.get(..rising.len()).unwrap_or_default();
+    let (first, middle) = (folded[0], folded.get(half).copied().unwrap_or_default());
+    let mut even_order = false;
+    for (circle, value) in circles.iter().zip(values) {
+        let (mut re, mut im) = (if even_order { first + middle } else { first - middle }, 0.0);
+        even_order = !even_order;
+        for (&(even, odd), &(cosine, sine)) in pairs.iter().zip(circle) {
+            re += even * cosine;
+            im -= odd * sine;
+        }
+        *value = Complex32::new(re, im);
+    }
+}
+
+/// Adds a value under its window weight to one point of every record; `values` and points lie in steps of `stride`.
+fn gather(
+    records: &mut [Complex32],
+    stride: usize,
+    values: &[Complex32],
+    weights: &[f32; WINDOW_SPACINGS],
+    first: usize,
+) {
+    for (record, value) in records.chunks_exact_mut(stride.max(1)).zip(values) {
+        for (point, weight) in record.iter_mut().skip(first).zip(weights) {
+            *point += value * *weight;
+        }
     }
 }
 

@@ -4,3 +4,5 @@ pub mod gear_signal;
 pub mod mock_flash;
 pub mod plant;
 pub mod qemu_node;
+pub mod registers;
+pub mod script;

@@ -18,7 +18,8 @@ pub const CLOCK_HZ: u32 = 25_000_000;
 /// Teeth of the pinion.
 pub const TEETH: u16 = 19;
 const BLOCK: usize = 512;
-const PER_CODE_M_S2: f32 = 0.002;
+/// Sensitivity, m/s2 per code.
+pub const PER_CODE_M_S2: f32 = 0.002;
 /// Bytes of the queue to the line.
 pub const OUTBOX: usize = 4096;
 

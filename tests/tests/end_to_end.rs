@@ -9,14 +9,14 @@ use meshband::replay::Header;
 use meshband::self_test::MATHEMATICS;
 use meshband::tach::Validity;
 use meshband_host::law::file::LawFile;
-use meshband_host::link::setup::{self, Installation};
+use meshband_host::link::setup::{Installation, Sources};
 use meshband_host::link::view::View;
 use meshband_host::link::{Client, Losses};
 use meshband_host::machine::{EngagementKind, Machine};
 use meshband_host::qemu::Qemu;
 use meshband_host::virtual_node::image::{Image, Source};
 use meshband_tests::gear_signal::{Course, FIRST_HARMONIC_M_S2};
-use meshband_tests::qemu_node::{machine, power_up_with_client};
+use meshband_tests::qemu_node::{check_stack, machine, power_up_with_client};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -86,7 +86,8 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
         harmonics: Some(4),
         ..Installation::default()
     };
-    setup::apply(&mut config, Some(&machine_file()), Some(&law_file(folder.path())), &installation).expect("applies");
+    let sources = Sources::read(Some(&machine_file()), Some(&law_file(folder.path())), None).expect("sound files");
+    sources.apply(&mut config, &installation).expect("applies");
     assert_eq!([config.gears.pinion_teeth, config.gears.gear_teeth], TEETH);
     let mut wrong = config.clone();
     wrong.mesh.harmonics = 0;
@@ -112,6 +113,7 @@ fn claim_a_node_is_tested_configured_measures_and_keeps_its_configuration_over_r
     let finished = running.finish().expect("the firmware ends well");
     assert_eq!(client.losses(), Losses::default());
     assert_eq!(finished.statistic("lost"), Some("0"), "{}", finished.console);
+    println!("stack at start and in operation: {:?} bytes", check_stack(&finished));
     let seen = events(&messages);
     for kind in [EventKind::TachLocked, EventKind::RateChanged] {
         assert!(seen.contains(&kind), "no {kind:?} in {seen:?}");

@@ -4,7 +4,7 @@ use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::Configuration;
 use meshband::events::EventKind;
 use meshband::law::{Law, LawForm};
-use meshband::message::{Indicators, Message, Spectrum};
+use meshband::message::{GearIndicators, Indicators, Message, Spectrum};
 use meshband::node::{Block, Node};
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 use meshband_host::dynamics::assembly::{Damping, Model};
@@ -187,8 +187,17 @@ fn turn_of_the_machine(crack_m: f64, speed: f64) -> Vec<f64> {
     turn.iter().map(|x| x / rms).collect()
 }
 
-/// FM4 of successive averages of the machine with noise, load and speed fluctuation.
-fn fm4_of(turn: &[f64], noise: f64, load: f64, wander: f64, seed: u64, seconds: f64) -> (Vec<f64>, usize) {
+/// Load and speed fluctuation about 20 Hz: relative depth and rate of each.
+#[derive(Clone, Copy, Default)]
+struct Fluctuation {
+    load: f64,
+    load_hz: f64,
+    wander: f64,
+    wander_hz: f64,
+}
+
+/// Condition indicators of successive averages of the machine with noise and fluctuation, and the FM4 alarms raised.
+fn averages_of(turn: &[f64], noise: f64, about: Fluctuation, seed: u64, seconds: f64) -> (Vec<GearIndicators>, usize) {
     let mut state = seed;
     let mut random = move || {
         state ^= state << 13;
@@ -200,35 +209,81 @@ fn fm4_of(turn: &[f64], noise: f64, load: f64, wander: f64, seed: u64, seconds: 
     let watched = Watched::Fm4;
     let alarm = AlarmBand { watched, from: Hertz(1.0), to: Hertz(50.0), raise: 4.5, clear: 4.0, persistence: 1 };
     config.alarms.push(alarm).expect("room for one");
-    let turns = |t: f64| 20.0 * t + 20.0 * wander / (TAU * 0.7) * (1.0 - (TAU * 0.7 * t).cos());
+    let omega = TAU * about.wander_hz;
+    let swing = if omega > 0.0 { 20.0 * about.wander / omega } else { 0.0 };
+    let turns = |t: f64| 20.0 * t + swing * (1.0 - (omega * t).cos());
     let heard = run(config, seconds, turns, |t, turns| {
         let place = turns.rem_euclid(1.0) * 1024.0;
         let (k, u) = (place as usize % 1024, place.fract());
         let value = turn[k] + u * (turn[(k + 1) % 1024] - turn[k]);
         let gaussian = random() + random() + random() + random() - 2.0;
-        20.0 * value * (1.0 + load * (TAU * 1.3 * t).sin()) + 20.0 * noise * gaussian * 3f64.sqrt()
+        20.0 * value * (1.0 + about.load * (TAU * about.load_hz * t).sin()) + 20.0 * noise * gaussian * 3f64.sqrt()
     });
     let alarms = heard.events.iter().filter(|&&kind| kind == EventKind::AlarmRaised).count();
-    (heard.indicators.iter().filter_map(|i| i.gear).map(|g| f64::from(g.fm4)).collect(), alarms)
+    (heard.indicators.iter().filter_map(|i| i.gear).collect(), alarms)
+}
+
+fn fm4(averages: &[GearIndicators]) -> Vec<f64> {
+    averages.iter().map(|g| f64::from(g.fm4)).collect()
+}
+
+type Indicator = fn(&GearIndicators) -> f32;
+
+/// Mean and standard deviation.
+fn spread(values: &[f64]) -> (f64, f64) {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (mean, (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt())
 }
 
 #[test]
 fn fault_a_cracked_tooth_raises_fm4_beyond_healthy_runs() {
     let speed = 20.0;
     let (healthy, cracked) = (turn_of_the_machine(0.0, speed), turn_of_the_machine(1.8e-3, speed));
-    let (with_noise, false_alarms) = fm4_of(&healthy, 1.0, 0.0, 0.0, 11, 26.0);
-    let (damaged, alarms) = fm4_of(&cracked, 1.0, 0.0, 0.0, 12, 10.0);
-    let mean = with_noise.iter().sum::<f64>() / with_noise.len() as f64;
-    let deviation = (with_noise.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (with_noise.len() - 1) as f64).sqrt();
-    let lowest = damaged.iter().fold(f64::MAX, |a, &b| a.min(b));
-    println!("healthy FM4 {mean:.3} +- {deviation:.3} over {} averages, cracked {damaged:.3?}", with_noise.len());
+    let (averages, false_alarms) = averages_of(&healthy, 1.0, Fluctuation::default(), 11, 26.0);
+    let (damaged, alarms) = averages_of(&cracked, 1.0, Fluctuation::default(), 12, 10.0);
+    let (mean, deviation) = spread(&fm4(&averages));
+    let lowest = fm4(&damaged).into_iter().fold(f64::MAX, f64::min);
+    println!("healthy FM4 {mean:.3} +- {deviation:.3} over {} averages, cracked {:.3?}", averages.len(), fm4(&damaged));
     println!("alarms at FM4 4.5: healthy {false_alarms}, cracked {alarms}");
-    for (name, load, wander) in [("load +-20 %", 0.2, 0.0), ("speed +-2 %", 0.0, 0.02), ("both", 0.2, 0.02)] {
-        let (values, alarms) = fm4_of(&healthy, 1.0, load, wander, 13, 26.0);
-        let above = values.iter().filter(|&&x| x > mean + 5.0 * deviation).count();
-        println!("{name}: {above} of {} above five sigma, {alarms} alarms, {values:.2?}", values.len());
-    }
-    assert!(with_noise.len() >= 8 && damaged.len() >= 3);
+    assert!(averages.len() >= 8 && damaged.len() >= 3);
     assert!(lowest > mean + 5.0 * deviation, "cracked {lowest}, healthy {mean} +- {deviation}");
     assert!(alarms > 0 && false_alarms == 0, "the alarm tells them apart");
+}
+
+#[test]
+fn fault_load_and_speed_fluctuation_raise_no_false_alarms_of_a_healthy_gear() {
+    const SECONDS: f64 = 30.0;
+    let healthy = turn_of_the_machine(0.0, 20.0);
+    let (steady, _) = averages_of(&healthy, 1.0, Fluctuation::default(), 21, SECONDS);
+    let cases = [
+        ("load +-20 % at 1.3 Hz", Fluctuation { load: 0.2, load_hz: 1.3, ..Default::default() }),
+        ("load +-50 % at 0.4 Hz", Fluctuation { load: 0.5, load_hz: 0.4, ..Default::default() }),
+        ("speed +-2 % at 0.7 Hz", Fluctuation { wander: 0.02, wander_hz: 0.7, ..Default::default() }),
+        ("speed +-5 % at 0.3 Hz", Fluctuation { wander: 0.05, wander_hz: 0.3, ..Default::default() }),
+        ("both, 20 % and 2 %", Fluctuation { load: 0.2, load_hz: 1.3, wander: 0.02, wander_hz: 0.7 }),
+    ];
+    // What stands beyond five standard deviations of steady running would be called a fault.
+    let indicators: [(&str, Indicator); 5] =
+        [("FM4", |g| g.fm4), ("M6A", |g| g.m6a), ("NA4", |g| g.na4), ("FM0", |g| g.fm0), ("kurtosis", |g| g.kurtosis)];
+    let (mut total, mut alarms_raised, mut beyond_fm4) = (0, 0, 0);
+    for (seed, (name, about)) in (31..).zip(cases) {
+        let (averages, alarms) = averages_of(&healthy, 1.0, about, seed, SECONDS);
+        assert!(averages.len() + 2 >= steady.len(), "{name}: {} averages, steady {}", averages.len(), steady.len());
+        total += averages.len();
+        alarms_raised += alarms;
+        print!("{name}: {} averages, {alarms} alarms; beyond five sigma:", averages.len());
+        for (indicator, value) in indicators {
+            let values = |of: &[GearIndicators]| of.iter().map(|g| f64::from(value(g))).collect::<Vec<f64>>();
+            let (mean, deviation) = spread(&values(&steady));
+            let beyond = values(&averages).iter().filter(|&&x| x > mean + 5.0 * deviation).count();
+            let (now, _) = spread(&values(&averages));
+            print!(" {indicator} {beyond} ({mean:.2} to {now:.2})");
+            if indicator == "FM4" {
+                beyond_fm4 += beyond;
+            }
+        }
+        println!();
+    }
+    println!("false alarms at FM4 4.5: {alarms_raised} of {total} averages; FM4 beyond five sigma: {beyond_fm4}");
+    assert!(alarms_raised == 0 && beyond_fm4 == 0, "{alarms_raised} alarms, {beyond_fm4} beyond five sigma of {total}");
 }

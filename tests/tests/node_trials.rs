@@ -3,24 +3,14 @@
 use meshband_host::dynamics::simulate::Acquisition;
 use meshband_host::import::{ImportOptions, Unit as SourceUnit, import};
 use meshband_host::machine::Machine;
-use meshband_host::qemu::{Qemu, built_firmware, is_installed};
 use meshband_host::record::Record;
 use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
 use meshband_host::virtual_node::trial::{self, Trial};
 use meshband_host::{effects, record};
+use meshband_tests::qemu_node::machine;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
-
-/// The machine, or `None` after saying why the test is skipped.
-fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
-        println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
-    }
-    Some(Qemu::new(firmware))
-}
 
 /// Measured files, or `None` after saying why the test is skipped.
 fn measured(test: &str, names: &[&str]) -> Option<Vec<PathBuf>> {
@@ -49,6 +39,14 @@ fn imported(files: &[PathBuf], teeth: [u32; 2], rate_hz: f64, unit: SourceUnit) 
     import(files, &options).expect("readable files").0
 }
 
+/// Worst errors against the reference, for the log.
+fn measured_errors(trial: &Trial) -> String {
+    let text = |worst: trial::Worst| {
+        format!("{} within {:.4} % and {:.3} dB", worst.lines, 100.0 * worst.frequency_error, worst.amplitude_error_db)
+    };
+    format!("harmonics: {}; sidebands: {}", text(trial.worst_harmonics), text(trial.worst_sidebands))
+}
+
 fn assert_sound(trial: &Trial) {
     let i = &trial.integrity;
     assert_eq!((i.blocks_lost, i.edges_lost, i.frames_lost), (0, 0, 0), "{i:?}");
@@ -72,6 +70,7 @@ fn ref_mesh_harmonics_of_gear0_are_those_of_the_f64_reference_with_sidebands_res
         let outside = trial.rates.iter().filter(|r| r.flags.iter().any(|f| f.contains("outside the law")));
         assert!(outside.count() > 0, "33.3 Hz lies outside the law's domain, and the node says so");
         assert!(trial.spectra.len() >= 2, "{} spectra", trial.spectra.len());
+        println!("channel {}: {}", signal.channel, measured_errors(&trial));
         for spectrum in &trial.spectra {
             let harmonics: Vec<_> = spectrum.lines.iter().filter(|l| l.sideband == 0).collect();
             assert_eq!(harmonics.len(), 5);
@@ -107,9 +106,11 @@ fn ref_the_same_works_on_the_spectraquest_box() {
     assert_sound(&trial);
     assert!(trial.integrity.identical_to_host);
     assert!(trial.worst_harmonics.lines >= 10, "{:?}", trial.worst_harmonics);
-    // Lines a few times the noise wander by a fraction of a bin between two ways to read them.
-    assert!(trial.worst_harmonics.frequency_error < 2e-3, "{:?}", trial.worst_harmonics);
-    assert!(trial.worst_harmonics.amplitude_error_db < 1.5, "{:?}", trial.worst_harmonics);
+    // Mesh lines hold a tenth of this box's power. Those that the reference itself has within 12 dB of the noise, or off the
+    // shaft's order, do not count ([`trial::LineRow::is_clear`]); on gear0 above no line is left out.
+    println!("channel {}: {}", signal.channel, measured_errors(&trial));
+    assert!(trial.worst_harmonics.frequency_error < 5e-4, "{:?}", trial.worst_harmonics);
+    assert!(trial.worst_harmonics.amplitude_error_db < 0.5, "{:?}", trial.worst_harmonics);
 }
 
 /// Mesh harmonics 1, 2, 35 and 36 at a steady speed.
@@ -219,7 +220,8 @@ fn ref_in_a_run_up_the_rate_follows_the_law_at_block_borders_and_no_block_is_los
         // Requests may lag the speed by what triggers a new plan, a fifth; the margin of 2.56 against 2 covers it.
         let wanted = 2.56 * rates.bandwidth_hz;
         assert!((0.78..1.25).contains(&(rates.requested_hz / wanted)), "{rates:?}");
-        assert!(rates.residual_ppm.abs() < 1e4, "{rates:?}");
+        // Never below the law's rate, and less than a tick of 25 MHz above it.
+        assert!((-0.5..2.0e4).contains(&rates.residual_ppm), "{rates:?}");
         assert!(rates.adc_hz >= 200_000.0, "the fixed analogue filter stops at 100 kHz: {rates:?}");
     }
 }

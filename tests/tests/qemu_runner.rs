@@ -1,20 +1,11 @@
 //! The QEMU runner calls only a run that the firmware itself finished a success.
 
 use meshband::replay::{CodeDigest, Drill, Header, Replay, SamplingMode, image_bytes, write};
-use meshband_host::qemu::{Finished, Qemu, built_firmware, is_installed};
+use meshband_host::qemu::{Finished, Qemu, built_firmware};
+use meshband_tests::qemu_node::machine;
 use std::time::Duration;
 
 const TICKS_PER_SECOND: u32 = 25_000_000;
-
-/// The machine, or `None` after saying why the test is skipped.
-fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
-        println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
-    }
-    Some(Qemu::new(firmware))
-}
 
 /// 0.2 s of a 700 Hz tone at 1 MHz with a tachometer at 40 pulses per second.
 fn image(header: Header) -> Vec<u8> {
@@ -58,10 +49,28 @@ fn fault_a_locked_up_core_is_an_error() {
 }
 
 #[test]
-fn fault_a_stack_overflow_is_an_error() {
+fn fault_a_stack_overflow_is_found_and_named() {
     let Some(machine) = machine("stack overflow") else { return };
+    // Neither corrupted nor locked up: the fault's entry finds its way without a stack.
     let message = drill(machine, Drill::StackOverflow);
-    assert!(message.contains("died") || message.contains("exit code"), "{message}");
+    assert!(message.contains("exit code 3") && message.contains("stack overflow"), "{message}");
+}
+
+#[test]
+fn fault_panic_stack_overflow_fault_and_hang_restart_the_node_which_then_knows_why() {
+    let Some(machine) = machine("restarts") else { return };
+    let drill = Qemu { firmware: built_firmware("restart"), time_limit: Duration::from_secs(30), ..machine };
+    let run = drill.run(&[0; 64]).expect("four restarts, then the end");
+    let said = |stage: u32| {
+        let start = format!("node: stage={stage} ");
+        run.console.lines().find_map(|line| line.strip_prefix(&start)).unwrap_or_else(|| panic!("{}", run.console))
+    };
+    assert_eq!(said(0), "crashes=0");
+    assert!(said(1).starts_with("crashes=1 place=") && said(1).ends_with("firmware/src/bin/restart.rs"), "{}", said(1));
+    assert!(said(2).starts_with("crashes=2 place=4 "), "the stack overflow: {}", said(2));
+    // The fault's own address; the hang leaves no record, so the same one still stands after the watchdog's reset.
+    assert!(said(3).starts_with("crashes=3 place=") && !said(3).contains("place=0 "), "{}", said(3));
+    assert_eq!(said(4), said(3));
 }
 
 #[test]

@@ -6,6 +6,7 @@ use meshband::units::{Hertz, TicksPerSecond};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
+use std::f64::consts::TAU;
 
 /// Seeds of the damaged trains; 200 of them were run once, with the same limits.
 const SEEDS: u64 = 6;
@@ -122,7 +123,7 @@ fn fault_missed_and_spurious_pulses_never_give_a_wrong_speed_unflagged() {
             let (worst, unlocked) = worst_locked(&samples, 0.0);
             println!("{pulses}-{missing} seed {seed}: worst {worst:.1e}, not locked {unlocked:.3}");
             assert!(worst < 0.01, "{pulses}-{missing} seed {seed}: {worst}");
-            assert!(unlocked < 0.35, "{pulses}-{missing} seed {seed}: {unlocked} of the samples not locked");
+            assert!(unlocked < 0.15, "{pulses}-{missing} seed {seed}: {unlocked} of the samples not locked");
         }
     }
 }
@@ -185,6 +186,66 @@ fn theory_run_up_from_1_to_25_hz_in_5_s_within_two_thousandths() {
         println!("{pulses}-{missing}: worst {worst:.1e}, with the corner {worst_all:.1e}, not locked {unlocked:.3}");
         assert!(worst < 2.0e-3, "{pulses}-{missing}: {worst}");
         assert!(unlocked < 0.05, "{pulses}-{missing}: {unlocked}");
+    }
+}
+
+/// Time of an angle in turns, by bisection of a motion that ascends until `end`.
+fn inverse(angle: impl Fn(f64) -> f64, turn: f64, end: f64) -> f64 {
+    let (mut low, mut high) = (0.0, end);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if angle(middle) < turn { low = middle } else { high = middle }
+    }
+    high
+}
+
+#[test]
+fn theory_a_wandering_speed_is_followed_without_losing_the_lock() {
+    for (pulses, missing) in [(1, 0), (4, 0), (60, 2), (36, 1)] {
+        for (hz, depth, wander_hz) in [(20.0, 0.02, 0.7), (20.0, 0.02, 2.0), (5.0, 0.02, 0.3), (25.0, 0.05, 0.5)] {
+            let omega = TAU * wander_hz;
+            let angle = |t: f64| hz * t + hz * depth / omega * (1.0 - (omega * t).cos());
+            let rate = |t: f64| hz * (1.0 + depth * (omega * t).sin());
+            let train = Train::steady(pulses, missing, 84_000_000);
+            let mut tracker = train.tracker();
+            let samples = train.run(&mut tracker, 30.0 * hz, |turn| inverse(angle, turn, 35.0), rate);
+            let (worst, unlocked) = worst_locked(&samples, 6.0);
+            println!(
+                "{pulses}-{missing} {hz} Hz +-{depth} at {wander_hz} Hz: worst {worst:.1e}, unlocked {unlocked:.4}"
+            );
+            assert!(unlocked < 0.005 && tracker.counters().relocks == 1, "{pulses}-{missing} at {hz} Hz: {unlocked}");
+            // Against the instantaneous speed, which changes by this much from one pulse to the next.
+            let per_pulse = omega * depth / (hz * f64::from(pulses));
+            assert!(worst < 4.0e-3 + 1.5 * per_pulse, "{pulses}-{missing} at {hz} Hz: {worst}, {per_pulse} per pulse");
+        }
+    }
+}
+
+#[test]
+fn theory_any_steady_run_up_or_down_is_tracked_also_between_the_pulses() {
+    for (pulses, missing) in [(1, 0), (4, 0), (60, 2), (36, 1)] {
+        for (from, acceleration) in [(3.0, 3.9), (1.0, 4.8), (1.0, 0.05), (5.0, 0.25), (25.0, -2.0), (25.0, -4.0)] {
+            // Ten turns of steady speed first.
+            let steady = 10.0 / from;
+            let angle = |t: f64| from * t + 0.5 * acceleration * (t - steady).max(0.0).powi(2);
+            let rate = |t: f64| from + acceleration * (t - steady).max(0.0);
+            let train = Train::steady(pulses, missing, 84_000_000);
+            let mut tracker = train.tracker();
+            let end = steady + f64::max(5.0, 15.0 / from);
+            let samples = train.run(&mut tracker, angle(end), |turn| inverse(angle, turn, end + 0.5), rate);
+            let (worst, _) = worst_locked(&samples, 14.0);
+            // The corner costs a new lock at most; with one pulse per turn that takes some turns.
+            let (_, unlocked) = worst_locked(&samples, 18.0);
+            println!(
+                "{pulses}-{missing} from {from} Hz by {acceleration} Hz/s: worst {worst:.1e}, unlocked {unlocked:.3}"
+            );
+            assert!(worst < 0.01 && unlocked < 0.01, "{pulses}-{missing} from {from} Hz: {worst}, {unlocked}");
+            // Until shortly before the next pulse the speed is still believed.
+            let (instant, _) = tracker.latest_pulse();
+            let pulse_hz = f64::from(tracker.speed(instant).pinion.0) * f64::from(pulses);
+            let later = tracker.speed(instant + (0.95 / pulse_hz * 84.0e6) as u64);
+            assert_eq!(later.validity, Validity::Locked, "{pulses}-{missing} from {from} Hz");
+        }
     }
 }
 

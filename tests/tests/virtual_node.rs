@@ -2,23 +2,14 @@
 
 use meshband::config::{Configuration, GearPair};
 use meshband::replay::Header;
-use meshband_host::qemu::{Finished, Qemu, built_firmware, is_installed};
+use meshband_host::qemu::{Finished, Qemu};
 use meshband_host::virtual_node::frames::Received;
 use meshband_host::virtual_node::image::{Image, Source};
 use meshband_host::virtual_node::simulation;
+use meshband_tests::qemu_node::machine;
 use std::f64::consts::TAU;
 
 const RATE_HZ: f64 = 100_000.0;
-
-/// The machine, or `None` after saying why the test is skipped.
-fn machine(test: &str) -> Option<Qemu> {
-    let firmware = built_firmware("an386");
-    if !is_installed() || !firmware.is_file() {
-        println!("skipped {test}: QEMU or the firmware image is absent (cargo xtask node-build)");
-        return None;
-    }
-    Some(Qemu::new(firmware))
-}
 
 /// Mesh harmonics with a shaft sideband at a shaft rate that changes linearly; one pulse per turn.
 fn gear_signal(seconds: f64, from_hz: f64, to_hz: f64, teeth: u16) -> (Vec<f64>, Vec<f64>) {
@@ -50,6 +41,7 @@ fn image(seconds: f64, from_hz: f64, to_hz: f64) -> Image {
 
 fn assert_same(run: &Finished, image: &Image) {
     let simulated = simulation::run(&image.bytes).expect("the host runs it");
+    assert_eq!(run.blocks().expect("a whole log"), simulated.blocks, "{}", run.console);
     assert_eq!((run.statistic("lost"), run.statistic("missed")), (Some("0"), Some("0")), "{}", run.console);
     assert_eq!(run.statistic("codes_crc"), Some(format!("{:08x}", simulated.codes_crc).as_str()), "{}", run.console);
     assert!(run.link == simulated.link, "frames differ: {} and {} bytes", run.link.len(), simulated.link.len());
@@ -83,4 +75,30 @@ fn golden_firmware_in_qemu_and_host_send_the_same_frames_in_a_run_up() {
     assert_same(&run, &image);
     let again = machine.run(&image.bytes).expect("runs to its end");
     assert!(run.link == again.link, "two runs differ");
+}
+
+#[test]
+fn golden_a_late_processor_sends_what_the_host_computes_from_the_same_blocks() {
+    let Some(machine) = machine("late processor") else { return };
+    let image = image(4.0, 3.0, 25.0);
+    let planned = simulation::run(&image.bytes).expect("the host runs it");
+    let (mut late, mut lossy) = (0, 0);
+    for icount_shift in [3, 4] {
+        let run = Qemu { icount_shift, ..machine.clone() }.run(&image.bytes).expect("runs to its end");
+        let blocks = run.blocks().expect("a whole log");
+        let lost = run.count("lost") + run.count("missed");
+        println!(
+            "{} MIPS: {} blocks, {lost} lost, as planned: {}",
+            1000 >> icount_shift,
+            blocks.len(),
+            blocks == planned.blocks
+        );
+        late += u32::from(blocks != planned.blocks);
+        lossy += u32::from(lost > 0);
+        assert_eq!(run.count("edges_lost"), 0, "{}", run.console);
+        let followed = simulation::follow(&image.bytes, &blocks).expect("the host follows it");
+        assert_eq!(run.statistic("codes_crc"), Some(format!("{:08x}", followed.codes_crc).as_str()), "{}", run.console);
+        assert!(run.link == followed.link, "frames differ at shift {icount_shift}");
+    }
+    assert!(late > 0 && lossy > 0, "no pace was too slow: nothing is proven");
 }

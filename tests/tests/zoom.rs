@@ -160,6 +160,28 @@ fn theory_pinion_sidebands_with_every_window() {
 }
 
 #[test]
+fn theory_a_coarser_grid_gives_the_same_lines_and_folds_nothing_into_them() {
+    for grid in [18, 20, 22, 26, 30] {
+        let mut lines = gear_signal(false);
+        let mut zoom = zoom(16, Window::Hann, 1);
+        zoom.set_samples_per_pitch(grid);
+        assert_eq!(zoom.samples_per_turn(), u32::from(TEETH) * grid as u32);
+        // Whatever the input may hold up to half a pitch below the highest harmonic's image.
+        let wanted = lines.len();
+        for harmonic in [6.0, 7.5, grid as f64 - 5.5] {
+            lines.push(Component { order: harmonic * f64::from(TEETH), amplitude: 10.0, phase: harmonic });
+        }
+        let per_turn = zoom.samples_per_turn() as usize;
+        for n in 0..18 * per_turn {
+            let _ = zoom.push(&[at(&lines, n as f64 / per_turn as f64) as f32]);
+        }
+        let (level, place) = errors(&zoom, &lines[..wanted]);
+        println!("{grid} per pitch: {level} dB, {place} bin");
+        assert!(level < 0.02 && place < 0.02, "{grid} per pitch: {level} dB, {place} bin");
+    }
+}
+
+#[test]
 fn theory_lines_between_bins_within_a_tenth_of_a_decibel_and_bin() {
     for step in 0..10 {
         let mut lines = Vec::new();

@@ -1,12 +1,12 @@
-//! Sizes of an ELF image, as `size` counts them, and the places in the source from which it can panic: enough of
-//! ELF32 to read section headers, nothing more.
+//! Sizes of an ELF image, as `size` counts them, the places in the source from which it can panic, and its code by
+//! functions: enough of ELF32 to read section headers and symbols, nothing more.
 //!
 //! Every panic carries a `core::panic::Location`: pointer and length of the file's name, line, column. Whatever the
 //! optimiser proved impossible has lost its location too, so the locations left in the image's constants are the
 //! panics left, however much was inlined. A panic without a location (an `unwind` out of a `nounwind` function) would
 //! not be found; with `panic = "abort"` there are none.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Bytes a linked image needs.
@@ -92,12 +92,98 @@ fn shorten(path: &str) -> String {
     path.split_once("/library/").map_or(path.as_str(), |(_, rest)| rest).to_owned()
 }
 
+/// A function in an image's symbol table.
+#[derive(Debug, Clone, Copy)]
+pub struct Function {
+    /// First instruction.
+    pub address: u32,
+    /// Bytes, constants between the instructions included.
+    pub size: u32,
+}
+
+/// An image's memory and symbols.
+#[derive(Debug, Default)]
+pub struct Image<'a> {
+    /// Addresses and contents of what is loaded, the vector table first.
+    pub loaded: Vec<(u32, &'a [u8])>,
+    /// Functions.
+    pub functions: Vec<Function>,
+    /// Where constants begin and where code goes on, ascending.
+    pub borders: Vec<(u32, bool)>,
+    /// Values of symbols.
+    pub names: BTreeMap<&'a str, u32>,
+}
+
+impl<'a> Image<'a> {
+    /// Reads sections and symbols; `None` for what is no ELF32 image with symbols.
+    pub fn parse(bytes: &'a [u8]) -> Option<Self> {
+        let all: Vec<Section> = sections(bytes)?.collect();
+        let contents = |section: &Section| bytes.get(section.offset..section.offset + section.size);
+        let mut image = Self::default();
+        for section in all.iter().filter(|s| s.flags & SHF_ALLOC != 0 && s.kind != SHT_NOBITS && s.size > 0) {
+            image.loaded.push((section.address, contents(section)?));
+        }
+        image.loaded.sort_by_key(|(address, _)| *address);
+        let table = all.iter().find(|section| section.kind == SHT_SYMTAB)?;
+        let names = contents(all.get(table.link as usize)?)?;
+        for symbol in contents(table)?.chunks_exact(16) {
+            let (value, size, kind) = (word(symbol, 4)?, word(symbol, 8)?, symbol[12] & 15);
+            let name = names.get(word(symbol, 0)? as usize..)?.split(|&byte| byte == 0).next()?;
+            let name = std::str::from_utf8(name).ok()?;
+            match name.get(..2) {
+                Some("$d") => image.borders.push((value, false)),
+                Some("$t") => image.borders.push((value, true)),
+                _ => drop(image.names.insert(name, value)),
+            }
+            if kind == STT_FUNC && size > 0 {
+                image.functions.push(Function { address: value & !1, size });
+            }
+        }
+        // Where both stand at one address, code it is.
+        image.borders.sort_unstable();
+        Some(image)
+    }
+
+    /// Value of a symbol.
+    pub fn symbol(&self, name: &str) -> Option<u32> {
+        self.names.get(name).copied()
+    }
+
+    /// Half-word at an address.
+    pub fn half(&self, address: u32) -> Option<u32> {
+        self.loaded.iter().find_map(|(start, data)| half(data, address.checked_sub(*start)? as usize)).map(u32::from)
+    }
+
+    /// Where code goes on, if there are constants at an address.
+    pub fn data_end(&self, address: u32) -> Option<u32> {
+        let next = self.borders.partition_point(|(at, _)| *at <= address);
+        let (_, is_code) = self.borders.get(next.checked_sub(1)?)?;
+        let after = || self.borders[next..].iter().find(|(_, is_code)| *is_code).map_or(u32::MAX, |(at, _)| *at);
+        (!is_code).then(after)
+    }
+
+    /// The vector table.
+    pub fn vectors(&self) -> impl Iterator<Item = u32> {
+        words(self.loaded.first().map_or(&[], |(_, data)| data))
+    }
+
+    /// Everything outside the vector table that looks like the address of a function.
+    pub fn pointers(&self) -> impl Iterator<Item = u32> {
+        self.loaded.iter().skip(1).flat_map(|(_, data)| words(data)).filter(|word| word & 1 != 0).map(|word| word & !1)
+    }
+}
+
+fn words(data: &[u8]) -> impl Iterator<Item = u32> {
+    data.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes))
+}
+
 struct Section {
     kind: u32,
     flags: u32,
     address: u32,
     offset: usize,
     size: usize,
+    link: u32,
 }
 
 fn sections(bytes: &[u8]) -> Option<impl Iterator<Item = Section>> {
@@ -116,6 +202,7 @@ fn sections(bytes: &[u8]) -> Option<impl Iterator<Item = Section>> {
                 address: word(header, 12)?,
                 offset: word(header, 16)? as usize,
                 size: word(header, 20)? as usize,
+                link: word(header, 24)?,
             })
         })
         .collect();
@@ -124,7 +211,9 @@ fn sections(bytes: &[u8]) -> Option<impl Iterator<Item = Section>> {
 
 const SHF_WRITE: u32 = 1;
 const SHF_ALLOC: u32 = 2;
+const SHT_SYMTAB: u32 = 2;
 const SHT_NOBITS: u32 = 8;
+const STT_FUNC: u8 = 2;
 
 /// Reads the section headers of a little-endian ELF32 file.
 pub fn sizes(path: &Path) -> Result<Sizes, String> {

@@ -13,6 +13,7 @@ mod node_build;
 mod prove;
 mod setup;
 mod shell;
+mod stack_use;
 mod suite;
 
 use std::process::ExitCode;

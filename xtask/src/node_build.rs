@@ -4,6 +4,7 @@
 use crate::elf::{self, PanicSite, Sizes};
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, cargo, root, timed};
+use crate::stack_use::{self, StackUse};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -11,12 +12,18 @@ use std::path::PathBuf;
 /// One binary per board; the feature of the same name selects it.
 pub const BOARDS: [&str; 3] = ["an386", "stm32f405", "stm32f767"];
 
+/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu_runner.rs`.
+pub const IMAGES: [(&str, &str); 4] =
+    [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405"), ("stm32f767", "stm32f767")];
+
 /// The board the limits are meant for.
 const RELEASED: &str = "stm32f405";
 /// Bytes of flash a released image may take (issue 6).
 const FLASH_LIMIT: u64 = 160 * 1024;
 /// Bytes of static RAM a released image may take (issue 6): CCM and SRAM of the STM32F405 less the stack.
 const RAM_LIMIT: u64 = 160 * 1024;
+/// Bytes of the released image's stack that must stay free.
+const STACK_MARGIN: u32 = 8 * 1024;
 /// Growth over the snapshot that asks for a decision, percent. Paths of the build machine lie in the image too, so that
 /// exact sizes differ from one machine to the next.
 const GROWTH_PERCENT: u64 = 2;
@@ -30,10 +37,10 @@ pub fn run() -> Outcome {
 
 /// Builds all images.
 pub fn build() -> Outcome {
-    BOARDS.iter().try_for_each(|board| timed(&format!("firmware for {board}"), || run_build(board)))
+    IMAGES.iter().try_for_each(|(image, board)| timed(&format!("firmware {image}"), || run_build(image, board)))
 }
 
-fn run_build(board: &str) -> Outcome {
+fn run_build(image: &str, board: &str) -> Outcome {
     let feature = format!("board-{board}");
     crate::shell::run(&mut cargo(&[
         "build",
@@ -45,13 +52,13 @@ fn run_build(board: &str) -> Outcome {
         "--profile",
         "firmware",
         "--bin",
-        board,
+        image,
         "--features",
         &feature,
     ]))
 }
 
-/// Prints text, data and bss of each image, and the released image's panics; an error names every limit passed, every
+/// Prints text, data, bss and deepest stack of each image, and the released image's panics; an error names every limit passed, every
 /// growth over the snapshots in `tests/snapshots` and every panic of our own. `--bless` writes the snapshots anew.
 pub fn size(args: &[String]) -> Outcome {
     let bless = match args {
@@ -59,8 +66,9 @@ pub fn size(args: &[String]) -> Outcome {
         [only] if only == "--bless" => true,
         _ => return Err("size takes nothing but --bless".into()),
     };
-    let mut table = format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM");
-    let mut complaints = Vec::new();
+    let mut table =
+        format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM", "stack");
+    let (mut complaints, mut stacks) = (Vec::new(), Vec::new());
     let before = std::fs::read_to_string(snapshot("size.txt")).unwrap_or_default();
     for board in BOARDS {
         let path = image(board);
@@ -69,10 +77,24 @@ pub fn size(args: &[String]) -> Outcome {
         }
         let sizes: Sizes = elf::sizes(&path)?;
         let (flash, ram) = (sizes.flash(), sizes.ram());
-        let _ = writeln!(table, "{board:10} {:8} {:8} {:8} {flash:9} {ram:9}", sizes.text, sizes.data, sizes.bss);
+        let stack = stack_use::of(&path)?;
+        let _ = writeln!(
+            table,
+            "{board:10} {:8} {:8} {:8} {flash:9} {ram:9} {:9}",
+            sizes.text,
+            sizes.data,
+            sizes.bss,
+            stack.sum()
+        );
+        stacks.push((board, stack));
         if board == RELEASED {
             complain_above(&mut complaints, board, "flash", flash, FLASH_LIMIT);
             complain_above(&mut complaints, board, "RAM", ram, RAM_LIMIT);
+            let limit = stack.size.saturating_sub(STACK_MARGIN);
+            if stack.recursive {
+                complaints.push(format!("{board}: a function may call itself, so its stack has no bound"));
+            }
+            complain_above(&mut complaints, board, "stack", stack.sum().into(), limit.into());
         }
         if let Some((old_flash, old_ram)) = recorded(&before, board).filter(|_| !bless) {
             let grown = |old: u64| old + old * GROWTH_PERCENT / 100;
@@ -81,6 +103,13 @@ pub fn size(args: &[String]) -> Outcome {
         }
     }
     print!("{table}");
+    for (board, stack) in &stacks {
+        let StackUse { main, interrupt, fault, size, .. } = stack;
+        let sum = stack.sum();
+        println!(
+            "{board}: at most {main} bytes of stack in main + {interrupt} in an interrupt + {fault} in a fault = {sum} of {size}"
+        );
+    }
     let panics = check_panics(&mut complaints, bless)?;
     if bless {
         write_snapshot("size.txt", &table)?;

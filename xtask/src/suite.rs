@@ -1,6 +1,6 @@
 //! `cargo xtask test`: everything the project claims about itself, with a closing summary.
 
-use crate::node_build::{self, BOARDS};
+use crate::node_build::{self, IMAGES};
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, cargo, timed};
 use std::io::{BufRead, BufReader};
@@ -15,8 +15,8 @@ pub fn run() -> Outcome {
     report.step("lints of host crates", || {
         run_cargo(&["clippy", "--quiet", "--release", "--all-targets", "--", "--deny", "warnings"])
     });
-    for board in BOARDS {
-        report.step(&format!("lints of {board}"), || lint_board(board));
+    for (image, board) in IMAGES {
+        report.step(&format!("lints of {image}"), || lint_image(image, board));
     }
     report.step("documentation", || {
         crate::shell::run(cargo(&["doc", "--quiet", "--release", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"))
@@ -30,7 +30,7 @@ fn run_cargo(args: &[&str]) -> Outcome {
     crate::shell::run(&mut cargo(args))
 }
 
-fn lint_board(board: &str) -> Outcome {
+fn lint_image(image: &str, board: &str) -> Outcome {
     let feature = format!("board-{board}");
     run_cargo(&[
         "clippy",
@@ -43,7 +43,7 @@ fn lint_board(board: &str) -> Outcome {
         "firmware",
         "--lib",
         "--bin",
-        board,
+        image,
         "--features",
         &feature,
         "--",

@@ -3,6 +3,7 @@
 //! Interrupts share one priority, so none interrupts another; what they share with the main loop goes
 //! through queues. No device crate exists for this board: all interrupts arrive in one dispatcher.
 
+pub mod block_log;
 pub mod flash;
 pub mod registers;
 pub mod sampler;
@@ -10,7 +11,8 @@ pub mod tach;
 pub mod time;
 pub mod uart;
 
-use crate::pipeline::{BUFFERS, Codes, EDGE_QUEUE, Filled, Inbox, Request};
+use self::block_log::BlockLog;
+use crate::pipeline::{BUFFERS, Codes, Inbox, Queues, Request};
 use core::cell::RefCell;
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
@@ -127,6 +129,7 @@ impl Link for Wire {
 pub struct Board {
     inbox: Inbox,
     digest: CodeDigest,
+    log: &'static mut BlockLog,
     /// Bytes from and to the host.
     pub wire: Wire,
 }
@@ -157,20 +160,14 @@ impl Board {
     /// When called twice: the queues exist once.
     pub fn start(record: Replay<'static>, period_ticks: u32, wire: Wire) -> Self {
         let once = "the board is started once";
-        let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
-        let (mut free, free_out) =
-            singleton!(: Queue<&'static mut Codes, { BUFFERS + 1 }> = Queue::new()).expect(once).split();
-        let (edges_in, edges) = singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new()).expect(once).split();
         let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS]).expect(once);
-        for buffer in buffers {
-            // The queue holds one more than there are buffers.
-            let _ = free.enqueue(buffer);
-        }
+        let (outlets, inbox) = singleton!(: Queues = Queues::new()).expect(once).split(buffers);
+        let log = singleton!(: BlockLog = BlockLog::new()).expect(once);
         REQUEST.publish(period_ticks);
         critical_section::with(|token| {
             let time = TimeBase::start();
-            let mut sampler = Sampler::new(registers::timer0(), time, record, blocks_in, free_out, &REQUEST);
-            let mut tach = Tach::new(registers::timer1(), time, record, edges_in);
+            let mut sampler = Sampler::new(registers::timer0(), time, record, outlets.blocks, outlets.free, &REQUEST);
+            let mut tach = Tach::new(registers::timer1(), time, record, outlets.edges);
             sampler.start();
             tach.start();
             INTERRUPTS.borrow_ref_mut(token).replace(Interrupts { sampler, tach });
@@ -179,7 +176,7 @@ impl Board {
             // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
             unsafe { NVIC::unmask(line) };
         }
-        Self { inbox: Inbox { blocks, free, edges }, digest: CodeDigest::new(), wire }
+        Self { inbox, digest: CodeDigest::new(), log, wire }
     }
 
     /// Whether the record has ended. Blocks may still wait in the queue.
@@ -190,6 +187,11 @@ impl Board {
     /// Checksum of all codes handed over, as the host computes it.
     pub fn codes_crc(&self) -> u32 {
         self.digest.value()
+    }
+
+    /// The blocks handed over.
+    pub fn log(&self) -> &BlockLog {
+        self.log
     }
 
     /// Counters so far.
@@ -218,22 +220,21 @@ impl SampleClock for Board {
 }
 
 impl BlockSource for Board {
-    /// The border behind the running block: the record's edges before it are all known to precede that block's end.
     fn horizon(&self) -> u32 {
-        TimeBase::stamp(with_interrupts(|i| i.sampler.next_border()))
+        TimeBase::stamp(with_interrupts(|i| i.sampler.horizon()))
     }
 
     fn pending_end(&self) -> Option<u32> {
-        self.inbox.blocks.peek().map(Filled::end_tick)
+        self.inbox.pending_end()
     }
 
     fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
-        let Some(block) = self.inbox.blocks.dequeue() else { return false };
-        self.digest.update(&block.codes[..]);
-        consume(block.as_block());
-        // The queue of empty buffers has room for all of them.
-        let _ = self.inbox.free.enqueue(block.codes);
-        true
+        let (digest, log) = (&mut self.digest, &mut *self.log);
+        self.inbox.with_block(|block| {
+            digest.update(&block.codes[..]);
+            log.append(block);
+            consume(block.as_block());
+        })
     }
 }
 
@@ -274,7 +275,7 @@ impl Supervision for Board {
     fn wait(&mut self) {
         critical_section::with(|_| {
             // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
-            if !self.inbox.blocks.ready() && !self.wire.received.ready() {
+            if !self.inbox.has_block() && !self.wire.received.ready() {
                 cortex_m::asm::wfi();
             }
         });

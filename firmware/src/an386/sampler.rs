@@ -103,8 +103,13 @@ impl Sampler {
     }
 
     /// The border behind the running block, ticks of the record.
-    pub fn next_border(&self) -> u32 {
+    fn next_border(&self) -> u32 {
         self.border.saturating_add(self.periods.running * BLOCK_SAMPLES as u32)
+    }
+
+    /// Edges before this instant precede the end of a block still to come; once the record has ended, of the last one.
+    pub fn horizon(&self) -> u32 {
+        if self.finished { self.border } else { self.next_border() }
     }
 
     /// The timer's interrupt.

@@ -4,7 +4,7 @@
 #![no_std]
 #![no_main]
 
-use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_rt::{entry, exception};
 use defmt_semihosting as _;
 use meshband::board::{Link, Supervision};
 use meshband::buffers::Buffers;
@@ -13,6 +13,7 @@ use meshband::events::EventKind;
 use meshband::message::Request;
 use meshband::node::State;
 use meshband::replay::{Drill, Replay, START_TICK};
+use meshband::self_test::BootTest;
 use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
@@ -32,9 +33,19 @@ fn main() -> ! {
         process::exit(1)
     });
     rehearse(record.header().drill);
+    let test = BootTest::new(TicksPerSecond(CLOCK_HZ));
+    // The self-test at start needs much stack; what comes after it is measured by itself.
+    let boot = stack::high_water();
+    stack::repaint();
+    operate(record, test, boot, BUFFERS)
+}
+
+/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+#[inline(never)]
+fn operate(record: Replay<'static>, test: BootTest, boot: StackUse, buffers: &'static mut Buffers) -> ! {
     let mut store = Store::new(Flash::take(), 0);
-    let session = open_session(&record, &mut store, BUFFERS);
-    let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
+    let session = open_session(&record, &mut store, buffers);
+    let mut runner = Runner::new(session, store, test, TicksPerSecond(CLOCK_HZ), true);
     let mut wire = Wire::open();
     if record.header().waits_for_start {
         serve_until_start(&mut runner, &mut wire);
@@ -52,7 +63,10 @@ fn main() -> ! {
     }
     runner.on_request(Request::Statistics, &mut board);
     flush(&mut board.wire);
-    close(&board.statistics(), board.codes_crc(), stack::high_water())
+    // Before anything is printed: the node itself never formats text.
+    let operation = stack::high_water();
+    board.log().print();
+    close(&board.statistics(), board.codes_crc(), boot, operation)
 }
 
 /// Stopped, with the link alone, until the host asks to start.
@@ -107,14 +121,14 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
 }
 
 /// Prints the closing statistics and ends with success.
-fn close(statistics: &Statistics, codes_crc: u32, stack: StackUse) -> ! {
+fn close(statistics: &Statistics, codes_crc: u32, boot: StackUse, operation: StackUse) -> ! {
     let (sampling, (edges, edges_lost)) = (statistics.sampling, statistics.edges);
     eprintln!(
         "node: blocks={} lost={} missed={} edges={edges} edges_lost={edges_lost} link_lost={} dropped={} \
          codes_crc={codes_crc:08x}",
         sampling.blocks, sampling.lost, sampling.missed, statistics.link_lost, statistics.frames_dropped,
     );
-    eprintln!("node: stack {} of {} bytes", stack.used, stack.size);
+    eprintln!("node: stack_boot={} stack_operation={} stack_size={}", boot.used, operation.used, boot.size);
     eprintln!("node: finished");
     process::exit(0)
 }
@@ -148,9 +162,13 @@ unsafe fn DefaultHandler(number: i16) {
     an386::on_interrupt(number);
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    eprintln!("node: hard fault at {:#010x}", frame.pc());
+// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
+#[unsafe(no_mangle)]
+extern "C" fn on_fault(program_counter: u32, stack_overflow: bool) -> ! {
+    match stack_overflow {
+        true => eprintln!("node: stack overflow"),
+        false => eprintln!("node: hard fault at {program_counter:#010x}"),
+    }
     process::exit(3)
 }
 

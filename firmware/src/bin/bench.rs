@@ -6,23 +6,27 @@
 #![no_std]
 #![no_main]
 
-use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_rt::entry;
 use defmt_semihosting as _;
 use meshband::buffers::Buffers;
-use meshband::config::{Configuration, Sensor};
+use meshband::config::{Configuration, Sensor, TachWheel};
 use meshband::decimate::Cascade;
 use meshband::gear_condition;
 use meshband::indicators::RunEnsemble;
 use meshband::law::LawForm;
 use meshband::math;
 use meshband::mesh_band::{self, Chain, MeshPlan};
+use meshband::mesh_decimator::{Decimation, MeshDecimator};
 use meshband::node::Block;
 use meshband::peaks;
 use meshband::rate_plan::{RateGrant, RatePlan};
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig};
 use meshband::session::Session;
-use meshband::stream::Stream;
+use meshband::stream::{CHUNK, Stream};
+use meshband::tach::TachTracker;
 use meshband::units::{Hertz, TicksPerSecond};
+use meshband::window::Window;
+use meshband::zoom::{Averaging, ZoomConfig};
 use meshband_node::an386::registers::CLOCK_HZ;
 use meshband_node::an386::time::TimeBase;
 use meshband_node::pipeline::BLOCK_SAMPLES;
@@ -31,15 +35,24 @@ use semihosting::{eprintln, process};
 const CLOCK: TicksPerSecond = TicksPerSecond(CLOCK_HZ);
 const TEETH: u32 = 20;
 
-/// Counts instructions of a stretch of code.
+/// Counts instructions of a stretch of code, without those of counting.
 #[derive(Clone, Copy)]
-struct Counter(TimeBase);
+struct Counter {
+    time: TimeBase,
+    own_ticks: u32,
+}
 
 impl Counter {
+    fn start() -> Self {
+        let time = TimeBase::start();
+        let before = time.now();
+        Self { time, own_ticks: time.now().wrapping_sub(before) }
+    }
+
     fn count(self, work: impl FnOnce()) -> u64 {
-        let before = self.0.now();
+        let before = self.time.now();
         work();
-        u64::from(self.0.now().wrapping_sub(before)) * 40 / 64
+        u64::from(self.time.now().wrapping_sub(before).saturating_sub(self.own_ticks)) * 40 / 64
     }
 }
 
@@ -90,10 +103,10 @@ fn grant(config: &Configuration, speed_hz: u32) -> RateGrant {
 fn main() -> ! {
     static mut BUFFERS: Buffers = Buffers::ZERO;
     static mut RECORD: [f32; 4096] = [0.0; 4096];
-    let counter = Counter(TimeBase::start());
+    let counter = Counter::start();
     let config = configuration();
     stages(counter, RECORD);
-    for speed_hz in [1, 5, 10, 25] {
+    for speed_hz in [1, 2, 5, 10, 15, 20, 25] {
         mesh_path(counter, &config, speed_hz, BUFFERS.chain());
     }
     whole(counter, config.clone(), 25, "chain", BUFFERS);
@@ -119,6 +132,24 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
         }
         report("decimate-per-4096-samples", u32::from(stages), total);
     }
+    let wheel = TachWheel { pulses_per_turn: 60, missing: 2, ..Configuration::default().tach };
+    let mut tach = TachTracker::new(wheel, CLOCK);
+    let mut total = 0;
+    for position in (1u64..=1000).filter(|position| position % 60 < 58) {
+        total += counter.count(|| tach.on_pulse((1 << 33) + position * 16_667));
+    }
+    report("tach-per-967-pulses", 25, total);
+    for (comb, stages) in [(7, 2), (16, 2), (16, 5)] {
+        let mut decimator = MeshDecimator::new(Decimation { comb, stages });
+        let mut total = 0;
+        for _ in 0..32 {
+            let codes: [u16; 128] = core::array::from_fn(|_| signal.code());
+            total += counter.count(|| {
+                core::hint::black_box(decimator.process(&codes, 0.1, 32_768));
+            });
+        }
+        report("mesh-decimate-per-4096-codes", 100 * u32::from(comb) + u32::from(stages), total);
+    }
     let fill = |record: &mut [f32], signal: &mut Signal| record.iter_mut().for_each(|x| *x = signal.next());
     fill(record, &mut signal);
     report(
@@ -128,6 +159,9 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
             core::hint::black_box(microfft::real::rfft_4096(record));
         }),
     );
+    fill(record, &mut signal);
+    let (samples, window) = record.split_at_mut(2048);
+    report("window-and-power-2048", 0, counter.count(|| window_and_power(samples, window)));
     fill(record, &mut signal);
     report(
         "wideband-peaks",
@@ -162,38 +196,59 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
     );
 }
 
+/// What a spectrum needs beside its transform: a window from a table and the averaged power of each bin, four at a time as
+/// CMSIS-DSP does it.
+#[inline(never)]
+fn window_and_power(samples: &mut [f32], other: &mut [f32]) {
+    for (x, w) in samples.chunks_exact_mut(4).zip(other.chunks_exact(4)) {
+        if let ([a, b, c, d], [p, q, r, s]) = (x, w) {
+            (*a, *b, *c, *d) = (*a * p, *b * q, *c * r, *d * s);
+        }
+    }
+    for (x, mean) in samples.chunks_exact(4).zip(other.chunks_exact_mut(2)) {
+        if let ([a, b, c, d], [one, two]) = (x, mean) {
+            (*one, *two) = (*one + 0.25 * (a * a + b * b - *one), *two + 0.25 * (c * c + d * d - *two));
+        }
+    }
+    core::hint::black_box((samples, other));
+}
+
 /// From codes to mesh-band spectra without anything else, instructions per second of signal.
 fn mesh_path(counter: Counter, config: &Configuration, speed_hz: u32, chain: &mut Chain) {
     let grant = grant(config, speed_hz);
     let plan = MeshPlan::new(config, Hertz(speed_hz as f32), grant.adc);
-    mesh_band::configure(chain, config);
+    let turns = mesh_band::record_turns(TEETH as u16);
+    let averaging = Averaging::Linear { records: 1 };
+    // The average is full after one turn and costs nothing from then on.
+    let zoom = ZoomConfig { teeth: TEETH as u16, turns, window: Window::Hann, averaging };
+    if chain.configure(zoom, 32, 1).is_err() {
+        process::exit(1);
+    }
     let mut stream = Stream::new();
-    stream.restart(1 << 32, grant.period_ticks, plan.stages);
+    stream.restart(1 << 32, grant.period_ticks, plan.decimation);
+    chain.set_samples_per_pitch(usize::from(plan.samples_per_pitch));
     let mut signal = Signal::new(speed_hz, grant.period_ticks);
     let sensor = Sensor { acceleration_per_code: config.sensor.acceleration_per_code, zero_code: 32_768 };
     let (mut filter, mut order, mut ticks, mut mark) = (0u64, 0u64, 0u64, 0u64);
     let turn_ticks = u64::from(CLOCK_HZ / speed_hz);
-    // Whole turns; the averages are left out.
-    let turns = if speed_hz < 5 { 6 } else { 20 };
+    // Whole turns: one record's worth and the same at any speed.
+    let turns = 2 * u64::from(turns);
     while ticks < turns * turn_ticks {
-        let codes: [u16; 128] = core::array::from_fn(|_| signal.code());
-        let mut kept = ([0.0f32; 128], 0usize, 0u64, 1u32);
-        filter += counter.count(|| {
-            stream.push(
-                &codes,
-                &sensor,
-                |_, _| {},
-                |samples, tick, period| {
-                    kept.0[..samples.len()].copy_from_slice(samples);
-                    (kept.1, kept.2, kept.3) = (samples.len(), tick, period);
-                },
-            );
-        });
-        ticks += 128 * u64::from(grant.period_ticks);
-        order += counter.count(|| {
+        // As the node does it: samples per chunk, turns per block.
+        for _ in 0..BLOCK_SAMPLES / CHUNK {
+            let codes: [u16; CHUNK] = core::array::from_fn(|_| signal.code());
+            let mut kept = ([0.0f32; CHUNK], 0usize, 0u64, 1u32);
+            let take = |samples: &[f32], tick: u64, period: u32| {
+                kept.0[..samples.len()].copy_from_slice(samples);
+                (kept.1, kept.2, kept.3) = (samples.len(), tick, period);
+            };
+            filter += counter.count(|| stream.push(&codes, &sensor, |_, _| {}, take));
+            ticks += CHUNK as u64 * u64::from(grant.period_ticks);
             if kept.1 > 0 {
-                chain.push_samples(&kept.0[..kept.1], kept.2 as u32, kept.3);
+                order += counter.count(|| chain.push_samples(&kept.0[..kept.1], kept.2 as u32, kept.3));
             }
+        }
+        order += counter.count(|| {
             while mark * turn_ticks < ticks {
                 chain.push_mark((mark * turn_ticks) as u32);
                 mark += 1;
@@ -205,6 +260,7 @@ fn mesh_path(counter: Counter, config: &Configuration, speed_hz: u32, chain: &mu
     report("mesh-decimation-per-s", speed_hz, per_second(filter));
     report("mesh-order-domain-per-s", speed_hz, per_second(order));
     report("law-rate-hz", speed_hz, grant.output.0 as u64);
+    report("law-stages", speed_hz, u64::from(grant.stages));
     report("adc-rate-hz", speed_hz, grant.adc.0 as u64);
 }
 
@@ -244,9 +300,10 @@ fn whole(counter: Counter, config: Configuration, speed_hz: u32, name: &str, buf
     eprintln!("bench: {name}-link-bytes@{speed_hz} {bytes}");
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    eprintln!("bench: hard fault at {:#010x}", frame.pc());
+// SAFETY: no other symbol has this name; the entry of the fault (`meshband_node::fault`) calls it.
+#[unsafe(no_mangle)]
+extern "C" fn on_fault(program_counter: u32, _stack_overflow: bool) -> ! {
+    eprintln!("bench: hard fault at {program_counter:#010x}");
     process::exit(3)
 }
 

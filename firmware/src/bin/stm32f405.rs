@@ -3,69 +3,49 @@
 #![no_main]
 
 use cortex_m::singleton;
-use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_rt::{entry, exception};
 use defmt_rtt as _;
-use meshband::board::SampleClock;
 use meshband::buffers::Buffers;
-use meshband::events::EventKind;
-use meshband::session::Session;
+use meshband::self_test::BootTest;
 use meshband::store::Store;
-use meshband_node::crash;
+use meshband_node::crash::{self, Cause};
 use meshband_node::runner::{BoardEvent, Runner};
 use meshband_node::stm32f405::config_flash::ConfigFlash;
-use meshband_node::stm32f405::{Board, TIME_BASE, power_up, set_light};
+use meshband_node::stm32f405::{Board, Power, TIME_BASE, power_up, set_light};
 use meshband_stm32::clock::Oscillator;
+use meshband_stm32::reset::ResetCause;
+
+meshband_node::restart_on_failure!();
 
 #[entry]
 fn main() -> ! {
     let power = power_up();
     // Lit until the main loop runs.
     set_light(true);
-    match start(power.oscillator == Oscillator::Crystal) {
-        Some((mut runner, mut board)) => {
-            runner.session().node_mut().note(EventKind::Started, power.reset_cause as u32);
-            if let Some(crash) = crash::last() {
-                defmt::error!(
-                    "restarted after crash {=u32} at {=str}:{=u32:x}",
-                    crash.count,
-                    crash.file(),
-                    crash.place
-                );
-                runner.note(BoardEvent::Crash, crash.place);
-            }
-            let mut restarts = 0;
-            loop {
-                let worked = runner.turn(&mut board);
-                runner.watch_stack(board.now());
-                if board.restarts() != restarts {
-                    restarts = board.restarts();
-                    runner.note(BoardEvent::SamplingRestarted, restarts);
-                }
-                if !worked {
-                    meshband::board::Supervision::wait(&mut board);
-                }
-            }
-        }
-        None => crash::record_and_reset(0, "start"),
-    }
+    operate(&power, BootTest::new(TIME_BASE))
 }
 
-/// Configuration, node and board; `None` only if this ran before.
-fn start(crystal: bool) -> Option<(Runner<ConfigFlash>, Board)> {
-    let mut store = Store::new(ConfigFlash::take()?, 0);
-    let (configuration, origin) = store.load(TIME_BASE.0);
-    let wheel = configuration.tach;
-    let buffers = singleton!(: Buffers = Buffers::ZERO)?;
-    let mut session = Session::with_buffers(configuration, TIME_BASE, buffers).ok()?;
-    if let Some(complaint) = origin.complaint() {
-        session.node_mut().note(EventKind::ConfigurationRefused, complaint);
+/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+#[inline(never)]
+fn operate(power: &Power, test: BootTest) -> ! {
+    let (Some(flash), Some(buffers)) = (ConfigFlash::take(), singleton!(: Buffers = Buffers::ZERO)) else {
+        crash::on_cause(Cause::Start)
+    };
+    let crystal = power.oscillator == Oscillator::Crystal;
+    let mut runner = Runner::open(Store::new(flash, 0), test, TIME_BASE, crystal, buffers);
+    runner.report_start(power.reset_cause as u32, power.reset_cause == ResetCause::Software);
+    let node = runner.session().node();
+    let (wheel, period) = (node.configuration().tach, node.requested_period_ticks());
+    let Some(mut board) = Board::start(period, &wheel) else { crash::on_cause(Cause::Start) };
+    let mut restarts = 0;
+    loop {
+        runner.work(&mut board);
+        board.follow_wheel(&runner.session().node().configuration().tach);
+        if board.restarts() != restarts {
+            restarts = board.restarts();
+            runner.note(BoardEvent::SamplingRestarted, restarts);
+        }
     }
-    let period = session.node().requested_period_ticks();
-    let mut runner = Runner::new(session, store, TIME_BASE, crystal);
-    if !crystal {
-        runner.note(BoardEvent::InternalOscillator, 0);
-    }
-    Some((runner, Board::start(period, &wheel)?))
 }
 
 /// Only ends the main loop's sleep.
@@ -75,15 +55,5 @@ fn SysTick() {}
 /// The crystal has failed: start again, on the internal oscillator.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    crash::record_and_reset(0, "crystal")
-}
-
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    crash::record_and_reset(frame.pc(), "")
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    crash::on_panic(info)
+    crash::on_cause(Cause::Crystal)
 }

@@ -12,27 +12,31 @@
 use core::ptr;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 use cortex_m::singleton;
-use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_rt::{entry, exception};
 use defmt_rtt as _;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
-use heapless::spsc::{Consumer, Producer, Queue};
+use heapless::spsc::{Consumer, Producer};
 use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
 use meshband::buffers::Buffers;
 use meshband::node::Block;
-use meshband::session::Session;
+use meshband::self_test::BootTest;
 use meshband::store::Store;
 use meshband::units::TicksPerSecond;
-use meshband_node::crash;
+use meshband_node::crash::{self, Cause};
 use meshband_node::interrupt_cell::InterruptCell;
-use meshband_node::pipeline::{BLOCK_SAMPLES, BUFFERS, Codes, EDGE_QUEUE, Filled, Inbox, Request};
-use meshband_node::runner::Runner;
+use meshband_node::pipeline::{BLOCK_SAMPLES, BUFFERS, Codes, Filled, Inbox, Queues, Request};
+use meshband_node::receive_circle::ReceiveCircle;
+use meshband_node::runner::{BoardEvent, Runner};
 use meshband_node::send_ring::SendRing;
 use meshband_stm32::block_stamp::{Borders, is_aligned};
 use meshband_stm32::filter::Filter;
 use meshband_stm32::period::reload_of;
+use meshband_stm32::reset::ResetCause;
 use stm32f7::stm32f767::{self as pac, Interrupt, interrupt};
+
+meshband_node::restart_on_failure!();
 
 const TIME_BASE: TicksPerSecond = TicksPerSecond(84_000_000);
 const RECEIVE_BYTES: usize = 1024;
@@ -76,8 +80,10 @@ fn waits(mut ready: impl FnMut() -> bool) -> bool {
     (0..100_000).any(|_| ready())
 }
 
-/// Clocks, pins and watchdog.
-fn power_up() {
+/// Clocks, pins and watchdog; gives whether a crystal runs, and why the node started.
+fn power_up() -> (bool, ResetCause) {
+    let cause = ResetCause::of_flags(rcc().csr().read().bits());
+    raise!(rcc().csr(), 1 << 24); // RMVF
     raise!(rcc().cr(), 1 << 16); // HSEON
     let crystal = waits(|| rcc().cr().read().bits() & 1 << 17 != 0);
     put!(flash().acr(), 5 | 1 << 8 | 1 << 9); // LATENCY 5, PRFTEN, ARTEN
@@ -88,7 +94,7 @@ fn power_up() {
     raise!(rcc().cfgr(), 0b101 << 10 | 0b100 << 13); // APB1 by 4, APB2 by 2
     raise!(rcc().cfgr(), 0b10); // SW: PLL
     if !locked || !waits(|| rcc().cfgr().read().bits() >> 2 & 3 == 0b10) {
-        crash::record_and_reset(0, "PLL");
+        crash::on_cause(Cause::Pll);
     }
     raise!(rcc().ahb1enr(), 1 | 1 << 1 | 1 << 21 | 1 << 22); // GPIOA, GPIOB, DMA1, DMA2
     raise!(rcc().apb1enr(), 1 | 1 << 1 | 1 << 3); // TIM2, TIM3, TIM5
@@ -104,12 +110,17 @@ fn power_up() {
     put!(iwdg().kr(), 0x5555);
     put!(iwdg().pr(), 6);
     put!(iwdg().rlr(), 999); // 8 s at 32 kHz
+    if crystal {
+        raise!(rcc().cr(), 1 << 19); // CSSON
+    }
+    (crystal, cause)
 }
 
 static REQUEST: Request = Request::new();
 /// The word DMA copies to the sample timer's reload at each border.
 static RELOAD: AtomicU32 = AtomicU32::new(0);
 static LOST_EDGES: AtomicU32 = AtomicU32::new(0);
+static RESTARTS: AtomicU32 = AtomicU32::new(0);
 static TACH: InterruptCell<Tach> = InterruptCell::new();
 static SAMPLING: InterruptCell<Sampling> = InterruptCell::new();
 
@@ -168,6 +179,7 @@ impl Sampling {
         let blocks = 3 << 16 | 1 << 18 | 0b01 << 13 | 0b01 << 11 | 1 << 10 | 1 << 8 | 1 << 4 | 1 << 2;
         start_stream(dma2(), 0, ptr::from_ref(adc1().dr()) as u32, first, BLOCK_SAMPLES as u16, blocks);
         put!(adc_common().ccr(), 0b01 << 16); // 84 MHz / 4
+        put!(adc1().cr1(), 1 << 26); // OVRIE: after an overrun no block would ever be complete
         put!(adc1().smpr2(), 1 << 3); // channel 1: 15 cycles
         put!(adc1().sqr3(), 1);
         // EXTEN rising, EXTSEL TIM2 TRGO (1011 in this family), left-aligned, DDS, DMA, ADON.
@@ -177,6 +189,23 @@ impl Sampling {
         raise!(tim2().cr1(), 1);
     }
 
+    fn restart(&mut self) {
+        put!(tim2().cr1(), 0);
+        put!(tim3().cr1(), 0);
+        put!(tim3().dier(), 0);
+        put!(adc1().cr2(), 0);
+        put!(adc1().sr(), 0);
+        RESTARTS.store(RESTARTS.load(Ordering::Relaxed).saturating_add(1), Ordering::Relaxed);
+        self.borders.restart();
+        self.start();
+    }
+
+    fn on_overrun(&mut self) {
+        if adc1().sr().read().bits() & 1 << 5 != 0 {
+            self.restart();
+        }
+    }
+
     fn on_interrupt(&mut self) {
         let flags = dma2().lisr().read().bits();
         put!(dma2().lifcr(), 0x3d);
@@ -184,13 +213,7 @@ impl Sampling {
         let (counted, left) = (tim3().cnt().read().bits() as u16, stream.ndtr().read().bits() as u16);
         let overrun = adc1().sr().read().bits() & 1 << 5 != 0;
         if flags & 0b1100 != 0 || overrun || !is_aligned(counted, left) {
-            put!(tim2().cr1(), 0);
-            put!(tim3().cr1(), 0);
-            put!(tim3().dier(), 0);
-            put!(adc1().cr2(), 0);
-            put!(adc1().sr(), 0);
-            self.borders.restart();
-            self.start();
+            self.restart();
             return;
         }
         if flags & 1 << 5 == 0 {
@@ -202,8 +225,11 @@ impl Sampling {
         if missed {
             put!(tim5().sr(), !(1 << 10));
         }
-        let stamp = self.borders.on_border(last_tick, missed, REQUEST.latest());
-        RELOAD.store(reload_of(self.borders.published()), Ordering::Relaxed);
+        let next = tim2().arr().read().bits().wrapping_add(1);
+        let next = (tim5().sr().read().bits() & 1 << 2 == 0).then_some(next);
+        let stamp = self.borders.on_border(last_tick, missed, next);
+        RELOAD.store(self.borders.publish(REQUEST.latest()), Ordering::Relaxed);
+        let Some(stamp) = stamp else { return };
         let second_filling = stream.cr().read().bits() & 1 << 19 != 0;
         let [first, second] = &mut self.filling;
         let place = if second_filling { first } else { second };
@@ -230,8 +256,14 @@ impl Sampling {
 
 #[interrupt]
 fn DMA2_STREAM0() {
-    // SAFETY: this is the one handler.
+    // SAFETY: this handler and the next share a priority.
     unsafe { SAMPLING.with(Sampling::on_interrupt) };
+}
+
+#[interrupt]
+fn ADC() {
+    // SAFETY: as above.
+    unsafe { SAMPLING.with(Sampling::on_overrun) };
 }
 
 #[interrupt]
@@ -256,23 +288,18 @@ fn TIM5() {
 /// The board as the main loop sees it.
 struct Board {
     inbox: Inbox,
-    received: &'static [u8; RECEIVE_BYTES],
-    read_position: usize,
+    received: ReceiveCircle<RECEIVE_BYTES>,
     ring: SendRing,
 }
 
 impl Board {
     fn start(period_ticks: u32, filter: Filter) -> Option<Self> {
-        let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new())?.split();
-        let (mut free, mut free_out) = singleton!(: Queue<&'static mut Codes, { BUFFERS + 1 }> = Queue::new())?.split();
-        let (edges_in, edges) = singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new())?.split();
-        for buffer in singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])? {
-            let _ = free.enqueue(buffer);
-        }
+        let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])?;
+        let (mut outlets, inbox) = singleton!(: Queues = Queues::new())?.split(buffers);
         let received = singleton!(: [u8; RECEIVE_BYTES] = [0; RECEIVE_BYTES])?;
         let ring = SendRing::new(singleton!(: [u8; SEND_BYTES] = [0; SEND_BYTES])?);
         put!(usart1().brr(), 91); // 84 MHz / 91 = 923 kbit/s
-        put!(usart1().cr3(), 1 << 7 | 1 << 6); // DMAT, DMAR
+        put!(usart1().cr3(), 1 << 12 | 1 << 7 | 1 << 6); // OVRDIS, DMAT, DMAR
         put!(usart1().cr1(), 1 | 1 << 2 | 1 << 3); // UE, RE, TE
         let circle = 4 << 25 | 1 << 16 | 1 << 10 | 1 << 8;
         let register = ptr::from_ref(usart1().rdr()) as u32;
@@ -286,23 +313,24 @@ impl Board {
         put!(tim5().egr(), 1);
         put!(tim5().dier(), 1 << 1);
         raise!(tim5().cr1(), 1);
-        let filling = [free_out.dequeue()?, free_out.dequeue()?];
+        let filling = [outlets.free.dequeue()?, outlets.free.dequeue()?];
         let borders = Borders::starting(period_ticks);
-        let mut sampling = Sampling { borders, filling, blocks: blocks_in, free: free_out };
+        let mut sampling = Sampling { borders, filling, blocks: outlets.blocks, free: outlets.free };
         sampling.start();
-        // SAFETY: both interrupts are still masked; the timer of the core has no other user.
+        // SAFETY: the interrupts are still masked; the timer of the core has no other user.
         let mut system_timer = unsafe {
             SAMPLING.install(sampling);
-            TACH.install(Tach { edges: edges_in, filter });
+            TACH.install(Tach { edges: outlets.edges, filter });
             cortex_m::peripheral::NVIC::unmask(Interrupt::TIM5);
             cortex_m::peripheral::NVIC::unmask(Interrupt::DMA2_STREAM0);
+            cortex_m::peripheral::NVIC::unmask(Interrupt::ADC);
             cortex_m::Peripherals::steal().SYST
         };
         system_timer.set_reload(839_999); // 5 ms of the core's clock
         system_timer.set_clock_source(cortex_m::peripheral::syst::SystClkSource::Core);
         system_timer.enable_interrupt();
         system_timer.enable_counter();
-        Some(Self { inbox: Inbox { blocks, free, edges }, received, read_position: 0, ring })
+        Some(Self { inbox, received: ReceiveCircle::new(received), ring })
     }
 }
 
@@ -326,14 +354,11 @@ impl BlockSource for Board {
     }
 
     fn pending_end(&self) -> Option<u32> {
-        self.inbox.blocks.peek().map(Filled::end_tick)
+        self.inbox.pending_end()
     }
 
     fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
-        let Some(block) = self.inbox.blocks.dequeue() else { return false };
-        consume(block.as_block());
-        let _ = self.inbox.free.enqueue(block.codes);
-        true
+        self.inbox.with_block(|block| consume(block.as_block()))
     }
 }
 
@@ -356,13 +381,7 @@ impl Link for Board {
 
     fn receive(&mut self) -> Option<u8> {
         let left = dma2().st(5).ndtr().read().bits() as usize;
-        if self.read_position == RECEIVE_BYTES.saturating_sub(left) % RECEIVE_BYTES {
-            return None;
-        }
-        let place = self.received.get(self.read_position)?;
-        self.read_position = (self.read_position + 1) % RECEIVE_BYTES;
-        // SAFETY: a valid place; volatile, because DMA writes there behind the compiler's back.
-        Some(unsafe { ptr::read_volatile(place) })
+        self.received.next(RECEIVE_BYTES.saturating_sub(left) % RECEIVE_BYTES)
     }
 
     fn pump(&mut self) {
@@ -390,11 +409,7 @@ impl Supervision for Board {
     }
 
     fn wait(&mut self) {
-        cortex_m::interrupt::free(|_| {
-            if !self.inbox.blocks.ready() {
-                cortex_m::asm::wfi();
-            }
-        });
+        self.inbox.wait();
     }
 }
 
@@ -474,26 +489,29 @@ impl NorFlash for ConfigFlash {
     }
 }
 
-fn start() -> Option<(Runner<ConfigFlash>, Board)> {
-    let mut store = Store::new(ConfigFlash, 0);
-    let (configuration, _) = store.load(TIME_BASE.0);
-    let pulses_hz = configuration.tach.highest.0 * f32::from(configuration.tach.pulses_per_turn);
-    let filter = Filter::for_interval((TIME_BASE.0 as f32 / pulses_hz) as u32);
-    let buffers = singleton!(: Buffers = Buffers::ZERO)?;
-    let session = Session::with_buffers(configuration, TIME_BASE, buffers).ok()?;
-    let period = session.node().requested_period_ticks();
-    Some((Runner::new(session, store, TIME_BASE, true), Board::start(period, filter)?))
-}
-
 #[entry]
 fn main() -> ! {
-    power_up();
-    let Some((mut runner, mut board)) = start() else { crash::record_and_reset(0, "start") };
+    let (crystal, cause) = power_up();
+    operate(crystal, cause, BootTest::new(TIME_BASE))
+}
+
+/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+#[inline(never)]
+fn operate(crystal: bool, cause: ResetCause, test: BootTest) -> ! {
+    let Some(buffers) = singleton!(: Buffers = Buffers::ZERO) else { crash::on_cause(Cause::Start) };
+    let mut runner = Runner::open(Store::new(ConfigFlash, 0), test, TIME_BASE, crystal, buffers);
+    runner.report_start(cause as u32, cause == ResetCause::Software);
+    let node = runner.session().node();
+    let (wheel, period) = (node.configuration().tach, node.requested_period_ticks());
+    let filter = Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, TIME_BASE.0);
+    let Some(mut board) = Board::start(period, filter) else { crash::on_cause(Cause::Start) };
+    let mut restarts = 0;
     loop {
-        let worked = runner.turn(&mut board);
-        runner.watch_stack(board.now());
-        if !worked {
-            board.wait();
+        runner.work(&mut board);
+        let now = RESTARTS.load(Ordering::Relaxed);
+        if now != restarts {
+            restarts = now;
+            runner.note(BoardEvent::SamplingRestarted, restarts);
         }
     }
 }
@@ -502,12 +520,8 @@ fn main() -> ! {
 #[exception]
 fn SysTick() {}
 
+/// The crystal has failed: start again, on the internal oscillator.
 #[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    crash::record_and_reset(frame.pc(), "")
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    crash::on_panic(info)
+unsafe fn NonMaskableInt() -> ! {
+    crash::on_cause(Cause::Crystal)
 }

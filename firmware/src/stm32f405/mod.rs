@@ -1,18 +1,19 @@
 //! STM32F405RG at 168 MHz: the register programs of `meshband-stm32` put to work on the chip.
 //!
-//! Two interrupts, of one priority: a tach edge and a complete block. Everything else is polled by the main loop behind
+//! Three interrupts, of one priority: a tach edge, a complete block, an overrun of the converter. Everything else is polled by the main loop behind
 //! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
 
 pub mod config_flash;
 mod sampling;
 mod tach;
 
-use crate::pipeline::{BUFFERS, Codes, EDGE_QUEUE, Filled, Inbox, Request};
+use crate::crash::{self, Cause};
+use crate::pipeline::{BUFFERS, Codes, Inbox, Queues, Request};
+use crate::receive_circle::ReceiveCircle;
 use crate::send_ring::SendRing;
 use core::ptr;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
-use heapless::spsc::Queue;
 use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
 use meshband::config::TachWheel;
 use meshband::node::Block;
@@ -45,9 +46,9 @@ pub struct Power {
 /// The board as the main loop sees it.
 pub struct Board {
     inbox: Inbox,
-    received: &'static [u8; RECEIVE_BYTES],
-    read_position: u16,
+    received: ReceiveCircle<RECEIVE_BYTES>,
     ring: SendRing,
+    wheel: TachWheel,
 }
 
 macro_rules! device {
@@ -85,7 +86,7 @@ pub fn power_up() -> Power {
     let oscillator = match clock::start(rcc(), flash()) {
         Ok(oscillator) => oscillator,
         // At 16 MHz neither link nor rates would be right: try again from reset.
-        Err(clock::PllFault) => crate::crash::record_and_reset(0, "PLL"),
+        Err(clock::PllFault) => crash::on_cause(Cause::Pll),
     };
     clock::enable_peripherals(rcc());
     pins::configure(port_a(), port_c());
@@ -101,13 +102,8 @@ pub fn set_light(lit: bool) {
 impl Board {
     /// Starts link, time base, tach and sampling at `period_ticks`; `None` when called twice.
     pub fn start(period_ticks: u32, wheel: &TachWheel) -> Option<Self> {
-        let (blocks_in, blocks) = singleton!(: Queue<Filled, { BUFFERS + 1 }> = Queue::new())?.split();
-        let (mut free, free_out) = singleton!(: Queue<&'static mut Codes, { BUFFERS + 1 }> = Queue::new())?.split();
-        let (edges_in, edges) = singleton!(: Queue<u32, EDGE_QUEUE> = Queue::new())?.split();
-        for buffer in singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])? {
-            // The queue holds one more than there are buffers.
-            let _ = free.enqueue(buffer);
-        }
+        let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])?;
+        let (outlets, inbox) = singleton!(: Queues = Queues::new())?.split(buffers);
         let received = singleton!(: [u8; RECEIVE_BYTES] = [0; RECEIVE_BYTES])?;
         let ring = SendRing::new(singleton!(: [u8; SEND_BYTES] = [0; SEND_BYTES])?);
         uart::start(usart1());
@@ -116,11 +112,13 @@ impl Board {
             uart::start_reception(dma2(), data_address(), received.as_mut_ptr() as u32, RECEIVE_BYTES as u16);
         }
         REQUEST.publish(period_ticks);
-        let filter = tach_filter(wheel);
+        let filter = Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, clock::TIMER_HZ);
         time_base::start(tim5(), Edge::Rising, filter);
-        tach::install(edges_in, filter);
-        sampling::install(period_ticks, blocks_in, free_out, &REQUEST)?;
-        for line in [Interrupt::TIM5, Interrupt::DMA2_STREAM0] {
+        tach::set_filter(filter);
+        tach::install(outlets.edges);
+        sampling::install(period_ticks, outlets.blocks, outlets.free, &REQUEST)?;
+        // All of one priority, as reset leaves them: none interrupts another.
+        for line in [Interrupt::TIM5, Interrupt::DMA2_STREAM0, Interrupt::ADC] {
             // SAFETY: the state the handlers work on is complete, and nothing relies on these lines being masked.
             unsafe { cortex_m::peripheral::NVIC::unmask(line) };
         }
@@ -131,19 +129,21 @@ impl Board {
         system_timer.clear_current();
         system_timer.enable_interrupt();
         system_timer.enable_counter();
-        Some(Self { inbox: Inbox { blocks, free, edges }, received, read_position: 0, ring })
+        Some(Self { inbox, received: ReceiveCircle::new(received), ring, wheel: *wheel })
+    }
+
+    /// Sets the tach's filter to another wheel, where it is another.
+    pub fn follow_wheel(&mut self, wheel: &TachWheel) {
+        if *wheel != self.wheel {
+            self.wheel = *wheel;
+            tach::set_filter(Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, clock::TIMER_HZ));
+        }
     }
 
     /// Times sampling had to be started anew because samples had lost step with their triggers.
     pub fn restarts(&self) -> u32 {
         sampling::restarts()
     }
-}
-
-/// The filter for a wheel: by its shortest believable pulse interval.
-fn tach_filter(wheel: &TachWheel) -> Filter {
-    let pulses_hz = wheel.highest.0 * f32::from(wheel.pulses_per_turn);
-    Filter::for_interval((clock::TIMER_HZ as f32 / pulses_hz) as u32)
 }
 
 fn data_address() -> u32 {
@@ -170,15 +170,11 @@ impl BlockSource for Board {
     }
 
     fn pending_end(&self) -> Option<u32> {
-        self.inbox.blocks.peek().map(Filled::end_tick)
+        self.inbox.pending_end()
     }
 
     fn with_block(&mut self, consume: &mut dyn FnMut(Block<'_>)) -> bool {
-        let Some(block) = self.inbox.blocks.dequeue() else { return false };
-        consume(block.as_block());
-        // The queue of empty buffers has room for all of them.
-        let _ = self.inbox.free.enqueue(block.codes);
-        true
+        self.inbox.with_block(|block| consume(block.as_block()))
     }
 }
 
@@ -200,14 +196,7 @@ impl Link for Board {
     }
 
     fn receive(&mut self) -> Option<u8> {
-        if self.read_position == uart::write_position(dma2(), RECEIVE_BYTES as u16) {
-            return None;
-        }
-        let place = self.received.get(usize::from(self.read_position))?;
-        // SAFETY: a valid place; volatile, because DMA writes there behind the compiler's back.
-        let byte = unsafe { ptr::read_volatile(place) };
-        self.read_position = (self.read_position + 1) % RECEIVE_BYTES as u16;
-        Some(byte)
+        self.received.next(uart::write_position(dma2(), RECEIVE_BYTES as u16).into())
     }
 
     fn pump(&mut self) {
@@ -235,11 +224,6 @@ impl Supervision for Board {
     }
 
     fn wait(&mut self) {
-        cortex_m::interrupt::free(|_| {
-            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
-            if !self.inbox.blocks.ready() {
-                cortex_m::asm::wfi();
-            }
-        });
+        self.inbox.wait();
     }
 }

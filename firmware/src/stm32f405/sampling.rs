@@ -1,8 +1,9 @@
 //! The block interrupt: a complete buffer out, a fresh one in, the next period published.
 //!
 //! When a rate changes and when a block began is decided by the timers alone; this handler has a whole block's
-//! time to read it. It also watches that transfers keep step with triggers; where they do not, sampling starts anew
-//! and the node sees a gap in the sequence, never a shifted block.
+//! time to read it. It also watches that transfers keep step with triggers; where they do not, or the converter reports an
+//! overrun (an interrupt of its own: after one no block would ever be complete), sampling starts anew and the node sees a
+//! gap in the sequence, never a shifted block.
 
 use super::{adc_common, adc1, dma1, dma2, tim2, tim3, tim5};
 use crate::interrupt_cell::InterruptCell;
@@ -79,6 +80,12 @@ impl Sampling {
         self.start();
     }
 
+    fn on_overrun(&mut self) {
+        if adc::take_overrun(adc1()) {
+            self.restart();
+        }
+    }
+
     fn on_interrupt(&mut self) {
         let flags = dma::take_flags(dma2(), dma::ADC_STREAM);
         let stream = dma2().st(dma::ADC_STREAM);
@@ -94,8 +101,13 @@ impl Sampling {
         // What DMA wrote is visible from here on.
         fence(Ordering::Acquire);
         let (last_tick, missed) = time_base::take_border(tim5());
-        let stamp = self.borders.on_border(last_tick, missed, self.request.latest());
-        RELOAD.store(reload_of(self.borders.published()), Ordering::Relaxed);
+        let next = sample_clock::period(tim2());
+        // A border that came meanwhile has brought another block's period.
+        let next = (!time_base::border_waits(tim5())).then_some(next);
+        let stamp = self.borders.on_border(last_tick, missed, next);
+        RELOAD.store(self.borders.publish(self.request.latest()), Ordering::Relaxed);
+        // A block without a stamp is given up, and its buffer filled again.
+        let Some(stamp) = stamp else { return };
         let (idle, [first, second]) = (dma::target(stream).other(), &mut self.filling);
         let place = if idle == Target::Memory0 { first } else { second };
         match self.free.dequeue() {
@@ -121,6 +133,12 @@ impl Sampling {
 
 #[interrupt]
 fn DMA2_STREAM0() {
-    // SAFETY: this is the one handler.
+    // SAFETY: this handler and the next share a priority.
     unsafe { SAMPLING.with(Sampling::on_interrupt) };
+}
+
+#[interrupt]
+fn ADC() {
+    // SAFETY: as above.
+    unsafe { SAMPLING.with(Sampling::on_overrun) };
 }

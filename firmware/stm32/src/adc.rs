@@ -16,7 +16,8 @@ pub const HIGHEST_RATE_HZ: u32 = 750_000;
 /// Sets the converter up; it waits for triggers from here on.
 pub fn start(adc: &adc1::RegisterBlock, common: &adc_common::RegisterBlock) {
     common.ccr().write(|w| w.adcpre().div4());
-    adc.cr1().write(|w| w.res().twelve_bit().scan().disabled());
+    // An overrun ends the requests to DMA, and with them the block interrupts: it needs an interrupt of its own.
+    adc.cr1().write(|w| w.res().twelve_bit().scan().disabled().ovrie().enabled());
     // SAFETY: sampling code 1 (15 cycles) and channel 1 exist.
     adc.smpr2().write(|w| unsafe { w.bits(1 << (3 * CHANNEL)) });
     adc.sqr1().write(|w| w.l().set(0));
@@ -40,7 +41,8 @@ pub fn take_overrun(adc: &adc1::RegisterBlock) -> bool {
     overrun
 }
 
-/// Stops the converter; [`start`] sets it up anew.
+/// Stops the converter and clears its flags; [`start`] sets it up anew.
 pub fn stop(adc: &adc1::RegisterBlock) {
     adc.cr2().reset();
+    adc.sr().reset();
 }

@@ -1,9 +1,12 @@
 //! From captured borders to stamped blocks: no register, only the order of things.
 //!
-//! The period word that DMA copies at a border governs the block behind that border. So when a block is handed over,
-//! its successor is already running with the word last published, and the word published now governs the one after.
+//! A period word in memory reaches the timer by DMA at a border and governs the block behind it. Which word that is, the one
+//! published last or the one before, depends on when the DMA read it: in direct mode it reads one word ahead (RM0090
+//! section 10.3.13). So nothing is concluded from what was published: after each border the timer's register says which
+//! period the block has that has just begun.
 
 use crate::BLOCK_SAMPLES;
+use crate::period::{reload_of, served};
 
 /// What a block carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,35 +24,57 @@ pub struct Stamp {
 /// Book of periods and sequence.
 #[derive(Clone, Copy, Debug)]
 pub struct Borders {
-    running: u32,
+    /// Of the block that runs; `None` where it could not be read in time.
+    running: Option<u32>,
     published: u32,
     sequence: u32,
     overrun: bool,
+    /// Last sample's instant and period of the block that ended before.
+    before: Option<(u32, u32)>,
 }
 
 impl Borders {
-    /// The first two blocks share a period.
+    /// The first block has this period, or the shortest one served.
     pub const fn starting(period_ticks: u32) -> Self {
-        Self { running: period_ticks, published: period_ticks, sequence: 0, overrun: false }
+        let period = served(period_ticks);
+        Self { running: Some(period), published: period, sequence: 0, overrun: false, before: None }
     }
 
-    /// A block has ended: `last_tick` is its last sample's instant, `missed` tells that another border passed
-    /// unnoticed before it. `wanted` is the period to publish now. Gives the block's stamp.
-    pub fn on_border(&mut self, last_tick: u32, missed: bool, wanted: u32) -> Stamp {
+    /// A block has ended. `last_tick` is its last sample's instant; `missed` tells that other borders passed unnoticed before
+    /// it: how many, the time since the last one noticed tells (a flash erasure takes seconds), exactly where the rate was
+    /// steady. `next` is the period of the block that has begun, as the timer's register says, or `None` if yet another
+    /// border may have changed it.
+    ///
+    /// Gives the block's stamp; `None` for a block whose own period nobody read, which must be given up.
+    pub fn on_border(&mut self, last_tick: u32, missed: bool, next: Option<u32>) -> Option<Stamp> {
+        let ended = self.running.filter(|_| !missed);
         if missed {
-            // The unnoticed block ended with the published period taken up; so did this one, unchanged.
-            self.running = self.published;
-            self.sequence = self.sequence.wrapping_add(1);
-            self.overrun = true;
+            self.sequence = self.sequence.wrapping_add(self.unnoticed(last_tick));
         }
-        let period_ticks = self.running;
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        self.running = next;
+        self.before = Some((last_tick, ended.unwrap_or(self.published)));
+        let overrun = core::mem::replace(&mut self.overrun, ended.is_none());
+        let period_ticks = ended?;
         let first_tick = last_tick.wrapping_sub(period_ticks.wrapping_mul(u32::from(BLOCK_SAMPLES) - 1));
-        let stamp = Stamp { first_tick, period_ticks, sequence: self.sequence, overrun: self.overrun };
-        self.overrun = false;
-        self.running = self.published;
-        self.published = wanted;
-        self.sequence = self.sequence.wrapping_add(1);
-        stamp
+        Some(Stamp { first_tick, period_ticks, sequence, overrun })
+    }
+
+    /// Takes the wanted period, as far as the converter can follow; gives the word for the DMA.
+    pub fn publish(&mut self, wanted: u32) -> u32 {
+        self.published = served(wanted);
+        reload_of(self.published)
+    }
+
+    /// Blocks between the one that ended before and the one that ends now.
+    fn unnoticed(&self, last_tick: u32) -> u32 {
+        let Some((before, period)) = self.before else { return 1 };
+        let samples = u32::from(BLOCK_SAMPLES);
+        // A block's first sample follows its predecessor's last at the predecessor's period.
+        let with_one = period + self.running.unwrap_or(self.published) * samples + self.published * (samples - 1);
+        let more = last_tick.wrapping_sub(before).saturating_sub(with_one);
+        1 + more.checked_div(self.published * samples).unwrap_or(0)
     }
 
     /// The next block is known to lack samples, or the one just stamped could not be handed over.
@@ -59,12 +84,13 @@ impl Borders {
 
     /// Sampling was stopped and starts anew with the published period: the running block is lost.
     pub fn restart(&mut self) {
-        self.running = self.published;
+        self.running = Some(self.published);
         self.sequence = self.sequence.wrapping_add(1);
         self.overrun = true;
+        self.before = None;
     }
 
-    /// The period word that DMA is to copy at the next border.
+    /// The period published last.
     pub const fn published(&self) -> u32 {
         self.published
     }

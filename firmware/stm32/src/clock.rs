@@ -6,6 +6,7 @@
 //! whose handler restarts the node. All waits are bounded. RM0090 sections 3.5 and 7.
 
 use crate::pac::{flash, rcc};
+pub use crate::reset::ResetCause;
 
 /// Core clock, Hz.
 pub const CORE_HZ: u32 = 168_000_000;
@@ -28,22 +29,6 @@ pub enum Oscillator {
 /// The PLL did not lock or was not taken: the core still runs at 16 MHz from the internal oscillator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PllFault;
-
-/// Why the node started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum ResetCause {
-    /// Power came, or fell below the brown-out level.
-    Power = 0,
-    /// Reset pin.
-    Pin = 1,
-    /// Software: a recorded crash, or a command.
-    Software = 2,
-    /// Independent watchdog: the main loop hung.
-    Watchdog = 3,
-    /// Window watchdog or illegal low-power entry; the node uses neither.
-    Other = 4,
-}
 
 /// Brings the clocks up.
 ///
@@ -99,19 +84,9 @@ pub fn enable_peripherals(rcc: &rcc::RegisterBlock) {
     let _ = rcc.apb2enr().read();
 }
 
-/// Reads and clears the reset flags. Several may stand: a pin reset accompanies every other one.
+/// Reads and clears the reset flags.
 pub fn reset_cause(rcc: &rcc::RegisterBlock) -> ResetCause {
-    let flags = rcc.csr().read();
+    let flags = rcc.csr().read().bits();
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
-    if flags.wdgrstf().bit_is_set() {
-        ResetCause::Watchdog
-    } else if flags.sftrstf().bit_is_set() {
-        ResetCause::Software
-    } else if flags.wwdgrstf().bit_is_set() || flags.lpwrrstf().bit_is_set() {
-        ResetCause::Other
-    } else if flags.porrstf().bit_is_set() || flags.borrstf().bit_is_set() {
-        ResetCause::Power
-    } else {
-        ResetCause::Pin
-    }
+    ResetCause::of_flags(flags)
 }

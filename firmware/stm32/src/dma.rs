@@ -81,23 +81,35 @@ pub fn take_flags(dma: &RegisterBlock, stream: usize) -> Flags {
     Flags { complete: status & (1 << 5) != 0, error: status & ((1 << 3) | (1 << 2)) != 0 }
 }
 
+/// Stops a stream and names its two ends and the number of transfers; what is left is its control register.
+///
+/// # Safety
+/// `register` must be the one of the device that will request the transfers, and `memory` of `count` items in what the DMA
+/// reaches: writable, or unchanged until the stream is idle.
+pub unsafe fn prepare(dma: &RegisterBlock, number: usize, register: u32, memory: u32, count: u16) -> &Stream {
+    let stream = dma.st(number);
+    stop(stream);
+    clear_flags(dma, number);
+    // SAFETY: passed on to the caller.
+    unsafe {
+        stream.par().write(|w| w.pa().bits(register));
+        stream.m0ar().write(|w| w.m0a().bits(memory));
+    }
+    stream.ndtr().write(|w| w.ndt().set(count));
+    stream.fcr().write(|w| w.dmdis().enabled());
+    stream
+}
+
 /// Starts the converter's double buffer: `samples` half-words each.
 ///
 /// # Safety
 /// `data_register` must be ADC1's data register; both buffers must be writable memory of `samples` half-words that
 /// DMA2 reaches, and nobody else may use a buffer while it is the stream's target.
 pub unsafe fn start_double_buffer(dma2: &RegisterBlock, data_register: u32, buffers: [u32; 2], samples: u16) {
-    let stream = dma2.st(ADC_STREAM);
-    stop(stream);
-    clear_flags(dma2, ADC_STREAM);
     // SAFETY: passed on to the caller.
-    unsafe {
-        stream.par().write(|w| w.pa().bits(data_register));
-        stream.m0ar().write(|w| w.m0a().bits(buffers[0]));
-        stream.m1ar().write(|w| w.m1a().bits(buffers[1]));
-    }
-    stream.ndtr().write(|w| w.ndt().set(samples));
-    stream.fcr().write(|w| w.dmdis().enabled());
+    let stream = unsafe { prepare(dma2, ADC_STREAM, data_register, buffers[0], samples) };
+    // SAFETY: as above.
+    stream.m1ar().write(|w| unsafe { w.m1a().bits(buffers[1]) });
     stream.cr().write(|w| {
         let w = w.chsel().set(ADC_CHANNEL).pl().very_high().dbm().enabled().circ().enabled();
         let w = w.dir().peripheral_to_memory().minc().incremented().pinc().fixed();

@@ -24,6 +24,11 @@ pub const FILTERS: [Filter; 8] = [
 ];
 
 impl Filter {
+    /// For a tach wheel that turns at `highest_hz` at most, on a time base of `clock_hz`.
+    pub fn for_wheel(highest_hz: f32, pulses_per_turn: u16, clock_hz: u32) -> Filter {
+        Filter::for_interval((clock_hz as f32 / (highest_hz * f32::from(pulses_per_turn))) as u32)
+    }
+
     /// The longest filter that lasts at most 1/32 of the shortest pulse interval: both levels of a pulse of 3 % duty
     /// still pass.
     pub fn for_interval(shortest_ticks: u32) -> Filter {

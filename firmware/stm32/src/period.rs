@@ -3,7 +3,12 @@
 /// Shortest sample period, ticks: a conversion takes 27 cycles of 21 MHz, 108 ticks, and 110 leaves a margin.
 pub const SHORTEST_PERIOD: u32 = 110;
 
-/// Reload value for a period. Periods the converter cannot follow become the shortest one.
+/// The period that is served when this one is asked for: the converter cannot follow shorter ones.
+pub const fn served(period_ticks: u32) -> u32 {
+    if period_ticks < SHORTEST_PERIOD { SHORTEST_PERIOD } else { period_ticks }
+}
+
+/// Reload value for a period.
 pub const fn reload_of(period_ticks: u32) -> u32 {
-    if period_ticks < SHORTEST_PERIOD { SHORTEST_PERIOD - 1 } else { period_ticks - 1 }
+    served(period_ticks) - 1
 }

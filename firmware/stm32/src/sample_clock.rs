@@ -39,16 +39,8 @@ pub fn configure(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock, period_
 /// `reload_address` must stay a valid, aligned word in memory that DMA1 reaches (not the core-coupled one), and
 /// `register_address` must be TIM2's reload register.
 pub unsafe fn configure_reload(dma1: &dma::RegisterBlock, reload_address: u32, register_address: u32) {
-    let stream = dma1.st(RELOAD_STREAM);
-    dma::stop(stream);
-    dma::clear_flags(dma1, RELOAD_STREAM);
     // SAFETY: passed on to the caller.
-    unsafe {
-        stream.par().write(|w| w.pa().bits(register_address));
-        stream.m0ar().write(|w| w.m0a().bits(reload_address));
-    }
-    stream.ndtr().write(|w| w.ndt().set(1));
-    stream.fcr().write(|w| w.dmdis().enabled());
+    let stream = unsafe { dma::prepare(dma1, RELOAD_STREAM, register_address, reload_address, 1) };
     stream.cr().write(|w| {
         let w = w.chsel().set(RELOAD_CHANNEL).pl().very_high();
         w.dir().memory_to_peripheral().psize().bits32().msize().bits32().circ().enabled()
@@ -68,6 +60,12 @@ pub fn stop(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock) {
     tim3.cr1().modify(|_, w| w.cen().disabled());
     tim3.dier().write(|w| w.ude().disabled());
     tim3.smcr().reset();
+}
+
+/// The sample period that the block behind the last border has: the preload register, which the timer takes up with the
+/// block's first trigger.
+pub fn period(tim2: &tim2::RegisterBlock) -> u32 {
+    tim2.arr().read().arr().bits().wrapping_add(1)
 }
 
 /// Triggers of the running block so far.

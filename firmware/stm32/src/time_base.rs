@@ -27,13 +27,13 @@ pub struct Capture {
 
 /// Sets the counter and both captures up and starts them.
 pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
-    tim5.cr1().write(|w| if filter.clock_division == 2 { w.ckd().div4() } else { w.ckd().div1() });
+    tim5.cr1().reset();
     tim5.psc().write(|w| w.psc().set(0));
     tim5.arr().write(|w| w.arr().set(u32::MAX));
     // TRC is ITR1, which for TIM5 is TIM3 (RM0090, TIMx internal trigger connection); no slave mode: the counter runs on.
     tim5.smcr().write(|w| w.ts().itr1());
-    // SAFETY: every value of the four-bit filter field is defined.
-    tim5.ccmr1_input().write(|w| unsafe { w.cc1s().ti1().ic1f().bits(filter.code).cc2s().trc() });
+    tim5.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().trc());
+    set_filter(tim5, filter);
     tim5.ccer().write(|w| {
         let w = w.cc1e().set_bit().cc2e().set_bit();
         match edge {
@@ -44,6 +44,13 @@ pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
     tim5.egr().write(|w| w.ug().update());
     tim5.dier().write(|w| w.cc1ie().enabled());
     tim5.cr1().modify(|_, w| w.cen().enabled());
+}
+
+/// Changes the tach's filter, at any time: field and divider are no part of the counting.
+pub fn set_filter(tim5: &tim5::RegisterBlock, filter: Filter) {
+    tim5.cr1().modify(|_, w| if filter.clock_division == 2 { w.ckd().div4() } else { w.ckd().div1() });
+    // SAFETY: every value of the four-bit filter field is defined.
+    tim5.ccmr1_input().modify(|_, w| unsafe { w.ic1f().bits(filter.code) });
 }
 
 /// Present instant.
@@ -71,6 +78,11 @@ pub fn take_border(tim5: &tim5::RegisterBlock) -> (u32, bool) {
         clear(tim5, |w| w.cc2of().clear_bit());
     }
     (tick, missed)
+}
+
+/// Whether a border has passed since the last one was taken.
+pub fn border_waits(tim5: &tim5::RegisterBlock) -> bool {
+    tim5.sr().read().cc2if().bit_is_set()
 }
 
 /// Clears flags of the status register, and only these: writing one leaves a flag as it is, so a flag that rises

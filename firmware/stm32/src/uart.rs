@@ -36,16 +36,8 @@ pub fn start(usart: &usart1::RegisterBlock) {
 /// `data_register` must be USART1's; `buffer` must be writable memory of `length` bytes that DMA2 reaches, and is only
 /// read by others.
 pub unsafe fn start_reception(dma2: &dma::RegisterBlock, data_register: u32, buffer: u32, length: u16) {
-    let stream = dma2.st(RECEIVE_STREAM);
-    dma::stop(stream);
-    dma::clear_flags(dma2, RECEIVE_STREAM);
     // SAFETY: passed on to the caller.
-    unsafe {
-        stream.par().write(|w| w.pa().bits(data_register));
-        stream.m0ar().write(|w| w.m0a().bits(buffer));
-    }
-    stream.ndtr().write(|w| w.ndt().set(length));
-    stream.fcr().write(|w| w.dmdis().enabled());
+    let stream = unsafe { dma::prepare(dma2, RECEIVE_STREAM, data_register, buffer, length) };
     stream.cr().write(|w| {
         let w = w.chsel().set(CHANNEL).pl().medium().circ().enabled();
         w.dir().peripheral_to_memory().minc().incremented().psize().bits8().msize().bits8()
@@ -64,16 +56,8 @@ pub fn write_position(dma2: &dma::RegisterBlock, length: u16) -> u16 {
 /// `data_register` must be USART1's; `buffer` must stay unchanged memory of `length` bytes that DMA2 reaches until the
 /// stream is idle.
 pub unsafe fn start_sending(dma2: &dma::RegisterBlock, data_register: u32, buffer: u32, length: u16) {
-    let stream = dma2.st(SEND_STREAM);
-    dma::stop(stream);
-    dma::clear_flags(dma2, SEND_STREAM);
     // SAFETY: passed on to the caller.
-    unsafe {
-        stream.par().write(|w| w.pa().bits(data_register));
-        stream.m0ar().write(|w| w.m0a().bits(buffer));
-    }
-    stream.ndtr().write(|w| w.ndt().set(length));
-    stream.fcr().write(|w| w.dmdis().enabled());
+    let stream = unsafe { dma::prepare(dma2, SEND_STREAM, data_register, buffer, length) };
     stream.cr().write(|w| {
         let w = w.chsel().set(CHANNEL).pl().low();
         w.dir().memory_to_peripheral().minc().incremented().psize().bits8().msize().bits8()

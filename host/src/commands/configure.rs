@@ -1,8 +1,9 @@
 //! `meshband configure`: tells a node its machine and law, and has it stored.
 
 use clap::Args as ClapArgs;
-use meshband_host::link::Client;
-use meshband_host::link::setup::{self, Installation};
+use meshband_host::link::setup::{Installation, Sources};
+use meshband_host::link::{Client, report};
+use meshband_host::report::write_json;
 use meshband_host::{Error, Result};
 use std::path::PathBuf;
 
@@ -17,6 +18,9 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms (docs/node.md). Options below go before it.
+    #[arg(long)]
+    settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.
     #[arg(long, num_args = 2, value_names = ["PINION", "GEAR"])]
     teeth: Option<Vec<u16>>,
@@ -50,17 +54,26 @@ pub struct Args {
     /// Starts measuring afterwards.
     #[arg(long)]
     start: bool,
-    /// Configuration in force as JSON.
+    /// Writes the configuration in force as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Writes the configuration in force as a report.
+    #[arg(long)]
+    report: Option<PathBuf>,
 }
 
 /// Reads the node's configuration, changes what the arguments say, sends, stores and reads back.
 pub fn run(args: Args) -> Result<()> {
+    // Files first: their errors need no node.
+    let sources = Sources::read(args.machine.as_deref(), args.law.as_deref(), args.settings.as_deref())?;
     let mut client = Client::open(&args.port)?;
     let identity = client.identify()?;
     let [major, minor, patch] = identity.version;
-    println!("node {major}.{minor}.{patch}, {} Hz time base, {}", identity.ticks_per_second, self_test(&identity));
+    println!(
+        "node {major}.{minor}.{patch}, {} Hz time base, {}",
+        identity.ticks_per_second,
+        report::self_test(&identity)
+    );
     let mut config = client.configuration()?;
     let installation = Installation {
         teeth: args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()),
@@ -73,7 +86,7 @@ pub fn run(args: Args) -> Result<()> {
         harmonics: args.harmonics,
         sidebands: args.sidebands,
     };
-    setup::apply(&mut config, args.machine.as_deref(), args.law.as_deref(), &installation)?;
+    sources.apply(&mut config, &installation)?;
     config
         .validate(identity.ticks_per_second)
         .map_err(|error| Error::invalid("configuration", format!("{error} on this node")))?;
@@ -89,7 +102,7 @@ pub fn run(args: Args) -> Result<()> {
         client.start()?;
     }
     println!(
-        "{} x {} teeth, {} pulses per turn, law {:.0} Hz at {} Hz to {:.0} Hz at {} Hz{}; {}",
+        "{} x {} teeth, {} pulses per turn, law {:.0} Hz at {} Hz to {:.0} Hz at {} Hz{}, {} alarms; {}",
         held.gears.pinion_teeth,
         held.gears.gear_teeth,
         held.tach.pulses_per_turn,
@@ -98,20 +111,14 @@ pub fn run(args: Args) -> Result<()> {
         held.law.bandwidth(held.law.highest).bandwidth.0,
         held.law.highest.0,
         if held.law.provisional { " (provisional)" } else { "" },
+        held.alarms.len(),
         if args.volatile { "not stored" } else { "stored" },
     );
-    if let Some(path) = args.json {
-        let text = serde_json::to_string_pretty(&held).map_err(|e| Error::invalid(path.display(), e))?;
-        std::fs::write(&path, text + "\n").map_err(Error::file(&path))?;
+    if let Some(path) = &args.json {
+        write_json(path, &held)?;
+    }
+    if let Some(path) = &args.report {
+        report::of_configuration(&held, &identity, !args.volatile, &args.port).write(path)?;
     }
     Ok(())
-}
-
-fn self_test(identity: &meshband::message::Identity) -> String {
-    let test = identity.self_test;
-    match (test.run, test.failed) {
-        (0, _) => "self-test not run".to_owned(),
-        (run, 0) => format!("self-test passed ({} of 5 items so far)", run.count_ones()),
-        (_, failed) => format!("self-test FAILED, items {failed:#07b}"),
-    }
 }

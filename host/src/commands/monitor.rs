@@ -2,7 +2,8 @@
 
 use clap::Args as ClapArgs;
 use meshband_host::link::view::View;
-use meshband_host::link::{Client, transport};
+use meshband_host::link::{Client, report, transport};
+use meshband_host::report::write_json;
 use meshband_host::{Error, Result};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
@@ -26,9 +27,12 @@ pub struct Args {
     /// Ends after this many seconds without any message.
     #[arg(long, default_value_t = 30.0)]
     patience: f64,
-    /// Writes the bytes' meaning at the end as JSON.
+    /// Writes the newest of everything, at the end, as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Writes the same as a report with a picture.
+    #[arg(long)]
+    report: Option<PathBuf>,
 }
 
 /// Time between two drawings.
@@ -39,15 +43,16 @@ pub fn run(args: Args) -> Result<()> {
     if !(args.patience > 0.0 && args.patience.is_finite()) {
         return Err(Error::invalid("--patience", "must be a positive number of seconds"));
     }
-    let (mut client, ticks_per_second) = match (&args.replay, &args.port) {
+    let (mut client, identity) = match (&args.replay, &args.port) {
         (Some(path), _) => (Client::new(transport::replay(path)?), None),
         (None, Some(port)) => {
             let mut client = Client::open(port)?;
             let identity = client.identify()?;
-            (client, Some(identity.ticks_per_second))
+            (client, Some(identity))
         }
         (None, None) => return Err(Error::invalid("PORT", "a port or --replay FILE is needed")),
     };
+    let ticks_per_second = identity.map(|identity| identity.ticks_per_second);
     let live = std::io::stdout().is_terminal() && args.replay.is_none() && !args.once;
     let mut view = View::default();
     let (mut drawn, mut heard) = (Instant::now(), Instant::now());
@@ -73,13 +78,24 @@ pub fn run(args: Args) -> Result<()> {
             let _ = std::io::stdout().flush();
         }
     }
-    if args.replay.is_some() && view.messages == 0 {
-        return Err(Error::invalid("--replay", "holds no intact frame of a node"));
+    if let Some(path) = args.replay.as_ref().filter(|_| view.messages == 0) {
+        return Err(Error::invalid(path.display(), "holds no intact frame of a node"));
+    }
+    // The self-test goes on after the start; the newest result, where the node is still there to ask.
+    let alive = !client.has_ended() && heard.elapsed() < Duration::from_secs(5);
+    let identity = identity.map(|first| if alive { client.identify().unwrap_or(first) } else { first });
+    if let Some(identity) = &identity {
+        println!("{}", report::self_test(identity));
     }
     print!("{}", view.text(client.losses(), ticks_per_second));
     if let Some(path) = args.json {
-        let value = serde_json::json!({ "view": view, "losses": client.losses() });
-        std::fs::write(&path, format!("{value:#}\n")).map_err(Error::file(&path))?;
+        let losses = client.losses();
+        write_json(&path, &serde_json::json!({ "identity": identity, "view": view, "losses": losses }))?;
+    }
+    if let Some(path) = args.report {
+        let file = args.replay.map(|path| path.display().to_string());
+        let source = file.or(args.port).unwrap_or_default();
+        report::of_view(&view, client.losses(), &source, identity.as_ref())?.write(&path)?;
     }
     Ok(())
 }

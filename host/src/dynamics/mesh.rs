@@ -86,6 +86,8 @@ pub struct Terms {
     pub forces: Vec<(usize, Series)>,
     /// Pairs on the path.
     pub pairs: Vec<PairTerm>,
+    /// Positions between which all of this stays as it is, where nothing in it varies.
+    constant: Option<(f64, f64)>,
 }
 
 /// Most rank-one terms of a step: the mesh, friction on three coordinates, two bearings in two directions.
@@ -195,6 +197,10 @@ impl<'a> Mesh<'a> {
         let mut turns = self.motion.turns(t, h);
         self.effects.iter().for_each(|e| e.turns(t, h, &mut turns));
         let mut position = turns.scaled(f64::from(self.facts.teeth[0]));
+        if let Some(part) = terms.constant.and_then(|zone| part_within(&position, zone)) {
+            terms.position = position.coefficient(0);
+            return h * part.min(1.0);
+        }
         if !self.effects.is_empty() {
             let moment = moment_of(&self.facts, t, h, &turns);
             self.effects.iter().for_each(|e| e.shift(&moment, &mut position));
@@ -206,7 +212,24 @@ impl<'a> Mesh<'a> {
             turns = turns.rescaled(ratio);
         }
         self.collect(t, h, &turns, &position, approach, terms);
+        let rigid = self.effects.is_empty() && !self.is_nonlinear();
+        let constant = rigid && terms.pairs.iter().all(|pair| pair.k.degree() == 0);
+        terms.constant = constant.then(|| self.zone(&position));
         h
+    }
+
+    /// The positions around the present one within which no pair crosses a knot.
+    fn zone(&self, position: &Series) -> (f64, f64) {
+        let ahead = if position.coefficient(1) >= 0.0 { AHEAD } else { -AHEAD };
+        let start = position.coefficient(0) + ahead;
+        let (low, high) = (self.knots[0], self.knots[self.knots.len() - 1]);
+        let (first, last) = ((start - high).floor() as i64, (start - low).ceil() as i64);
+        (first..=last).fold((f64::NEG_INFINITY, f64::INFINITY), |(from, to), number| {
+            let above = self.knots.partition_point(|&k| k <= start - number as f64);
+            let below = above.checked_sub(1).map_or(f64::NEG_INFINITY, |i| self.knots[i] + number as f64);
+            let above = self.knots.get(above).map_or(f64::INFINITY, |k| k + number as f64);
+            (from.max(below), to.min(above))
+        })
     }
 
     /// Fraction of the step until some pair crosses a knot.
@@ -426,6 +449,14 @@ impl<'a> Mesh<'a> {
             entry.1 = regime;
         }
     }
+}
+
+/// Part of a step at constant speed until it leaves a zone that it starts in, clear of the border ahead.
+fn part_within(position: &Series, (low, high): (f64, f64)) -> Option<f64> {
+    let (start, slope) = (position.coefficient(0), position.coefficient(1));
+    let (behind, ahead) = if slope >= 0.0 { (start - low, high - start) } else { (high - start, start - low) };
+    let clear = behind >= -AHEAD && ahead > 2.0 * AHEAD;
+    (position.degree() <= 1 && clear).then(|| ahead / slope.abs())
 }
 
 /// Sorted knots without near-duplicates.

@@ -7,7 +7,7 @@
 //! (Griewank and Walther, Evaluating Derivatives, table 13.2). Cost: O(degree^2) per product.
 
 /// Highest power kept in a step.
-pub const ORDER: usize = 24;
+pub const ORDER: usize = 36;
 /// Number of coefficients of a full series.
 pub const LENGTH: usize = ORDER + 1;
 
@@ -29,6 +29,7 @@ impl Series {
     pub const ZERO: Self = Self { coefficients: [0.0; LENGTH], degree: 0 };
 
     /// A constant.
+    #[inline]
     pub fn constant(value: f64) -> Self {
         let mut s = Self::ZERO;
         s.coefficients[0] = value;
@@ -44,6 +45,7 @@ impl Series {
     }
 
     /// From coefficients, lowest power first; what exceeds [`ORDER`] is dropped.
+    #[inline]
     pub fn from_slice(coefficients: &[f64]) -> Self {
         let mut s = Self::ZERO;
         let n = coefficients.len().min(LENGTH);
@@ -53,16 +55,19 @@ impl Series {
     }
 
     /// Highest power that may differ from zero.
+    #[inline]
     pub fn degree(&self) -> usize {
         self.degree
     }
 
     /// The coefficients in use, lowest power first.
+    #[inline]
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients[..=self.degree]
     }
 
     /// Coefficient of `tau^n`, zero above the degree.
+    #[inline]
     pub fn coefficient(&self, n: usize) -> f64 {
         self.coefficients[n]
     }
@@ -98,6 +103,7 @@ impl Series {
     }
 
     /// Adds `factor * other`.
+    #[inline]
     pub fn add_scaled(&mut self, other: &Self, factor: f64) {
         for n in 0..=other.degree {
             self.coefficients[n] += factor * other.coefficients[n];
@@ -106,11 +112,13 @@ impl Series {
     }
 
     /// Adds a constant.
+    #[inline]
     pub fn add_constant(&mut self, value: f64) {
         self.coefficients[0] += value;
     }
 
     /// The series times a number.
+    #[inline]
     pub fn scaled(mut self, factor: f64) -> Self {
         self.coefficients[..=self.degree].iter_mut().for_each(|c| *c *= factor);
         self

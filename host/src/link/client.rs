@@ -3,7 +3,7 @@
 //! A node answers every command with one reply, in order, between its streamed messages. A command or its answer can be
 //! lost on the line; every command may be repeated without harm, so the client asks again, up to [`ATTEMPTS`] times.
 
-use super::transport::Transport;
+use super::transport::{BITS_PER_SECOND, Transport};
 use crate::{Error, Result};
 use meshband::config::Configuration;
 use meshband::events::{Event, EventKind};
@@ -11,6 +11,7 @@ use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
 use meshband::law::Law;
 use meshband::message::{Identity, Message, PROTOCOL, Reply, Request, SelfTest, Statistics};
 use std::collections::VecDeque;
+use std::io::ErrorKind;
 use std::time::{Duration, Instant};
 
 /// How often a command is sent before the node counts as absent.
@@ -38,6 +39,9 @@ pub struct Client {
     waiting: VecDeque<Packet>,
     ended: bool,
     other_version: Option<u8>,
+    /// Bytes and intact frames received.
+    bytes: u64,
+    frames: u64,
 }
 
 impl Client {
@@ -51,6 +55,8 @@ impl Client {
             waiting: VecDeque::new(),
             ended: false,
             other_version: None,
+            bytes: 0,
+            frames: 0,
         }
     }
 
@@ -134,12 +140,23 @@ impl Client {
                 self.receive()?;
             }
         }
-        let what = match self.other_version {
-            Some(version) => format!("speaks version {version} of the link, this program {PROTOCOL}"),
-            None if self.ended => "the link has ended".to_owned(),
-            None => format!("no answer to {}", name(request)),
-        };
-        Err(Error::tool("node", what))
+        Err(Error::tool("node", self.silence(request)))
+    }
+
+    /// Why a command has no answer, as far as what did come tells.
+    fn silence(&self, request: &Request) -> String {
+        let patience = ANSWER_PATIENCE.as_secs() * u64::from(ATTEMPTS);
+        match (self.other_version, self.bytes, self.frames) {
+            (Some(version), ..) => format!("speaks version {version} of the link, this program {PROTOCOL}"),
+            _ if self.ended => format!("the link ended before {} was answered", name(request)),
+            (_, 0, _) => {
+                format!("silent for {patience} s: no power, no node on this port, or its two lines interchanged")
+            }
+            (_, bytes, 0) => format!(
+                "{bytes} bytes in {patience} s and no frame among them: another bit rate than {BITS_PER_SECOND}, or no node"
+            ),
+            _ => format!("no answer to {} within {patience} s", name(request)),
+        }
     }
 
     /// Who the node is.
@@ -255,7 +272,11 @@ impl Client {
         let frame = encode(request, self.sequence, &mut buffer)
             .map_err(|e| Error::invalid("command", format!("does not fit a frame: {e:?}")))?;
         self.sequence = self.sequence.wrapping_add(1);
-        self.transport.write(frame).map_err(|e| Error::tool("link", e))
+        match self.transport.write(frame) {
+            // What was answered before the peer went may still be read.
+            Err(e) if matches!(e.kind(), ErrorKind::BrokenPipe | ErrorKind::ConnectionReset) => Ok(()),
+            other => other.map_err(|e| Error::tool("link", e)),
+        }
     }
 
     /// Takes in what the transport has.
@@ -265,6 +286,7 @@ impl Client {
             self.ended = true;
             return Ok(());
         };
+        self.bytes += count as u64;
         for &byte in &buffer[..count] {
             match self.decoder.push(byte) {
                 None => {}
@@ -275,6 +297,7 @@ impl Client {
                     }
                 }
                 Some(Ok(frame)) => {
+                    self.frames += 1;
                     // A restarted node counts from zero; a gap that ends exactly there is no loss of 65 000 frames.
                     if frame.sequence == 0 && frame.lost != 0 {
                         self.losses.restarts += 1;

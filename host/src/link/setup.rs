@@ -1,5 +1,6 @@
-//! A node's configuration from a declared machine, a law file and what only the installation knows.
+//! A node's configuration from a declared machine, a law file, a settings file and what only the installation knows.
 
+use super::settings::Settings;
 use crate::law::file::LawFile;
 use crate::machine::Machine;
 use crate::{Error, Result};
@@ -7,7 +8,7 @@ use meshband::config::{Configuration, GearPair};
 use meshband::units::{Acceleration, Hertz};
 use std::path::Path;
 
-/// Facts of the installation; what is not given stays as the node has it.
+/// Facts of the installation, from the command line; what is not given stays as it is.
 #[derive(Clone, Debug, Default)]
 pub struct Installation {
     /// Teeth of pinion and gear; the machine's declaration otherwise.
@@ -30,47 +31,64 @@ pub struct Installation {
     pub sidebands: Option<u8>,
 }
 
-/// Changes a configuration to suit machine, law and installation.
-///
-/// # Errors
-/// Unreadable files, tooth counts beyond a node's range, a law of another machine.
-pub fn apply(
-    config: &mut Configuration,
-    machine: Option<&Path>,
-    law: Option<&Path>,
-    installation: &Installation,
-) -> Result<()> {
-    let machine = machine.map(Machine::read).transpose()?;
-    if let Some(machine) = &machine {
-        let teeth = |n: usize| {
-            u16::try_from(machine.pair.teeth[n])
-                .map_err(|_| Error::invalid("[pair] teeth", "beyond the range of a node, 65535"))
-        };
-        config.gears = GearPair { pinion_teeth: teeth(0)?, gear_teeth: teeth(1)? };
+/// Files read and checked, before any node is asked.
+#[derive(Clone, Debug, Default)]
+pub struct Sources {
+    machine: Option<Machine>,
+    /// With the path, for what only shows when the law meets a machine.
+    law: Option<(String, LawFile)>,
+    settings: Option<Settings>,
+}
+
+impl Sources {
+    /// Reads what is given.
+    ///
+    /// # Errors
+    /// Unreadable files, tooth counts beyond a node's range, a law of another machine.
+    pub fn read(machine: Option<&Path>, law: Option<&Path>, settings: Option<&Path>) -> Result<Self> {
+        let machine = machine.map(Machine::read).transpose()?;
+        let law = law.map(|path| Ok((path.display().to_string(), LawFile::read(path)?))).transpose()?;
+        let sources = Self { machine, law, settings: settings.map(Settings::read).transpose()? };
+        // Any configuration shows whether the three go together.
+        sources.apply(&mut Configuration::default(), &Installation::default())?;
+        Ok(sources)
     }
-    if let Some([pinion_teeth, gear_teeth]) = installation.teeth {
-        config.gears = GearPair { pinion_teeth, gear_teeth };
-    }
-    if let Some(path) = law {
-        let file = LawFile::read(path)?;
-        let law = file.for_node()?;
-        if let Some(machine) = &machine
-            && law.machine_hash != machine.hash()
-        {
-            let what = format!("is the law of another machine ({}), or this one has changed since", file.machine);
-            return Err(Error::invalid(path.display(), what));
+
+    /// Changes a configuration to suit the machine, the law, the settings, and above them the installation.
+    ///
+    /// # Errors
+    /// As [`Sources::read`].
+    pub fn apply(&self, config: &mut Configuration, installation: &Installation) -> Result<()> {
+        if let Some(machine) = &self.machine {
+            let [pinion_teeth, gear_teeth] = machine.pair.teeth.map(|teeth| {
+                u16::try_from(teeth).map_err(|_| Error::invalid("[pair] teeth", "beyond the range of a node, 65535"))
+            });
+            config.gears = GearPair { pinion_teeth: pinion_teeth?, gear_teeth: gear_teeth? };
         }
-        config.law = law;
+        if let Some(settings) = &self.settings {
+            settings.apply(config)?;
+        }
+        if let Some((place, file)) = &self.law {
+            let law = file.for_node()?;
+            if self.machine.as_ref().is_some_and(|machine| law.machine_hash != machine.hash()) {
+                let what = format!("is the law of another machine ({}), or this one has changed since", file.machine);
+                return Err(Error::invalid(place, what));
+            }
+            config.law = law;
+        }
+        if let Some([pinion_teeth, gear_teeth]) = installation.teeth {
+            config.gears = GearPair { pinion_teeth, gear_teeth };
+        }
+        set(&mut config.tach.pulses_per_turn, installation.pulses_per_turn);
+        set(&mut config.tach.missing, installation.missing);
+        set(&mut config.tach.pinion_per_tach, installation.pinion_per_tach);
+        set(&mut config.sensor.acceleration_per_code, installation.acceleration_per_code.map(Acceleration));
+        set(&mut config.limits.analogue_stop, installation.analogue_stop_hz.map(Hertz));
+        set(&mut config.limits.highest_adc, installation.highest_adc_hz.map(Hertz));
+        set(&mut config.mesh.harmonics, installation.harmonics);
+        set(&mut config.mesh.sidebands, installation.sidebands);
+        Ok(())
     }
-    set(&mut config.tach.pulses_per_turn, installation.pulses_per_turn);
-    set(&mut config.tach.missing, installation.missing);
-    set(&mut config.tach.pinion_per_tach, installation.pinion_per_tach);
-    set(&mut config.sensor.acceleration_per_code, installation.acceleration_per_code.map(Acceleration));
-    set(&mut config.limits.analogue_stop, installation.analogue_stop_hz.map(Hertz));
-    set(&mut config.limits.highest_adc, installation.highest_adc_hz.map(Hertz));
-    set(&mut config.mesh.harmonics, installation.harmonics);
-    set(&mut config.mesh.sidebands, installation.sidebands);
-    Ok(())
 }
 
 fn set<T>(place: &mut T, value: Option<T>) {

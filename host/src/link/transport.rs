@@ -6,7 +6,7 @@
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::time::Duration;
 
@@ -16,6 +16,9 @@ pub const BITS_PER_SECOND: u32 = 921_600;
 pub const READ_PATIENCE: Duration = Duration::from_millis(50);
 /// How long a write may take: a node that does not read for so long is not there.
 const WRITE_PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long a connection may take to come about.
+const CONNECT_PATIENCE: Duration = Duration::from_secs(5);
 
 /// A byte link.
 pub trait Transport: Send {
@@ -39,7 +42,7 @@ pub trait Transport: Send {
 pub fn open(port: &str) -> Result<Box<dyn Transport>> {
     let refuse = |reason: &dyn std::fmt::Display| Error::invalid(format!("port {port}"), reason);
     if let Some(address) = port.strip_prefix("tcp:") {
-        let stream = TcpStream::connect(address).map_err(|e| refuse(&e))?;
+        let stream = connect(address).map_err(|e| refuse(&e))?;
         return Ok(Box::new(Tcp::new(stream).map_err(|e| refuse(&e))?));
     }
     if Path::new(port).is_file() {
@@ -47,6 +50,18 @@ pub fn open(port: &str) -> Result<Box<dyn Transport>> {
     }
     let serial = serialport::new(port, BITS_PER_SECOND).timeout(READ_PATIENCE).open().map_err(|e| refuse(&e))?;
     Ok(Box::new(Serial(serial)))
+}
+
+/// The first address of a host that takes the connection in time.
+fn connect(address: &str) -> std::io::Result<TcpStream> {
+    let mut outcome = Err(ErrorKind::AddrNotAvailable.into());
+    for address in address.to_socket_addrs()? {
+        outcome = TcpStream::connect_timeout(&address, CONNECT_PATIENCE);
+        if outcome.is_ok() {
+            break;
+        }
+    }
+    outcome
 }
 
 /// A captured link from a file.

@@ -123,7 +123,12 @@ fn status_lines(s: &Status) -> String {
 }
 
 fn bands(spectrum: &Spectrum) -> String {
-    let rows: Vec<Vec<String>> = spectrum
+    table(&["harmonic", "Hz", "m/s2", "sideband Hz", "m/s2"], &band_rows(spectrum))
+}
+
+/// Per mesh harmonic: its line and the strongest sideband.
+pub fn band_rows(spectrum: &Spectrum) -> Vec<Vec<String>> {
+    spectrum
         .bands
         .iter()
         .map(|band| {
@@ -136,6 +141,5 @@ fn bands(spectrum: &Spectrum) -> String {
                 strongest.map_or(String::new(), |l| format!("{:.5}", l.amplitude)),
             ]
         })
-        .collect();
-    table(&["harmonic", "Hz", "m/s2", "sideband Hz", "m/s2"], &rows)
+        .collect()
 }

@@ -38,11 +38,10 @@ pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu) -> Result<Vec<P
     let link = simulation::run(&image.bytes)?.link;
     let pace = |shift: u8| {
         let finished = Qemu { icount_shift: shift, ..qemu.clone() }.run(&image.bytes)?;
-        let number = |key: &str| finished.statistic(key).and_then(|v| v.parse::<u32>().ok()).unwrap_or(0);
         Ok(Pace {
             mips: 1000.0 / f64::from(1u32 << shift),
-            blocks: number("blocks"),
-            lost: number("lost") + number("missed"),
+            blocks: finished.count("blocks"),
+            lost: finished.count("lost") + finished.count("missed"),
             identical_to_host: finished.link == link,
         })
     };

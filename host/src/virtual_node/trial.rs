@@ -4,7 +4,7 @@ use super::frames::Received;
 use super::image::{Image, TICKS_PER_SECOND};
 use super::reference::{Reference, Shaft};
 use super::signal::Signal;
-use super::simulation::{self, Simulated};
+use super::simulation::{self, Simulated, TakenBlock};
 use crate::qemu::Qemu;
 use crate::{Error, Result};
 use meshband::config::Configuration;
@@ -133,8 +133,10 @@ pub struct Worst {
 /// Whether everything arrived and agreed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Integrity {
-    /// QEMU's frames are those of the same code on the host, byte for byte.
+    /// QEMU's frames are those of the same code on the host on the same blocks, byte for byte.
     pub identical_to_host: bool,
+    /// These blocks are the ones of a processor that is never late; otherwise the host followed QEMU's log of them.
+    pub on_schedule: bool,
     /// The codes sampled in QEMU are those the host read from the image.
     pub identical_codes: bool,
     /// All runs in QEMU sent the same bytes; `None` after a single run.
@@ -195,7 +197,7 @@ pub struct Trial {
 pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) -> Result<Trial> {
     let scale = signal.unit.scale();
     let image = Image::new(signal.source(), config, |header| header)?;
-    let simulated = simulation::run(&image.bytes)?;
+    let planned = simulation::run(&image.bytes)?;
     let mut finished = (0..runs.max(1)).into_par_iter().map(|_| qemu.run(&image.bytes)).collect::<Result<Vec<_>>>()?;
     let first = finished.swap_remove(0);
     let received = Received::decode(&first.link);
@@ -203,13 +205,15 @@ pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) ->
         let what = "its frames are of another version than this command: build it with `cargo xtask node-build`";
         return Err(Error::tool("firmware", what));
     }
-    let number = |key: &str| first.statistic(key).and_then(|v| v.parse::<u32>().ok()).unwrap_or(0);
+    let blocks = first.blocks()?;
+    let on_schedule = blocks == planned.blocks;
+    let simulated = if on_schedule { planned } else { simulation::follow(&image.bytes, &blocks)? };
     let shaft = Shaft::new(signal).ok_or_else(|| Error::invalid("tach", "has fewer than two edges in the window"))?;
     let comparison = Comparison { signal, shaft: &shaft, scale };
     let all: Vec<&Spectrum> = received.spectra().collect();
     let spectra: Vec<SpectrumRow> = all.par_iter().filter_map(|s| comparison.spectrum(s)).collect();
     let statistics = received.statistics().copied().unwrap_or_default();
-    let lost = statistics.blocks_lost.max(number("lost") + number("missed"));
+    let lost = statistics.blocks_lost.max(first.count("lost") + first.count("missed"));
     let mut events = BTreeMap::new();
     for message in received.messages() {
         if let Message::Event(event) = message {
@@ -229,13 +233,14 @@ pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) ->
         peak_resolution_hz: last_peaks.map_or(0.0, |p| f64::from(p.tag.resolution_hz)),
         integrity: Integrity {
             identical_to_host: simulated.link == first.link,
+            on_schedule,
             identical_codes: first.statistic("codes_crc") == Some(&format!("{:08x}", simulated.codes_crc)),
             identical_runs: (runs > 1).then(|| finished.iter().all(|other| other.link == first.link)),
-            blocks: number("blocks"),
+            blocks: first.count("blocks"),
             blocks_lost: lost,
-            edges_lost: number("edges_lost"),
+            edges_lost: first.count("edges_lost"),
             frames_lost: received.lost + received.refused,
-            rate_changes: simulated.periods.windows(2).filter(|w| w[0] != w[1]).count() as u32,
+            rate_changes: simulated.blocks.windows(2).filter(|w| w[0].period != w[1].period).count() as u32,
             events,
             mips: 1000.0 / f64::from(1u32 << qemu.icount_shift),
         },
@@ -248,24 +253,19 @@ pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) ->
 /// What the converter gave in the last block.
 fn last_block(image: &Image, simulated: &Simulated, scale: f64) -> Result<Vec<(f64, f64)>> {
     let replay = Replay::parse(&image.bytes).map_err(|e| Error::invalid("replay image", format!("{e:?}")))?;
-    let Some((&period, before)) = simulated.periods.split_last() else { return Ok(Vec::new()) };
-    let border: u32 = before.iter().map(|period| period * BLOCK_SAMPLES as u32).sum();
+    let Some(&TakenBlock { first_tick, period, .. }) = simulated.blocks.last() else { return Ok(Vec::new()) };
     let mut codes = [0; BLOCK_SAMPLES];
-    replay.sample(border + period, period, &mut codes);
+    replay.sample(first_tick, period, &mut codes);
     let value = |code: u16| (f64::from(code) - 32_768.0) / 32_767.0 * image.full_scale_m_s2 / scale;
-    let time = |n: usize| (f64::from(border) + f64::from(period) * (n + 1) as f64) / f64::from(TICKS_PER_SECOND);
+    let time = |n: usize| (f64::from(first_tick) + f64::from(period) * n as f64) / f64::from(TICKS_PER_SECOND);
     Ok(codes.iter().enumerate().map(|(n, &code)| (time(n), value(code))).collect())
 }
 
 fn block_rates(simulated: &Simulated) -> Vec<(f64, f64)> {
     let clock = f64::from(TICKS_PER_SECOND);
-    let mut tick = 0.0;
-    let mut rate = |period: &u32| {
-        let start = tick;
-        tick += f64::from(*period) * BLOCK_SAMPLES as f64;
-        (start / clock, clock / f64::from(*period))
-    };
-    simulated.periods.iter().map(&mut rate).collect()
+    let row =
+        |block: &TakenBlock| (f64::from(block.first_tick - block.period) / clock, clock / f64::from(block.period));
+    simulated.blocks.iter().map(row).collect()
 }
 
 fn worst(spectra: &[SpectrumRow], wanted: impl Fn(&LineRow) -> bool) -> Worst {

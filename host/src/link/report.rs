@@ -1,0 +1,152 @@
+//! What a node said, and how it is configured, as reports for people.
+
+use super::Losses;
+use super::view::View;
+use crate::Result;
+use crate::report::Report;
+use crate::report::plot::{self, Axes, Series};
+use meshband::config::Configuration;
+use meshband::message::{Identity, Spectrum, Status};
+use serde_json::Value;
+
+/// Items of the boot self-test, by bit.
+const ITEMS: [&str; 5] = [
+    "samples against the timer",
+    "converter off its rails",
+    "converter moves",
+    "tach pulses",
+    "results of the signal chain",
+];
+
+/// The self-test's outcome in words.
+pub fn self_test(identity: &Identity) -> String {
+    let test = identity.self_test;
+    let named = |bits: u8| {
+        let set = (0..ITEMS.len()).filter(|n| bits >> n & 1 != 0).map(|n| ITEMS[n]);
+        set.collect::<Vec<_>>().join(", ")
+    };
+    match (test.run, test.failed) {
+        (0, _) => "self-test not run".to_owned(),
+        (run, 0) if run.count_ones() as usize == ITEMS.len() => "self-test passed".to_owned(),
+        (run, 0) => format!("self-test passed so far ({})", named(run)),
+        (_, failed) => format!("self-test FAILED: {}", named(failed)),
+    }
+}
+
+/// The report of `meshband monitor`.
+///
+/// # Errors
+/// A picture that cannot be drawn.
+pub fn of_view(view: &View, losses: Losses, source: &str, identity: Option<&Identity>) -> Result<Report> {
+    let mut report = Report::new("Node", &format!("What the node at {source} said"))
+        .figure("Messages", view.messages)
+        .figure("Frames lost", losses.lost)
+        .figure("Pieces refused", losses.refused);
+    if let Some(status) = &view.status {
+        report =
+            report.figure("State", format!("{:?}", status.state)).figure("Speed", format!("{:.4} Hz", status.speed_hz));
+    }
+    if let Some(identity) = identity {
+        report = report.figure("Self-test", self_test(identity));
+    }
+    report = match &view.status {
+        Some(status) => {
+            report.section("Speed and rates").table("The newest status.", &["quantity", "value"], &status_rows(status))
+        }
+        None => report.note("No status came."),
+    };
+    if let Some(spectrum) = &view.spectrum {
+        report = report
+            .section("Mesh bands")
+            .picture(&bands(spectrum)?, "Mesh harmonics and the sidebands of both shafts, newest spectrum.")
+            .table(
+                &format!("{} turns, {:.3} Hz per line.", spectrum.turns, spectrum.tag.resolution_hz),
+                &["harmonic", "Hz", "m/s2", "strongest sideband, Hz", "m/s2"],
+                &super::view::band_rows(spectrum),
+            );
+    }
+    if let Some(i) = &view.indicators {
+        let mut rows = vec![
+            row("RMS, m/s2", format!("{:.5}", i.rms)),
+            row("peak, m/s2", format!("{:.5}", i.peak)),
+            row("crest factor", format!("{:.3}", i.crest)),
+            row("kurtosis", format!("{:.3}", i.kurtosis)),
+            row("sideband energy ratio", format!("{:.4}", i.sideband_energy_ratio)),
+        ];
+        if let Some(gear) = &i.gear {
+            rows.push(row("FM0", format!("{:.4}", gear.fm0)));
+            rows.push(row("FM4", format!("{:.4}", gear.fm4)));
+            rows.push(row("NA4", format!("{:.4}", gear.na4)));
+        }
+        if let Some(measured) = &i.bandwidth {
+            let both = format!("{:.0} against {:.0}", measured.bandwidth_hz, measured.law_hz);
+            rows.push(row("bandwidth measured against law, Hz", both));
+        }
+        report = report.section("Indicators").table("The newest of each.", &["indicator", "value"], &rows);
+    }
+    if !view.events.is_empty() {
+        let rate = identity.map(|identity| f64::from(identity.ticks_per_second));
+        let time = |tick: u64| rate.map_or(format!("tick {tick}"), |rate| format!("{:.3} s", tick as f64 / rate));
+        let event = |e: &meshband::events::Event| {
+            vec![time(e.first_tick), format!("{:?}", e.kind), e.detail.to_string(), e.count.to_string()]
+        };
+        let rows: Vec<Vec<String>> = view.events.iter().map(event).collect();
+        report = report.section("Events").table("The newest.", &["since start", "event", "detail", "times"], &rows);
+    }
+    Ok(report)
+}
+
+/// The report of `meshband configure`.
+pub fn of_configuration(config: &Configuration, identity: &Identity, stored: bool, source: &str) -> Report {
+    let mut rows = Vec::new();
+    flatten(&serde_json::to_value(config).unwrap_or_default(), "", &mut rows);
+    let [major, minor, patch] = identity.version;
+    Report::new("Configuration", &format!("In force on the node at {source}"))
+        .figure("Node", format!("{major}.{minor}.{patch}"))
+        .figure("Time base", format!("{} Hz", identity.ticks_per_second))
+        .figure("Self-test", self_test(identity))
+        .figure("Stored", if stored { "yes" } else { "no: until the next power-up" })
+        .section("Settings")
+        .table("As the node gave them back.", &["key", "value"], &rows)
+}
+
+fn row(name: &str, value: String) -> Vec<String> {
+    vec![name.into(), value]
+}
+
+fn status_rows(s: &Status) -> Vec<Vec<String>> {
+    vec![
+        row("validity of the speed", format!("{:?}", s.validity)),
+        row("speed of the pinion, Hz", format!("{:.5}", s.speed_hz)),
+        row("law's bandwidth, Hz", format!("{:.1}", s.bandwidth_hz)),
+        row("rate requested, Hz", format!("{:.1}", s.requested_hz)),
+        row("rate granted, Hz", format!("{:.1}", s.granted_hz)),
+        row("converter, Hz", format!("{:.1}", s.adc_hz)),
+    ]
+}
+
+fn bands(spectrum: &Spectrum) -> Result<String> {
+    let point = |line: &meshband::message::SpectralLine| (f64::from(line.frequency_hz), f64::from(line.amplitude));
+    let all = |of: fn(&meshband::message::MeshBand) -> Vec<meshband::message::SpectralLine>| {
+        let lines = spectrum.bands.iter().flat_map(of);
+        lines.filter(|line| line.amplitude > 0.0).map(|line| point(&line)).collect::<Vec<_>>()
+    };
+    let series = [
+        Series::new("mesh harmonics", all(|band| vec![band.line])),
+        Series::new("pinion's sidebands", all(|band| band.sidebands.to_vec())),
+        Series::new("gear's sidebands", all(|band| band.gear_sidebands.to_vec())),
+    ];
+    plot::stems(&series, Axes { x: "frequency, Hz", y: "amplitude, m/s2" })
+}
+
+/// Rows of key and value; lists of numbers stay one value.
+fn flatten(value: &Value, key: &str, rows: &mut Vec<Vec<String>>) {
+    match value {
+        Value::Object(entries) => entries.iter().for_each(|(name, inner)| {
+            let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+            flatten(inner, &key, rows);
+        }),
+        Value::String(text) => rows.push(vec![key.into(), text.clone()]),
+        other => rows.push(vec![key.into(), other.to_string()]),
+    }
+}

@@ -1,0 +1,144 @@
+//! A node's settings from a TOML file: the tables and keys of `meshband::config::Configuration`, as many as are to change.
+//!
+//! ```toml
+//! policy = "Spectrum"              # or [policy.Waveform] multiple = 8.0, or "Critical"
+//! [tach]
+//! pulses_per_turn = 60
+//! missing = 2
+//! [sensor]
+//! acceleration_per_code = 0.00494  # m/s^2
+//! [limits]
+//! analogue_stop = 100000.0         # Hz
+//! [[alarms]]                       # the list replaces the node's
+//! watched = "Rms"
+//! from = 5.0                       # Hz of the pinion
+//! to = 25.0
+//! raise = 12.0
+//! clear = 10.0
+//! persistence = 3
+//! ```
+//!
+//! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
+//! another kind and a number that is not finite are refused with their table and key; ranges are the node's business
+//! ([`Configuration::validate`]). The law comes from a law file, never from here.
+
+use crate::{Error, Result};
+use meshband::alarm::AlarmBand;
+use meshband::config::Configuration;
+use meshband::rate_plan::RatePolicy;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+use std::path::Path;
+
+/// Settings read from a file and not yet applied.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    place: String,
+    tables: Map<String, Value>,
+}
+
+impl Settings {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no TOML, an unknown table or key, a value that is not finite or of another kind.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        Self::from_toml(&text, &path.display().to_string())
+    }
+
+    /// Reads TOML text; `place` names it in errors.
+    ///
+    /// # Errors
+    /// As [`Settings::read`].
+    pub fn from_toml(text: &str, place: &str) -> Result<Self> {
+        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+            let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].lines().count().max(1));
+            Error::invalid(format!("{place}, line {line}"), error.message().replace('\n', " "))
+        })?;
+        let mut tables = Map::new();
+        for (key, value) in table {
+            tables.insert(key.clone(), finite(value, &key, place)?);
+        }
+        let settings = Self { place: place.into(), tables };
+        // Any configuration shows whether keys and kinds are right.
+        settings.apply(&mut Configuration::default())?;
+        Ok(settings)
+    }
+
+    /// Changes what the file names.
+    ///
+    /// # Errors
+    /// As [`Settings::read`].
+    pub fn apply(&self, config: &mut Configuration) -> Result<()> {
+        let refuse = |key: &str, what: String| Error::invalid(format!("{}: {key}", self.place), what);
+        let mut whole = serde_json::to_value(&*config).map_err(|e| Error::invalid("configuration", e))?;
+        for (key, new) in &self.tables {
+            match (key.as_str(), whole.get_mut(key), new) {
+                ("schema" | "law", ..) | (_, None, _) => {
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms";
+                    return Err(refuse(key, format!("not a table of a node's settings: {known}")));
+                }
+                ("policy", Some(held), new) => {
+                    read::<RatePolicy>(new).map_err(|what| refuse(key, what))?;
+                    *held = new.clone();
+                }
+                ("alarms", Some(held), Value::Array(list)) => {
+                    for (n, alarm) in list.iter().enumerate() {
+                        read::<AlarmBand>(alarm).map_err(|what| refuse(&format!("alarms[{n}]"), what))?;
+                    }
+                    *held = new.clone();
+                }
+                (_, Some(Value::Object(held)), Value::Object(new)) => {
+                    for (name, value) in new {
+                        let place = format!("[{key}] {name}");
+                        let Some(old) = held.get_mut(name) else {
+                            let known: Vec<&str> = held.keys().map(String::as_str).collect();
+                            return Err(refuse(&place, format!("no such key: {}", known.join(", "))));
+                        };
+                        if !(old.is_number() && value.is_number()) {
+                            return Err(refuse(&place, format!("must be a number, not {value}")));
+                        }
+                        if old.is_u64() && !value.is_u64() {
+                            return Err(refuse(&place, format!("must be a whole number, not {value}")));
+                        }
+                        *old = value.clone();
+                    }
+                }
+                (_, Some(_), _) => return Err(refuse(key, "must be a table, or for alarms a list of tables".into())),
+            }
+        }
+        // What is left are whole numbers beyond their range and too many alarms.
+        *config = read(&whole).map_err(|what| Error::invalid(&self.place, what))?;
+        Ok(())
+    }
+}
+
+fn read<T: DeserializeOwned>(value: &Value) -> std::result::Result<T, String> {
+    serde_json::from_value(value.clone()).map_err(|e| e.to_string().replace('\n', " "))
+}
+
+/// The value as JSON has it; numbers that JSON cannot hold are refused.
+fn finite(value: toml::Value, key: &str, place: &str) -> Result<Value> {
+    Ok(match value {
+        toml::Value::Float(number) => {
+            let what = || Error::invalid(format!("{place}: {key}"), format!("{number} is not a number to work with"));
+            serde_json::Number::from_f64(number).map(Value::Number).ok_or_else(what)?
+        }
+        toml::Value::Table(table) => {
+            let entries = table.into_iter().map(|(name, value)| {
+                let value = finite(value, &format!("[{key}] {name}"), place)?;
+                Ok((name, value))
+            });
+            Value::Object(entries.collect::<Result<_>>()?)
+        }
+        toml::Value::Array(list) => {
+            let items = list.into_iter().enumerate().map(|(n, value)| finite(value, &format!("{key}[{n}]"), place));
+            Value::Array(items.collect::<Result<_>>()?)
+        }
+        toml::Value::Integer(number) => number.into(),
+        toml::Value::Boolean(is) => is.into(),
+        toml::Value::String(text) => text.into(),
+        toml::Value::Datetime(date) => date.to_string().into(),
+    })
+}

@@ -1,0 +1,159 @@
+//! Blocks come in: continuity of the sample grid, the period they were taken with, and what the filters make of them.
+
+use super::{Block, HOLD_AFTER_TURN, Node, RISE_INTERVAL_S, State, WIDE_PER_SECOND, WideUse};
+use crate::bandwidth_watch::BandwidthWatch;
+use crate::buffers::Buffers;
+use crate::events::EventKind;
+use crate::mesh_band::{self, MeshPlan};
+
+use crate::stream::WIDE_POINTS;
+use crate::tach::Validity;
+use core::borrow::BorrowMut;
+
+impl<B: BorrowMut<Buffers>> Node<B> {
+    /// Sequence, time and overrun: anything that breaks the sample grid restarts the records.
+    pub(super) fn check_continuity(&mut self, block: &Block<'_>, first: u64, period: u32) {
+        let mut broken = block.overrun;
+        if block.overrun {
+            self.note(EventKind::Overrun, block.sequence);
+        }
+        let lost = self.next_sequence.map_or(0, |expected| block.sequence.wrapping_sub(expected));
+        if lost != 0 {
+            self.statistics.blocks_lost = self.statistics.blocks_lost.saturating_add(lost);
+            self.note(EventKind::BlocksLost, lost);
+            broken = true;
+        } else if self.next_sequence.is_some() && first.abs_diff(self.next_tick) > u64::from(period) {
+            self.note(EventKind::TimeJump, first.wrapping_sub(self.next_tick) as u32);
+            broken = true;
+        }
+        self.next_sequence = Some(block.sequence.wrapping_add(1));
+        self.next_tick = first + u64::from(period) * block.codes.len() as u64;
+        if broken {
+            self.restart_stream(first);
+        } else if !self.stream.is_started() {
+            self.stream.set_origin(first);
+        }
+    }
+
+    /// Blocks carry the period they were sampled with; the plan that belongs to it becomes active.
+    pub(super) fn follow_period(&mut self, period: u32, first: u64, sequence: u32) {
+        let wanted = if period == self.pending.period_ticks {
+            self.pending
+        } else if period == self.active.period_ticks {
+            return;
+        } else {
+            self.note(EventKind::UnexpectedPeriod, period);
+            self.plan.describe(self.pending.requested, period, self.pending.stages, true)
+        };
+        if wanted == self.active {
+            return;
+        }
+        let same_chain = wanted.period_ticks == self.active.period_ticks && wanted.stages == self.active.stages;
+        self.active = wanted;
+        if !same_chain {
+            self.note(EventKind::RateChanged, period);
+            self.restart_stream(first);
+            self.post_status(sequence);
+        }
+    }
+
+    pub(super) fn restart_stream(&mut self, first: u64) {
+        self.mesh_plan = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.adc);
+        self.stream.restart(first, self.active.period_ticks, self.mesh_plan.decimation);
+        self.buffers.borrow_mut().chain.set_samples_per_pitch(usize::from(self.mesh_plan.samples_per_pitch));
+        self.wide_use = WideUse::Idle;
+        self.wide_due = first;
+        if matches!(self.state, State::Settling | State::Measuring) {
+            self.state = State::Settling;
+        }
+    }
+
+    pub(super) fn watch_input(&mut self, codes: &[u16]) {
+        // One pass without branches; railed are 0 and the upper 16 codes.
+        let first = codes[0];
+        let (mut railed, mut moved) = (0usize, 0u16);
+        for &code in codes {
+            railed += usize::from(code.wrapping_sub(1) >= 0xffef);
+            moved |= code ^ first;
+        }
+        if railed * 1000 > codes.len() {
+            self.note(EventKind::Saturated, (railed * 1000 / codes.len()) as u32 / 100 * 100);
+        }
+        if codes.len() >= 64 && moved == 0 {
+            self.note(EventKind::Stuck, u32::from(first));
+        }
+    }
+
+    /// Begins what the wideband path is due for.
+    pub(super) fn start_wide(&mut self, first: u64) {
+        if self.state == State::Measuring && first >= self.rise_due && self.signal_rms > 0.0 {
+            self.rise_due = first + RISE_INTERVAL_S * u64::from(self.clock.0);
+            let speed = self.present_speed();
+            let law_hz = self.config.law.bandwidth(speed.pinion).bandwidth.0;
+            let stages = BandwidthWatch::stages(self.active.adc.0, law_hz);
+            if let (Some(stages), Validity::Locked, false) = (stages, speed.validity, self.active.aliasing) {
+                let rate = self.active.adc.0 / (1u32 << stages) as f32;
+                let mesh_hz = f32::from(self.config.gears.pinion_teeth) * speed.pinion.0;
+                self.bandwidth_watch.begin(rate, law_hz, mesh_hz, self.signal_rms);
+                self.stream.start_wide(first, stages);
+                self.wide_use = WideUse::Edges;
+                return;
+            }
+        }
+        if first >= self.wide_due || (self.snapshot_wanted && self.snapshot_sent.is_none()) {
+            self.wide_due = first + u64::from(self.clock.0 / WIDE_PER_SECOND);
+            self.stream.start_wide(first, self.active.stages);
+            self.wide_use = WideUse::Record;
+            self.wide_count = 0;
+        }
+    }
+
+    /// Filters at most [`CHUNK`] codes and takes what comes out.
+    pub(super) fn take_chunk(&mut self, codes: &[u16]) {
+        let Buffers { chain, wide: record, .. } = self.buffers.borrow_mut();
+        let (wide_use, watch) = (self.wide_use, &mut self.bandwidth_watch);
+        let (count, from) = (&mut self.wide_count, &mut self.wide_tick);
+        let mut complete = false;
+        let take_wide = |samples: &[f32], tick: u64| match wide_use {
+            WideUse::Idle => {}
+            WideUse::Edges => complete = watch.push(samples),
+            WideUse::Record => {
+                if *count == 0 {
+                    *from = tick;
+                }
+                let taken = samples.len().min(WIDE_POINTS.saturating_sub(*count));
+                for (place, sample) in record.iter_mut().skip(*count).zip(samples) {
+                    *place = *sample;
+                }
+                *count += taken;
+                complete = *count == WIDE_POINTS;
+            }
+        };
+        let take_mesh = |samples: &[f32], tick: u64, period: u32| chain.push_samples(samples, tick as u32, period);
+        self.stream.push(codes, &self.config.sensor, take_wide, take_mesh);
+        if complete {
+            self.stream.stop_wide();
+            match core::mem::replace(&mut self.wide_use, WideUse::Idle) {
+                WideUse::Record => self.finish_wide(),
+                _ => self.finish_edges(),
+            }
+        }
+    }
+
+    /// Resamples complete turns and takes what they complete.
+    pub(super) fn follow_turns(&mut self) {
+        let chain = &mut self.buffers.borrow_mut().chain;
+        let progress = chain.process();
+        if progress.turns > 0 {
+            self.hold = self.hold.max(HOLD_AFTER_TURN);
+        }
+        if progress.records > 0 {
+            self.finish_mesh();
+        }
+        let chain = &mut self.buffers.borrow_mut().chain;
+        let wanted = mesh_band::average_turns(self.config.gears.pinion_teeth, self.config.gears.gear_teeth).0;
+        if chain.average().turns() >= wanted {
+            self.finish_average();
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The node and its host: what it says of itself, which message is next, and what it does when asked.
+
+use super::planning::safe_grant;
+use super::{Node, State};
+use crate::alarm::Alarm;
+use crate::bandwidth_watch::BandwidthWatch;
+use crate::buffers::Buffers;
+use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
+use crate::events::EventKind;
+use crate::indicators::RunEnsemble;
+use crate::mesh_band;
+use crate::message::{Identity, Message, PROTOCOL, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status};
+use crate::rate_plan::RatePlan;
+use crate::stream::WIDE_POINTS;
+use crate::tach::TachTracker;
+use crate::turn_marks::TurnMarks;
+use core::borrow::BorrowMut;
+use heapless::Vec;
+
+impl<B: BorrowMut<Buffers>> Node<B> {
+    pub(super) fn post_status(&mut self, block: u32) {
+        let speed = self.present_speed();
+        let law = self.config.law.bandwidth(if self.safe_rate { self.config.law.highest } else { speed.pinion });
+        let dropped = self.status.is_some_and(|unsent| unsent.period_ticks != self.active.period_ticks);
+        self.count_dropped(dropped);
+        self.status = Some(Status {
+            state: self.state,
+            validity: speed.validity,
+            tick: self.next_tick,
+            speed_hz: speed.pinion.0,
+            speed_uncertainty: speed.uncertainty,
+            age_s: speed.age_s,
+            bandwidth_hz: law.bandwidth.0,
+            law_clamped: law.clamped,
+            law_provisional: law.provisional,
+            requested_hz: self.active.requested.0,
+            granted_hz: self.active.output.0,
+            adc_hz: self.active.adc.0,
+            period_ticks: self.active.period_ticks,
+            stages: self.active.stages,
+            residual_ppm: self.active.residual.0,
+            limited: self.active.limited,
+            safe_rate: self.safe_rate,
+            block,
+        });
+        self.status_due = self.next_tick + u64::from(self.clock.0);
+    }
+
+    /// Next outgoing message; `None` when there is nothing to say. Call with the present tick, at least once per
+    /// quarter of the counter's wrap.
+    pub fn poll(&mut self, now_tick: u32) -> Option<Message> {
+        self.time.extend(now_tick);
+        if let Some(event) = self.events.take_unreported() {
+            return Some(Message::Event(event));
+        }
+        if let Some(status) = self.status.take() {
+            return Some(Message::Status(status));
+        }
+        if let Some(spectrum) = self.spectrum.take() {
+            return Some(Message::Spectrum(spectrum));
+        }
+        if let Some(peaks) = self.peaks.take() {
+            return Some(Message::Peaks(peaks));
+        }
+        if let Some(indicators) = self.indicators.take() {
+            return Some(Message::Indicators(indicators));
+        }
+        if core::mem::take(&mut self.send_statistics) {
+            return Some(Message::Statistics(self.statistics()));
+        }
+        self.next_snapshot().map(Message::Snapshot)
+    }
+
+    pub(super) fn next_snapshot(&mut self) -> Option<Snapshot> {
+        let offset = self.snapshot_sent?;
+        let rest = self.buffers.borrow().snapshot.get(offset..)?;
+        let samples: Vec<i16, SNAPSHOT_CHUNK> = rest.iter().take(SNAPSHOT_CHUNK).copied().collect();
+        let next = offset + samples.len();
+        self.snapshot_sent = (next < WIDE_POINTS).then_some(next);
+        Some(Snapshot {
+            tag: self.snapshot_tag,
+            offset: offset as u16,
+            total: WIDE_POINTS as u16,
+            scale: self.snapshot_scale,
+            samples,
+        })
+    }
+
+    /// Carries out a command.
+    pub fn on_request(&mut self, request: Request) -> Reply {
+        match request {
+            Request::Identify => Reply::Identity(self.identity()),
+            Request::GetConfiguration => Reply::Configuration(self.config.clone()),
+            Request::SetConfiguration(config) => self.configure(config),
+            Request::CommitConfiguration => Reply::Committing,
+            Request::GetLaw => Reply::Law(self.config.law),
+            Request::PutLaw(law) => match law.validate() {
+                Ok(()) => {
+                    self.config.law = law;
+                    self.safe_rate = true;
+                    Reply::Done
+                }
+                Err(error) => self.refuse(ConfigurationError::Law(error)),
+            },
+            Request::Start => {
+                if self.state == State::Stopped {
+                    self.state = State::WaitingForTach;
+                    self.next_sequence = None;
+                    self.restart_stream(self.next_tick);
+                }
+                Reply::Done
+            }
+            Request::Stop => {
+                self.state = State::Stopped;
+                Reply::Done
+            }
+            Request::Snapshot => {
+                self.snapshot_wanted = true;
+                Reply::Done
+            }
+            Request::SelfTest => Reply::SelfTest(self.self_test),
+            Request::Events => {
+                self.events.report_all();
+                Reply::Done
+            }
+            Request::Statistics => Reply::Statistics(self.statistics()),
+        }
+    }
+
+    pub(super) fn refuse(&mut self, error: ConfigurationError) -> Reply {
+        self.note(EventKind::RequestRefused, 0);
+        Reply::Refused(error)
+    }
+
+    /// A new configuration starts tach and records anew; counters and events stay.
+    pub(super) fn configure(&mut self, config: Configuration) -> Reply {
+        if let Err(error) = config.validate(self.clock.0) {
+            return self.refuse(error);
+        }
+        self.plan = RatePlan::new(self.clock, config.limits);
+        self.tach = TachTracker::new(config.tach, self.clock);
+        self.tach_locked = false;
+        self.pending = safe_grant(&config, &mut self.plan);
+        self.safe_rate = true;
+        self.alarms = [Alarm::default(); MAX_ALARMS];
+        self.marks = TurnMarks::new(&config.tach);
+        self.ensemble = RunEnsemble::default();
+        (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
+        self.bandwidth_watch = BandwidthWatch::default();
+        self.config = config;
+        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config);
+        if self.state != State::Stopped {
+            self.state = State::WaitingForTach;
+        }
+        self.restart_stream(self.next_tick);
+        Reply::Done
+    }
+
+    pub(super) fn identity(&self) -> Identity {
+        Identity {
+            protocol: PROTOCOL,
+            schema: SCHEMA,
+            version: [0, 1, 0],
+            ticks_per_second: self.clock.0,
+            self_test: self.self_test,
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! The node as an executor-free state machine: tach pulses and sample blocks in, messages out.
+//!
+//! Pulses give the speed, the speed the law's bandwidth, the bandwidth a wanted rate, the rate plan a timer period that
+//! the board programs at the next block border. All blocks run through a half-band cascade to the lowest rate that still
+//! carries the mesh harmonics and from there, with the turns of the pinion, into the order domain: mesh bands and the
+//! synchronous average with its condition indicators. A few times per second a second cascade takes a wideband record at
+//! the law's rate (peaks, RMS, snapshot); now and then it runs at a higher rate to time engagement edges, the law's check.
+//! A change of rate, a lost block or a jump in time restarts the records; nothing is ever spliced, only the synchronous
+//! average goes on, because its turns are found by the tach. Every input is accepted; faults are counted and reported.
+//!
+//! Rates are re-planned when a mesh-band record is complete, or at once when the speed has left the planned one by more
+//! than [`REPLAN_NOW`]: the spectrum policy's margin (2.56 against 2) covers that, so no bandwidth is lost in between.
+//! A record of 16 turns thus completes while the speed changes by less than a fifth within 20 turns: 5 %/s from 5 Hz on.
+//!
+//! The arrays lie in [`Buffers`]: inside the node on a host, in a static of their own on a board.
+
+use crate::alarm::Alarm;
+use crate::bandwidth_watch::BandwidthWatch;
+use crate::buffers::{self, Buffers};
+use crate::config::{Configuration, ConfigurationError, MAX_ALARMS};
+use crate::events::{EVENT_KINDS, EventKind, EventLog};
+use crate::indicators::RunEnsemble;
+use crate::mesh_band::{self, MeshPlan};
+use crate::message::{
+    GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Spectrum, Statistics, Status, Tag,
+};
+use crate::rate_plan::{RateGrant, RatePlan};
+use crate::stream::{CHUNK, Stream};
+use crate::tach::{Speed, TachTracker};
+use crate::time::TickExtender;
+use crate::turn_marks::{Continuity, TurnMarks};
+use crate::units::TicksPerSecond;
+use core::borrow::BorrowMut;
+use serde::{Deserialize, Serialize};
+
+mod input;
+mod link;
+mod planning;
+mod products;
+
+use planning::safe_grant;
+
+/// Relative departure of the wanted rate from the planned one that re-plans at once.
+pub const REPLAN_NOW: f32 = 0.2;
+/// Relative departure that re-plans when a record is complete.
+pub const REPLAN_AT_RECORD: f32 = 0.02;
+/// Wideband records begun per second, at most.
+const WIDE_PER_SECOND: u32 = 1;
+/// Time between measurements of rise times, s.
+const RISE_INTERVAL_S: u64 = 2;
+/// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
+/// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
+const HOLD_AFTER_RECORD: u32 = 16;
+const HOLD_AFTER_TURN: u32 = 4;
+/// Most bytes of a node without its buffers.
+const STATE_BUDGET: usize = 13 * 1024;
+
+const _: () = assert!(core::mem::size_of::<Node<()>>() <= STATE_BUDGET);
+const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 100 * 1024);
+
+/// One block of samples from the board.
+#[derive(Clone, Copy, Debug)]
+pub struct Block<'a> {
+    /// Raw ADC codes, offset binary, left-aligned to 16 bit.
+    pub codes: &'a [u16],
+    /// Capture time of the first code in the tach's time base (wrapping).
+    pub first_tick: u32,
+    /// Sample period, ticks of the time base.
+    pub period_ticks: u32,
+    /// Increments per block; gaps are lost blocks.
+    pub sequence: u32,
+    /// The ADC lost samples in this block.
+    pub overrun: bool,
+}
+
+/// State of a node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum State {
+    /// Stopped by request; blocks are dropped. Left by `Start`.
+    Stopped,
+    /// No usable speed: samples at the safe maximum rate, reports peaks only. Left by the first lock.
+    #[default]
+    WaitingForTach,
+    /// Samples at a new rate, filters not yet settled. Left when the filters have forgotten the old samples.
+    Settling,
+    /// Complete products. Left by loss of speed, a change of rate or lost samples.
+    Measuring,
+}
+
+/// What the wideband path does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum WideUse {
+    /// Nothing. Left at the next block border that is due.
+    Idle,
+    /// Fills the record. Left when it is full.
+    Record,
+    /// Times edges. Left when enough teeth have passed.
+    Edges,
+}
+
+/// The node; `B` is where its arrays are.
+#[derive(Clone, Debug)]
+pub struct Node<B = Buffers> {
+    config: Configuration,
+    clock: TicksPerSecond,
+    self_test: SelfTest,
+    state: State,
+    time: TickExtender,
+    tach: TachTracker,
+    tach_locked: bool,
+    plan: RatePlan,
+    /// Rate asked of the board; active from the first block that has its period.
+    pending: RateGrant,
+    active: RateGrant,
+    safe_rate: bool,
+    law_clamped: bool,
+    stream: Stream,
+    buffers: B,
+    marks: TurnMarks,
+    /// Blocks still to pass before another rate may be asked for.
+    hold: u32,
+    /// A mesh-band record was completed since the last plan.
+    record_complete: bool,
+    mesh_plan: MeshPlan,
+    wide_use: WideUse,
+    wide_count: usize,
+    wide_tick: u64,
+    wide_due: u64,
+    rise_due: u64,
+    signal_rms: f32,
+    bandwidth_watch: BandwidthWatch,
+    bandwidth: Option<MeasuredBandwidth>,
+    ensemble: RunEnsemble,
+    gear: Option<GearIndicators>,
+    sideband_energy: [f32; 2],
+    next_sequence: Option<u32>,
+    next_tick: u64,
+    statistics: Statistics,
+    events: EventLog,
+    alarms: [Alarm; MAX_ALARMS],
+    status_due: u64,
+    status: Option<Status>,
+    spectrum: Option<Spectrum>,
+    peaks: Option<Peaks>,
+    indicators: Option<Indicators>,
+    snapshot_wanted: bool,
+    snapshot_sent: Option<usize>,
+    snapshot_tag: Tag,
+    snapshot_scale: f32,
+    send_statistics: bool,
+}
+
+impl Node {
+    /// A node that waits for its tach, with its arrays inside (about 90 KiB). `clock` is the common time base of samples
+    /// and pulses.
+    pub fn new(config: Configuration, clock: TicksPerSecond) -> Result<Node, ConfigurationError> {
+        Node::with_buffers(config, clock, Buffers::ZERO)
+    }
+}
+
+impl<B: BorrowMut<Buffers>> Node<B> {
+    /// A node with its arrays elsewhere: boards give a `&'static mut Buffers`.
+    pub fn with_buffers(config: Configuration, clock: TicksPerSecond, buffers: B) -> Result<Self, ConfigurationError> {
+        config.validate(clock.0)?;
+        let mut plan = RatePlan::new(clock, config.limits);
+        let grant = safe_grant(&config, &mut plan);
+        let mut node = Self {
+            tach: TachTracker::new(config.tach, clock),
+            clock,
+            self_test: SelfTest::default(),
+            state: State::WaitingForTach,
+            time: TickExtender::new(0),
+            tach_locked: false,
+            plan,
+            pending: grant,
+            active: grant,
+            safe_rate: true,
+            law_clamped: false,
+            stream: Stream::new(),
+            buffers,
+            marks: TurnMarks::new(&config.tach),
+            hold: 0,
+            record_complete: false,
+            mesh_plan: MeshPlan::NONE,
+            wide_use: WideUse::Idle,
+            wide_count: 0,
+            wide_tick: 0,
+            wide_due: 0,
+            rise_due: 0,
+            signal_rms: 0.0,
+            bandwidth_watch: BandwidthWatch::default(),
+            bandwidth: None,
+            ensemble: RunEnsemble::default(),
+            gear: None,
+            sideband_energy: [0.0; 2],
+            next_sequence: None,
+            next_tick: 0,
+            statistics: Statistics::default(),
+            events: EventLog::default(),
+            alarms: [Alarm::default(); MAX_ALARMS],
+            status_due: 0,
+            status: None,
+            spectrum: None,
+            peaks: None,
+            indicators: None,
+            snapshot_wanted: false,
+            snapshot_sent: None,
+            snapshot_tag: Tag::default(),
+            snapshot_scale: 0.0,
+            send_statistics: false,
+            config,
+        };
+        mesh_band::configure(&mut node.buffers.borrow_mut().chain, &node.config);
+        node.restart_stream(0);
+        Ok(node)
+    }
+
+    /// Tells the node what the board's boot self-test found.
+    pub fn set_self_test(&mut self, result: SelfTest) {
+        self.self_test = result;
+        if result.failed != 0 {
+            self.note(EventKind::SelfTestFailed, u32::from(result.failed));
+        }
+    }
+
+    /// Records an event of the board (over-capture, storage, watchdog...).
+    pub fn note(&mut self, kind: EventKind, detail: u32) {
+        self.events.record(kind, detail, self.time.latest());
+    }
+
+    /// A captured tach edge, in order of capture.
+    pub fn on_tach_edge(&mut self, tick: u32) {
+        let instant = self.time.extend(tick);
+        self.tach.on_pulse(instant);
+        let chain = &mut self.buffers.borrow_mut().chain;
+        if self.marks.follow(&self.tach, |instant| chain.push_mark(instant as u32)) == Continuity::Broken {
+            chain.lose_tach();
+            chain.average().reset();
+        }
+    }
+
+    /// Sample period to program for the next block.
+    pub fn requested_period_ticks(&self) -> u32 {
+        self.pending.period_ticks
+    }
+
+    /// Rate granted for the blocks now arriving.
+    pub fn active_rate(&self) -> RateGrant {
+        self.active
+    }
+
+    /// State of the node.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Speed of the pinion as known at a tick.
+    pub fn speed(&self, tick: u32) -> Speed {
+        self.tach.speed(self.time.peek(tick))
+    }
+
+    /// Configuration in force.
+    pub fn configuration(&self) -> &Configuration {
+        &self.config
+    }
+
+    /// Counters since start.
+    pub fn statistics(&self) -> Statistics {
+        let tach = self.tach.counters();
+        let mut events = [0; EVENT_KINDS];
+        events.copy_from_slice(self.events.counters());
+        Statistics {
+            pulses: tach.accepted,
+            pulses_missed: tach.missed,
+            pulses_spurious: tach.spurious,
+            relocks: tach.relocks,
+            events,
+            ..self.statistics
+        }
+    }
+
+    /// Takes a block; cannot fail. Empty blocks only advance the sequence.
+    pub fn on_block(&mut self, block: Block<'_>) {
+        let period = block.period_ticks.max(1);
+        let first = self.time.extend(block.first_tick);
+        self.check_continuity(&block, first, period);
+        if self.state == State::Stopped || block.codes.is_empty() {
+            return;
+        }
+        self.statistics.blocks = self.statistics.blocks.wrapping_add(1);
+        self.statistics.samples += block.codes.len() as u64;
+        self.follow_period(period, first, block.sequence);
+        self.watch_input(block.codes);
+        if !self.stream.wide_runs() {
+            self.start_wide(first);
+        }
+        for codes in block.codes.chunks(CHUNK) {
+            self.take_chunk(codes);
+        }
+        self.follow_turns();
+        if self.state == State::Settling && self.stream.is_settled() {
+            self.state = State::Measuring;
+        }
+        self.replan();
+        if self.next_tick >= self.status_due {
+            self.post_status(block.sequence);
+        }
+    }
+
+    fn present_speed(&self) -> Speed {
+        self.tach.speed(self.next_tick.max(self.time.latest()))
+    }
+}

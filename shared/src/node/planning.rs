@@ -1,0 +1,85 @@
+//! Which rate comes next: speed, law, rate plan, and what a lost or a new tach means.
+
+use super::{Node, REPLAN_AT_RECORD, REPLAN_NOW, State};
+use crate::buffers::Buffers;
+use crate::config::Configuration;
+use crate::events::EventKind;
+use crate::rate_plan::{RateGrant, RatePlan, RatePolicy};
+use crate::tach::{Speed, Validity};
+use core::borrow::BorrowMut;
+
+impl<B: BorrowMut<Buffers>> Node<B> {
+    /// Speed, law and plan; called at block borders.
+    pub(super) fn replan(&mut self) {
+        let speed = self.present_speed();
+        self.follow_tach(&speed);
+        if self.hold > 0 {
+            self.hold -= 1;
+            return;
+        }
+        let record_complete = core::mem::take(&mut self.record_complete);
+        if let RatePolicy::Forced { rate } = self.config.policy {
+            self.pending = self.plan.force(rate);
+            return;
+        }
+        match speed.validity {
+            Validity::Doubtful => {}
+            Validity::None => {
+                if !self.safe_rate {
+                    self.safe_rate = true;
+                    self.pending = safe_grant(&self.config, &mut self.plan);
+                }
+            }
+            Validity::Locked => {
+                let law = self.config.law.bandwidth(speed.pinion);
+                if law.clamped && !self.law_clamped {
+                    self.note(EventKind::LawClamped, 0);
+                }
+                self.law_clamped = law.clamped;
+                let wanted = self.config.policy.rate(law.bandwidth);
+                let departure = (wanted.0 / self.pending.requested.0 - 1.0).abs();
+                let limit = if record_complete { REPLAN_AT_RECORD } else { REPLAN_NOW };
+                if self.safe_rate || departure > limit {
+                    self.safe_rate = false;
+                    self.pending = self.plan.grant(wanted);
+                    if self.pending.limited {
+                        self.note(EventKind::RateLimited, self.pending.period_ticks);
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn follow_tach(&mut self, speed: &Speed) {
+        let locked = speed.validity == Validity::Locked;
+        if locked && !self.tach_locked {
+            self.note(EventKind::TachLocked, 0);
+        } else if !locked && self.tach_locked {
+            let kind = if speed.validity == Validity::None { EventKind::TachStalled } else { EventKind::TachDoubtful };
+            self.note(kind, 0);
+        }
+        self.tach_locked = locked;
+        match (self.state, speed.validity) {
+            (State::WaitingForTach, Validity::Locked) => {
+                self.state = State::Settling;
+                // The mesh cascade depends on the speed.
+                self.restart_stream(self.next_tick);
+            }
+            (State::Settling | State::Measuring, Validity::None) => {
+                self.state = State::WaitingForTach;
+                let chain = &mut self.buffers.borrow_mut().chain;
+                chain.lose_tach();
+                chain.average().reset();
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Rate without a speed: the law's at its highest speed, which carries the bandwidth of every lower one.
+pub(super) fn safe_grant(config: &Configuration, plan: &mut RatePlan) -> RateGrant {
+    match config.policy {
+        RatePolicy::Forced { rate } => plan.force(rate),
+        policy => plan.grant(policy.rate(config.law.bandwidth(config.law.highest).bandwidth)),
+    }
+}

@@ -1,0 +1,178 @@
+//! What complete records give: peaks and indicators, the law's check, mesh bands, condition indicators, and their alarms.
+
+use super::{HOLD_AFTER_RECORD, Node, State, WideUse};
+use crate::alarm::{AlarmChange, Watched};
+use crate::bandwidth_watch::Verdict;
+use crate::buffers::Buffers;
+use crate::events::EventKind;
+use crate::gear_condition;
+use crate::indicators::Moments;
+use crate::mesh_band;
+use crate::message::{GearIndicators, Indicators, Peaks, Spectrum, Tag};
+use crate::peaks;
+use crate::stream::WIDE_POINTS;
+use crate::tach::Validity;
+use crate::units::Hertz;
+use core::borrow::BorrowMut;
+use heapless::Vec;
+
+impl<B: BorrowMut<Buffers>> Node<B> {
+    pub(super) fn tag(&self, first_tick: u64, rate: Hertz, stages: u8, resolution_hz: f32) -> Tag {
+        let speed = self.present_speed();
+        Tag {
+            first_tick,
+            speed_hz: speed.pinion.0,
+            speed_uncertainty: speed.uncertainty,
+            validity: speed.validity,
+            period_ticks: self.active.period_ticks,
+            stages,
+            rate_hz: rate.0,
+            resolution_hz,
+            aliasing: self.active.aliasing,
+        }
+    }
+
+    pub(super) fn finish_wide(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
+        let (rate, stages) = (self.active.output, self.active.stages);
+        let tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
+        let Buffers { wide, snapshot, .. } = self.buffers.borrow_mut();
+        if self.snapshot_wanted && self.snapshot_sent.is_none() {
+            self.snapshot_wanted = false;
+            self.snapshot_scale = keep_snapshot(wide, snapshot);
+            self.snapshot_tag = tag;
+            self.snapshot_sent = Some(0);
+        }
+        let moments = Moments::of(wide);
+        let (lines, digest) = peaks::strongest(wide, tag.resolution_hz);
+        let mesh_hz = f32::from(self.config.gears.pinion_teeth) * tag.speed_hz;
+        let reach = peaks::reach_hz(rate.0, stages, self.config.limits.analogue_stop.0);
+        let origins = if tag.validity == Validity::Locked {
+            peaks::label(&lines, mesh_hz, rate.0, tag.resolution_hz, reach)
+        } else {
+            Vec::new()
+        };
+        let rms = moments.rms();
+        self.signal_rms = rms;
+        let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest, origins }).is_some();
+        self.count_dropped(dropped);
+        let (peak, kurtosis, crest) = (moments.peak(), moments.kurtosis, moments.crest());
+        let sideband_energy_ratio = self.sideband_energy[0];
+        let (gear, bandwidth) = (self.gear.take(), self.bandwidth.take());
+        let indicators = Indicators { tag, rms, peak, crest, kurtosis, sideband_energy_ratio, gear, bandwidth };
+        let dropped = self.indicators.replace(indicators).is_some();
+        self.count_dropped(dropped);
+        for (watched, value) in
+            [(Watched::Rms, rms), (Watched::Peak, peak), (Watched::Crest, crest), (Watched::Kurtosis, kurtosis)]
+        {
+            self.watch(watched, tag, value);
+        }
+    }
+
+    pub(super) fn finish_edges(&mut self) {
+        let Some(measured) = self.bandwidth_watch.result() else { return };
+        self.bandwidth = Some(measured);
+        let ratio = measured.bandwidth_hz / measured.law_hz;
+        let tag = self.tag(self.next_tick, self.active.adc, 0, 0.0);
+        self.watch(Watched::BandwidthRatio, tag, ratio);
+        let per_cent = (100.0 * ratio) as u32;
+        match self.bandwidth_watch.judge(&measured, &self.config) {
+            Some(Verdict::Departs) => self.note(EventKind::BandwidthDeparts, per_cent),
+            Some(Verdict::Agrees) => self.note(EventKind::BandwidthAgrees, per_cent),
+            None => {}
+        }
+    }
+
+    pub(super) fn finish_mesh(&mut self) {
+        let (stages, rate) = self.stream.mesh_format(self.clock);
+        let chain = &self.buffers.borrow().chain;
+        let (record, zoom) = (*chain.record(), chain.mesh_bands());
+        let speed_hz = record.mean_hz(self.clock.0);
+        let first_tick = self.time.peek(record.first_tick);
+        let tag = Tag { speed_hz, ..self.tag(first_tick, rate, stages, speed_hz * zoom.order_per_bin()) };
+        if tag.validity == Validity::Locked && self.state == State::Measuring {
+            let (bands, digest) = mesh_band::bands(zoom, &self.config, self.mesh_plan.harmonics, speed_hz);
+            let gear_order = f32::from(self.config.gears.pinion_teeth) / f32::from(self.config.gears.gear_teeth);
+            let energy = |shaft: f32| zoom.sideband_energy_ratio(1, shaft).unwrap_or(0.0);
+            let sideband_energy = [energy(1.0), energy(gear_order)];
+            let of_turn = |ticks: u32| self.clock.rate(ticks).0;
+            let (slowest_hz, fastest_hz) = (of_turn(record.longest), of_turn(record.shortest));
+            let turns = zoom.config().turns;
+            if let Some(first) = bands.first() {
+                self.sideband_energy = sideband_energy;
+                self.watch(Watched::MeshAmplitude, tag, first.line.amplitude);
+                self.watch(Watched::SidebandEnergyRatio, tag, sideband_energy[0]);
+            }
+            let spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz };
+            let dropped = self.spectrum.replace(spectrum).is_some();
+            self.count_dropped(dropped);
+        }
+        self.record_complete = true;
+        self.hold = HOLD_AFTER_RECORD;
+    }
+
+    /// Indicators of a complete average. The wideband record serves as work space; one under way begins anew.
+    pub(super) fn finish_average(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
+        let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
+        let teeth = self.config.gears.pinion_teeth;
+        let (turns, hunting_broken) = mesh_band::average_turns(teeth, self.config.gears.gear_teeth);
+        if self.wide_use == WideUse::Record {
+            self.wide_count = 0;
+        }
+        let Buffers { chain, wide, .. } = self.buffers.borrow_mut();
+        let average = chain.average();
+        let points = average.points();
+        let (work, split) = wide.split_at_mut(WIDE_POINTS / 2);
+        let result = average.finish().map(|average| {
+            gear_condition::of_average(average, teeth, &mut self.ensemble, &mut work[..points], &mut split[..points])
+        });
+        average.reset();
+        let Some(Ok(indicators)) = result else { return };
+        self.gear = Some(GearIndicators {
+            tick: self.next_tick,
+            speed_hz: tag.speed_hz,
+            turns: turns as u16,
+            hunting_broken,
+            gear_sideband_energy_ratio: self.sideband_energy[1],
+            ..indicators
+        });
+        self.watch(Watched::Fm0, tag, indicators.fm0);
+        self.watch(Watched::Fm4, tag, indicators.fm4);
+    }
+
+    pub(super) fn watch(&mut self, watched: Watched, tag: Tag, value: f32) {
+        if tag.validity != Validity::Locked {
+            return;
+        }
+        for index in 0..self.config.alarms.len() {
+            let (Some(&band), Some(alarm)) = (self.config.alarms.get(index), self.alarms.get_mut(index)) else {
+                return;
+            };
+            if band.watched != watched {
+                continue;
+            }
+            match alarm.update(&band, Hertz(tag.speed_hz), value) {
+                Some(AlarmChange::Raised) => self.note(EventKind::AlarmRaised, index as u32),
+                Some(AlarmChange::Cleared) => self.note(EventKind::AlarmCleared, index as u32),
+                None => {}
+            }
+        }
+    }
+
+    pub(super) fn count_dropped(&mut self, dropped: bool) {
+        if dropped {
+            self.statistics.messages_dropped = self.statistics.messages_dropped.saturating_add(1);
+        }
+    }
+}
+
+/// Keeps a wideband record in 16 bit; returns the scale, m/s^2 per unit.
+fn keep_snapshot(record: &[f32; WIDE_POINTS], kept: &mut [i16; WIDE_POINTS]) -> f32 {
+    let largest = record.iter().fold(0.0f32, |largest, sample| largest.max(sample.abs()));
+    let scale = if largest > 0.0 { largest / 32_767.0 } else { 1.0 };
+    for (kept, sample) in kept.iter_mut().zip(record) {
+        *kept = (sample / scale) as i16;
+    }
+    scale
+}
