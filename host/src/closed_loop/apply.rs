@@ -25,6 +25,8 @@ pub const MAPPING: &[Mapping] = &[
     ("gear-pitch-error", "pitch-error", Some(1.0), &[("single_tooth_offset", "single")]),
     ("pinion-tooth-crack", "tooth-crack", Some(0.0), &[("stiffness_loss", "loss")]),
     ("gear-tooth-crack", "tooth-crack", Some(1.0), &[("stiffness_loss", "loss")]),
+    ("wear", "wear", None, &[("depth", "depth")]),
+    ("friction", "friction", None, &[("coefficient", "coefficient")]),
     ("ghost-order", "ghost-order", None, &[("amplitude", "amplitude")]),
     ("torque-ripple", "torque-ripple", None, &[("share_of_torque", "depth")]),
     ("load-fluctuation", "load-fluctuation", None, &[("share_of_torque", "depth")]),
