@@ -70,8 +70,9 @@ fn explained(effects: &[Effect], order: Option<f64>, hz: Option<f64>) -> Vec<(St
     }
     let bench = Bench::new(&base);
     let all: Vec<usize> = (0..with.runs.len()).collect();
-    let found =
-        |at: Option<f64>| at.map(|at| Found { at, statistic: 1e3, p_value: 0.0 }).into_iter().collect::<Vec<_>>();
+    let found = |at: Option<f64>| {
+        at.map(|at| Found { at, statistic: 1e3, p_value: 0.0, modulation: false }).into_iter().collect::<Vec<_>>()
+    };
     let mut shares: Vec<(String, f64)> = bench
         .candidates(&data, &all, &found(order), &found(hz))
         .iter()
@@ -155,7 +156,7 @@ fn loop_template_of_every_generated_effect_explains_it() {
             None,
         ),
         ("thermal-drift", 0.99, Effect::Drift { channel: 1, share: 0.1 }, None, None),
-        ("sensor-nonlinearity", 0.98, Effect::Nonlinearity { channel: 0, per_m_s2: 1e-4 }, None, None),
+        ("sensor-nonlinearity", 0.98, Effect::Nonlinearity { channel: 0, per_m_s2: 1e-4, per_m2_s4: 0.0 }, None, None),
     ];
     let mut failed = Vec::new();
     for (name, least, effect, order, hz) in cases {

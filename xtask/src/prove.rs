@@ -17,19 +17,20 @@ pub fn campaign(args: &[String]) -> Outcome {
     let program = meshband()?;
     let docs = root().join("docs/proof");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
-    let counts = ["--null", "200", "--power", "336", "--leave-one-out", "76", "--two", "38", "--seed", "1"];
+    let counts = "--null 200 --power 81 --levels 2,20,2 --leave-one-out 52 --two 26 --seconds 1 --seed 1";
     let mut command = std::process::Command::new(program);
     command.current_dir(root()).arg("prove");
     for machine in ["check-19-48", "check-55-75"] {
         command.arg("--machine").arg(format!("tests/vectors/{machine}"));
     }
     if args.is_empty() {
-        command.args(counts);
+        command.args(counts.split(' '));
     } else {
         command.args(args);
     }
     command.arg("--log").arg(docs.join("records.jsonl"));
-    command.arg("--json").arg(docs.join("summary.json")).arg("--report").arg(docs.join("report.html"));
+    command.arg("--json").arg(docs.join("summary.json")).arg("--markdown").arg(docs.join("tables.md"));
+    command.arg("--report").arg(docs.join("report.html"));
     run(&mut command)
 }
 

@@ -17,6 +17,8 @@ pub struct Angle {
     pub edge_scatter_s: f64,
     /// One-sigma error of the angle at mid-run expected from the declared jitter, rad.
     pub sigma_rad: f64,
+    /// One-sigma error of the shaft frequency from the same jitter, Hz.
+    pub sigma_hz: f64,
 }
 
 impl Angle {
@@ -40,6 +42,7 @@ impl Angle {
             shaft_hz,
             edge_scatter_s: (squares / n).sqrt(),
             sigma_rad: TAU * shaft_hz * (jitter_s / n.sqrt()).max(1e-8),
+            sigma_hz: shaft_hz * jitter_s.max(1e-8) / stt.sqrt(),
         }
     }
 }

@@ -25,6 +25,8 @@ pub const MAPPING: &[Mapping] = &[
     ("gear-pitch-error", "pitch-error", Some(1.0), &[("single_tooth_offset", "single")]),
     ("pinion-tooth-crack", "tooth-crack", Some(0.0), &[("stiffness_loss", "loss")]),
     ("gear-tooth-crack", "tooth-crack", Some(1.0), &[("stiffness_loss", "loss")]),
+    ("wear", "wear", None, &[("depth", "depth")]),
+    ("friction", "friction", None, &[("coefficient", "coefficient")]),
     ("ghost-order", "ghost-order", None, &[("amplitude", "amplitude")]),
     ("torque-ripple", "torque-ripple", None, &[("share_of_torque", "depth")]),
     ("load-fluctuation", "load-fluctuation", None, &[("share_of_torque", "depth")]),
@@ -189,12 +191,20 @@ fn law(declared: &Machine, corrected: &Path, outcome: &Outcome, target: &Path) -
         return Ok((None, None, "not fitted: the machine declares no nominal torque".into()));
     };
     let speed = corrected.nominal.map_or(15.0, |n| n.speed_hz);
-    let (before, after) = (Bench::new(declared)?, Bench::new(&corrected)?);
-    let bandwidth = [edge_bandwidth_hz(&before, speed, torque)?, edge_bandwidth_hz(&after, speed, torque)?];
-    let bar = crate::terminal::Progress::new("law", crate::law::derive::OPERATING_POINTS);
-    let laws = derive(&corrected, &after, &|| bar.step())?;
-    let uncertainty = check(&laws, &after, &|| bar.step())?.relative_uncertainty();
-    std::fs::write(target, laws.file(uncertainty).to_toml()).map_err(Error::file(target))?;
+    let fitted = || -> Result<([f64; 2], String)> {
+        let (before, after) = (Bench::new(declared)?, Bench::new(&corrected)?);
+        let bandwidth = [edge_bandwidth_hz(&before, speed, torque)?, edge_bandwidth_hz(&after, speed, torque)?];
+        let bar = crate::terminal::Progress::new("law", crate::law::derive::OPERATING_POINTS);
+        let laws = derive(&corrected, &after, &|| bar.step())?;
+        let uncertainty = check(&laws, &after, &|| bar.step())?.relative_uncertainty();
+        Ok((bandwidth, laws.file(uncertainty).to_toml()))
+    };
+    let (bandwidth, text) = match fitted() {
+        Ok(law) => law,
+        // A machine whose edges cannot be timed has no law; its correction stands all the same.
+        Err(why) => return Ok((None, None, format!("not fitted: {why}"))),
+    };
+    std::fs::write(target, text).map_err(Error::file(target))?;
     let remark = format!("fitted again: pair, mesh damping or ramp changed; edge bandwidth at {speed} Hz as given");
     Ok((Some(target.to_owned()), Some(bandwidth), remark))
 }

@@ -18,6 +18,9 @@ const MODEL_SLACK: f64 = 6e-4;
 /// Share of a bin's own residual treated as model-form error of whatever explains it.
 const FORM_SLACK: f64 = 0.03;
 
+/// Tolerances beyond which a declared parameter is not moved.
+pub const FARTHEST: f64 = 3.0;
+
 /// Half width of a sensitivity's kernel, bins: tolerances times the tail stay below noise beyond it.
 const NUISANCE_REACH: i64 = 40;
 
@@ -68,7 +71,7 @@ pub struct Base {
     pub runs: Vec<RunState>,
     /// Relative changes adopted so far, by [`TOLERANCES`].
     pub change: Vec<f64>,
-    /// Templates of the nuisances: declared parameters, then one angle offset per run.
+    /// Templates of the nuisances: declared parameters, then angle offset and speed error of every run.
     pub nuisances: Vec<Template>,
     /// Prior precision and mean of every nuisance.
     pub priors: Vec<(f64, f64)>,
@@ -127,7 +130,7 @@ impl Base {
         base
     }
 
-    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset.
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error.
     fn linearise(&mut self) {
         let (machine, analyser) = (&self.machine, &self.analyser);
         let per_run: Vec<Vec<[Sparse; 2]>> = self
@@ -165,10 +168,29 @@ impl Base {
             let parts = [0, 1].map(|c| {
                 sparse(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
             });
-            let mut all = vec![[Vec::new(), Vec::new()]; self.runs.len()];
-            all[r] = parts;
-            self.nuisances.push(Template { runs: all });
+            let alone = |parts: [Sparse; 2]| {
+                let mut all = vec![[Vec::new(), Vec::new()]; self.runs.len()];
+                all[r] = parts;
+                Template { runs: all }
+            };
+            self.nuisances.push(alone(parts));
             self.priors.push((run.angle.sigma_rad.powi(-2), 0.0));
+            // A wrong speed turns every line about mid-run; in units of its standard error.
+            let half_step = 0.01 / self.analyser.duration_s();
+            let shifted = |hz: f64, c: usize| {
+                let top = run.base.lines.last().map_or(1.0, |l| l.order);
+                let change = hz / top;
+                let offset = run.angle.offset_rad - std::f64::consts::PI * change * self.analyser.duration_s();
+                self.analyser.bins_of_lines(&run.base.lines, offset, run.angle.shaft_hz + change, c, REACH)
+            };
+            let per_sigma = run.angle.sigma_hz * run.base.lines.last().map_or(1.0, |l| l.order) / (2.0 * half_step);
+            let parts = [0, 1].map(|c| {
+                let (up, down) = (shifted(half_step, c), shifted(-half_step, c));
+                let slope: Bins = up.iter().zip(&down).map(|(u, d)| (u - d) * per_sigma).collect();
+                sparse(&slope)
+            });
+            self.nuisances.push(alone(parts));
+            self.priors.push((1.0, 0.0));
         }
     }
 
@@ -233,13 +255,35 @@ impl Base {
         self.linearise();
     }
 
-    /// Gauss-Newton on the declared parameters over `runs`; returns the gain of the last linear step's objective.
-    pub fn fit(&mut self, runs: &[usize], steps: usize) {
+    /// Estimate of what linear sensitivities miss, as a gain, when the declared parameters move by `delta`: second order, ten times
+    /// the squared move near a resonance.
+    pub fn departure(&self, data: &Data, runs: &[usize], delta: &[f64]) -> f64 {
+        let gram = normal(data, runs, &self.columns()[..delta.len()]).gram;
+        delta.iter().enumerate().map(|(i, d)| gram[(i, i)] * (10.0 * d * d).powi(2)).sum()
+    }
+
+    /// Gauss-Newton on the declared parameters over `runs`; false where they would have to leave [`FARTHEST`] tolerances, which says that
+    /// something else is in the record: the machine is then of no use any more.
+    pub fn fit(&mut self, runs: &[usize], steps: usize) -> bool {
         for _ in 0..steps {
             let data = self.data();
             let estimate = solve(&normal(&data, runs, &self.columns()));
-            let delta: Vec<f64> = estimate.x.iter().take(TOLERANCES.len()).map(|d| d.clamp(-0.3, 0.3)).collect();
+            let delta: Vec<f64> = estimate.x.iter().take(TOLERANCES.len()).copied().collect();
+            let within = |(i, d): (usize, &f64)| (self.change[i] + d).abs() < FARTHEST * TOLERANCES[i].1;
+            if !delta.iter().enumerate().all(within) {
+                return false;
+            }
             self.adopt(&delta);
         }
+        true
+    }
+
+    /// The move `delta` cut so that no parameter leaves [`FARTHEST`] tolerances.
+    pub fn within_reach(&self, delta: &[f64]) -> Vec<f64> {
+        let cut = |(i, d): (usize, &f64)| {
+            let far = FARTHEST * TOLERANCES[i].1;
+            (self.change[i] + d).clamp(-far, far) - self.change[i]
+        };
+        delta.iter().enumerate().map(cut).collect()
     }
 }

@@ -48,6 +48,8 @@ pub struct Candidate {
     pub name: String,
     /// Named or generic.
     pub claim: Claim,
+    /// Plain description of the same excitation, which stays when the name is withheld from the library.
+    pub plain: Option<String>,
     /// Family word of the outcome.
     pub family: &'static str,
     /// pinion, gear or none.
@@ -66,17 +68,32 @@ pub struct Candidate {
     pub exponents: [f64; 2],
     /// Phase is arbitrary in every run (not locked to the shaft): templates 0 and 1 are a quadrature pair.
     pub phase_free: bool,
-    /// Shape of a mode of the path, which may be improved once it is chosen.
+    /// Shape which may be improved once the candidate is among the best.
     pub tuning: Option<Tuning>,
+    /// What to simulate for the response at a finite strength, where it is not proportional to the strength.
+    pub finite: Option<Finite>,
+    /// Whether the templates already give the simulated response at the fitted strength.
+    pub bent: bool,
 }
 
-/// Channel, natural frequency (Hz) and damping ratio of a mode of the path.
+/// Effects whose response departs from proportionality; the parameters are the candidate's first unknowns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "fields are named by quantity; shaft 0 pinion, 1 gear; orders of the pinion")]
+pub enum Finite {
+    RollingEccentricity { shaft: usize },
+    Crack { shaft: usize, tooth: usize },
+    BearingModulation { shaft: usize, order: f64 },
+    MeshModulation { order: f64 },
+}
+
+/// A shape that enters a candidate not in proportion, improved by search once the candidate is among the best.
 #[derive(Debug, Clone, Copy)]
-#[allow(missing_docs, reason = "named by the line above")]
-pub struct Tuning {
-    pub channel: usize,
-    pub f0: f64,
-    pub zeta: f64,
+#[allow(missing_docs, reason = "named by the line above each")]
+pub enum Tuning {
+    /// Mode of a channel's path: natural frequency (Hz) and damping ratio.
+    Mode { channel: usize, f0: f64, zeta: f64 },
+    /// Share of the path of contact that tip relief covers at each end.
+    Relief { share: f64 },
 }
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.

@@ -4,15 +4,17 @@
 //! one brought: a template that is right to a few percent leaves a few percent, which is no second effect.
 
 use super::base_fit::{Base, TOLERANCES};
-use super::candidate::{Candidate, Claim};
+use super::candidate::{Candidate, Claim, Tuning};
 use super::detect;
 use super::impulsive::impacts;
 use super::input::Record;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
 use super::least_squares::{Data, chi_square};
 use super::library::Bench;
+use super::library::mesh::refine_relief;
 use super::library::path::refine_mode;
 use super::outcome::{Effect, Outcome};
+use super::spectrum::noise_power;
 use super::tables::report;
 use super::verdict::verdicts;
 use super::waveform::{clipping, speed_fluctuation};
@@ -41,11 +43,25 @@ impl Default for Options {
 }
 
 /// A further term must gain this share of the largest gain so far.
-const LEAST_SHARE: f64 = 0.05;
+const LEAST_SHARE: f64 = 0.01;
+/// Most times that the declared parameters are centred again with effects in the fit.
+const MOST_CENTRED: usize = 2;
+/// Power over local noise left by a search from which it pays to search again from the declaration.
+const MOST_OVER_NOISE: f64 = 1.3;
+/// Second-order error of a move of the declared parameters from which it pays to centre again.
+const LEAST_DEPARTURE: f64 = 3.0;
+/// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
+const FINITE_GAIN: f64 = 300.0;
+/// A candidate's share of the best score from which its response at finite strength could still make it the best.
+const FINITE_SHARE: f64 = 0.6;
+/// Most candidates simulated in a round.
+const MOST_FINITE: usize = 4;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a free table of all teeth must beat one named tooth: the form error of a first-order template.
 const TABLE_MARGIN: f64 = 0.03;
+/// Largest probability of a term's gain by chance, after correction for the search.
+const LARGEST_P: f64 = 1e-3;
 /// A term that leaves more of the power at its own lines than this explains nothing.
 const MOST_LEFT: f64 = 0.5;
 
@@ -100,16 +116,131 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     let declared = base.data();
     let split = split(&base, options.seed)?;
     let seen = split.seen();
-    base.fit(&split.fit, 2);
+    if !base.fit(&split.fit, 2) {
+        say("no declared parameters within tolerance explain the record: searching from the declaration");
+        base = Base::new(record);
+    }
     let plain = base.data();
     let mut whole: Vec<Effect> = clipping(&mut base, record, &plain, &split.held_out).into_iter().collect();
     if whole.is_empty() {
         whole.extend(speed_fluctuation(&mut base, record, &plain, &split.held_out));
     }
+    if whole.iter().any(|e| e.name == "speed-fluctuation") {
+        // Smeared lines may have led the declared parameters astray: the declaration itself may do better.
+        let mut unfitted = Base::new(record);
+        let again = speed_fluctuation(&mut unfitted, record, &plain, &split.held_out);
+        let left =
+            |base: &Base| chi_square(&Data { residual: base.data().residual, weight: plain.weight.clone() }, &seen);
+        if let Some(again) = again
+            && left(&unfitted) < left(&base)
+        {
+            whole = vec![again];
+            base = unfitted;
+        }
+    }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
+    let mut explained = explain(base, &split, options, rounds, &plain, &say);
+    if rounds > 0 && explained.left_over_noise > MOST_OVER_NOISE {
+        // Parameters that were fitted before the effect was known may have been led too far astray to find back.
+        say("much is left: searching again from the declaration as it stands");
+        let again = explain(Base::new(record), &split, options, rounds, &plain, &say);
+        if again.left < explained.left {
+            explained = again;
+        }
+    }
+    let Explained { base, mut accepted, pool, mut refused, data, .. } = explained;
+    say("verdicts");
+    let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
+    // Next to the others and with the final weights a term must still stand.
+    let stands = |e: &Effect| e.evidence.left_at_its_lines < MOST_LEFT && e.evidence.p_value < LARGEST_P;
+    let mut keep = effects.iter().map(stands).collect::<Vec<_>>().into_iter();
+    accepted.retain(|_| keep.next().unwrap_or(true));
+    effects.retain(stands);
+    if whole.is_empty() {
+        let terms: Vec<&Candidate> = accepted.iter().collect();
+        let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
+        whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+    }
+    for term in &accepted {
+        refused.remove(&term.name);
+    }
+    let mut outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
+    outcome.effects.extend(whole);
+    say("done");
+    Ok(outcome)
+}
+
+/// A search brought to its end.
+struct Explained {
+    base: Base,
+    accepted: Vec<Candidate>,
+    pool: Vec<Candidate>,
+    refused: BTreeMap<String, f64>,
+    data: Data,
+    /// Whitened residual of the runs seen, by weights common to all searches.
+    left: f64,
+    /// Power of that residual over local noise.
+    left_over_noise: f64,
+}
+
+/// Searches, centring again as often as needed, and confirms on the held-out runs.
+fn explain(
+    mut base: Base,
+    split: &Split,
+    options: &Options,
+    rounds: usize,
+    plain: &Data,
+    say: &dyn Fn(&str),
+) -> Explained {
+    let seen = split.seen();
+    let mut attempt = 0;
+    let (mut accepted, pool, refused, data) = loop {
+        let bench = Bench::new(&base);
+        match search(&bench, split, options, rounds, attempt, say) {
+            Search::Done { accepted, pool, refused, data } => break (accepted, pool, refused, data),
+            Search::Recentre(change) => {
+                say("declared parameters moved with the effect: centring again");
+                drop(bench);
+                let change = base.within_reach(&change);
+                base.adopt(&change);
+                attempt += 1;
+            }
+        }
+    };
+    confirm(&base, &data, split, &mut accepted);
+    let terms: Vec<&Candidate> = accepted.iter().collect();
+    let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms).residual;
+    let (mut power, mut noise) = (0.0, 1e-300);
+    for bins in seen.iter().flat_map(|&r| &rest[r]) {
+        let lowest = (8.0 * base.analyser.duration_s()) as usize;
+        power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
+        noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
+    }
+    let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
+    Explained { base, accepted, pool, refused, data, left, left_over_noise: power / noise }
+}
+
+/// What a search came to.
+enum Search {
+    /// Terms, everything that scored, scores of what was refused, final weights.
+    Done { accepted: Vec<Candidate>, pool: Vec<Candidate>, refused: BTreeMap<String, f64>, data: Data },
+    /// An effect took the declared parameters along before it was known: they move by this much with it in the fit.
+    Recentre(Vec<f64>),
+}
+
+/// Adds effects strongest first.
+fn search(
+    bench: &Bench<'_>,
+    split: &Split,
+    options: &Options,
+    rounds: usize,
+    attempt: usize,
+    say: &dyn Fn(&str),
+) -> Search {
+    let base = bench.base;
+    let seen = split.seen();
     say("responses of the library");
-    let bench = Bench::new(&base);
     let mut data = base.data();
     let raw = data.residual.clone();
     let mut accepted: Vec<Candidate> = Vec::new();
@@ -119,24 +250,22 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         // Noise from the residual after everything accepted; the form slack stays tied to the raw residual.
-        let fitted = joint(&base, &data, &seen, &terms);
-        let rest = corrected(&base, &data, &fitted.x, &terms);
+        let fitted = joint(base, &data, &seen, &terms);
+        let rest = corrected(base, &data, &fitted.x, &terms);
         data.weight = base.weights(&rest.residual, &raw);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
-        let orders = detect::orders(&base, &rest, &split.fit, 2);
-        let mut frequencies = detect::frequencies(&base, &rest, &split.fit, 2);
-        frequencies.extend(detect::modulations(&base, &rest, &split.fit, 1));
+        let orders = detect::orders(base, &rest, &split.fit, 2);
+        let mut frequencies = detect::frequencies(base, &rest, &split.fit, 2);
+        frequencies.extend(detect::modulations(base, &rest, &split.fit, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
         let mut candidates = bench.candidates(&rest, &split.fit, &orders, &frequencies);
-        candidates.retain(|c| c.claim == Claim::Generic || !options.withheld.contains(&c.name));
-        let judge = Judge::new(&base, &data, &split, &terms);
+        withhold(&mut candidates, &options.withheld);
+        candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
+        let judge = Judge::new(base, &data, split, &terms);
         let mut judged: Vec<Judged> = candidates.into_par_iter().map(|c| judge.judge(c)).collect();
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
-        for j in judged.iter_mut().take(3) {
-            if let Some(start) = j.candidate.tuning {
-                *j = judge.judge(refine_mode(&bench, start, |c| judge.judge(c).score));
-            }
-        }
+        tune(bench, &judge, &mut judged);
+        at_their_strength(bench, &judge, &data, &mut judged);
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
@@ -167,26 +296,89 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         let winner = winner.candidate.clone();
         pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
         accepted.push(winner);
-        prune(&base, &data, &split, &mut accepted);
-    }
-    confirm(&base, &data, &split, &mut accepted);
-    say("verdicts");
-    let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
-    let mut keep = effects.iter().map(|e| e.evidence.left_at_its_lines < MOST_LEFT).collect::<Vec<_>>().into_iter();
-    accepted.retain(|_| keep.next().unwrap_or(true));
-    effects.retain(|e| e.evidence.left_at_its_lines < MOST_LEFT);
-    if whole.is_empty() {
+        prune(base, &data, split, &mut accepted);
         let terms: Vec<&Candidate> = accepted.iter().collect();
-        let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
-        whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+        let move_to = joint(base, &data, &seen, &terms).x[..TOLERANCES.len()].to_vec();
+        if attempt < MOST_CENTRED && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE {
+            return Search::Recentre(move_to);
+        }
     }
-    for term in &accepted {
-        refused.remove(&term.name);
+    Search::Done { accepted, pool, refused, data }
+}
+
+/// Whether two candidates are the same effect in the same place: a second helping of a term is never a second effect.
+fn same(a: &Candidate, b: &Candidate) -> bool {
+    let near = |a: Option<f64>, b: Option<f64>| match (a, b) {
+        (Some(a), Some(b)) => (a - b).abs() < 0.01 * (1.0 + a.abs()),
+        (None, None) => true,
+        _ => false,
+    };
+    a.name == b.name
+        && near(a.order, b.order)
+        && near(a.frequency_hz, b.frequency_hz)
+        && a.parameters.first().map(|p| &p.name) == b.parameters.first().map(|p| &p.name)
+}
+
+/// Takes names out of the library. Plain order-locked excitations, fixed-frequency forcing and modes are no part of it and stay under
+/// their description; what has none goes.
+fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
+    candidates.retain_mut(|c| {
+        if c.claim == Claim::Generic || !names.contains(&c.name) {
+            return true;
+        }
+        let plain = c.plain.take();
+        c.claim = Claim::Generic;
+        plain.map(|text| c.name = text).is_some()
+    });
+}
+
+/// Improves the shape of the best candidates that have one.
+fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
+    let score = |c: Candidate| judge.judge(c).score;
+    let best = judged.first().map_or(0.0, |j| j.score);
+    let mut relief = false;
+    for j in judged.iter_mut().take(8) {
+        match j.candidate.tuning {
+            Some(Tuning::Mode { channel, f0, zeta }) if j.score > 0.6 * best => {
+                let (name, claim) = (j.candidate.name.clone(), j.candidate.claim);
+                *j = judge.judge(Candidate { name, claim, ..refine_mode(bench, (channel, f0, zeta), score) });
+            }
+            Some(Tuning::Relief { share }) if j.score > 0.6 * best && !relief => {
+                relief = true;
+                *j = judge.judge(refine_relief(bench, share, score));
+            }
+            _ => {}
+        }
     }
-    let mut outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
-    outcome.effects.extend(whole);
-    say("done");
-    Ok(outcome)
+}
+
+/// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.
+fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: &mut [Judged]) {
+    let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
+    let may_win = |j: &Judged| {
+        j.candidate.finite.is_some() && j.gain > FINITE_GAIN && j.score > FINITE_SHARE * best && !j.x.is_empty()
+    };
+    let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
+    chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
+    chosen.truncate(MOST_FINITE);
+    for (rank, &i) in chosen.iter().enumerate() {
+        let first_order = judged[i].candidate.clone();
+        // The strength itself follows the secant: the leading candidate gets the steps it needs, the others enough to compare.
+        for _ in 0..if rank == 0 { 5 } else { 2 } {
+            let Some(bent) = bench.at_strength(&first_order, &judged[i].x, data) else { break };
+            let again = judge.judge(bent);
+            let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let moved: Vec<f64> = again.x.iter().zip(&judged[i].x).map(|(a, b)| a - b).collect();
+            let settled = size(&moved) < 0.002 * size(&again.x);
+            if again.score <= judged[i].score - 1.0 {
+                break;
+            }
+            judged[i] = again;
+            if settled {
+                break;
+            }
+        }
+    }
 }
 
 /// Drops terms that do not lower the whitened error of the held-out runs, predicted from the others.

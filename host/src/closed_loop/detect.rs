@@ -17,6 +17,8 @@ pub struct Found {
     pub statistic: f64,
     /// p-value after Bonferroni over the scan.
     pub p_value: f64,
+    /// Whether it stands as sidebands of the mesh orders and has no line of its own.
+    pub modulation: bool,
 }
 
 const CAP: f64 = 12.0;
@@ -54,7 +56,7 @@ fn scan(
                 rank += (1.0 + own).ln();
             }
             let p = (1.0 - null.cdf(sum)) * tests;
-            (p < 0.01).then_some(Found { at, statistic: rank, p_value: p })
+            (p < 0.01).then_some(Found { at, statistic: rank, p_value: p, modulation: false })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
@@ -108,24 +110,35 @@ pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     let cells = ((0.45 * z * slowest).min(150.0) / step) as usize;
     let harmonics = 12;
     let null = Gamma::new(4.0 * f64::from(harmonics) * runs.len() as f64, 1.0).expect("positive shape");
+    let at_distance = |at: f64| {
+        let (mut sum, mut rank) = (0.0, 0.0);
+        for &r in runs {
+            for n in 1..=harmonics {
+                for side in [-1.0, 1.0] {
+                    let own = statistic(base, data, r, f64::from(n) * z * base.runs[r].angle.shaft_hz + side * at);
+                    sum += own.min(0.5 * CAP);
+                    rank += (1.0 + own).ln();
+                }
+            }
+        }
+        (sum, rank)
+    };
     let mut all: Vec<Found> = (16..cells)
         .filter_map(|i| {
             let at = i as f64 * step;
-            let mut sum = 0.0;
-            for &r in runs {
-                for n in 1..=harmonics {
-                    for side in [-1.0, 1.0] {
-                        let hz = f64::from(n) * z * base.runs[r].angle.shaft_hz + side * at;
-                        sum += statistic(base, data, r, hz).min(0.5 * CAP);
-                    }
-                }
-            }
+            let (sum, rank) = at_distance(at);
             let p = (1.0 - null.cdf(sum)) * cells as f64 * 0.3;
-            (p < 1e-3).then_some(Found { at, statistic: sum, p_value: p })
+            (p < 1e-3).then_some(Found { at, statistic: rank, p_value: p, modulation: true })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
     all.dedup_by(|b, a| (a.at - b.at).abs() < 2.0 / duration);
     all.truncate(count);
+    for found in &mut all {
+        // The scan's grid is a fifth of a bin; a modulation many orders up needs a finer place.
+        let near = (-20..=20).map(|i| found.at + 0.05 * step * f64::from(i));
+        let best = near.map(|at| (at, at_distance(at).1)).max_by(|a, b| a.1.total_cmp(&b.1));
+        found.at = best.map_or(found.at, |b| b.0);
+    }
     all
 }

@@ -1,9 +1,11 @@
 //! Synthetic records with known contents, for training and proof of the loop.
 //!
-//! Time-domain integration (RK4, 8 steps per sample) of the declared equations with tooth-by-tooth contact forces, so that nothing
+//! Time-domain integration (RK4, about 205 kHz) of the declared equations with tooth-by-tooth contact forces, so that nothing
 //! of the harmonic balance is shared; effects enter the equations themselves. Decimation by a linear-phase Kaiser filter
-//! flat to 15 kHz, delay removed. Cost: about 0.3 s per 2 s run. Limits: linear contact, constant nominal speed.
+//! flat to 15 kHz, delay removed. [`response`] gives the same equations without noise at a given angle, for effects whose
+//! response is not proportional to their strength. Cost: about 0.1 s per 2 s run. Limits: linear contact, constant nominal speed.
 
+use super::harmonic_model::Machine;
 use super::input::{Record, Run};
 use super::pair_curve::PairCurve;
 use crate::machine::{Pair, Shafts};
@@ -11,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use rustfft::{FftPlanner, num_complex::Complex64 as C};
 use std::f64::consts::{PI, TAU};
 
 /// Something in the record that the declaration does not mention. Angles in rad, SI units, `shaft` 0 pinion and 1 gear.
@@ -94,15 +97,30 @@ pub enum Effect {
         channel: usize,
         share: f64,
     },
-    /// `y + a y^2`.
+    /// Relief of the pair by `amount_m` at both ends of the path, falling to zero over `share` of it.
+    TipRelief {
+        amount_m: f64,
+        share: f64,
+    },
+    /// `y + a y^2 + b y^3`.
     Nonlinearity {
         channel: usize,
         per_m_s2: f64,
+        per_m2_s4: f64,
     },
-    /// Channel limited to `limit_m_s2`.
+    /// Channel limited to a share of its largest value in all runs.
     Clipping {
         channel: usize,
-        limit_m_s2: f64,
+        share_of_peak: f64,
+    },
+    /// Channel later than the other by `seconds`.
+    Delay {
+        channel: usize,
+        seconds: f64,
+    },
+    /// Share of what lies above half the sampling rate that no filter keeps from folding.
+    Folding {
+        share: f64,
     },
     /// Sinusoidal departure of the pinion's angle at a fixed frequency, seen by the tachometer, too.
     SpeedFluctuation {
@@ -164,17 +182,28 @@ impl Scenario {
 }
 
 const RATE_HZ: f64 = 51_200.0;
-const OVER: usize = 8;
+/// Least rate of the integration, Hz: the stiffest mode lies below a tenth of it.
+const LEAST_STEP_RATE_HZ: f64 = 200_000.0;
 
 /// Generates the record of a scenario for a declared pair, shafts and pair curve.
 pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenario) -> Record {
     let points: Vec<(f64, f64)> =
         scenario.speeds_hz.iter().flat_map(|&f| scenario.torques_n_m.iter().map(move |&t| (f, t))).collect();
-    let runs = points
+    let actual_curve = curve.times(|_| scenario.stiffness_factor);
+    let mut actual = Machine::new(pair, &scenario.actual, &actual_curve);
+    actual.tau_s *= scenario.damping_factor;
+    let mut runs: Vec<Run> = points
         .par_iter()
         .enumerate()
-        .map(|(index, &(speed, torque))| run(pair, curve, scenario, index, speed, torque))
+        .map(|(index, &(speed, torque))| run(&actual, scenario, index, speed, torque))
         .collect();
+    for effect in &scenario.effects {
+        if let Effect::Clipping { channel, share_of_peak } = *effect {
+            let peak = runs.iter().flat_map(|r| &r.channels[channel]).fold(0.0_f64, |m, x| m.max(x.abs()));
+            let limit = share_of_peak * peak;
+            runs.iter_mut().flat_map(|r| &mut r.channels[channel]).for_each(|x| *x = x.clamp(-limit, limit));
+        }
+    }
     Record {
         title: format!("generated-{}", scenario.seed),
         pair: pair.clone(),
@@ -188,11 +217,13 @@ pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenar
 }
 
 struct Plant<'a> {
-    scenario: &'a Scenario,
+    actual: &'a Shafts,
+    effects: &'a [Effect],
     base_radius: [f64; 2],
     teeth: [f64; 2],
     stiffness: Vec<f64>,
     contact_ratio: f64,
+    mean_stiffness: f64,
     tau: f64,
     speed: f64,
     start: f64,
@@ -213,7 +244,7 @@ impl Plant<'_> {
 
     fn angle(&self, t: f64) -> f64 {
         let mut theta = self.start + TAU * self.speed * t;
-        for effect in &self.scenario.effects {
+        for effect in self.effects {
             if let Effect::SpeedFluctuation { hz, angle_rad } = *effect {
                 theta += angle_rad * (TAU * hz * t + self.tone_phase).sin();
             }
@@ -223,7 +254,7 @@ impl Plant<'_> {
 
     /// Accelerations of the six coordinates.
     fn accelerations(&self, t: f64, q: &[f64; 6], v: &[f64; 6]) -> [f64; 6] {
-        let s = &self.scenario.actual;
+        let s = self.actual;
         let theta = self.angle(t);
         let omega = TAU * self.speed;
         let [rb1, rb2] = self.base_radius;
@@ -233,7 +264,7 @@ impl Plant<'_> {
         let mut force = [0.0; 6];
         let mut bearing = s.bearing_stiffness_n_per_m;
         let mut mesh_factor = 1.0;
-        for effect in &self.scenario.effects {
+        for effect in self.effects {
             match *effect {
                 Effect::Eccentricity { shaft, amplitude_m, phase_rad } => {
                     let o = if shaft == 0 { 1.0 } else { self.ratio };
@@ -279,13 +310,20 @@ impl Plant<'_> {
             let u = position - pair;
             let mut k = self.pair_stiffness(u) * mesh_factor;
             let (mut e, mut e_rate) = (error, error_rate);
-            for effect in &self.scenario.effects {
+            for effect in self.effects {
                 match effect {
                     Effect::PitchError { shaft, offsets_m } => {
                         e += offsets_m[pair.rem_euclid(self.teeth[*shaft]) as usize];
                     }
                     Effect::Crack { shaft, tooth, share } if pair.rem_euclid(self.teeth[*shaft]) as usize == *tooth => {
                         k *= 1.0 - share;
+                    }
+                    Effect::TipRelief { amount_m, share } => {
+                        let x = u / self.contact_ratio;
+                        let depth = |x: f64| ((share - x) / share).max(0.0);
+                        e += amount_m * (depth(x) + depth(1.0 - x));
+                        let per_s = self.speed * self.teeth[0] / self.contact_ratio / share;
+                        e_rate += amount_m * per_s * (f64::from(x > 1.0 - share) - f64::from(x < *share));
                     }
                     Effect::Wear { depth_m } => {
                         let x = 2.0 * u / self.contact_ratio - 1.0;
@@ -313,7 +351,8 @@ impl Plant<'_> {
         ]
     }
 
-    fn step(&self, t: f64, h: f64, q: &mut [f64; 6], v: &mut [f64; 6]) {
+    /// One step; returns the accelerations at its start.
+    fn step(&self, t: f64, h: f64, q: &mut [f64; 6], v: &mut [f64; 6]) -> [f64; 6] {
         let mix = |a: &[f64; 6], b: &[f64; 6], s: f64| std::array::from_fn(|i| a[i] + s * b[i]);
         let a1 = self.accelerations(t, q, v);
         let (q2, v2): ([f64; 6], [f64; 6]) = (mix(q, v, 0.5 * h), mix(v, &a1, 0.5 * h));
@@ -326,64 +365,106 @@ impl Plant<'_> {
             q[i] += h / 6.0 * (v[i] + 2.0 * v2[i] + 2.0 * v3[i] + v4[i]);
             v[i] += h / 6.0 * (a1[i] + 2.0 * a2[i] + 2.0 * a3[i] + a4[i]);
         }
+        a1
     }
 }
 
-fn run(pair: &Pair, curve: &PairCurve, scenario: &Scenario, index: usize, speed: f64, torque: f64) -> Run {
-    let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed.wrapping_mul(1009).wrapping_add(index as u64));
-    let angle = pair.pressure_angle_deg.to_radians();
-    let radius = pair.teeth.map(|z| 0.5 * pair.module_m * f64::from(z) * angle.cos());
-    let contact_ratio = curve.contact_ratio();
-    let fine = 4096;
-    let speed = speed * (1.0 + 0.004 * (rng.random::<f64>() - 0.5));
-    let plant = Plant {
-        scenario,
-        base_radius: radius,
-        teeth: pair.teeth.map(f64::from),
-        stiffness: (0..=fine)
-            .map(|i| curve.at(contact_ratio * i as f64 / fine as f64) * scenario.stiffness_factor)
-            .collect(),
-        contact_ratio,
-        tau: pair.mesh_damping_s * scenario.damping_factor,
-        speed,
-        start: -TAU * rng.random::<f64>(),
-        torque,
-        ratio: f64::from(pair.teeth[0]) / f64::from(pair.teeth[1]),
-        tone_phase: TAU * rng.random::<f64>(),
-    };
-    let samples = (scenario.duration_s * RATE_HZ) as usize;
-    let h = 1.0 / (RATE_HZ * OVER as f64);
-    let taps = kaiser_low_pass();
-    let half = taps.len() / 2;
-    let settle = (0.35 / h) as usize;
-    let mean_stiffness = curve.transform(0.0).re * scenario.stiffness_factor;
-    let force = torque / radius[0];
-    let s = &scenario.actual;
-    let (y1, y2) = (-force / s.bearing_stiffness_n_per_m[0], force / s.bearing_stiffness_n_per_m[1]);
-    let twist = (force / mean_stiffness - y1 + y2) / radius[0];
-    let mut q = [
-        twist + torque / s.coupling_stiffness_n_m_per_rad[0],
-        twist,
-        0.0,
-        -torque / plant.ratio / s.coupling_stiffness_n_m_per_rad[1],
-        y1,
-        y2,
-    ];
-    let mut v = [0.0; 6];
-    let total = settle + samples * OVER + half;
-    let mut fine_signal = [Vec::with_capacity(total), Vec::with_capacity(total)];
-    for n in 0..total {
-        let t = (n as f64 - settle as f64) * h;
-        if n + half >= settle {
-            let a = plant.accelerations(t, &q, &v);
-            fine_signal[0].push(a[4]);
-            fine_signal[1].push(a[5]);
+/// Where and how one run is taken.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    /// Angle of the pinion at the first sample, rad.
+    pub start_rad: f64,
+    /// Pinion speed, Hz.
+    pub speed_hz: f64,
+    /// Input torque, N m.
+    pub torque_n_m: f64,
+    /// Phase of everything not locked to the shaft, rad.
+    pub free_phase_rad: f64,
+}
+
+impl<'a> Plant<'a> {
+    /// The machine as it is, not as declared.
+    fn new(machine: &'a Machine, effects: &'a [Effect], at: Point) -> Self {
+        let curve = &machine.curve;
+        let contact_ratio = curve.contact_ratio();
+        let fine = 4096;
+        Self {
+            actual: &machine.shafts,
+            effects,
+            base_radius: machine.base_radius_m,
+            teeth: machine.teeth.map(f64::from),
+            stiffness: (0..=fine).map(|i| curve.at(contact_ratio * i as f64 / fine as f64)).collect(),
+            contact_ratio,
+            tau: machine.tau_s,
+            speed: at.speed_hz,
+            start: at.start_rad,
+            torque: at.torque_n_m,
+            ratio: f64::from(machine.teeth[0]) / f64::from(machine.teeth[1]),
+            mean_stiffness: curve.transform(0.0).re,
+            tone_phase: at.free_phase_rad,
         }
-        plant.step(t, h, &mut q, &mut v);
     }
-    let mut channels = fine_signal.map(|fine| {
-        (0..samples).map(|n| taps.iter().zip(&fine[n * OVER..]).map(|(a, b)| a * b).sum::<f64>()).collect::<Vec<f64>>()
-    });
+
+    /// Accelerations of both bodies, settled, through the decimation filter.
+    fn settled(&self, samples: usize, rate_hz: f64) -> [Vec<f64>; 2] {
+        let over = (LEAST_STEP_RATE_HZ / rate_hz).ceil().max(1.0) as usize;
+        let h = 1.0 / (rate_hz * over as f64);
+        let taps = kaiser_low_pass(rate_hz, over);
+        let half = taps.len() / 2;
+        let settle = (0.35 / h) as usize;
+        let force = self.torque / self.base_radius[0];
+        let s = self.actual;
+        let (y1, y2) = (-force / s.bearing_stiffness_n_per_m[0], force / s.bearing_stiffness_n_per_m[1]);
+        let twist = (force / self.mean_stiffness - y1 + y2) / self.base_radius[0];
+        let mut q = [
+            twist + self.torque / s.coupling_stiffness_n_m_per_rad[0],
+            twist,
+            0.0,
+            -self.torque / self.ratio / s.coupling_stiffness_n_m_per_rad[1],
+            y1,
+            y2,
+        ];
+        let mut v = [0.0; 6];
+        let total = settle + samples * over + half;
+        let mut fine_signal = [Vec::with_capacity(total), Vec::with_capacity(total)];
+        for n in 0..total {
+            let t = (n as f64 - settle as f64) * h;
+            let a = self.step(t, h, &mut q, &mut v);
+            if n + half >= settle {
+                fine_signal[0].push(a[4]);
+                fine_signal[1].push(a[5]);
+            }
+        }
+        let folded =
+            self.effects.iter().map(|e| if let Effect::Folding { share } = e { *share } else { 0.0 }).sum::<f64>();
+        fine_signal.map(|fine| {
+            (0..samples)
+                .map(|n| {
+                    let filtered = taps.iter().zip(&fine[n * over..]).map(|(a, b)| a * b).sum::<f64>();
+                    filtered + folded * (fine[n * over + half] - filtered)
+                })
+                .collect()
+        })
+    }
+}
+
+/// Noise-free accelerations of both bodies with `effects` in the equations (effects of the path are left out).
+pub fn response(machine: &Machine, effects: &[Effect], at: Point, samples: usize, rate_hz: f64) -> [Vec<f64>; 2] {
+    Plant::new(machine, effects, at).settled(samples, rate_hz)
+}
+
+fn run(machine: &Machine, scenario: &Scenario, index: usize, speed: f64, torque: f64) -> Run {
+    let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed.wrapping_mul(1009).wrapping_add(index as u64));
+    let at = Point {
+        speed_hz: speed * (1.0 + 0.004 * (rng.random::<f64>() - 0.5)),
+        start_rad: -TAU * rng.random::<f64>(),
+        torque_n_m: torque,
+        free_phase_rad: TAU * rng.random::<f64>(),
+    };
+    let speed = at.speed_hz;
+    let plant = Plant::new(machine, &scenario.effects, at);
+    let samples = (scenario.duration_s * RATE_HZ) as usize;
+    let mut channels = plant.settled(samples, RATE_HZ);
     for effect in &scenario.effects {
         apply_path(effect, &mut channels, &plant, &mut rng);
     }
@@ -395,11 +476,6 @@ fn run(pair: &Pair, curve: &PairCurve, scenario: &Scenario, index: usize, speed:
             state = colour * state + (1.0 - colour * colour).sqrt() * white;
             let lsb = 150.0 / 32767.0;
             *x = ((*x + scenario.noise_rms * state) / lsb).round() * lsb;
-        }
-    }
-    for effect in &scenario.effects {
-        if matches!(effect, Effect::Clipping { .. }) {
-            apply_path(effect, &mut channels, &plant, &mut rng);
         }
     }
     let first = (plant.angle(0.0) / TAU).ceil();
@@ -440,17 +516,26 @@ fn apply_path(effect: &Effect, channels: &mut [Vec<f64>; 2], plant: &Plant<'_>, 
                 *x += gain * y;
             }
         }
-        Effect::Clipping { channel, limit_m_s2 } => {
-            channels[channel].iter_mut().for_each(|x| *x = x.clamp(-limit_m_s2, limit_m_s2));
-        }
         Effect::Drift { channel, share } => {
             let n = channels[channel].len() as f64;
             for (i, x) in channels[channel].iter_mut().enumerate() {
                 *x *= 1.0 + share * (i as f64 / n - 0.5);
             }
         }
-        Effect::Nonlinearity { channel, per_m_s2 } => {
-            channels[channel].iter_mut().for_each(|x| *x += per_m_s2 * *x * *x);
+        Effect::Nonlinearity { channel, per_m_s2, per_m2_s4 } => {
+            channels[channel].iter_mut().for_each(|x| *x += (per_m_s2 + per_m2_s4 * *x) * *x * *x);
+        }
+        Effect::Delay { channel, seconds } => {
+            let n = channels[channel].len();
+            let mut bins: Vec<C> = channels[channel].iter().map(|x| C::new(*x, 0.0)).collect();
+            let mut planner = FftPlanner::new();
+            planner.plan_fft_forward(n).process(&mut bins);
+            for (k, bin) in bins.iter_mut().enumerate() {
+                let signed = if 2 * k > n { k as f64 - n as f64 } else { k as f64 };
+                *bin *= C::cis(-TAU * signed * RATE_HZ / n as f64 * seconds) / n as f64;
+            }
+            planner.plan_fft_inverse(n).process(&mut bins);
+            channels[channel].iter_mut().zip(&bins).for_each(|(x, bin)| *x = bin.re);
         }
         Effect::Impacts { channel, order, jitter, hz, damping, peak } => {
             let interval = 1.0 / (order * plant.speed);
@@ -471,10 +556,11 @@ fn apply_path(effect: &Effect, channels: &mut [Vec<f64>; 2], plant: &Plant<'_>, 
     }
 }
 
-/// Low-pass at 8 times the output rate: flat to 15 kHz, 90 dB down from 36 kHz; odd length, unit gain.
-fn kaiser_low_pass() -> Vec<f64> {
-    let (half, beta) = (60_i32, 9.0);
-    let cut = 25_000.0 / (RATE_HZ * OVER as f64);
+/// Low-pass at `over` times the output rate: flat to 15 kHz, 90 dB down from 36 kHz (at 51.2 kHz); odd length, unit gain.
+fn kaiser_low_pass(rate_hz: f64, over: usize) -> Vec<f64> {
+    let fine_hz = rate_hz * over as f64;
+    let (half, beta) = ((fine_hz * 1.465e-4) as i32, 9.0);
+    let cut = (25_000.0_f64).min(0.49 * rate_hz) / fine_hz;
     let bessel = |x: f64| {
         let (mut term, mut sum) = (1.0, 1.0);
         for k in 1..40 {

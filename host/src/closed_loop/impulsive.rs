@@ -49,10 +49,36 @@ fn summed(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) -> f64 
     for &r in runs {
         for harmonic in [1.0, 2.0] {
             let b = (harmonic * order * base.runs[r].angle.shaft_hz * duration).round() as usize;
-            sum += spectra[r].get(b).copied().unwrap_or(1.0).min(CAP);
+            let power = spectra[r].get(b).copied().unwrap_or(1.0);
+            // Strong impacts reach the cap in every band and at neighbouring orders: a trace of the uncapped size decides between those.
+            sum += power.min(CAP) + 1e-3 * (1.0 + power).ln();
         }
     }
     sum
+}
+
+/// The lowest part of `order` whose own line stands in the envelope spectra: the harmonics of impacts are nearly as strong as
+/// their fundamental, and the scan may have locked onto one of them.
+fn fundamental(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) -> Option<(f64, f64)> {
+    let duration = base.analyser.duration_s();
+    let fastest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(0.0, f64::max);
+    let slowest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(f64::INFINITY, f64::min);
+    let lowest = 12.0 / (duration * slowest);
+    let null = Gamma::new(runs.len() as f64, 1.0).expect("positive shape");
+    let line = |at: f64| {
+        runs.iter()
+            .map(|&r| {
+                let b = (at * base.runs[r].angle.shaft_hz * duration).round() as usize;
+                spectra[r].get(b).copied().unwrap_or(1.0).min(CAP)
+            })
+            .sum::<f64>()
+    };
+    [5.0, 4.0, 3.0, 2.0].iter().map(|k| order / k).filter(|o| *o > lowest).find_map(|o| {
+        let step = 0.25 / (duration * fastest);
+        let near = (-4..=4).map(|i| o + f64::from(i) * step);
+        let (at, sum) = near.map(|o| (o, line(o))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (1.0 - null.cdf(sum) < 1e-5).then(|| (at, summed(base, spectra, runs, at)))
+    })
 }
 
 /// Looks for impacts in the residual `rest`.
@@ -66,7 +92,8 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     let step = 0.4 / (duration * fastest);
     let lowest = 12.0 / (duration * slowest);
     let orders: Vec<f64> = (0..((40.0 - lowest) / step) as usize).map(|i| lowest + i as f64 * step).collect();
-    let guard = 1.5 / (duration * slowest);
+    // An order is known to about a bin at the fastest run.
+    let guard = 1.0 / (duration * fastest);
     let locked = |o: f64| (o - o.round()).abs() < guard || (o / ratio - (o / ratio).round()).abs() * ratio < guard;
     let null = Gamma::new(2.0 * split.fit.len() as f64, 1.0).expect("positive shape");
     let tests = orders.len() as f64 * 0.5 * 2.0 * bands as f64;
@@ -84,6 +111,7 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
                 .map(|&o| (o, summed(base, &spectra, &split.fit, o)))
                 .max_by(|a, b| a.1.total_cmp(&b.1))
                 .unwrap_or((1.0, 0.0));
+            let (order, sum) = fundamental(base, &spectra, &split.fit, order).unwrap_or((order, sum));
             let alone = summed(base, &spectra, &split.select, order);
             (sum, alone, order, channel, band)
         })
@@ -95,7 +123,8 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     if p_value > 1e-4 || p_select > 1e-3 {
         return None;
     }
-    let half = 0.6 / (duration * fastest);
+    // Resolution of the scan, or the wander of a slipping order.
+    let half = (0.6 / (duration * fastest)).max(0.005 * order);
     let carrier = (band as f64 + 0.5) * BAND_WIDTH_HZ;
     let mut parameters = BTreeMap::new();
     let value =

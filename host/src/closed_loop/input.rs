@@ -1,12 +1,12 @@
-//! Reading of a record folder (record.toml, runNN.npy, runNN.tach.csv, pair stiffness table) for the closed loop.
+//! What the closed loop needs of a record: two channels in m/s2, tachometer edges, torques, the declared machine and its pair stiffness.
 //!
-//! Only what the loop needs; every value is checked and refused with file, table and key.
+//! Files are read and checked by [`crate::record`]; here only what the loop alone asks for is checked, refused with file, table and key.
 
 use super::pair_curve::PairCurve;
-use crate::machine::{Pair, Shafts};
+use crate::machine::{Machine, Pair, Shafts};
+use crate::record::{self, Tach};
 use crate::{Error, Result};
-use serde::Deserialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// One run: two acceleration channels, tachometer edges and the declared operating torque.
 #[derive(Debug, Clone)]
@@ -44,74 +44,57 @@ pub struct Record {
     pub runs: Vec<Run>,
 }
 
-#[derive(Deserialize)]
-struct Declaration {
-    title: String,
-    pair: Pair,
-    shafts: Shafts,
-    acquisition: Acquisition,
-    tach: Tach,
-    run: Vec<RunEntry>,
-}
-
-#[derive(Deserialize)]
-struct Acquisition {
-    sample_rate_hz: f64,
-    full_scale_m_s2: f64,
-}
-
-#[derive(Deserialize)]
-struct Tach {
-    #[serde(default)]
-    shaft: Option<String>,
-    pulses_per_rev: u32,
-    #[serde(default)]
-    jitter_s: f64,
-}
-
-#[derive(Deserialize)]
-struct RunEntry {
-    signal: PathBuf,
-    tach: PathBuf,
-    #[serde(default)]
-    first_pulse_index: u32,
-    input_torque_n_m: f64,
+/// The loop's view of a record in memory.
+///
+/// # Errors
+/// A record without machine, pair stiffness table, tachometer on the pinion or torques; other than two channels; non-physical values.
+pub fn view(record: &record::Record) -> Result<Record> {
+    let path = record.folder.join("record.toml");
+    let place = |key: &str| format!("{}: {key}", path.display());
+    let tach = record.require_tach()?;
+    if tach.is_virtual() {
+        return Err(Error::invalid(
+            place("tach.source"),
+            "the closed loop needs shaft angle 0, which a virtual tach has not",
+        ));
+    }
+    let machine = record.declaration.machine()?;
+    check(&machine, tach, &place)?;
+    let table = machine.pair.pair_stiffness.clone().ok_or_else(|| {
+        Error::invalid(place("pair.pair_stiffness"), "the closed loop needs the pair stiffness table of the record")
+    })?;
+    let curve = PairCurve::read(&record.folder.join(table))?;
+    if record.declaration.acquisition.channels.len() != 2 {
+        return Err(Error::invalid(place("acquisition.channels"), "the closed loop needs the two bodies' channels"));
+    }
+    let runs = record.runs.iter().map(|run| view_run(run, &place)).collect::<Result<Vec<_>>>()?;
+    if runs.is_empty() {
+        return Err(Error::invalid(place("run"), "no runs"));
+    }
+    Ok(Record {
+        title: machine.title,
+        pair: machine.pair,
+        shafts: machine.shafts,
+        curve,
+        sample_rate_hz: record.declaration.acquisition.sample_rate_hz,
+        pulses_per_rev: tach.pulses_per_rev,
+        jitter_s: tach.jitter_s.unwrap_or(0.0),
+        runs,
+    })
 }
 
 /// Reads the record in `folder`.
 ///
 /// # Errors
-/// Missing or malformed files, non-finite or non-physical values, a tachometer on another shaft than the pinion.
+/// Those of [`record::Record::read`] and [`view`].
 pub fn read(folder: &Path) -> Result<Record> {
-    let path = folder.join("record.toml");
-    let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
-    let declaration: Declaration = toml::from_str(&text).map_err(|e| Error::invalid(path.display(), e.message()))?;
-    let place = |key: &str| format!("{}: {key}", path.display());
-    check(&declaration, &place)?;
-    let table = declaration.pair.pair_stiffness.clone().ok_or_else(|| {
-        Error::invalid(place("pair.pair_stiffness"), "the closed loop needs the pair stiffness table of the record")
-    })?;
-    let curve = PairCurve::read(&folder.join(table))?;
-    let scale = declaration.acquisition.full_scale_m_s2 / 32767.0;
-    let runs = declaration.run.iter().map(|entry| read_run(folder, entry, scale)).collect::<Result<Vec<_>>>()?;
-    Ok(Record {
-        title: declaration.title,
-        pair: declaration.pair,
-        shafts: declaration.shafts,
-        curve,
-        sample_rate_hz: declaration.acquisition.sample_rate_hz,
-        pulses_per_rev: declaration.tach.pulses_per_rev,
-        jitter_s: declaration.tach.jitter_s,
-        runs,
-    })
+    view(&record::Record::read(folder)?)
 }
 
-fn check(declaration: &Declaration, place: &dyn Fn(&str) -> String) -> Result<()> {
-    let s = &declaration.shafts;
+fn check(machine: &Machine, tach: &Tach, place: &dyn Fn(&str) -> String) -> Result<()> {
+    let s = &machine.shafts;
     let mut positive = vec![
-        ("pair.module_m", declaration.pair.module_m),
-        ("acquisition.sample_rate_hz", declaration.acquisition.sample_rate_hz),
-        ("acquisition.full_scale_m_s2", declaration.acquisition.full_scale_m_s2),
+        ("pair.module_m", machine.pair.module_m),
         ("shafts.inertia_motor_kg_m2", s.inertia_motor_kg_m2),
         ("shafts.inertia_pinion_kg_m2", s.inertia_pinion_kg_m2),
         ("shafts.inertia_gear_kg_m2", s.inertia_gear_kg_m2),
@@ -131,65 +114,38 @@ fn check(declaration: &Declaration, place: &dyn Fn(&str) -> String) -> Result<()
             return Err(Error::invalid(place(key), format!("{value} must be a positive number")));
         }
     }
-    let tau = declaration.pair.mesh_damping_s;
+    let tau = machine.pair.mesh_damping_s;
     if !(tau.is_finite() && tau >= 0.0) {
         return Err(Error::invalid(place("pair.mesh_damping_s"), format!("{tau} must be zero or positive")));
     }
-    if !(0.0..=1e-3).contains(&declaration.tach.jitter_s) {
+    if !tach.jitter_s.is_none_or(|jitter| (0.0..=1e-3).contains(&jitter)) {
         return Err(Error::invalid(place("tach.jitter_s"), "must lie between 0 and 1 ms"));
     }
-    if declaration.pair.teeth.iter().any(|z| !(6..=1000).contains(z)) {
-        return Err(Error::invalid(place("pair.teeth"), "both numbers of teeth must lie between 6 and 1000"));
-    }
-    if declaration.tach.pulses_per_rev == 0 {
+    if tach.pulses_per_rev == 0 {
         return Err(Error::invalid(place("tach.pulses_per_rev"), "must be at least 1"));
     }
-    if declaration.tach.shaft.as_deref().is_some_and(|shaft| shaft != "pinion") {
+    if tach.shaft != "pinion" {
         return Err(Error::invalid(place("tach.shaft"), "the closed loop needs the tachometer on the pinion"));
-    }
-    if declaration.run.is_empty() {
-        return Err(Error::invalid(place("run"), "no runs"));
-    }
-    for run in &declaration.run {
-        if !(run.input_torque_n_m.is_finite() && run.input_torque_n_m > 0.0) {
-            return Err(Error::invalid(place("run.input_torque_n_m"), "must be a positive torque"));
-        }
     }
     Ok(())
 }
 
-fn read_run(folder: &Path, entry: &RunEntry, scale: f64) -> Result<Run> {
-    let path = folder.join(&entry.signal);
-    let bytes = std::fs::read(&path).map_err(Error::file(&path))?;
-    let npy = npyz::NpyFile::new(&bytes[..]).map_err(Error::file(&path))?;
-    let shape = npy.shape().to_vec();
-    if shape.len() != 2 || shape[1] != 2 {
-        return Err(Error::invalid(path.display(), format!("shape {shape:?}, expected samples x 2 channels")));
+fn view_run(run: &record::Run, place: &dyn Fn(&str) -> String) -> Result<Run> {
+    let key = |what: &str| place(&format!("[[run]] {}: {what}", run.declaration.signal));
+    let torque = run.declaration.input_torque_n_m.unwrap_or(f64::NAN);
+    if !(torque.is_finite() && torque > 0.0) {
+        return Err(Error::invalid(key("input_torque_n_m"), "must be a positive torque"));
     }
-    let codes: Vec<i16> = npy.into_vec().map_err(Error::file(&path))?;
-    let clipped = codes.iter().filter(|c| c.unsigned_abs() >= 32767).count() as f64 / codes.len().max(1) as f64;
-    let channel = |c: usize| codes.iter().skip(c).step_by(2).map(|&code| f64::from(code) * scale).collect::<Vec<_>>();
-    let tach = folder.join(&entry.tach);
-    let text = std::fs::read_to_string(&tach).map_err(Error::file(&tach))?;
-    let mut edges_s = Vec::new();
-    for (number, line) in text.lines().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty()) {
-        let value: f64 = line.trim().parse().unwrap_or(f64::NAN);
-        if !value.is_finite() || edges_s.last().is_some_and(|&last| value <= last) {
-            return Err(Error::invalid(
-                format!("{}: line {}", tach.display(), number + 1),
-                "not an increasing time in s",
-            ));
-        }
-        edges_s.push(value);
+    if run.edges_s.len() < 3 {
+        return Err(Error::invalid(key("tach"), "fewer than three edges"));
     }
-    if edges_s.len() < 3 {
-        return Err(Error::invalid(tach.display(), "fewer than three edges"));
-    }
+    let codes = run.codes();
+    let clipped = codes.iter().filter(|c| c.unsigned_abs() >= 32767).count();
     Ok(Run {
-        channels: [channel(0), channel(1)],
-        edges_s,
-        first_pulse_index: entry.first_pulse_index,
-        input_torque_n_m: entry.input_torque_n_m,
-        clipped_share: clipped,
+        channels: [run.signal_m_s2(0), run.signal_m_s2(1)],
+        edges_s: run.edges_s.clone(),
+        first_pulse_index: run.declaration.first_pulse_index,
+        input_torque_n_m: torque,
+        clipped_share: clipped as f64 / codes.len().max(1) as f64,
     })
 }

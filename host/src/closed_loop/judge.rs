@@ -49,17 +49,22 @@ pub struct Judged {
     pub select_gain: f64,
     /// Gain there if the law holds.
     pub select_promise: f64,
+    /// Strength there over the strength that the fit runs give, and the power it rests on.
+    pub select_strength: (f64, f64),
+    /// Values of the candidate's unknowns over fit and selection runs; empty where every run has its own phase.
+    pub x: Vec<f64>,
 }
 
 impl Judged {
     /// Whether the term earns its place among `tests` candidates.
     pub fn passes(&self, tests: f64) -> bool {
-        // Gain and promise on the selection runs must agree: too little is chance, too much is another law.
-        let slack = 6.0 + 4.0 * self.select_promise.max(0.0).sqrt();
+        // Strength on the selection runs must be what the fit runs give: too little is chance, too much is another law.
+        let (strength, power) = self.select_strength;
+        let slack = 4.0 / power.max(1e-300).sqrt();
         self.score > LEAST_SCORE
             && self.select_gain > LEAST_SELECT_GAIN
             && self.select_gain > LEAST_SELECT_SHARE * self.select_promise.min(self.gain)
-            && self.select_promise + slack > LEAST_SELECT_SHARE * self.select_gain
+            && LEAST_SELECT_SHARE * strength < 1.0 + slack
             && self.p_value(tests) < 1e-3
     }
 
@@ -85,6 +90,26 @@ pub fn columns<'a>(base: &'a Base, terms: &[&'a Candidate]) -> Vec<Column<'a>> {
         all.extend(term.templates.iter().map(|template| Column { template, prior: (0.0, 0.0) }));
     }
     all
+}
+
+/// Spread of every unknown when each of `runs` is left out in turn: what the least-squares covariance cannot know, a law that
+/// does not hold from run to run, shows here. Standard error by the jackknife.
+pub fn jackknife(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<f64> {
+    let frame = Frame::new(data, &columns(base, terms));
+    let all: Vec<nalgebra::DVector<f64>> = runs
+        .iter()
+        .map(|left_out| {
+            let kept: Vec<usize> = runs.iter().copied().filter(|r| r != left_out).collect();
+            frame.estimate(&kept, None).x
+        })
+        .collect();
+    let n = all.len() as f64;
+    (0..all.first().map_or(0, nalgebra::DVector::len))
+        .map(|i| {
+            let mean = all.iter().map(|x| x[i]).sum::<f64>() / n;
+            ((n - 1.0) / n * all.iter().map(|x| (x[i] - mean).powi(2)).sum::<f64>()).sqrt()
+        })
+        .collect()
 }
 
 /// Joint estimate over `runs`.
@@ -157,7 +182,8 @@ impl<'a> Judge<'a> {
         let frame = Frame::new(data, &columns(base, terms));
         let seen = split.seen();
         let fitted = frame.estimate(&split.fit, None);
-        let fit_change = frame.change(&split.select, None, &fitted.x);
+        // Parameters led astray by an effect may predict worse than none moved: that is no gain of the effect.
+        let fit_change = frame.change(&split.select, None, &fitted.x).min(0.0);
         let all = frame.estimate(&seen, None);
         Self { frame, split, seen, common: all.x, fit_change, gain: all.gain }
     }
@@ -165,7 +191,7 @@ impl<'a> Judge<'a> {
     /// Scores of `candidate`.
     pub fn judge(&self, candidate: Candidate) -> Judged {
         let border = self.frame.border(&candidate.templates);
-        let (gain, select_gain, select_promise) = if candidate.phase_free {
+        let (gain, select_gain, select_promise, select_strength, x) = if candidate.phase_free {
             // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
             let runs: Vec<(f64, f64)> = (0..candidate.templates.len() / 2)
                 .map(|r| {
@@ -179,16 +205,27 @@ impl<'a> Judge<'a> {
             };
             let gain = |of: &[usize], a: f64| of.iter().map(|&r| 2.0 * a * runs[r].0 - a * a * runs[r].1).sum::<f64>();
             let a = amplitude(&self.split.fit);
-            let promise = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
-            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise)
+            let promise: f64 = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
+            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise, (1.0, promise), Vec::new())
         } else {
             let fitted = self.frame.estimate(&self.split.fit, Some(&border));
             let select = self.fit_change - self.frame.change(&self.split.select, Some(&border), &fitted.x);
             let own = fitted.x.rows(fitted.x.len() - border.count, border.count);
-            let promise = self.split.select.iter().map(|&r| own.dot(&(border.gram(r) * own))).sum();
-            (self.frame.estimate(&self.seen, Some(&border)).gain - self.gain, select, promise)
+            let whole = self.frame.estimate(&self.seen, Some(&border));
+            let x = whole.x.rows(whole.x.len() - border.count, border.count).into_owned();
+            let gain = whole.gain - self.gain;
+            let power = |runs: &[usize], x: &nalgebra::DVector<f64>| -> f64 {
+                runs.iter().map(|&r| x.dot(&(border.gram(r) * x))).sum()
+            };
+            // What the common columns explain of the term without it is no promise: the same share is taken off everywhere.
+            let net = (gain / power(&self.seen, &x).max(1e-300)).clamp(0.0, 1.0);
+            let own = own.into_owned();
+            let raw = power(&self.split.select, &own);
+            let common = whole.x.rows(0, whole.x.len() - border.count).into_owned();
+            let dot: f64 = self.split.select.iter().map(|&r| own.dot(&border.right_after(r, &common))).sum();
+            (gain, select, net * raw, (dot / raw.max(1e-300), raw), x.iter().copied().collect())
         };
         let score = gain - PER_UNKNOWN * unknowns(&candidate, self.seen.len()) - 2.0 * candidate.searched.ln();
-        Judged { candidate, score, gain, select_gain, select_promise }
+        Judged { candidate, score, gain, select_gain, select_promise, select_strength, x }
     }
 }

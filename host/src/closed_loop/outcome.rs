@@ -1,5 +1,6 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
+use super::spectrum::Bins;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -113,6 +114,9 @@ pub struct Outcome {
     pub split: [Vec<usize>; 3],
     /// Candidates considered and refused, with score.
     pub refused: Vec<(String, f64)>,
+    /// Residual spectra of every run and channel: declared machine, corrected machine. Not written to JSON.
+    #[serde(skip)]
+    pub residual: [Vec<[Bins; 2]>; 2],
 }
 
 impl Outcome {

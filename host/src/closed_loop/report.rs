@@ -84,11 +84,10 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
     let base = &replay.declared;
     let (hz, bin) = (base.runs[run].angle.shaft_hz, 1.0 / base.analyser.duration_s());
     let z = f64::from(base.machine.teeth[0]);
-    let peak = base.analyser.kernel_at(0.0).norm();
     // Amplitudes of lines, from 8 Hz on, as the loop compares them.
     let series = |name: &str, bins: &[rustfft::num_complex::Complex64], scale: f64, top: f64| {
         let points =
-            bins.iter().enumerate().skip((8.0 / bin) as usize).map(|(b, x)| (b as f64 * bin * scale, x.norm() / peak));
+            bins.iter().enumerate().skip((8.0 / bin) as usize).map(|(b, x)| (b as f64 * bin * scale, x.norm()));
         Series::new(name, points.take_while(|p| p.0 < top).collect())
     };
     report = report.section("Residual spectrum").text(&format!(
@@ -118,9 +117,6 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
             let svg = spectrum(&all, &labels, 1.0, 110.0, Axes { x, y: "dB re 1 m/s2" })?;
             report = report.picture(&svg, &format!("Channel {channel} over {x}."));
         }
-    }
-    if !replay.missing.is_empty() {
-        report = report.note(&format!("Not drawn into the residual after: {}.", replay.missing.join("; ")));
     }
     Ok(report)
 }

@@ -81,15 +81,20 @@ impl Analyser {
         buffer
     }
 
-    /// Value of the kernel `distance` bins from the line.
-    pub fn kernel_at(&self, distance: f64) -> C {
+    /// Magnitude of the kernel `distance` bins from the line.
+    fn magnitude_at(&self, distance: f64) -> f64 {
         let x = distance.abs() * FINE as f64;
         let i = x as usize;
         if i + 1 >= self.kernel.len() {
-            return C::ZERO;
+            return 0.0;
         }
-        let magnitude = self.kernel[i] + (x - i as f64) * (self.kernel[i + 1] - self.kernel[i]);
-        C::cis(-PI * distance * (self.samples as f64 - 1.0) / self.samples as f64) * magnitude
+        self.kernel[i] + (x - i as f64) * (self.kernel[i + 1] - self.kernel[i])
+    }
+
+    /// Phase factor of the kernel `distance` bins from the line, and its step from bin to bin.
+    fn phase_from(&self, distance: f64) -> (C, C) {
+        let per_bin = -PI * (self.samples as f64 - 1.0) / self.samples as f64;
+        (C::cis(per_bin * distance), C::cis(per_bin))
     }
 
     /// Adds a line of complex amplitude `a` at `hz` (either sign) to `bins`.
@@ -98,8 +103,10 @@ impl Analyser {
         for (position, amplitude) in [(hz * duration, a), (-hz * duration, a.conj())] {
             let first = (position.ceil() as i64 - reach).max(0);
             let last = (position.floor() as i64 + reach).min(bins.len() as i64 - 1);
+            let (mut turn, step) = self.phase_from(first as f64 - position);
             for b in first..=last {
-                bins[b as usize] += amplitude * self.kernel_at(b as f64 - position);
+                bins[b as usize] += amplitude * turn * self.magnitude_at(b as f64 - position);
+                turn *= step;
             }
         }
     }
@@ -122,10 +129,12 @@ impl Analyser {
         let first = (position.ceil() as i64 - 3).max(0);
         let last = (position.floor() as i64 + 3).min(bins.len() as i64 - 1);
         let (mut sum, mut energy) = (C::ZERO, 1e-30);
+        let (mut turn, step) = self.phase_from(first as f64 - position);
         for b in first..=last {
-            let kernel = self.kernel_at(b as f64 - position);
-            sum += kernel.conj() * bins[b as usize];
-            energy += kernel.norm_sqr();
+            let magnitude = self.magnitude_at(b as f64 - position);
+            sum += turn.conj() * magnitude * bins[b as usize];
+            energy += magnitude * magnitude;
+            turn *= step;
         }
         (sum / energy, energy)
     }

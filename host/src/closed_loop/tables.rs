@@ -125,5 +125,6 @@ pub fn report(
             .collect(),
         split: [split.fit.clone(), split.select.clone(), split.held_out.clone()],
         refused: refused.into_iter().collect(),
+        residual: [declared.residual.clone(), after.residual],
     }
 }

@@ -79,7 +79,12 @@ fn limit(runs: &[Run], channel: usize) -> Option<f64> {
     };
     // A free signal thins out towards its peak; a limited one piles up there.
     let (at, below) = runs.iter().fold((0, 0), |(a, b), run| (a + near(run, 0.998, 1.0), b + near(run, 0.99, 0.998)));
-    (at > 40 && at > 3 * below).then_some(peak)
+    // Noise-free peaks repeat, too, but are round: only a limit holds three samples in a row.
+    let flat: usize = runs
+        .iter()
+        .map(|run| run.channels[channel].windows(3).filter(|w| w.iter().all(|x| x.abs() >= 0.998 * peak)).count())
+        .sum();
+    (at > 40 && at > 3 * below && flat > 10).then_some(peak)
 }
 
 /// A channel whose samples stop at a limit; replaces the model by its limited waveform.
@@ -156,32 +161,104 @@ impl EdgeAngle {
     }
 }
 
-/// Speed that moves within the runs by more than the tachometer's jitter; replaces the model by one at the tachometer's angle.
+/// Straight line and one sinusoid through a run's edges.
+struct Sway {
+    /// Angle at mid-run (rad), speed (rad/s), cosine and sine amplitudes (rad).
+    x: [f64; 4],
+    middle_s: f64,
+    omega: f64,
+    /// Sum of squared departures left, rad^2.
+    left: f64,
+}
+
+impl Sway {
+    fn fit(run: &Run, pulses_per_rev: u32, hz: f64) -> Self {
+        let omega = TAU * hz;
+        let n = run.edges_s.len();
+        let middle_s = run.edges_s.iter().sum::<f64>() / n as f64;
+        let row = |t: f64| [1.0, t - middle_s, (omega * t).cos(), (omega * t).sin()];
+        let angle = |i: usize| TAU * (i as f64 + f64::from(run.first_pulse_index)) / f64::from(pulses_per_rev);
+        let mut gram = nalgebra::Matrix4::<f64>::zeros();
+        let mut right = nalgebra::Vector4::<f64>::zeros();
+        for (i, &t) in run.edges_s.iter().enumerate() {
+            let r = nalgebra::Vector4::from(row(t));
+            gram += r * r.transpose();
+            right += r * angle(i);
+        }
+        // Too few edges for four unknowns leave the sinusoid small.
+        (0..4).for_each(|k| gram[(k, k)] += 1e-9 * n as f64);
+        let x: [f64; 4] = gram.cholesky().map_or([0.0; 4], |c| c.solve(&right).into());
+        let at = |t: f64| row(t).iter().zip(&x).map(|(r, x)| r * x).sum::<f64>();
+        let left = run.edges_s.iter().enumerate().map(|(i, &t)| (at(t) - angle(i)).powi(2)).sum();
+        Self { x, middle_s, omega, left }
+    }
+
+    fn at(&self, t: f64) -> f64 {
+        let [angle, speed, a, b] = self.x;
+        angle + speed * (t - self.middle_s) + a * (self.omega * t).cos() + b * (self.omega * t).sin()
+    }
+
+    fn amplitude_rad(&self) -> f64 {
+        self.x[2].hypot(self.x[3])
+    }
+}
+
+/// The rate, fixed (Hz) or at an order, at which one sinusoid leaves least at the edges of all runs; runs at several speeds tell a rate
+/// from its aliases at the edge rate.
+fn rate(base: &Base, record: &Record) -> (f64, bool, f64) {
+    let left = |at: f64, fixed: bool| -> f64 {
+        let hz = |r: &RunState| if fixed { at } else { at * r.angle.shaft_hz };
+        record.runs.iter().zip(&base.runs).map(|(run, r)| Sway::fit(run, record.pulses_per_rev, hz(r)).left).sum()
+    };
+    let best = |grid: Vec<(f64, bool)>| {
+        grid.into_par_iter()
+            .map(|(at, fixed)| (at, fixed, left(at, fixed)))
+            .min_by(|a, b| a.2.total_cmp(&b.2))
+            .unwrap_or((1.0, true, f64::INFINITY))
+    };
+    let step = 0.1 / base.analyser.duration_s();
+    let per_turn = 0.95 * f64::from(record.pulses_per_rev);
+    let fixed = (5..(25.0 / step) as usize).map(|i| (i as f64 * step, true));
+    let orders = (10..(per_turn / 0.01) as usize).map(|i| (0.01 * i as f64, false));
+    let (mut at, which, _) = best(fixed.chain(orders).collect());
+    let mut size = if which { step } else { 0.01 };
+    for _ in 0..3 {
+        at = best((-10..=10).map(|i| (at + 0.1 * size * f64::from(i), which)).collect()).0;
+        size *= 0.1;
+    }
+    (at, which, left(at, which))
+}
+
+/// Speed that moves within the runs by more than the tachometer's jitter; replaces the model by one at the moving angle.
+///
+/// One sinusoid at a rate common to all runs where that explains the edges, else a spline through them.
 pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out: &[usize]) -> Option<Effect> {
     let limit = 5.0 * record.jitter_s + 2e-6;
     let moving = base.runs.iter().filter(|r| r.angle.edge_scatter_s > limit).count();
     if 2 * moving <= base.runs.len() {
         return None;
     }
+    let (at, fixed, left) = rate(base, record);
+    let scatter =
+        |r: &RunState, run: &Run| (TAU * r.angle.shaft_hz * r.angle.edge_scatter_s).powi(2) * run.edges_s.len() as f64;
+    let whole: f64 = base.runs.iter().zip(&record.runs).map(|(r, run)| scatter(r, run)).sum();
+    let sinusoid = left < 0.05 * whole;
     let analyser = &base.analyser;
-    let made: Vec<([Vec<C>; 2], f64, f64)> = base
+    let made: Vec<([Vec<C>; 2], f64)> = base
         .runs
         .par_iter()
         .zip(&record.runs)
         .map(|(run, source)| {
-            let spline = EdgeAngle::new(source, record.pulses_per_rev);
-            let signal = waveform(analyser, run, |t| spline.at(t));
-            // Strongest rate of the angle's departure, up to half the edge rate.
-            let line = |t: f64| run.angle.offset_rad + TAU * run.angle.shaft_hz * t;
-            let departure: Vec<(f64, f64)> = source.edges_s.iter().map(|&t| (t, spline.at(t) - line(t))).collect();
-            let power = |hz: f64| departure.iter().map(|(t, d)| C::cis(-TAU * hz * t) * *d).sum::<C>().norm_sqr();
-            let top = 0.5 * run.angle.shaft_hz * f64::from(record.pulses_per_rev);
-            let rate = (5..(top / 0.1) as usize)
-                .map(|i| 0.1 * i as f64)
-                .max_by(|a, b| power(*a).total_cmp(&power(*b)))
-                .unwrap_or(0.0);
-            let rms = (departure.iter().map(|(_, d)| d * d).sum::<f64>() / departure.len() as f64).sqrt();
-            (signal.map(|s| analyser.bins_of(&s)), rate, rms)
+            let hz = if fixed { at } else { at * run.angle.shaft_hz };
+            let sway = Sway::fit(source, record.pulses_per_rev, hz);
+            let (signal, size) = if sinusoid {
+                (waveform(analyser, run, |t| sway.at(t)), sway.amplitude_rad())
+            } else {
+                let spline = EdgeAngle::new(source, record.pulses_per_rev);
+                let rms = TAU * run.angle.shaft_hz * run.angle.edge_scatter_s;
+                (waveform(analyser, run, |t| spline.at(t)), rms)
+            };
+            (signal.map(|s| analyser.bins_of(&s)), size)
         })
         .collect();
     let models: Vec<[Vec<C>; 2]> = made.iter().map(|m| m.0.clone()).collect();
@@ -190,24 +267,19 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     if gain < 30.0 || chi_change(data, &models, base, &all) < 60.0 {
         return None;
     }
-    let spread = |values: &[f64]| {
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
-        (mean, square.sqrt() / mean.max(1e-9))
-    };
-    let rates: Vec<f64> = made.iter().map(|m| m.1).collect();
-    let orders: Vec<f64> = made.iter().zip(&base.runs).map(|(m, r)| m.1 / r.angle.shaft_hz).collect();
-    let (fixed, order) = (spread(&rates), spread(&orders));
     let mut found = effect("speed-fluctuation", "non-stationary", 1e-6);
-    if fixed.1 < 0.1 {
-        found.frequency_hz = Some(fixed.0);
-    } else if order.1 < 0.1 {
-        found.order_of_pinion = Some(order.0);
+    if sinusoid && fixed {
+        found.frequency_hz = Some(at);
+    } else if sinusoid {
+        found.order_of_pinion = Some(at);
     }
-    let (rms, relative) = spread(&made.iter().map(|m| m.2).collect::<Vec<f64>>());
-    let half = 1.96 * rms * relative / (made.len() as f64).sqrt();
-    let value = Value { value: rms, ci95: [rms - half, rms + half], unit: "rad".into() };
-    found.parameters.insert("angle_departure_rms".into(), value);
+    let sizes: Vec<f64> = made.iter().map(|m| m.1).collect();
+    let mean = sizes.iter().sum::<f64>() / sizes.len() as f64;
+    let spread = (sizes.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / sizes.len() as f64).sqrt();
+    let half = (1.96 * spread / (sizes.len() as f64).sqrt()).hypot(0.01 * mean);
+    let value = Value { value: mean, ci95: [mean - half, mean + half], unit: "rad".into() };
+    let what = if sinusoid { "angle_amplitude" } else { "angle_departure_rms" };
+    found.parameters.insert(what.into(), value);
     for (run, model) in base.runs.iter_mut().zip(models) {
         run.model = model;
     }

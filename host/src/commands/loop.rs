@@ -2,7 +2,7 @@
 
 use clap::Args as ClapArgs;
 use meshband_host::closed_loop::apply::apply;
-use meshband_host::closed_loop::bands::bands;
+use meshband_host::closed_loop::bands::{bands, occupied};
 use meshband_host::closed_loop::replay::replay;
 use meshband_host::closed_loop::report::report;
 use meshband_host::closed_loop::{Options, close_loop, input};
@@ -75,6 +75,16 @@ pub fn run(args: Args) -> Result<()> {
             })
             .collect();
         print!("{}", terminal::table(&["held-out band, dB", "record", "declared off by", "corrected"], &rows));
+        let rows: Vec<Vec<String>> = occupied(&replayed, &outcome)
+            .iter()
+            .map(|o| {
+                let [record, declared, corrected] =
+                    [o.record_hz, o.declared_error_hz, o.corrected_error_hz].map(|hz| format!("{hz:.1}"));
+                vec![format!("ch {}", o.channel), record, declared, corrected]
+            })
+            .collect();
+        let head = ["held-out bandwidth of 99 % of the power, Hz", "record", "declared off by", "corrected"];
+        print!("{}", terminal::table(&head, &rows));
     }
     Ok(())
 }

@@ -3,12 +3,14 @@
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::predict::Predictor;
+use meshband_host::dynamics::rig::Rig;
 use meshband_host::dynamics::taylor::Statistics;
+use meshband_host::machine::Machine;
 use meshband_host::record::{Record, Run, npy};
 use meshband_host::report::plot::{Axes, Series, spectrum};
 use meshband_host::report::{Report, write_json};
 use meshband_host::spectral::{Window, amplitude_spectrum};
-use meshband_host::{Error, Result, terminal};
+use meshband_host::{Error, Result, effects, terminal};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -24,6 +26,12 @@ pub struct Args {
     /// Model: bending-torsional, bending-torsional-6 or casing.
     #[arg(long, default_value = "bending-torsional")]
     model: Model,
+    /// Machine to predict with in place of the record's own, such as the one `meshband loop --apply` writes.
+    #[arg(long)]
+    machine: Option<PathBuf>,
+    /// File of `[[effect]]` tables added to the machine, as `meshband loop --apply` writes it.
+    #[arg(long = "effects", value_name = "FILE")]
+    effects_file: Option<PathBuf>,
     /// What each prediction leaves of its run, and its cost, as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
@@ -50,7 +58,11 @@ struct Outcome {
 /// Writes one prediction per run.
 pub fn run(args: Args) -> Result<()> {
     let record = Record::read(&args.record)?;
-    let predictor = Predictor::new(&record, args.model, Damping::Declared)?;
+    let mut predictor = Predictor::new(&record, args.model, Damping::Declared)?;
+    if let Some(path) = &args.machine {
+        predictor.rig = Rig::new(&Machine::read(path)?, args.model, Damping::Declared)?;
+    }
+    let effects = args.effects_file.as_deref().map_or_else(|| Ok(Vec::new()), effects::read)?;
     std::fs::create_dir_all(&args.output).map_err(Error::file(&args.output))?;
     let progress = terminal::Progress::new("predict", record.runs.len() as u64);
     let drawn = args.report.is_some();
@@ -58,7 +70,7 @@ pub fn run(args: Args) -> Result<()> {
         .runs
         .par_iter()
         .map(|run| {
-            let (channels, statistics) = predictor.predict(run, &[])?;
+            let (channels, statistics) = predictor.predict(run, &effects)?;
             let values: Vec<f32> = (0..run.samples()).flat_map(|i| channels.iter().map(move |c| c[i] as f32)).collect();
             npy::write_f32(&args.output.join(&run.declaration.signal), &values, channels.len())?;
             progress.step();

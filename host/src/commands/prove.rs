@@ -15,7 +15,7 @@ pub struct Args {
     /// Records with nothing hidden.
     #[arg(long, default_value_t = 0)]
     null: usize,
-    /// Records with one effect at 2, 1, 4 and 0.5 times its detection floor.
+    /// Records with one effect, cycling through effects, then `--levels`.
     #[arg(long, default_value_t = 0)]
     power: usize,
     /// Records with the true effect withheld from the library.
@@ -24,6 +24,15 @@ pub struct Args {
     /// Records with two effects, and as many with an effect and a wrong declared parameter.
     #[arg(long, default_value_t = 0)]
     two: usize,
+    /// Strengths of that one effect, times its detection floor.
+    #[arg(long, value_delimiter = ',', default_value = "2,20,1")]
+    levels: Vec<f64>,
+    /// Effects to hide, by name; all where none is given.
+    #[arg(long, value_delimiter = ',')]
+    only: Vec<String>,
+    /// Length of every run, s.
+    #[arg(long, default_value_t = 2.0)]
+    seconds: f64,
     /// Seed of the campaign.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -33,6 +42,9 @@ pub struct Args {
     /// Writes the summary as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Writes the tables as Markdown.
+    #[arg(long)]
+    markdown: Option<PathBuf>,
     /// Writes the summary as a report.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -46,6 +58,9 @@ pub fn run(args: Args) -> Result<()> {
         power: args.power,
         leave_one_out: args.leave_one_out,
         two: args.two,
+        levels: args.levels,
+        only: args.only,
+        duration_s: args.seconds,
         seed: args.seed,
         log: args.log,
     };
@@ -57,6 +72,9 @@ pub fn run(args: Args) -> Result<()> {
     print!("{}", summary.text());
     if let Some(path) = &args.json {
         write_json(path, &summary)?;
+    }
+    if let Some(path) = &args.markdown {
+        std::fs::write(path, summary.markdown()).map_err(Error::file(path))?;
     }
     if let Some(path) = &args.report {
         let mut report = Report::new("Proof of the closed loop", "generated records, nothing tuned on them")

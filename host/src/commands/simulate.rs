@@ -30,6 +30,9 @@ pub struct Args {
     /// Effect, `name:key=value,...`; may be repeated (`meshband effects` lists them).
     #[arg(long = "effect")]
     effects: Vec<String>,
+    /// File of `[[effect]]` tables, as `meshband loop --apply` writes it.
+    #[arg(long = "effects", value_name = "FILE")]
+    effects_file: Option<PathBuf>,
     /// Sampling rate, Hz.
     #[arg(long, default_value_t = 51_200.0)]
     rate: f64,
@@ -77,7 +80,10 @@ struct Point {
 pub fn run(args: Args) -> Result<()> {
     let machine = Machine::read(&args.machine)?;
     let rig = Rig::new(&machine, args.model, Damping::Declared)?;
-    let effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
+    let mut effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
+    if let Some(path) = &args.effects_file {
+        effects.extend(effects::read(path)?);
+    }
     let (points, default_s) = points(&args, &machine)?;
     let duration_s = args.duration.unwrap_or(default_s);
     let progress = terminal::Progress::new("simulate", points.len() as u64);

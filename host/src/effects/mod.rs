@@ -241,3 +241,25 @@ pub fn from_table(name: &str, table: &toml::Table) -> Result<Box<dyn Effect>> {
     }
     entry.with(&given)
 }
+
+/// Effects of a file: `[[effect]]` tables with `name` and the effect's keys, as `meshband loop --apply` writes them.
+///
+/// # Errors
+/// An unreadable file, a table without a name, and as [`parse`].
+pub fn read(path: &std::path::Path) -> Result<Vec<Box<dyn Effect>>> {
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))?;
+    let refuse = |what: &str| Error::invalid(path.display(), what);
+    let list =
+        whole.get("effect").map(|list| list.as_array().ok_or_else(|| refuse("`effect` must be [[effect]] tables")));
+    let Some(list) = list.transpose()? else { return Ok(Vec::new()) };
+    list.iter()
+        .map(|entry| {
+            let mut table = entry.as_table().ok_or_else(|| refuse("`effect` must be [[effect]] tables"))?.clone();
+            let name = table.remove("name");
+            let name =
+                name.as_ref().and_then(toml::Value::as_str).ok_or_else(|| refuse("[[effect]]: `name` is missing"))?;
+            from_table(name, &table)
+        })
+        .collect()
+}

@@ -19,6 +19,9 @@ fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
 
 /// Strength of `kind` at the detection floor for the noise of `scenario`.
 pub fn strength(declared: &Record, scenario: &Scenario, kind: &Kind, rng: &mut ChaCha8Rng) -> f64 {
+    if !kind.has_floor {
+        return kind.reference;
+    }
     let mut quiet = scenario.clone();
     quiet.effects.clear();
     quiet.noise_rms = 0.0;

@@ -24,9 +24,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Levels over the detection floor at which power is measured.
-pub const LEVELS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-
 /// How many records of each part.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -40,6 +37,12 @@ pub struct Plan {
     pub leave_one_out: usize,
     /// Records with two effects, and as many with an effect and a wrong parameter.
     pub two: usize,
+    /// Levels over the detection floor of the power part, in the order they are taken.
+    pub levels: Vec<f64>,
+    /// Names of [`KINDS`] to use; empty for all.
+    pub only: Vec<String>,
+    /// Length of a run, s.
+    pub duration_s: f64,
     /// Seed of everything.
     pub seed: u64,
     /// JSON lines, appended.
@@ -61,14 +64,15 @@ impl Item {
 }
 
 fn items(plan: &Plan) -> Vec<Item> {
-    let count = KINDS.len();
-    let named: Vec<usize> = (0..count).filter(|&k| !KINDS[k].right_names.is_empty()).collect();
+    let all: Vec<usize> =
+        (0..KINDS.len()).filter(|&k| plan.only.is_empty() || plan.only.iter().any(|n| n == KINDS[k].name)).collect();
+    let count = all.len();
+    let named: Vec<usize> = all.iter().copied().filter(|&k| !KINDS[k].right_names.is_empty()).collect();
     let mut items: Vec<Item> =
         (0..plan.null).map(|number| Item { part: "null", number, kinds: vec![], level: 0.0 }).collect();
     items.extend((0..plan.power).map(|number| {
-        // Levels that decide come first: a short campaign says something of every effect at twice its floor.
-        let level = [2.0, 1.0, 4.0, 0.5][number / count % 4];
-        Item { part: "power", number, kinds: vec![number % count], level }
+        let level = plan.levels[number / count % plan.levels.len()];
+        Item { part: "power", number, kinds: vec![all[number % count]], level }
     }));
     items.extend((0..plan.leave_one_out).map(|number| Item {
         part: "leave-one-out",
@@ -126,6 +130,16 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     if machines.is_empty() {
         return Err(Error::invalid("--machine", "at least one is needed"));
     }
+    if let Some(name) = plan.only.iter().find(|n| KINDS.iter().all(|k| k.name != n.as_str())) {
+        let known: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
+        return Err(Error::invalid("--only", format!("`{name}` is none of {}", known.join(", "))));
+    }
+    if plan.levels.is_empty() || plan.levels.iter().any(|l| !(l.is_finite() && *l > 0.0)) {
+        return Err(Error::invalid("--levels", "positive numbers are needed"));
+    }
+    if !(0.5..=60.0).contains(&plan.duration_s) {
+        return Err(Error::invalid("--seconds", "a run must last 0.5 to 60 s"));
+    }
     let mut scored = read_log(&plan.log)?;
     let done: BTreeSet<String> = scored.iter().map(|s| s.id.clone()).collect();
     let todo: Vec<Item> = items(plan).into_iter().filter(|i| !done.contains(&i.id())).collect();
@@ -171,6 +185,7 @@ fn one(
     let coloured = cycle / machines.len() % 2 == 1;
     let declared = &machines[machine];
     let mut scenario = Scenario::null(&declared.shafts, rng.random());
+    scenario.duration_s = plan.duration_s;
     scenario.noise_colour = if coloured { 0.9 } else { 0.0 };
     let mut hidden: Vec<(&Kind, f64)> = Vec::new();
     for &k in &item.kinds {
@@ -180,9 +195,10 @@ fn one(
             let mut own = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_add(k as u64));
             let mut plain = Scenario::null(&declared.shafts, plan.seed);
             plain.noise_colour = scenario.noise_colour;
+            plain.duration_s = plan.duration_s;
             floor::strength(declared, &plain, kind, &mut own)
         });
-        let size = item.level * floor;
+        let size = if kind.has_floor { item.level * floor } else { floor };
         scenario.effects.push((kind.build)(size, &declared.pair, &mut rng));
         hidden.push((kind, size));
     }
@@ -213,9 +229,11 @@ fn one(
         id: item.id(),
         part: item.part.into(),
         machine: declared.title.clone(),
+        duration_s: plan.duration_s,
         coloured,
         parameters_off,
         hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),
+        truth: format!("{:?}", scenario.effects),
         level: item.level,
         reported: outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone(), e.family.clone()]).collect(),
         result,

@@ -14,12 +14,16 @@ pub struct Scored {
     pub part: String,
     /// Machine.
     pub machine: String,
+    /// Length of a run, s.
+    pub duration_s: f64,
     /// Whether the noise was coloured.
     pub coloured: bool,
     /// Whether declared parameters were wrong within tolerance.
     pub parameters_off: bool,
     /// Hidden effects.
     pub hidden: Vec<String>,
+    /// The same with every number.
+    pub truth: String,
     /// Strength over the detection floor.
     pub level: f64,
     /// Verdict, name, family of every effect reported.
@@ -134,7 +138,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Error triple that fits the hidden effect: whole signal for what is not tied to the shafts.
 fn error(s: &Scored) -> [f64; 3] {
-    let free = ["mains-hum", "fixed-frequency-tone", "jittered-impacts", "load-fluctuation"];
+    let free = ["mains-hum", "fixed-frequency-tone", "bearing-impacts", "load-fluctuation"];
     s.held_out[usize::from(s.hidden.iter().any(|h| free.contains(&h.as_str()) || h.contains("modulation")))]
 }
 
@@ -162,7 +166,10 @@ pub fn summarise(all: &[Scored]) -> Summary {
     });
     let mut null = null.to_vec();
     null.push(row("all", &part("null").collect::<Vec<_>>()));
-    let power = super::LEVELS
+    let mut levels: Vec<f64> = part("power").map(|s| s.level).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    let power = levels
         .iter()
         .map(|&l| row(format!("{l} x floor"), &part("power").filter(|s| s.level == l).collect::<Vec<_>>()))
         .collect();
@@ -230,6 +237,33 @@ impl Summary {
             ("The true effect withheld from the library", &self.leave_one_out),
             ("Two at once", &self.two),
         ]
+    }
+
+    /// The tables as Markdown.
+    pub fn markdown(&self) -> String {
+        let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let mut text = String::new();
+        for (title, rows) in self.tables() {
+            let rows: Vec<&Row> = rows.iter().filter(|r| r.records > 0).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            text += &format!("### {title}\n\n");
+            text += &line(&HEAD.map(String::from));
+            text += &line(&HEAD.map(|_| "---".to_string()));
+            rows.iter().for_each(|r| text += &line(&cells(r)));
+            text += "\n";
+        }
+        let [named, not_named] = self.after_over_floor;
+        text += &format!(
+            "Intervals that cover the truth: {:.1} % of {}. Held-out error after over noise floor, median at twice the floor and above: named {named:.3}, \
+             not named {not_named:.3}. Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
+            100.0 * self.coverage.0,
+            self.coverage.1,
+            self.seconds[0],
+            self.seconds[1]
+        );
+        text
     }
 
     /// Text for the terminal.

@@ -1,68 +1,98 @@
 //! Effects that repeat with every tooth pair: wear, tip relief, profile error, friction.
 
 use super::Bench;
-use crate::closed_loop::candidate::{Candidate, Claim, Parameter, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Tuning, quadrature};
 use crate::closed_loop::harmonic_model::{DOF, GEAR, PINION};
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
 /// Candidates on the mesh's own comb.
 pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
-    let machine = &bench.base.machine;
-    let curve = &machine.curve;
-    let length = curve.contact_ratio();
-    let ramp = |x: f64, share: f64| ((share - x) / share).max(0.0);
-    let mut shapes: Vec<(String, &'static str, f64, Box<dyn Fn(f64) -> f64 + Sync>)> =
-        vec![("wear".into(), "depth", 1.0, Box::new(|x: f64| (2.0 * x - 1.0).powi(2)))];
-    for share in [0.15, 0.25, 0.4] {
-        shapes.push((
-            "tip-relief".into(),
-            "amount",
-            3.0,
-            Box::new(move |x: f64| ramp(x, share) + ramp(1.0 - x, share)),
-        ));
-    }
-    // Error e(s) on every pair: contact force -k(s) (e + tau de/dt).
-    let mut list: Vec<Candidate> = shapes
-        .iter()
-        .map(|(name, quantity, searched, shape)| {
-            let weighted = curve.times(|u| shape(u / length));
-            let step = 1e-4;
-            let slope = curve.times(|u| (shape(u / length + step) - shape(u / length - step)) / (2.0 * step * length));
-            let lines = bench.respond(
-                |_| 0.0,
-                |run, comb| {
-                    let rate = run.angle.shaft_hz * f64::from(machine.teeth[0]) * machine.tau_s;
-                    let contact = (0..comb.orders.len())
-                        .map(|n| {
-                            let nu = n as f64 - comb.centre as f64;
-                            -weighted.transform(nu) - slope.transform(nu) * rate
-                        })
-                        .collect();
-                    vec![(Vec::new(), contact)]
-                },
-            );
-            let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
-            Candidate {
-                name: name.clone(),
-                claim: Claim::Named,
-                family: "mesh-order",
-                shaft: "none",
-                order: Some(f64::from(machine.teeth[0])),
-                frequency_hz: None,
-                parameters: vec![Parameter { name: (*quantity).into(), unit: "m", first: 0, complex: false }],
-                templates: vec![real],
-                searched: *searched,
-                exponents: [0.0, 0.0],
-                phase_free: false,
-                tuning: None,
-            }
-        })
-        .collect();
+    let mut list = vec![shaped(bench, "wear", "depth", 1.0, &|x: f64| (2.0 * x - 1.0).powi(2))];
+    list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share)));
     list.push(profile(bench, false));
     list.push(profile(bench, true));
     list.push(friction(bench));
     list
+}
+
+/// Relief of both ends of the path over `share` of it.
+pub fn relief(bench: &Bench<'_>, share: f64) -> Candidate {
+    let ramp = move |x: f64| ((share - x) / share).max(0.0);
+    let mut relief = shaped(bench, "tip-relief", "amount", 10.0, &move |x: f64| ramp(x) + ramp(1.0 - x));
+    relief.tuning = Some(Tuning::Relief { share });
+    relief
+}
+
+/// Improves the share by pattern search on `score`.
+pub fn refine_relief(bench: &Bench<'_>, share: f64, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
+    let mut best = (score(relief(bench, share)), share);
+    let mut step = 0.05;
+    while step > 0.002 {
+        let next = [best.1 - step, best.1 + step]
+            .into_iter()
+            .filter(|share| (0.03..=0.5).contains(share))
+            .map(|share| (score(relief(bench, share)), share))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap_or(best);
+        if next.0 > best.0 {
+            best = next;
+        } else {
+            step *= 0.4;
+        }
+    }
+    relief(bench, best.1)
+}
+
+/// Error of a given shape on every pair, contact force `-k(s) (e + tau de/dt)`; `shape` over 0..1 of the path.
+fn shaped(
+    bench: &Bench<'_>,
+    name: &str,
+    quantity: &str,
+    searched: f64,
+    shape: &(dyn Fn(f64) -> f64 + Sync),
+) -> Candidate {
+    let machine = &bench.base.machine;
+    let curve = &machine.curve;
+    let length = curve.contact_ratio();
+    let weighted = curve.times(|u| shape(u / length));
+    let step = 1e-4;
+    let slope = curve.times(|u| (shape(u / length + step) - shape(u / length - step)) / (2.0 * step * length));
+    let lines = bench.respond(
+        |_| 0.0,
+        |run, comb| {
+            let rate = run.angle.shaft_hz * f64::from(machine.teeth[0]) * machine.tau_s;
+            let half = comb.centre as i64;
+            // Both signs of an order are conjugate for a real shape.
+            let positive: Vec<C> =
+                (0..=half).map(|n| -weighted.transform(n as f64) - slope.transform(n as f64) * rate).collect();
+            let contact = (-half..=half)
+                .map(|n| {
+                    let value = positive[n.unsigned_abs() as usize];
+                    if n < 0 { value.conj() } else { value }
+                })
+                .collect();
+            vec![(Vec::new(), contact)]
+        },
+    );
+    let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
+    Candidate {
+        name: name.into(),
+        claim: Claim::Named,
+        family: "mesh-order",
+        shaft: "none",
+        order: Some(f64::from(machine.teeth[0])),
+        frequency_hz: None,
+        parameters: vec![Parameter { name: quantity.into(), unit: "m", first: 0, complex: false }],
+        templates: vec![real],
+        searched,
+        exponents: [0.0, 0.0],
+        phase_free: false,
+        tuning: None,
+        plain: None,
+        bent: false,
+        finite: None,
+    }
 }
 
 /// Free displacement of every pair at the first four mesh orders, or (in proportion to torque) a free change of mesh stiffness there.
@@ -112,6 +142,9 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         phase_free: false,
         tuning: None,
+        plain: None,
+        bent: false,
+        finite: None,
     }
 }
 
@@ -171,5 +204,8 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         exponents: [0.0, 1.0],
         phase_free: false,
         tuning: None,
+        plain: None,
+        bent: false,
+        finite: None,
     }
 }

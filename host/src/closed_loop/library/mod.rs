@@ -3,8 +3,10 @@
 //! Effects are excitations of the declared machine (displacement error, force, stiffness change) whose response comes from the harmonic
 //! balance, or changes of the measuring path applied to the prediction. Names follow the simulator's effects.
 
-mod mesh;
+mod finite;
+pub mod mesh;
 mod order;
+mod parameter;
 pub mod path;
 mod teeth;
 
@@ -16,6 +18,7 @@ use super::least_squares::Data;
 use super::waveform::steady;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
+use std::sync::OnceLock;
 
 pub use teeth::ToothFamilies;
 
@@ -32,6 +35,10 @@ pub struct Bench<'a> {
     pub teeth: ToothFamilies,
     /// Predicted time signals per run and channel.
     pub waveforms: Vec<[Vec<f64>; 2]>,
+    /// Candidates that do not depend on the residual.
+    fixed: Vec<Candidate>,
+    /// Declared machine integrated in time, made when first needed.
+    plain: OnceLock<Vec<[Vec<C>; 2]>>,
 }
 
 impl<'a> Bench<'a> {
@@ -40,7 +47,19 @@ impl<'a> Bench<'a> {
         let angles: Vec<(f64, f64)> = base.runs.iter().map(|r| (r.angle.offset_rad, r.angle.shaft_hz)).collect();
         let teeth = ToothFamilies::new(base, &angles);
         let waveforms = base.runs.par_iter().map(|run| steady(&base.analyser, run)).collect();
-        Self { base, angles, teeth, waveforms }
+        let mut bench = Self { base, angles, teeth, waveforms, fixed: Vec::new(), plain: OnceLock::new() };
+        let mut fixed = mesh::candidates(&bench);
+        fixed.extend(parameter::candidates(&bench));
+        for order in bench.shaft_orders() {
+            fixed.extend(order::at_order(&bench, order, 1.0));
+        }
+        bench.fixed = fixed;
+        bench
+    }
+
+    /// Orders that are always tried: one and two per turn of either shaft.
+    fn shaft_orders(&self) -> [f64; 4] {
+        [1.0, self.ratio(), 2.0, 2.0 * self.ratio()]
     }
 
     /// Teeth ratio: order of the gear's rotation per pinion turn.
@@ -70,14 +89,10 @@ impl<'a> Bench<'a> {
 
     /// All candidates for the present residual: fixed library, detected orders, detected frequencies.
     pub fn candidates(&self, data: &Data, fit: &[usize], orders: &[Found], frequencies: &[Found]) -> Vec<Candidate> {
-        let ratio = self.ratio();
         let mut all = self.teeth.candidates(self, data, fit);
-        all.extend(mesh::candidates(self));
+        all.extend(self.fixed.iter().cloned());
         all.extend(path::candidates(self, data, fit));
-        let mut done: Vec<f64> = vec![1.0, ratio, 2.0, 2.0 * ratio];
-        for &o in &done {
-            all.extend(order::at_order(self, o, 1.0));
-        }
+        let mut done = self.shaft_orders().to_vec();
         for found in orders {
             // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
             let z = f64::from(self.base.machine.teeth[0]);
@@ -92,7 +107,7 @@ impl<'a> Bench<'a> {
             }
         }
         for found in frequencies {
-            all.extend(order::at_frequency(self, data, fit, found.at));
+            all.extend(order::at_frequency(self, data, fit, *found));
         }
         all
     }

@@ -3,7 +3,8 @@
 
 use super::{Bench, Excitation};
 use crate::closed_loop::base_fit::RunState;
-use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
+use crate::closed_loop::detect::Found;
 use crate::closed_loop::harmonic_model::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
 use crate::closed_loop::least_squares::Data;
 use rustfft::num_complex::Complex64 as C;
@@ -100,6 +101,7 @@ fn rolled(machine: &Machine, run: &RunState, size: i64) -> Vec<C> {
 
 struct Label {
     name: String,
+    plain: String,
     claim: Claim,
     family: &'static str,
     shaft: &'static str,
@@ -131,10 +133,31 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
         "non-integer-order"
     };
     let where_to = if fixed { "a fixed frequency" } else { "a fixed order" };
-    let named =
-        |name: &str, quantity, unit| Label { name: name.into(), claim: Claim::Named, family, shaft, quantity, unit };
-    let plain =
-        |text: String, quantity, unit| Label { name: text, claim: Claim::Generic, family, shaft, quantity, unit };
+    let text = match seat {
+        Seat::Displacement | Seat::RollingDisplacement => format!("displacement error at {where_to}"),
+        Seat::BearingModulation(side) => {
+            format!("bearing stiffness of the {} varying at {where_to}", ["pinion", "gear"][side])
+        }
+        Seat::MeshModulation => format!("mesh stiffness varying at {where_to}"),
+        Seat::PositionModulation => format!("contact position varying at {where_to}"),
+        Seat::Force { dof, speed, torque } => {
+            let body = match dof {
+                PINION_Y => "radial force on the pinion",
+                GEAR_Y => "radial force on the gear",
+                MOTOR => "torque on the motor",
+                _ => "torque on the load",
+            };
+            format!("{body} at {where_to}, speed exponent {speed}, torque exponent {torque}")
+        }
+    };
+    let named = |name: &str, quantity, unit| {
+        let (name, plain) = (name.into(), text.clone());
+        Label { name, plain, claim: Claim::Named, family, shaft, quantity, unit }
+    };
+    let plain = |quantity, unit| {
+        let (name, plain) = (text.clone(), text.clone());
+        Label { name, plain, claim: Claim::Generic, family, shaft, quantity, unit }
+    };
     match seat {
         Seat::Displacement | Seat::RollingDisplacement if is(order, 1.0) => {
             named("pinion-eccentricity", "amplitude", "m")
@@ -143,9 +166,7 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
             named("gear-eccentricity", "amplitude", "m")
         }
         Seat::Displacement if (pinion || gear) && order > 3.5 => named("ghost-order", "amplitude", "m"),
-        Seat::Displacement | Seat::RollingDisplacement => {
-            plain(format!("displacement error at {where_to}"), "amplitude", "m")
-        }
+        Seat::Displacement | Seat::RollingDisplacement => plain("amplitude", "m"),
         Seat::Force { dof: PINION_Y, speed: 2, .. } if is(order, 1.0) => named("pinion-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: GEAR_Y, speed: 2, .. } if is(order, ratio) => named("gear-imbalance", "unbalance", "kg m"),
         Seat::Force { dof: PINION_Y, speed: 0, .. } if is(order, 2.0) => {
@@ -162,21 +183,12 @@ fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
             shaft: ["pinion", "gear"][side],
             ..named("bearing-stiffness-modulation", "share_of_stiffness", "1")
         },
-        Seat::BearingModulation(side) => {
-            let name = format!("bearing stiffness of the {} varying at {where_to}", ["pinion", "gear"][side]);
-            plain(name, "share_of_stiffness", "1")
-        }
-        Seat::MeshModulation => plain(format!("mesh stiffness varying at {where_to}"), "share_of_stiffness", "1"),
+        Seat::BearingModulation(_) => plain("share_of_stiffness", "1"),
+        Seat::MeshModulation => plain("share_of_stiffness", "1"),
+        // At a whole order of a shaft the contact is carried by that shaft's geometry, not by its speed.
+        Seat::PositionModulation if pinion || gear => plain("contact_position", "base pitch"),
         Seat::PositionModulation => named("speed-fluctuation", "contact_position", "base pitch"),
-        Seat::Force { dof, speed, torque } => {
-            let body = match dof {
-                PINION_Y => "radial force on the pinion",
-                GEAR_Y => "radial force on the gear",
-                MOTOR => "torque on the motor",
-                _ => "torque on the load",
-            };
-            plain(format!("{body} at {where_to}, speed exponent {speed}, torque exponent {torque}"), "amplitude", "SI")
-        }
+        Seat::Force { .. } => plain("amplitude", "SI"),
     }
 }
 
@@ -185,6 +197,18 @@ fn exponents(seat: Seat) -> [f64; 2] {
         Seat::Displacement | Seat::RollingDisplacement => [0.0, 0.0],
         Seat::Force { speed, torque, .. } => [f64::from(speed), f64::from(torque)],
         _ => [0.0, 1.0],
+    }
+}
+
+fn finite(seat: Seat, order: f64, ratio: f64) -> Option<Finite> {
+    match seat {
+        Seat::RollingDisplacement => [1.0, ratio]
+            .iter()
+            .position(|o| (order - o).abs() < 1e-9)
+            .map(|shaft| Finite::RollingEccentricity { shaft }),
+        Seat::BearingModulation(shaft) => Some(Finite::BearingModulation { shaft, order }),
+        Seat::MeshModulation => Some(Finite::MeshModulation { order }),
+        _ => None,
     }
 }
 
@@ -200,6 +224,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
             let l = label(seat, order, bench.ratio(), false);
             Candidate {
                 name: l.name,
+                plain: Some(l.plain),
                 claim: l.claim,
                 family: l.family,
                 shaft: l.shaft,
@@ -211,16 +236,18 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 exponents: exponents(seat),
                 phase_free: false,
                 tuning: None,
+                bent: false,
+                finite: finite(seat, order, bench.ratio()),
             }
         })
         .collect()
 }
 
 /// Every excitation at a fixed frequency, phase free in every run: forces on the machine, and a tone added by the acquisition.
-pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> Vec<Candidate> {
+pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found) -> Vec<Candidate> {
     let base = bench.base;
     let machine = &base.machine;
-    let hz = refine(bench, data, fit, hz);
+    let hz = if found.modulation { found.at } else { refine(bench, data, fit, found.at) };
     let seats: Vec<Seat> = SEATS
         .iter()
         .copied()
@@ -254,10 +281,11 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
         if mains { ("mains-hum", Claim::Named) } else { ("additive tone at a fixed frequency", Claim::Generic) };
     let tone = Label {
         name: name.into(),
+        plain: "additive tone at a fixed frequency".into(),
         claim,
         family: "fixed-frequency",
         shaft: "none",
-        quantity: "acceleration",
+        quantity: "acceleration_of_the_larger_channel",
         unit: "m/s2",
     };
     labels.push((tone, [0.0, 0.0]));
@@ -268,6 +296,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
             let pair = quadrature(&base.analyser, &bench.angles, lines);
             Candidate {
                 name: l.name,
+                plain: Some(l.plain),
                 claim: l.claim,
                 family: l.family,
                 shaft: l.shaft,
@@ -279,12 +308,14 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> V
                 exponents,
                 phase_free: true,
                 tuning: None,
+                bent: false,
+                finite: None,
             }
         })
         .collect()
 }
 
-/// Frequency of the largest summed line power near `hz`.
+/// Frequency of the largest summed line power within one and a half bins of `hz`.
 fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
     let power = |f: f64| -> f64 {
         fit.iter()
@@ -292,10 +323,11 @@ fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
             .map(|(r, c)| bench.base.analyser.amplitude(&data.residual[r][c], f).0.norm_sqr())
             .sum()
     };
-    (-200..=200).map(|i| hz + f64::from(i) * 0.01).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
+    let step = 0.01 / bench.base.analyser.duration_s();
+    (-150..=150).map(|i| hz + f64::from(i) * step).max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
 }
 
-/// Complex amplitude ratio of the channels of a tone, from all fit runs, normalised to unit length.
+/// Complex amplitude ratio of the channels of a tone, from all fit runs, the larger channel taken as 1.
 fn channel_pattern(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> [C; 2] {
     let (mut first, mut second, mut cross) = (0.0, 0.0, C::ZERO);
     for &r in fit {
@@ -304,7 +336,7 @@ fn channel_pattern(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> [C
         second += a[1].norm_sqr();
         cross += a[1] * a[0].conj();
     }
-    let total = (first + second).sqrt().max(1e-30);
+    let total = first.max(second).sqrt().max(1e-30);
     let turn = if cross.norm() > 0.0 { cross / cross.norm() } else { C::ONE };
     [C::new(first.sqrt() / total, 0.0), turn * (second.sqrt() / total)]
 }

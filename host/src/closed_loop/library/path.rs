@@ -33,6 +33,9 @@ fn path(
         exponents,
         phase_free: false,
         tuning: None,
+        plain: None,
+        bent: false,
+        finite: None,
     }
 }
 
@@ -87,6 +90,7 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
         let shifted = filtered(channel, &|f| C::cis(-TAU * f * delay) - 1.0);
         let quantity = format!("share_of_a_delay_of_{:.2}_us", 1e6 * delay);
         list.push(Candidate {
+            plain: Some("delay or all-pass in the path of a channel".into()),
             searched: 100.0,
             ..path("channel-delay", Claim::Named, "path", parameter(&quantity, "1"), vec![shifted], [0.0, 1.0])
         });
@@ -148,7 +152,8 @@ fn folded(bench: &Bench<'_>) -> Candidate {
                     // The phase belongs to the true order, not to the folded one.
                     let turn = C::cis(run.angle.offset_rad * rate / f);
                     let [m1, m2] = machine.shafts.mass_kg;
-                    Line { order, amplitude: [-force * turn / m1, force * turn / m2] }
+                    // Twice: the negative order folds onto the same place.
+                    Line { order, amplitude: [-force * turn * 2.0 / m1, force * turn * 2.0 / m2] }
                 })
                 .collect();
             [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
@@ -278,16 +283,17 @@ pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate 
     Candidate {
         frequency_hz: Some(f0),
         searched: 900.0,
-        tuning: Some(Tuning { channel, f0, zeta }),
+        plain: Some("fixed-frequency mode in the path of a channel".into()),
+        tuning: Some(Tuning::Mode { channel, f0, zeta }),
         parameters: vec![Parameter { name: "gain".into(), unit: "1", first: 0, complex: true }],
         ..path("transfer-path-resonance", Claim::Named, "path", Vec::new(), templates.to_vec(), [0.0, 1.0])
     }
 }
 
 /// Improves frequency and damping ratio of a mode by pattern search on `score`.
-pub fn refine_mode(bench: &Bench<'_>, start: Tuning, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
-    let channel = start.channel;
-    let mut best = (score(mode(bench, channel, start.f0, start.zeta)), start.f0, start.zeta);
+pub fn refine_mode(bench: &Bench<'_>, start: (usize, f64, f64), score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
+    let (channel, f0, zeta) = start;
+    let mut best = (score(mode(bench, channel, f0, zeta)), f0, zeta);
     let mut scale = 0.03;
     while scale > 2e-4 {
         let (_, f0, zeta) = best;

@@ -6,7 +6,7 @@
 
 use super::Bench;
 use crate::closed_loop::base_fit::Base;
-use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
 use crate::closed_loop::harmonic_model::Line;
 use crate::closed_loop::least_squares::{Column, Data, normal};
 use crate::closed_loop::spectrum::sparse;
@@ -115,6 +115,10 @@ impl ToothFamilies {
                 exponents,
                 phase_free: false,
                 tuning: None,
+                plain: None,
+                bent: false,
+                finite: (families.kind == Kind::StiffnessLoss)
+                    .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
             });
             let (name, claim) = match families.kind {
                 Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
@@ -141,6 +145,10 @@ impl ToothFamilies {
                 exponents,
                 phase_free: false,
                 tuning: None,
+                plain: (families.kind == Kind::Displacement)
+                    .then(|| format!("displacement error repeating with every {shaft} turn")),
+                bent: false,
+                finite: None,
             });
         }
         list

@@ -1,0 +1,86 @@
+//! Response of an effect at its own strength, by simulation in time.
+//!
+//! Most effects are forces or displacements of a linear machine and exactly proportional to their strength. A cracked tooth, a
+//! modulated stiffness and a rolling eccentricity are not: at a strength that anybody would call a fault the first-order template leaves
+//! a few percent, which then passes for another law. Here the declared equations are integrated with and without the
+//! effect; the templates are bent so that at the strength `x` they give that difference (a secant). Cost: a time integration per run.
+
+use super::Bench;
+use crate::closed_loop::candidate::{Candidate, Finite, Template};
+use crate::closed_loop::generate::{Effect, Point, response};
+use crate::closed_loop::least_squares::Data;
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64 as C;
+
+/// Bins of the difference whose squared size times weight is below this are left out: they carry no information.
+const LEAST_INFORMATION: f64 = 1e-3;
+
+fn effect(finite: Finite, x: &[f64]) -> Effect {
+    let (size, phase_rad) = match x {
+        [a, b, ..] => (a.hypot(*b), b.atan2(*a)),
+        _ => (x[0], 0.0),
+    };
+    match finite {
+        Finite::RollingEccentricity { shaft } => Effect::Eccentricity { shaft, amplitude_m: size, phase_rad },
+        Finite::Crack { shaft, tooth } => Effect::Crack { shaft, tooth, share: size.clamp(-0.9, 0.9) },
+        Finite::BearingModulation { shaft, order } => {
+            Effect::BearingModulation { shaft, order, share: size, phase_rad }
+        }
+        Finite::MeshModulation { order } => Effect::StiffnessModulation { order, share: size, phase_rad },
+    }
+}
+
+impl Bench<'_> {
+    fn simulated(&self, effects: &[Effect]) -> Vec<[Vec<C>; 2]> {
+        let base = self.base;
+        base.runs
+            .par_iter()
+            .map(|run| {
+                let at = Point {
+                    start_rad: run.angle.offset_rad,
+                    speed_hz: run.angle.shaft_hz,
+                    torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
+                    free_phase_rad: 0.0,
+                };
+                response(&base.machine, effects, at, base.analyser.samples, base.analyser.rate_hz)
+                    .map(|signal| base.analyser.bins_of(&signal))
+            })
+            .collect()
+    }
+
+    /// The candidate with templates that give the simulated response at the strength `x`; `None` where they do already.
+    pub fn at_strength(&self, candidate: &Candidate, x: &[f64], data: &Data) -> Option<Candidate> {
+        let finite = candidate.finite?;
+        let square: f64 = x.iter().map(|v| v * v).sum();
+        if square == 0.0 || x.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let without = self.plain.get_or_init(|| self.simulated(&[]));
+        let with = self.simulated(&[effect(finite, x)]);
+        let mut bent = Candidate { bent: true, ..candidate.clone() };
+        for r in 0..with.len() {
+            for c in 0..2 {
+                let mut missing: Vec<C> = with[r][c].iter().zip(&without[r][c]).map(|(a, b)| a - b).collect();
+                for (b, value) in missing.iter_mut().enumerate() {
+                    if value.norm_sqr() * data.weight[r][c][b] < LEAST_INFORMATION {
+                        *value = C::ZERO;
+                    }
+                }
+                for (template, value) in candidate.templates.iter().zip(x) {
+                    template.runs[r][c].iter().for_each(|&(b, t)| missing[b as usize] -= t * value);
+                }
+                for (template, value) in bent.templates.iter_mut().zip(x) {
+                    add(template, r, c, &missing, value / square);
+                }
+            }
+        }
+        Some(bent)
+    }
+}
+
+/// Adds `factor` times dense `bins` to one part of a template.
+fn add(template: &mut Template, run: usize, channel: usize, bins: &[C], factor: f64) {
+    let mut dense: Vec<C> = bins.iter().map(|x| x * factor).collect();
+    template.runs[run][channel].iter().for_each(|&(b, t)| dense[b as usize] += t);
+    template.runs[run][channel] = crate::closed_loop::spectrum::sparse(&dense);
+}
