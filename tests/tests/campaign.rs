@@ -51,6 +51,9 @@ fn regress_a_campaign_resumes_from_its_log() {
         power: 0,
         leave_one_out: 0,
         two: 0,
+        levels: vec![2.0],
+        only: Vec::new(),
+        duration_s: 2.0,
         seed: 3,
         log: folder.path().join(log),
     };
