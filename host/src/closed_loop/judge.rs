@@ -16,6 +16,10 @@ pub const PER_UNKNOWN: f64 = 10.0;
 pub const LEAST_SCORE: f64 = 15.0;
 /// Least gain on the selection runs.
 const LEAST_SELECT_GAIN: f64 = 6.0;
+/// Gain foretold for the selection runs below which they do not decide.
+const LEAST_TESTABLE: f64 = 15.0;
+/// Least score of a term that they do not decide.
+const LEAST_UNTESTED_SCORE: f64 = 40.0;
 /// Least share of its predicted power that a term must explain on the selection runs.
 const LEAST_SELECT_SHARE: f64 = 0.4;
 
@@ -61,9 +65,14 @@ impl Judged {
         // Strength on the selection runs must be what the fit runs give: too little is chance, too much is another law.
         let (strength, power) = self.select_strength;
         let slack = 4.0 / power.max(1e-300).sqrt();
+        let confirmed = self.select_gain > LEAST_SELECT_GAIN
+            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise.min(self.gain);
+        // A law that foretells next to nothing for the selection runs cannot be tested there: it must not fail, and stand out elsewhere.
+        let untestable = self.select_promise < LEAST_TESTABLE
+            && self.select_gain > self.select_promise - 4.0 * self.select_promise.max(1.0).sqrt()
+            && self.score > LEAST_UNTESTED_SCORE;
         self.score > LEAST_SCORE
-            && self.select_gain > LEAST_SELECT_GAIN
-            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise.min(self.gain)
+            && (confirmed || untestable)
             && LEAST_SELECT_SHARE * strength < 1.0 + slack
             && self.p_value(tests) < 1e-3
     }
