@@ -15,8 +15,6 @@
 //! Noise makes cubics fit badly, so the limits below decide what counts as a kink: 0.5 % of the edge's height at ten cells
 //! per rise time is what the tests hold. Positions are ages in cells, growing into the past; slopes are per cell, upwards in time.
 
-/// Cells of one edge with its surroundings at most.
-pub const MOST_CELLS: usize = 34;
 /// Cells of one cubic.
 const GROUP: usize = 5;
 /// Misfit, relative to the steepest slope, that one cell off the middle of a group is worth.
@@ -63,32 +61,29 @@ pub struct Point {
     pub value: f32,
 }
 
-/// Values at the borders of cells and the slope in between.
-pub struct EdgeShape {
-    values: [f32; MOST_CELLS + 1],
-    pieces: [Piece; MOST_CELLS],
+/// Values at the borders of fewer than `MOST` cells and the slope in between.
+pub struct EdgeShape<const MOST: usize> {
+    values: [f32; MOST],
+    pieces: [Piece; MOST],
     cells: usize,
     /// About the steepest slope.
     scale: f32,
 }
 
-impl EdgeShape {
-    /// Shape from the values at the borders of `cells` cells (at most [`MOST_CELLS`]), the newest first, of an edge that rises with time;
-    /// `scale` is about its steepest slope.
+impl<const MOST: usize> EdgeShape<MOST> {
+    /// Shape from the values at the borders of `cells` cells, the newest first, of an edge that rises with time; `scale` is
+    /// about its steepest slope.
     pub fn new(cells: usize, scale: f32, value: impl Fn(u32) -> f32) -> Self {
-        let cells = cells.min(MOST_CELLS);
-        let mut values = [0.0; MOST_CELLS + 1];
-        for (value_at, index) in values.iter_mut().take(cells + 1).zip(0..) {
+        let cells = cells.min(MOST - 1);
+        let mut values = [0.0; MOST];
+        for (value_at, index) in values.iter_mut().zip(0..=cells as u32) {
             *value_at = value(index);
         }
-        let mut means = [0.0; MOST_CELLS];
-        for (mean, pair) in means.iter_mut().zip(values.windows(2)) {
-            *mean = pair[0] - pair[1];
-        }
-        let mut pieces = [Piece::NONE; MOST_CELLS];
-        let used = means.get(..cells).unwrap_or_default();
-        for (first, group) in used.windows(GROUP).enumerate() {
-            let &[p, q, r, s, t] = group else { continue };
+        let mut pieces = [Piece::NONE; MOST];
+        let used = values.get(..=cells).unwrap_or_default();
+        for (first, borders) in used.windows(GROUP + 1).enumerate() {
+            let &[u, v, w, x, y, z] = borders else { continue };
+            let [p, q, r, s, t] = [u - v, v - w, w - x, x - y, y - z];
             // Least squares in the orthogonal polynomials of five points; what the quartic takes up is the misfit, and so is
             // the cubic's part, which is small wherever five cells are enough.
             let [even, odd] = [p + t, t - p];
@@ -105,8 +100,8 @@ impl EdgeShape {
                 quadratic,
                 cubic,
             ];
-            for (piece, off) in pieces.iter_mut().skip(first).zip([2.0f32, 1.0, 0.0, 1.0, 2.0]) {
-                let price = OFF_CENTRE * scale * off;
+            for (piece, off) in pieces.iter_mut().skip(first).zip(0..GROUP) {
+                let price = OFF_CENTRE * scale * (off as f32 - (GROUP / 2) as f32);
                 let cost = misfit + price * price;
                 if cost < piece.cost {
                     *piece = Piece { centre, powers, misfit, cost };
@@ -114,9 +109,9 @@ impl EdgeShape {
             }
         }
         let limit = MISFIT[1] * scale;
-        for (piece, mean) in pieces.iter_mut().zip(means) {
+        for (piece, pair) in pieces.iter_mut().zip(used.windows(2)) {
             if piece.misfit > limit * limit {
-                piece.powers = [mean, 0.0, 0.0, 0.0];
+                piece.powers = [pair[0] - pair[1], 0.0, 0.0, 0.0];
             }
         }
         Self { values, pieces, cells, scale }
@@ -155,7 +150,8 @@ impl EdgeShape {
         let (inner, outer) = (self.piece(inner)?, self.piece(outer)?);
         let (from, to) = (inner.mean(cell), outer.mean(cell));
         let share = (self.mean(cell) - to) / (from - to);
-        ((from - to).abs() > JUMP * self.scale).then_some((inner, outer, share.clamp(0.0, 1.0)))
+        let inside = (0.0..1.0).contains(&share) && (from - to).abs() > JUMP * self.scale;
+        inside.then_some((inner, outer, share))
     }
 
     /// Walks from `cell` into the past or towards the present to where the slope falls below `share` of the

@@ -33,6 +33,8 @@ const ADAPT_EVERY: u32 = 8;
 const LONGEST_SPAN: usize = 12;
 /// Cells into which the samples of a lobe are put: ten per rise time for shapes between a ramp and a raised cosine.
 const CELLS_PER_LOBE: u32 = 13;
+/// Borders of the cells of one edge at most: two lobes of nineteen samples would be one cell each too many.
+const MOST_BORDERS: usize = 35;
 /// Cells looked at before and after the lobe.
 const AROUND: u32 = 6;
 /// A lobe is timed when its coarse slope, which rounds kinks, may still be that of the steepest edge.
@@ -210,6 +212,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         }
     }
 
+    #[inline(never)]
     fn end_lobe(&mut self) {
         let wanted = match self.config.polarity {
             Polarity::Rising => self.lobe.sign > 0.0,
@@ -237,6 +240,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         }
     }
 
+    #[inline(never)]
     fn end_pitch(&mut self) -> Option<Edge> {
         let edge = self.best.take();
         match edge {
@@ -308,10 +312,10 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         let cell = ((begin - end + 6) / CELLS_PER_LOBE).max(1);
         let half = cell / 5;
         let first = (end + middle).saturating_sub(AROUND * cell).max(half);
-        let fit = oldest.saturating_sub(first) / cell;
-        let cells = fit.min((begin + middle - first) / cell + AROUND + 1);
-        let scale = self.lobe.peak * cell as f32 / self.span as f32;
-        let shape = EdgeShape::new(cells as usize, scale, |border| {
+        let held = oldest.saturating_sub(first + half);
+        let cells = held.min(begin + middle - first + (AROUND + 1) * cell).checked_div(cell)?;
+        let scale = self.lobe.peak * cell as f32 / self.span.max(1) as f32;
+        let shape = EdgeShape::<MOST_BORDERS>::new(cells as usize, scale, |border| {
             let newest = first + border * cell - half;
             let sum: f32 = (newest..=newest + 2 * half).map(|age| self.back(age)).sum();
             sign * sum / (2 * half + 1) as f32
@@ -333,6 +337,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     }
 
     /// Median over the last teeth (at most 64).
+    #[inline(never)]
     pub fn result(&self) -> Result<RiseTimeResult, RiseTimeRefusal> {
         let count = (self.counted as usize).min(TEETH);
         let mut teeth = self.teeth;
