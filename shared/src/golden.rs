@@ -44,7 +44,7 @@ pub const EXPECTED: [StageHash; STAGES] = [
     StageHash { stage: "zoom", hash: 0x631c_224b },
     StageHash { stage: "tsa", hash: 0x8739_766f },
     StageHash { stage: "envelope", hash: 0xa80b_c33a },
-    StageHash { stage: "rise_time", hash: 0xea45_8d63 },
+    StageHash { stage: "rise_time", hash: 0xa6e3_6ebc },
     StageHash { stage: "alias", hash: 0xcb63_4942 },
     StageHash { stage: "decimate", hash: 0x4a34_005d },
     StageHash { stage: "mesh_decimator", hash: 0x7c28_c0fc },
