@@ -10,7 +10,7 @@
 //! 0.544. The timed edge is the steepest per tooth pitch; each pitch is a window centred where the last edge predicts the
 //! next. Two steps: differences over a fifth of the rise time (at least one sample, so that noise does not cut long edges
 //! short) find the lobes of the slope, and each lobe that may be the steepest is timed on the shape of its slope between
-//! the samples ([`crate::edge_shape`]), kinks included. The result is the median over teeth with its median absolute
+//! the samples (`edge_shape`), kinks included. The result is the median over teeth with its median absolute
 //! deviation. Below 5 samples per edge it is refused, because two samples always look like 0.8 sample of rise time.
 //!
 //! Limits: an edge must be shorter than about 0.4 `WINDOW`, and is known when 0.6 of its rise time have passed after it.
