@@ -9,30 +9,38 @@ use std::f64::consts::TAU;
 /// Candidates on the mesh's own comb.
 pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
     let mut list = vec![shaped(bench, "wear", "depth", 1.0, &|x: f64| (2.0 * x - 1.0).powi(2))];
-    list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share)));
-    list.push(profile(bench, false));
-    list.push(profile(bench, true));
+    for exponent in [1, 2] {
+        list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share, exponent)));
+    }
+    list.extend(
+        [Shape::ProfileError, Shape::FreeDisplacement, Shape::Stiffness, Shape::FreeStiffness].map(|s| shape(bench, s)),
+    );
     list.push(friction(bench));
     list
 }
 
-/// Relief of both ends of the path over `share` of it.
-pub fn relief(bench: &Bench<'_>, share: f64) -> Candidate {
-    let ramp = move |x: f64| ((share - x) / share).max(0.0);
+/// Relief of both ends of the path over `share` of it, linear (exponent 1) or parabolic (2).
+pub fn relief(bench: &Bench<'_>, share: f64, exponent: i32) -> Candidate {
+    let ramp = move |x: f64| ((share - x) / share).max(0.0).powi(exponent);
     let mut relief = shaped(bench, "tip-relief", "amount", 10.0, &move |x: f64| ramp(x) + ramp(1.0 - x));
-    relief.tuning = Some(Tuning::Relief { share });
+    relief.tuning = Some(Tuning::Relief { share, exponent });
     relief
 }
 
 /// Improves the share by pattern search on `score`.
-pub fn refine_relief(bench: &Bench<'_>, share: f64, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
-    let mut best = (score(relief(bench, share)), share);
+pub fn refine_relief(
+    bench: &Bench<'_>,
+    (share, exponent): (f64, i32),
+    score: impl Fn(Candidate) -> f64 + Sync,
+) -> Candidate {
+    let relief = |share| relief(bench, share, exponent);
+    let mut best = (score(relief(share)), share);
     let mut step = 0.05;
     while step > 0.002 {
         let next = [best.1 - step, best.1 + step]
             .into_iter()
             .filter(|share| (0.03..=0.5).contains(share))
-            .map(|share| (score(relief(bench, share)), share))
+            .map(|share| (score(relief(share)), share))
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or(best);
         if next.0 > best.0 {
@@ -41,7 +49,7 @@ pub fn refine_relief(bench: &Bench<'_>, share: f64, score: impl Fn(Candidate) ->
             step *= 0.4;
         }
     }
-    relief(bench, best.1)
+    relief(best.1)
 }
 
 /// Error of a given shape on every pair, contact force `-k(s) (e + tau de/dt)`; `shape` over 0..1 of the path.
@@ -95,14 +103,37 @@ fn shaped(
     }
 }
 
-/// Free displacement of every pair at the first four mesh orders, or (in proportion to torque) a free change of mesh stiffness there.
-fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
+/// What repeats with every tooth pair, harmonic by harmonic.
+#[derive(Clone, Copy, PartialEq)]
+enum Shape {
+    /// Displacement at the first few mesh orders.
+    ProfileError,
+    /// Displacement of any shape over the pitch.
+    FreeDisplacement,
+    /// Mesh stiffness at the first few mesh orders.
+    Stiffness,
+    /// Mesh stiffness of any shape over the pitch.
+    FreeStiffness,
+}
+
+impl Shape {
+    fn harmonics(self) -> i64 {
+        if matches!(self, Self::ProfileError | Self::Stiffness) { 4 } else { 12 }
+    }
+}
+
+/// Displacement of every pair, or (in proportion to torque) a change of mesh stiffness, with a free amplitude and phase at each mesh order.
+///
+/// The free shapes contain wear, relief and any other error that all teeth share: what they gain over one of those names says how far the
+/// name's shape is off.
+fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
     let machine = &bench.base.machine;
     let z = f64::from(machine.teeth[0]);
+    let loaded = matches!(shape, Shape::Stiffness | Shape::FreeStiffness);
     let lines = bench.respond(
         |_| 0.0,
         |run, comb| {
-            (1..=4_i64)
+            (1..=shape.harmonics())
                 .map(|h| {
                     let omega = TAU * run.angle.shaft_hz * z * h as f64;
                     let rate = C::new(1.0, omega * machine.tau_s);
@@ -122,14 +153,20 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
                 .collect()
         },
     );
+    let (name, claim) = match shape {
+        Shape::ProfileError => ("profile-error", Claim::Named),
+        Shape::FreeDisplacement => ("displacement error repeating with every tooth pair", Claim::Generic),
+        Shape::Stiffness => ("mesh stiffness varying at mesh orders", Claim::Generic),
+        Shape::FreeStiffness => ("mesh stiffness varying with every tooth pair", Claim::Generic),
+    };
     Candidate {
-        name: if loaded { "mesh stiffness varying at mesh orders" } else { "profile-error" }.into(),
-        claim: if loaded { Claim::Generic } else { Claim::Named },
+        name: name.into(),
+        claim,
         family: "mesh-order",
         shaft: "none",
         order: Some(z),
         frequency_hz: None,
-        parameters: (0..4)
+        parameters: (0..shape.harmonics() as usize)
             .map(|h| Parameter {
                 name: format!("{}_at_mesh_order_{}", if loaded { "share" } else { "displacement" }, h + 1),
                 unit: if loaded { "1" } else { "m" },
@@ -181,7 +218,8 @@ fn friction(bench: &Bench<'_>) -> Candidate {
                     let mut f = [C::ZERO; DOF];
                     for l in 0..size {
                         let index = (n - l + size - 1) as usize;
-                        f[PINION] += tables[0][index] * run.inner.approach[l as usize];
+                        // Sliding power, friction times (s1 th1' - s2 th2'), is lost: opposite signs.
+                        f[PINION] -= tables[0][index] * run.inner.approach[l as usize];
                         f[GEAR] += tables[1][index] * run.inner.approach[l as usize];
                     }
                     f
