@@ -5,7 +5,7 @@
 //! [`FEWEST_SAMPLES_PER_EDGE`] at least; where the ADC rate does not give these either (high speeds), nothing is
 //! measured and nothing is claimed.
 //!
-//! Cost: 120 instructions per sample while it runs, ten tooth pitches every two seconds.
+//! Cost: 140 instructions per sample and some thousands per edge while it runs, ten tooth pitches every two seconds.
 
 use crate::config::Configuration;
 use crate::decimate::MAX_STAGES;

@@ -44,7 +44,7 @@ pub const EXPECTED: [StageHash; STAGES] = [
     StageHash { stage: "zoom", hash: 0x631c_224b },
     StageHash { stage: "tsa", hash: 0x8739_766f },
     StageHash { stage: "envelope", hash: 0xa80b_c33a },
-    StageHash { stage: "rise_time", hash: 0xc40f_7961 },
+    StageHash { stage: "rise_time", hash: 0xa6e3_6ebc },
     StageHash { stage: "alias", hash: 0xcb63_4942 },
     StageHash { stage: "decimate", hash: 0x4a34_005d },
     StageHash { stage: "mesh_decimator", hash: 0x7c28_c0fc },
@@ -264,7 +264,7 @@ fn envelope_stage() -> u32 {
 #[inline(never)]
 fn rise_time_stage() -> u32 {
     let config = RiseTimeConfig { polarity: Polarity::Either, minimum_height: 0.5 };
-    let mut estimator = RiseTime::<128>::new(config, 100.5);
+    let mut estimator = RiseTime::<256>::new(config, 100.5);
     let mut noise = Noise(7);
     let mut hash = Fnv::new();
     let mut level = 0.0f32;

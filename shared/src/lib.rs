@@ -21,6 +21,7 @@ pub mod buffers;
 pub mod comb;
 pub mod config;
 pub mod decimate;
+mod edge_shape;
 pub mod envelope;
 pub mod events;
 pub mod frame;

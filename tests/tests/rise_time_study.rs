@@ -1,12 +1,11 @@
 //! The node's streaming rise time against the host's polynomial one at the operating points of the law study: speeds,
 //! torques, modules, teeth, ramps, and single pulses beside a cracked tooth.
 //!
-//! Both sides time the steepest rising edge of a tooth pitch. Two kinds of points are listed apart, with their errors, and not
-//! held to the limits, because what is to be timed is not sharply defined there:
-//! *hidden* ones, where the ring of earlier edges is steeper than the engagement edge (its foot is then
-//! often a kink where the slope jumps from falling to rising, and a slope over a fifth of the edge rounds that), and *soft* ones, whose
-//! polynomial rise time itself changes by more than 2 % when the edge's end is put at 0.30 or 0.367 instead of a third of the
-//! greatest slope.
+//! Both sides time the steepest rising edge of a tooth pitch. Every point is held to the limits. Three kinds are listed apart, because
+//! they are hard for different reasons: *clear* ones time the exit edge of a pair, whose ends are kinks where the slope jumps;
+//! in *hidden* ones the ring of earlier edges is steeper than the exit edge, and its foot is often a kink at which
+//! the slope jumps from falling to rising; in *soft* ones the polynomial rise time itself changes by more than 2 % when the
+//! edge's end is put at 0.30 or 0.367 instead of a third of the greatest slope.
 
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig, RiseTimeRefusal};
 use meshband_host::law::derive::study_torque;
@@ -35,10 +34,10 @@ fn changed(machine: &Machine, change: impl FnOnce(&mut Machine)) -> Machine {
     other.prepared("test", &folder).expect("a machine")
 }
 
-/// The steepest rising edge of a mesh period, by polynomials; the period begins half a period before the exit edge.
-fn steepest(response: &Periodic, exit: &Edge) -> Edge {
+/// The steepest rising edge of the mesh period around `centre_s`, by polynomials.
+fn steepest(response: &Periodic, centre_s: f64) -> Edge {
     let t = response.mesh_period_s;
-    let window = [exit.steepest_s - 0.5 * t, exit.steepest_s + 0.5 * t];
+    let window = [centre_s - 0.5 * t, centre_s + 0.5 * t];
     let steps = response.steps_over(window[0] - t, window[1] + t);
     edges::steepest_edge(&steps, window, edges::Polarity::Rising).expect("an edge")
 }
@@ -93,9 +92,10 @@ struct Worst {
 impl Worst {
     fn add(&mut self, bench: &Bench, label: &str, speed: f64, torque: f64) {
         let response = bench.healthy(speed, torque).expect("a steady state");
-        let Some(exit) = response.edge(0, Event::Exit) else { return self.labels[1].push(format!("{label}: no edge")) };
-        let edge = steepest(&response, &exit);
-        let hidden = (edge.steepest_s - exit.steepest_s).abs() > 0.5 * exit.rise_time_s;
+        // Where the ring swallows the exit edge (the slope stays falling), any mesh period will do.
+        let exit = response.edge(0, Event::Exit);
+        let edge = steepest(&response, exit.map_or(0.0, |exit| exit.steepest_s));
+        let hidden = exit.is_none_or(|exit| (edge.steepest_s - exit.steepest_s).abs() > 0.5 * exit.rise_time_s);
         let soft =
             [0.30, 0.367].iter().any(|&share| (dense(&response, &edge, share) / edge.rise_time_s - 1.0).abs() > 0.02);
         let kind = if hidden { 1 } else { 2 * usize::from(soft) };
@@ -116,7 +116,9 @@ impl Worst {
             }
         }
         for ((samples, limit), worst) in CASES.iter().zip(&self.errors) {
-            assert!(worst[0].0.abs() < *limit, "{name}, {samples} samples per edge: {:?}", worst[0]);
+            for (kind, (error, label)) in KINDS.iter().zip(worst) {
+                assert!(error.abs() < *limit, "{name}, {kind}, {samples} samples per edge: {error} ({label})");
+            }
         }
     }
 }
