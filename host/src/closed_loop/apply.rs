@@ -28,7 +28,7 @@ pub struct Applied {
     pub effects: PathBuf,
     /// Effects written as tables, as `simulate --effect` takes them.
     pub written: Vec<String>,
-    /// Loop's name of an effect, and what of it does not carry over.
+    /// What does not carry over, by the loop's name of the effect.
     pub remarks: Vec<String>,
     /// Verdicts without a counterpart in the simulator.
     pub not_written: Vec<String>,
@@ -91,15 +91,23 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
     } else {
         path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     };
+    let held = &outcome.error.held_out_runs;
+    // What does not predict runs it has not seen corrects nothing.
+    let better = held.whole_signal[1] <= held.whole_signal[0];
     let mut corrected = declared.clone();
-    change(&mut corrected, outcome, folder, &stem)?;
+    if better {
+        change(&mut corrected, outcome, folder, &stem)?;
+    }
     let text = toml::to_string(&corrected).map_err(|e| Error::invalid(path.display(), e))?;
     let machine = folder.join(format!("{stem}.corrected.toml"));
     std::fs::write(&machine, text).map_err(Error::file(&machine))?;
     let (mut list, mut written, mut remarks, mut not_written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    if !better {
+        remarks.push("held-out error does not fall: the machine stays as declared".into());
+    }
     for (i, effect) in outcome.effects.iter().enumerate() {
         let term = outcome.terms.get(i).filter(|t| t.name == effect.name);
-        let carried = if effect.verdict == "named" { carry(effect, term, &declared)? } else { None };
+        let carried = if effect.verdict == "named" && better { carry(effect, term, &declared)? } else { None };
         let Some(carried) = carried else {
             not_written.push(format!("{}: {}", effect.verdict, effect.name));
             continue;
@@ -112,7 +120,8 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
             list.push(table);
         }
     }
-    let torque_factor = 1.0 + outcome.corrected_parameter_changes.get("torque").copied().unwrap_or(0.0);
+    let torque = outcome.corrected_parameter_changes.get("torque").filter(|_| better);
+    let torque_factor = 1.0 + torque.copied().unwrap_or(0.0);
     let mut text = String::from("# Effects found by `meshband loop`, with the simulator's names.\n");
     remarks.iter().for_each(|remark| text += &format!("# {remark}\n"));
     not_written.iter().for_each(|other| text += &format!("# without counterpart: {other}\n"));

@@ -1,10 +1,11 @@
 //! The virtual node before and after: the node's own code on the record, on what the declared machine predicts, and on the corrected one.
 //!
 //! Held-out runs only. The record and the corrected prediction are taken by a node that carries the refitted law, the declared prediction
-//! by one with the declared machine's; all at the waveform rate, so that the node times engagement edges as well. Compared are its mesh
-//! bands (harmonic with all sidebands that it reports, RMS, dB re 1 m/s2), the bandwidth its law gives at its own tach speed, and the
-//! bandwidth that it measures. Predictions carry no noise. A spectrum takes 16 turns after the tach has locked; runs
-//! too short for that give no bands. Cost: about a second per run, channel and signal.
+//! by one with the declared machine's. Compared are its mesh bands (harmonic with all sidebands that it reports, RMS, dB re 1 m/s2), the
+//! bandwidth its law gives at its own tach speed, and the bandwidth that it measures on engagement edges. Predictions carry no noise.
+//!
+//! A node takes a second to start, which short runs have not: whole turns of the same signal are played before it, and only
+//! spectra that begin behind them are read. Runs of less than 18 turns give none. Cost: about a second per run, channel and signal.
 
 use super::apply::Applied;
 use super::outcome::Outcome;
@@ -15,18 +16,20 @@ use crate::law::file::LawFile;
 use crate::machine::Machine;
 use crate::record::Record;
 use crate::virtual_node::frames::Received;
-use crate::virtual_node::image::Image;
+use crate::virtual_node::image::{Image, TICKS_PER_SECOND};
 use crate::virtual_node::setup::configuration;
 use crate::virtual_node::signal::Signal;
 use crate::virtual_node::simulation;
 use crate::{Result, effects};
-use meshband::message::{MeshBand, Message, SpectralLine};
-use meshband::rate_plan::RatePolicy;
+use meshband::message::{MeshBand, Message, SpectralLine, Spectrum};
+use meshband::replay::START_TICK;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Samples per second and hertz of bandwidth: 16 / 0.35 of the law's are 5.6 samples per edge, of which the node asks five.
-const WAVEFORM_MULTIPLE: f32 = 16.0;
+/// Time for a node to start, to find the speed and to settle, s.
+const START_S: f64 = 1.5;
+/// Turns of the pinion in a spectrum, with some to spare.
+const SPECTRUM_TURNS: f64 = 18.0;
 
 /// What a node said of one signal.
 #[derive(Debug, Clone, Serialize)]
@@ -119,21 +122,30 @@ pub fn node_check(record: &Record, outcome: &Outcome, applied: &Applied) -> Resu
     Ok(Some(NodeCheck { runs, rms }))
 }
 
-/// Runs the node's code on a signal.
+/// Runs the node's code on a signal, with as much of it played before as the node needs to start.
 fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
     let mut config = configuration(signal, None)?;
     config.law = law.for_node()?;
-    config.policy = RatePolicy::Waveform { multiple: WAVEFORM_MULTIPLE };
-    let image = Image::new(signal.source(), &config, |header| header)?;
-    let received = Received::decode(&simulation::run(&image.bytes)?.link);
-    let status = received.statuses().filter(|s| !s.safe_rate).last().or(received.statuses().last());
+    let run = |lead: &Signal| -> Result<Received> {
+        let image = Image::new(lead.source(), &config, |header| header)?;
+        Ok(Received::decode(&simulation::run(&image.bytes)?.link))
+    };
+    let begins = |s: &Spectrum| (s.tag.first_tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND);
+    let per_s = (signal.edges_s.len() - 1) as f64 / (signal.edges_s[signal.edges_s.len() - 1] - signal.edges_s[0]);
+    let per_turn = f64::from(signal.pulses_per_turn) / signal.pinion_per_tach;
+    // Where the node's first spectrum begins does not depend on what follows: the signal itself shall begin just there.
+    let (probe, _) = with_lead_in(signal, START_S + SPECTRUM_TURNS * per_turn / per_s);
+    let first_s = run(&probe)?.spectra().next().map_or(START_S, begins);
+    let (played, seam_s) = with_lead_in(signal, first_s - per_turn / per_s);
+    let received = run(&played)?;
+    let status = received.statuses().last();
     let mut measured: Vec<f64> = received
         .messages()
         .filter_map(|m| if let Message::Indicators(i) = m { i.bandwidth } else { None })
         .map(|b| f64::from(b.bandwidth_hz))
         .collect();
     measured.sort_by(f64::total_cmp);
-    let spectra: Vec<_> = received.spectra().collect();
+    let spectra: Vec<_> = received.spectra().filter(|s| begins(s) >= seam_s).collect();
     let harmonics: Vec<u8> = spectra.first().map_or(Vec::new(), |s| s.bands.iter().map(|b| b.harmonic).collect());
     let level = |harmonic: u8| {
         let all = spectra.iter().flat_map(|s| &s.bands).filter(|b| b.harmonic == harmonic).map(power);
@@ -147,6 +159,31 @@ fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
         measured_hz: measured.get(measured.len() / 2).copied(),
         bands_db: harmonics.into_iter().map(|h| (h, level(h))).collect(),
     })
+}
+
+/// The signal after whole turns of the tach's shaft from itself, of at least `lead_s` together, and the time at which it begins.
+///
+/// It begins at its first edge. The seam is exact to half a sample for what turns with that shaft.
+fn with_lead_in(signal: &Signal, lead_s: f64) -> (Signal, f64) {
+    let index = |edge: usize| (signal.edges_s[edge] * signal.rate_hz).round() as usize;
+    let pulses = signal.pulses_per_turn as usize;
+    let turns = (signal.edges_s.len() - 1) / pulses;
+    let (mut samples, mut edges_s) = (Vec::new(), Vec::new());
+    let mut add = |from: usize, to: usize, edges: &[f64]| {
+        let shift = (samples.len() as f64 - from as f64) / signal.rate_hz;
+        edges_s.extend(edges.iter().map(|t| t + shift));
+        samples.extend_from_slice(&signal.samples[from..to]);
+        samples.len() as f64 / signal.rate_hz
+    };
+    let first = index(0);
+    let mut seam_s = 0.0;
+    while turns > 0 && seam_s < lead_s {
+        let left = ((lead_s - seam_s) * signal.rate_hz) as usize;
+        let needed = (1..turns).find(|turn| index(turn * pulses) - first >= left).unwrap_or(turns);
+        seam_s = add(first, index(needed * pulses), &signal.edges_s[..needed * pulses]);
+    }
+    add(first, signal.samples.len(), &signal.edges_s);
+    (Signal { samples, edges_s, ..signal.clone() }, seam_s)
 }
 
 /// Mean square of a band's lines, (m/s2)^2.
