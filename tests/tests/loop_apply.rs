@@ -155,7 +155,7 @@ fn ref_effects_carry_over_from_the_generator_to_the_simulator_in_phase() {
         let difference: Vec<f64> = own.iter().zip(&own_other).map(|(a, b)| a - b).collect();
         let error = rms(difference.iter()) / rms(own_other.iter());
         println!("{} on the {}: {:.3} % of its own response", effect.name, effect.shaft, 100.0 * error);
-        assert!(error < 0.02, "{} on the {}: {error} of its own response", effect.name, effect.shaft);
+        assert!(error < 0.005, "{} on the {}: {error} of its own response", effect.name, effect.shaft);
     }
 }
 
@@ -210,7 +210,7 @@ fn made(hidden: &[&str], speeds_hz: &[f64], duration_s: f64) -> Made {
                 rate_hz: 51_200.0,
                 duration_s,
                 pulses_per_turn: 1,
-                jitter_s: 5e-7,
+                jitter_s: 2e-8,
                 noise_m_s2: 0.1,
                 seed: 100 + i as u64,
             };
@@ -230,7 +230,7 @@ fn made(hidden: &[&str], speeds_hz: &[f64], duration_s: f64) -> Made {
     let tach = Tach {
         shaft: "pinion".into(),
         pulses_per_rev: 1,
-        jitter_s: Some(5e-7),
+        jitter_s: Some(2e-8),
         source: None,
         other: toml::Table::new(),
     };

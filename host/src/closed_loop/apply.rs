@@ -11,7 +11,8 @@ use crate::law::derive::OPERATING_POINTS;
 use crate::law::either_edge::by_same_edge;
 use crate::law::file::LawFile;
 use crate::law::operating::{Bench, Event};
-use crate::machine::Machine;
+use crate::machine::{Machine, Nominal};
+use crate::record::Record;
 use crate::{Error, Result, effects, terminal};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -84,7 +85,10 @@ fn change(machine: &mut Machine, outcome: &Outcome, folder: &Path, stem: &str) -
 /// # Errors
 /// An unreadable machine, files that cannot be written, a law that cannot be derived.
 pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
-    let declared = Machine::read(path)?;
+    let mut declared = Machine::read(path)?;
+    if declared.nominal.is_none() && path.is_dir() {
+        declared.nominal = nominal(&Record::read(path)?);
+    }
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
     let stem = if path.is_dir() {
         "machine".into()
@@ -146,6 +150,22 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
     };
     law(&declared, of_every_pair, &folder.join(format!("{stem}.law.toml")), &mut applied)?;
     Ok(applied)
+}
+
+/// The middle of a record's runs, for a machine that declares no operating point.
+fn nominal(record: &Record) -> Option<Nominal> {
+    let pulses = f64::from(record.require_tach().ok()?.pulses_per_rev);
+    let points: Vec<[f64; 2]> = record
+        .runs
+        .iter()
+        .filter_map(|run| {
+            let (first, last) = (run.edges_s.first()?, run.edges_s.last()?);
+            let speed = (run.edges_s.len() - 1) as f64 / pulses / (last - first);
+            Some([speed, run.declaration.input_torque_n_m?])
+        })
+        .collect();
+    let mean = |i: usize| points.iter().map(|p| p[i]).sum::<f64>() / points.len() as f64;
+    (!points.is_empty()).then(|| Nominal { speed_hz: mean(0), torque_n_m: mean(1) })
 }
 
 fn of_every_pair(table: &toml::Table) -> bool {

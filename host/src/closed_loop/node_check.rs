@@ -26,10 +26,13 @@ use meshband::replay::START_TICK;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Time for a node to start, to find the speed and to settle, s.
-const START_S: f64 = 1.5;
+/// Time for a node to start, to find the speed, to settle and to have timed edges, s.
+const START_S: f64 = 2.5;
 /// Turns of the pinion in a spectrum, with some to spare.
 const SPECTRUM_TURNS: f64 = 18.0;
+
+/// Bands this far below a channel's strongest one are shown but not counted, dB: there the record is noise, which predictions lack.
+const DEEPEST_DB: f64 = 40.0;
 
 /// What a node said of one signal.
 #[derive(Debug, Clone, Serialize)]
@@ -135,16 +138,18 @@ fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
     let per_turn = f64::from(signal.pulses_per_turn) / signal.pinion_per_tach;
     // Where the node's first spectrum begins does not depend on what follows: the signal itself shall begin just there.
     let (probe, _) = with_lead_in(signal, START_S + SPECTRUM_TURNS * per_turn / per_s);
-    let first_s = run(&probe)?.spectra().next().map_or(START_S, begins);
-    let (played, seam_s) = with_lead_in(signal, first_s - per_turn / per_s);
-    let received = run(&played)?;
-    let status = received.statuses().last();
-    let mut measured: Vec<f64> = received
+    let probed = run(&probe)?;
+    let first_s = probed.spectra().next().map_or(START_S, begins);
+    // The longer run of the two has timed more teeth, of which a seam touches one.
+    let mut measured: Vec<f64> = probed
         .messages()
         .filter_map(|m| if let Message::Indicators(i) = m { i.bandwidth } else { None })
         .map(|b| f64::from(b.bandwidth_hz))
         .collect();
     measured.sort_by(f64::total_cmp);
+    let (played, seam_s) = with_lead_in(signal, first_s - per_turn / per_s);
+    let received = run(&played)?;
+    let status = received.statuses().last();
     let spectra: Vec<_> = received.spectra().filter(|s| begins(s) >= seam_s).collect();
     let harmonics: Vec<u8> = spectra.first().map_or(Vec::new(), |s| s.bands.iter().map(|b| b.harmonic).collect());
     let level = |harmonic: u8| {
@@ -204,6 +209,11 @@ impl RunCheck {
         self.record.bands_db.iter().map(row)
     }
 
+    /// Whether a band of this level counts.
+    fn counts(&self, level_db: f64) -> bool {
+        self.record.bands_db.iter().all(|band| level_db > band.1 - DEEPEST_DB)
+    }
+
     /// Law against measured, and measured against measured, both as shares of what is measured on the record.
     fn bandwidths(&self) -> Option<([f64; 2], Option<[f64; 2]>)> {
         let own = self.record.measured_hz?;
@@ -219,7 +229,11 @@ fn differences(runs: &[RunCheck]) -> Differences {
         (count > 0.0).then(|| [0, 1].map(|i| (rows.iter().map(|row| row[i] * row[i]).sum::<f64>() / count).sqrt()))
     };
     let widths: Vec<_> = runs.iter().filter_map(RunCheck::bandwidths).collect();
-    let bands = runs.iter().flat_map(|run| run.bands().map(|band| band.2)).filter(|d| d[0].is_finite());
+    let counted = |run: &'_ RunCheck| -> Vec<[f64; 2]> {
+        let rows = run.bands().filter(|(_, level, off)| run.counts(*level) && off.iter().all(|d| d.is_finite()));
+        rows.map(|row| row.2).collect()
+    };
+    let bands = runs.iter().flat_map(counted);
     Differences {
         bands_db: rms(bands.collect()).unwrap_or_default(),
         law: rms(widths.iter().map(|w| w.0).collect()),
