@@ -98,23 +98,23 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
     let held = &outcome.error.held_out_runs;
     // What does not predict runs it has not seen corrects nothing.
     let better = held.whole_signal[1] <= held.whole_signal[0];
-    let mut corrected = declared.clone();
-    if better {
-        change(&mut corrected, outcome, folder, &stem)?;
-    }
-    let text = toml::to_string(&corrected).map_err(|e| Error::invalid(path.display(), e))?;
-    let machine = folder.join(format!("{stem}.corrected.toml"));
-    std::fs::write(&machine, text).map_err(Error::file(&machine))?;
     let (mut list, mut written, mut remarks, mut not_written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     if !better {
         remarks.push("held-out error does not fall: the machine stays as declared".into());
     }
     for (i, effect) in outcome.effects.iter().enumerate() {
         let term = outcome.terms.get(i).filter(|t| t.name == effect.name);
-        let carried = if effect.verdict == "named" && better { carry(effect, term, &declared)? } else { None };
-        let Some(carried) = carried else {
-            not_written.push(format!("{}: {}", effect.verdict, effect.name));
-            continue;
+        let carried = if effect.verdict == "named" && better { carry(effect, term, &declared) } else { Ok(None) };
+        let carried = match carried {
+            Ok(Some(carried)) => carried,
+            Ok(None) => {
+                not_written.push(format!("{}: {}", effect.verdict, effect.name));
+                continue;
+            }
+            Err(why) => {
+                not_written.push(format!("{}: {} ({why})", effect.verdict, effect.name));
+                continue;
+            }
         };
         remarks.extend(carried.remark.map(|remark| format!("{}: {remark}", effect.name)));
         for (name, mut table) in carried.tables {
@@ -124,7 +124,20 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
             list.push(table);
         }
     }
-    let torque = outcome.corrected_parameter_changes.get("torque").filter(|_| better);
+    // Parameters moved next to every effect; where one of these stays out they may stand for it.
+    let moved = better && not_written.is_empty();
+    if better && !moved {
+        remarks
+            .push("declared parameters stay as declared: they were fitted next to effects that are not written".into());
+    }
+    let mut corrected = declared.clone();
+    if moved {
+        change(&mut corrected, outcome, folder, &stem)?;
+    }
+    let text = toml::to_string(&corrected).map_err(|e| Error::invalid(path.display(), e))?;
+    let machine = folder.join(format!("{stem}.corrected.toml"));
+    std::fs::write(&machine, text).map_err(Error::file(&machine))?;
+    let torque = outcome.corrected_parameter_changes.get("torque").filter(|_| moved);
     let torque_factor = 1.0 + torque.copied().unwrap_or(0.0);
     let mut text = String::from("# Effects found by `meshband loop`, with the simulator's names.\n");
     remarks.iter().for_each(|remark| text += &format!("# {remark}\n"));
