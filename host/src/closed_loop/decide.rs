@@ -116,7 +116,8 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     let declared = base.data();
     let split = split(&base, options.seed)?;
     let seen = split.seen();
-    if !base.fit(&split.fit, 2) {
+    let fitted = base.fit(&split.fit, 2);
+    if !fitted {
         say("no declared parameters within tolerance explain the record: searching from the declaration");
         base = Base::new(record);
     }
@@ -141,7 +142,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
     let mut explained = explain(base, &split, options, rounds, &plain, &say);
-    if rounds > 0 && explained.left_over_noise > MOST_OVER_NOISE {
+    if rounds > 0 && fitted && explained.left_over_noise > MOST_OVER_NOISE {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
         let again = explain(Base::new(record), &split, options, rounds, &plain, &say);

@@ -10,8 +10,7 @@ use std::f64::consts::TAU;
 pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
     let mut list = vec![shaped(bench, "wear", "depth", 1.0, &|x: f64| (2.0 * x - 1.0).powi(2))];
     list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share)));
-    list.push(profile(bench, false));
-    list.push(profile(bench, true));
+    list.extend([Shape::ProfileError, Shape::FreeDisplacement, Shape::Stiffness, Shape::FreeStiffness].map(|s| shape(bench, s)));
     list.push(friction(bench));
     list
 }
@@ -95,14 +94,37 @@ fn shaped(
     }
 }
 
-/// Free displacement of every pair at the first four mesh orders, or (in proportion to torque) a free change of mesh stiffness there.
-fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
+/// What repeats with every tooth pair, harmonic by harmonic.
+#[derive(Clone, Copy, PartialEq)]
+enum Shape {
+    /// Displacement at the first few mesh orders.
+    ProfileError,
+    /// Displacement of any shape over the pitch.
+    FreeDisplacement,
+    /// Mesh stiffness at the first few mesh orders.
+    Stiffness,
+    /// Mesh stiffness of any shape over the pitch.
+    FreeStiffness,
+}
+
+impl Shape {
+    fn harmonics(self) -> i64 {
+        if matches!(self, Self::ProfileError | Self::Stiffness) { 4 } else { 12 }
+    }
+}
+
+/// Displacement of every pair, or (in proportion to torque) a change of mesh stiffness, with a free amplitude and phase at each mesh order.
+///
+/// The free shapes contain wear, relief and any other error that all teeth share: what they gain over one of those names says how far the
+/// name's shape is off.
+fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
     let machine = &bench.base.machine;
     let z = f64::from(machine.teeth[0]);
+    let loaded = matches!(shape, Shape::Stiffness | Shape::FreeStiffness);
     let lines = bench.respond(
         |_| 0.0,
         |run, comb| {
-            (1..=4_i64)
+            (1..=shape.harmonics())
                 .map(|h| {
                     let omega = TAU * run.angle.shaft_hz * z * h as f64;
                     let rate = C::new(1.0, omega * machine.tau_s);
@@ -122,14 +144,20 @@ fn profile(bench: &Bench<'_>, loaded: bool) -> Candidate {
                 .collect()
         },
     );
+    let (name, claim) = match shape {
+        Shape::ProfileError => ("profile-error", Claim::Named),
+        Shape::FreeDisplacement => ("displacement error repeating with every tooth pair", Claim::Generic),
+        Shape::Stiffness => ("mesh stiffness varying at mesh orders", Claim::Generic),
+        Shape::FreeStiffness => ("mesh stiffness varying with every tooth pair", Claim::Generic),
+    };
     Candidate {
-        name: if loaded { "mesh stiffness varying at mesh orders" } else { "profile-error" }.into(),
-        claim: if loaded { Claim::Generic } else { Claim::Named },
+        name: name.into(),
+        claim,
         family: "mesh-order",
         shaft: "none",
         order: Some(z),
         frequency_hz: None,
-        parameters: (0..4)
+        parameters: (0..shape.harmonics() as usize)
             .map(|h| Parameter {
                 name: format!("{}_at_mesh_order_{}", if loaded { "share" } else { "displacement" }, h + 1),
                 unit: if loaded { "1" } else { "m" },
@@ -181,7 +209,8 @@ fn friction(bench: &Bench<'_>) -> Candidate {
                     let mut f = [C::ZERO; DOF];
                     for l in 0..size {
                         let index = (n - l + size - 1) as usize;
-                        f[PINION] += tables[0][index] * run.inner.approach[l as usize];
+                        // Sliding power, friction times (s1 th1' - s2 th2'), is lost: opposite signs.
+                        f[PINION] -= tables[0][index] * run.inner.approach[l as usize];
                         f[GEAR] += tables[1][index] * run.inner.approach[l as usize];
                     }
                     f
