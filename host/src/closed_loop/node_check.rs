@@ -2,7 +2,8 @@
 //!
 //! Held-out runs only. The record and the corrected prediction are taken by a node that carries the refitted law, the declared prediction
 //! by one with the declared machine's. Compared are its mesh bands (harmonic with all sidebands that it reports, RMS, dB re 1 m/s2), the
-//! bandwidth its law gives at its own tach speed, and the bandwidth that it measures on engagement edges. Predictions carry no noise.
+//! bandwidth its law gives at its own tach speed, and the bandwidth that it measures on engagement edges; these on the pinion's channel
+//! only, which is the law's. Predictions carry no noise.
 //!
 //! A node takes a second to start, which short runs have not: whole turns of the same signal are played before it, and only
 //! spectra that begin behind them are read. Runs of less than 18 turns give none. Cost: about a second per run, channel and signal.
@@ -228,7 +229,7 @@ fn differences(runs: &[RunCheck]) -> Differences {
         let count = rows.len() as f64;
         (count > 0.0).then(|| [0, 1].map(|i| (rows.iter().map(|row| row[i] * row[i]).sum::<f64>() / count).sqrt()))
     };
-    let widths: Vec<_> = runs.iter().filter_map(RunCheck::bandwidths).collect();
+    let widths: Vec<_> = runs.iter().filter(|run| run.channel == 0).filter_map(RunCheck::bandwidths).collect();
     let counted = |run: &'_ RunCheck| -> Vec<[f64; 2]> {
         let rows = run.bands().filter(|(_, level, off)| run.counts(*level) && off.iter().all(|d| d.is_finite()));
         rows.map(|row| row.2).collect()
@@ -279,6 +280,7 @@ impl NodeCheck {
         let mut widths: Vec<Vec<String>> = self
             .runs
             .iter()
+            .filter(|run| run.channel == 0)
             .map(|run| {
                 let [a, b, c] = [&run.record, &run.declared, &run.corrected].map(|said| hz(said.measured_hz));
                 vec![name(run), a, b, c, law(&run.declared), law(&run.corrected)]
