@@ -45,4 +45,14 @@ impl Angle {
             sigma_hz: shaft_hz * jitter_s.max(1e-8) / stt.sqrt(),
         }
     }
+
+    /// Whether the edges would show a swing of the pinion at `order` of `amplitude_rad` over a run of `duration_s`, and do not.
+    pub fn refutes(&self, order: f64, amplitude_rad: f64, pulses_per_rev: u32, duration_s: f64) -> bool {
+        let per_edge = order / f64::from(pulses_per_rev);
+        let alias = (per_edge - per_edge.round()).abs();
+        // A swing that the edges see hardly move over the run passes for a part of the straight line.
+        let turns_seen = alias * duration_s * self.shaft_hz * f64::from(pulses_per_rev);
+        let expected_s = amplitude_rad / 2.0_f64.sqrt() / (TAU * self.shaft_hz);
+        turns_seen > 1.5 && 0.5 * expected_s > self.edge_scatter_s
+    }
 }

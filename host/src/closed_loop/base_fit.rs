@@ -69,6 +69,8 @@ pub struct Base {
     pub machine: Machine,
     /// Runs.
     pub runs: Vec<RunState>,
+    /// Tachometer pulses per turn of the pinion.
+    pub pulses_per_rev: u32,
     /// Relative changes adopted so far, by [`TOLERANCES`].
     pub change: Vec<f64>,
     /// Templates of the nuisances: declared parameters, then angle offset and speed error of every run.
@@ -125,7 +127,8 @@ impl Base {
             })
             .collect();
         let change = vec![0.0; TOLERANCES.len()];
-        let mut base = Self { analyser, machine, runs, change, nuisances: Vec::new(), priors: Vec::new() };
+        let (pulses_per_rev, nuisances, priors) = (record.pulses_per_rev, Vec::new(), Vec::new());
+        let mut base = Self { analyser, machine, runs, pulses_per_rev, change, nuisances, priors };
         base.linearise();
         base
     }

@@ -80,7 +80,8 @@ pub struct Candidate {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs, reason = "fields are named by quantity; shaft 0 pinion, 1 gear; orders of the pinion")]
 pub enum Finite {
-    RollingEccentricity { shaft: usize },
+    RollingDisplacement { order: f64 },
+    PositionModulation { order: f64 },
     Crack { shaft: usize, tooth: usize },
     BearingModulation { shaft: usize, order: f64 },
     MeshModulation { order: f64 },
@@ -92,8 +93,8 @@ pub enum Finite {
 pub enum Tuning {
     /// Mode of a channel's path: natural frequency (Hz) and damping ratio.
     Mode { channel: usize, f0: f64, zeta: f64 },
-    /// Share of the path of contact that tip relief covers at each end.
-    Relief { share: f64 },
+    /// Share of the path of contact that tip relief covers at each end, and the exponent of its shape.
+    Relief { share: f64, exponent: i32 },
 }
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.

@@ -3,8 +3,8 @@
 //! The residual's weights are renewed after every accepted term. Each further term must bring a stated share of what the strongest
 //! one brought: a template that is right to a few percent leaves a few percent, which is no second effect.
 
-use super::base_fit::{Base, TOLERANCES};
-use super::candidate::{Candidate, Claim, Tuning};
+use super::base_fit::{Base, RunState, TOLERANCES};
+use super::candidate::{Candidate, Claim, Finite, Tuning};
 use super::detect;
 use super::impulsive::impacts;
 use super::input::Record;
@@ -14,9 +14,9 @@ use super::library::Bench;
 use super::library::mesh::refine_relief;
 use super::library::path::refine_mode;
 use super::outcome::{Effect, Outcome};
-use super::spectrum::noise_power;
+use super::spectrum::{Bins, noise_power};
 use super::tables::report;
-use super::verdict::verdicts;
+use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
@@ -54,11 +54,15 @@ const LEAST_DEPARTURE: f64 = 3.0;
 const FINITE_GAIN: f64 = 300.0;
 /// A candidate's share of the best score from which its response at finite strength could still make it the best.
 const FINITE_SHARE: f64 = 0.6;
+/// Score from which contacts carried along by a shaft are always simulated, at several strengths.
+const STRONG_SCORE: f64 = 3000.0;
+/// Change of strength from the first-order template to the simulated one from which other strengths are tried, too.
+const LEAST_BEND: f64 = 0.1;
 /// Most candidates simulated in a round.
-const MOST_FINITE: usize = 4;
+const MOST_FINITE: usize = 6;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
 const NAME_MARGIN: f64 = 4.6;
-/// Share of its gain by which a free table of all teeth must beat one named tooth: the form error of a first-order template.
+/// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
 const TABLE_MARGIN: f64 = 0.03;
 /// Largest probability of a term's gain by chance, after correction for the search.
 const LARGEST_P: f64 = 1e-3;
@@ -150,7 +154,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
             explained = again;
         }
     }
-    let Explained { base, mut accepted, pool, mut refused, data, .. } = explained;
+    let Explained { base, mut accepted, pool, mut refused, strongest, data, .. } = explained;
     say("verdicts");
     let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
     // Next to the others and with the final weights a term must still stand.
@@ -162,6 +166,14 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
         whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+    }
+    if whole.is_empty()
+        && effects.is_empty()
+        && let Some(found) = strongest
+        && over_noise(&base, &data, &seen, &[]) > MOST_OVER_NOISE
+    {
+        say("nothing holds from run to run, but much is there: a plain description of what comes closest");
+        effects.extend(undetermined(&base, &data, &split, &found, &pool));
     }
     for term in &accepted {
         refused.remove(&term.name);
@@ -178,6 +190,8 @@ struct Explained {
     accepted: Vec<Candidate>,
     pool: Vec<Candidate>,
     refused: BTreeMap<String, f64>,
+    /// Candidate of the largest gain before anything was accepted.
+    strongest: Option<Candidate>,
     data: Data,
     /// Whitened residual of the runs seen, by weights common to all searches.
     left: f64,
@@ -196,10 +210,12 @@ fn explain(
 ) -> Explained {
     let seen = split.seen();
     let mut attempt = 0;
-    let (mut accepted, pool, refused, data) = loop {
+    let (mut accepted, pool, refused, strongest, data) = loop {
         let bench = Bench::new(&base);
         match search(&bench, split, options, rounds, attempt, say) {
-            Search::Done { accepted, pool, refused, data } => break (accepted, pool, refused, data),
+            Search::Done { accepted, pool, refused, strongest, data } => {
+                break (accepted, pool, refused, strongest, data);
+            }
             Search::Recentre(change) => {
                 say("declared parameters moved with the effect: centring again");
                 drop(bench);
@@ -212,20 +228,38 @@ fn explain(
     confirm(&base, &data, split, &mut accepted);
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms).residual;
+    let left_over_noise = power_over_noise(&base, &rest, &seen);
+    let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
+    Explained { base, accepted, pool, refused, strongest, data, left, left_over_noise }
+}
+
+/// Power over local noise of a residual.
+fn power_over_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> f64 {
     let (mut power, mut noise) = (0.0, 1e-300);
-    for bins in seen.iter().flat_map(|&r| &rest[r]) {
+    for bins in runs.iter().flat_map(|&r| &residual[r]) {
         let lowest = (8.0 * base.analyser.duration_s()) as usize;
         power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
         noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
     }
-    let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
-    Explained { base, accepted, pool, refused, data, left, left_over_noise: power / noise }
+    power / noise
+}
+
+/// The same with declared parameters and `terms` fitted.
+fn over_noise(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> f64 {
+    let rest = corrected(base, data, &joint(base, data, runs, terms).x, terms).residual;
+    power_over_noise(base, &rest, runs)
 }
 
 /// What a search came to.
 enum Search {
-    /// Terms, everything that scored, scores of what was refused, final weights.
-    Done { accepted: Vec<Candidate>, pool: Vec<Candidate>, refused: BTreeMap<String, f64>, data: Data },
+    /// Terms, everything that scored, scores of what was refused, the candidate of the largest gain of the first round, final weights.
+    Done {
+        accepted: Vec<Candidate>,
+        pool: Vec<Candidate>,
+        refused: BTreeMap<String, f64>,
+        strongest: Option<Candidate>,
+        data: Data,
+    },
     /// An effect took the declared parameters along before it was known: they move by this much with it in the fit.
     Recentre(Vec<f64>),
 }
@@ -247,6 +281,7 @@ fn search(
     let mut accepted: Vec<Candidate> = Vec::new();
     let mut pool: Vec<Candidate> = Vec::new();
     let mut refused: BTreeMap<String, f64> = BTreeMap::new();
+    let mut strongest = None;
     let mut largest_gain = 0.0_f64;
     for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
@@ -267,6 +302,7 @@ fn search(
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         tune(bench, &judge, &mut judged);
         at_their_strength(bench, &judge, &data, &mut judged);
+        judged.retain(|j| !refuted_by_tachometer(base, j));
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
@@ -287,11 +323,21 @@ fn search(
             let worst = refused.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
             *worst = worst.max(j.score);
         }
-        let Some(best) = best else { break };
-        let table = judged[best].candidate.templates.len() > 2;
-        let margin = if table { NAME_MARGIN.max(TABLE_MARGIN * judged[best].gain) } else { NAME_MARGIN };
-        let near = judged[best].score - margin;
-        let name = judged.iter().position(|j| j.candidate.claim == Claim::Named && j.score > near && passes(j));
+        if round == 0 {
+            let significant = judged.iter().filter(|j| j.score > LEAST_SCORE && j.p_value(tests) < LARGEST_P);
+            strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
+        }
+        let Some(best) = best else {
+            pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
+            break;
+        };
+        let top = &judged[best];
+        let near = |j: &Judged| {
+            let freer = top.candidate.templates.len() > j.candidate.templates.len();
+            let margin = if freer { NAME_MARGIN.max(TABLE_MARGIN * top.gain) } else { NAME_MARGIN };
+            j.score > top.score - margin
+        };
+        let name = judged.iter().position(|j| j.candidate.claim == Claim::Named && near(j) && passes(j));
         let winner = &judged[name.unwrap_or(best)];
         largest_gain = largest_gain.max(winner.gain);
         let winner = winner.candidate.clone();
@@ -304,7 +350,7 @@ fn search(
             return Search::Recentre(move_to);
         }
     }
-    Search::Done { accepted, pool, refused, data }
+    Search::Done { accepted, pool, refused, strongest, data }
 }
 
 /// Whether two candidates are the same effect in the same place: a second helping of a term is never a second effect.
@@ -333,20 +379,30 @@ fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
     });
 }
 
+/// Whether a swing of the shaft is claimed that the tachometer would have seen.
+fn refuted_by_tachometer(base: &Base, judged: &Judged) -> bool {
+    let Some(Finite::PositionModulation { order }) = judged.candidate.finite else { return false };
+    let [a, b] = judged.x[..] else { return false };
+    let amplitude_rad = a.hypot(b) * std::f64::consts::TAU / f64::from(base.machine.teeth[0]);
+    let duration_s = base.analyser.duration_s();
+    let refutes = |r: &&RunState| r.angle.refutes(order, amplitude_rad, base.pulses_per_rev, duration_s);
+    2 * base.runs.iter().filter(refutes).count() > base.runs.len()
+}
+
 /// Improves the shape of the best candidates that have one.
 fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
     let score = |c: Candidate| judge.judge(c).score;
     let best = judged.first().map_or(0.0, |j| j.score);
-    let mut relief = false;
+    let mut relief = [false; 2];
     for j in judged.iter_mut().take(8) {
         match j.candidate.tuning {
             Some(Tuning::Mode { channel, f0, zeta }) if j.score > 0.6 * best => {
                 let (name, claim) = (j.candidate.name.clone(), j.candidate.claim);
                 *j = judge.judge(Candidate { name, claim, ..refine_mode(bench, (channel, f0, zeta), score) });
             }
-            Some(Tuning::Relief { share }) if j.score > 0.6 * best && !relief => {
-                relief = true;
-                *j = judge.judge(refine_relief(bench, share, score));
+            Some(Tuning::Relief { share, exponent }) if j.score > 0.6 * best && !relief[exponent as usize - 1] => {
+                relief[exponent as usize - 1] = true;
+                *j = judge.judge(refine_relief(bench, (share, exponent), score));
             }
             _ => {}
         }
@@ -354,21 +410,43 @@ fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
 }
 
 /// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.
+///
+/// Contacts carried along their path by a few percent of a pitch turn the high mesh orders by radians: a first-order fit then sees a part of
+/// the strength only, and several strengths are tried.
 fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: &mut [Judged]) {
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
+    let carried = |j: &Judged| {
+        matches!(j.candidate.finite, Some(Finite::RollingDisplacement { .. } | Finite::PositionModulation { .. }))
+            && bench.shaft_orders()[..2].iter().any(|o| j.candidate.order == Some(*o))
+    };
     let may_win = |j: &Judged| {
-        j.candidate.finite.is_some() && j.gain > FINITE_GAIN && j.score > FINITE_SHARE * best && !j.x.is_empty()
+        j.candidate.finite.is_some()
+            && j.gain > FINITE_GAIN
+            && (j.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(j))
+            && !j.x.is_empty()
     };
     let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     chosen.truncate(MOST_FINITE);
+    let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
     for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
+        let at = |x: &[f64]| bench.at_strength(&first_order, x, data).map(|bent| judge.judge(bent));
+        let Some(mut now) = at(&judged[i].x) else { continue };
+        let bends = (size(&now.x) / size(&judged[i].x) - 1.0).abs() > LEAST_BEND;
+        if bends && best > STRONG_SCORE {
+            for factor in [1.7, 3.0, 5.0] {
+                let stronger: Vec<f64> = judged[i].x.iter().map(|v| v * factor).collect();
+                now = at(&stronger).filter(|other| other.score > now.score).unwrap_or(now);
+            }
+        }
+        if now.score <= judged[i].score - 1.0 {
+            continue;
+        }
+        judged[i] = now;
         // The strength itself follows the secant: the leading candidate gets the steps it needs, the others enough to compare.
-        for _ in 0..if rank == 0 { 5 } else { 2 } {
-            let Some(bent) = bench.at_strength(&first_order, &judged[i].x, data) else { break };
-            let again = judge.judge(bent);
-            let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
+        for _ in 0..if rank == 0 || bends { 4 } else { 1 } {
+            let Some(again) = at(&judged[i].x) else { break };
             let moved: Vec<f64> = again.x.iter().zip(&judged[i].x).map(|(a, b)| a - b).collect();
             let settled = size(&moved) < 0.002 * size(&again.x);
             if again.score <= judged[i].score - 1.0 {

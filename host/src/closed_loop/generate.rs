@@ -122,6 +122,12 @@ pub enum Effect {
     Folding {
         share: f64,
     },
+    /// Contacts carried along their path at an order of the pinion, amplitude in base pitches.
+    PositionSwing {
+        order: f64,
+        base_pitches: f64,
+        phase_rad: f64,
+    },
     /// Sinusoidal departure of the pinion's angle at a fixed frequency, seen by the tachometer, too.
     SpeedFluctuation {
         hz: f64,
@@ -272,6 +278,9 @@ impl Plant<'_> {
                     roll += amplitude_m * (o * theta + phase_rad).cos() / (TAU * self.base_radius[0] / self.teeth[0]);
                     error += amplitude_m * (o * theta + phase_rad).cos();
                     error_rate -= amplitude_m * o * omega * (o * theta + phase_rad).sin();
+                }
+                Effect::PositionSwing { order, base_pitches, phase_rad } => {
+                    roll += base_pitches * (order * theta + phase_rad).cos();
                 }
                 Effect::Ghost { order, amplitude_m, phase_rad } => {
                     error += amplitude_m * (order * theta + phase_rad).cos();

@@ -15,6 +15,15 @@ use std::collections::BTreeMap;
 /// Largest power left at its own lines, beyond noise, of a named effect.
 const LARGEST_LEFT: f64 = 0.04;
 
+/// Share of a name's gain that a freer description of the same family may add: form error of templates and declared parameters.
+const FORM_SHARE: f64 = 0.01;
+
+/// Half the difference of scores (logarithm of a Bayes factor of 10) within which another description is not told apart from a name.
+const LEAST_LOG_FACTOR: f64 = 2.4;
+
+/// The same as a share of a name's gain: form error of the templates, which no longer is noise where gains are huge.
+const RIVAL_SHARE: f64 = 5e-5;
+
 /// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared parameters that move
 /// the same lines.
 const LEAST_MESH_GAIN: f64 = 400.0;
@@ -102,6 +111,24 @@ fn departure(
     Some([[e[1], half(1)], [e[2], half(2)]])
 }
 
+/// Largest gain, beyond chance, of a description of the same family with more unknowns next to everything accepted: what the shape of `term` is
+/// off by.
+fn freer_gain(next_to_all: &Judge<'_>, pool: &[Candidate], term: &Candidate) -> f64 {
+    let freer = |c: &&Candidate| {
+        c.claim == Claim::Generic
+            && c.family == term.family
+            && c.templates.len() > term.templates.len()
+            && !c.phase_free
+    };
+    pool.par_iter()
+        .filter(freer)
+        .map(|c| {
+            let unknowns = c.templates.len() as f64;
+            next_to_all.judge(c.clone()).gain - unknowns - 5.0 * (2.0 * unknowns).sqrt()
+        })
+        .reduce(|| 0.0, f64::max)
+}
+
 /// Verdicts of the accepted terms against the candidates of the search.
 pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate], pool: &[Candidate]) -> Vec<Effect> {
     let seen = split.seen();
@@ -118,6 +145,7 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         }
     }
     let mut effects = Vec::new();
+    let next_to_all = Judge::new(base, data, split, &terms);
     for (index, term) in accepted.iter().enumerate() {
         let others: Vec<&Candidate> =
             accepted.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| c).collect();
@@ -138,21 +166,21 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
         let steady = exponents.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < 0.12 + half));
         let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
-        // Other names within a Bayes factor of 10, and any description of another excitation that does better than the name.
-        let near: Vec<&str> =
-            rivals.iter().filter(|r| r.1 < if named(&r.0) { 2.4 } else { 0.0 }).map(|r| r.0.as_str()).collect();
+        let near: Vec<&str> = rivals
+            .iter()
+            .filter(|r| r.1 < LEAST_LOG_FACTOR.max(RIVAL_SHARE * own.gain))
+            .map(|r| r.0.as_str())
+            .collect();
         let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
-        let lawful = left <= LARGEST_LEFT && steady && possible(term, &all.x[at..]);
+        let lawful = left <= LARGEST_LEFT
+            && steady
+            && possible(term, &all.x[at..])
+            && freer_gain(&next_to_all, pool, term) <= FORM_SHARE * own.gain;
         let (verdict, name, experiment) = if term.claim == Claim::Generic || !lawful {
-            let seat = term
-                .order
-                .map(|o| format!("order {o:.4} of the pinion"))
-                .or(term.frequency_hz.map(|f| format!("{f:.2} Hz")))
-                .unwrap_or_else(|| "all orders".into());
             let text = if term.claim == Claim::Generic {
-                format!("{} ({seat})", term.name)
+                format!("{} ({})", term.name, place(term))
             } else {
-                format!("excitation at {seat}; resembles {} but does not follow its law", term.name)
+                format!("{}; resembles {} but does not follow its law", seat(term), term.name)
             };
             ("generic", text, None)
         } else if !near.is_empty() || (term.family == "mesh-order" && own.gain < LEAST_MESH_GAIN) {
@@ -189,6 +217,35 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         });
     }
     effects
+}
+
+/// Plain verdict on what is in the record where no term predicts the runs that it was not fitted to: family and place of the description
+/// that comes closest, which takes no part in the prediction.
+pub fn undetermined(
+    base: &Base,
+    data: &Data,
+    split: &Split,
+    closest: &Candidate,
+    pool: &[Candidate],
+) -> Option<Effect> {
+    let mut effect = verdicts(base, data, split, std::slice::from_ref(closest), pool).pop()?;
+    effect.verdict = "generic".into();
+    effect.name = format!("{} of no law that holds from run to run; closest: {}", seat(closest), closest.name);
+    effect.deciding_experiment = Some("runs at more speeds and torques, and with the sensor at a second place".into());
+    Some(effect)
+}
+
+/// Where a term acts, in words.
+fn seat(term: &Candidate) -> String {
+    format!("excitation at {}", place(term))
+}
+
+/// Order or frequency of a term.
+fn place(term: &Candidate) -> String {
+    term.order
+        .map(|o| format!("order {o:.4} of the pinion"))
+        .or(term.frequency_hz.map(|f| format!("{f:.2} Hz")))
+        .unwrap_or_else(|| "all orders".into())
 }
 
 /// Whether the values make physical sense: a crack does not stiffen a tooth, wear and relief take material away, friction brakes.

@@ -71,6 +71,9 @@ fn chi_change(data: &Data, model: &[[Vec<C>; 2]], base: &Base, runs: &[usize]) -
     sum
 }
 
+/// Multiples of the edge rate about which aliases of an order are tried.
+const MOST_ALIASES: u32 = 4;
+
 /// Limit at which a channel's samples pile up, m/s2, if they do.
 fn limit(runs: &[Run], channel: usize) -> Option<f64> {
     let peak = runs.iter().flat_map(|r| &r.channels[channel]).fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -244,27 +247,41 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     let whole: f64 = base.runs.iter().zip(&record.runs).map(|(r, run)| scatter(r, run)).sum();
     let sinusoid = left < 0.05 * whole;
     let analyser = &base.analyser;
-    let made: Vec<([Vec<C>; 2], f64)> = base
-        .runs
-        .par_iter()
-        .zip(&record.runs)
-        .map(|(run, source)| {
-            let hz = if fixed { at } else { at * run.angle.shaft_hz };
-            let sway = Sway::fit(source, record.pulses_per_rev, hz);
-            let (signal, size) = if sinusoid {
-                (waveform(analyser, run, |t| sway.at(t)), sway.amplitude_rad())
-            } else {
-                let spline = EdgeAngle::new(source, record.pulses_per_rev);
-                let rms = TAU * run.angle.shaft_hz * run.angle.edge_scatter_s;
-                (waveform(analyser, run, |t| spline.at(t)), rms)
-            };
-            (signal.map(|s| analyser.bins_of(&s)), size)
-        })
-        .collect();
-    let models: Vec<[Vec<C>; 2]> = made.iter().map(|m| m.0.clone()).collect();
-    let all: Vec<usize> = (0..base.runs.len()).collect();
+    let (ratio, all): (f64, Vec<usize>) = (f64::from(record.pulses_per_rev), (0..base.runs.len()).collect());
+    // Edges once a turn cannot tell an order from its aliases: the vibration does.
+    let aliases: Vec<f64> = if sinusoid && !fixed {
+        let near = (0..=MOST_ALIASES).flat_map(|k| [f64::from(k) * ratio + at, f64::from(k) * ratio - at]);
+        near.filter(|o| *o > 0.05).collect()
+    } else {
+        vec![at]
+    };
+    let at_rate = |at: f64| -> Vec<([Vec<C>; 2], f64)> {
+        base.runs
+            .par_iter()
+            .zip(&record.runs)
+            .map(|(run, source)| {
+                let hz = if fixed { at } else { at * run.angle.shaft_hz };
+                let sway = Sway::fit(source, record.pulses_per_rev, hz);
+                let (signal, size) = if sinusoid {
+                    (waveform(analyser, run, |t| sway.at(t)), sway.amplitude_rad())
+                } else {
+                    let spline = EdgeAngle::new(source, record.pulses_per_rev);
+                    let rms = TAU * run.angle.shaft_hz * run.angle.edge_scatter_s;
+                    (waveform(analyser, run, |t| spline.at(t)), rms)
+                };
+                (signal.map(|s| analyser.bins_of(&s)), size)
+            })
+            .collect()
+    };
+    let tried = aliases.into_iter().map(|at| {
+        let made = at_rate(at);
+        let models: Vec<[Vec<C>; 2]> = made.iter().map(|m| m.0.clone()).collect();
+        let gain = chi_change(data, &models, base, &all);
+        (at, models, made.iter().map(|m| m.1).collect::<Vec<f64>>(), gain)
+    });
+    let (at, models, sizes, whole_gain) = tried.max_by(|a, b| a.3.total_cmp(&b.3))?;
     let gain = chi_change(data, &models, base, held_out);
-    if gain < 30.0 || chi_change(data, &models, base, &all) < 60.0 {
+    if gain < 30.0 || whole_gain < 60.0 {
         return None;
     }
     let mut found = effect("speed-fluctuation", "non-stationary", 1e-6);
@@ -273,7 +290,6 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     } else if sinusoid {
         found.order_of_pinion = Some(at);
     }
-    let sizes: Vec<f64> = made.iter().map(|m| m.1).collect();
     let mean = sizes.iter().sum::<f64>() / sizes.len() as f64;
     let spread = (sizes.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / sizes.len() as f64).sqrt();
     let half = (1.96 * spread / (sizes.len() as f64).sqrt()).hypot(0.01 * mean);

@@ -1,7 +1,7 @@
 //! Response of an effect at its own strength, by simulation in time.
 //!
 //! Most effects are forces or displacements of a linear machine and exactly proportional to their strength. A cracked tooth, a
-//! modulated stiffness and a rolling eccentricity are not: at a strength that anybody would call a fault the first-order template leaves
+//! modulated stiffness and contacts carried along their path are not: at a strength that anybody would call a fault the first-order template leaves
 //! a few percent, which then passes for another law. Here the declared equations are integrated with and without the
 //! effect; the templates are bent so that at the strength `x` they give that difference (a secant). Cost: a time integration per run.
 
@@ -11,22 +11,29 @@ use crate::closed_loop::generate::{Effect, Point, response};
 use crate::closed_loop::least_squares::Data;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
+use std::f64::consts::TAU;
 
 /// Bins of the difference whose squared size times weight is below this are left out: they carry no information.
 const LEAST_INFORMATION: f64 = 1e-3;
 
-fn effect(finite: Finite, x: &[f64]) -> Effect {
+fn effects(finite: Finite, x: &[f64], base_pitch_m: f64) -> Vec<Effect> {
     let (size, phase_rad) = match x {
         [a, b, ..] => (a.hypot(*b), b.atan2(*a)),
         _ => (x[0], 0.0),
     };
     match finite {
-        Finite::RollingEccentricity { shaft } => Effect::Eccentricity { shaft, amplitude_m: size, phase_rad },
-        Finite::Crack { shaft, tooth } => Effect::Crack { shaft, tooth, share: size.clamp(-0.9, 0.9) },
-        Finite::BearingModulation { shaft, order } => {
-            Effect::BearingModulation { shaft, order, share: size, phase_rad }
+        Finite::RollingDisplacement { order } => vec![
+            Effect::Ghost { order, amplitude_m: size, phase_rad },
+            Effect::PositionSwing { order, base_pitches: size / base_pitch_m, phase_rad },
+        ],
+        Finite::PositionModulation { order } => {
+            vec![Effect::PositionSwing { order, base_pitches: size, phase_rad }]
         }
-        Finite::MeshModulation { order } => Effect::StiffnessModulation { order, share: size, phase_rad },
+        Finite::Crack { shaft, tooth } => vec![Effect::Crack { shaft, tooth, share: size.clamp(-0.9, 0.9) }],
+        Finite::BearingModulation { shaft, order } => {
+            vec![Effect::BearingModulation { shaft, order, share: size, phase_rad }]
+        }
+        Finite::MeshModulation { order } => vec![Effect::StiffnessModulation { order, share: size, phase_rad }],
     }
 }
 
@@ -56,7 +63,9 @@ impl Bench<'_> {
             return None;
         }
         let without = self.plain.get_or_init(|| self.simulated(&[]));
-        let with = self.simulated(&[effect(finite, x)]);
+        let machine = &self.base.machine;
+        let base_pitch_m = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
+        let with = self.simulated(&effects(finite, x, base_pitch_m));
         let mut bent = Candidate { bent: true, ..candidate.clone() };
         for r in 0..with.len() {
             for c in 0..2 {

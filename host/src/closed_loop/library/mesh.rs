@@ -9,29 +9,38 @@ use std::f64::consts::TAU;
 /// Candidates on the mesh's own comb.
 pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
     let mut list = vec![shaped(bench, "wear", "depth", 1.0, &|x: f64| (2.0 * x - 1.0).powi(2))];
-    list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share)));
-    list.extend([Shape::ProfileError, Shape::FreeDisplacement, Shape::Stiffness, Shape::FreeStiffness].map(|s| shape(bench, s)));
+    for exponent in [1, 2] {
+        list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share, exponent)));
+    }
+    list.extend(
+        [Shape::ProfileError, Shape::FreeDisplacement, Shape::Stiffness, Shape::FreeStiffness].map(|s| shape(bench, s)),
+    );
     list.push(friction(bench));
     list
 }
 
-/// Relief of both ends of the path over `share` of it.
-pub fn relief(bench: &Bench<'_>, share: f64) -> Candidate {
-    let ramp = move |x: f64| ((share - x) / share).max(0.0);
+/// Relief of both ends of the path over `share` of it, linear (exponent 1) or parabolic (2).
+pub fn relief(bench: &Bench<'_>, share: f64, exponent: i32) -> Candidate {
+    let ramp = move |x: f64| ((share - x) / share).max(0.0).powi(exponent);
     let mut relief = shaped(bench, "tip-relief", "amount", 10.0, &move |x: f64| ramp(x) + ramp(1.0 - x));
-    relief.tuning = Some(Tuning::Relief { share });
+    relief.tuning = Some(Tuning::Relief { share, exponent });
     relief
 }
 
 /// Improves the share by pattern search on `score`.
-pub fn refine_relief(bench: &Bench<'_>, share: f64, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
-    let mut best = (score(relief(bench, share)), share);
+pub fn refine_relief(
+    bench: &Bench<'_>,
+    (share, exponent): (f64, i32),
+    score: impl Fn(Candidate) -> f64 + Sync,
+) -> Candidate {
+    let relief = |share| relief(bench, share, exponent);
+    let mut best = (score(relief(share)), share);
     let mut step = 0.05;
     while step > 0.002 {
         let next = [best.1 - step, best.1 + step]
             .into_iter()
             .filter(|share| (0.03..=0.5).contains(share))
-            .map(|share| (score(relief(bench, share)), share))
+            .map(|share| (score(relief(share)), share))
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or(best);
         if next.0 > best.0 {
@@ -40,7 +49,7 @@ pub fn refine_relief(bench: &Bench<'_>, share: f64, score: impl Fn(Candidate) ->
             step *= 0.4;
         }
     }
-    relief(bench, best.1)
+    relief(best.1)
 }
 
 /// Error of a given shape on every pair, contact force `-k(s) (e + tau de/dt)`; `shape` over 0..1 of the path.

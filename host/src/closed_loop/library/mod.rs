@@ -58,7 +58,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Orders that are always tried: one and two per turn of either shaft.
-    fn shaft_orders(&self) -> [f64; 4] {
+    pub fn shaft_orders(&self) -> [f64; 4] {
         [1.0, self.ratio(), 2.0, 2.0 * self.ratio()]
     }
 

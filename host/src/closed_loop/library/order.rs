@@ -200,12 +200,10 @@ fn exponents(seat: Seat) -> [f64; 2] {
     }
 }
 
-fn finite(seat: Seat, order: f64, ratio: f64) -> Option<Finite> {
+fn finite(seat: Seat, order: f64) -> Option<Finite> {
     match seat {
-        Seat::RollingDisplacement => [1.0, ratio]
-            .iter()
-            .position(|o| (order - o).abs() < 1e-9)
-            .map(|shaft| Finite::RollingEccentricity { shaft }),
+        Seat::RollingDisplacement => Some(Finite::RollingDisplacement { order }),
+        Seat::PositionModulation => Some(Finite::PositionModulation { order }),
         Seat::BearingModulation(shaft) => Some(Finite::BearingModulation { shaft, order }),
         Seat::MeshModulation => Some(Finite::MeshModulation { order }),
         _ => None,
@@ -237,7 +235,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 phase_free: false,
                 tuning: None,
                 bent: false,
-                finite: finite(seat, order, bench.ratio()),
+                finite: finite(seat, order),
             }
         })
         .collect()

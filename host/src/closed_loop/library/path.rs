@@ -43,6 +43,26 @@ fn parameter(name: &str, unit: &'static str) -> Vec<Parameter> {
     vec![Parameter { name: name.into(), unit, first: 0, complex: false }]
 }
 
+fn parameters(list: &[(&str, &'static str)]) -> Vec<Parameter> {
+    let one = |(first, &(name, unit)): (usize, &(&str, &'static str))| Parameter {
+        name: name.into(),
+        unit,
+        first,
+        complex: false,
+    };
+    list.iter().enumerate().map(one).collect()
+}
+
+/// Places between which a channel's free gain is linear, Hz.
+const KNOTS_HZ: [f64; 8] = [0.0, 800.0, 1800.0, 3200.0, 5000.0, 7500.0, 11_000.0, BAND_HZ];
+
+/// 1 at its knot, linear to 0 at both neighbours.
+fn hat(knot: usize, f: f64) -> f64 {
+    let rise = if knot == 0 { 1.0 } else { (f - KNOTS_HZ[knot - 1]) / (KNOTS_HZ[knot] - KNOTS_HZ[knot - 1]) };
+    let fall = KNOTS_HZ.get(knot + 1).map_or(1.0, |next| (next - f) / (next - KNOTS_HZ[knot]));
+    rise.min(fall).max(0.0)
+}
+
 /// All path candidates, per channel.
 pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
     let duration = bench.base.analyser.duration_s();
@@ -100,27 +120,33 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             Claim::Named,
             "non-stationary",
             parameter("gain_change_over_run", "1"),
-            vec![drift],
+            vec![drift.clone()],
             [0.0, 1.0],
         ));
+        let bow = made(channel, &|i, x| x * ((i as f64 / samples - 0.5).powi(2) - 1.0 / 12.0));
+        let name = format!("gain of the {who} changing within the runs");
+        let two = parameters(&[("linear", "1"), ("quadratic", "1")]);
+        list.push(path(&name, Claim::Generic, "non-stationary", two, vec![drift, bow], [0.0, 1.0]));
         let square = made(channel, &|_, x| x * x);
-        list.push(path(
-            "sensor-nonlinearity",
-            Claim::Named,
-            "path",
-            parameter("quadratic", "s2/m"),
-            vec![square],
-            [0.0, 2.0],
-        ));
+        let name = "sensor-nonlinearity";
+        let one = parameter("quadratic", "s2/m");
+        list.push(path(name, Claim::Named, "path", one, vec![square.clone()], [0.0, 2.0]));
         let cube = made(channel, &|_, x| x * x * x);
-        list.push(path(
-            "sensor-nonlinearity",
-            Claim::Named,
-            "path",
-            parameter("cubic", "s4/m2"),
-            vec![cube],
-            [0.0, 3.0],
-        ));
+        let one = parameter("cubic", "s4/m2");
+        list.push(path(name, Claim::Named, "path", one, vec![cube.clone()], [0.0, 3.0]));
+        let name = format!("response of the {who} not in proportion to the signal");
+        let two = parameters(&[("quadratic", "s2/m"), ("cubic", "s4/m2")]);
+        list.push(path(&name, Claim::Generic, "path", two, vec![square, cube], [0.0, 2.0]));
+        let hats: Vec<Template> = (0..KNOTS_HZ.len())
+            .flat_map(|knot| [C::ONE, C::I].map(|factor| filtered(channel, &|f| factor * hat(knot, f))))
+            .collect();
+        let values = KNOTS_HZ
+            .iter()
+            .enumerate()
+            .map(|(i, hz)| Parameter { name: format!("gain_at_{hz}_hz"), unit: "1", first: 2 * i, complex: true })
+            .collect();
+        let name = format!("gain of the {who} depending on frequency");
+        list.push(path(&name, Claim::Generic, "path", values, hats, [0.0, 1.0]));
     }
     list.push(folded(bench));
     list.extend(modes(bench, data, fit));
