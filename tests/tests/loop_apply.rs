@@ -125,7 +125,7 @@ fn cases(ratio: f64) -> Vec<(Generated, Effect, Option<Term>)> {
     }
     all.push((Generated::Wear { depth_m: 1e-6 }, found("wear", "none", None, &[("depth", 1e-6)]), None));
     let relief = found("tip-relief", "none", None, &[("amount", 1e-6)]);
-    let share = term("tip-relief", Vec::new(), vec![1e-6], Some(Tuning::Relief { share: 0.2 }));
+    let share = term("tip-relief", Vec::new(), vec![1e-6], Some(Tuning::Relief { share: 0.2, exponent: 1 }));
     all.push((Generated::TipRelief { amount_m: 1e-6, share: 0.2 }, relief, Some(share)));
     all
 }

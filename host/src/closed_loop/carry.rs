@@ -248,8 +248,9 @@ fn special(effect: &Effect, term: Option<&Term>, machine: &Machine) -> Option<Ca
         "pinion-pitch-error" | "gear-pitch-error" => pitch_error(effect, term, machine),
         "profile-error" => profile_error(term),
         "tip-relief" => {
-            let Some(Tuning::Relief { share }) = term.tuning else { return None };
-            Some(one("tip-relief", &[("amount", value(effect, "amount")?.1), ("length", share)]))
+            let Some(Tuning::Relief { share, exponent }) = term.tuning else { return None };
+            let keys = [("amount", value(effect, "amount")?.1), ("length", share), ("exponent", f64::from(exponent))];
+            Some(one("tip-relief", &keys))
         }
         "mains-hum" => mains_hum(effect, term),
         "thermal-drift" => Some(one("thermal-drift", &[("share", value(effect, "gain_change")?.1), on])),
