@@ -53,13 +53,13 @@ const LEAST_DEPARTURE: f64 = 3.0;
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
 const FINITE_GAIN: f64 = 300.0;
 /// A candidate's share of the best score from which its response at finite strength could still make it the best.
-const FINITE_SHARE: f64 = 0.6;
+const FINITE_SHARE: f64 = 0.8;
 /// Score from which contacts carried along by a shaft are always simulated, at several strengths.
 const STRONG_SCORE: f64 = 3000.0;
 /// Change of strength from the first-order template to the simulated one from which other strengths are tried, too.
 const LEAST_BEND: f64 = 0.1;
 /// Most candidates simulated in a round.
-const MOST_FINITE: usize = 6;
+const MOST_FINITE: usize = 4;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
@@ -130,7 +130,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     if whole.is_empty() {
         whole.extend(speed_fluctuation(&mut base, record, &plain, &split.held_out));
     }
-    if whole.iter().any(|e| e.name == "speed-fluctuation") {
+    if whole.iter().any(|e| e.family == "non-stationary") {
         // Smeared lines may have led the declared parameters astray: the declaration itself may do better.
         let mut unfitted = Base::new(record);
         let again = speed_fluctuation(&mut unfitted, record, &plain, &split.held_out);
@@ -142,6 +142,10 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
             whole = vec![again];
             base = unfitted;
         }
+    }
+    for effect in whole.iter_mut().filter(|e| options.withheld.contains(&e.name)) {
+        let text = if effect.name == "clipping" { "signal limited from above and below" } else { "angle moving within the runs" };
+        (effect.verdict, effect.name) = ("generic".into(), text.into());
     }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };

@@ -4,7 +4,7 @@
 //! other name comes within a Bayes factor of 10; else the verdict is ambiguous or generic.
 
 use super::base_fit::Base;
-use super::candidate::{Candidate, Claim};
+use super::candidate::{Candidate, Claim, Tuning};
 use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
@@ -23,6 +23,9 @@ const LEAST_LOG_FACTOR: f64 = 2.4;
 
 /// The same as a share of a name's gain: form error of the templates, which no longer is noise where gains are huge.
 const RIVAL_SHARE: f64 = 5e-5;
+
+/// Share of the path from which on a relief is no matter of the tips any more, and no other shape can be excluded.
+const WIDEST_RELIEF: f64 = 0.35;
 
 /// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared parameters that move
 /// the same lines.
@@ -166,11 +169,14 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
         let steady = exponents.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < 0.12 + half));
         let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
-        let near: Vec<&str> = rivals
+        let mut near: Vec<&str> = rivals
             .iter()
             .filter(|r| r.1 < LEAST_LOG_FACTOR.max(RIVAL_SHARE * own.gain))
             .map(|r| r.0.as_str())
             .collect();
+        if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
+            near.push("another displacement error repeating with every tooth pair");
+        }
         let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
         let lawful = left <= LARGEST_LEFT
             && steady

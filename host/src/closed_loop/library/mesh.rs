@@ -33,13 +33,15 @@ pub fn refine_relief(
     (share, exponent): (f64, i32),
     score: impl Fn(Candidate) -> f64 + Sync,
 ) -> Candidate {
+    // A parabola over the whole path is wear.
+    let widest = if exponent == 1 { 0.5 } else { 0.4 };
     let relief = |share| relief(bench, share, exponent);
     let mut best = (score(relief(share)), share);
     let mut step = 0.05;
     while step > 0.002 {
         let next = [best.1 - step, best.1 + step]
             .into_iter()
-            .filter(|share| (0.03..=0.5).contains(share))
+            .filter(|share| (0.03..=widest).contains(share))
             .map(|share| (score(relief(share)), share))
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or(best);
