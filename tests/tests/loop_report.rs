@@ -1,7 +1,7 @@
 //! The loop's report, band levels and corrected machine, on a generated record with a known effect.
 
 use meshband_host::closed_loop::generate::{self, Effect, Scenario};
-use meshband_host::closed_loop::{Options, apply, bands, close_loop, input, replay, report};
+use meshband_host::closed_loop::{Options, apply, bands, carry, close_loop, input, replay, report};
 use meshband_host::machine::Machine;
 use std::path::Path;
 
@@ -37,7 +37,7 @@ fn loop_report_and_corrected_machine_agree_with_the_outcome() {
     println!("{applied:?}");
     let corrected = Machine::read(&applied.machine).unwrap();
     let plain = Machine::read(&machine).unwrap();
-    let change = 1.0 + outcome.declared_parameter_changes["pinion mass"];
+    let change = 1.0 + outcome.corrected_parameter_changes["pinion mass"];
     assert!((corrected.shafts.mass_kg[0] / plain.shafts.mass_kg[0] - change).abs() < 1e-9);
     for effect in &applied.written {
         meshband_host::effects::parse(effect).unwrap();
@@ -46,12 +46,14 @@ fn loop_report_and_corrected_machine_agree_with_the_outcome() {
 
 #[test]
 fn theory_every_mapped_name_and_key_exists_in_the_simulator() {
-    for (_, name, gear, keys) in apply::MAPPING {
-        let entry = meshband_host::effects::entry(name).unwrap();
+    for mapping in carry::MAPPING {
+        let entry = meshband_host::effects::entry(mapping.name).unwrap();
         let known = |key: &str| entry.parameters.iter().any(|p| p.name == key);
-        assert!(gear.is_none() || known("gear"), "{name}: gear");
-        for (_, key) in *keys {
-            assert!(known(key), "{name}: {key}");
+        assert_eq!(mapping.body != carry::Body::Neither, known("gear"), "{}: gear", mapping.name);
+        assert_eq!(mapping.per_turn != carry::PerTurn::None, known("order"), "{}: order", mapping.name);
+        assert_eq!(mapping.turn_rad.is_some(), known("phase"), "{}: phase", mapping.name);
+        for (_, key) in mapping.keys {
+            assert!(known(key), "{}: {key}", mapping.name);
         }
     }
 }

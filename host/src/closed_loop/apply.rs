@@ -1,45 +1,24 @@
-//! The corrected machine: declared parameters as adopted, named effects as the simulator's, law refitted where it must be.
+//! The corrected machine: declared parameters as adopted, named effects as the simulator's, and its law.
 //!
-//! Three files beside the machine: `NAME.corrected.toml` (a machine file), `NAME.effects.toml` (`[[effect]]` tables with the simulator's
-//! names, for named verdicts only) and `NAME.law.toml` where pair stiffness, mesh damping or the ramp changed: the law times the
-//! engagement edge, which shafts' and sensors' effects do not touch. Phases follow the simulator's `cos(order angle + phase)`.
+//! Files beside the machine: `NAME.corrected.toml` (a machine file), `NAME.effects.toml` (`[[effect]]` tables with the simulator's
+//! names, for named verdicts only, and the factor on declared torques), `NAME.law.toml` (the law of that machine with the effects that
+//! every pair carries: wear, relief, profile; shafts' and sensors' effects and single teeth do not touch the engagement edge that it times).
+//! How orders, phases and teeth become the simulator's is [`super::carry`]'s.
 
-use super::outcome::{Effect, Outcome};
-use crate::law::derive::{check, derive, edge_bandwidth_hz, study_torque};
-use crate::law::operating::Bench;
-use crate::machine::Machine;
-use crate::{Error, Result, effects};
+use super::carry::carry;
+use super::outcome::Outcome;
+use crate::law::derive::OPERATING_POINTS;
+use crate::law::either_edge::by_same_edge;
+use crate::law::file::LawFile;
+use crate::law::operating::{Bench, Event};
+use crate::machine::{Machine, Nominal};
+use crate::record::Record;
+use crate::{Error, Result, effects, terminal};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Loop name, simulator name, gear (0 pinion, 1 gear) and keys: outcome parameter prefix to simulator key.
-type Mapping = (&'static str, &'static str, Option<f64>, &'static [(&'static str, &'static str)]);
-
-/// How named effects go into the simulator; names not listed have no one-to-one counterpart and are only written as comments.
-pub const MAPPING: &[Mapping] = &[
-    ("pinion-eccentricity", "eccentricity", Some(0.0), &[("amplitude", "amplitude")]),
-    ("gear-eccentricity", "eccentricity", Some(1.0), &[("amplitude", "amplitude")]),
-    ("pinion-imbalance", "imbalance", Some(0.0), &[("unbalance", "moment")]),
-    ("gear-imbalance", "imbalance", Some(1.0), &[("unbalance", "moment")]),
-    ("pinion-pitch-error", "pitch-error", Some(0.0), &[("single_tooth_offset", "single")]),
-    ("gear-pitch-error", "pitch-error", Some(1.0), &[("single_tooth_offset", "single")]),
-    ("pinion-tooth-crack", "tooth-crack", Some(0.0), &[("stiffness_loss", "loss")]),
-    ("gear-tooth-crack", "tooth-crack", Some(1.0), &[("stiffness_loss", "loss")]),
-    ("wear", "wear", None, &[("depth", "depth")]),
-    ("friction", "friction", None, &[("coefficient", "coefficient")]),
-    ("ghost-order", "ghost-order", None, &[("amplitude", "amplitude")]),
-    ("torque-ripple", "torque-ripple", None, &[("share_of_torque", "depth")]),
-    ("load-fluctuation", "load-fluctuation", None, &[("share_of_torque", "depth")]),
-    ("coupling-misalignment", "coupling-misalignment", None, &[("radial_force", "force")]),
-    ("bearing-stiffness-modulation", "bearing-stiffness-modulation", None, &[("share_of_stiffness", "share")]),
-    ("mains-hum", "mains-hum", None, &[("acceleration", "first")]),
-    ("thermal-drift", "thermal-drift", None, &[("share", "share"), ("gain_change", "share")]),
-    ("sensor-nonlinearity", "sensor-nonlinearity", None, &[("quadratic", "quadratic")]),
-    ("transfer-path-resonance", "transfer-path-resonance", None, &[("gain", "gain"), ("frequency", "frequency")]),
-];
-
-/// Effects that change the pair's stiffness or ramp, and so the law.
-const OF_THE_PAIR: [&str; 4] = ["tip-relief", "profile-error", "wear", "tooth-crack"];
+/// Simulator's effects that every pair carries alike, and so the law.
+const OF_EVERY_PAIR: [&str; 3] = ["tip-relief", "profile-error", "wear"];
 
 /// What was written.
 #[derive(Debug, Clone, Serialize)]
@@ -50,59 +29,26 @@ pub struct Applied {
     pub effects: PathBuf,
     /// Effects written as tables, as `simulate --effect` takes them.
     pub written: Vec<String>,
+    /// What does not carry over, by the loop's name of the effect.
+    pub remarks: Vec<String>,
     /// Verdicts without a counterpart in the simulator.
     pub not_written: Vec<String>,
-    /// Law, where it was fitted again.
+    /// Factor on declared torques.
+    pub torque_factor: f64,
+    /// Law of the corrected machine.
     pub law: Option<PathBuf>,
+    /// Which edge it times and why, or why there is none.
+    pub law_remark: String,
     /// Predicted edge bandwidth at the machine's nominal speed, Hz: declared, corrected.
     pub bandwidth_hz: Option<[f64; 2]>,
-    /// Why the law was fitted again or not.
-    pub law_remark: String,
-}
-
-fn table(effect: &Effect) -> Option<(String, toml::Table)> {
-    let (_, name, gear, keys) = MAPPING.iter().find(|m| m.0 == effect.name)?;
-    let mut table = toml::Table::new();
-    let mut put = |key: &str, value: f64| table.insert(key.into(), toml::Value::Float(value));
-    let entry = effects::entry(name).ok()?;
-    let known = |key: &str| entry.parameters.iter().any(|p| p.name == key);
-    let mut any = false;
-    for (prefix, key) in *keys {
-        if let Some((label, value)) =
-            effect.parameters.iter().find(|(n, _)| n.starts_with(prefix) && !n.contains("phase"))
-        {
-            put(key, value.value);
-            any = true;
-            if let Some(tooth) = label.rsplit("tooth ").next().and_then(|t| t.parse::<f64>().ok()) {
-                put("tooth", tooth);
-            }
-        }
-    }
-    if let Some(gear) = gear.or(match effect.shaft.as_str() {
-        "gear" => Some(1.0),
-        "pinion" => Some(0.0),
-        _ => None,
-    }) && known("gear")
-    {
-        put("gear", gear);
-    }
-    if let Some((_, phase)) = effect.parameters.iter().find(|(n, _)| n.contains("phase"))
-        && known("phase")
-    {
-        put("phase", phase.value);
-    }
-    if let Some(order) = effect.order_of_pinion.filter(|_| known("order")) {
-        put("order", order);
-    }
-    if let Some(hz) = effect.frequency_hz.filter(|_| known("frequency")) {
-        put("frequency", hz);
-    }
-    any.then(|| ((*name).to_string(), table))
+    /// Laws of the declared and of the corrected machine, by the same edge.
+    #[serde(skip)]
+    pub laws: Option<[LawFile; 2]>,
 }
 
 /// The corrected machine's parameters.
 fn change(machine: &mut Machine, outcome: &Outcome, folder: &Path, stem: &str) -> Result<()> {
-    let f = |name: &str| 1.0 + outcome.declared_parameter_changes.get(name).copied().unwrap_or(0.0);
+    let f = |name: &str| 1.0 + outcome.corrected_parameter_changes.get(name).copied().unwrap_or(0.0);
     let s = &mut machine.shafts;
     for (side, body) in ["pinion", "gear"].into_iter().enumerate() {
         s.bearing_stiffness_n_per_m[side] *= f(&format!("{body} bearing stiffness"));
@@ -139,72 +85,153 @@ fn change(machine: &mut Machine, outcome: &Outcome, folder: &Path, stem: &str) -
 /// # Errors
 /// An unreadable machine, files that cannot be written, a law that cannot be derived.
 pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
-    let declared = Machine::read(path)?;
+    let mut declared = Machine::read(path)?;
+    if declared.nominal.is_none() && path.is_dir() {
+        declared.nominal = nominal(&Record::read(path)?);
+    }
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
     let stem = if path.is_dir() {
         "machine".into()
     } else {
         path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     };
+    let held = &outcome.error.held_out_runs;
+    // What does not predict runs it has not seen corrects nothing.
+    let better = held.whole_signal[1] <= held.whole_signal[0];
+    let (mut list, mut written, mut remarks, mut not_written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    if !better {
+        remarks.push("held-out error does not fall: the machine stays as declared".into());
+    }
+    for (i, effect) in outcome.effects.iter().enumerate() {
+        let term = outcome.terms.get(i).filter(|t| t.name == effect.name);
+        let carried = if effect.verdict == "named" && better { carry(effect, term, &declared) } else { Ok(None) };
+        let carried = match carried {
+            Ok(Some(carried)) => carried,
+            Ok(None) => {
+                not_written.push(format!("{}: {}", effect.verdict, effect.name));
+                continue;
+            }
+            Err(why) => {
+                not_written.push(format!("{}: {} ({why})", effect.verdict, effect.name));
+                continue;
+            }
+        };
+        remarks.extend(carried.remark.map(|remark| format!("{}: {remark}", effect.name)));
+        for (name, mut table) in carried.tables {
+            let keys: Vec<String> = table.iter().map(|(k, v)| format!("{k}={v}")).collect();
+            written.push(format!("{name}:{}", keys.join(",")));
+            table.insert("name".into(), toml::Value::String(name.into()));
+            list.push(table);
+        }
+    }
+    // Parameters moved next to every effect; where one of these stays out they may stand for it.
+    let moved = better && not_written.is_empty();
+    if better && !moved {
+        remarks
+            .push("declared parameters stay as declared: they were fitted next to effects that are not written".into());
+    }
     let mut corrected = declared.clone();
-    change(&mut corrected, outcome, folder, &stem)?;
+    if moved {
+        change(&mut corrected, outcome, folder, &stem)?;
+    }
     let text = toml::to_string(&corrected).map_err(|e| Error::invalid(path.display(), e))?;
     let machine = folder.join(format!("{stem}.corrected.toml"));
     std::fs::write(&machine, text).map_err(Error::file(&machine))?;
-    let (mut list, mut written, mut not_written) = (Vec::new(), Vec::new(), Vec::new());
-    for effect in &outcome.effects {
-        match table(effect).filter(|_| effect.verdict == "named") {
-            Some((name, mut table)) => {
-                effects::from_table(&name, &table)?;
-                let keys: Vec<String> = table.iter().map(|(k, v)| format!("{k}={v}")).collect();
-                written.push(format!("{name}:{}", keys.join(",")));
-                table.insert("name".into(), toml::Value::String(name));
-                list.push(toml::Value::Table(table));
-            }
-            None => not_written.push(format!("{}: {}", effect.verdict, effect.name)),
-        }
-    }
+    let torque = outcome.corrected_parameter_changes.get("torque").filter(|_| moved);
+    let torque_factor = 1.0 + torque.copied().unwrap_or(0.0);
     let mut text = String::from("# Effects found by `meshband loop`, with the simulator's names.\n");
-    for other in &not_written {
-        text += &format!("# without counterpart: {other}\n");
-    }
-    let whole = toml::Table::from_iter([("effect".to_string(), toml::Value::Array(list))]);
+    remarks.iter().for_each(|remark| text += &format!("# {remark}\n"));
+    not_written.iter().for_each(|other| text += &format!("# without counterpart: {other}\n"));
+    let of_every_pair: Vec<toml::Table> = list.iter().filter(|t| of_every_pair(t)).cloned().collect();
+    let list = list.into_iter().map(toml::Value::Table).collect();
+    let whole = [("torque_factor", toml::Value::Float(torque_factor)), ("effect", toml::Value::Array(list))];
+    let whole = toml::Table::from_iter(whole.map(|(key, value)| (key.to_string(), value)));
     text += &toml::to_string(&whole).map_err(|e| Error::invalid("effects", e))?;
     let effects = folder.join(format!("{stem}.effects.toml"));
     std::fs::write(&effects, text).map_err(Error::file(&effects))?;
-    let (law, bandwidth_hz, law_remark) = law(&declared, &machine, outcome, &folder.join(format!("{stem}.law.toml")))?;
-    Ok(Applied { machine, effects, written, not_written, law, bandwidth_hz, law_remark })
+    let mut applied = Applied {
+        machine,
+        effects,
+        written,
+        remarks,
+        not_written,
+        torque_factor,
+        law: None,
+        law_remark: String::new(),
+        bandwidth_hz: None,
+        laws: None,
+    };
+    law(&declared, of_every_pair, &folder.join(format!("{stem}.law.toml")), &mut applied)?;
+    Ok(applied)
 }
 
-type LawResult = (Option<PathBuf>, Option<[f64; 2]>, String);
-
-fn law(declared: &Machine, corrected: &Path, outcome: &Outcome, target: &Path) -> Result<LawResult> {
-    let of_pair = outcome.effects.iter().any(|e| OF_THE_PAIR.iter().any(|n| e.name.contains(n)));
-    let changed = ["mesh stiffness", "mesh damping"]
+/// The middle of a record's runs, for a machine that declares no operating point.
+fn nominal(record: &Record) -> Option<Nominal> {
+    let pulses = f64::from(record.require_tach().ok()?.pulses_per_rev);
+    let points: Vec<[f64; 2]> = record
+        .runs
         .iter()
-        .any(|n| outcome.declared_parameter_changes.get(*n).is_some_and(|c| c.abs() > 0.005));
-    if !of_pair && !changed {
-        return Ok((None, None, "unchanged: no effect on the pair or its ramp".into()));
+        .filter_map(|run| {
+            let (first, last) = (run.edges_s.first()?, run.edges_s.last()?);
+            let speed = (run.edges_s.len() - 1) as f64 / pulses / (last - first);
+            Some([speed, run.declaration.input_torque_n_m?])
+        })
+        .collect();
+    let mean = |i: usize| points.iter().map(|p| p[i]).sum::<f64>() / points.len() as f64;
+    (!points.is_empty()).then(|| Nominal { speed_hz: mean(0), torque_n_m: mean(1) })
+}
+
+fn of_every_pair(table: &toml::Table) -> bool {
+    table.get("name").and_then(toml::Value::as_str).is_some_and(|name| OF_EVERY_PAIR.contains(&name))
+}
+
+/// Derives the laws of both machines, writes the corrected one's and says what edge they time.
+fn law(declared: &Machine, of_every_pair: Vec<toml::Table>, target: &Path, applied: &mut Applied) -> Result<()> {
+    let corrected = Machine::read(&applied.machine)?;
+    let count = of_every_pair.len();
+    let bar = terminal::Progress::new("law", 2 * OPERATING_POINTS);
+    let both = || -> Result<_> {
+        let before = Bench::new(declared)?;
+        let after = Bench::new(&corrected)?.with_effects(move || {
+            let made = of_every_pair.iter().map(|table| {
+                let mut table = table.clone();
+                let name = table.remove("name");
+                effects::from_table(name.as_ref().and_then(toml::Value::as_str).unwrap_or_default(), &table)
+            });
+            // Checked when the file was made.
+            made.filter_map(Result::ok).collect()
+        });
+        by_same_edge(&[(declared, &before), (&corrected, &after)], &|| bar.step())
+    };
+    let found = both();
+    drop(bar);
+    let same = match found {
+        Ok(same) => same,
+        Err(why) => {
+            // A machine whose edges cannot be timed has no law; its correction stands all the same.
+            applied.law_remark = format!("none: {why}; a node keeps the law it has");
+            return Ok(());
+        }
+    };
+    let mut remark = match same.event {
+        Event::Exit => "of the edge with which a pair gives off its load".to_string(),
+        Event::Entry => "of the edge with which a pair takes up its load".to_string(),
+    };
+    if let Some(reason) = &same.reason {
+        remark += &format!(" (give-off: {reason})");
     }
-    let corrected = Machine::read(corrected)?;
-    let Ok(torque) = study_torque(&corrected) else {
-        return Ok((None, None, "not fitted: the machine declares no nominal torque".into()));
-    };
-    let speed = corrected.nominal.map_or(15.0, |n| n.speed_hz);
-    let fitted = || -> Result<([f64; 2], String)> {
-        let (before, after) = (Bench::new(declared)?, Bench::new(&corrected)?);
-        let bandwidth = [edge_bandwidth_hz(&before, speed, torque)?, edge_bandwidth_hz(&after, speed, torque)?];
-        let bar = crate::terminal::Progress::new("law", crate::law::derive::OPERATING_POINTS);
-        let laws = derive(&corrected, &after, &|| bar.step())?;
-        let uncertainty = check(&laws, &after, &|| bar.step())?.relative_uncertainty();
-        Ok((bandwidth, laws.file(uncertainty).to_toml()))
-    };
-    let (bandwidth, text) = match fitted() {
-        Ok(law) => law,
-        // A machine whose edges cannot be timed has no law; its correction stands all the same.
-        Err(why) => return Ok((None, None, format!("not fitted: {why}"))),
-    };
+    if count > 0 {
+        remark += ", with the effects that every pair carries, at the machine's nominal torque";
+    }
+    let laws: [LawFile; 2] = same.laws.try_into().expect("one law per machine");
+    let [lowest, highest] = laws[1].domain_hz;
+    let speed = corrected.nominal.map_or(15.0, |n| n.speed_hz).clamp(lowest, highest);
+    let body: String = laws[1].to_toml().lines().filter(|l| !l.starts_with('#')).map(|l| format!("{l}\n")).collect();
+    let text = format!("# Bandwidth law of the corrected machine, B = 0.35 / t_r\n# {remark}.\n{body}");
     std::fs::write(target, text).map_err(Error::file(target))?;
-    let remark = format!("fitted again: pair, mesh damping or ramp changed; edge bandwidth at {speed} Hz as given");
-    Ok((Some(target.to_owned()), Some(bandwidth), remark))
+    applied.law = Some(target.to_owned());
+    applied.bandwidth_hz = Some(laws.each_ref().map(|l| l.law.bandwidth_hz(speed)));
+    applied.law_remark = remark;
+    applied.laws = Some(laws);
+    Ok(())
 }

@@ -1,5 +1,6 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
+use super::candidate::{Parameter, Tuning};
 use super::spectrum::Bins;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -97,6 +98,23 @@ pub struct Unexplained {
     pub variance_share: f64,
 }
 
+/// An accepted term as fitted: what the simulator must know of it beyond the reported values.
+#[derive(Debug, Clone)]
+pub struct Term {
+    /// Name of the candidate.
+    pub name: String,
+    /// What the unknowns mean.
+    pub parameters: Vec<Parameter>,
+    /// Unknowns of the templates.
+    pub unknowns: Vec<f64>,
+    /// Size of the templates in each channel over the larger one.
+    pub channel_share: [f64; 2],
+    /// Phase is arbitrary in every run: the unknowns are a quadrature pair per run, zero in runs not seen.
+    pub phase_free: bool,
+    /// Shape found by search.
+    pub tuning: Option<Tuning>,
+}
+
 /// Outcome of the loop.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
@@ -110,10 +128,15 @@ pub struct Outcome {
     pub unexplained: Vec<Unexplained>,
     /// Declared parameters as adopted, relative change.
     pub declared_parameter_changes: BTreeMap<String, f64>,
+    /// The same with what they moved by next to the effects in the last fit: the corrected machine.
+    pub corrected_parameter_changes: BTreeMap<String, f64>,
     /// Runs (index) used to fit, to select, held out.
     pub split: [Vec<usize>; 3],
     /// Candidates considered and refused, with score.
     pub refused: Vec<(String, f64)>,
+    /// Accepted terms as fitted, in the order of the first effects. Not written to JSON.
+    #[serde(skip)]
+    pub terms: Vec<Term>,
     /// Residual spectra of every run and channel: declared machine, corrected machine. Not written to JSON.
     #[serde(skip)]
     pub residual: [Vec<[Bins; 2]>; 2],

@@ -6,7 +6,7 @@ use super::detect;
 use super::input::Record;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::Data;
-use super::outcome::{Effect, ErrorPair, ErrorTable, Outcome, Unexplained};
+use super::outcome::{Effect, ErrorPair, ErrorTable, Outcome, Term, Unexplained};
 use std::collections::BTreeMap;
 
 /// Bins within one bin of an order of pinion or gear.
@@ -62,6 +62,32 @@ fn errors(declared: &Data, after: &Data, base: &Base, runs: &[usize]) -> ErrorPa
     }
 }
 
+/// Accepted terms with their unknowns, which follow the nuisances in `x`.
+fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
+    let mut at = base.nuisances.len();
+    accepted
+        .iter()
+        .map(|candidate| {
+            let own = at..at + candidate.templates.len();
+            at = own.end;
+            let size = |c: usize| {
+                let bins = candidate.templates.iter().flat_map(|t| &t.runs).flat_map(|run| &run[c]);
+                bins.map(|(_, value)| value.norm_sqr()).sum::<f64>().sqrt()
+            };
+            let sizes = [size(0), size(1)];
+            let larger = sizes[0].max(sizes[1]).max(f64::MIN_POSITIVE);
+            Term {
+                name: candidate.name.clone(),
+                parameters: candidate.parameters.clone(),
+                unknowns: x[own].to_vec(),
+                channel_share: sizes.map(|s| s / larger),
+                phase_free: candidate.phase_free,
+                tuning: candidate.tuning,
+            }
+        })
+        .collect()
+}
+
 /// Assembles the outcome; the held-out runs are read here and nowhere else.
 #[allow(clippy::too_many_arguments, reason = "assembly of the final report from the parts of one function")]
 pub fn report(
@@ -76,6 +102,8 @@ pub fn report(
 ) -> Outcome {
     let seen = &split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
+    let solution = joint(base, data, seen, &terms).x;
+    let moved = |i: usize| (1.0 + base.change[i]) * (1.0 + solution[i]) - 1.0;
     let after_of = |terms: &[&Candidate]| {
         let mut x = joint(base, data, seen, terms).x;
         // Angle offsets of runs come from the tachometer alone in any prediction.
@@ -123,6 +151,12 @@ pub fn report(
             .zip(&base.change)
             .map(|((name, _), change)| ((*name).to_string(), *change))
             .collect(),
+        corrected_parameter_changes: TOLERANCES
+            .iter()
+            .enumerate()
+            .map(|(i, (name, _))| ((*name).to_string(), moved(i)))
+            .collect(),
+        terms: fitted(base, accepted, &solution),
         split: [split.fit.clone(), split.select.clone(), split.held_out.clone()],
         refused: refused.into_iter().collect(),
         residual: [declared.residual.clone(), after.residual],

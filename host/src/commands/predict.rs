@@ -50,6 +50,8 @@ struct Outcome {
     input_torque_n_m: Option<f64>,
     /// RMS of what remains below 15 kHz over the measured AC RMS there, per channel.
     remaining: [f64; 2],
+    /// Predicted over measured AC RMS below 15 kHz, dB, per channel: what can be compared of effects whose phase is free in every run.
+    level_db: [f64; 2],
     statistics: Statistics,
     #[serde(skip)]
     spectra: Vec<[Series; 3]>,
@@ -63,6 +65,7 @@ pub fn run(args: Args) -> Result<()> {
         predictor.rig = Rig::new(&Machine::read(path)?, args.model, Damping::Declared)?;
     }
     let effects = args.effects_file.as_deref().map_or_else(|| Ok(Vec::new()), effects::read)?;
+    predictor.torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
     std::fs::create_dir_all(&args.output).map_err(Error::file(&args.output))?;
     let progress = terminal::Progress::new("predict", record.runs.len() as u64);
     let drawn = args.report.is_some();
@@ -83,11 +86,12 @@ pub fn run(args: Args) -> Result<()> {
         .map(|o| {
             let torque = o.input_torque_n_m.map_or(String::new(), |t| t.to_string());
             let [first, second] = o.remaining.map(|r| format!("{:.3}", 100.0 * r));
-            vec![o.run.clone(), torque, first, second]
+            let [level, other] = o.level_db.map(|l| format!("{l:+.3}"));
+            vec![o.run.clone(), torque, first, second, level, other]
         })
         .collect();
-    let head = ["run", "torque, N m", "pinion channel, %", "gear channel, %"];
-    println!("remaining below 15 kHz, of the measured AC RMS");
+    let head = ["run", "torque, N m", "pinion channel, %", "gear channel, %", "pinion level, dB", "gear level, dB"];
+    println!("remaining below 15 kHz, of the measured AC RMS; predicted level less measured");
     print!("{}", terminal::table(&head, &rows));
     if let Some(path) = &args.json {
         write_json(path, &outcomes)?;
@@ -98,7 +102,7 @@ pub fn run(args: Args) -> Result<()> {
             .figure("Runs", outcomes.len())
             .figure("Largest remainder", format!("{:.3} %", 100.0 * worst))
             .text("What the declared machine explains of each run, from declaration, torque and tach alone.")
-            .table("Remaining below 15 kHz, of the measured AC RMS.", &head, &rows);
+            .table("Remaining below 15 kHz, of the measured AC RMS; predicted level less measured.", &head, &rows);
         for outcome in &outcomes {
             for (channel, spectra) in outcome.spectra.iter().enumerate() {
                 let axes = Axes { x: "frequency, Hz", y: "acceleration, dB re 1 m/s2" };
@@ -114,7 +118,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn compare(run: &Run, predicted: &[Vec<f64>; 2], statistics: Statistics, drawn: bool) -> Outcome {
-    let mut remaining = [0.0; 2];
+    let (mut remaining, mut level_db) = ([0.0; 2], [0.0; 2]);
     let mut spectra = Vec::new();
     for (channel, predicted) in predicted.iter().enumerate().take(run.channels()) {
         let measured = run.signal_m_s2(channel);
@@ -125,6 +129,7 @@ fn compare(run: &Run, predicted: &[Vec<f64>; 2], statistics: Statistics, drawn: 
         // The window spreads the mean over the first bins.
         let rms = |values: &[f64]| values[3.min(last)..=last].iter().map(|a| a * a).sum::<f64>().sqrt();
         remaining[channel] = rms(&r.values) / rms(&m.values).max(f64::MIN_POSITIVE);
+        level_db[channel] = 20.0 * (rms(&p.values) / rms(&m.values)).log10();
         if drawn {
             spectra.push(
                 [("measured", m), ("predicted", p), ("remaining", r)]
@@ -133,5 +138,12 @@ fn compare(run: &Run, predicted: &[Vec<f64>; 2], statistics: Statistics, drawn: 
         }
     }
     let run_name = run.declaration.signal.clone();
-    Outcome { run: run_name, input_torque_n_m: run.declaration.input_torque_n_m, remaining, statistics, spectra }
+    Outcome {
+        run: run_name,
+        input_torque_n_m: run.declaration.input_torque_n_m,
+        remaining,
+        level_db,
+        statistics,
+        spectra,
+    }
 }

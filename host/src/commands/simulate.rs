@@ -84,6 +84,7 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.effects_file {
         effects.extend(effects::read(path)?);
     }
+    let torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
     let (points, default_s) = points(&args, &machine)?;
     let duration_s = args.duration.unwrap_or(default_s);
     let progress = terminal::Progress::new("simulate", points.len() as u64);
@@ -98,7 +99,7 @@ pub fn run(args: Args) -> Result<()> {
                 noise_m_s2: args.noise,
                 seed: point.seed,
             };
-            let simulated = simulate(&rig, &point.motion, point.torque_n_m, &effects, &acquisition)?;
+            let simulated = simulate(&rig, &point.motion, torque_factor * point.torque_n_m, &effects, &acquisition)?;
             progress.step();
             Ok(simulated)
         })
@@ -148,7 +149,9 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
             let seed = run_seed(args.seed, points.len());
             let mut motion = motion.clone();
             if let (Motion::Constant { turns_at_zero, .. }, true) = (&mut motion, args.random_start) {
-                *turns_at_zero = start_turns(seed);
+                // The first edge is then within the first turn from angle 0, which is all that a record says of its angle:
+                // teeth of the gear keep their numbers.
+                *turns_at_zero = start_turns(seed) - 1.0 / f64::from(args.pulses.max(1));
             }
             points.push(Point { motion, speed_text: speed_text.clone(), torque_n_m, seed });
         }

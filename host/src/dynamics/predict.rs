@@ -1,10 +1,10 @@
 //! What the declared machine gives for each run of a record: declaration, torque and tach only.
 //!
 //! The angle comes from the tach, so the contact positions do; forces do not. The machine is in steady
-//! state at the first sample. Sensors are flat.
+//! state at the first sample. Sensors are flat but for the effects given.
 
 use super::assembly::{Damping, Model};
-use super::excitation::Effect;
+use super::excitation::{Effect, Sampled};
 use super::kinematics::Motion;
 use super::rig::Rig;
 use super::taylor::Statistics;
@@ -16,6 +16,8 @@ use crate::{Error, Result};
 pub struct Predictor {
     /// The machine as declared.
     pub rig: Rig,
+    /// Factor on the declared torques, 1 as declared.
+    pub torque_factor: f64,
     pulses_per_turn: u32,
     turns_of_pinion: f64,
     jitter_s: f64,
@@ -36,6 +38,7 @@ impl Predictor {
         };
         Ok(Self {
             rig: Rig::new(&machine, model, damping)?,
+            torque_factor: 1.0,
             pulses_per_turn: tach.pulses_per_rev,
             turns_of_pinion,
             jitter_s: tach.jitter_s.unwrap_or(0.0),
@@ -53,7 +56,9 @@ impl Predictor {
         Ok(motion.geared(self.turns_of_pinion))
     }
 
-    /// Acceleration of both channels over a run, m/s2.
+    /// Acceleration of both channels over a run, m/s2, after what the effects do to the measuring chain.
+    ///
+    /// Random phases of effects (hum, tones) are those of seed 0, the same in every run: their levels count, not their waveforms.
     ///
     /// # Errors
     /// A run without torque, and everything that stops the solver.
@@ -61,6 +66,16 @@ impl Predictor {
         let torque = run.declaration.input_torque_n_m.ok_or_else(|| {
             Error::invalid(&run.declaration.signal, "[[run]] input_torque_n_m is needed for a prediction")
         })?;
-        self.rig.accelerations(&self.motion(run)?, torque, effects, self.rate_hz, run.samples())
+        let (motion, torque) = (self.motion(run)?, torque * self.torque_factor);
+        let (mut channels, statistics) =
+            self.rig.accelerations(&motion, torque, effects, self.rate_hz, run.samples())?;
+        let facts = self.rig.facts(torque);
+        let turns: Vec<f64> =
+            (0..run.samples()).map(|i| motion.turns(i as f64 / self.rate_hz, 1e-6).coefficient(0)).collect();
+        let rate_hz = self.rate_hz;
+        for effect in effects {
+            effect.measure(&mut Sampled { channels: &mut channels, rate_hz, seed: 0, turns: &turns, facts: &facts });
+        }
+        Ok((channels, statistics))
     }
 }

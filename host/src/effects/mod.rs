@@ -263,3 +263,15 @@ pub fn read(path: &std::path::Path) -> Result<Vec<Box<dyn Effect>>> {
         })
         .collect()
 }
+
+/// Factor on every declared torque that such a file states (`torque_factor`, 1 where absent): torque meters are off by a share, too.
+///
+/// # Errors
+/// An unreadable file, a factor that is not within 0.5 to 2.
+pub fn read_torque_factor(path: &std::path::Path) -> Result<f64> {
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))?;
+    let Some(value) = whole.get("torque_factor") else { return Ok(1.0) };
+    let factor = value.as_float().or(value.as_integer().map(|i| i as f64)).filter(|f| (0.5..=2.0).contains(f));
+    factor.ok_or_else(|| Error::invalid(format!("{}: torque_factor", path.display()), "must lie between 0.5 and 2"))
+}

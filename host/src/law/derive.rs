@@ -23,9 +23,9 @@ pub const DOMAIN_HZ: [f64; 2] = [1.0, 25.0];
 /// Speeds the paper checks its equation (10) at, Hz.
 pub const PAPER_CHECK_HZ: [f64; 3] = [8.0, 16.0, 22.0];
 /// Speeds from which the table's knots are chosen: log-spaced over the domain.
-const FIT_SPEEDS: usize = 577;
+pub(super) const FIT_SPEEDS: usize = 577;
 /// Relative error at which no more knots are added.
-const KNOT_TOLERANCE: f64 = 2e-4;
+pub(super) const KNOT_TOLERANCE: f64 = 2e-4;
 /// Largest scatter by the ring up to which the table takes the middle.
 const SMALL_RING: f64 = 0.01;
 /// Seed of the random held-out speeds.

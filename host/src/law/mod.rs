@@ -1,11 +1,12 @@
 //! The bandwidth law: from simulated engagement edges to the numbers a node carries.
 //!
 //! `edges` defines what is timed, `operating` simulates it, `study` and `sampling` redo the paper's studies, `derive`
-//! fits and checks the law, `estimator` compares the node's sampled estimator, `file` and `export` hand the law on.
+//! fits and checks the law, `either_edge` takes the take-up edge where the other cannot be timed, `estimator` compares the node's sampled estimator, `file` and `export` hand the law on.
 
 pub mod crack;
 pub mod derive;
 pub mod edges;
+pub mod either_edge;
 pub mod estimator;
 pub mod export;
 pub mod file;

@@ -11,8 +11,9 @@
 use super::crack::{CrackedTooth, OnlyPairs};
 use super::edges::{Edge, Polarity, Step, steepest_edge};
 use crate::dynamics::assembly::{Damping, Model};
+use crate::dynamics::excitation::{Moment, PairOnPath};
 use crate::dynamics::steady::steady_state;
-use crate::dynamics::{Coordinate, Effect, Mesh, Motion, Rig, Solver, State, Statistics};
+use crate::dynamics::{Coordinate, Effect, Facts, Mesh, Motion, Rig, Series, Solver, State, Statistics};
 use crate::machine::{EngagementKind, Machine, Side};
 use crate::piecewise::{PiecewisePolynomial, horner};
 use crate::stiffness::{Geometry, PAPER_WIDTH_RAD};
@@ -25,6 +26,8 @@ pub struct Bench {
     teeth: [u32; 2],
     crack: Option<CrackedTooth>,
     ramps: Ramps,
+    /// Makes the effects that act on every pair alike, anew for every operating point.
+    effects: Box<dyn Fn() -> Vec<Box<dyn Effect>> + Send + Sync>,
 }
 
 /// Which of a pair's two engagement edges.
@@ -121,7 +124,13 @@ impl Bench {
         rig.sensors()?;
         let crack = machine.cracked_pair()?.map(CrackedTooth::new);
         let ramps = Ramps::new(machine, &rig.stiffness)?;
-        Ok(Self { rig, teeth: machine.pair.teeth, crack, ramps })
+        Ok(Self { rig, teeth: machine.pair.teeth, crack, ramps, effects: Box::new(Vec::new) })
+    }
+
+    /// The same with effects that repeat with every tooth pair (wear, relief, profile), made by `effects`; others have no place in a mesh
+    /// period and would spoil the steady state.
+    pub fn with_effects(self, effects: impl Fn() -> Vec<Box<dyn Effect>> + Send + Sync + 'static) -> Self {
+        Self { effects: Box::new(effects), ..self }
     }
 
     /// Teeth of pinion and gear.
@@ -146,7 +155,7 @@ impl Bench {
     /// A speed or torque out of range, and everything that stops the solver.
     pub fn healthy(&self, shaft_hz: f64, torque_n_m: f64) -> Result<Periodic> {
         check(shaft_hz, torque_n_m)?;
-        self.periodic(shaft_hz, torque_n_m, &[], 1.0 / (shaft_hz * f64::from(self.teeth[0])))
+        self.periodic(shaft_hz, torque_n_m, &(self.effects)(), 1.0 / (shaft_hz * f64::from(self.teeth[0])))
     }
 
     /// Steady acceleration with the declared crack over one turn of the cracked gear; the cracked pair enters at time 0.
@@ -227,11 +236,19 @@ impl Bench {
         let rate = shaft_hz * f64::from(self.teeth[0]);
         let motion = Motion::Constant { speed_hz: shaft_hz, turns_at_zero: ramp[0] / f64::from(self.teeth[0]) };
         let time = |position: f64| (position - ramp[0]) / rate;
-        let effects: [Box<dyn Effect>; 1] = [Box::new(OnlyPairs([0, 1]))];
+        let mut effects = (self.effects)();
+        effects.push(Box::new(OnlyPairs([0, 1])));
         let force = &rig.system.torque * torque;
+        let facts = rig.facts(torque);
         let balance = |position: f64| {
-            let total = rig.stiffness.value(position) + rig.stiffness.value(position - 1.0);
-            rig.system.static_deflection(&force, total)
+            let (mut total, mut by_errors) = (0.0, 0.0);
+            for number in [0, 1] {
+                let at = position - number as f64;
+                let k = rig.stiffness.value(at);
+                total += k;
+                by_errors += k * error(&effects, &facts, number, at);
+            }
+            rig.system.static_deflection(&(&force + &rig.system.mesh * by_errors), total)
         };
         let step = 1e-4 * (ramp[0] - begin);
         let (at, ahead) = (balance(begin)?, balance(begin + step)?);
@@ -248,6 +265,16 @@ impl Bench {
         })?;
         Ok(steepest_edge(&steps, [0.0, time(ramp[1])], event.polarity()))
     }
+}
+
+/// Error of a pair standing at a position, m.
+fn error(effects: &[Box<dyn Effect>], facts: &Facts, number: i64, position: f64) -> f64 {
+    let tooth = facts.teeth.map(|z| number.rem_euclid(i64::from(z)) as u32);
+    let pair = PairOnPath { number, tooth, position: Series::constant(position) };
+    let moment = Moment { facts, start_s: 0.0, length_s: 1.0, angle_rad: [Series::ZERO; 2] };
+    let mut error = Series::ZERO;
+    effects.iter().for_each(|e| e.pair_error(&moment, &pair, &mut error));
+    error.coefficient(0)
 }
 
 /// The sensor's acceleration over a solver step, in powers of time.
