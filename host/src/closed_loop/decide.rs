@@ -9,7 +9,7 @@ use super::detect;
 use super::impulsive::impacts;
 use super::input::Record;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
-use super::least_squares::{Data, chi_square};
+use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::library::mesh::refine_relief;
 use super::library::path::refine_mode;
@@ -144,7 +144,11 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         }
     }
     for effect in whole.iter_mut().filter(|e| options.withheld.contains(&e.name)) {
-        let text = if effect.name == "clipping" { "signal limited from above and below" } else { "angle moving within the runs" };
+        let text = if effect.name == "clipping" {
+            "signal limited from above and below"
+        } else {
+            "angle moving within the runs"
+        };
         (effect.verdict, effect.name) = ("generic".into(), text.into());
     }
     // These distort every line: what is left of them is no second effect.
@@ -195,7 +199,7 @@ struct Explained {
     pool: Vec<Candidate>,
     refused: BTreeMap<String, f64>,
     /// Candidate of the largest gain before anything was accepted.
-    strongest: Option<Candidate>,
+    strongest: Option<Box<Candidate>>,
     data: Data,
     /// Whitened residual of the runs seen, by weights common to all searches.
     left: f64,
@@ -261,7 +265,7 @@ enum Search {
         accepted: Vec<Candidate>,
         pool: Vec<Candidate>,
         refused: BTreeMap<String, f64>,
-        strongest: Option<Candidate>,
+        strongest: Option<Box<Candidate>>,
         data: Data,
     },
     /// An effect took the declared parameters along before it was known: they move by this much with it in the fit.
@@ -310,18 +314,19 @@ fn search(
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
-                "  {} at {:?}/{:?}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}",
+                "  {} at {:?}/{:?}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
                 j.candidate.name,
                 j.candidate.order,
                 j.candidate.frequency_hz,
                 j.score,
                 j.gain,
                 j.select_gain,
-                j.select_promise
+                j.select_promise,
+                j.apart_gain
             ));
         }
         let tests = judged.len() as f64;
-        let passes = |j: &Judged| j.passes(tests) && j.gain > LEAST_SHARE * largest_gain;
+        let passes = |j: &Judged| j.passes(tests, !accepted.is_empty()) && j.gain > LEAST_SHARE * largest_gain;
         let best = judged.iter().position(passes);
         for j in judged.iter().take(30) {
             let worst = refused.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
@@ -329,7 +334,7 @@ fn search(
         }
         if round == 0 {
             let significant = judged.iter().filter(|j| j.score > LEAST_SCORE && j.p_value(tests) < LARGEST_P);
-            strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
+            strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| Box::new(j.candidate.clone()));
         }
         let Some(best) = best else {
             pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
@@ -467,10 +472,13 @@ fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: 
 /// Drops terms that do not lower the whitened error of the held-out runs, predicted from the others.
 fn confirm(base: &Base, data: &Data, split: &Split, accepted: &mut Vec<Candidate>) {
     let seen = split.seen();
+    // The held-out runs' own angle offsets and speeds, with the tachometer's uncertainty as prior, are fitted last: they are no part of a term.
+    let own = base.columns().split_off(TOLERANCES.len());
     let error = |terms: &[&Candidate]| {
         let mut x = joint(base, data, &seen, terms).x;
         x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
-        chi_square(&corrected(base, data, &x, terms), &split.held_out)
+        let rest = corrected(base, data, &x, terms);
+        chi_square(&rest, &split.held_out) - solve(&normal(&rest, &split.held_out, &own)).gain
     };
     let mut i = 0;
     while i < accepted.len() {

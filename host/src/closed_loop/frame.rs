@@ -154,6 +154,24 @@ impl<'a> Frame<'a> {
 }
 
 impl Border {
+    /// The same templates with unknowns of their own on the runs `other`.
+    pub fn apart(&self, other: &[usize]) -> Self {
+        let k = self.count;
+        let runs = (0..self.runs.len())
+            .map(|r| {
+                let (gram, cross, right) = &self.runs[r];
+                let at = if other.contains(&r) { k } else { 0 };
+                let mut wide =
+                    (DMatrix::zeros(2 * k, 2 * k), DMatrix::zeros(2 * k, cross.ncols()), DVector::zeros(2 * k));
+                wide.0.view_mut((at, at), (k, k)).copy_from(gram);
+                wide.1.view_mut((at, 0), (k, cross.ncols())).copy_from(cross);
+                wide.2.rows_mut(at, k).copy_from(right);
+                wide
+            })
+            .collect();
+        Self { count: 2 * k, runs }
+    }
+
     /// Own Gram of one run.
     pub fn gram(&self, run: usize) -> &DMatrix<f64> {
         &self.runs[run].0

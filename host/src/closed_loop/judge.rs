@@ -1,7 +1,9 @@
 //! Scores of candidates next to the nuisances and the accepted terms.
 //!
 //! Score: whitened likelihood gain over fit and selection runs, less [`PER_UNKNOWN`] per unknown and twice the logarithm of the
-//! search. The selection gain uses values from the fit runs alone and is compared with what the term predicts there.
+//! search. Whether one law serves all runs is asked by giving the term values of its own on the selection runs: what that gains must be a
+//! small share. (To predict the selection runs from the fit runs alone is no fair test: declared parameters within tolerance hide
+//! much of an effect, and a line may stand in few runs.) Fixed frequencies, whose phase is free in every run, must predict those runs.
 
 use super::base_fit::Base;
 use super::candidate::Candidate;
@@ -16,10 +18,8 @@ pub const PER_UNKNOWN: f64 = 10.0;
 pub const LEAST_SCORE: f64 = 15.0;
 /// Least gain on the selection runs.
 const LEAST_SELECT_GAIN: f64 = 6.0;
-/// Gain foretold for the selection runs below which they do not decide.
-const LEAST_TESTABLE: f64 = 15.0;
-/// Least score of a term that they do not decide.
-const LEAST_UNTESTED_SCORE: f64 = 40.0;
+/// Largest share of its gain that a term may still gain with other values on the selection runs.
+const LARGEST_APART: f64 = 0.35;
 /// Least share of its predicted power that a term must explain on the selection runs.
 const LEAST_SELECT_SHARE: f64 = 0.4;
 
@@ -53,28 +53,23 @@ pub struct Judged {
     pub select_gain: f64,
     /// Gain there if the law holds.
     pub select_promise: f64,
-    /// Strength there over the strength that the fit runs give, and the power it rests on.
-    pub select_strength: (f64, f64),
+    /// What values of its own for the selection runs would gain on top: near its number of unknowns where one law serves all runs.
+    pub apart_gain: f64,
     /// Values of the candidate's unknowns over fit and selection runs; empty where every run has its own phase.
     pub x: Vec<f64>,
 }
 
 impl Judged {
-    /// Whether the term earns its place among `tests` candidates.
-    pub fn passes(&self, tests: f64) -> bool {
-        // Strength on the selection runs must be what the fit runs give: too little is chance, too much is another law.
-        let (strength, power) = self.select_strength;
-        let slack = 4.0 / power.max(1e-300).sqrt();
-        let confirmed = self.select_gain > LEAST_SELECT_GAIN
+    /// Whether the term earns its place among `tests` candidates. A further term next to others must predict the selection runs as well: what
+    /// the others' templates leave would pass for it.
+    pub fn passes(&self, tests: f64, further: bool) -> bool {
+        let predicts = self.select_gain > LEAST_SELECT_GAIN
             && self.select_gain > LEAST_SELECT_SHARE * self.select_promise.min(self.gain);
-        // A law that foretells next to nothing for the selection runs cannot be tested there: it must not fail, and stand out elsewhere.
-        let untestable = self.select_promise < LEAST_TESTABLE
-            && self.select_gain > self.select_promise - 4.0 * self.select_promise.max(1.0).sqrt()
-            && self.score > LEAST_UNTESTED_SCORE;
-        self.score > LEAST_SCORE
-            && (confirmed || untestable)
-            && LEAST_SELECT_SHARE * strength < 1.0 + slack
-            && self.p_value(tests) < 1e-3
+        let unknowns = self.candidate.templates.len() as f64;
+        let one_law = self.candidate.phase_free
+            || self.apart_gain < LARGEST_APART * self.gain + unknowns + 4.0 * (2.0 * unknowns).sqrt();
+        let must_predict = self.candidate.phase_free || further;
+        one_law && (predicts || !must_predict) && self.score > LEAST_SCORE && self.p_value(tests) < 1e-3
     }
 
     /// Probability of such a gain by chance, after Bonferroni over `tests` and the candidate's own search.
@@ -200,7 +195,8 @@ impl<'a> Judge<'a> {
     /// Scores of `candidate`.
     pub fn judge(&self, candidate: Candidate) -> Judged {
         let border = self.frame.border(&candidate.templates);
-        let (gain, select_gain, select_promise, select_strength, x) = if candidate.phase_free {
+        let mut apart_gain = 0.0;
+        let (gain, select_gain, select_promise, x) = if candidate.phase_free {
             // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
             let runs: Vec<(f64, f64)> = (0..candidate.templates.len() / 2)
                 .map(|r| {
@@ -215,7 +211,7 @@ impl<'a> Judge<'a> {
             let gain = |of: &[usize], a: f64| of.iter().map(|&r| 2.0 * a * runs[r].0 - a * a * runs[r].1).sum::<f64>();
             let a = amplitude(&self.split.fit);
             let promise: f64 = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
-            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise, (1.0, promise), Vec::new())
+            (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise, Vec::new())
         } else {
             let fitted = self.frame.estimate(&self.split.fit, Some(&border));
             let select = self.fit_change - self.frame.change(&self.split.select, Some(&border), &fitted.x);
@@ -229,12 +225,11 @@ impl<'a> Judge<'a> {
             // What the common columns explain of the term without it is no promise: the same share is taken off everywhere.
             let net = (gain / power(&self.seen, &x).max(1e-300)).clamp(0.0, 1.0);
             let own = own.into_owned();
-            let raw = power(&self.split.select, &own);
-            let common = whole.x.rows(0, whole.x.len() - border.count).into_owned();
-            let dot: f64 = self.split.select.iter().map(|&r| own.dot(&border.right_after(r, &common))).sum();
-            (gain, select, net * raw, (dot / raw.max(1e-300), raw), x.iter().copied().collect())
+            let promise = net * power(&self.split.select, &own);
+            apart_gain = self.frame.estimate(&self.seen, Some(&border.apart(&self.split.select))).gain - whole.gain;
+            (gain, select, promise, x.iter().copied().collect())
         };
         let score = gain - PER_UNKNOWN * unknowns(&candidate, self.seen.len()) - 2.0 * candidate.searched.ln();
-        Judged { candidate, score, gain, select_gain, select_promise, select_strength, x }
+        Judged { candidate, score, gain, select_gain, select_promise, apart_gain, x }
     }
 }

@@ -39,6 +39,9 @@ pub struct Args {
     /// One JSON line per record; an existing file is continued.
     #[arg(long)]
     log: PathBuf,
+    /// Prints what the loop does with every record.
+    #[arg(long)]
+    verbose: bool,
     /// Writes the summary as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
@@ -63,6 +66,7 @@ pub fn run(args: Args) -> Result<()> {
         duration_s: args.seconds,
         seed: args.seed,
         log: args.log,
+        verbose: args.verbose,
     };
     let scored = run_plan(&plan)?;
     if scored.is_empty() {

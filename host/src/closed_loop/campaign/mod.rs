@@ -47,6 +47,8 @@ pub struct Plan {
     pub seed: u64,
     /// JSON lines, appended.
     pub log: PathBuf,
+    /// Progress of the loop on every record.
+    pub verbose: bool,
 }
 
 struct Item {
@@ -218,7 +220,8 @@ fn one(
         "leave-one-out" => hidden[0].0.right_names.iter().map(|n| (*n).to_string()).collect(),
         _ => Vec::new(),
     };
-    let outcome = close_loop(&record, &Options { seed: rng.random(), withheld, ..Options::default() })?;
+    let outcome =
+        close_loop(&record, &Options { seed: rng.random(), withheld, progress: plan.verbose, ..Options::default() })?;
     let (result, wrong_names) = score::judge(&outcome, &hidden);
     let strength = match hidden.as_slice() {
         [(kind, truth)] => score::strength(&outcome, kind, *truth),

@@ -246,6 +246,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
     let base = bench.base;
     let machine = &base.machine;
     let hz = if found.modulation { found.at } else { refine(bench, data, fit, found.at) };
+    let hz = line_frequency(hz, base.analyser.duration_s()).unwrap_or(hz);
     let seats: Vec<Seat> = SEATS
         .iter()
         .copied()
@@ -256,10 +257,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
         |run, comb| seats.iter().map(|&s| excite(s, machine, run, comb, hz / run.angle.shaft_hz)).collect(),
     );
     // The offset angle only turns the free phase; templates are built with the run's own angle all the same.
-    let mains = [50.0, 60.0].iter().any(|m| {
-        let n = (hz / m).round();
-        (1.0..=12.0).contains(&n) && (hz - n * m).abs() < 0.1
-    });
+    let mains = line_frequency(hz, base.analyser.duration_s()).is_some();
     let mut labels: Vec<(Label, [f64; 2])> = seats
         .iter()
         .map(|&s| {
@@ -311,6 +309,15 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
             }
         })
         .collect()
+}
+
+/// The multiple of the line frequency that `hz` cannot be told from over a run.
+fn line_frequency(hz: f64, duration_s: f64) -> Option<f64> {
+    let within = (0.15 / duration_s).max(0.1);
+    [50.0, 60.0].iter().find_map(|m| {
+        let n = (hz / m).round();
+        ((1.0..=12.0).contains(&n) && (hz - n * m).abs() < within).then_some(n * m)
+    })
 }
 
 /// Frequency of the largest summed line power within one and a half bins of `hz`.
