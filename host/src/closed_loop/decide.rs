@@ -48,6 +48,8 @@ const LEAST_SHARE: f64 = 0.01;
 const MOST_CENTRED: usize = 2;
 /// Power over local noise left by a search from which it pays to search again from the declaration.
 const MOST_OVER_NOISE: f64 = 1.3;
+/// And whitened power left, as a share of what the declaration leaves.
+const LARGEST_REST: f64 = 0.1;
 /// Second-order error of a move of the declared parameters from which it pays to centre again.
 const LEAST_DEPARTURE: f64 = 3.0;
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
@@ -58,6 +60,8 @@ const FINITE_SHARE: f64 = 0.8;
 const STRONG_SCORE: f64 = 3000.0;
 /// Change of strength from the first-order template to the simulated one from which other strengths are tried, too.
 const LEAST_BEND: f64 = 0.1;
+/// Share of the best simulated score below which a candidate is simulated once only.
+const STILL_LEADING: f64 = 0.9;
 /// Most candidates simulated in a round.
 const MOST_FINITE: usize = 4;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
@@ -153,8 +157,10 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
+    let at_first = chi_square(&Data { residual: declared.residual.clone(), weight: plain.weight.clone() }, &seen);
     let mut explained = explain(base, &split, options, rounds, &plain, &say);
-    if rounds > 0 && fitted && explained.left_over_noise > MOST_OVER_NOISE {
+    let much = explained.left_over_noise > MOST_OVER_NOISE && explained.left > LARGEST_REST * at_first;
+    if rounds > 0 && fitted && much {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
         let again = explain(Base::new(record), &split, options, rounds, &plain, &say);
@@ -438,6 +444,7 @@ fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: 
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     chosen.truncate(MOST_FINITE);
     let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let mut leader = 0.0_f64;
     for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
         let at = |x: &[f64]| bench.at_strength(&first_order, x, data).map(|bent| judge.judge(bent));
@@ -453,8 +460,14 @@ fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: 
             continue;
         }
         judged[i] = now;
-        // The strength itself follows the secant: the leading candidate gets the steps it needs, the others enough to compare.
-        for _ in 0..if rank == 0 || bends { 4 } else { 1 } {
+        leader = leader.max(judged[i].score);
+        // The strength itself follows the secant: whoever may still lead gets the steps it needs, the others enough to compare.
+        let steps = match judged[i].score < STILL_LEADING * leader {
+            true => 0,
+            false if rank == 0 || bends => 4,
+            false => 1,
+        };
+        for _ in 0..steps {
             let Some(again) = at(&judged[i].x) else { break };
             let moved: Vec<f64> = again.x.iter().zip(&judged[i].x).map(|(a, b)| a - b).collect();
             let settled = size(&moved) < 0.002 * size(&again.x);
@@ -462,6 +475,7 @@ fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: 
                 break;
             }
             judged[i] = again;
+            leader = leader.max(judged[i].score);
             if settled {
                 break;
             }
