@@ -48,7 +48,7 @@ const LEAST_SHARE: f64 = 0.01;
 const MOST_CENTRED: usize = 2;
 /// Power over local noise left by a search from which it pays to search again from the declaration.
 const MOST_OVER_NOISE: f64 = 1.3;
-/// And whitened power left, as a share of what the declaration leaves.
+/// And power left as a share of what the declaration leaves.
 const LARGEST_REST: f64 = 0.1;
 /// Second-order error of a move of the declared parameters from which it pays to centre again.
 const LEAST_DEPARTURE: f64 = 3.0;
@@ -157,9 +157,9 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     }
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
-    let at_first = chi_square(&Data { residual: declared.residual.clone(), weight: plain.weight.clone() }, &seen);
+    let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
     let mut explained = explain(base, &split, options, rounds, &plain, &say);
-    let much = explained.left_over_noise > MOST_OVER_NOISE && explained.left > LARGEST_REST * at_first;
+    let much = explained.power > (MOST_OVER_NOISE * explained.noise).max(LARGEST_REST * at_first);
     if rounds > 0 && fitted && much {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
@@ -184,7 +184,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     if whole.is_empty()
         && effects.is_empty()
         && let Some(found) = strongest
-        && over_noise(&base, &data, &seen, &[]) > MOST_OVER_NOISE
+        && much_is_there(&base, &data, &seen)
     {
         say("nothing holds from run to run, but much is there: a plain description of what comes closest");
         effects.extend(undetermined(&base, &data, &split, &found, &pool));
@@ -209,8 +209,9 @@ struct Explained {
     data: Data,
     /// Whitened residual of the runs seen, by weights common to all searches.
     left: f64,
-    /// Power of that residual over local noise.
-    left_over_noise: f64,
+    /// Power of that residual, and of the local noise in it.
+    power: f64,
+    noise: f64,
 }
 
 /// Searches, centring again as often as needed, and confirms on the held-out runs.
@@ -242,26 +243,27 @@ fn explain(
     confirm(&base, &data, split, &mut accepted);
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms).residual;
-    let left_over_noise = power_over_noise(&base, &rest, &seen);
+    let (power, noise) = power_and_noise(&base, &rest, &seen);
     let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
-    Explained { base, accepted, pool, refused, strongest, data, left, left_over_noise }
+    Explained { base, accepted, pool, refused, strongest, data, left, power, noise }
 }
 
-/// Power over local noise of a residual.
-fn power_over_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> f64 {
+/// Power of a residual, and of the local noise in it.
+fn power_and_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> (f64, f64) {
     let (mut power, mut noise) = (0.0, 1e-300);
     for bins in runs.iter().flat_map(|&r| &residual[r]) {
         let lowest = (8.0 * base.analyser.duration_s()) as usize;
         power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
         noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
     }
-    power / noise
+    (power, noise)
 }
 
-/// The same with declared parameters and `terms` fitted.
-fn over_noise(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> f64 {
-    let rest = corrected(base, data, &joint(base, data, runs, terms).x, terms).residual;
-    power_over_noise(base, &rest, runs)
+/// Whether the declared parameters alone leave more than noise.
+fn much_is_there(base: &Base, data: &Data, runs: &[usize]) -> bool {
+    let rest = corrected(base, data, &joint(base, data, runs, &[]).x, &[]).residual;
+    let (power, noise) = power_and_noise(base, &rest, runs);
+    power > MOST_OVER_NOISE * noise
 }
 
 /// What a search came to.
