@@ -58,6 +58,7 @@ fn regress_a_campaign_resumes_from_its_log() {
         duration_s: 2.0,
         seed: 3,
         log: folder.path().join(log),
+        verbose: false,
     };
     let first = run(&plan(1, "a")).unwrap();
     let started = std::fs::read_to_string(folder.path().join("a")).unwrap();

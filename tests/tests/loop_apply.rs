@@ -302,6 +302,22 @@ fn loop_a_torque_locked_to_the_gear_predicts_every_run() {
 }
 
 #[test]
+fn loop_friction_of_the_flanks_predicts_every_run() {
+    carries_over("friction:coefficient=0.01", 2.0);
+}
+
+#[test]
+fn loop_tells_a_swing_of_the_shaft_from_an_eccentric_gear_by_the_tachometer() {
+    // Both carry the contact along its path once per turn of the gear; edges once per pinion turn see the swing as order 1 - 19/48.
+    let made = made(&["speed-fluctuation:angle=0.004,order=0.3958333333"], &[11.7, 14.1, 18.9, 24.2], 0.8);
+    let outcome = close_loop(&input::view(&made.record).unwrap(), &Options::default()).unwrap();
+    print!("{}", outcome.summary());
+    let [found] = &outcome.effects[..] else { panic!("one effect: {:?}", outcome.effects) };
+    assert_eq!((found.verdict.as_str(), found.name.as_str()), ("named", "speed-fluctuation"));
+    assert!((found.order_of_pinion.unwrap() - 19.0 / 48.0).abs() < 2e-3, "{:?}", found.order_of_pinion);
+}
+
+#[test]
 fn loop_wear_refits_the_law_and_the_virtual_node_comes_closer() {
     let made = made(&["wear:depth=1e-6"], &[17.1, 20.3, 24.2], 1.0);
     let (outcome, applied) = corrected(&made);
