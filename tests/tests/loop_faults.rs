@@ -111,6 +111,24 @@ fn loop_describes_what_it_has_no_name_for() {
     ] {
         assert!(after < 0.9 * before && after < 2.0 * floor, "{before} -> {after}, noise {floor}");
     }
-    // Folded lines fit no description: the verdict is plain all the same, and nothing is corrected.
-    describes(Effect::Folding { share: 1.0 }, 44, "aliasing", &[]);
+}
+
+#[test]
+fn loop_is_not_silent_about_an_effect_that_comes_and_goes() {
+    let declared = input::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48")).unwrap();
+    let mut scenario = Scenario::null(&declared.shafts, 44);
+    scenario.duration_s = 1.0;
+    let quiet = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    scenario.effects = vec![Effect::Ghost { order: 31.0, amplitude_m: 3e-6, phase_rad: 0.4 }];
+    let mut record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    // Of each speed's two runs one is without it: no law over speed, torque or time holds.
+    for (i, run) in quiet.runs.into_iter().enumerate() {
+        if i / 2 % 2 == i % 2 {
+            record.runs[i] = run;
+        }
+    }
+    let found = close_loop(&record, &Options::default()).unwrap();
+    print!("{}", found.summary());
+    assert!(!found.effects.is_empty());
+    assert!(found.effects.iter().all(|e| e.verdict != "named"), "{:?}", found.effects);
 }
