@@ -122,14 +122,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
             base = unfitted;
         }
     }
-    for effect in whole.iter_mut().filter(|e| options.withheld.contains(&e.name)) {
-        let text = if effect.name == "clipping" {
-            "signal limited from above and below"
-        } else {
-            "angle moving within the runs"
-        };
-        (effect.verdict, effect.name) = ("generic".into(), text.into());
-    }
+    describe_withheld(&mut whole, &options.withheld);
     // These distort every line: what is left of them is no second effect.
     let rounds = if whole.is_empty() { options.most } else { 0 };
     let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
@@ -156,6 +149,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
         whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+        describe_withheld(&mut whole, &options.withheld);
     }
     if whole.is_empty()
         && effects.is_empty()
@@ -172,6 +166,18 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
+}
+
+/// Takes the names of effects that are found outside the library.
+fn describe_withheld(effects: &mut [Effect], names: &[String]) {
+    for effect in effects.iter_mut().filter(|e| names.contains(&e.name)) {
+        let text = match effect.name.as_str() {
+            "clipping" => "signal limited from above and below",
+            "bearing-impacts" => "impacts repeating at an order of no shaft",
+            _ => "angle moving within the runs",
+        };
+        (effect.verdict, effect.name) = ("generic".into(), text.into());
+    }
 }
 
 /// A search brought to its end.
