@@ -76,6 +76,29 @@ pub struct Candidate {
     pub bent: bool,
 }
 
+impl Default for Candidate {
+    /// A plain description without templates, order, frequency or refinement: what most candidates have in common.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            claim: Claim::Generic,
+            plain: None,
+            family: "other",
+            shaft: "none",
+            order: None,
+            frequency_hz: None,
+            parameters: Vec::new(),
+            templates: Vec::new(),
+            searched: 1.0,
+            exponents: [0.0, 0.0],
+            phase_free: false,
+            tuning: None,
+            finite: None,
+            bent: false,
+        }
+    }
+}
+
 /// Effects whose response departs from proportionality; the parameters are the candidate's first unknowns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs, reason = "fields are named by quantity; shaft 0 pinion, 1 gear; orders of the pinion")]

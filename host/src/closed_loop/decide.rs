@@ -1,8 +1,11 @@
-//! The loop itself: split by run, centre the declared machine, add effects strongest first, judge each, read the held-out runs once.
+//! The loop itself: split by run, centre the declared machine, add effects strongest first, judge each, confirm on the held-out runs.
 //!
 //! Faults that distort every line (a clipped channel, a moving speed) come first; then the library is searched ([`search`](super::search)),
 //! from the declared parameters as fitted and, where much is left, from the declaration; what is significant but follows no law gets a
 //! plain description.
+//!
+//! Held-out runs take no part in any fit or choice between candidates. They have one veto: a term that does not lower their error goes
+//! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;

@@ -29,7 +29,7 @@ pub struct Split {
     pub fit: Vec<usize>,
     /// Terms are selected here.
     pub select: Vec<usize>,
-    /// Read once at the end.
+    /// No part in any fit; they may veto a term.
     pub held_out: Vec<usize>,
 }
 

@@ -88,7 +88,7 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
         .collect()
 }
 
-/// Assembles the outcome; the held-out runs are read here and nowhere else.
+/// Assembles the outcome with the errors on fit and held-out runs.
 #[allow(clippy::too_many_arguments, reason = "assembly of the final report from the parts of one function")]
 pub fn report(
     record: &Record,

@@ -248,6 +248,7 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     let sinusoid = left < 0.05 * whole;
     let analyser = &base.analyser;
     let (ratio, all): (f64, Vec<usize>) = (f64::from(record.pulses_per_rev), (0..base.runs.len()).collect());
+    let seen: Vec<usize> = all.iter().copied().filter(|r| !held_out.contains(r)).collect();
     // Edges once a turn cannot tell an order from its aliases: the vibration does.
     let aliases: Vec<f64> = if sinusoid && !fixed {
         let near = (0..=MOST_ALIASES).flat_map(|k| [f64::from(k) * ratio + at, f64::from(k) * ratio - at]);
@@ -276,12 +277,12 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     let tried = aliases.into_iter().map(|at| {
         let made = at_rate(at);
         let models: Vec<[Vec<C>; 2]> = made.iter().map(|m| m.0.clone()).collect();
-        let gain = chi_change(data, &models, base, &all);
+        let gain = chi_change(data, &models, base, &seen);
         (at, models, made.iter().map(|m| m.1).collect::<Vec<f64>>(), gain)
     });
-    let (at, models, sizes, whole_gain) = tried.max_by(|a, b| a.3.total_cmp(&b.3))?;
+    let (at, models, sizes, _) = tried.max_by(|a, b| a.3.total_cmp(&b.3))?;
     let gain = chi_change(data, &models, base, held_out);
-    if gain < 30.0 || whole_gain < 60.0 {
+    if gain < 30.0 || chi_change(data, &models, base, &all) < 60.0 {
         return None;
     }
     let mut found = effect("speed-fluctuation", "non-stationary", 1e-6);

@@ -90,18 +90,11 @@ fn shaped(
         name: name.into(),
         claim: Claim::Named,
         family: "mesh-order",
-        shaft: "none",
         order: Some(f64::from(machine.teeth[0])),
-        frequency_hz: None,
         parameters: vec![Parameter { name: quantity.into(), unit: "m", first: 0, complex: false }],
         templates: vec![real],
         searched,
-        exponents: [0.0, 0.0],
-        phase_free: false,
-        tuning: None,
-        plain: None,
-        bent: false,
-        finite: None,
+        ..Candidate::default()
     }
 }
 
@@ -165,9 +158,7 @@ fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
         name: name.into(),
         claim,
         family: "mesh-order",
-        shaft: "none",
         order: Some(z),
-        frequency_hz: None,
         parameters: (0..shape.harmonics() as usize)
             .map(|h| Parameter {
                 name: format!("{}_at_mesh_order_{}", if loaded { "share" } else { "displacement" }, h + 1),
@@ -177,13 +168,8 @@ fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
             })
             .collect(),
         templates: lines.iter().flat_map(|l| quadrature(&bench.base.analyser, &bench.angles, l)).collect(),
-        searched: 1.0,
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
-        phase_free: false,
-        tuning: None,
-        plain: None,
-        bent: false,
-        finite: None,
+        ..Candidate::default()
     }
 }
 
@@ -235,17 +221,10 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         name: "friction".into(),
         claim: Claim::Named,
         family: "mesh-order",
-        shaft: "none",
         order: Some(f64::from(machine.teeth[0])),
-        frequency_hz: None,
         parameters: vec![Parameter { name: "coefficient".into(), unit: "1", first: 0, complex: false }],
         templates: vec![real],
-        searched: 1.0,
         exponents: [0.0, 1.0],
-        phase_free: false,
-        tuning: None,
-        plain: None,
-        bent: false,
-        finite: None,
+        ..Candidate::default()
     }
 }

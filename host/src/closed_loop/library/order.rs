@@ -227,15 +227,12 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 family: l.family,
                 shaft: l.shaft,
                 order: Some(order),
-                frequency_hz: None,
                 parameters: vec![Parameter { name: l.quantity.into(), unit: l.unit, first: 0, complex: true }],
                 templates: quadrature(&bench.base.analyser, &bench.angles, lines).to_vec(),
                 searched,
                 exponents: exponents(seat),
-                phase_free: false,
-                tuning: None,
-                bent: false,
                 finite: finite(seat, order),
+                ..Candidate::default()
             }
         })
         .collect()
@@ -296,16 +293,13 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
                 claim: l.claim,
                 family: l.family,
                 shaft: l.shaft,
-                order: None,
                 frequency_hz: Some(hz),
                 parameters: vec![Parameter { name: l.quantity.into(), unit: l.unit, first: 0, complex: true }],
                 templates: (0..base.runs.len()).flat_map(|r| pair.each_ref().map(|t: &Template| t.only(r))).collect(),
                 searched: 2000.0,
                 exponents,
                 phase_free: true,
-                tuning: None,
-                bent: false,
-                finite: None,
+                ..Candidate::default()
             }
         })
         .collect()

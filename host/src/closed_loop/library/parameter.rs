@@ -16,18 +16,12 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
             name: format!("declared {name} off by more than its tolerance"),
             claim: Claim::Generic,
             family: "mesh-order",
-            shaft: "none",
             order: Some(f64::from(bench.base.machine.teeth[0])),
-            frequency_hz: None,
             parameters: vec![Parameter { name: "relative_change".into(), unit: "1", first: 0, complex: false }],
             templates: vec![template.clone()],
             searched: 15.0,
             exponents: [0.0, 1.0],
-            phase_free: false,
-            tuning: None,
-            plain: None,
-            bent: false,
-            finite: None,
+            ..Candidate::default()
         })
         .collect()
 }

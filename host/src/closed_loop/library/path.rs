@@ -24,18 +24,11 @@ fn path(
         name: name.into(),
         claim,
         family,
-        shaft: "none",
-        order: None,
-        frequency_hz: None,
         parameters,
         templates,
         searched: 2.0,
         exponents,
-        phase_free: false,
-        tuning: None,
-        plain: None,
-        bent: false,
-        finite: None,
+        ..Candidate::default()
     }
 }
 

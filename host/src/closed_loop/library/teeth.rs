@@ -103,7 +103,6 @@ impl ToothFamilies {
                 family: "shaft-order",
                 shaft,
                 order: Some(order),
-                frequency_hz: None,
                 parameters: vec![Parameter {
                     name: format!("{quantity} of tooth {tooth}"),
                     unit,
@@ -113,12 +112,9 @@ impl ToothFamilies {
                 templates: vec![families.tooth(tooth, z, bench.base.analyser.bins)],
                 searched: f64::from(z),
                 exponents,
-                phase_free: false,
-                tuning: None,
-                plain: None,
-                bent: false,
                 finite: (families.kind == Kind::StiffnessLoss)
                     .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
+                ..Candidate::default()
             });
             let (name, claim) = match families.kind {
                 Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
@@ -138,17 +134,12 @@ impl ToothFamilies {
                 family: "shaft-order",
                 shaft,
                 order: Some(order),
-                frequency_hz: None,
                 parameters,
                 templates: families.pairs.iter().flatten().cloned().collect(),
-                searched: 1.0,
                 exponents,
-                phase_free: false,
-                tuning: None,
                 plain: (families.kind == Kind::Displacement)
                     .then(|| format!("displacement error repeating with every {shaft} turn")),
-                bent: false,
-                finite: None,
+                ..Candidate::default()
             });
         }
         list
