@@ -7,6 +7,7 @@ use meshband_host::closed_loop::frame::Frame;
 use meshband_host::closed_loop::generate::{Effect, Scenario, record};
 use meshband_host::closed_loop::harmonic_model::Machine;
 use meshband_host::closed_loop::input;
+use meshband_host::closed_loop::judge::Split;
 use meshband_host::closed_loop::least_squares::chi_square;
 use meshband_host::closed_loop::library::Bench;
 use meshband_host::closed_loop::pair_curve::PairCurve;
@@ -55,6 +56,7 @@ fn explained(effects: &[Effect], order: Option<f64>, hz: Option<f64>) -> Vec<(St
     let mut scenario = Scenario::null(&shafts, 5);
     scenario.noise_rms = 0.0;
     scenario.duration_s = 1.0;
+    scenario.within_one_turn = true;
     scenario.speeds_hz = vec![9.1, 16.3, 24.2];
     let without = record(&pair, &shafts, &curve, &scenario);
     scenario.effects = effects.to_vec();
@@ -70,11 +72,12 @@ fn explained(effects: &[Effect], order: Option<f64>, hz: Option<f64>) -> Vec<(St
     }
     let bench = Bench::new(&base);
     let all: Vec<usize> = (0..with.runs.len()).collect();
+    let split = Split { fit: all.clone(), select: Vec::new(), held_out: Vec::new() };
     let found = |at: Option<f64>| {
         at.map(|at| Found { at, statistic: 1e3, p_value: 0.0, modulation: false }).into_iter().collect::<Vec<_>>()
     };
     let mut shares: Vec<(String, f64)> = bench
-        .candidates(&data, &all, &found(order), &found(hz))
+        .candidates(&data, &split, &found(order), &found(hz), None)
         .iter()
         .map(|candidate| {
             let frame = Frame::new(&data, &[]);

@@ -7,6 +7,7 @@ use meshband_host::closed_loop::generate::{self, Effect as Generated, Point};
 use meshband_host::closed_loop::harmonic_model;
 use meshband_host::closed_loop::node_check::node_check;
 use meshband_host::closed_loop::outcome::{Effect, Evidence, Outcome, Term, Value};
+use meshband_host::closed_loop::start::Start;
 use meshband_host::closed_loop::{Options, close_loop, input};
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::predict::Predictor;
@@ -35,12 +36,13 @@ fn found(name: &str, shaft: &str, order: Option<f64>, values: &[(&str, f64)]) ->
         frequency_hz: None,
         parameters: values.iter().map(|(name, v)| ((*name).to_string(), value(*v))).collect(),
         evidence: Evidence::default(),
-        deciding_experiment: None,
+        ..Effect::default()
     }
 }
 
 fn term(name: &str, parameters: Vec<Parameter>, unknowns: Vec<f64>, tuning: Option<Tuning>) -> Term {
-    Term { name: name.into(), parameters, unknowns, channel_share: [1.0, 1.0], phase_free: false, tuning }
+    let (channel_share, start) = ([1.0, 1.0], Start::Counted);
+    Term { name: name.into(), parameters, unknowns, channel_share, phase_free: false, tuning, start }
 }
 
 fn rms<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
@@ -214,7 +216,9 @@ fn made(hidden: &[&str], speeds_hz: &[f64], duration_s: f64) -> Made {
                 noise_m_s2: 0.1,
                 seed: 100 + i as u64,
             };
-            let motion = Motion::Constant { speed_hz, turns_at_zero: -0.1 - 0.11 * i as f64 };
+            // Another turn of the hunting period in every run, but for the first: teeth keep their numbers.
+            let turns_at_zero = (7 * i % 48) as f64 - 0.1 - 0.11 * i as f64;
+            let motion = Motion::Constant { speed_hz, turns_at_zero };
             (torque, simulate(&rig, &motion, torque, &list, &acquisition).unwrap())
         })
         .collect();
@@ -262,6 +266,7 @@ fn left_over_noise(made: &Made, applied: &Applied) -> Vec<[f64; 2]> {
     let mut after = Predictor::new(&made.record, Model::BendingTorsional, Damping::Declared).unwrap();
     let machine = Machine::read(&applied.machine).unwrap();
     after.rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).unwrap();
+    after.start_later(&made.record, &effects::read_pinion_turns(&applied.effects).unwrap()).unwrap();
     after.torque_factor = effects::read_torque_factor(&applied.effects).unwrap();
     let added = effects::read(&applied.effects).unwrap();
     let left = |run: &Run, predicted: [Vec<f64>; 2]| {

@@ -1,7 +1,7 @@
 //! The corrected machine: declared parameters as adopted, named effects as the simulator's, and its law.
 //!
 //! Files beside the machine: `NAME.corrected.toml` (a machine file), `NAME.effects.toml` (`[[effect]]` tables with the simulator's
-//! names, for named verdicts only, and the factor on declared torques), `NAME.law.toml` (the law of that machine with the effects that
+//! names, for named verdicts only, the factor on declared torques, the turns by which runs start later), `NAME.law.toml` (the law of that machine with the effects that
 //! every pair carries: wear, relief, profile; shafts' and sensors' effects and single teeth do not touch the engagement edge that it times).
 //! How orders, phases and teeth become the simulator's is [`super::carry`]'s.
 
@@ -35,6 +35,8 @@ pub struct Applied {
     pub not_written: Vec<String>,
     /// Factor on declared torques.
     pub torque_factor: f64,
+    /// Turns of the pinion by which every run starts later than its pulse 0 says, which teeth and phases of the gear hold with.
+    pub pinion_turns: Option<Vec<u32>>,
     /// Law of the corrected machine.
     pub law: Option<PathBuf>,
     /// Which edge it times and why, or why there is none.
@@ -99,6 +101,7 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
     // What does not predict runs it has not seen corrects nothing.
     let better = held.whole_signal[1] <= held.whole_signal[0];
     let (mut list, mut written, mut remarks, mut not_written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut pinion_turns: Option<Vec<u32>> = None;
     if !better {
         remarks.push("held-out error does not fall: the machine stays as declared".into());
     }
@@ -116,6 +119,12 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
                 continue;
             }
         };
+        if let (Some(own), Some(known)) = (&carried.pinion_turns, &pinion_turns)
+            && own != known
+        {
+            remarks.push(format!("{}: its runs start at other turns of the pinion than those written", effect.name));
+        }
+        pinion_turns = pinion_turns.or(carried.pinion_turns);
         remarks.extend(carried.remark.map(|remark| format!("{}: {remark}", effect.name)));
         for (name, mut table) in carried.tables {
             let keys: Vec<String> = table.iter().map(|(k, v)| format!("{k}={v}")).collect();
@@ -145,7 +154,11 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
     let of_every_pair: Vec<toml::Table> = list.iter().filter(|t| of_every_pair(t)).cloned().collect();
     let list = list.into_iter().map(toml::Value::Table).collect();
     let whole = [("torque_factor", toml::Value::Float(torque_factor)), ("effect", toml::Value::Array(list))];
-    let whole = toml::Table::from_iter(whole.map(|(key, value)| (key.to_string(), value)));
+    let mut whole = toml::Table::from_iter(whole.map(|(key, value)| (key.to_string(), value)));
+    if let Some(turns) = &pinion_turns {
+        let list = turns.iter().map(|k| toml::Value::Integer(i64::from(*k))).collect();
+        whole.insert("pinion_turns".into(), toml::Value::Array(list));
+    }
     text += &toml::to_string(&whole).map_err(|e| Error::invalid("effects", e))?;
     let effects = folder.join(format!("{stem}.effects.toml"));
     std::fs::write(&effects, text).map_err(Error::file(&effects))?;
@@ -156,6 +169,7 @@ pub fn apply(path: &Path, outcome: &Outcome) -> Result<Applied> {
         remarks,
         not_written,
         torque_factor,
+        pinion_turns,
         law: None,
         law_remark: String::new(),
         bandwidth_hz: None,

@@ -2,6 +2,7 @@
 
 use super::harmonic_model::Line;
 use super::spectrum::{Analyser, REACH, Sparse, sparse};
+use super::start::Start;
 use rustfft::num_complex::Complex64 as C;
 
 /// Response to one unit of one real parameter: sparse bins per run and channel.
@@ -74,6 +75,10 @@ pub struct Candidate {
     pub finite: Option<Finite>,
     /// Whether the templates already give the simulated response at the fitted strength.
     pub bent: bool,
+    /// Orders of the pinion at which the templates' quadrature pairs stand: what they turn with when a run starts some turns later.
+    pub pair_orders: Vec<f64>,
+    /// Starts of the runs that the templates are made for.
+    pub start: Start,
 }
 
 impl Default for Candidate {
@@ -95,6 +100,8 @@ impl Default for Candidate {
             tuning: None,
             finite: None,
             bent: false,
+            pair_orders: Vec::new(),
+            start: Start::Counted,
         }
     }
 }
@@ -116,8 +123,51 @@ pub enum Finite {
 pub enum Tuning {
     /// Mode of a channel's path: natural frequency (Hz) and damping ratio.
     Mode { channel: usize, f0: f64, zeta: f64 },
+    /// Index of the seat of an excitation at an order of neither shaft, whose order is to be found more finely.
+    Order { seat: usize },
     /// Share of the path of contact that tip relief covers at each end, and the exponent of its shape.
     Relief { share: f64, exponent: i32 },
+}
+
+impl Candidate {
+    /// The same effect with every run started as `start` says.
+    pub fn started(&self, start: Start) -> Self {
+        let mut turned = self.clone();
+        for (j, &order) in self.pair_orders.iter().enumerate() {
+            for run in 0..turned.templates[2 * j].runs.len() {
+                let (sin, cos) = start.phase_rad(run, order).sin_cos();
+                for channel in 0..2 {
+                    let [a, b] = [0, 1].map(|i| &self.templates[2 * j + i].runs[run][channel]);
+                    let pair = [mixed(a, cos, b, sin), mixed(a, -sin, b, cos)];
+                    for (i, part) in pair.into_iter().enumerate() {
+                        turned.templates[2 * j + i].runs[run][channel] = part;
+                    }
+                }
+            }
+        }
+        turned.start = start;
+        turned
+    }
+}
+
+/// `p a + q b`, bins in order.
+fn mixed(a: &Sparse, p: f64, b: &Sparse, q: f64) -> Sparse {
+    let (mut i, mut j) = (0, 0);
+    let mut sum = Vec::with_capacity(a.len().max(b.len()));
+    while i < a.len() || j < b.len() {
+        let at = [a.get(i), b.get(j)].into_iter().flatten().map(|x| x.0).min().unwrap_or(0);
+        let mut value = C::ZERO;
+        if a.get(i).is_some_and(|x| x.0 == at) {
+            value += a[i].1 * p;
+            i += 1;
+        }
+        if b.get(j).is_some_and(|x| x.0 == at) {
+            value += b[j].1 * q;
+            j += 1;
+        }
+        sum.push((at, value));
+    }
+    sum
 }
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.

@@ -4,10 +4,12 @@
 //! writes every order-locked effect as `cos(order angle + phase)`, the angle being the pinion's; the simulator's effects have
 //! conventions of their own (an eccentricity lies `phase` ahead of the line of centres, an imbalance pulls across the line of action first, a
 //! load brakes), which the turns in [`MAPPING`] undo. What a record cannot tell is said with [`Carried::remark`]: a phase that is free in every
-//! run, and the hunting period's zero (a tachometer on the pinion gives the gear's angle only up to whole turns of the pinion).
+//! run, and the hunting period's zero (a tachometer on the pinion gives the gear's angle only up to whole turns of the pinion,
+//! which are carried over as found, run by run).
 
 use super::candidate::{Parameter, Tuning};
 use super::outcome::{Effect, Term};
+use super::start::Start;
 use crate::machine::Machine;
 use crate::stiffness::Geometry;
 use crate::{Result, effects};
@@ -129,15 +131,17 @@ pub struct Carried {
     pub tables: Vec<(&'static str, toml::Table)>,
     /// What does not carry over.
     pub remark: Option<String>,
+    /// Turns of the pinion by which every run starts later than its pulse 0 says.
+    pub pinion_turns: Option<Vec<u32>>,
 }
 
 /// Remark of effects whose phase is another in every run.
 pub const PHASE_FREE: &str = "phase free in every run: compare levels, not waveforms";
 /// Remark of effects that sit on the gear.
-pub const HUNTING: &str = "teeth and phase of the gear count from the pinion turn of each run's pulse 0, which a tachometer on the pinion cannot tell from another";
+pub const HUNTING: &str = "teeth and phase of the gear count from the pinion turn of the first run's pulse 0, which a tachometer on the pinion cannot tell from another";
 
 fn one(name: &'static str, keys: &[(&str, f64)]) -> Carried {
-    Carried { tables: vec![(name, table(keys))], remark: None }
+    Carried { tables: vec![(name, table(keys))], remark: None, pinion_turns: None }
 }
 
 fn table(keys: &[(&str, f64)]) -> toml::Table {
@@ -175,10 +179,13 @@ fn channel(term: &Term) -> f64 {
 /// # Errors
 /// A machine without geometry, values beyond the simulator's range.
 pub fn carry(effect: &Effect, term: Option<&Term>, machine: &Machine) -> Result<Option<Carried>> {
-    let carried = match MAPPING.iter().find(|m| m.found == effect.name) {
+    let mut carried = match MAPPING.iter().find(|m| m.found == effect.name) {
         Some(mapping) => mapped(mapping, effect, term, machine)?,
         None => special(effect, term, machine),
     };
+    if let Some(carried) = &mut carried {
+        carried.pinion_turns = term.and_then(|t| t.start.turns()).map(<[u32]>::to_vec);
+    }
     for (name, table) in carried.iter().flat_map(|c| &c.tables) {
         effects::from_table(name, table)?;
     }
@@ -225,7 +232,7 @@ fn mapped(mapping: &Mapping, effect: &Effect, term: Option<&Term>, machine: &Mac
         keys.push(("phase", wrapped(phase.value + turn[usize::from(gear)] - centres)));
     }
     let mut carried = one(mapping.name, &keys);
-    if term.is_some_and(|t| t.phase_free) {
+    if term.is_some_and(|t| t.phase_free || matches!(t.start, Start::Phases(_))) {
         carried.remark = Some(PHASE_FREE.into());
     } else if gear || mapping.per_turn == PerTurn::Gear {
         carried.remark = Some(HUNTING.into());
@@ -240,7 +247,7 @@ fn special(effect: &Effect, term: Option<&Term>, machine: &Machine) -> Option<Ca
         let tables = limits.iter().enumerate().filter_map(|(c, limit)| {
             limit.map(|(_, value)| ("clipping", table(&[("limit", value), ("channel", c as f64)])))
         });
-        return Some(Carried { tables: tables.collect(), remark: None });
+        return Some(Carried { tables: tables.collect(), remark: None, pinion_turns: None });
     }
     let term = term?;
     let on = ("channel", channel(term));
@@ -300,7 +307,7 @@ fn pitch_error(effect: &Effect, term: &Term, machine: &Machine) -> Option<Carrie
     };
     let teeth = (0..machine.pair.teeth[usize::from(gear)]).map(f64::from);
     let tables = teeth.map(|t| ("pitch-error", table(&[("single", offset(t)), ("tooth", t), body]))).collect();
-    Some(Carried { tables, remark })
+    Some(Carried { tables, remark, pinion_turns: None })
 }
 
 /// One table per mesh order, as each has its own phase.
@@ -314,7 +321,7 @@ fn profile_error(term: &Term) -> Option<Carried> {
         keys.push((name, a.hypot(b)));
         Some(("profile-error", table(&keys)))
     });
-    Some(Carried { tables: tables.collect(), remark: None })
+    Some(Carried { tables: tables.collect(), remark: None, pinion_turns: None })
 }
 
 /// One tone per channel where they differ.
@@ -327,5 +334,5 @@ fn mains_hum(effect: &Effect, term: &Term) -> Option<Carried> {
         [a, b] if (a - b).abs() < 0.05 => vec![tone(0.5 * (a + b), 2.0)],
         [a, b] => vec![tone(a, 0.0), tone(b, 1.0)],
     };
-    Some(Carried { tables, remark: Some(PHASE_FREE.into()) })
+    Some(Carried { tables, remark: Some(PHASE_FREE.into()), pinion_turns: None })
 }

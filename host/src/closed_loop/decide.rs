@@ -17,6 +17,7 @@ use super::library::Bench;
 use super::outcome::{Effect, Outcome};
 use super::search::{Found, Search, search};
 use super::spectrum::{Bins, noise_power};
+use super::start::Start;
 use super::tables::report;
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
@@ -48,6 +49,8 @@ const MOST_OVER_NOISE: f64 = 1.3;
 const LARGEST_REST: f64 = 0.1;
 /// Largest probability of a term's gain by chance, after correction for the search.
 pub const LARGEST_P: f64 = 1e-3;
+/// Share by which the order of impacts wanders.
+const SLIP: f64 = 0.005;
 /// A term that leaves more of the power at its own lines than this explains nothing.
 const MOST_LEFT: f64 = 0.5;
 
@@ -149,9 +152,20 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     accepted.retain(|_| keep.next().unwrap_or(true));
     effects.retain(stands);
     if whole.is_empty() {
-        let terms: Vec<&Candidate> = accepted.iter().collect();
-        let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
-        whole.extend(impacts(&base, &rest, &split).filter(|e| effects.is_empty() || e.verdict == "named"));
+        let hammering = |accepted: &[Candidate]| {
+            let terms: Vec<&Candidate> = accepted.iter().collect();
+            let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
+            impacts(&base, &rest, &split)
+        };
+        let mut found = hammering(&accepted);
+        let of_impacts: Vec<bool> = accepted.iter().map(|t| found.as_ref().is_some_and(|e| is_line_of(t, e))).collect();
+        if of_impacts.contains(&true) {
+            let (mut terms, mut verdicts) = (of_impacts.iter(), of_impacts.iter());
+            accepted.retain(|_| !terms.next().unwrap_or(&false));
+            effects.retain(|_| !verdicts.next().unwrap_or(&false));
+            found = hammering(&accepted).or(found);
+        }
+        whole.extend(found.filter(|e| effects.is_empty() || e.verdict == "named"));
         describe_withheld(&mut whole, &options.withheld);
     }
     if whole.is_empty()
@@ -169,6 +183,13 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
+}
+
+/// Whether a term at an order of neither shaft is one of the lines that named impacts have at every multiple of their order.
+fn is_line_of(term: &Candidate, impacts: &Effect) -> bool {
+    let (Some(order), Some(at)) = (term.order, impacts.order_of_pinion) else { return false };
+    let slips = matches!(term.start, Start::Phases(_));
+    slips && impacts.verdict == "named" && (order - (order / at).round() * at).abs() < SLIP * order
 }
 
 /// Takes the names of effects that are found outside the library.

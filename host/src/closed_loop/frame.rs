@@ -172,6 +172,29 @@ impl Border {
         Self { count: 2 * k, runs }
     }
 
+    /// The same templates with their quadrature pairs turned in every run by `phase_rad(run, pair)`.
+    pub fn turned(&self, phase_rad: impl Fn(usize, usize) -> f64) -> Self {
+        let runs = self
+            .runs
+            .iter()
+            .enumerate()
+            .map(|(r, (gram, cross, right))| {
+                let mut turn = DMatrix::zeros(self.count, self.count);
+                for pair in 0..self.count / 2 {
+                    let (sin, cos) = phase_rad(r, pair).sin_cos();
+                    let at = 2 * pair;
+                    turn[(at, at)] = cos;
+                    turn[(at + 1, at)] = sin;
+                    turn[(at, at + 1)] = -sin;
+                    turn[(at + 1, at + 1)] = cos;
+                }
+                let back = turn.transpose();
+                (&back * gram * turn, &back * cross, back * right)
+            })
+            .collect();
+        Self { count: self.count, runs }
+    }
+
     /// Own Gram of one run.
     pub fn gram(&self, run: usize) -> &DMatrix<f64> {
         &self.runs[run].0

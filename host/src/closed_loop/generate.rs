@@ -8,6 +8,7 @@
 use super::harmonic_model::Machine;
 use super::input::{Record, Run};
 use super::pair_curve::PairCurve;
+use super::start::Hunting;
 use crate::machine::{Pair, Shafts};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -167,10 +168,12 @@ pub struct Scenario {
     pub torques_n_m: Vec<f64>,
     /// Length of a run, s.
     pub duration_s: f64,
+    /// Runs start within one turn of the pinion instead of anywhere in the hunting period.
+    pub within_one_turn: bool,
 }
 
 impl Scenario {
-    /// Nothing undeclared: four speeds, two torques, 2 s, 1 % class noise.
+    /// Nothing undeclared: four speeds, two torques, 2 s, 1 % class noise, runs started anywhere in the hunting period.
     pub fn null(shafts: &Shafts, seed: u64) -> Self {
         Self {
             actual: shafts.clone(),
@@ -183,6 +186,7 @@ impl Scenario {
             speeds_hz: vec![9.1, 13.3, 18.9, 24.2],
             torques_n_m: vec![8.0, 20.0],
             duration_s: 2.0,
+            within_one_turn: false,
         }
     }
 }
@@ -464,9 +468,12 @@ pub fn response(machine: &Machine, effects: &[Effect], at: Point, samples: usize
 
 fn run(machine: &Machine, scenario: &Scenario, index: usize, speed: f64, torque: f64) -> Run {
     let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed.wrapping_mul(1009).wrapping_add(index as u64));
+    // Any turn of the hunting period, from a stream of its own.
+    let mut other = ChaCha8Rng::seed_from_u64(scenario.seed.wrapping_mul(2003).wrapping_add(index as u64));
+    let turn = if scenario.within_one_turn { 0 } else { other.random::<u32>() % Hunting::of(machine.teeth).turns };
     let at = Point {
         speed_hz: speed * (1.0 + 0.004 * (rng.random::<f64>() - 0.5)),
-        start_rad: -TAU * rng.random::<f64>(),
+        start_rad: TAU * (f64::from(turn) - rng.random::<f64>()),
         torque_n_m: torque,
         free_phase_rad: TAU * rng.random::<f64>(),
     };

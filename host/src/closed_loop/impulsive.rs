@@ -145,6 +145,6 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
         frequency_hz: Some(carrier),
         parameters,
         evidence: Evidence { p_value, held_out_gain: 0.0, ..Evidence::default() },
-        deciding_experiment: None,
+        ..Effect::default()
     })
 }

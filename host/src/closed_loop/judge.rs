@@ -7,8 +7,9 @@
 
 use super::base_fit::Base;
 use super::candidate::Candidate;
-use super::frame::Frame;
+use super::frame::{Border, Frame};
 use super::least_squares::{Column, Data, normal, subtract};
+use super::start::{self, Freedom, Hunting, Products, Start};
 use rustfft::num_complex::Complex64 as C;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -34,6 +35,11 @@ pub struct Split {
 }
 
 impl Split {
+    /// Number of runs.
+    pub fn count(&self) -> usize {
+        self.fit.len() + self.select.len() + self.held_out.len()
+    }
+
     /// Fit and selection runs.
     pub fn seen(&self) -> Vec<usize> {
         self.fit.iter().chain(&self.select).copied().collect()
@@ -57,6 +63,8 @@ pub struct Judged {
     pub apart_gain: f64,
     /// Values of the candidate's unknowns over fit and selection runs; empty where every run has its own phase.
     pub x: Vec<f64>,
+    /// Logarithm of the number of starts of the runs that were tried.
+    pub start_nats: f64,
 }
 
 impl Judged {
@@ -75,7 +83,7 @@ impl Judged {
     /// Probability of such a gain by chance, after Bonferroni over `tests` and the candidate's own search.
     pub fn p_value(&self, tests: f64) -> f64 {
         let null = ChiSquared::new(unknowns(&self.candidate, 6)).expect("positive");
-        ((1.0 - null.cdf(self.gain.max(0.0))) * self.candidate.searched * tests).min(1.0)
+        ((1.0 - null.cdf(self.gain.max(0.0))) * self.candidate.searched * tests * self.start_nats.exp()).min(1.0)
     }
 }
 
@@ -178,6 +186,18 @@ pub struct Judge<'a> {
     common: nalgebra::DVector<f64>,
     fit_change: f64,
     gain: f64,
+    hunting: Hunting,
+}
+
+/// Scores, as [`Judged`] has them.
+struct Scores {
+    score: f64,
+    gain: f64,
+    select_gain: f64,
+    select_promise: f64,
+    apart_gain: f64,
+    x: Vec<f64>,
+    start_nats: f64,
 }
 
 impl<'a> Judge<'a> {
@@ -189,12 +209,57 @@ impl<'a> Judge<'a> {
         // Parameters led astray by an effect may predict worse than none moved: that is no gain of the effect.
         let fit_change = frame.change(&split.select, None, &fitted.x).min(0.0);
         let all = frame.estimate(&seen, None);
-        Self { frame, split, seen, common: all.x, fit_change, gain: all.gain }
+        let hunting = Hunting::of(base.machine.teeth);
+        Self { frame, split, seen, common: all.x, fit_change, gain: all.gain, hunting }
     }
 
-    /// Scores of `candidate`.
+    /// Scores of `candidate` as it is.
     pub fn judge(&self, candidate: Candidate) -> Judged {
+        let scores = self.scores(&candidate, &candidate.start, &self.frame.border(&candidate.templates));
+        scores.of(candidate)
+    }
+
+    /// The better of `candidate` as it is and of the same with its runs started where they agree best, or as `given` by another effect.
+    pub fn judge_started(&self, candidate: Candidate, given: Option<&[u32]>) -> Judged {
         let border = self.frame.border(&candidate.templates);
+        let counted = self.scores(&candidate, &candidate.start, &border);
+        let orders = &candidate.pair_orders;
+        let freedom = self.hunting.freedom(orders);
+        let mut starts = Vec::new();
+        if freedom != Freedom::None {
+            let runs: Vec<Products> = (0..self.split.count())
+                .map(|r| {
+                    let (right, gram) = (border.right_after(r, &self.common), border.gram(r));
+                    let pairs = 0..orders.len();
+                    Products {
+                        right: pairs.clone().map(|j| C::new(right[2 * j], right[2 * j + 1])).collect(),
+                        energy: pairs.map(|j| 0.5 * (gram[(2 * j, 2 * j)] + gram[(2 * j + 1, 2 * j + 1)])).collect(),
+                    }
+                })
+                .collect();
+            starts.push(match freedom {
+                Freedom::Phase => start::phases(&runs),
+                _ => start::turns(&runs, orders, &self.seen, self.hunting),
+            });
+            if let (Freedom::Turns, Some(given)) = (freedom, given) {
+                starts.push(Start::Given(given.to_vec()));
+            }
+        }
+        let best = starts
+            .into_iter()
+            .map(|start| {
+                let turned = border.turned(|run, pair| start.phase_rad(run, orders[pair]));
+                (self.scores(&candidate, &start, &turned), start)
+            })
+            .max_by(|a, b| a.0.score.total_cmp(&b.0.score))
+            .filter(|best| best.0.score > counted.score);
+        match best {
+            Some((scores, start)) => scores.of(candidate.started(start)),
+            None => counted.of(candidate),
+        }
+    }
+
+    fn scores(&self, candidate: &Candidate, start: &Start, border: &Border) -> Scores {
         let mut apart_gain = 0.0;
         let (gain, select_gain, select_promise, x) = if candidate.phase_free {
             // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
@@ -213,10 +278,10 @@ impl<'a> Judge<'a> {
             let promise: f64 = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
             (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise, Vec::new())
         } else {
-            let fitted = self.frame.estimate(&self.split.fit, Some(&border));
-            let select = self.fit_change - self.frame.change(&self.split.select, Some(&border), &fitted.x);
+            let fitted = self.frame.estimate(&self.split.fit, Some(border));
+            let select = self.fit_change - self.frame.change(&self.split.select, Some(border), &fitted.x);
             let own = fitted.x.rows(fitted.x.len() - border.count, border.count);
-            let whole = self.frame.estimate(&self.seen, Some(&border));
+            let whole = self.frame.estimate(&self.seen, Some(border));
             let x = whole.x.rows(whole.x.len() - border.count, border.count).into_owned();
             let gain = whole.gain - self.gain;
             let power = |runs: &[usize], x: &nalgebra::DVector<f64>| -> f64 {
@@ -229,7 +294,16 @@ impl<'a> Judge<'a> {
             apart_gain = self.frame.estimate(&self.seen, Some(&border.apart(&self.split.select))).gain - whole.gain;
             (gain, select, promise, x.iter().copied().collect())
         };
-        let score = gain - PER_UNKNOWN * unknowns(&candidate, self.seen.len()) - 2.0 * candidate.searched.ln();
-        Judged { candidate, score, gain, select_gain, select_promise, apart_gain, x }
+        let start_nats = start.nats_per_run(self.hunting) * (self.seen.len() - 1) as f64;
+        let searched = candidate.searched.ln() + start_nats;
+        let score = gain - PER_UNKNOWN * unknowns(candidate, self.seen.len()) - 2.0 * searched;
+        Scores { score, gain, select_gain, select_promise, apart_gain, x, start_nats }
+    }
+}
+
+impl Scores {
+    fn of(self, candidate: Candidate) -> Judged {
+        let Self { score, gain, select_gain, select_promise, apart_gain, x, start_nats } = self;
+        Judged { candidate, score, gain, select_gain, select_promise, apart_gain, x, start_nats }
     }
 }

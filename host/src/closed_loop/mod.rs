@@ -33,6 +33,7 @@ pub mod replay;
 pub mod report;
 pub mod search;
 pub mod spectrum;
+pub mod start;
 pub mod strength;
 pub mod tables;
 pub mod verdict;

@@ -97,6 +97,7 @@ pub fn node_check(record: &Record, outcome: &Outcome, applied: &Applied) -> Resu
     let mut corrected = Predictor::new(record, Model::BendingTorsional, Damping::Declared)?;
     corrected.rig = Rig::new(&Machine::read(&applied.machine)?, Model::BendingTorsional, Damping::Declared)?;
     corrected.torque_factor = applied.torque_factor;
+    corrected.start_later(record, applied.pinion_turns.as_deref().unwrap_or_default())?;
     let added = effects::read(&applied.effects)?;
     let runs: Vec<Vec<RunCheck>> = outcome.split[2]
         .par_iter()

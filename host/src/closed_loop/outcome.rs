@@ -2,6 +2,7 @@
 
 use super::candidate::{Parameter, Tuning};
 use super::spectrum::Bins;
+use super::start::Start;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -66,7 +67,7 @@ pub struct Evidence {
 }
 
 /// One effect.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Effect {
     /// named, ambiguous or generic.
     pub verdict: String,
@@ -87,6 +88,13 @@ pub struct Effect {
     /// Experiment that would decide between the names in question.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deciding_experiment: Option<String>,
+    /// Effects of the gear: turns of the pinion by which every run starts later in the hunting period than its pulse 0 says, against the first
+    /// run. Teeth and phases hold with these.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pinion_turns_of_runs: Option<Vec<u32>>,
+    /// Orders of neither shaft: phase of every run against the first, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase_of_runs_rad: Option<Vec<f64>>,
 }
 
 /// What stays unexplained.
@@ -113,6 +121,8 @@ pub struct Term {
     pub phase_free: bool,
     /// Shape found by search.
     pub tuning: Option<Tuning>,
+    /// Starts of the runs.
+    pub start: Start,
 }
 
 /// Outcome of the loop.
@@ -161,6 +171,9 @@ impl Outcome {
             text += &format!("{}: {} [{}, {}] {seat}\n", e.verdict, e.name, e.family, e.shaft);
             for (name, v) in e.parameters.iter().take(6) {
                 text += &format!("    {name} = {:.4e} [{:.4e}, {:.4e}] {}\n", v.value, v.ci95[0], v.ci95[1], v.unit);
+            }
+            if let Some(turns) = &e.pinion_turns_of_runs {
+                text += &format!("    runs start {turns:?} turns of the pinion later than counted\n");
             }
             text += &format!(
                 "    left at its lines {:.4}, p {:.1e}, Bayes factor {:?}, held-out gain {:.4}, speed^{:?} torque^{:?}, next {:?}\n",

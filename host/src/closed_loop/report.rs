@@ -149,6 +149,14 @@ fn evidence(mut report: Report, outcome: &Outcome) -> Report {
                 format!("{} ({} to {}) {unit}", number(p.value), number(p.ci95[0]), number(p.ci95[1])),
             ]);
         }
+        if let Some(turns) = &e.pinion_turns_of_runs {
+            let list: Vec<String> = turns.iter().map(u32::to_string).collect();
+            rows.push(vec!["turns of the pinion by which each run starts later than counted".into(), list.join(", ")]);
+        }
+        if let Some(phases) = &e.phase_of_runs_rad {
+            let list: Vec<String> = phases.iter().map(|p| number(*p)).collect();
+            rows.push(vec!["phase of each run against the first, rad".into(), list.join(", ")]);
+        }
         report = report.table(&format!("{}: {}", e.verdict, e.name), &["", ""], &rows);
         if let Some(text) = &e.deciding_experiment {
             report = report.note(&format!("What would decide: {text}."));

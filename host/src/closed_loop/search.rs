@@ -10,6 +10,7 @@ use super::detect;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
 use super::least_squares::Data;
 use super::library::Bench;
+use super::start::Start;
 use super::strength::{at_their_strength, refuted_by_tachometer, tune};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -65,6 +66,7 @@ pub fn search(
     let mut pool: Vec<Candidate> = Vec::new();
     let mut refused: BTreeMap<String, f64> = BTreeMap::new();
     let mut strongest = None;
+    let mut turns: Option<Vec<u32>> = None;
     let mut largest_gain = 0.0_f64;
     for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
@@ -73,15 +75,17 @@ pub fn search(
         let rest = corrected(base, &data, &fitted.x, &terms);
         data.weight = base.weights(&rest.residual, &raw);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
-        let orders = detect::orders(base, &rest, &split.fit, 2);
-        let mut frequencies = detect::frequencies(base, &rest, &split.fit, 2);
-        frequencies.extend(detect::modulations(base, &rest, &split.fit, 1));
+        let mut orders = detect::orders(base, &rest, &seen, 2);
+        orders.extend(detect::combs(base, &rest, &seen, 1));
+        let mut frequencies = detect::frequencies(base, &rest, &seen, 2);
+        frequencies.extend(detect::modulations(base, &rest, &seen, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
-        let mut candidates = bench.candidates(&rest, &split.fit, &orders, &frequencies);
+        let mut candidates = bench.candidates(&rest, split, &orders, &frequencies, turns.as_deref());
         withhold(&mut candidates, &options.withheld);
         candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
         let judge = Judge::new(base, &data, split, &terms);
-        let mut judged: Vec<Judged> = candidates.into_par_iter().map(|c| judge.judge(c)).collect();
+        let mut judged: Vec<Judged> =
+            candidates.into_par_iter().map(|c| judge.judge_started(c, turns.as_deref())).collect();
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         tune(bench, &judge, &mut judged);
         at_their_strength(bench, &judge, &data, &mut judged);
@@ -89,10 +93,11 @@ pub fn search(
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
-                "  {} at {:?}/{:?}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
+                "  {} at {:?}/{:?}, {}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
                 j.candidate.name,
                 j.candidate.order,
                 j.candidate.frequency_hz,
+                if j.candidate.start == Start::Counted { "as counted" } else { "started by fit" },
                 j.score,
                 j.gain,
                 j.select_gain,
@@ -126,6 +131,9 @@ pub fn search(
         largest_gain = largest_gain.max(winner.gain);
         let winner = winner.candidate.clone();
         pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
+        if turns.is_none() {
+            turns = winner.start.turns().map(<[u32]>::to_vec);
+        }
         accepted.push(winner);
         prune(base, &data, split, &mut accepted);
         let terms: Vec<&Candidate> = accepted.iter().collect();

@@ -9,6 +9,7 @@ use super::judge::{Judge, Judged};
 use super::least_squares::Data;
 use super::library::Bench;
 use super::library::mesh::refine_relief;
+use super::library::order::moved;
 use super::library::path::refine_mode;
 
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
@@ -21,6 +22,10 @@ const STRONG_SCORE: f64 = 3000.0;
 const LEAST_BEND: f64 = 0.1;
 /// Share of the best simulated score below which a candidate is simulated once only.
 const STILL_LEADING: f64 = 0.9;
+/// Change of the strength below which it is taken as found.
+const SETTLED: f64 = 0.002;
+/// Largest change of the strength's logarithm by the secant.
+const LARGEST_STEP: f64 = 1.0;
 /// Most candidates simulated in a round.
 const MOST_FINITE: usize = 4;
 
@@ -37,6 +42,8 @@ pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> bool {
 /// Improves the shape of the best candidates that have one.
 pub fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
     let score = |c: Candidate| judge.judge(c).score;
+    let fastest = bench.angles.iter().map(|a| a.1).fold(0.0, f64::max);
+    let per_bin = 1.0 / (bench.base.analyser.duration_s() * fastest);
     let best = judged.first().map_or(0.0, |j| j.score);
     let mut relief = [false; 2];
     for j in judged.iter_mut().take(8) {
@@ -48,6 +55,17 @@ pub fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
             Some(Tuning::Relief { share, exponent }) if j.score > 0.6 * best && !relief[exponent as usize - 1] => {
                 relief[exponent as usize - 1] = true;
                 *j = judge.judge(refine_relief(bench, (share, exponent), score));
+            }
+            Some(Tuning::Order { seat }) if j.score > 0.8 * best => {
+                // Lines of single runs place an order to a good part of a bin, all lines of all runs together far more finely.
+                let Some(first) = j.candidate.order else { continue };
+                for step in [0.12, 0.04, 0.013] {
+                    let at = j.candidate.order.unwrap_or(first);
+                    let near = [-2.0, -1.0, 1.0, 2.0].map(|i| at + i * step * per_bin);
+                    let tried = near.map(|order| judge.judge_started(moved(bench, &j.candidate, seat, order), None));
+                    let top = tried.into_iter().max_by(|a, b| a.score.total_cmp(&b.score));
+                    *j = top.filter(|t| t.score > j.score).unwrap_or_else(|| j.clone());
+                }
             }
             _ => {}
         }
@@ -78,37 +96,65 @@ pub fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judg
     for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
         let at = |x: &[f64]| bench.at_strength(&first_order, x, data).map(|bent| judge.judge(bent));
-        let Some(mut now) = at(&judged[i].x) else { continue };
-        let bends = (size(&now.x) / size(&judged[i].x) - 1.0).abs() > LEAST_BEND;
+        let mut simulated = first_guess(&first_order, &judged[i].x);
+        let Some(mut now) = at(&simulated) else { continue };
+        let bends = (size(&now.x) / size(&simulated) - 1.0).abs() > LEAST_BEND;
         if bends && best > STRONG_SCORE {
             for factor in [1.7, 3.0, 5.0] {
                 let stronger: Vec<f64> = judged[i].x.iter().map(|v| v * factor).collect();
-                now = at(&stronger).filter(|other| other.score > now.score).unwrap_or(now);
+                if let Some(other) = at(&stronger).filter(|other| other.score > now.score) {
+                    (now, simulated) = (other, stronger);
+                }
             }
         }
         if now.score <= judged[i].score - 1.0 {
             continue;
         }
-        judged[i] = now;
-        leader = leader.max(judged[i].score);
-        // The strength itself follows the secant: whoever may still lead gets the steps it needs, the others enough to compare.
-        let steps = match judged[i].score < STILL_LEADING * leader {
+        // Whoever may still lead gets the steps it needs, the others enough to compare.
+        let steps = match now.score < STILL_LEADING * leader.max(now.score) {
             true => 0,
-            false if rank == 0 || bends => 4,
+            false if rank == 0 || bends => 6,
             false => 1,
         };
+        // Strength simulated, and what the fit then made of it: right where both agree.
+        let mut tried = (simulated, now.x.clone());
+        judged[i] = now;
+        let mut before: Option<[f64; 2]> = None;
         for _ in 0..steps {
-            let Some(again) = at(&judged[i].x) else { break };
-            let moved: Vec<f64> = again.x.iter().zip(&judged[i].x).map(|(a, b)| a - b).collect();
-            let settled = size(&moved) < 0.002 * size(&again.x);
-            if again.score <= judged[i].score - 1.0 {
-                break;
+            let point = [size(&tried.0).ln(), (size(&tried.1) / size(&tried.0)).ln()];
+            let step = next_step(point, before);
+            let next: Vec<f64> = tried.1.iter().map(|v| v * (step - point[1]).exp()).collect();
+            before = Some(point);
+            let Some(again) = at(&next) else { break };
+            let moved: Vec<f64> = again.x.iter().zip(&next).map(|(a, b)| a - b).collect();
+            let settled = size(&moved) < SETTLED * size(&again.x);
+            tried = (next, again.x.clone());
+            if again.score > judged[i].score - 1.0 {
+                judged[i] = again;
             }
-            judged[i] = again;
-            leader = leader.max(judged[i].score);
             if settled {
                 break;
             }
         }
+        leader = leader.max(judged[i].score);
     }
+}
+
+/// Strength that a first-order fit stands for: a cracked tooth, being softer, deflects more.
+fn first_guess(candidate: &Candidate, x: &[f64]) -> Vec<f64> {
+    match (candidate.finite, x) {
+        (Some(Finite::Crack { .. }), [loss]) if *loss > 0.0 => vec![loss / (1.0 + loss)],
+        _ => x.to_vec(),
+    }
+}
+
+/// Change of the strength's logarithm that makes fitted and simulated strength agree, from the point (logarithm of the simulated strength, of
+/// fitted over simulated) and the one before: the fit's own at first, then the secant through both.
+///
+/// The fit's own would swing about a strong crack's loss for ever: a tooth's response grows as `loss / (1 - loss)`.
+fn next_step(point: [f64; 2], before: Option<[f64; 2]>) -> f64 {
+    let Some(before) = before else { return point[1] };
+    let slope = (point[1] - before[1]) / (point[0] - before[0]);
+    let step = -point[1] / slope;
+    if step.is_finite() && step.abs() < LARGEST_STEP && step * point[1] > 0.0 { step } else { 0.5 * point[1] }
 }

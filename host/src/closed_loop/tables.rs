@@ -83,6 +83,7 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
                 channel_share: sizes.map(|s| s / larger),
                 phase_free: candidate.phase_free,
                 tuning: candidate.tuning,
+                start: candidate.start.clone(),
             }
         })
         .collect()

@@ -8,6 +8,7 @@ use super::candidate::{Candidate, Claim, Tuning};
 use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
+use super::start::Start;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
@@ -220,6 +221,11 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
                 next: rivals,
             },
             deciding_experiment: experiment,
+            pinion_turns_of_runs: term.start.turns().map(<[u32]>::to_vec),
+            phase_of_runs_rad: match &term.start {
+                Start::Phases(phases) => Some(phases.clone()),
+                _ => None,
+            },
         });
     }
     effects

@@ -54,7 +54,7 @@ fn effect(name: &str, family: &str, gain: f64) -> Effect {
         frequency_hz: None,
         parameters: BTreeMap::new(),
         evidence: Evidence { held_out_gain: gain, ..Evidence::default() },
-        deciding_experiment: None,
+        ..Effect::default()
     }
 }
 

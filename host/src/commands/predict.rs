@@ -66,6 +66,8 @@ pub fn run(args: Args) -> Result<()> {
     }
     let effects = args.effects_file.as_deref().map_or_else(|| Ok(Vec::new()), effects::read)?;
     predictor.torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
+    let turns = args.effects_file.as_deref().map_or_else(|| Ok(Vec::new()), effects::read_pinion_turns)?;
+    predictor.start_later(&record, &turns)?;
     std::fs::create_dir_all(&args.output).map_err(Error::file(&args.output))?;
     let progress = terminal::Progress::new("predict", record.runs.len() as u64);
     let drawn = args.report.is_some();

@@ -1,8 +1,9 @@
 //! `meshband simulate`: a record folder of a simulated machine, one run per pair of speed and torque.
 
 use clap::Args as ClapArgs;
+use meshband_host::closed_loop::start::Hunting;
 use meshband_host::dynamics::assembly::{Damping, Model};
-use meshband_host::dynamics::simulate::{Acquisition, Simulated, run_seed, simulate, start_turns};
+use meshband_host::dynamics::simulate::{Acquisition, Simulated, run_seed, simulate, start_turn, start_turns};
 use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::machine::Machine;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
@@ -51,7 +52,7 @@ pub struct Args {
     /// Seed of the random streams.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Start every run at a random angle (from the seed) instead of angle 0.
+    /// Start every run at a random angle of the hunting period (from the seed) instead of angle 0; the first in the first turn.
     #[arg(long)]
     random_start: bool,
     /// Model: bending-torsional, bending-torsional-6 or casing.
@@ -143,15 +144,17 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
         }
         _ => return Err(Error::invalid("--run-up", "needs FROM,TO,SECONDS")),
     }
+    let hunting = Hunting::of(machine.pair.teeth).turns;
     let mut points = Vec::new();
     for (motion, speed_text) in &motions {
         for &torque_n_m in &torques {
             let seed = run_seed(args.seed, points.len());
             let mut motion = motion.clone();
             if let (Motion::Constant { turns_at_zero, .. }, true) = (&mut motion, args.random_start) {
-                // The first edge is then within the first turn from angle 0, which is all that a record says of its angle:
-                // teeth of the gear keep their numbers.
-                *turns_at_zero = start_turns(seed) - 1.0 / f64::from(args.pulses.max(1));
+                // Anywhere in the hunting period: a tachometer on the pinion does not tell which turn it is. The first run's first edge is
+                // within the first turn, so that teeth of the gear keep their numbers.
+                let turn = if points.is_empty() { 0 } else { start_turn(seed, hunting) };
+                *turns_at_zero = f64::from(turn) + start_turns(seed) - 1.0 / f64::from(args.pulses.max(1));
             }
             points.push(Point { motion, speed_text: speed_text.clone(), torque_n_m, seed });
         }

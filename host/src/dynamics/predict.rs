@@ -11,6 +11,7 @@ use super::taylor::Statistics;
 use crate::machine::Machine;
 use crate::record::{Record, Run};
 use crate::{Error, Result};
+use std::collections::HashMap;
 
 /// Predicts every run of a record.
 pub struct Predictor {
@@ -22,6 +23,8 @@ pub struct Predictor {
     turns_of_pinion: f64,
     jitter_s: f64,
     rate_hz: f64,
+    /// Turns of the pinion by which runs start later than their pulse 0 says, by signal.
+    later: HashMap<String, u32>,
 }
 
 impl Predictor {
@@ -43,7 +46,30 @@ impl Predictor {
             turns_of_pinion,
             jitter_s: tach.jitter_s.unwrap_or(0.0),
             rate_hz: record.declaration.acquisition.sample_rate_hz,
+            later: HashMap::new(),
         })
+    }
+
+    /// Starts every run of the record some whole turns of the pinion later; an empty list changes nothing.
+    ///
+    /// A tachometer on the pinion does not tell where in the hunting period a run starts; effects of the gear depend on it.
+    ///
+    /// # Errors
+    /// A list of another length than the record's runs, or a tachometer on the gear, which leaves no such doubt.
+    pub fn start_later(&mut self, record: &Record, pinion_turns: &[u32]) -> Result<()> {
+        if pinion_turns.is_empty() {
+            return Ok(());
+        }
+        if self.turns_of_pinion != 1.0 {
+            return Err(Error::invalid("pinion_turns", "the record's tachometer is on the gear, whose angle it tells"));
+        }
+        if pinion_turns.len() != record.runs.len() {
+            let what = format!("{} values for {} runs", pinion_turns.len(), record.runs.len());
+            return Err(Error::invalid("pinion_turns", what));
+        }
+        let signals = record.runs.iter().map(|run| run.declaration.signal.clone());
+        self.later = signals.zip(pinion_turns.iter().copied()).collect();
+        Ok(())
     }
 
     /// Angle of the pinion during a run.
@@ -51,7 +77,8 @@ impl Predictor {
     /// # Errors
     /// Edges that give no speed.
     pub fn motion(&self, run: &Run) -> Result<Motion> {
-        let first = u64::from(run.declaration.first_pulse_index);
+        let later = self.later.get(&run.declaration.signal).copied().unwrap_or(0);
+        let first = u64::from(run.declaration.first_pulse_index) + u64::from(later) * u64::from(self.pulses_per_turn);
         let motion = Motion::from_tach(&run.edges_s, self.pulses_per_turn, first, self.jitter_s)?;
         Ok(motion.geared(self.turns_of_pinion))
     }

@@ -110,6 +110,13 @@ pub fn start_turns(seed: u64) -> f64 {
     rand::RngExt::random(&mut random)
 }
 
+/// Random whole turn of the pinion, below `hunting`, at which a run of this seed starts.
+pub fn start_turn(seed: u64, hunting: u32) -> u32 {
+    let mut random = ChaCha12Rng::seed_from_u64(seed);
+    random.set_stream(4);
+    rand::RngExt::random_range(&mut random, 0..hunting.max(1))
+}
+
 fn angle_turns(motion: &Motion, effects: &[Box<dyn Effect>], t: f64) -> f64 {
     let mut turns = motion.turns(t, 1e-6);
     effects.iter().for_each(|e| e.turns(t, 1e-6, &mut turns));

@@ -275,3 +275,19 @@ pub fn read_torque_factor(path: &std::path::Path) -> Result<f64> {
     let factor = value.as_float().or(value.as_integer().map(|i| i as f64)).filter(|f| (0.5..=2.0).contains(f));
     factor.ok_or_else(|| Error::invalid(format!("{}: torque_factor", path.display()), "must lie between 0.5 and 2"))
 }
+
+/// Turns of the pinion by which every run of a record starts later than its pulse 0 says (`pinion_turns`, empty where absent): what teeth and
+/// phases of the gear hold with.
+///
+/// # Errors
+/// An unreadable file, values that are no whole numbers from 0 to 100 000.
+pub fn read_pinion_turns(path: &std::path::Path) -> Result<Vec<u32>> {
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))?;
+    let Some(value) = whole.get("pinion_turns") else { return Ok(Vec::new()) };
+    let turns = |v: &toml::Value| v.as_integer().and_then(|k| u32::try_from(k).ok()).filter(|k| *k <= 100_000);
+    let list: Option<Vec<u32>> = value.as_array().and_then(|list| list.iter().map(turns).collect());
+    list.ok_or_else(|| {
+        Error::invalid(format!("{}: pinion_turns", path.display()), "must be a list of whole numbers from 0 to 100000")
+    })
+}

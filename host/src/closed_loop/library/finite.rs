@@ -9,6 +9,7 @@ use super::Bench;
 use crate::closed_loop::candidate::{Candidate, Finite, Template};
 use crate::closed_loop::generate::{Effect, Point, response};
 use crate::closed_loop::least_squares::Data;
+use crate::closed_loop::start::Start;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -16,9 +17,10 @@ use std::f64::consts::TAU;
 /// Bins of the difference whose squared size times weight is below this are left out: they carry no information.
 const LEAST_INFORMATION: f64 = 1e-3;
 
-fn effects(finite: Finite, x: &[f64], base_pitch_m: f64) -> Vec<Effect> {
+/// Effects of one run, `turned_rad` later than the unknowns say.
+fn effects(finite: Finite, x: &[f64], base_pitch_m: f64, turned_rad: f64) -> Vec<Effect> {
     let (size, phase_rad) = match x {
-        [a, b, ..] => (a.hypot(*b), b.atan2(*a)),
+        [a, b, ..] => (a.hypot(*b), b.atan2(*a) + turned_rad),
         _ => (x[0], 0.0),
     };
     match finite {
@@ -38,18 +40,24 @@ fn effects(finite: Finite, x: &[f64], base_pitch_m: f64) -> Vec<Effect> {
 }
 
 impl Bench<'_> {
-    fn simulated(&self, effects: &[Effect]) -> Vec<[Vec<C>; 2]> {
+    /// `effects` per run, which starts `turns` of the pinion after its pulse 0.
+    fn simulated(
+        &self,
+        effects: impl Fn(usize) -> Vec<Effect> + Sync,
+        turns: impl Fn(usize) -> u32 + Sync,
+    ) -> Vec<[Vec<C>; 2]> {
         let base = self.base;
         base.runs
             .par_iter()
-            .map(|run| {
+            .enumerate()
+            .map(|(r, run)| {
                 let at = Point {
-                    start_rad: run.angle.offset_rad,
+                    start_rad: run.angle.offset_rad + TAU * f64::from(turns(r)),
                     speed_hz: run.angle.shaft_hz,
                     torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
                     free_phase_rad: 0.0,
                 };
-                response(&base.machine, effects, at, base.analyser.samples, base.analyser.rate_hz)
+                response(&base.machine, &effects(r), at, base.analyser.samples, base.analyser.rate_hz)
                     .map(|signal| base.analyser.bins_of(&signal))
             })
             .collect()
@@ -62,10 +70,16 @@ impl Bench<'_> {
         if square == 0.0 || x.iter().any(|v| !v.is_finite()) {
             return None;
         }
-        let without = self.plain.get_or_init(|| self.simulated(&[]));
+        let without = self.plain.get_or_init(|| self.simulated(|_| Vec::new(), |_| 0));
         let machine = &self.base.machine;
         let base_pitch_m = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
-        let with = self.simulated(&effects(finite, x, base_pitch_m));
+        // Whole turns move the start of the run, a free phase that of the effect.
+        let turned_rad = |run: usize| match &candidate.start {
+            Start::Phases(phases) => phases[run],
+            _ => 0.0,
+        };
+        let turns = |run: usize| candidate.start.turns().map_or(0, |turns| turns[run]);
+        let with = self.simulated(|run| effects(finite, x, base_pitch_m, turned_rad(run)), turns);
         let mut bent = Candidate { bent: true, ..candidate.clone() };
         for r in 0..with.len() {
             for c in 0..2 {

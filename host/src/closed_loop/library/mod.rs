@@ -5,7 +5,7 @@
 
 mod finite;
 pub mod mesh;
-mod order;
+pub mod order;
 mod parameter;
 pub mod path;
 mod teeth;
@@ -14,6 +14,7 @@ use super::base_fit::{Base, RunState};
 use super::candidate::Candidate;
 use super::detect::Found;
 use super::harmonic_model::{Comb, DOF, Line};
+use super::judge::Split;
 use super::least_squares::Data;
 use super::waveform::steady;
 use rayon::prelude::*;
@@ -88,21 +89,40 @@ impl<'a> Bench<'a> {
     }
 
     /// All candidates for the present residual: fixed library, detected orders, detected frequencies.
-    pub fn candidates(&self, data: &Data, fit: &[usize], orders: &[Found], frequencies: &[Found]) -> Vec<Candidate> {
-        let mut all = self.teeth.candidates(self, data, fit);
+    ///
+    /// `turns`: starts of the runs in the hunting period, where an effect of the gear has told them.
+    pub fn candidates(
+        &self,
+        data: &Data,
+        split: &Split,
+        orders: &[Found],
+        frequencies: &[Found],
+        turns: Option<&[u32]>,
+    ) -> Vec<Candidate> {
+        let fit = split.fit.as_slice();
+        let mut all = self.teeth.candidates(self, data, split, turns);
         all.extend(self.fixed.iter().cloned());
         all.extend(path::candidates(self, data, fit));
         let mut done = self.shaft_orders().to_vec();
         for found in orders {
             // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
             let z = f64::from(self.base.machine.teeth[0]);
-            let at = self.peak(data, fit, found.at);
+            let at = if found.modulation { found.at } else { self.peak(data, fit, found.at) };
             let nearest = (at / z).round() as i32;
-            for n in [nearest, 0, 1, -1, 2, -2, nearest - 1, nearest + 1] {
-                let seat = self.refined(at - f64::from(n) * z).abs();
-                if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > 0.01) {
-                    done.push(seat);
-                    all.extend(order::at_order(self, seat, 200.0));
+            let members = [nearest, 0, 1, -1, 2, -2, nearest - 1, nearest + 1];
+            // A comb's place is its distance from the mesh orders.
+            let members = if found.modulation { &[0, 1, -1] } else { &members[..] };
+            for &n in members {
+                let raw = (at - f64::from(n) * z).abs();
+                let whole = self.refined(raw);
+                // Near a whole order of a shaft it may be that or its own: the latter is placed more finely later.
+                let own = ((raw - whole).abs() > 0.1 * self.snapped()).then_some(raw);
+                for seat in [Some(whole), own].into_iter().flatten() {
+                    let near = if own.is_some() { 0.05 * self.snapped() } else { 0.01 };
+                    if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > near) {
+                        done.push(seat);
+                        all.extend(order::at_order(self, seat, 200.0));
+                    }
                 }
             }
         }
@@ -133,11 +153,14 @@ impl<'a> Bench<'a> {
             .unwrap_or(order)
     }
 
+    /// Distance within which an order may be a whole one: a quarter of a bin in the fastest run.
+    fn snapped(&self) -> f64 {
+        0.25 / (self.base.analyser.duration_s() * self.angles.iter().map(|a| a.1).fold(0.0, f64::max))
+    }
+
     /// Snaps an order to a whole order of pinion or gear when it is one within resolution.
     fn refined(&self, order: f64) -> f64 {
-        let ratio = self.ratio();
-        let fastest = self.angles.iter().map(|a| a.1).fold(0.0, f64::max);
-        let near = 0.25 / (self.base.analyser.duration_s() * fastest);
+        let (ratio, near) = (self.ratio(), self.snapped());
         let pinion = order.round();
         let gear = (order / ratio).round() * ratio;
         if (order - pinion).abs() < near {

@@ -3,10 +3,11 @@
 
 use super::{Bench, Excitation};
 use crate::closed_loop::base_fit::RunState;
-use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, Tuning, quadrature};
 use crate::closed_loop::detect::Found;
 use crate::closed_loop::harmonic_model::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
 use crate::closed_loop::least_squares::Data;
+use crate::closed_loop::start::{Freedom, Hunting};
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
@@ -212,13 +213,25 @@ fn finite(seat: Seat, order: f64) -> Option<Finite> {
 
 /// Every excitation seated at `order` of the pinion.
 pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> {
+    seated(bench, 0..SEATS.len(), order, searched)
+}
+
+/// A candidate of [`Tuning::Order`] at another order.
+pub fn moved(bench: &Bench<'_>, candidate: &Candidate, seat: usize, order: f64) -> Candidate {
+    let mut all = seated(bench, seat..seat + 1, order, candidate.searched);
+    Candidate { name: candidate.name.clone(), claim: candidate.claim, ..all.remove(0) }
+}
+
+fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched: f64) -> Vec<Candidate> {
     let machine = &bench.base.machine;
+    let list = &SEATS[seats.clone()];
     let responses = bench
-        .respond(|_| order, |run, comb| SEATS.iter().map(|&seat| excite(seat, machine, run, comb, order)).collect());
-    SEATS
-        .iter()
+        .respond(|_| order, |run, comb| list.iter().map(|&seat| excite(seat, machine, run, comb, order)).collect());
+    let free = Hunting::of(machine.teeth).freedom(&[order]) == Freedom::Phase;
+    seats
+        .zip(list)
         .zip(&responses)
-        .map(|(&seat, lines)| {
+        .map(|((index, &seat), lines)| {
             let l = label(seat, order, bench.ratio(), false);
             Candidate {
                 name: l.name,
@@ -232,6 +245,8 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
                 searched,
                 exponents: exponents(seat),
                 finite: finite(seat, order),
+                pair_orders: vec![order],
+                tuning: free.then_some(Tuning::Order { seat: index }),
                 ..Candidate::default()
             }
         })

@@ -8,8 +8,10 @@ use super::Bench;
 use crate::closed_loop::base_fit::Base;
 use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
 use crate::closed_loop::harmonic_model::Line;
+use crate::closed_loop::judge::Split;
 use crate::closed_loop::least_squares::{Column, Data, normal};
 use crate::closed_loop::spectrum::sparse;
+use crate::closed_loop::start::{Hunting, Start, relative};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -85,7 +87,11 @@ impl ToothFamilies {
     }
 
     /// Best single tooth of each kind and gear, and free tables of pitch errors.
-    pub fn candidates(&self, bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
+    ///
+    /// The gear's single tooth is tried as counted, as `turns` tell, and with every run started where it fits best.
+    pub fn candidates(&self, bench: &Bench<'_>, data: &Data, split: &Split, turns: Option<&[u32]>) -> Vec<Candidate> {
+        let teeth = bench.base.machine.teeth;
+        let hunting = Hunting::of(teeth);
         let mut list = Vec::new();
         for families in &self.all {
             let z = bench.base.machine.teeth[families.shaft];
@@ -96,26 +102,38 @@ impl ToothFamilies {
             };
             let order = if families.shaft == 0 { 1.0 } else { bench.ratio() };
             let exponents = if families.kind == Kind::Displacement { [0.0, 0.0] } else { [0.0, 1.0] };
-            let tooth = families.best_tooth(z, data, fit);
-            list.push(Candidate {
-                name: single,
-                claim: Claim::Named,
-                family: "shaft-order",
-                shaft,
-                order: Some(order),
-                parameters: vec![Parameter {
-                    name: format!("{quantity} of tooth {tooth}"),
-                    unit,
-                    first: 0,
-                    complex: false,
-                }],
-                templates: vec![families.tooth(tooth, z, bench.base.analyser.bins)],
-                searched: f64::from(z),
-                exponents,
-                finite: (families.kind == Kind::StiffnessLoss)
-                    .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
-                ..Candidate::default()
-            });
+            let likeness = families.likeness(z, data);
+            let mut starts = vec![likeness.best(&split.fit, Start::Counted, teeth)];
+            if families.shaft == 1 && hunting.turns > 1 {
+                starts.push(likeness.best_started(&split.fit, teeth, hunting));
+                starts.extend(turns.map(|t| likeness.best(&split.fit, Start::Given(t.to_vec()), teeth)));
+            }
+            list.extend(starts.into_iter().map(|(tooth, start)| {
+                Candidate {
+                    name: single.clone(),
+                    claim: Claim::Named,
+                    family: "shaft-order",
+                    shaft,
+                    order: Some(order),
+                    parameters: vec![Parameter {
+                        name: format!("{quantity} of tooth {tooth}"),
+                        unit,
+                        first: 0,
+                        complex: false,
+                    }],
+                    templates: vec![families.tooth(
+                        |run| seen_as(tooth, &start, run, teeth),
+                        z,
+                        bench.base.analyser.bins,
+                    )],
+                    searched: f64::from(z),
+                    exponents,
+                    finite: (families.kind == Kind::StiffnessLoss)
+                        .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
+                    start,
+                    ..Candidate::default()
+                }
+            }));
             let (name, claim) = match families.kind {
                 Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
                 Kind::StiffnessLoss => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
@@ -137,6 +155,7 @@ impl ToothFamilies {
                 parameters,
                 templates: families.pairs.iter().flatten().cloned().collect(),
                 exponents,
+                pair_orders: (1..=families.pairs.len()).map(|m| m as f64 * order).collect(),
                 plain: (families.kind == Kind::Displacement)
                     .then(|| format!("displacement error repeating with every {shaft} turn")),
                 ..Candidate::default()
@@ -147,34 +166,39 @@ impl ToothFamilies {
 }
 
 impl Families {
-    /// Tooth whose error the residual resembles most, families taken as orthogonal.
-    fn best_tooth(&self, z: u32, data: &Data, fit: &[usize]) -> u32 {
-        let right: Vec<[f64; 2]> = self
+    /// What every tooth's error has in common with the residual of every run, families taken as orthogonal.
+    fn likeness(&self, z: u32, data: &Data) -> Likeness {
+        let right: Vec<Vec<[f64; 2]>> = self
             .pairs
             .par_iter()
-            .map(|pair| [0, 1].map(|i| normal(data, fit, &[Column { template: &pair[i], prior: (0.0, 0.0) }]).right[0]))
+            .map(|pair| {
+                let of = |r: usize, i: usize| {
+                    normal(data, &[r], &[Column { template: &pair[i], prior: (0.0, 0.0) }]).right[0]
+                };
+                (0..data.residual.len()).map(|r| [of(r, 0), of(r, 1)]).collect()
+            })
             .collect();
-        let value = |tooth: u32| -> f64 {
+        let value = |run: usize, tooth: u32| -> f64 {
             right
                 .iter()
                 .enumerate()
                 .map(|(m, b)| {
                     let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth) / f64::from(z);
-                    phase.cos() * b[0] + phase.sin() * b[1]
+                    phase.cos() * b[run][0] + phase.sin() * b[run][1]
                 })
                 .sum()
         };
-        (0..z).max_by(|&a, &b| value(a).abs().total_cmp(&value(b).abs())).unwrap_or(0)
+        Likeness((0..data.residual.len()).map(|run| (0..z).map(|tooth| value(run, tooth)).collect()).collect())
     }
 
-    fn tooth(&self, tooth: u32, z: u32, bins: usize) -> Template {
+    fn tooth(&self, tooth: impl Fn(usize) -> u32, z: u32, bins: usize) -> Template {
         let runs = (0..self.mesh.runs.len())
             .map(|r| {
                 [0, 1].map(|c| {
                     let mut dense = vec![C::ZERO; bins];
                     self.mesh.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t);
                     for (m, pair) in self.pairs.iter().enumerate() {
-                        let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth) / f64::from(z);
+                        let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth(r)) / f64::from(z);
                         for (part, factor) in pair.iter().zip([phase.cos(), phase.sin()]) {
                             part.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t * factor);
                         }
@@ -184,5 +208,47 @@ impl Families {
             })
             .collect();
         Template { runs }
+    }
+}
+
+/// The tooth that a run counted from its pulse 0 shows in the place of `tooth`: a turn of the pinion brings the gear on by the pinion's teeth.
+fn seen_as(tooth: u32, start: &Start, run: usize, teeth: [u32; 2]) -> u32 {
+    let [z1, z] = teeth.map(i64::from);
+    let later = start.turns().map_or(0, |turns| i64::from(turns[run]));
+    (i64::from(tooth) - z1 * later).rem_euclid(z) as u32
+}
+
+/// Product of every run's residual with every tooth's response: `[run][tooth]`.
+struct Likeness(Vec<Vec<f64>>);
+
+impl Likeness {
+    /// Tooth that the runs to `fit` resemble most with this start.
+    fn best(&self, fit: &[usize], start: Start, teeth: [u32; 2]) -> (u32, Start) {
+        let value = |tooth: u32| -> f64 {
+            let of = |&r: &usize| {
+                let counted = if start == Start::Counted { tooth } else { seen_as(tooth, &start, r, teeth) };
+                self.0[r][counted as usize]
+            };
+            fit.iter().map(of).sum::<f64>().abs()
+        };
+        let count = self.0.first().map_or(0, Vec::len) as u32;
+        let tooth = (0..count).max_by(|&a, &b| value(a).total_cmp(&value(b))).unwrap_or(0);
+        (tooth, start)
+    }
+
+    /// Tooth of the gear and start of every run that the runs to `fit` resemble most; the others start where they do themselves.
+    fn best_started(&self, fit: &[usize], teeth: [u32; 2], hunting: Hunting) -> (u32, Start) {
+        let [z1, z] = teeth;
+        let shown = |tooth: u32, k: u32| (tooth + (z - z1 * k % z)) % z;
+        let start = |run: usize, tooth: u32, sign: f64| -> (u32, f64) {
+            let all = (0..hunting.turns).map(|k| (k, sign * self.0[run][shown(tooth, k) as usize]));
+            all.fold((0, f64::NEG_INFINITY), |top, next| if next.1 > top.1 { next } else { top })
+        };
+        // Teeth that never take each other's place.
+        let classes = (0..z / hunting.turns).flat_map(|tooth| [(tooth, 1.0), (tooth, -1.0)]);
+        let value = |(tooth, sign): (u32, f64)| fit.iter().map(|&r| start(r, tooth, sign).1).sum::<f64>();
+        let (tooth, sign) = classes.max_by(|a, b| value(*a).total_cmp(&value(*b))).unwrap_or((0, 1.0));
+        let turns: Vec<u32> = (0..self.0.len()).map(|run| start(run, tooth, sign).0).collect();
+        (shown(tooth, turns[0]), relative(turns, hunting))
     }
 }
