@@ -15,6 +15,7 @@ use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::outcome::{Effect, Outcome};
+use super::remainder::remainder;
 use super::search::{Found, Search, search};
 use super::spectrum::{Bins, noise_power};
 use super::start::Start;
@@ -142,6 +143,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
             explained = again;
         }
     }
+    say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
     let Explained { base, found, .. } = explained;
     let Found { mut accepted, pool, mut refused, strongest, data } = found;
     say("verdicts");
@@ -175,6 +177,9 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     {
         say("nothing holds from run to run, but much is there: a plain description of what comes closest");
         effects.extend(undetermined(&base, &data, &split, &found, &pool));
+    }
+    if whole.is_empty() && effects.is_empty() {
+        effects.extend(remainder(&base, &corrected(&base, &data, &joint(&base, &data, &seen, &[]).x, &[]), &seen));
     }
     for term in &accepted {
         refused.remove(&term.name);

@@ -29,6 +29,7 @@ pub mod library;
 pub mod node_check;
 pub mod outcome;
 pub mod pair_curve;
+pub mod remainder;
 pub mod replay;
 pub mod report;
 pub mod search;
