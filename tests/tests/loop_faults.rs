@@ -81,6 +81,19 @@ fn loop_names_a_strong_rolling_eccentricity_and_a_strong_crack() {
 }
 
 #[test]
+fn loop_fits_two_eccentricities_whose_product_matters_together() {
+    // Alone on the declared machine either comes out a third too small.
+    let of = |shaft, phase_rad| Effect::Eccentricity { shaft, amplitude_m: 60e-6, phase_rad };
+    let found = outcome(vec![of(0, 1.1), of(1, 0.3)], 38);
+    print!("{}", found.summary());
+    assert_eq!(found.effects.len(), 2, "{:?}", found.effects);
+    for name in ["pinion-eccentricity", "gear-eccentricity"] {
+        let effect = found.effects.iter().find(|e| e.verdict == "named" && e.name == name).expect(name);
+        assert!((value(effect, "amplitude") / 60e-6 - 1.0).abs() < 0.01, "{name}: {:?}", effect.parameters);
+    }
+}
+
+#[test]
 fn loop_names_faults_of_the_measuring_path() {
     let found = outcome(vec![Effect::Clipping { channel: 0, share_of_peak: 0.75 }], 37);
     only_named(&found, "clipping");

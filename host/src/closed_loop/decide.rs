@@ -15,10 +15,10 @@ use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::outcome::{Effect, Outcome};
-use super::remainder::remainder;
+use super::remainder::{power_and_noise, remainder};
 use super::search::{Found, Search, search};
-use super::spectrum::{Bins, noise_power};
 use super::start::Start;
+use super::strength::Strengths;
 use super::tables::report;
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
@@ -230,10 +230,10 @@ fn explain(
     say: &dyn Fn(&str),
 ) -> Explained {
     let seen = split.seen();
-    let mut attempt = 0;
+    let (mut attempt, mut strengths) = (0, Strengths::new());
     let mut found = loop {
         let bench = Bench::new(&base);
-        match search(&bench, split, options, rounds, attempt, say) {
+        match search(&bench, split, options, rounds, attempt, &mut strengths, say) {
             Search::Done(found) => break *found,
             Search::Recentre(change) => {
                 say("declared parameters moved with the effect: centring again");
@@ -250,17 +250,6 @@ fn explain(
     let (power, noise) = power_and_noise(&base, &rest, &seen);
     let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
     Explained { base, found, left, power, noise }
-}
-
-/// Power of a residual, and of the local noise in it.
-fn power_and_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> (f64, f64) {
-    let (mut power, mut noise) = (0.0, 1e-300);
-    for bins in runs.iter().flat_map(|&r| &residual[r]) {
-        let lowest = (8.0 * base.analyser.duration_s()) as usize;
-        power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
-        noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
-    }
-    (power, noise)
 }
 
 /// Whether the declared parameters alone leave more than noise.

@@ -37,6 +37,7 @@ pub mod spectrum;
 pub mod start;
 pub mod strength;
 pub mod tables;
+pub mod together;
 pub mod verdict;
 pub mod waveform;
 

@@ -7,10 +7,23 @@
 use super::base_fit::Base;
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence};
-use super::spectrum::noise_power;
+use super::spectrum::{Bins, noise_power};
 
 /// Residual power over noise from which something is missing.
 const LEAST: f64 = 1.15;
+/// Bound of its probability by chance: none of 200 records with nothing hidden reached it (rule of three).
+const CHANCE: f64 = 0.015;
+
+/// Power of a residual, and of the local noise in it.
+pub fn power_and_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> (f64, f64) {
+    let (mut power, mut noise) = (0.0, 1e-300);
+    for bins in runs.iter().flat_map(|&r| &residual[r]) {
+        let lowest = (8.0 * base.analyser.duration_s()) as usize;
+        power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
+        noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
+    }
+    (power, noise)
+}
 
 /// Power beyond noise at mesh orders, at other orders of the shafts, and elsewhere; and the noise.
 fn by_place(base: &Base, rest: &Data, runs: &[usize]) -> ([f64; 3], f64) {
@@ -55,7 +68,7 @@ pub fn remainder(base: &Base, rest: &Data, runs: &[usize]) -> Option<Effect> {
         ),
         family: family.into(),
         shaft: "none".into(),
-        evidence: Evidence { p_value: 1e-3, left_at_its_lines: 1.0, ..Evidence::default() },
+        evidence: Evidence { p_value: CHANCE, left_at_its_lines: 1.0, ..Evidence::default() },
         deciding_experiment: Some("runs at more speeds and torques, and with the sensor at a second place".into()),
         ..Effect::default()
     })

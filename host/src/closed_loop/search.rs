@@ -10,8 +10,12 @@ use super::detect;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
 use super::least_squares::Data;
 use super::library::Bench;
+use super::library::finite::Company;
+use super::remainder::power_and_noise;
+use super::spectrum::Bins;
 use super::start::Start;
-use super::strength::{at_their_strength, refuted_by_tachometer, tune};
+use super::strength::{STRONG_SCORE, Strengths, at_their_strength, refuted_by_tachometer, tune};
+use super::together::{together, unknowns};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -21,6 +25,8 @@ const LEAST_SHARE: f64 = 0.01;
 const MOST_CENTRED: usize = 2;
 /// Second-order error of a move of the declared parameters from which it pays to centre again.
 const LEAST_DEPARTURE: f64 = 3.0;
+/// Share of the power beyond noise that a strong term leaves from which another strong effect is looked for before parameters move.
+const MUCH: f64 = 0.2;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
@@ -55,6 +61,7 @@ pub fn search(
     options: &Options,
     rounds: usize,
     attempt: usize,
+    strengths: &mut Strengths,
     say: &dyn Fn(&str),
 ) -> Search {
     let base = bench.base;
@@ -88,7 +95,8 @@ pub fn search(
             candidates.into_par_iter().map(|c| judge.judge_started(c, turns.as_deref())).collect();
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         tune(bench, &judge, &mut judged);
-        at_their_strength(bench, &judge, &data, &mut judged);
+        let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
+        at_their_strength(bench, &judge, &data, &company, strengths, &mut judged);
         judged.retain(|j| !refuted_by_tachometer(base, j));
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
@@ -129,6 +137,7 @@ pub fn search(
         let name = judged.iter().position(|j| j.candidate.claim == Claim::Named && near(j) && passes(j));
         let winner = &judged[name.unwrap_or(best)];
         largest_gain = largest_gain.max(winner.gain);
+        let strong = winner.gain > STRONG_SCORE;
         let winner = winner.candidate.clone();
         pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
         if turns.is_none() {
@@ -136,13 +145,31 @@ pub fn search(
         }
         accepted.push(winner);
         prune(base, &data, split, &mut accepted);
+        let joined = strong && together(bench, &mut data, &raw, &seen, &mut accepted);
+        if joined {
+            say("strong terms fitted together on the machine that has all of them");
+        }
         let terms: Vec<&Candidate> = accepted.iter().collect();
         let move_to = joint(base, &data, &seen, &terms).x[..TOLERANCES.len()].to_vec();
-        if attempt < MOST_CENTRED && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE {
+        // Next to one of two strong effects the parameters move for the other's sake: both come first.
+        let alone = corrected(base, &data, &joint(base, &data, &seen, &terms).x, &terms);
+        if strong
+            && round + 1 < rounds
+            && beyond_noise(base, &alone.residual, &seen) > MUCH * beyond_noise(base, &raw, &seen)
+        {
+            continue;
+        }
+        if attempt < MOST_CENTRED + usize::from(joined) && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE {
             return Search::Recentre(move_to);
         }
     }
     Search::Done(Box::new(Found { accepted, pool, refused, strongest, data }))
+}
+
+/// Power of a residual beyond its local noise.
+fn beyond_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> f64 {
+    let (power, noise) = power_and_noise(base, residual, runs);
+    power - noise
 }
 
 /// Whether two candidates are the same effect in the same place: a second helping of a term is never a second effect.

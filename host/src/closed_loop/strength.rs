@@ -8,16 +8,18 @@ use super::candidate::{Candidate, Finite, Tuning};
 use super::judge::{Judge, Judged};
 use super::least_squares::Data;
 use super::library::Bench;
+use super::library::finite::Company;
 use super::library::mesh::refine_relief;
 use super::library::order::moved;
 use super::library::path::refine_mode;
+use std::collections::BTreeMap;
 
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
 const FINITE_GAIN: f64 = 300.0;
 /// A candidate's share of the best score from which its response at finite strength could still make it the best.
 const FINITE_SHARE: f64 = 0.8;
 /// Score from which contacts carried along by a shaft are always simulated, at several strengths.
-const STRONG_SCORE: f64 = 3000.0;
+pub const STRONG_SCORE: f64 = 3000.0;
 /// Change of strength from the first-order template to the simulated one from which other strengths are tried, too.
 const LEAST_BEND: f64 = 0.1;
 /// Share of the best simulated score below which a candidate is simulated once only.
@@ -28,6 +30,9 @@ const SETTLED: f64 = 0.002;
 const LARGEST_STEP: f64 = 1.0;
 /// Most candidates simulated in a round.
 const MOST_FINITE: usize = 4;
+
+/// Strengths found by name and order, in ten-thousandths: a search that begins again begins with them.
+pub type Strengths = BTreeMap<(String, i64), f64>;
 
 /// Whether a swing of the shaft is claimed that the tachometer would have seen.
 pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> bool {
@@ -76,7 +81,14 @@ pub fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
 ///
 /// Contacts carried along their path by a few percent of a pitch turn the high mesh orders by radians: a first-order fit then sees a part of
 /// the strength only, and several strengths are tried.
-pub fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judged: &mut [Judged]) {
+pub fn at_their_strength(
+    bench: &Bench<'_>,
+    judge: &Judge<'_>,
+    data: &Data,
+    company: &Company,
+    found: &mut Strengths,
+    judged: &mut [Judged],
+) {
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
     let carried = |j: &Judged| {
         matches!(j.candidate.finite, Some(Finite::RollingDisplacement { .. } | Finite::PositionModulation { .. }))
@@ -95,11 +107,15 @@ pub fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judg
     let mut leader = 0.0_f64;
     for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
-        let at = |x: &[f64]| bench.at_strength(&first_order, x, data).map(|bent| judge.judge(bent));
-        let mut simulated = first_guess(&first_order, &judged[i].x);
+        let at = |x: &[f64]| bench.at_strength(&first_order, x, data, company).map(|bent| judge.judge(bent));
+        let key = (first_order.name.clone(), (1e4 * first_order.order.unwrap_or(0.0)).round() as i64);
+        let known = found.get(&key).filter(|_| best > STRONG_SCORE);
+        // Direction from the present fit: phases count from a start that may have changed.
+        let size_of = |known: f64| judged[i].x.iter().map(|v| v * known / size(&judged[i].x)).collect();
+        let mut simulated = known.map_or_else(|| first_guess(&first_order, &judged[i].x), |&known| size_of(known));
         let Some(mut now) = at(&simulated) else { continue };
         let bends = (size(&now.x) / size(&simulated) - 1.0).abs() > LEAST_BEND;
-        if bends && best > STRONG_SCORE {
+        if bends && best > STRONG_SCORE && known.is_none() {
             for factor in [1.7, 3.0, 5.0] {
                 let stronger: Vec<f64> = judged[i].x.iter().map(|v| v * factor).collect();
                 if let Some(other) = at(&stronger).filter(|other| other.score > now.score) {
@@ -137,6 +153,7 @@ pub fn at_their_strength(bench: &Bench<'_>, judge: &Judge<'_>, data: &Data, judg
             }
         }
         leader = leader.max(judged[i].score);
+        found.insert(key, size(&judged[i].x));
     }
 }
 

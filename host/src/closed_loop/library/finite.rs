@@ -9,13 +9,15 @@ use super::Bench;
 use crate::closed_loop::candidate::{Candidate, Finite, Template};
 use crate::closed_loop::generate::{Effect, Point, response};
 use crate::closed_loop::least_squares::Data;
+use crate::closed_loop::spectrum::Bins;
 use crate::closed_loop::start::Start;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 /// Bins of the difference whose squared size times weight is below this are left out: they carry no information.
-const LEAST_INFORMATION: f64 = 1e-3;
+pub const LEAST_INFORMATION: f64 = 1e-3;
 
 /// Effects of one run, `turned_rad` later than the unknowns say.
 fn effects(finite: Finite, x: &[f64], base_pitch_m: f64, turned_rad: f64) -> Vec<Effect> {
@@ -39,47 +41,88 @@ fn effects(finite: Finite, x: &[f64], base_pitch_m: f64, turned_rad: f64) -> Vec
     }
 }
 
-impl Bench<'_> {
-    /// `effects` per run, which starts `turns` of the pinion after its pulse 0.
-    fn simulated(
-        &self,
-        effects: impl Fn(usize) -> Vec<Effect> + Sync,
-        turns: impl Fn(usize) -> u32 + Sync,
-    ) -> Vec<[Vec<C>; 2]> {
-        let base = self.base;
-        base.runs
-            .par_iter()
-            .enumerate()
-            .map(|(r, run)| {
-                let at = Point {
-                    start_rad: run.angle.offset_rad + TAU * f64::from(turns(r)),
-                    speed_hz: run.angle.shaft_hz,
-                    torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
-                    free_phase_rad: 0.0,
-                };
-                response(&base.machine, &effects(r), at, base.analyser.samples, base.analyser.rate_hz)
-                    .map(|signal| base.analyser.bins_of(&signal))
-            })
-            .collect()
+/// A term at a strength, to be simulated.
+pub type Played<'c> = (&'c Candidate, &'c [f64]);
+
+/// Strong terms found so far, at the strengths fitted: others act on a machine that has them already.
+#[derive(Default)]
+pub struct Company {
+    terms: Vec<(Candidate, Vec<f64>)>,
+    alone: OnceLock<Option<Vec<[Bins; 2]>>>,
+}
+
+impl Company {
+    /// Those of `terms` that were simulated at a strength, with their unknowns.
+    pub fn new(terms: &[Candidate], unknowns: &[Vec<f64>]) -> Self {
+        let bent = terms.iter().zip(unknowns).filter(|(t, _)| t.bent && !t.phase_free);
+        Self { terms: bent.map(|(t, x)| (t.clone(), x.clone())).collect(), alone: OnceLock::new() }
     }
 
-    /// The candidate with templates that give the simulated response at the strength `x`; `None` where they do already.
-    pub fn at_strength(&self, candidate: &Candidate, x: &[f64], data: &Data) -> Option<Candidate> {
-        let finite = candidate.finite?;
+    fn played(&self) -> Vec<Played<'_>> {
+        self.terms.iter().map(|(t, x)| (t, x.as_slice())).collect()
+    }
+}
+
+impl Bench<'_> {
+    /// Bins of the declared machine with all of `terms` at once; `None` where they need different starts of the runs.
+    pub fn simulated(&self, terms: &[Played<'_>]) -> Option<Vec<[Bins; 2]>> {
+        let base = self.base;
+        let machine = &base.machine;
+        let base_pitch_m = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
+        let turns = terms.iter().find_map(|(t, _)| t.start.turns());
+        if terms.iter().any(|(t, _)| t.start.turns().is_some_and(|own| Some(own) != turns)) {
+            return None;
+        }
+        let later = |run: usize| turns.map_or(0, |turns| turns[run]);
+        // Teeth of the gear that were counted as if every run started in the first turn have no other place.
+        let counted =
+            |t: &Candidate| t.start == Start::Counted && matches!(t.finite, Some(Finite::Crack { shaft: 1, .. }));
+        if turns.is_some() && terms.iter().any(|(t, _)| counted(t)) {
+            return None;
+        }
+        let effects = |run: usize| -> Vec<Effect> {
+            let of = |(term, x): &Played<'_>| {
+                // Whole turns move the start of the run for all; what does not turn with them is moved back.
+                let order = term.order.unwrap_or(0.0);
+                let back = -TAU * (order * f64::from(later(run))).fract();
+                let turned_rad = match &term.start {
+                    Start::Phases(phases) => phases[run] + back,
+                    Start::Counted => back,
+                    Start::Turns(_) | Start::Given(_) => 0.0,
+                };
+                term.finite.map_or(Vec::new(), |finite| effects(finite, x, base_pitch_m, turned_rad))
+            };
+            terms.iter().flat_map(of).collect()
+        };
+        let bins = base.runs.par_iter().enumerate().map(|(r, run)| {
+            let at = Point {
+                start_rad: run.angle.offset_rad + TAU * f64::from(later(r)),
+                speed_hz: run.angle.shaft_hz,
+                torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
+                free_phase_rad: 0.0,
+            };
+            response(machine, &effects(r), at, base.analyser.samples, base.analyser.rate_hz)
+                .map(|signal| base.analyser.bins_of(&signal))
+        });
+        Some(bins.collect())
+    }
+
+    /// The candidate with templates that give the simulated response at the strength `x` on a machine with the `company`; `None` where they
+    /// do already.
+    pub fn at_strength(&self, candidate: &Candidate, x: &[f64], data: &Data, company: &Company) -> Option<Candidate> {
+        candidate.finite?;
         let square: f64 = x.iter().map(|v| v * v).sum();
         if square == 0.0 || x.iter().any(|v| !v.is_finite()) {
             return None;
         }
-        let without = self.plain.get_or_init(|| self.simulated(|_| Vec::new(), |_| 0));
-        let machine = &self.base.machine;
-        let base_pitch_m = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
-        // Whole turns move the start of the run, a free phase that of the effect.
-        let turned_rad = |run: usize| match &candidate.start {
-            Start::Phases(phases) => phases[run],
-            _ => 0.0,
+        let mut terms = company.played();
+        terms.push((candidate, x));
+        let together =
+            self.simulated(&terms).zip(company.alone.get_or_init(|| self.simulated(&company.played())).as_ref());
+        let (with, without) = match together {
+            Some((with, without)) => (with, without),
+            None => (self.simulated(&[(candidate, x)])?, self.plain()),
         };
-        let turns = |run: usize| candidate.start.turns().map_or(0, |turns| turns[run]);
-        let with = self.simulated(|run| effects(finite, x, base_pitch_m, turned_rad(run)), turns);
         let mut bent = Candidate { bent: true, ..candidate.clone() };
         for r in 0..with.len() {
             for c in 0..2 {
@@ -98,6 +141,11 @@ impl Bench<'_> {
             }
         }
         Some(bent)
+    }
+
+    /// Bins of the declared machine integrated in time.
+    pub fn plain(&self) -> &Vec<[Bins; 2]> {
+        self.plain.get_or_init(|| self.simulated(&[]).expect("nothing to disagree on"))
     }
 }
 

@@ -3,7 +3,7 @@
 //! Effects are excitations of the declared machine (displacement error, force, stiffness change) whose response comes from the harmonic
 //! balance, or changes of the measuring path applied to the prediction. Names follow the simulator's effects.
 
-mod finite;
+pub mod finite;
 pub mod mesh;
 pub mod order;
 mod parameter;
@@ -16,6 +16,7 @@ use super::detect::Found;
 use super::harmonic_model::{Comb, DOF, Line};
 use super::judge::Split;
 use super::least_squares::Data;
+use super::spectrum::Bins;
 use super::waveform::steady;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -39,7 +40,7 @@ pub struct Bench<'a> {
     /// Candidates that do not depend on the residual.
     fixed: Vec<Candidate>,
     /// Declared machine integrated in time, made when first needed.
-    plain: OnceLock<Vec<[Vec<C>; 2]>>,
+    plain: OnceLock<Vec<[Bins; 2]>>,
 }
 
 impl<'a> Bench<'a> {
