@@ -214,3 +214,23 @@ fn fault_node_refuses_bad_options_in_one_line() {
         refused(&arguments, expected);
     }
 }
+
+#[test]
+fn fault_predict_refuses_bad_effects_files_in_one_line() {
+    let record = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors/check-19-48").display().to_string();
+    let place = folder("predict-effects");
+    let output = place.join("predicted").display().to_string();
+    for (name, text, expected) in [
+        ("turns-few", "pinion_turns = [1]\n", "1 values for 2 runs"),
+        ("turns-half", "pinion_turns = [0, 1.5]\n", "pinion_turns: must be a list of whole numbers"),
+        ("turns-negative", "pinion_turns = [0, -3]\n", "pinion_turns: must be a list of whole numbers"),
+        ("turns-one", "pinion_turns = 3\n", "pinion_turns: must be a list of whole numbers"),
+        ("torque", "torque_factor = 9.0\n", "torque_factor: must lie between 0.5 and 2"),
+        ("broken", "pinion_turns = [0, 1\n", "broken.toml"),
+        ("nameless", "[[effect]]\ndepth = 1e-6\n", "`name` is missing"),
+    ] {
+        let file = place.join(format!("{name}.toml"));
+        std::fs::write(&file, text).expect("written");
+        refused(&["predict", &record, "-o", &output, "--effects", &file.display().to_string()], expected);
+    }
+}

@@ -6,7 +6,6 @@
 use super::base_fit::Base;
 use super::least_squares::Data;
 use super::spectrum::OVERDISPERSION;
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
 
 /// A detected line.
@@ -22,9 +21,11 @@ pub struct Found {
     pub modulation: bool,
 }
 
-const CAP: f64 = 12.0;
+/// Largest contribution of one run: a line that stands in one run only must not pass for a line of all.
+pub const CAP: f64 = 12.0;
 
-fn statistic(base: &Base, data: &Data, run: usize, hz: f64) -> f64 {
+/// Power of a line at `hz` over noise, both channels of a run: Gamma(2) in noise.
+pub fn statistic(base: &Base, data: &Data, run: usize, hz: f64) -> f64 {
     let mut sum = 0.0;
     for c in 0..2 {
         let (a, energy) = base.analyser.amplitude(&data.residual[run][c], hz);
@@ -92,84 +93,6 @@ pub fn orders(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Fou
         },
         count,
     )
-}
-
-/// Strongest combs `n z + o` and `n z - o` about the mesh orders, whose lines stand in another place in every run because the machine's modes pick
-/// them out: what modulates the mesh weakly leaves no order line that all runs share.
-///
-/// Each run gives the probability of its strongest line among all of its comb; these combine by Fisher's method, capped as single lines are.
-pub fn combs(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
-    let duration = base.analyser.duration_s();
-    let z = f64::from(base.machine.teeth[0]);
-    let speeds: Vec<f64> = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).collect();
-    let fastest = speeds.iter().copied().fold(0.0, f64::max);
-    let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
-    let cell_hz = 0.2 / duration;
-    let cells = (14_500.0 / cell_hz) as usize;
-    // Power over noise, both channels, on a fifth of a bin.
-    let power: Vec<Vec<f64>> = runs
-        .par_iter()
-        .map(|&r| (0..cells).map(|i| if i < 20 { 0.0 } else { statistic(base, data, r, i as f64 * cell_hz) }).collect())
-        .collect();
-    let line = Gamma::new(2.0, 1.0).expect("positive shape");
-    let null = Gamma::new(runs.len() as f64, 1.0).expect("positive shape");
-    // Of one run: power and place (mesh order, side) of the strongest line, and number of lines.
-    let strongest = |own: &[f64], f: f64, order: f64| -> (f64, [f64; 2], f64) {
-        let harmonics = (14_000.0 / (z * f)) as i32;
-        let comb = (0..=harmonics).flat_map(|n| [1.0, -1.0].map(|side| [f64::from(n) * z, side]));
-        let mut best = (0.0_f64, [0.0, 1.0], 0.0);
-        for [mesh, side] in comb {
-            let cell = ((mesh + side * order) * f / cell_hz).round();
-            if cell >= 20.0 && (cell as usize) < cells {
-                let own = own[cell as usize];
-                best = (best.0.max(own), if own > best.0 { [mesh, side] } else { best.1 }, best.2 + 1.0);
-            }
-        }
-        best
-    };
-    let at_order = |order: f64| -> (f64, f64) {
-        let (mut sum, mut rank) = (0.0, 0.0);
-        for (own, &f) in power.iter().zip(&speeds) {
-            let (top, _, lines) = strongest(own, f, order);
-            let by_chance = -(lines * (-(1.0 - line.cdf(top))).ln_1p()).exp_m1();
-            sum += (-by_chance.max(1e-300).ln()).min(CAP);
-            rank += (1.0 + top).ln();
-        }
-        (sum, rank)
-    };
-    let step = 0.2 / (duration * fastest);
-    let guard = 2.5 / (duration * slowest);
-    let steps = (0.5 * z / step) as usize;
-    let tests = steps as f64 * 0.6;
-    let mut all: Vec<Found> = (1..steps)
-        .into_par_iter()
-        .map(|i| i as f64 * step)
-        .filter(|order| *order > guard)
-        .filter_map(|at| {
-            let (sum, rank) = at_order(at);
-            let p = (1.0 - null.cdf(sum)) * tests;
-            (p < 1e-3).then_some(Found { at, statistic: rank, p_value: p, modulation: true })
-        })
-        .collect();
-    all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
-    let mut kept: Vec<Found> = Vec::new();
-    for found in all {
-        if kept.len() < count && kept.iter().all(|k| (k.at - found.at).abs() > 4.0 * guard) {
-            kept.push(found);
-        }
-    }
-    for found in &mut kept {
-        let lines: Vec<[f64; 2]> = power.iter().zip(&speeds).map(|(own, &f)| strongest(own, f, found.at).1).collect();
-        let summed = |order: f64| -> f64 {
-            let of = |((&r, f), [mesh, side]): ((&usize, &f64), &[f64; 2])| {
-                statistic(base, data, r, (mesh + side * order) * f)
-            };
-            runs.iter().zip(&speeds).zip(&lines).map(of).sum()
-        };
-        let near = (-30..=30).map(|i| found.at + 0.05 * step * f64::from(i));
-        found.at = near.max_by(|a, b| summed(*a).total_cmp(&summed(*b))).unwrap_or(found.at);
-    }
-    kept
 }
 
 /// Strongest fixed frequencies.

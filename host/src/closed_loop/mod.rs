@@ -16,6 +16,7 @@ pub mod base_fit;
 pub mod campaign;
 pub mod candidate;
 pub mod carry;
+pub mod combs;
 pub mod decide;
 pub mod detect;
 pub mod frame;

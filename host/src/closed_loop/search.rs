@@ -5,6 +5,7 @@
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
+use super::combs::combs;
 use super::decide::{LARGEST_P, Options};
 use super::detect;
 use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
@@ -83,7 +84,7 @@ pub fn search(
         data.weight = base.weights(&rest.residual, &raw);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
         let mut orders = detect::orders(base, &rest, &seen, 2);
-        orders.extend(detect::combs(base, &rest, &seen, 1));
+        orders.extend(combs(base, &rest, &seen, 1));
         let mut frequencies = detect::frequencies(base, &rest, &seen, 2);
         frequencies.extend(detect::modulations(base, &rest, &seen, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));

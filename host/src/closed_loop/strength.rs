@@ -103,26 +103,13 @@ pub fn at_their_strength(
     let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     chosen.truncate(MOST_FINITE);
-    let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut leader = 0.0_f64;
     for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
         let at = |x: &[f64]| bench.at_strength(&first_order, x, data, company).map(|bent| judge.judge(bent));
         let key = (first_order.name.clone(), (1e4 * first_order.order.unwrap_or(0.0)).round() as i64);
-        let known = found.get(&key).filter(|_| best > STRONG_SCORE);
-        // Direction from the present fit: phases count from a start that may have changed.
-        let size_of = |known: f64| judged[i].x.iter().map(|v| v * known / size(&judged[i].x)).collect();
-        let mut simulated = known.map_or_else(|| first_guess(&first_order, &judged[i].x), |&known| size_of(known));
-        let Some(mut now) = at(&simulated) else { continue };
-        let bends = (size(&now.x) / size(&simulated) - 1.0).abs() > LEAST_BEND;
-        if bends && best > STRONG_SCORE && known.is_none() {
-            for factor in [1.7, 3.0, 5.0] {
-                let stronger: Vec<f64> = judged[i].x.iter().map(|v| v * factor).collect();
-                if let Some(other) = at(&stronger).filter(|other| other.score > now.score) {
-                    (now, simulated) = (other, stronger);
-                }
-            }
-        }
+        let known = found.get(&key).copied().filter(|_| best > STRONG_SCORE);
+        let Some((simulated, now, bends)) = begun(&at, &judged[i], known, best > STRONG_SCORE) else { continue };
         if now.score <= judged[i].score - 1.0 {
             continue;
         }
@@ -132,29 +119,66 @@ pub fn at_their_strength(
             false if rank == 0 || bends => 6,
             false => 1,
         };
-        // Strength simulated, and what the fit then made of it: right where both agree.
-        let mut tried = (simulated, now.x.clone());
-        judged[i] = now;
-        let mut before: Option<[f64; 2]> = None;
-        for _ in 0..steps {
-            let point = [size(&tried.0).ln(), (size(&tried.1) / size(&tried.0)).ln()];
-            let step = next_step(point, before);
-            let next: Vec<f64> = tried.1.iter().map(|v| v * (step - point[1]).exp()).collect();
-            before = Some(point);
-            let Some(again) = at(&next) else { break };
-            let moved: Vec<f64> = again.x.iter().zip(&next).map(|(a, b)| a - b).collect();
-            let settled = size(&moved) < SETTLED * size(&again.x);
-            tried = (next, again.x.clone());
-            if again.score > judged[i].score - 1.0 {
-                judged[i] = again;
-            }
-            if settled {
-                break;
-            }
-        }
+        judged[i] = settled(&at, simulated, now, steps);
         leader = leader.max(judged[i].score);
         found.insert(key, size(&judged[i].x));
     }
+}
+
+fn size(x: &[f64]) -> f64 {
+    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// A candidate simulated for the first time: the strength, what the fit makes of it, and whether the two differ much.
+///
+/// A strength `known` from an earlier search is taken at once, else several are tried where the response bends and much is at stake.
+fn begun(
+    at: &impl Fn(&[f64]) -> Option<Judged>,
+    first_order: &Judged,
+    known: Option<f64>,
+    strong: bool,
+) -> Option<(Vec<f64>, Judged, bool)> {
+    let x = &first_order.x;
+    let times = |factor: f64| -> Vec<f64> { x.iter().map(|v| v * factor).collect() };
+    // Direction from the present fit: phases count from a start that may have changed.
+    let mut simulated = known.map_or_else(
+        || first_guess(&first_order.candidate, x),
+        |known| x.iter().map(|v| v * known / size(x)).collect(),
+    );
+    let mut now = at(&simulated)?;
+    let bends = (size(&now.x) / size(&simulated) - 1.0).abs() > LEAST_BEND;
+    if bends && strong && known.is_none() {
+        for stronger in [1.7, 3.0, 5.0].map(times) {
+            if let Some(other) = at(&stronger).filter(|other| other.score > now.score) {
+                (now, simulated) = (other, stronger);
+            }
+        }
+    }
+    Some((simulated, now, bends))
+}
+
+/// The best of at most `steps` further simulations on the way to where the strength simulated and what the fit makes of it agree.
+fn settled(at: &impl Fn(&[f64]) -> Option<Judged>, simulated: Vec<f64>, now: Judged, steps: usize) -> Judged {
+    let mut tried = (simulated, now.x.clone());
+    let mut best = now;
+    let mut before: Option<[f64; 2]> = None;
+    for _ in 0..steps {
+        let point = [size(&tried.0).ln(), (size(&tried.1) / size(&tried.0)).ln()];
+        let step = next_step(point, before);
+        let next: Vec<f64> = tried.1.iter().map(|v| v * (step - point[1]).exp()).collect();
+        before = Some(point);
+        let Some(again) = at(&next) else { break };
+        let moved: Vec<f64> = again.x.iter().zip(&next).map(|(a, b)| a - b).collect();
+        let agree = size(&moved) < SETTLED * size(&again.x);
+        tried = (next, again.x.clone());
+        if again.score > best.score - 1.0 {
+            best = again;
+        }
+        if agree {
+            break;
+        }
+    }
+    best
 }
 
 /// Strength that a first-order fit stands for: a cracked tooth, being softer, deflects more.

@@ -19,7 +19,7 @@ use crate::terminal::Progress;
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -148,9 +148,8 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     let mut log =
         std::fs::OpenOptions::new().create(true).append(true).open(&plan.log).map_err(Error::file(&plan.log))?;
     let bar = Progress::new("records", todo.len() as u64);
-    let mut floors = HashMap::new();
     for item in &todo {
-        let result = one(plan, item, &machines, &mut floors)?;
+        let result = one(plan, item, &machines)?;
         let line = serde_json::to_string(&result).map_err(|e| Error::invalid(&result.id, e))?;
         writeln!(log, "{line}").map_err(Error::file(&plan.log))?;
         scored.push(result);
@@ -173,12 +172,7 @@ fn read_log(path: &Path) -> Result<Vec<Scored>> {
         .collect()
 }
 
-fn one(
-    plan: &Plan,
-    item: &Item,
-    machines: &[Record],
-    floors: &mut HashMap<(usize, usize, bool), f64>,
-) -> Result<Scored> {
+fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_mul(0x9E37_79B9).wrapping_add(stream));
@@ -189,23 +183,17 @@ fn one(
     let mut scenario = Scenario::null(&declared.shafts, rng.random());
     scenario.duration_s = plan.duration_s;
     scenario.noise_colour = if coloured { 0.9 } else { 0.0 };
+    let scale = 0.9 + 0.2 * rng.random::<f64>();
+    scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
     let mut hidden: Vec<(&Kind, f64)> = Vec::new();
     for &k in &item.kinds {
         let kind = &KINDS[k];
-        // The floor belongs to effect, machine and noise: its own stream, so that resuming changes nothing.
-        let floor = *floors.entry((machine, k, coloured)).or_insert_with(|| {
-            let mut own = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_add(k as u64));
-            let mut plain = Scenario::null(&declared.shafts, plan.seed);
-            plain.noise_colour = scenario.noise_colour;
-            plain.duration_s = plan.duration_s;
-            floor::strength(declared, &plain, kind, &mut own)
-        });
+        // The floor is this record's own: of the same order, phase or frequency, at its speeds and in its noise.
+        let floor = floor::strength(declared, &scenario, kind, &mut rng.clone());
         let size = if kind.has_floor { item.level * floor } else { floor };
         scenario.effects.push((kind.build)(size, &declared.pair, &mut rng));
         hidden.push((kind, size));
     }
-    let scale = 0.9 + 0.2 * rng.random::<f64>();
-    scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
     let parameters_off = item.part == "parameter" || item.number % 4 != 3;
     match item.part {
         "parameter" => {
