@@ -17,8 +17,7 @@ pub fn campaign(args: &[String]) -> Outcome {
     let program = meshband()?;
     let docs = root().join("docs/proof");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
-    let counts =
-        "--null 200 --power 252 --levels 2,20,2,2,2,2,2,2,2 --leave-one-out 27 --two 13 --seconds 1 --seed 1";
+    let counts = "--null 200 --power 252 --levels 2,20,2,2,2,2,2,2,2 --leave-one-out 27 --two 13 --seconds 1 --seed 1";
     let mut command = std::process::Command::new(program);
     command.current_dir(root()).arg("prove");
     for machine in ["check-19-48", "check-55-75"] {
