@@ -4,7 +4,7 @@
 //! from the declared parameters as fitted and, where much is left, from the declaration; what is significant but follows no law gets a
 //! plain description.
 //!
-//! Held-out runs take no part in any fit or choice between candidates. They have one veto: a term that does not lower their error goes
+//! Held-out runs take no part in any fit or choice between candidates, but for their own start ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
 //! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
 
 use super::base_fit::{Base, TOLERANCES};

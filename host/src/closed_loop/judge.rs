@@ -30,7 +30,7 @@ pub struct Split {
     pub fit: Vec<usize>,
     /// Terms are selected here.
     pub select: Vec<usize>,
-    /// No part in any fit; they may veto a term.
+    /// No part in any fit but that of their own start; they may veto a term.
     pub held_out: Vec<usize>,
 }
 

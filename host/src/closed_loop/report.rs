@@ -69,7 +69,7 @@ fn errors(report: Report, outcome: &Outcome) -> Report {
     let list = |runs: &[usize]| runs.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     report
         .section("Error before and after")
-        .text("Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs take no part in any fit; a term that does not lower their error is dropped.")
+        .text("Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs take no part in any fit but that of their own start (turns of the pinion, or phase of an order of neither shaft); a term that does not lower their error is dropped.")
         .table("NRMSE, below 15 kHz", &["", "before", "after", "noise floor", "after / floor"], &all)
         .text(&format!(
             "Runs to fit: {}; to select: {}; held out: {}.",

@@ -125,7 +125,8 @@ pub fn at_their_strength(
     }
 }
 
-fn size(x: &[f64]) -> f64 {
+/// Root of the summed squares: a strength, whatever its phase.
+pub fn size(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 

@@ -11,6 +11,7 @@ use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::{LEAST_INFORMATION, Played};
 use super::spectrum::{Bins, sparse};
+use super::strength::size;
 use rustfft::num_complex::Complex64 as C;
 
 /// Most steps.
@@ -31,10 +32,6 @@ pub fn unknowns(base: &Base, terms: &[Candidate], x: &[f64]) -> Vec<Vec<f64>> {
             x[own].to_vec()
         })
         .collect()
-}
-
-fn size(x: &[f64]) -> f64 {
-    x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 /// Fits all simulated terms of `accepted` together over the runs `seen`, from the residual `raw` of the declared machine; false where there are fewer

@@ -242,13 +242,17 @@ pub fn from_table(name: &str, table: &toml::Table) -> Result<Box<dyn Effect>> {
     entry.with(&given)
 }
 
+fn table_of(path: &std::path::Path) -> Result<toml::Table> {
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))
+}
+
 /// Effects of a file: `[[effect]]` tables with `name` and the effect's keys, as `meshband loop --apply` writes them.
 ///
 /// # Errors
 /// An unreadable file, a table without a name, and as [`parse`].
 pub fn read(path: &std::path::Path) -> Result<Vec<Box<dyn Effect>>> {
-    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-    let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))?;
+    let whole = table_of(path)?;
     let refuse = |what: &str| Error::invalid(path.display(), what);
     let list =
         whole.get("effect").map(|list| list.as_array().ok_or_else(|| refuse("`effect` must be [[effect]] tables")));
@@ -269,8 +273,7 @@ pub fn read(path: &std::path::Path) -> Result<Vec<Box<dyn Effect>>> {
 /// # Errors
 /// An unreadable file, a factor that is not within 0.5 to 2.
 pub fn read_torque_factor(path: &std::path::Path) -> Result<f64> {
-    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-    let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))?;
+    let whole = table_of(path)?;
     let Some(value) = whole.get("torque_factor") else { return Ok(1.0) };
     let factor = value.as_float().or(value.as_integer().map(|i| i as f64)).filter(|f| (0.5..=2.0).contains(f));
     factor.ok_or_else(|| Error::invalid(format!("{}: torque_factor", path.display()), "must lie between 0.5 and 2"))
@@ -282,8 +285,7 @@ pub fn read_torque_factor(path: &std::path::Path) -> Result<f64> {
 /// # Errors
 /// An unreadable file, values that are no whole numbers from 0 to 100 000.
 pub fn read_pinion_turns(path: &std::path::Path) -> Result<Vec<u32>> {
-    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-    let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))?;
+    let whole = table_of(path)?;
     let Some(value) = whole.get("pinion_turns") else { return Ok(Vec::new()) };
     let turns = |v: &toml::Value| v.as_integer().and_then(|k| u32::try_from(k).ok()).filter(|k| *k <= 100_000);
     let list: Option<Vec<u32>> = value.as_array().and_then(|list| list.iter().map(turns).collect());
