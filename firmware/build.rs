@@ -3,11 +3,20 @@
 //! They are set here for the binaries alone: in a configuration file they would reach host builds.
 
 use std::env;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Level of the logs in images whose logs go to a debug probe; `DEFMT_LOG` at the build overrules it.
+const LOG_LEVEL: &str = "info";
 
 fn main() {
     let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo names the package's folder"));
     let root = package.parent().expect("the package lies in the workspace");
+    name_commit(root);
+    println!("cargo:rerun-if-env-changed=DEFMT_LOG");
+    if env::var_os("DEFMT_LOG").is_none() && env::var_os("CARGO_FEATURE_BOARD_STM32F405").is_some() {
+        println!("cargo:rustc-env=DEFMT_LOG={LOG_LEVEL}");
+    }
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
     println!("cargo:rustc-link-search={}", root.display());
@@ -15,11 +24,26 @@ fn main() {
         // Chooses this board's addresses in memory.x.
         println!("cargo:rustc-link-arg-bins=--defsym=_board_an386=1");
     }
-    if env::var_os("CARGO_FEATURE_BOARD_STM32F767").is_some() {
-        println!("cargo:rustc-link-arg-bins=--defsym=_board_stm32f767=1");
-    }
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     // Sections packed without page alignment: a page of zeros per section would not fit a small flash.
     println!("cargo:rustc-link-arg-bins=--nmagic");
+}
+
+/// The commit's short hash into the image; nothing where there is no git, and the image then says `unknown`.
+fn name_commit(root: &Path) {
+    let ask = |arguments: &[&str]| {
+        let output = Command::new("git").arg("-C").arg(root).args(arguments).output().ok()?;
+        let text = String::from_utf8(output.stdout).ok()?;
+        output.status.success().then(|| text.trim().to_owned()).filter(|text| !text.is_empty())
+    };
+    // Built anew when another commit is checked out, and when a commit moves the branch.
+    for name in ["HEAD", "logs/HEAD"] {
+        if let Some(path) = ask(&["rev-parse", "--git-path", name]) {
+            println!("cargo:rerun-if-changed={}", root.join(path).display());
+        }
+    }
+    if let Some(hash) = ask(&["rev-parse", "--short=10", "HEAD"]) {
+        println!("cargo:rustc-env=MESHBAND_BUILD={hash}");
+    }
 }

@@ -5,6 +5,7 @@
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
+use meshband::safe_start::{Start, failures_at};
 
 const MARK: u32 = 0x6d62_6372;
 /// Bytes of a source file's name that are kept, from its end.
@@ -33,7 +34,7 @@ pub struct Crash {
     mark: u32,
     /// Source line of a panic, program counter of a fault, or a [`Cause`].
     pub place: u32,
-    /// Crashes in a row since power came.
+    /// Failures in a row, restarts by the watchdog among them ([`meshband::safe_start`]).
     pub count: u32,
     /// End of the source file's name, zeros behind; empty for a fault.
     file: [u8; NAME],
@@ -44,7 +45,7 @@ pub struct Crash {
 #[repr(transparent)]
 struct Kept(UnsafeCell<MaybeUninit<Crash>>);
 
-// SAFETY: read by `last`, and written only by `record_and_reset` with interrupts off for good.
+// SAFETY: read by `last`; written by the main loop, and by `record_and_reset` with interrupts off for good.
 unsafe impl Sync for Kept {}
 
 #[unsafe(link_section = ".crash")]
@@ -74,6 +75,36 @@ pub fn last() -> Option<Crash> {
     crash.is_sound().then_some(crash)
 }
 
+/// Counts a start after a failure, or ends the count; gives the failures in a row.
+pub fn count_start(start: Start) -> u32 {
+    let kept = last();
+    let failures = failures_at(start, kept.map(|crash| crash.count));
+    if failures != kept.map_or(0, |crash| crash.count) {
+        set_count(failures);
+    }
+    failures
+}
+
+/// Ends the count of failures in a row: the node has run well, or was given another configuration.
+pub fn forgive() {
+    if last().is_some_and(|crash| crash.count != 0) {
+        set_count(0);
+    }
+}
+
+/// Writes the count alone; the record of the last crash stays.
+fn set_count(count: u32) {
+    let none = Crash { mark: MARK, place: 0, count: 0, file: [0; NAME], check: 0 };
+    let mut crash = Crash { count, ..last().unwrap_or(none) };
+    crash.check = crash.sum();
+    write(crash);
+}
+
+fn write(crash: Crash) {
+    // SAFETY: called from the main loop and, with interrupts off for good, by what does not return: nobody else looks.
+    unsafe { CRASH.0.get().cast::<Crash>().write_volatile(crash) };
+}
+
 /// Records a crash and starts the processor again.
 fn record_and_reset(place: u32, file: &str) -> ! {
     cortex_m::interrupt::disable();
@@ -84,8 +115,7 @@ fn record_and_reset(place: u32, file: &str) -> ! {
         *kept = byte;
     }
     crash.check = crash.sum();
-    // SAFETY: interrupts are off and this function does not return, so nobody else looks.
-    unsafe { CRASH.0.get().cast::<Crash>().write_volatile(crash) };
+    write(crash);
     cortex_m::peripheral::SCB::sys_reset()
 }
 

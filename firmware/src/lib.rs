@@ -1,17 +1,20 @@
 //! Boards and glue of the meshband node.
 //!
-//! Everything that computes lives in the crate `meshband`; here are registers, interrupts and queues. One
-//! module per board, chosen by feature; `pipeline` holds what all boards share.
+//! Everything that computes lives in the crate `meshband`, and so do the queues between interrupts and main loop
+//! (`meshband::pipeline`); here are registers and interrupts. One module per board, chosen by feature.
 #![no_std]
+
+/// What the image was built from: a commit's short hash, where the build knows it.
+pub const BUILD: &str = match option_env!("MESHBAND_BUILD") {
+    Some(build) => build,
+    None => "unknown",
+};
 
 pub mod crash;
 pub mod fault;
 pub mod interrupt_cell;
 pub mod light;
-pub mod pipeline;
-pub mod receive_circle;
 pub mod runner;
-pub mod send_ring;
 pub mod stack;
 
 #[cfg(feature = "board-an386")]

@@ -1,7 +1,7 @@
-//! One light, one code: so many short flashes, then a pause. `docs/node.md` lists the codes.
+//! What the light says, as numbers of flashes; `docs/node.md` lists them. Their timing is the driver's
+//! ([`meshband_drivers::status_light`]).
 
 use meshband::node::State;
-use meshband::units::TicksPerSecond;
 
 /// What the light says; the most serious condition wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,13 +30,8 @@ impl Code {
         }
     }
 
-    fn flashes(self) -> u32 {
-        self as u32 + 1
-    }
-
-    /// Whether the light is lit at a tick: flashes of 0.1 s every 0.3 s, a cycle of 2.4 s.
-    pub fn is_lit(self, now: u32, clock: TicksPerSecond) -> bool {
-        let tenths = now / (clock.0 / 10).max(1) % 24;
-        tenths.is_multiple_of(3) && tenths / 3 < self.flashes()
+    /// Flashes in each cycle.
+    pub fn flashes(self) -> u8 {
+        self as u8 + 1
     }
 }

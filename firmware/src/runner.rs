@@ -1,20 +1,24 @@
 //! The main loop of every board: edges, blocks and bytes to the session, frames to the link, commits to the flash.
 //!
-//! A board's `main` builds its board and a runner and calls [`Runner::turn`] for ever. Edges before a block's end go
-//! first, so the node sees both in the order of time whatever the interrupts' latency was.
+//! A board's `main` builds its board and a runner and calls [`Runner::work`] for ever. Edges before a block's end go first, and
+//! the block waits until they can all have been captured ([`Due`]): the node sees both in the order of time whatever filters
+//! and interrupts held back.
 
 use crate::crash::{self, Cause};
 use crate::light::Code;
 use crate::stack::{self, StackUse};
 use embedded_storage::nor_flash::NorFlash;
-use meshband::board::{Board, Link};
+use meshband::board::{Board, Due, Link, Timing};
 use meshband::buffers::Buffers;
+use meshband::config::Configuration;
 use meshband::events::EventKind;
-use meshband::message::{Request, SelfTest};
-use meshband::self_test::BootTest;
+use meshband::identity::Identity;
+use meshband::message::Request;
+use meshband::safe_start::{GoodRun, is_safe_start};
 use meshband::session::Session;
-use meshband::store::Store;
+use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
+use meshband_drivers::status_light::FlashCode;
 
 /// What a board's own event ([`EventKind::Board`]) tells: kind in the detail's highest byte, number below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +35,12 @@ pub enum BoardEvent {
     SamplingRestarted = 4,
     /// The stack reached a new depth; number: bytes.
     StackDepth = 5,
+    /// The supply may fall below what programming the flash takes without a reset; number: the chip's brown-out level.
+    BrownOut = 6,
+    /// Started with the default configuration because of failures in a row; number: how many. The stored one is kept.
+    SafeStart = 7,
+    /// The front end's gain could not be written and is in doubt; number: gain wanted.
+    GainFault = 8,
 }
 
 impl BoardEvent {
@@ -54,12 +64,12 @@ pub type NodeSession = Session<&'static mut Buffers>;
 pub struct Runner<F: NorFlash> {
     session: NodeSession,
     store: Store<F>,
-    test: BootTest,
     clock: TicksPerSecond,
     /// Whether a crystal drives the clocks, for the light.
     crystal: bool,
-    self_test: SelfTest,
+    flash_code: FlashCode,
     lost_edges: u32,
+    good_run: GoodRun,
     /// When the last block came.
     block_seen: Option<u32>,
     stack_seen: u32,
@@ -67,46 +77,44 @@ pub struct Runner<F: NorFlash> {
 }
 
 impl<F: NorFlash> Runner<F> {
-    /// The node with its stored configuration, or the default, and a complaint about the one that was not taken.
+    /// The node with its stored configuration, or the default where none is to be had or too many `failures` came in a row, and a complaint about the one that was not taken.
     ///
     /// Not wrapped in an option, and part of the caller: each wrapping of these 15 KB is another copy on the stack. A clock
     /// on which not even the default can run is a crash.
     #[inline(always)]
     pub fn open(
         mut store: Store<F>,
-        test: BootTest,
-        clock: TicksPerSecond,
+        timing: Timing,
         crystal: bool,
+        identity: Identity,
+        failures: u32,
         buffers: &'static mut Buffers,
     ) -> Self {
-        let (configuration, origin) = store.load(clock.0);
+        let safe = is_safe_start(failures);
+        let (configuration, origin) = if safe { (Configuration::default(), Origin::Blank) } else { store.load(timing) };
         defmt::info!("configuration: {}", origin);
-        let Ok(mut session) = Session::with_buffers(configuration, clock, buffers) else {
+        let Ok(session) = Session::with_buffers(configuration, timing, identity, buffers) else {
             crash::on_cause(Cause::Start)
         };
+        let mut runner = Self::new(session, store, timing.clock, crystal);
         if let Some(complaint) = origin.complaint() {
-            session.node_mut().note(EventKind::ConfigurationRefused, complaint);
+            runner.session.node_mut().note(EventKind::ConfigurationRefused, complaint);
         }
-        let mut runner = Self::new(session, store, test, clock, crystal);
+        if safe {
+            runner.note(BoardEvent::SafeStart, failures);
+        }
         if !crystal {
             runner.note(BoardEvent::InternalOscillator, 0);
         }
         runner
     }
 
-    /// Takes over a session, and a self-test that has checked the mathematics: where little lies on the stack yet, because
-    /// that takes a lot of it.
-    pub fn new(
-        mut session: NodeSession,
-        store: Store<F>,
-        test: BootTest,
-        clock: TicksPerSecond,
-        crystal: bool,
-    ) -> Self {
-        let self_test = test.result();
-        session.node_mut().set_self_test(self_test);
+    /// Takes over a session; part of the caller for the same reason.
+    #[inline(always)]
+    pub fn new(session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
         let (lost_edges, block_seen, stack_seen, stack_due) = (0, None, 0, 0);
-        Self { session, store, test, clock, crystal, self_test, lost_edges, block_seen, stack_seen, stack_due }
+        let (flash_code, good_run) = (FlashCode::new(clock.0), GoodRun::new(clock));
+        Self { session, store, clock, crystal, flash_code, lost_edges, good_run, block_seen, stack_seen, stack_due }
     }
 
     /// The session.
@@ -126,7 +134,8 @@ impl<F: NorFlash> Runner<F> {
         self.session.node_mut().note(EventKind::Started, reset_cause);
         if let Some(crash) = crash::last().filter(|_| after_crash) {
             defmt::error!("restarted after crash {=u32} at {=str}:{=u32:x}", crash.count, crash.file(), crash.place);
-            self.note(BoardEvent::Crash, crash.place);
+            // All of a program counter but which memory it lies in: code lies in one.
+            self.note(BoardEvent::Crash, crash.place & 0x00ff_ffff);
         }
     }
 
@@ -147,25 +156,30 @@ impl<F: NorFlash> Runner<F> {
         if now.wrapping_sub(*self.block_seen.get_or_insert(now)) < self.clock.0.saturating_mul(BLOCK_PATIENCE_S) {
             board.feed_watchdog();
         }
+        if self.good_run.is_reached(now) {
+            crash::forgive();
+        }
         board.pump();
         self.serve_link(board);
-        let pending = board.pending_end();
-        let limit = pending.unwrap_or(horizon);
-        while let Some(edge) = board.next_edge_before(limit) {
-            self.test.on_edge();
+        board.catch_up();
+        let due = Due::of(horizon, board.pending_end());
+        while let Some(edge) = board.next_edge_before(due.edges_before) {
             self.session.on_edge(edge);
         }
-        if pending.is_some() {
+        if due.block {
             self.block_seen = Some(now);
             self.take_block(board, now);
         }
         self.report(board, now);
-        pending.is_some()
+        due.block
     }
 
     /// Commands from the host, and what they ask of the flash.
     pub fn serve_link(&mut self, link: &mut impl Link) {
-        while let Some(byte) = link.receive() {
+        // Where there is no room for a reply the bytes wait in the board's circle.
+        while self.session.takes_commands()
+            && let Some(byte) = link.receive()
+        {
             self.session.on_byte(byte, &mut |frame| {
                 link.send(frame);
             });
@@ -173,23 +187,18 @@ impl<F: NorFlash> Runner<F> {
         if self.session.take_commit() {
             let stored = self.store.save(self.session.node().configuration()).is_ok();
             defmt::info!("configuration stored: {=bool}", stored);
+            if stored {
+                crash::forgive();
+            }
             self.session.on_stored(stored);
         }
     }
 
     fn take_block(&mut self, board: &mut impl Board, now: u32) {
         // The frames of a block leave after the block is given back: its buffer is free again the sooner.
-        let Self { session, test, self_test, .. } = self;
+        let session = &mut self.session;
         let mut end = now;
-        board.with_block(&mut |block| {
-            if let Some(result) = test.on_block(&block, now) {
-                defmt::info!("self-test: {=u8:05b} run, {=u8:05b} failed", result.run, result.failed);
-                *self_test = result;
-                session.node_mut().set_self_test(result);
-            }
-            end = block.first_tick.wrapping_add(block.period_ticks.wrapping_mul(block.codes.len() as u32));
-            session.node_mut().on_block(block);
-        });
+        board.with_block(&mut |block| end = session.take_block(block, now));
         session.send_messages(end, &mut |frame| {
             board.send(frame);
         });
@@ -201,8 +210,8 @@ impl<F: NorFlash> Runner<F> {
 
     /// Light and lost edges.
     fn report(&mut self, board: &mut impl Board, now: u32) {
-        let code = Code::of(self.session.node().state(), self.crystal, self.self_test.failed != 0);
-        board.set_light(code.is_lit(now, self.clock));
+        let code = Code::of(self.session.node().state(), self.crystal, self.session.node().self_test().failed != 0);
+        board.set_light(self.flash_code.is_lit(code.flashes(), now));
         let lost = board.lost_edges();
         if lost != self.lost_edges {
             self.lost_edges = lost;

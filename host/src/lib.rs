@@ -1,6 +1,10 @@
 //! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
 
+pub mod analysis;
+pub mod budget;
+pub mod check;
 pub mod closed_loop;
+pub mod confined;
 pub mod dynamics;
 pub mod effects;
 pub mod error;
@@ -9,13 +13,16 @@ pub mod law;
 pub mod link;
 pub mod machine;
 pub mod measured;
+pub mod model;
+pub mod observation;
+pub mod output;
 pub mod piecewise;
-pub mod qemu;
 pub mod record;
 pub mod report;
 pub mod spectral;
 pub mod stiffness;
 pub mod terminal;
+pub mod text;
 pub mod virtual_node;
 
 pub use error::{Error, Result};

@@ -1,6 +1,8 @@
 //! The `meshband` command: one subcommand per file in `commands/`.
 
 use clap::{Parser, Subcommand};
+use meshband_host::output::{CLOSED_EXIT_CODE, interrupt, show};
+use meshband_host::{Error, Result, remark};
 use std::process::ExitCode;
 
 mod commands;
@@ -17,6 +19,10 @@ struct Cli {
 enum Command {
     /// Which spectral lines are folded mesh harmonics at a given sampling rate.
     Alias(commands::alias::Args),
+    /// Order spectrum and map, sidebands, averages, envelope, and the orders that the mesh does not explain.
+    Analyse(commands::analyse::Args),
+    /// What is wrong with a record, before anything is inferred from it.
+    Check(commands::check::Args),
     /// The library of effects: names, keys, signatures, pictures.
     Effects(commands::effects::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
@@ -35,7 +41,7 @@ enum Command {
     Predict(commands::predict::Args),
     /// A record folder of a simulated machine.
     Simulate(commands::simulate::Args),
-    /// Finds what the declared machine of a record lacks; error before and after.
+    /// Finds what the declared machine of a record lacks; error declared, calibrated and corrected.
     Loop(commands::close::Args),
     /// Published measurements: lines the model lacks, held-out error before and after.
     Measured(commands::measured::Args),
@@ -44,8 +50,27 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    let result = interrupt::install().and_then(|()| match Cli::try_parse() {
+        Ok(cli) => run(cli.command),
+        Err(error) => usage(&error),
+    });
+    interrupt::wait_if_ending();
+    match result {
+        Err(error) if error.is_closed_output() => ExitCode::from(CLOSED_EXIT_CODE),
+        Err(error) => {
+            remark!("meshband: {error}");
+            ExitCode::from(2)
+        }
+        Ok(()) if interrupt::requested() => ExitCode::from(interrupt::EXIT_CODE),
+        Ok(()) => ExitCode::SUCCESS,
+    }
+}
+
+fn run(command: Command) -> Result<()> {
+    match command {
         Command::Alias(args) => commands::alias::run(args),
+        Command::Analyse(args) => commands::analyse::run(args),
+        Command::Check(args) => commands::check::run(args),
         Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Law(args) => commands::law::run(args),
@@ -58,12 +83,19 @@ fn main() -> ExitCode {
         Command::Loop(args) => commands::close::run(args),
         Command::Measured(args) => commands::measured::run(args),
         Command::Prove(args) => commands::prove::run(args),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("meshband: {error}");
-            ExitCode::from(2)
-        }
     }
+}
+
+/// Help and version as they are; of a wrong command line the one line that says what is wrong.
+fn usage(error: &clap::Error) -> Result<()> {
+    let text = error.render().to_string();
+    if !error.use_stderr() || error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return show(&text);
+    }
+    let is_advice = |line: &&str| line.starts_with("Usage:") || line.starts_with("For more information");
+    let parts: Vec<&str> =
+        text.lines().map(str::trim).filter(|l| !l.is_empty()).take_while(|l| !is_advice(l)).collect();
+    let what = parts.join(" ");
+    let what = what.strip_prefix("error: ").unwrap_or(&what);
+    Err(Error::invalid("command line", format!("{what}; --help lists the options")))
 }

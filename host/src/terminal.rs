@@ -4,6 +4,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 
 /// A progress bar that stays unseen for the first second, and always where stderr is no terminal.
+#[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
     started: Instant,
@@ -19,9 +20,14 @@ impl Progress {
 
     /// One step further; callable from several threads.
     pub fn step(&self) {
-        self.bar.inc(1);
+        self.advance(1);
+    }
+
+    /// So many steps further.
+    pub fn advance(&self, steps: u64) {
+        self.bar.inc(steps);
         if self.bar.is_hidden() && self.started.elapsed() > Duration::from_secs(1) {
-            if let Ok(style) = ProgressStyle::with_template("{msg:>16} {bar:32} {pos}/{len} {eta} left") {
+            if let Ok(style) = ProgressStyle::with_template("{msg:>16} {bar:32} {percent} % {eta} left") {
                 self.bar.set_style(style);
             }
             self.bar.set_message(self.name);
@@ -38,9 +44,9 @@ impl Drop for Progress {
 
 /// An aligned plain-text table: first column left, the others right; two spaces between.
 ///
-/// Rows shorter than the head are filled with empty cells.
+/// Rows shorter than the head are filled with empty cells; names of foreign files are shortened.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
-    let cell = |row: &[String], c: usize| row.get(c).cloned().unwrap_or_default();
+    let cell = |row: &[String], c: usize| row.get(c).map_or_else(String::new, |text| crate::text::cell(text));
     let width = |c: usize| {
         let rows = rows.iter().map(|row| cell(row, c).chars().count());
         rows.chain([head[c].chars().count()]).max().unwrap_or(0)

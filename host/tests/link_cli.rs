@@ -1,12 +1,12 @@
 //! `meshband configure` and `monitor` as a user runs them: against the image in QEMU over TCP and over a pseudo-terminal,
 //! and against everything that is no node.
 
-use meshband::config::Configuration;
+use meshband::config::{Configuration, TachEdge};
 use meshband::replay::{Header, image_bytes, write};
 use meshband_host::law::file::LawFile;
 use meshband_host::law::forms::Law;
 use meshband_host::machine::{EngagementKind, Machine};
-use meshband_host::qemu::{Link, Qemu};
+use meshband_host::virtual_node::qemu::{Link, Qemu};
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::io::{Read, Write};
@@ -45,6 +45,8 @@ fn accepted(arguments: &[&str]) -> String {
 
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    // What a former run wrote would be in the way of this one's.
+    let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).expect("a folder for the test");
     folder
 }
@@ -81,6 +83,8 @@ analogue_stop = 12000.0
 highest_adc = 60000
 [mesh]
 harmonics = 4
+[front_end]
+tach_edge = \"Falling\"
 [[alarms]]
 watched = \"Rms\"
 from = 5.0
@@ -102,6 +106,9 @@ fn fault_ports_without_a_node_are_refused_in_one_line() {
     let capture = written(&folder, "capture.bin", "no frame\0 among these\0");
     refused(&["monitor", "--replay", &capture], &["capture.bin", "no intact frame"]);
     refused(&["monitor", "--replay", "absent.bin"], &["absent.bin"]);
+    // What a node of the first firmware sent.
+    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors/wire/frames-2.bin").display().to_string();
+    refused(&["monitor", "--replay", &old], &["frames-2.bin", "speaks schema 2 of the link, this program knows 3"]);
     refused(&["configure", &capture], &["captured"]);
     refused(&["monitor", "/dev/null", "--patience", "0"], &["--patience"]);
 }
@@ -160,6 +167,8 @@ fn fault_bad_files_are_refused_with_table_and_key_before_any_node_is_asked() {
         ("no-toml", "[tach]\nmissing = = 2\n", vec!["line 2"]),
         ("a-law", "[law]\nlowest = 1\n", vec!["law"]),
         ("an-alarm", "[[alarms]]\nwatched = \"Noise\"\n", vec!["alarms[0]", "Noise"]),
+        ("a-gain-as-number", "[front_end]\ngain = 4\n", vec!["[front_end] gain", "name"]),
+        ("no-such-gain", "[front_end]\ngain = \"X3\"\n", vec!["front_end", "X3"]),
         ("a-policy", "policy = \"Fast\"\n", vec!["policy", "Fast"]),
     ] {
         let path = written(&folder, &format!("{name}.toml"), text);
@@ -234,10 +243,11 @@ fn session(port: &str, folder: &Path) {
     assert!(said.contains("19 x 48 teeth") && said.contains("1 alarms; stored"), "{said}");
     let config: Configuration = serde_json::from_value(json(&held)).expect("a configuration");
     assert_eq!((config.gears.pinion_teeth, config.mesh.harmonics, config.alarms.len()), (19, 4, 1));
+    assert_eq!(config.front_end.tach_edge, TachEdge::Falling);
     let report = std::fs::read_to_string(&held_report).expect("written");
     assert!(report.contains("limits.analogue_stop") && report.contains("12000"));
 
-    refused(&["configure", port, "--teeth", "3", "48"], &["gears.pinion_teeth", "out of range"]);
+    refused(&["configure", port, "--teeth", "3", "48"], &["gears.pinion_teeth", "12 to 1000"]);
     refused(&["configure", port, "--sensitivity", "nan"], &["sensor.acceleration_per_code"]);
     let said = accepted(&["configure", port, "--volatile", "--start"]);
     assert!(said.contains("19 x 48 teeth") && said.contains("not stored"), "{said}");
@@ -256,6 +266,21 @@ fn session(port: &str, folder: &Path) {
     assert!(report.contains("<svg") && report.contains("Mesh bands"));
     let said = accepted(&["monitor", port, "--frames", "5"]);
     assert!(said.contains("5 messages"), "{said}");
+    interrupted(port, &path("late.json"));
+}
+
+/// Ctrl-C ends a live view, which then writes what it has heard, at once or, on a busy machine, on a later try.
+fn interrupted(port: &str, late: &str) {
+    let heard = [1, 3, 9, 27].into_iter().any(|seconds| {
+        let words = ["monitor", port, "--json", late, "--force"];
+        let mut child = Command::new(env!("CARGO_BIN_EXE_meshband")).args(words).spawn().expect("the command starts");
+        std::thread::sleep(Duration::from_secs(seconds));
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+        assert_eq!(child.wait().expect("ends").code(), Some(130));
+        // Asked before it listened: ended at once, with nothing to write.
+        std::path::Path::new(late).exists() && json(late)["view"]["messages"].as_u64().is_some_and(|n| n > 0)
+    });
+    assert!(heard, "what was heard is kept");
 }
 
 #[test]

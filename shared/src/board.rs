@@ -5,7 +5,46 @@
 //! `embedded_storage::nor_flash::NorFlash` of two sectors.
 
 use crate::node::Block;
-use crate::units::TicksPerSecond;
+use crate::units::{Hertz, TicksPerSecond};
+
+/// What a board's sample timer and converter can do: figures of the design that plan and configuration need, on the board and
+/// on a host that computes the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// Time base of sample periods and tach edges.
+    pub clock: TicksPerSecond,
+    /// Sample periods are multiples of this many ticks. A converter on a slower clock than the timer's takes a trigger at the
+    /// next edge of its own: any other period makes its instants wander by up to that clock's period.
+    pub period_step: u32,
+    /// Highest ADC rate that a configuration may ask for: converter and processor keep up with margin.
+    pub highest_adc: Hertz,
+}
+
+impl Timing {
+    /// QEMU's `mps2-an386`: no converter that could be too slow.
+    pub const AN386: Self = Self { clock: TicksPerSecond(25_000_000), period_step: 1, highest_adc: Hertz(1.0e7) };
+    /// STM32F405: the converter runs on a quarter of the timer's clock and could follow 750 kHz; the highest rate is what the main loop
+    /// keeps up with at two cycles per instruction, with margin (`docs/pace.md`).
+    pub const STM32F405: Self =
+        Self { clock: TicksPerSecond(84_000_000), period_step: 4, highest_adc: Hertz(420_000.0) };
+
+    /// Of a node that says which board it is and what its clock is; a board not known here is bound by its clock alone.
+    pub fn of(board: &str, clock: TicksPerSecond) -> Self {
+        let known = match board {
+            "an386" => Self::AN386,
+            "stm32f405" => Self::STM32F405,
+            _ => clock.into(),
+        };
+        Self { clock, ..known }
+    }
+}
+
+/// A timer without a converter behind it that limits anything: tests and hosts that know no more of a node than its clock.
+impl From<TicksPerSecond> for Timing {
+    fn from(clock: TicksPerSecond) -> Self {
+        Self { clock, period_step: 1, highest_adc: Hertz(1.0e7) }
+    }
+}
 
 /// Timer that triggers the ADC.
 pub trait SampleClock {
@@ -19,8 +58,12 @@ pub trait SampleClock {
 
 /// Source of sample blocks.
 pub trait BlockSource {
-    /// Tick up to which edges may be handed over while no block is complete; to be read before [`Self::pending_end`].
+    /// Tick up to which nothing can still come: every block that ends at or before it is complete, and of every such block all
+    /// edges that belong before its end have been captured, however long a filter held them back. To be read before
+    /// [`Self::pending_end`].
     fn horizon(&self) -> u32;
+    /// Gives up all waiting blocks after one was lost because none was taken for too long; the node sees one gap.
+    fn catch_up(&mut self);
     /// First tick behind the oldest complete block; `None` if there is no complete block.
     fn pending_end(&self) -> Option<u32>;
     /// Hands the oldest complete block to `consume`; false if there is none. The block is only valid inside the call.
@@ -61,3 +104,25 @@ pub trait Supervision {
 pub trait Board: SampleClock + BlockSource + TachCapture + Link + Supervision {}
 
 impl<T: SampleClock + BlockSource + TachCapture + Link + Supervision> Board for T {}
+
+/// What one turn of the main loop may hand to the node, so that edges and blocks come in the order of time.
+///
+/// An edge is known later than it happened: the input's filter waits until the level has lasted, while a block is complete
+/// one conversion after its last sample. So a complete block stays where it is until the horizon has passed its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Due {
+    /// Edges before this tick.
+    pub edges_before: u32,
+    /// Then the oldest complete block.
+    pub block: bool,
+}
+
+impl Due {
+    /// From a horizon and the end of the oldest complete block, read in this order; ticks in wrapping order.
+    pub fn of(horizon: u32, pending_end: Option<u32>) -> Self {
+        match pending_end {
+            Some(end) if horizon.wrapping_sub(end) as i32 >= 0 => Self { edges_before: end, block: true },
+            _ => Self { edges_before: horizon, block: false },
+        }
+    }
+}

@@ -1,17 +1,31 @@
 //! Configuration of a node: one value, validated once, never changed while it is in force.
 //!
 //! Postcard-serialisable and bounded ([`Configuration::MAX_SERIALISED`]); the first field is the schema version, so that
-//! stored configurations of another schema are recognised before anything else is believed.
+//! stored configurations of another schema are recognised before anything else is believed. Fields are only ever appended
+//! to [`Configuration`] itself, and what is appended means at its first value what was so before: configurations of older
+//! schemas are thus read by the present layout ([`crate::schema`]).
 
 use crate::alarm::AlarmBand;
+use crate::board::Timing;
 use crate::law::{Law, LawError};
 use crate::rate_plan::{RateLimits, RatePolicy};
+use crate::schema;
 use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout.
-pub const SCHEMA: u16 = 1;
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`].
+pub const SCHEMA: u16 = 2;
+
+/// Oldest layout that is still read.
+pub const OLDEST_SCHEMA: u16 = 1;
+
+/// Samples per block on every board.
+pub const BLOCK_SAMPLES: usize = 512;
+
+/// Lowest ADC rate, Hz: a block then lasts half a second. A board whose blocks stay away for a second counts as dead, and its
+/// watchdog starts it again; a rate that does that would do it for ever once it is stored.
+pub const LOWEST_ADC_HZ: f32 = 2.0 * BLOCK_SAMPLES as f32;
 
 /// Most mesh harmonics in a spectrum. With more, what the lowest rate may carry would fold into the bands on the finest grid of
 /// the order domain ([`crate::zoom::SAMPLES_PER_PITCH`]).
@@ -56,6 +70,76 @@ pub struct Sensor {
     pub zero_code: u16,
 }
 
+/// Edge of the tach's signal that counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum TachEdge {
+    /// From low to high.
+    #[default]
+    Rising,
+    /// From high to low.
+    Falling,
+}
+
+/// Gain of the analogue front end's amplifier (MCP6S21 class).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Gain {
+    /// 1, also where there is no such amplifier.
+    #[default]
+    X1,
+    /// 2
+    X2,
+    /// 4
+    X4,
+    /// 5
+    X5,
+    /// 8
+    X8,
+    /// 10
+    X10,
+    /// 16
+    X16,
+    /// 32
+    X32,
+}
+
+impl Gain {
+    /// All of them, ascending.
+    pub const ALL: [Self; 8] = [Self::X1, Self::X2, Self::X4, Self::X5, Self::X8, Self::X10, Self::X16, Self::X32];
+
+    /// The number that the amplifier's gain register takes, 0 to 7.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The amplification.
+    pub const fn factor(self) -> u8 {
+        [1, 2, 4, 5, 8, 10, 16, 32][self as usize]
+    }
+}
+
+/// Switch of the sensor's supply, on boards that have one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SensorSupply {
+    /// Switched on.
+    #[default]
+    On,
+    /// Switched off.
+    Off,
+}
+
+/// What a board switches in front of its inputs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrontEnd {
+    /// Edge of the tach's signal that counts.
+    pub tach_edge: TachEdge,
+    /// Gain wanted of the amplifier. `sensor.acceleration_per_code` is the sensitivity at gain 1; the node scales with the
+    /// gain that the board reports as in use ([`crate::node::Node::set_gain`]).
+    pub gain: Gain,
+    /// The sensor's supply.
+    pub sensor_supply: SensorSupply,
+}
+
 /// Mesh-band product.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshBandConfig {
@@ -86,6 +170,8 @@ pub struct Configuration {
     pub mesh: MeshBandConfig,
     /// Alarm bands.
     pub alarms: Vec<AlarmBand, MAX_ALARMS>,
+    /// Tach edge, gain, sensor supply.
+    pub front_end: FrontEnd,
 }
 
 /// The first field found wrong.
@@ -109,11 +195,12 @@ pub enum ConfigurationError {
     TachTooFastForClock,
     /// `sensor.acceleration_per_code`: zero or not finite.
     Sensitivity,
-    /// `limits.analogue_stop`: not in 10 Hz to 5 MHz.
+    /// `limits.analogue_stop`: not in 512 Hz (half of [`LOWEST_ADC_HZ`]) to 5 MHz.
     AnalogueStop,
-    /// `limits.highest_adc`: not in 100 Hz to 10 MHz, below twice the analogue stop edge, or above the time base.
+    /// `limits.highest_adc`: not in [`LOWEST_ADC_HZ`] to 10 MHz, below twice the analogue stop edge, or above what the board keeps
+    /// up with ([`Timing::highest_adc`]).
     HighestAdc,
-    /// `policy`: multiple not in 2 to 100, or forced rate outside the limits.
+    /// `policy`: multiple not in 2 to 100, or forced rate not in [`LOWEST_ADC_HZ`] to `limits.highest_adc`.
     Policy,
     /// `law`
     Law(LawError),
@@ -126,6 +213,32 @@ pub enum ConfigurationError {
 }
 
 impl ConfigurationError {
+    /// What is asked of the field.
+    pub fn wanted(self) -> &'static str {
+        match self {
+            Self::Schema => "must be the one this node knows",
+            Self::PinionTeeth => "must be 12 to 1000",
+            Self::GearTeeth => "must be 4 to 1000",
+            Self::PulsesPerTurn => "must be 1 to 1024",
+            Self::MissingTeeth => "must be 0, or with at least 12 positions at most a quarter of them",
+            Self::PinionPerTach => "must be 0.001 to 1000",
+            Self::TachRange => "must be 0.01 Hz <= lowest < highest <= 1000 Hz",
+            Self::TachTooFastForClock => "puts pulses closer than four ticks of the node's clock",
+            Self::Sensitivity => "must be a finite number other than 0",
+            Self::AnalogueStop => {
+                "must be 512 Hz to 5 MHz: at lower ADC rates a block outlasts the watchdog's patience, and the node restarts for ever"
+            }
+            Self::HighestAdc => {
+                "must be 1024 Hz to 10 MHz, at least twice limits.analogue_stop, at most the node's clock"
+            }
+            Self::Policy => "must have a multiple of 2 to 100, or a forced rate of 1024 Hz to limits.highest_adc",
+            Self::Law(_) => "is not sound",
+            Self::Harmonics => "must be 1 to 6",
+            Self::Sidebands => "must be 0 to 4",
+            Self::Alarm(_) => "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more",
+        }
+    }
+
     /// Name of the field, as written in configuration files.
     pub fn field(self) -> &'static str {
         match self {
@@ -152,9 +265,9 @@ impl ConfigurationError {
 impl core::fmt::Display for ConfigurationError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Law(error) => write!(f, "law: {error:?}"),
-            Self::Alarm(index) => write!(f, "alarms[{index}] out of range"),
-            other => write!(f, "{} out of range", other.field()),
+            Self::Law(error) => write!(f, "law {}: {error:?}", self.wanted()),
+            Self::Alarm(index) => write!(f, "alarms[{index}] {}", self.wanted()),
+            other => write!(f, "{} {}", other.field(), other.wanted()),
         }
     }
 }
@@ -176,12 +289,13 @@ impl Default for Configuration {
                 lowest: Hertz(0.25),
             },
             sensor: Sensor { acceleration_per_code: Acceleration(0.03), zero_code: 32_768 },
-            limits: RateLimits { analogue_stop: Hertz(100_000.0), highest_adc: Hertz(500_000.0) },
+            limits: RateLimits { analogue_stop: Hertz(100_000.0), highest_adc: Hertz(420_000.0) },
             // Another machine's law: nearer than any guess, and still flagged.
             law: Law { provisional: true, ..crate::law_data::law() },
             policy: RatePolicy::Spectrum,
             mesh: MeshBandConfig { harmonics: 5, sidebands: 3 },
             alarms: Vec::new(),
+            front_end: FrontEnd::default(),
         }
     }
 }
@@ -190,9 +304,34 @@ impl Configuration {
     /// Upper bound of the postcard form, bytes.
     pub const MAX_SERIALISED: usize = 512;
 
-    /// Checks every field; `clock_hz` is the board's time base.
-    pub fn validate(&self, clock_hz: u32) -> Result<(), ConfigurationError> {
+    /// A configuration in postcard form, of this schema or brought up to it from an older one; `None` for one that is not
+    /// understood, a newer one above all.
+    pub fn from_stored(bytes: &[u8]) -> Option<Self> {
+        let (written, _) = postcard::take_from_bytes::<u16>(bytes).ok()?;
+        if !(OLDEST_SCHEMA..=SCHEMA).contains(&written) {
+            return None;
+        }
+        let config: Self = schema::read(bytes, written.cmp(&SCHEMA))?;
+        Some(Self { schema: SCHEMA, ..config })
+    }
+
+    /// A stored configuration on a board that keeps up with less than an earlier version promised: its highest rates are lowered to what
+    /// the board does, so that the rest of it is kept.
+    pub fn within(mut self, board: Timing) -> Self {
+        let highest = board.highest_adc.0;
+        let lowered = |rate: Hertz| if rate.0 > highest { Hertz(highest) } else { rate };
+        self.limits.highest_adc = lowered(self.limits.highest_adc);
+        if let RatePolicy::Forced { rate } = self.policy {
+            self.policy = RatePolicy::Forced { rate: lowered(rate) };
+        }
+        self
+    }
+
+    /// Checks every field against its range and the board.
+    pub fn validate(&self, board: impl Into<Timing>) -> Result<(), ConfigurationError> {
         use ConfigurationError as E;
+        let Timing { clock, highest_adc, .. } = board.into();
+        let clock_hz = clock.0;
         let teeth = 4..=1000;
         let ensure = |holds: bool, error: E| if holds { Ok(()) } else { Err(error) };
         ensure(self.schema == SCHEMA, E::Schema)?;
@@ -209,8 +348,11 @@ impl Configuration {
         let sensitivity = self.sensor.acceleration_per_code.0;
         ensure(sensitivity.is_finite() && sensitivity != 0.0, E::Sensitivity)?;
         let (stop, adc) = (self.limits.analogue_stop.0, self.limits.highest_adc.0);
-        ensure((10.0..=5.0e6).contains(&stop), E::AnalogueStop)?;
-        ensure((100.0..=1.0e7).contains(&adc) && adc >= 2.0 * stop && adc <= clock_hz as f32, E::HighestAdc)?;
+        ensure((LOWEST_ADC_HZ / 2.0..=5.0e6).contains(&stop), E::AnalogueStop)?;
+        ensure(
+            (LOWEST_ADC_HZ..=1.0e7).contains(&adc) && adc >= 2.0 * stop && adc <= highest_adc.0.min(clock_hz as f32),
+            E::HighestAdc,
+        )?;
         ensure(self.policy_is_sane(), E::Policy)?;
         self.law.validate().map_err(E::Law)?;
         ensure((1..=MAX_HARMONICS as u8).contains(&self.mesh.harmonics), E::Harmonics)?;
@@ -225,7 +367,7 @@ impl Configuration {
         match self.policy {
             RatePolicy::Critical | RatePolicy::Spectrum => true,
             RatePolicy::Waveform { multiple } => (2.0..=100.0).contains(&multiple),
-            RatePolicy::Forced { rate } => rate.0 >= 100.0 && rate.0 <= self.limits.highest_adc.0,
+            RatePolicy::Forced { rate } => rate.0 >= LOWEST_ADC_HZ && rate.0 <= self.limits.highest_adc.0,
         }
     }
 }

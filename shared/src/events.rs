@@ -1,9 +1,13 @@
-//! Ring of typed events with de-duplication, and one counter per kind that never forgets.
+//! History of typed events, and one counter per kind that never forgets.
 //!
-//! An event equal in kind and detail to the newest one only raises its count, so that a stuck input cannot push the
-//! history out of the ring. After the counted ring buffer of Hubris.
+//! A storm must neither push the history out nor fill the link. So an event equal in kind and detail to one that occurred within
+//! the last second only raises that one's count, whatever came in between; beyond [`QUOTA`] entries of one kind within a second
+//! the kind's newest takes the others up, with the latest detail; a kind holds at most [`QUOTA`] places, and where all places
+//! are taken the kind that has most of them gives up its oldest: the newest of each kind is always kept.
 
-use heapless::Deque;
+use crate::message::{EventCount, MAX_EVENT_COUNTS};
+use crate::units::TicksPerSecond;
+use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Kinds of events. The order is part of the link's interface: only append.
@@ -65,87 +69,117 @@ pub enum EventKind {
 /// Number of event kinds.
 pub const EVENT_KINDS: usize = EventKind::BandwidthAgrees as usize + 1;
 
+const _: () = assert!(EVENT_KINDS <= MAX_EVENT_COUNTS);
+
 /// Events kept.
-pub const RING: usize = 32;
+pub const KEPT: usize = 32;
+/// Events kept of one kind, and new ones of one kind per second: every alarm can speak at once.
+pub const QUOTA: usize = crate::config::MAX_ALARMS;
+
+// There is always a kind with a second entry to give up; places are bits of a word.
+const _: () = assert!(EVENT_KINDS < KEPT && KEPT <= 32);
 
 /// One event, possibly repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
     /// What happened.
     pub kind: EventKind,
-    /// Kind-specific number.
+    /// Kind-specific number, of the latest occurrence.
     pub detail: u32,
     /// Instant of the first occurrence, ticks since start.
     pub first_tick: u64,
     /// Instant of the latest occurrence, ticks since start.
     pub last_tick: u64,
-    /// Occurrences in a row.
+    /// Occurrences: equal ones never a second apart, or more than [`QUOTA`] of a kind within a second.
     pub count: u32,
 }
 
-/// The ring and the counters.
+/// The history and the counters.
 #[derive(Clone, Debug)]
 pub struct EventLog {
-    ring: Deque<Event, RING>,
+    /// In the order of their first occurrence.
+    kept: Vec<Event, KEPT>,
     counters: [u32; EVENT_KINDS],
-    /// Newest entries not yet reported over the link.
-    unreported: usize,
-}
-
-impl Default for EventLog {
-    fn default() -> Self {
-        Self { ring: Deque::new(), counters: [0; EVENT_KINDS], unreported: 0 }
-    }
+    /// Entries not yet reported over the link, by place.
+    unreported: u32,
+    /// Ticks within which equal events are one.
+    second: u64,
 }
 
 impl EventLog {
+    /// An empty history on a time base.
+    pub const fn new(clock: TicksPerSecond) -> Self {
+        Self { kept: Vec::new(), counters: [0; EVENT_KINDS], unreported: 0, second: clock.0 as u64 }
+    }
+
     /// Records an event.
     pub fn record(&mut self, kind: EventKind, detail: u32, tick: u64) {
-        let counter = &mut self.counters[kind as usize];
-        *counter = counter.saturating_add(1);
-        if let Some(newest) = self.ring.back_mut()
-            && newest.kind == kind
-            && newest.detail == detail
-        {
-            newest.count = newest.count.saturating_add(1);
-            newest.last_tick = tick;
+        if let Some(counter) = self.counters.get_mut(kind as usize) {
+            *counter = counter.saturating_add(1);
+        }
+        let since = tick.saturating_sub(self.second);
+        let recent = self.kept.iter().filter(|e| e.kind == kind && e.first_tick > since).count();
+        let equal = |e: &&mut Event| e.kind == kind && e.detail == detail && e.last_tick >= since;
+        let mut same = self.kept.iter_mut().rev().find(equal);
+        // A commit's outcome is an answer that a host waits for: each one speaks.
+        let answers = matches!(kind, EventKind::ConfigurationStored | EventKind::ConfigurationNotStored);
+        if same.is_none() && recent >= QUOTA && !answers {
+            same = self.kept.iter_mut().rev().find(|e| e.kind == kind);
+        }
+        if let Some(entry) = same {
+            (entry.detail, entry.last_tick) = (detail, tick);
+            entry.count = entry.count.saturating_add(1);
             return;
         }
-        if self.ring.is_full() {
-            self.ring.pop_front();
-            self.unreported = self.unreported.min(RING - 1);
-        }
+        self.make_room(kind);
         let event = Event { kind, detail, first_tick: tick, last_tick: tick, count: 1 };
-        if self.ring.push_back(event).is_ok() {
-            self.unreported += 1;
+        if self.kept.push(event).is_ok() {
+            self.unreported |= 1 << (self.kept.len() - 1);
+        }
+    }
+
+    /// Gives up the oldest of this kind where it has its quota, else, where all is taken, of the kind with most entries.
+    fn make_room(&mut self, kind: EventKind) {
+        let entries = |kind: EventKind| self.kept.iter().filter(|e| e.kind == kind).count();
+        let giver = if entries(kind) >= QUOTA {
+            Some(kind)
+        } else if self.kept.is_full() {
+            self.kept.iter().map(|e| e.kind).max_by_key(|&kind| entries(kind))
+        } else {
+            None
+        };
+        if let Some(place) = self.kept.iter().position(|e| Some(e.kind) == giver) {
+            self.kept.remove(place);
+            let (below, above) = (self.unreported & ((1 << place) - 1), self.unreported >> place >> 1);
+            self.unreported = below | above << place;
         }
     }
 
     /// Occurrences of a kind since start.
     pub fn count(&self, kind: EventKind) -> u32 {
-        self.counters[kind as usize]
+        self.counters.get(kind as usize).copied().unwrap_or(0)
     }
 
-    /// All counters, indexed by kind.
-    pub fn counters(&self) -> &[u32; EVENT_KINDS] {
-        &self.counters
+    /// The kinds that have occurred, with their counts.
+    pub fn counts(&self) -> Vec<EventCount, MAX_EVENT_COUNTS> {
+        let counts = (0u8..).zip(self.counters).map(|(kind, count)| EventCount { kind, count });
+        counts.filter(|entry| entry.count > 0).collect()
     }
 
-    /// Events from oldest to newest.
+    /// Events in the order of their first occurrence.
     pub fn iter(&self) -> impl Iterator<Item = &Event> {
-        self.ring.iter()
+        self.kept.iter()
     }
 
     /// Marks all kept events for the link again.
     pub fn report_all(&mut self) {
-        self.unreported = self.ring.len();
+        self.unreported = ((1u64 << self.kept.len()) - 1) as u32;
     }
 
     /// Oldest event not yet taken for the link.
     pub fn take_unreported(&mut self) -> Option<Event> {
-        let index = self.ring.len().checked_sub(self.unreported)?;
-        let event = self.ring.iter().nth(index).copied()?;
-        self.unreported -= 1;
+        let event = self.kept.get(self.unreported.trailing_zeros() as usize).copied()?;
+        self.unreported &= self.unreported - 1;
         Some(event)
     }
 }

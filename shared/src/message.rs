@@ -1,16 +1,29 @@
-//! The link's vocabulary: requests, replies and streamed messages. Postcard encodes them by position, so variants and
-//! fields are only ever appended, and [`PROTOCOL`] is raised when they are not.
+//! The link's vocabulary: requests, replies and streamed messages.
+//!
+//! Postcard encodes them by position. Variants are only ever appended, fields only at the end of the outermost structure of a
+//! message (what lies inside another is fixed), and each time [`WIRE_SCHEMA`] is raised: readers of another schema then take
+//! what they know ([`crate::schema`]). Any other change raises [`OLDEST_READER`], too, and they are told to refuse.
 
 use crate::config::{Configuration, ConfigurationError, MAX_HARMONICS, MAX_SIDEBANDS};
-use crate::events::{EVENT_KINDS, Event};
+use crate::events::{Event, EventKind};
+use crate::identity::{BOARD_LENGTH, BUILD_LENGTH};
 use crate::law::Law;
 use crate::node::State;
 use crate::tach::Validity;
-use heapless::Vec;
+use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-/// Version of the messages.
-pub const PROTOCOL: u16 = 2;
+/// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
+pub const WIRE_SCHEMA: u8 = 3;
+
+/// Oldest schema whose readers can take what is sent here.
+pub const OLDEST_READER: u8 = 3;
+
+/// Oldest schema that is read here.
+pub const OLDEST_READABLE: u8 = 3;
+
+/// Most kinds of events in one message of counters.
+pub const MAX_EVENT_COUNTS: usize = 64;
 
 /// Samples in one snapshot message.
 pub const SNAPSHOT_CHUNK: usize = 128;
@@ -41,7 +54,7 @@ pub enum Request {
     Stop,
     /// Send the next wideband waveform.
     Snapshot,
-    /// Result of the boot self-test.
+    /// Run the self-test again; its result comes as a message.
     SelfTest,
     /// Send all kept events again.
     Events,
@@ -55,7 +68,7 @@ pub enum Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Reply {
     /// Who.
-    Identity(Identity),
+    Identity(Identification),
     /// Configuration in force.
     Configuration(Configuration),
     /// Law in force.
@@ -66,31 +79,37 @@ pub enum Reply {
     Committing,
     /// Refused: a field is out of range.
     Refused(ConfigurationError),
-    /// Self-test.
+    /// Self-test begun; what is known of it already.
     SelfTest(SelfTest),
     /// Counters.
     Statistics(Statistics),
 }
 
-/// Identity of a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Identity {
-    /// [`PROTOCOL`].
-    pub protocol: u16,
-    /// [`crate::config::SCHEMA`].
-    pub schema: u16,
-    /// Major, minor, patch of the signal chain.
+/// Who a node is; the schema numbers come first, so that every program can read them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identification {
+    /// [`WIRE_SCHEMA`] of the node.
+    pub wire_schema: u8,
+    /// [`crate::config::SCHEMA`] of the node: the layout in which it takes, gives and stores its configuration.
+    pub configuration_schema: u16,
+    /// Major, minor, patch of the firmware ([`crate::identity::VERSION`]).
     pub version: [u8; 3],
+    /// What the image was built from: a commit's short hash, or `unknown`.
+    pub build: String<BUILD_LENGTH>,
+    /// Name of the board.
+    pub board: String<BOARD_LENGTH>,
+    /// The chip's own number; zero where it has none.
+    pub unique_id: [u32; 3],
     /// Time base, Hz.
     pub ticks_per_second: u32,
-    /// Result of the boot self-test.
+    /// Newest result of the self-test.
     pub self_test: SelfTest,
 }
 
-/// Boot self-test, filled in by the board. A set bit in `failed` is a failed item of `run`.
+/// Self-test ([`crate::self_test`]). A set bit in `failed` is a failed item of `run`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfTest {
-    /// Items that ran: bit 0 sample count against timer, 1 ADC rails, 2 ADC noise, 3 tach present, 4 mathematics hash.
+    /// Items that ran: bit 0 sample count against timer, 1 ADC rails, 2 ADC noise, 3 tach edge seen, 4 mathematics hash.
     pub run: u8,
     /// Items that failed.
     pub failed: u8,
@@ -132,7 +151,7 @@ pub struct Status {
     pub speed_hz: f32,
     /// Relative standard uncertainty of the speed.
     pub speed_uncertainty: f32,
-    /// Time since the latest accepted pulse, s.
+    /// Time since the latest accepted pulse, or since the start where none came, s.
     pub age_s: f32,
     /// Law's bandwidth, Hz.
     pub bandwidth_hz: f32,
@@ -150,7 +169,7 @@ pub struct Status {
     pub period_ticks: u32,
     /// Half-band stages.
     pub stages: u8,
-    /// Granted over wanted, less one, parts per million: 0 to one tick of the sample timer unless limited.
+    /// Granted over wanted, less one, parts per million: 0 to one step of the sample period unless limited.
     pub residual_ppm: f32,
     /// The wanted rate is beyond the board.
     pub limited: bool,
@@ -322,7 +341,7 @@ pub struct Indicators {
 }
 
 /// Counters since start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Blocks processed.
     pub blocks: u32,
@@ -340,8 +359,24 @@ pub struct Statistics {
     pub relocks: u32,
     /// Messages dropped because they were not fetched in time.
     pub messages_dropped: u32,
-    /// Events by kind.
-    pub events: [u32; EVENT_KINDS],
+    /// Kinds of events that have occurred, with their counts.
+    pub events: Vec<EventCount, MAX_EVENT_COUNTS>,
+}
+
+impl Statistics {
+    /// Occurrences of a kind of event.
+    pub fn count(&self, kind: EventKind) -> u32 {
+        self.events.iter().find(|entry| entry.kind == kind as u8).map_or(0, |entry| entry.count)
+    }
+}
+
+/// How often a kind of event has occurred. The kind is a number, so that one that the reader does not know costs nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EventCount {
+    /// [`EventKind`] as a number.
+    pub kind: u8,
+    /// Occurrences since start.
+    pub count: u32,
 }
 
 /// Streamed from node to host.
@@ -363,4 +398,6 @@ pub enum Message {
     Event(Event),
     /// Counters.
     Statistics(Statistics),
+    /// Result of the self-test; sent whenever one has ended.
+    SelfTest(SelfTest),
 }

@@ -9,10 +9,15 @@
 //! 400 kHz, so no plan meets a wanted rate to 150 ppm there. It need not: the law says which rate the signal wants *at
 //! least*, and the order domain is resampled by time stamps. What is asked of the board is therefore a period
 //! in ticks, the longest whose rate is not below the wanted one; the board grants that integer or says otherwise, and
-//! every product carries the granted rate, exact to single precision. The excess over the wanted rate, less than one tick,
-//! is reported with it.
+//! every product carries the granted rate, exact to single precision. The excess over the wanted rate, less than one step
+//! of the period, is reported with it.
+//!
+//! Steps are a board's ([`Timing::period_step`]): where the converter's clock is a fraction of the timer's, only multiples of
+//! that fraction give equidistant samples. With 4 ticks at 84 MHz the excess is up to 1 % at 200 kHz and 2 % at 420 kHz; jitter of
+//! up to 36 ns, which it replaces, would be noise at -50 dB under a line at 40 kHz.
 
-use crate::units::{Hertz, PartsPerMillion, TicksPerSecond};
+use crate::board::Timing;
+use crate::units::{Hertz, PartsPerMillion};
 use serde::{Deserialize, Serialize};
 
 /// How far above 2F the ADC rate may rise before a stage is dropped, relative.
@@ -77,7 +82,7 @@ pub struct RateGrant {
     pub adc: Hertz,
     /// Granted output rate.
     pub output: Hertz,
-    /// Granted over wanted output rate, less one: 0 to one tick, unless limited.
+    /// Granted over wanted output rate, less one: 0 to one step of the period, unless limited.
     pub residual: PartsPerMillion,
     /// Highest frequency that is flat and free of aliases at the output.
     pub usable: Hertz,
@@ -91,14 +96,19 @@ pub struct RateGrant {
 #[derive(Clone, Debug)]
 pub struct RatePlan {
     limits: RateLimits,
-    clock: TicksPerSecond,
+    timing: Timing,
     stages: Option<u8>,
 }
 
 impl RatePlan {
-    /// A plan for a time base and a board's limits.
-    pub fn new(clock: TicksPerSecond, limits: RateLimits) -> Self {
-        Self { limits, clock, stages: None }
+    /// A plan for a board and the limits of its analogue part.
+    pub fn new(timing: impl Into<Timing>, limits: RateLimits) -> Self {
+        Self { limits, timing: timing.into(), stages: None }
+    }
+
+    /// The board it was made for.
+    pub fn timing(&self) -> Timing {
+        self.timing
     }
 
     /// Lowest ADC rate at which the fixed analogue filter prevents aliases.
@@ -124,7 +134,7 @@ impl RatePlan {
         self.stages = Some(stages);
         let adc = (target * power_of_two(stages)).max(floor).min(self.limits.highest_adc.0);
         let period = self.longest_period(adc).max(self.shortest_period());
-        let granted = self.clock.rate(period).0;
+        let granted = self.rate(period);
         let limited = !sane || adc != target * power_of_two(stages) || granted < adc;
         self.describe(wanted, period, stages, limited)
     }
@@ -134,12 +144,12 @@ impl RatePlan {
         self.stages = None;
         let sane = rate.0 > 0.0 && rate.0 <= self.limits.highest_adc.0;
         let adc = if sane { rate.0 } else { self.limits.highest_adc.0 };
-        self.describe(rate, nearest_period(self.clock, adc).max(self.shortest_period()), 0, !sane)
+        self.describe(rate, self.nearest_period(adc).max(self.shortest_period()), 0, !sane)
     }
 
     /// What a given timer period means with a number of stages.
     pub fn describe(&self, requested: Hertz, period_ticks: u32, stages: u8, limited: bool) -> RateGrant {
-        let adc = self.clock.rate(period_ticks);
+        let adc = self.timing.clock.rate(period_ticks);
         let output = Hertz(adc.0 / power_of_two(stages));
         let (stop, clear) = (self.limits.analogue_stop.0, adc.0 - self.limits.analogue_stop.0);
         let usable = if stages > 0 { output.0 * USABLE_SHARE } else { clear.min(adc.0 / 2.0).max(0.0) };
@@ -156,20 +166,31 @@ impl RatePlan {
         }
     }
 
+    fn rate(&self, period: u32) -> f32 {
+        self.timing.clock.rate(period).0
+    }
+
+    fn step(&self) -> u32 {
+        self.timing.period_step.max(1)
+    }
+
     /// Longest period whose rate is not below `adc`.
     fn longest_period(&self, adc: f32) -> u32 {
-        let period = nearest_period(self.clock, adc);
-        if self.clock.rate(period).0 < adc { (period - 1).max(1) } else { period }
+        let period = self.nearest_period(adc);
+        if self.rate(period) < adc { period.saturating_sub(self.step()).max(self.step()) } else { period }
     }
 
     fn shortest_period(&self) -> u32 {
-        let period = nearest_period(self.clock, self.limits.highest_adc.0);
-        if self.clock.rate(period).0 > self.limits.highest_adc.0 { period + 1 } else { period }
+        let highest = self.limits.highest_adc.0.min(self.timing.highest_adc.0);
+        let period = self.nearest_period(highest);
+        if self.rate(period) > highest { period + self.step() } else { period }
     }
-}
 
-fn nearest_period(clock: TicksPerSecond, rate_hz: f32) -> u32 {
-    ((clock.0 as f32 / rate_hz + 0.5) as u32).max(1)
+    /// Multiple of the step that is nearest to a rate's period.
+    fn nearest_period(&self, rate_hz: f32) -> u32 {
+        let step = self.step();
+        ((self.timing.clock.0 as f32 / (rate_hz * step as f32) + 0.5) as u32).max(1) * step
+    }
 }
 
 fn power_of_two(stages: u8) -> f32 {

@@ -30,8 +30,7 @@ pub const FLASH_CAPACITY: usize = 256 << 10;
 /// The node's time stamp of the record's start: the counter wraps one second later at 25 MHz, so that every
 /// replay crosses the wrap.
 pub const START_TICK: u32 = u32::MAX - 25_000_000;
-/// Samples per block on every board: 5 ms at 100 kHz.
-pub const BLOCK_SAMPLES: usize = 512;
+pub use crate::config::BLOCK_SAMPLES;
 /// Longest sample period a board grants, ticks: a block's period still fits a 32-bit timer.
 pub const LONGEST_PERIOD: u32 = 0xffff;
 /// Largest configuration carried, bytes.

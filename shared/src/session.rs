@@ -1,22 +1,27 @@
 //! A node with its link: blocks, edges and bytes in, frames out.
 //!
 //! Boards and the host's simulation of a board run this same code, so that the same record gives the same
-//! frames, byte for byte.
+//! frames, byte for byte. The session also runs the self-test, and paces what leaves ([`crate::link`]).
 
+use crate::board::Timing;
 use crate::buffers::Buffers;
 use crate::config::{Configuration, ConfigurationError};
 use crate::events::EventKind;
-use crate::frame::{self, Decoder, MAX_FRAME, Packet, PacketRef};
-use crate::message::Request;
+use crate::frame::{self, Decoder, Incoming, MAX_FRAME, PacketRef};
+use crate::identity::Identity;
+use crate::link::pace::{Pace, Room};
+use crate::message::{Message, Request};
 use crate::node::{Block, Node};
-use crate::units::TicksPerSecond;
+use crate::self_test::SelfTestRun;
 use core::borrow::BorrowMut;
 
 /// A node, the receiver of its commands and the counter of its frames.
 #[derive(Clone, Debug)]
 pub struct Session<B = Buffers> {
     node: Node<B>,
-    decoder: Decoder,
+    decoder: Decoder<Incoming>,
+    test: SelfTestRun,
+    pace: Pace,
     sequence: u16,
     unsent: u32,
     commit: bool,
@@ -32,8 +37,12 @@ impl Session {
     ///
     /// # Errors
     /// The first field of the configuration that is out of range.
-    pub fn new(config: Configuration, clock: TicksPerSecond) -> Result<Self, ConfigurationError> {
-        Session::with_buffers(config, clock, Buffers::ZERO)
+    pub fn new(
+        config: Configuration,
+        board: impl Into<Timing>,
+        identity: Identity,
+    ) -> Result<Self, ConfigurationError> {
+        Session::with_buffers(config, board, identity, Buffers::ZERO)
     }
 }
 
@@ -42,9 +51,22 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     ///
     /// # Errors
     /// The first field of the configuration that is out of range.
-    pub fn with_buffers(config: Configuration, clock: TicksPerSecond, buffers: B) -> Result<Self, ConfigurationError> {
-        let node = Node::with_buffers(config, clock, buffers)?;
-        Ok(Self { node, decoder: Decoder::new(), sequence: 0, unsent: 0, commit: false, commits: 0 })
+    pub fn with_buffers(
+        config: Configuration,
+        board: impl Into<Timing>,
+        identity: Identity,
+        buffers: B,
+    ) -> Result<Self, ConfigurationError> {
+        let board = board.into();
+        let node = Node::with_buffers(config, board, buffers)?;
+        let test = SelfTestRun::at_start(board.clock, true);
+        let (decoder, pace) = (Decoder::new(), Pace::new(board.clock));
+        // In its place before anything is changed in it: a node is 15 KB, and each copy of it lies on the stack.
+        let mut session = Self { node, decoder, test, pace, sequence: 0, unsent: 0, commit: false, commits: 0 };
+        session.node.set_identity(identity);
+        session.test = SelfTestRun::at_start(board.clock, session.node.check_mathematics());
+        session.node.set_self_test(session.test.result());
+        Ok(session)
     }
 
     /// The node itself.
@@ -59,24 +81,58 @@ impl<B: BorrowMut<Buffers>> Session<B> {
 
     /// A captured tach edge.
     pub fn on_edge(&mut self, tick: u32) {
+        self.test.on_edge();
         self.node.on_tach_edge(tick);
     }
 
-    /// A block; then sends everything the node has to say about it.
+    /// A block; then sends what the node has to say about it, as far as the line's pace allows.
     ///
     /// The node's clock is set to the block's end: what it says depends on its inputs only, never on how
     /// long the processor took.
     pub fn on_block(&mut self, block: Block<'_>, send: &mut impl FnMut(&[u8])) {
-        let end = block.first_tick.wrapping_add(block.period_ticks.wrapping_mul(block.codes.len() as u32));
-        self.node.on_block(block);
+        let end = self.take_block(block, block.end_tick());
         self.send_messages(end, send);
     }
 
-    /// Sends what the node has to say at an instant; for boards, while no blocks come.
+    /// A block that arrived at a tick, for boards that give it back before anything is sent; returns its end, the present of
+    /// [`Session::send_messages`].
+    pub fn take_block(&mut self, block: Block<'_>, arrived: u32) -> u32 {
+        if let Some(result) = self.test.on_block(&block, arrived) {
+            self.node.report_self_test(result);
+        }
+        self.node.on_block(block);
+        block.end_tick()
+    }
+
+    /// Sends what the node has to say at an instant, as far as the line's pace allows; the rest comes later.
     pub fn send_messages(&mut self, now_tick: u32, send: &mut impl FnMut(&[u8])) {
-        while let Some(message) = self.node.poll(now_tick) {
+        self.pace.advance(now_tick);
+        while let Some(message) = self.next_message(now_tick) {
             self.send(PacketRef::Message(&message), send);
         }
+    }
+
+    fn next_message(&mut self, now_tick: u32) -> Option<Message> {
+        match self.pace.room() {
+            Room::Nothing | Room::Reply => None,
+            Room::Result => self.node.poll_results(now_tick),
+            Room::Waveform => self.node.poll(now_tick),
+        }
+    }
+
+    /// Whether a command may be taken: there is room for its reply. Otherwise the bytes wait where they were received.
+    pub fn takes_commands(&self) -> bool {
+        self.pace.room() >= Room::Reply
+    }
+
+    /// The board sees that the line has sent everything; for times in which no block tells how late it is.
+    pub fn on_line_empty(&mut self) {
+        self.pace.clear();
+    }
+
+    /// Bytes on their way to the host, at the pace.
+    pub fn on_way(&self) -> usize {
+        self.pace.on_way()
     }
 
     /// A byte from the link; a complete command is carried out and answered at once.
@@ -84,7 +140,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
         match self.decoder.push(byte) {
             Some(Ok(frame)) => {
                 // A node has no use for replies and messages.
-                if let Packet::Request(request) = frame.packet {
+                if let Incoming::Request(request) = frame.packet {
                     self.on_request(request, send);
                 }
             }
@@ -96,6 +152,10 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     /// A command, answered at once.
     pub fn on_request(&mut self, request: Request, send: &mut impl FnMut(&[u8])) {
         self.commit |= request == Request::CommitConfiguration;
+        if request == Request::SelfTest {
+            self.test = SelfTestRun::again(self.node.check_mathematics());
+            self.node.set_self_test(self.test.result());
+        }
         let reply = self.node.on_request(request);
         self.send(PacketRef::Reply(&reply), send);
     }
@@ -122,7 +182,10 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     fn send(&mut self, packet: PacketRef<'_>, send: &mut impl FnMut(&[u8])) {
         let mut buffer = [0; MAX_FRAME];
         match frame::encode(packet, self.sequence, &mut buffer) {
-            Ok(bytes) => send(bytes),
+            Ok(bytes) => {
+                self.pace.take(bytes.len());
+                send(bytes);
+            }
             Err(_) => self.unsent = self.unsent.saturating_add(1),
         }
         self.sequence = self.sequence.wrapping_add(1);

@@ -12,7 +12,8 @@
 //! Any `embedded_storage::NorFlash` with two equal sectors and a write unit of at most [`HEADER`] bytes will do. Nothing
 //! is written twice without an erase. Cost: 2.6 KiB of stack; loading reads every slot's header.
 
-use crate::config::{Configuration, SCHEMA};
+use crate::board::Timing;
+use crate::config::Configuration;
 use crate::frame::CRC32;
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
@@ -38,7 +39,7 @@ pub enum Origin {
     Former,
     /// Records were there but none is intact: the default.
     Damaged,
-    /// The newest record is intact but of another schema, or invalid on this board: the default.
+    /// The newest record is intact but of a newer schema, or invalid on this board: the default.
     Refused,
     /// The flash cannot be read: the default.
     Unreadable,
@@ -98,12 +99,14 @@ impl<F: NorFlash> Store<F> {
         &mut self.flash
     }
 
-    /// The newest intact configuration that this board accepts, or the default; and which of them it is.
-    pub fn load(&mut self, clock_hz: u32) -> (Configuration, Origin) {
+    /// The newest intact configuration that this board accepts, brought up from an older schema where it has one, or the
+    /// default; and which of them it is.
+    pub fn load(&mut self, board: impl Into<Timing>) -> (Configuration, Origin) {
         let mut payload = [0; PAYLOAD];
+        let board = board.into();
         match self.read_newest(&mut payload) {
-            Ok((Some(bytes), origin)) => match postcard::from_bytes::<Configuration>(bytes) {
-                Ok(config) if config.schema == SCHEMA && config.validate(clock_hz).is_ok() => (config, origin),
+            Ok((Some(bytes), origin)) => match Configuration::from_stored(bytes).map(|stored| stored.within(board)) {
+                Some(config) if config.validate(board).is_ok() => (config, origin),
                 _ => (Configuration::default(), Origin::Refused),
             },
             Ok((None, origin)) => (Configuration::default(), origin),

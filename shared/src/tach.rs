@@ -68,7 +68,7 @@ pub struct Speed {
     pub uncertainty: f32,
     /// Pinion acceleration, Hz/s.
     pub acceleration_hz_per_s: f32,
-    /// Time since the latest accepted pulse, s.
+    /// Time since the latest accepted pulse, s; of a node since its start where none came.
     pub age_s: f32,
     /// Trust.
     pub validity: Validity,
@@ -128,6 +128,11 @@ impl TachTracker {
             index_candidate: None,
             counters: TachCounters::default(),
         }
+    }
+
+    /// Begins anew with another wheel; the counters go on.
+    pub fn for_wheel(&self, wheel: TachWheel) -> Self {
+        Self { counters: self.counters, ..Self::new(wheel, self.clock) }
     }
 
     /// Takes a pulse at a 64-bit instant. Pulses that go back in time or come faster than the shaft can are rejected.

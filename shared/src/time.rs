@@ -22,6 +22,12 @@ impl TickExtender {
         instant
     }
 
+    /// As [`Self::extend`], for the first tick known: the reference becomes its instant, even an earlier one.
+    pub fn begin(&mut self, tick: u32) -> u64 {
+        self.latest = self.peek(tick);
+        self.latest
+    }
+
     /// The 64-bit instant of `tick` without moving the reference.
     pub fn peek(&self, tick: u32) -> u64 {
         let difference = tick.wrapping_sub(self.latest as u32) as i32;

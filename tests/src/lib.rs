@@ -1,5 +1,7 @@
-//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU.
+//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU, the damage campaign.
 
+#[cfg(unix)]
+pub mod damage;
 pub mod gear_signal;
 pub mod mock_flash;
 pub mod plant;

@@ -4,10 +4,12 @@ use crate::gear_signal::acceleration;
 use meshband::config::{Configuration, GearPair};
 use meshband::events::EventKind;
 use meshband::frame::{Decoder, Frame, MAX_FRAME, Packet, encode};
+use meshband::identity::Identity;
 use meshband::law::{Law, LawForm};
+use meshband::link::send_ring::SendRing;
+use meshband::link::{BITS_PER_SECOND, QUEUE};
 use meshband::message::{Message, Request, Spectrum, Status};
 use meshband::node::Block;
-use meshband::outbox::Outbox;
 use meshband::session::Session;
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 use rand::{RngExt, SeedableRng};
@@ -20,8 +22,6 @@ pub const TEETH: u16 = 19;
 const BLOCK: usize = 512;
 /// Sensitivity, m/s2 per code.
 pub const PER_CODE_M_S2: f32 = 0.002;
-/// Bytes of the queue to the line.
-pub const OUTBOX: usize = 4096;
 
 /// What goes wrong while [`Plant::run`] runs.
 #[derive(Clone, Copy)]
@@ -49,7 +49,11 @@ pub struct Plant {
     /// Node and link.
     pub session: Session,
     /// Bytes on their way to the host.
-    pub outbox: Outbox<OUTBOX>,
+    pub ring: SendRing<QUEUE>,
+    /// Bytes per second that the line takes.
+    pub line: f64,
+    /// Bytes that the line has had the time for.
+    credit: f64,
     /// Everything that reached the host.
     pub frames: Vec<Frame>,
     /// The host's receiver.
@@ -79,11 +83,13 @@ impl Plant {
     /// # Panics
     /// For a configuration that a node refuses.
     pub fn new(config: Configuration, seed: u64) -> Self {
-        let session = Session::new(config, TicksPerSecond(CLOCK_HZ)).expect("a valid configuration");
+        let session = Session::new(config, TicksPerSecond(CLOCK_HZ), Identity::HOST).expect("a valid configuration");
         let period = session.node().requested_period_ticks();
         Self {
             session,
-            outbox: Outbox::new(),
+            ring: SendRing::new(),
+            line: f64::from(BITS_PER_SECOND) / 10.0,
+            credit: 0.0,
             frames: Vec::new(),
             decoder: Decoder::new(),
             random: ChaCha8Rng::seed_from_u64(seed),
@@ -151,18 +157,19 @@ impl Plant {
                     sequence: self.sequence,
                     overrun: tenth && matches!(fault, Fault::Overrun),
                 };
-                let outbox = &mut self.outbox;
+                let ring = &mut self.ring;
                 self.session.on_block(block, &mut |frame| {
-                    outbox.push(frame);
+                    ring.push(frame);
                 });
             }
             self.sequence = self.sequence.wrapping_add(1);
             self.period = self.session.node().requested_period_ticks();
-            if let Some(frames) = self.outbox.take_unreported() {
+            if let Some(frames) = self.ring.take_unreported() {
                 self.session.node_mut().note(EventKind::MessagesDropped, frames);
             }
             if !matches!(fault, Fault::Stall) {
-                self.drain();
+                self.credit += self.line * length_s;
+                self.transmit();
             }
         }
     }
@@ -180,24 +187,37 @@ impl Plant {
 
     /// A byte from the line.
     pub fn receive(&mut self, byte: u8) {
-        let outbox = &mut self.outbox;
+        let ring = &mut self.ring;
         self.session.on_byte(byte, &mut |frame| {
-            outbox.push(frame);
+            ring.push(frame);
         });
     }
 
     /// The line takes everything that waits.
     pub fn drain(&mut self) {
-        let Self { outbox, decoder, frames, .. } = self;
-        outbox.drain(|byte| {
+        self.credit = f64::INFINITY;
+        self.transmit();
+    }
+
+    /// The line takes what it had the time for; an idle one saves nothing up.
+    fn transmit(&mut self) {
+        let Self { ring, credit, decoder, frames, .. } = self;
+        ring.drain(|byte| {
+            if *credit < 1.0 {
+                return false;
+            }
+            *credit -= 1.0;
             frames.extend(decoder.push(byte).and_then(Result::ok));
             true
         });
+        if ring.is_empty() {
+            *credit = 0.0;
+        }
     }
 
     /// How often an event has occurred.
     pub fn count(&self, kind: EventKind) -> u32 {
-        self.session.node().statistics().events[kind as usize]
+        self.session.node().statistics().count(kind)
     }
 
     /// The newest mesh-band spectrum among the frames from number `from` on.

@@ -2,7 +2,7 @@
 
 use meshband_host::link::Client;
 use meshband_host::link::transport::Tcp;
-use meshband_host::qemu::{Finished, Link, Qemu, Running};
+use meshband_host::virtual_node::qemu::{Finished, Link, Qemu, Running};
 use std::net::{TcpListener, TcpStream};
 #[cfg(unix)]
 use std::os::unix::net::{UnixListener, UnixStream};

@@ -1,10 +1,10 @@
 //! Register blocks of plain memory, for the drivers of the STM32F405.
 
+use meshband::board::Timing;
 use meshband::config::Configuration;
 use meshband::law::Law;
 use meshband::rate_plan::{RateLimits, RatePlan, RatePolicy};
-use meshband::units::{Hertz, TicksPerSecond};
-use meshband_stm32::{adc, clock};
+use meshband::units::Hertz;
 
 /// A register block as after power-up with all zeros.
 pub fn block<T>() -> Box<T> {
@@ -48,6 +48,8 @@ pub const CCMR1: usize = 0x18;
 /// Offset in a timer's register block.
 pub const CCER: usize = 0x20;
 /// Offset in a timer's register block.
+pub const CNT: usize = 0x24;
+/// Offset in a timer's register block.
 pub const PSC: usize = 0x28;
 /// Offset in a timer's register block.
 pub const ARR: usize = 0x2c;
@@ -58,7 +60,6 @@ pub const CCR2: usize = 0x38;
 
 /// Periods of the plan for shaft rates of 0.5 to 60 Hz, under the policies and filters a node may be given.
 pub fn planned_periods() -> Vec<u32> {
-    let clock = TicksPerSecond(clock::TIMER_HZ);
     let mut periods = Vec::new();
     let widest = Law { highest: Hertz(60.0), lowest: Hertz(0.5), ..Configuration::default().law };
     for (stop, policy) in [
@@ -67,8 +68,8 @@ pub fn planned_periods() -> Vec<u32> {
         (10_000.0, RatePolicy::Critical),
         (2_000.0, RatePolicy::Waveform { multiple: 10.0 }),
     ] {
-        let limits = RateLimits { analogue_stop: Hertz(stop), highest_adc: Hertz(adc::HIGHEST_RATE_HZ as f32) };
-        let mut plan = RatePlan::new(clock, limits);
+        let limits = RateLimits { analogue_stop: Hertz(stop), highest_adc: Timing::STM32F405.highest_adc };
+        let mut plan = RatePlan::new(Timing::STM32F405, limits);
         for tenth in 5..=600u32 {
             let bandwidth = widest.bandwidth(Hertz(tenth as f32 / 10.0)).bandwidth;
             periods.push(plan.grant(policy.rate(bandwidth)).period_ticks);

@@ -151,7 +151,7 @@ impl Account {
 
     /// How often an event occurred, by the closing statistics.
     pub fn counted(&self, kind: EventKind) -> u32 {
-        self.statistics().events[kind as usize]
+        self.statistics().count(kind)
     }
 
     /// Asserts that in the last part of a stretch the node measures and its spectra are right.

@@ -2,8 +2,8 @@
 
 use meshband::alarm::{Alarm, AlarmBand, AlarmChange, Watched};
 use meshband::config::{Configuration, ConfigurationError};
-use meshband::events::{EventKind, EventLog, RING};
-use meshband::units::{Acceleration, Hertz};
+use meshband::events::{EventKind, EventLog, KEPT, QUOTA};
+use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 
 fn band() -> AlarmBand {
     AlarmBand { watched: Watched::Rms, from: Hertz(5.0), to: Hertz(20.0), raise: 2.0, clear: 1.5, persistence: 3 }
@@ -22,32 +22,104 @@ fn theory_alarms_need_persistence_and_clear_below_their_hysteresis() {
     assert_eq!(changes, [None, None, Some(AlarmChange::Cleared)]);
 }
 
+/// A time base of 1000 ticks per second.
+fn log() -> EventLog {
+    EventLog::new(TicksPerSecond(1000))
+}
+
+fn kept(log: &EventLog) -> Vec<(EventKind, u32, u32, u64, u64)> {
+    log.iter().map(|e| (e.kind, e.detail, e.count, e.first_tick, e.last_tick)).collect()
+}
+
+fn reported(log: &mut EventLog) -> Vec<(EventKind, u32)> {
+    std::iter::from_fn(|| log.take_unreported()).map(|e| (e.kind, e.detail)).collect()
+}
+
 #[test]
-fn theory_a_stuck_input_cannot_push_history_out_of_the_ring() {
-    let mut log = EventLog::default();
+fn theory_a_stuck_input_is_one_event_however_long_it_lasts() {
+    let mut log = log();
     log.record(EventKind::TachLocked, 0, 5);
     for tick in 0..10_000 {
         log.record(EventKind::Stuck, 77, 100 + tick);
     }
     assert_eq!(log.count(EventKind::Stuck), 10_000);
-    let kept: Vec<_> = log.iter().map(|event| (event.kind, event.count, event.first_tick, event.last_tick)).collect();
-    assert_eq!(kept, [(EventKind::TachLocked, 1, 5, 5), (EventKind::Stuck, 10_000, 100, 10_099)]);
+    assert_eq!(kept(&log), [(EventKind::TachLocked, 0, 1, 5, 5), (EventKind::Stuck, 77, 10_000, 100, 10_099)]);
+    // An hour later it is another occurrence, and said as such.
+    assert_eq!(reported(&mut log).len(), 2);
+    log.record(EventKind::Stuck, 77, 3_600_000);
+    assert_eq!(reported(&mut log), [(EventKind::Stuck, 77)]);
 }
 
 #[test]
-fn fault_an_overfull_ring_keeps_the_newest_and_reports_each_once() {
-    let mut log = EventLog::default();
-    for detail in 0..(RING as u32 + 10) {
-        log.record(EventKind::RateChanged, detail, u64::from(detail));
+fn regress_two_events_in_turn_are_two_entries_and_no_storm() {
+    let mut log = log();
+    log.record(EventKind::AlarmRaised, 3, 1);
+    for block in 0..100_000u64 {
+        log.record(EventKind::Saturated, 1000, 10 + block);
+        log.record(EventKind::Stuck, 65_535, 10 + block);
     }
-    let mut reported = Vec::new();
-    while let Some(event) = log.take_unreported() {
-        reported.push(event.detail);
+    assert_eq!(
+        kept(&log),
+        [
+            (EventKind::AlarmRaised, 3, 1, 1, 1),
+            (EventKind::Saturated, 1000, 100_000, 10, 100_009),
+            (EventKind::Stuck, 65_535, 100_000, 10, 100_009)
+        ]
+    );
+    assert_eq!(reported(&mut log).len(), 3);
+}
+
+#[test]
+fn fault_details_that_never_repeat_are_bounded_in_rate_and_places() {
+    let mut log = log();
+    log.record(EventKind::AlarmRaised, 3, 1);
+    let mut said = 0;
+    // Ten seconds of overruns, each with a number of its own, one per tick.
+    for tick in 0..10_000 {
+        log.record(EventKind::Overrun, tick, 10 + u64::from(tick));
+        said += reported(&mut log).len();
     }
-    assert_eq!(reported, (10..RING as u32 + 10).collect::<Vec<_>>());
-    log.record(EventKind::Saturated, 1, 99);
-    assert_eq!(log.take_unreported().map(|event| event.kind), Some(EventKind::Saturated));
-    assert!(log.take_unreported().is_none());
+    assert!((11..=1 + 11 * QUOTA).contains(&said), "{said} reports in ten seconds");
+    assert_eq!(log.count(EventKind::Overrun), 10_000);
+    assert_eq!(kept(&log)[0], (EventKind::AlarmRaised, 3, 1, 1, 1), "the history is still there");
+    assert_eq!(kept(&log).len(), 1 + QUOTA);
+    let newest = kept(&log)[QUOTA];
+    assert_eq!((newest.1, newest.4), (9_999, 10_009), "the newest entry carries the latest detail");
+}
+
+#[test]
+fn theory_all_alarms_can_speak_at_once() {
+    let mut log = log();
+    (0..QUOTA as u32).for_each(|index| log.record(EventKind::AlarmRaised, index, 7));
+    let expected: Vec<_> = (0..QUOTA as u32).map(|index| (EventKind::AlarmRaised, index)).collect();
+    assert_eq!(reported(&mut log), expected);
+}
+
+#[test]
+fn fault_a_full_history_keeps_the_newest_of_each_kind_and_reports_each_once() {
+    use EventKind as K;
+    let mut log = log();
+    let rare = [K::Started, K::ConfigurationRefused, K::SelfTestFailed, K::AlarmRaised];
+    for (n, kind) in rare.into_iter().enumerate() {
+        log.record(kind, 7, n as u64);
+    }
+    let storm = [K::RateChanged, K::BlocksLost, K::TimeJump, K::UnexpectedPeriod, K::Overrun, K::Board];
+    for round in 0..1000u64 {
+        for kind in storm {
+            log.record(kind, round as u32, 10_000 * (1 + round));
+        }
+    }
+    assert_eq!(kept(&log).len(), KEPT);
+    for kind in rare.into_iter().chain(storm) {
+        assert!(kept(&log).iter().any(|e| e.0 == kind), "{kind:?} is gone");
+    }
+    let all: Vec<_> = kept(&log).iter().map(|e| (e.0, e.1)).collect();
+    assert_eq!(reported(&mut log), all, "what is kept was not reported yet");
+    log.record(K::Saturated, 1, 20_000_000);
+    assert_eq!(reported(&mut log), [(K::Saturated, 1)]);
+    log.report_all();
+    assert_eq!(reported(&mut log).len(), KEPT);
+    assert!(reported(&mut log).is_empty());
 }
 
 #[test]
@@ -64,10 +136,36 @@ fn fault_each_absurd_field_is_named() {
         (|c| c.mesh.harmonics = 0, ConfigurationError::Harmonics),
         (|c| c.alarms.push(AlarmBand { clear: 3.0, ..band() }).expect("room"), ConfigurationError::Alarm(0)),
     ];
-    assert_eq!(Configuration::default().validate(84_000_000), Ok(()));
+    assert_eq!(Configuration::default().validate(meshband::board::Timing::STM32F405), Ok(()));
     for (spoil, error) in cases {
         let mut config = Configuration::default();
         spoil(&mut config);
-        assert_eq!(config.validate(84_000_000), Err(error));
+        assert_eq!(config.validate(meshband::board::Timing::STM32F405), Err(error));
     }
+}
+
+#[test]
+fn regress_a_rate_whose_blocks_outlast_the_watchdog_is_refused() {
+    use meshband::config::{BLOCK_SAMPLES, LOWEST_ADC_HZ};
+    use meshband::rate_plan::RatePolicy;
+    // The main loop counts as dead after a second without a block; half of it is left.
+    assert!(BLOCK_SAMPLES as f32 / LOWEST_ADC_HZ <= 0.5);
+    let lowest = |config: &Configuration| {
+        let session = meshband::node::Node::new(config.clone(), TicksPerSecond(84_000_000)).expect("valid");
+        84.0e6 / session.requested_period_ticks() as f32
+    };
+    let mut config = Configuration::default();
+    config.limits.analogue_stop = Hertz(10.0);
+    assert_eq!(config.validate(meshband::board::Timing::STM32F405), Err(ConfigurationError::AnalogueStop));
+    let said = ConfigurationError::AnalogueStop.to_string();
+    assert!(said.contains("limits.analogue_stop") && said.contains("watchdog"), "{said}");
+    config.limits.analogue_stop = Hertz(LOWEST_ADC_HZ / 2.0);
+    config.limits.highest_adc = Hertz(LOWEST_ADC_HZ);
+    config.policy = RatePolicy::Forced { rate: Hertz(LOWEST_ADC_HZ / 2.0) };
+    assert_eq!(config.validate(meshband::board::Timing::STM32F405), Err(ConfigurationError::Policy));
+    config.policy = RatePolicy::Spectrum;
+    assert_eq!(config.validate(meshband::board::Timing::STM32F405), Ok(()));
+    assert!(lowest(&config) >= 0.999 * LOWEST_ADC_HZ);
+    config.limits.highest_adc = Hertz(100.0);
+    assert_eq!(config.validate(meshband::board::Timing::STM32F405), Err(ConfigurationError::HighestAdc));
 }

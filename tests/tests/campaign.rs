@@ -26,6 +26,7 @@ fn theory_summary_counts_false_terms_and_right_families() {
         covered: Some(true),
         estimate_over_truth: None,
         held_out: [[0.4, 0.1, 0.1], [0.4, 0.2, 0.1]],
+        calibrated: Some([0.2, 0.3]),
         seconds: 1.0,
     };
     let all = [
@@ -41,7 +42,7 @@ fn theory_summary_counts_false_terms_and_right_families() {
     assert_eq!((null.records, null.found), (2, 0.5));
     let power = summary.power.iter().find(|r| r.group.starts_with('2')).unwrap();
     assert_eq!((power.found, power.named, power.right_family, power.wrong), (0.75, 0.25, 0.5, 0.25));
-    assert!((power.after_over_floor - 1.0).abs() < 1e-12);
+    assert!((power.corrected_over_floor - 1.0).abs() < 1e-12);
 }
 
 #[test]

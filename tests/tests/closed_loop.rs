@@ -1,18 +1,18 @@
 //! The closed loop: its forward model against records with nothing undeclared.
 
-use meshband_host::closed_loop::angle::Angle;
 use meshband_host::closed_loop::base_fit::Base;
 use meshband_host::closed_loop::detect::Found;
 use meshband_host::closed_loop::frame::Frame;
 use meshband_host::closed_loop::generate::{Effect, Scenario, record};
-use meshband_host::closed_loop::harmonic_model::Machine;
-use meshband_host::closed_loop::input;
 use meshband_host::closed_loop::judge::Split;
 use meshband_host::closed_loop::least_squares::chi_square;
 use meshband_host::closed_loop::library::Bench;
-use meshband_host::closed_loop::pair_curve::PairCurve;
-use meshband_host::closed_loop::spectrum::Analyser;
 use meshband_host::machine::{Pair, Shafts};
+use meshband_host::model::harmonic_balance::Machine;
+use meshband_host::observation::angle::Angle;
+use meshband_host::observation::input;
+use meshband_host::observation::spectrum::Analyser;
+use meshband_host::stiffness::pair_curve::PairCurve;
 use std::path::Path;
 
 /// Harmonic balance predicts the independent simulator's noise-free records.
@@ -74,7 +74,7 @@ fn explained(effects: &[Effect], order: Option<f64>, hz: Option<f64>) -> Vec<(St
     let all: Vec<usize> = (0..with.runs.len()).collect();
     let split = Split { fit: all.clone(), select: Vec::new(), held_out: Vec::new() };
     let found = |at: Option<f64>| {
-        at.map(|at| Found { at, statistic: 1e3, p_value: 0.0, modulation: false }).into_iter().collect::<Vec<_>>()
+        at.map(|at| Found { at, statistic: 1e3, places: 1.0, modulation: false }).into_iter().collect::<Vec<_>>()
     };
     let mut shares: Vec<(String, f64)> = bench
         .candidates(&data, &split, &found(order), &found(hz), None)

@@ -7,6 +7,7 @@ use meshband::message::{Message, Reply, Request};
 use meshband::node::State;
 use meshband::store::{Origin, Store};
 use meshband::tach::Validity;
+use meshband::units::TicksPerSecond;
 use meshband_tests::mock_flash::MockFlash;
 use meshband_tests::plant::{CLOCK_HZ, Fault, Plant, TEETH, configuration};
 use rand::{RngExt, SeedableRng};
@@ -146,12 +147,12 @@ fn fault_a_link_that_stalls_costs_whole_frames_that_are_counted_exactly() {
     for _ in 0..200 {
         plant.request(&Request::Identify);
     }
-    let dropped = plant.outbox.dropped();
+    let dropped = plant.ring.dropped();
     assert!(dropped > 20, "{dropped} frames dropped");
     assert_eq!(plant.session.node().state(), State::Measuring, "the measurement goes on");
     plant.drain();
     assert_recovers(&mut plant, SPEED_HZ);
-    assert_eq!(plant.decoder.lost(), plant.outbox.dropped(), "the host counts what the node dropped");
+    assert_eq!(plant.decoder.lost(), plant.ring.dropped(), "the host counts what the node dropped");
     assert_eq!(plant.decoder.refused(), 0, "only whole frames");
     let reported: u32 = plant
         .frames
@@ -161,7 +162,7 @@ fn fault_a_link_that_stalls_costs_whole_frames_that_are_counted_exactly() {
             _ => None,
         })
         .sum();
-    assert_eq!(reported, plant.outbox.dropped());
+    assert_eq!(reported, plant.ring.dropped());
 }
 
 #[test]
@@ -216,7 +217,7 @@ fn fault_a_corrupt_stored_configuration_is_replaced_over_the_link() {
     flash = store.flash_mut().clone();
     flash.bytes[60] ^= 0x20;
     let mut store = Store::new(flash, 0);
-    let (config, origin) = store.load(CLOCK_HZ);
+    let (config, origin) = store.load(TicksPerSecond(CLOCK_HZ));
     assert_eq!((&config, origin), (&Configuration::default(), Origin::Damaged));
     let mut plant = Plant::new(config, 10);
     plant.session.node_mut().note(EventKind::ConfigurationRefused, origin.complaint().expect("a complaint"));
@@ -229,5 +230,5 @@ fn fault_a_corrupt_stored_configuration_is_replaced_over_the_link() {
     assert_eq!(plant.count(EventKind::ConfigurationRefused), 1);
     let replies = plant.frames.iter().filter(|f| matches!(f.packet, Packet::Reply(Reply::Done | Reply::Committing)));
     assert_eq!(replies.count(), 2);
-    assert_eq!(store.load(CLOCK_HZ), (configuration(), Origin::Stored));
+    assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (configuration(), Origin::Stored));
 }

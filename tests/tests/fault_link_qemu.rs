@@ -10,8 +10,8 @@ use meshband::events::EventKind;
 use meshband::frame::{Decoder, Frame, MAX_FRAME, Packet, encode};
 use meshband::message::{Message, Reply, Request};
 use meshband::replay::{Header, IMAGE_CAPACITY};
-use meshband_host::qemu::{Qemu, Running};
 use meshband_host::virtual_node::frames::Received;
+use meshband_host::virtual_node::qemu::{Qemu, Running};
 use meshband_tests::plant::configuration;
 use meshband_tests::qemu_node::{check_stack, machine, power_up_on_socket, power_up_with_client};
 use meshband_tests::script::{Account, Disturbance, Script, is_right, seconds};
@@ -226,7 +226,7 @@ fn fault_a_damaged_configuration_memory_gives_the_default_and_takes_a_new_one() 
         let (running, mut client) = power_up_with_client(&machine, &image);
         let held = client.configuration().expect("an answer");
         assert!(held == wanted || held == Configuration::default(), "case {case}: neither stored nor default");
-        let refused = client.statistics().expect("an answer").events[EventKind::ConfigurationRefused as usize];
+        let refused = client.statistics().expect("an answer").count(EventKind::ConfigurationRefused);
         assert_eq!(refused, u32::from(held != wanted), "case {case}: counted where it was not taken");
         defaults += u32::from(held != wanted);
         // Without a restart: a new one over the link, and the measurement.

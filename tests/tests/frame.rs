@@ -56,7 +56,7 @@ fn theory_the_configuration_fits_its_bound() {
     use meshband::units::Hertz;
     let mut config = Configuration::default();
     while config.alarms.push(band).is_ok() {}
-    assert_eq!(config.validate(84_000_000), Ok(()));
+    assert_eq!(config.validate(meshband::board::Timing::STM32F405), Ok(()));
     let packet = Packet::Request(Request::SetConfiguration(config));
     let mut buffer = [0u8; MAX_FRAME];
     assert!(encode(&packet, 0, &mut buffer).expect("fits").len() <= Configuration::MAX_SERIALISED);
@@ -98,9 +98,11 @@ fn fault_a_million_frames_over_a_damaged_link_lose_whole_frames_only_and_count_t
     // Every content once; a frame's number is in its sequence, and the contents recur with an odd period.
     let packets: Vec<Packet> = (0..997).map(packet).collect();
     let mut noise = Noise::new(3);
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::<Packet>::new();
     let mut buffer = [0u8; MAX_FRAME];
     let (mut intact_frames, mut received, mut lost) = (0u32, 0u32, 0u32);
+    // The newest frame before the present one of which anything arrived.
+    let mut former = 0;
     for number in 0..=FRAMES {
         let expected = &packets[number as usize % packets.len()];
         let length = encode(expected, number as u16, &mut buffer).expect("fits").len();
@@ -112,14 +114,15 @@ fn fault_a_million_frames_over_a_damaged_link_lose_whole_frames_only_and_count_t
         let mut this_one = false;
         for &byte in &wire[..arrives] {
             let Some(Ok(frame)) = decoder.push(byte) else { continue };
-            // A frame that lost its closing zero arrives with the opening one of the next.
-            let sent = if frame.sequence == number as u16 { number } else { number.wrapping_sub(1) };
+            // A frame that lost its closing zero arrives with the opening one of the next that arrives at all.
+            let sent = if frame.sequence == number as u16 { number } else { former };
             assert_eq!(frame.sequence, sent as u16, "a frame of another time was accepted");
             assert_eq!(frame.packet, packets[sent as usize % packets.len()], "a wrong frame was accepted");
             this_one |= sent == number;
             received += 1;
             lost += u32::from(frame.lost);
         }
+        former = if arrives > 0 { number } else { former };
         assert!(this_one || !intact, "frame {number} was intact and not received: not resynchronised");
     }
     assert_eq!(lost, FRAMES + 1 - received, "losses are counted exactly");

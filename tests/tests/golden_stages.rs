@@ -1,6 +1,6 @@
 //! The same bits on every target: committed hashes of every stage of the signal chain.
 
-use meshband::golden::{EXPECTED, hashes, self_test};
+use meshband_kit::golden::{EXPECTED, hashes, self_test};
 
 #[test]
 fn golden_every_stage_gives_the_committed_bits() {

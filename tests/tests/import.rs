@@ -3,7 +3,7 @@
 use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 use meshband_host::import::virtual_tach::{Options, VirtualTach, virtual_tach};
-use meshband_host::import::{ImportOptions, Unit, import, read};
+use meshband_host::import::{ImportOptions, Reading, TachChoice, Unit, import, read};
 use meshband_host::record::{Record, npy};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
@@ -68,12 +68,12 @@ fn theory_mat_takes_the_last_array_that_is_not_zero_plain_and_compressed() {
     let mut compressed = [15_u32.to_le_bytes(), (packed.len() as u32).to_le_bytes()].concat();
     compressed.extend(&packed);
     // int16 storage of a double matrix, two columns.
-    let shorts: Vec<u8> = [1_i16, 2, 3, 4, 5, -1, -2, -3, -4, -5].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let shorts: Vec<u8> = [1_i16, 2, 3, 5, 4, -1, -2, -3, -5, -4].iter().flat_map(|v| v.to_le_bytes()).collect();
     let matrix = mat_array("xy", 6, 3, &shorts, 5, 2);
     let columns = read(&write(folder.path(), "packed.mat", &mat_file(&[compressed, matrix]))).unwrap();
     assert_eq!(columns.channels.len(), 3);
     assert_eq!(columns.channels[0][1], -2.5);
-    assert_eq!(columns.channels[2], vec![-1.0, -2.0, -3.0, -4.0, -5.0]);
+    assert_eq!(columns.channels[2], vec![-1.0, -2.0, -3.0, -5.0, -4.0]);
 
     assert!(read(&write(folder.path(), "zero.mat", &mat_file(&[zeros]))).unwrap_err().to_string().contains("zero"));
     let cut = mat_file(&[real]);
@@ -114,7 +114,7 @@ fn theory_delimited_text_in_its_common_shapes() {
 fn theory_npy_and_wav_and_uff58() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p.npy");
-    npy::write_f32(&path, &[1.0, 2.0, 3.0, 4.0], 2).unwrap();
+    std::fs::write(&path, npy::bytes_f32(&[1.0, 2.0, 3.0, 4.0], 2)).unwrap();
     assert_eq!(read(&path).unwrap().channels, vec![vec![1.0, 3.0], vec![2.0, 4.0]]);
 
     let path = folder.path().join("w.wav");
@@ -238,14 +238,16 @@ fn fault_virtual_tach_refuses_noise_foreign_lines_and_short_records() {
 fn options(title: &str) -> ImportOptions {
     ImportOptions {
         title: title.into(),
+        reading: Reading::default(),
+        override_rate: false,
         rate_hz: None,
         teeth: None,
         mesh_guess_hz: None,
-        unit: Unit::MetrePerSecondSquared,
+        units: vec![Unit::MetrePerSecondSquared],
         channel_names: None,
         full_scale: None,
         files_are_runs: false,
-        without_tach: false,
+        tach: TachChoice::Virtual,
         remove_mean: false,
     }
 }
@@ -282,7 +284,7 @@ fn ref_gfd_imports_with_a_virtual_tach() {
             rate_hz: Some(12_800.0),
             teeth: Some([32, 80]),
             mesh_guess_hz: Some(950.0),
-            unit: Unit::Unknown,
+            units: vec![Unit::Unknown],
             ..options(name)
         };
         let (record, summary) = import(&[file], &options).unwrap();
@@ -296,7 +298,8 @@ fn ref_gfd_imports_with_a_virtual_tach() {
 #[test]
 fn ref_adi_and_paderborn_import_without_tach() {
     let Some(file) = data("adi/3000_GoB_GS_VHIL_WA_00lb.Wfm.csv") else { return };
-    let volts = ImportOptions { without_tach: true, remove_mean: true, unit: Unit::Volt(None), ..options("adi") };
+    let volts =
+        ImportOptions { tach: TachChoice::None, remove_mean: true, units: vec![Unit::Volt(None)], ..options("adi") };
     let (record, summary) = import(&[file], &volts).unwrap();
     assert_eq!(summary.sample_rate_hz, 20_000.0);
     assert_eq!(record.runs[0].channels(), 3);
@@ -307,10 +310,11 @@ fn ref_adi_and_paderborn_import_without_tach() {
     let Some(file) = data("paderborn/N15_M07_F10_K001_1.csv") else { return };
     let (record, _) = import(
         std::slice::from_ref(&file),
-        &ImportOptions { without_tach: true, rate_hz: Some(64_000.0), ..options("paderborn") },
+        &ImportOptions { tach: TachChoice::None, rate_hz: Some(64_000.0), ..options("paderborn") },
     )
     .unwrap();
     assert_eq!(record.runs[0].channels(), 1);
-    let error = import(&[file], &ImportOptions { without_tach: true, ..options("no rate") }).unwrap_err().to_string();
+    let error =
+        import(&[file], &ImportOptions { tach: TachChoice::None, ..options("no rate") }).unwrap_err().to_string();
     assert!(error.contains("--rate"), "{error}");
 }

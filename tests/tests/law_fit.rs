@@ -1,7 +1,8 @@
 //! Law forms and their fit on points whose law is known.
 
-use meshband_host::law::fit::{Point, fit, fit_quadratic_absolute, fit_table, relative_errors, start_values};
+use meshband_host::law::fit::{fit, fit_quadratic_absolute, fit_table, relative_errors, start_values};
 use meshband_host::law::forms::Law;
+use meshband_host::law::point::Point;
 
 fn points(law: &Law) -> Vec<Point> {
     (1..=25).map(|f| Point { shaft_hz: f64::from(f), bandwidth_hz: law.bandwidth_hz(f64::from(f)) }).collect()

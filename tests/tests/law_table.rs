@@ -56,7 +56,7 @@ fn theory_the_table_passes_its_knots_and_continues_the_physics_outside() {
 #[test]
 fn theory_the_largest_table_travels_inside_a_configuration() {
     let config = Configuration { law: law(&knots(MAX_KNOTS)), ..Configuration::default() };
-    assert_eq!(config.validate(84_000_000), Ok(()));
+    assert_eq!(config.validate(meshband::board::Timing::STM32F405), Ok(()));
     let mut buffer = [0; Configuration::MAX_SERIALISED];
     let bytes = postcard::to_slice(&config, &mut buffer).expect("fits");
     assert_eq!(postcard::from_bytes::<Configuration>(bytes).expect("reads back"), config);

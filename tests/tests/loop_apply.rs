@@ -1,14 +1,13 @@
 //! What `meshband loop --apply` writes: effects that the simulator reproduces in phase, a machine that predicts the record, a law for its node.
 
-use meshband_host::closed_loop::apply::{Applied, apply};
+use meshband_host::closed_loop::apply::{Applied, Correction};
 use meshband_host::closed_loop::candidate::{Parameter, Tuning};
 use meshband_host::closed_loop::carry::{PHASE_FREE, carry};
 use meshband_host::closed_loop::generate::{self, Effect as Generated, Point};
-use meshband_host::closed_loop::harmonic_model;
 use meshband_host::closed_loop::node_check::node_check;
 use meshband_host::closed_loop::outcome::{Effect, Evidence, Outcome, Term, Value};
 use meshband_host::closed_loop::start::Start;
-use meshband_host::closed_loop::{Options, close_loop, input};
+use meshband_host::closed_loop::{Options, close_loop};
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::predict::Predictor;
 use meshband_host::dynamics::simulate::{Acquisition, simulate};
@@ -16,6 +15,9 @@ use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::effects;
 use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
+use meshband_host::model::harmonic_balance;
+use meshband_host::observation::input;
+use meshband_host::output::Outputs;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -136,7 +138,7 @@ fn cases(ratio: f64) -> Vec<(Generated, Effect, Option<Term>)> {
 fn ref_effects_carry_over_from_the_generator_to_the_simulator_in_phase() {
     let declared = input::read(&vectors()).unwrap();
     let machine = Machine::read(&vectors()).unwrap();
-    let model = harmonic_model::Machine::new(&declared.pair, &declared.shafts, &declared.curve);
+    let model = harmonic_balance::Machine::new(&declared.pair, &declared.shafts, &declared.curve);
     let rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).unwrap();
     let (samples, rate_hz) = (8192, 51_200.0);
     // Into the third turn of the pinion: the gear's teeth and phase then differ from the first turn's.
@@ -233,6 +235,7 @@ fn made(hidden: &[&str], speeds_hz: &[f64], duration_s: f64) -> Made {
     };
     let tach = Tach {
         shaft: "pinion".into(),
+        turns_per_pinion_turn: None,
         pulses_per_rev: 1,
         jitter_s: Some(2e-8),
         source: None,
@@ -255,7 +258,8 @@ fn made(hidden: &[&str], speeds_hz: &[f64], duration_s: f64) -> Made {
 /// Runs the loop and writes its correction into the record's folder.
 fn corrected(made: &Made) -> (Outcome, Applied) {
     let outcome = close_loop(&input::view(&made.record).unwrap(), &Options::default()).unwrap();
-    let applied = apply(made.folder.path(), &outcome).unwrap();
+    let announced = Correction::announce(made.folder.path(), &made.record, &mut Outputs::default()).unwrap();
+    let applied = announced.write(&outcome).unwrap();
     println!("{}{applied:#?}", outcome.summary());
     (outcome, applied)
 }

@@ -2,7 +2,8 @@
 
 use meshband_host::closed_loop::generate::{self, Effect, Scenario};
 use meshband_host::closed_loop::outcome::Effect as Found;
-use meshband_host::closed_loop::{Options, Outcome, close_loop, input};
+use meshband_host::closed_loop::{Options, Outcome, close_loop};
+use meshband_host::observation::input;
 use std::path::Path;
 
 fn outcome(effects: Vec<Effect>, seed: u64) -> Outcome {
@@ -47,8 +48,10 @@ fn loop_names_a_torque_ripple_of_any_strength_at_its_order() {
         let ripple = only_named(&outcome, "torque-ripple");
         assert_eq!(ripple.order_of_pinion, Some(5.0));
         assert!((value(ripple, "share_of_torque") / share - 1.0).abs() < 0.02);
-        let held_out = &outcome.error.held_out_runs;
-        assert!(held_out.after < 1.3 * held_out.noise_floor && held_out.before > 2.0 * held_out.after);
+        let held_out = outcome.error.held_out_runs.shaft_synchronous;
+        assert!(held_out.corrected < 1.3 * held_out.noise_floor && held_out.declared > 2.0 * held_out.corrected);
+        // The effect's own worth: parameters alone do not explain it.
+        assert!(held_out.calibrated > 2.0 * held_out.corrected, "{held_out:?}");
     }
 }
 
@@ -114,8 +117,8 @@ fn loop_describes_what_it_has_no_name_for() {
             assert_ne!(effect.verdict, "named", "{name}: {}", effect.name);
             assert!(families.is_empty() || families.contains(&effect.family.as_str()), "{name}: {}", effect.family);
         }
-        let held_out = &found.error.held_out_runs;
-        (held_out.before, held_out.after, held_out.noise_floor)
+        let held_out = found.error.held_out_runs.shaft_synchronous;
+        (held_out.declared, held_out.corrected, held_out.noise_floor)
     };
     let square = Effect::Nonlinearity { channel: 0, per_m_s2: 0.004, per_m2_s4: 0.0 };
     for (before, after, floor) in [

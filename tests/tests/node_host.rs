@@ -1,11 +1,13 @@
 //! The node on the host, fed with synthetic pulses and codes of known content.
 
-use meshband::config::Configuration;
+use meshband::config::{Configuration, Gain};
+use meshband::frame::Packet;
 use meshband::message::{Message, Peaks, Request, Spectrum, Status};
 use meshband::node::{Block, Node, State};
 use meshband::rate_plan::RatePolicy;
 use meshband::tach::Validity;
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
+use meshband_tests::plant::{self, Fault, Plant};
 
 const BLOCK: usize = 1024;
 const PER_CODE: f32 = 0.01;
@@ -160,7 +162,7 @@ fn theory_run_up_changes_rates_at_block_borders_without_losing_blocks() {
     rig.run(7.0, turns, |_, turns| (std::f64::consts::TAU * 20.0 * turns).sin(), &mut heard);
     let statistics = rig.node.statistics();
     assert_eq!(statistics.blocks_lost, 0);
-    assert_eq!(statistics.events[meshband::events::EventKind::TimeJump as usize], 0);
+    assert_eq!(statistics.count(meshband::events::EventKind::TimeJump), 0);
     let rates: Vec<f32> = heard.status.iter().map(|status| status.granted_hz).collect();
     assert!(rates.iter().cloned().fold(f32::MAX, f32::min) < 30_000.0, "{rates:?}");
     for status in heard.status.iter().filter(|status| status.tick > 3 * 84_000_000) {
@@ -268,8 +270,8 @@ fn fault_lost_blocks_are_counted_and_never_spliced() {
     feed(&mut node, 14, 77 * period_ticks);
     let statistics = node.statistics();
     assert_eq!((statistics.blocks, statistics.blocks_lost), (12, 3));
-    assert_eq!(statistics.events[meshband::events::EventKind::TimeJump as usize], 1);
-    assert_eq!(statistics.events[meshband::events::EventKind::BlocksLost as usize], 1);
+    assert_eq!(statistics.count(meshband::events::EventKind::TimeJump), 1);
+    assert_eq!(statistics.count(meshband::events::EventKind::BlocksLost), 1);
 }
 
 #[test]
@@ -281,4 +283,44 @@ fn theory_a_snapshot_returns_the_waveform() {
     assert_eq!(heard.snapshot.len(), 4096);
     let rms = (heard.snapshot.iter().map(|x| x * x).sum::<f64>() / 4096.0).sqrt();
     assert!((rms / (20.0 / f64::sqrt(2.0)) - 1.0).abs() < 0.05, "{rms}");
+}
+
+#[test]
+fn regress_the_age_of_a_speed_that_never_was_counts_from_the_start() {
+    let mut plant = Plant::new(plant::configuration(), 1);
+    plant.run(2.5, |_| 20.0, Fault::NoPulses);
+    let ages: Vec<f32> = plant
+        .frames
+        .iter()
+        .filter_map(|f| if let Packet::Message(Message::Status(s)) = &f.packet { Some(s.age_s) } else { None })
+        .collect();
+    assert!(ages.len() >= 3 && ages[0] < 0.1, "{ages:?}");
+    assert!((1.9..2.6).contains(ages.last().expect("some")), "{ages:?}");
+    plant.run(1.0, |_| 20.0, Fault::None);
+    assert!(plant.status().expect("each second").age_s < 0.06, "then the latest pulse counts");
+}
+
+#[test]
+fn regress_a_new_configuration_keeps_the_tachs_counters() {
+    let mut plant = Plant::new(plant::configuration(), 1);
+    plant.run(2.0, |_| 20.0, Fault::None);
+    let before = plant.session.node().statistics();
+    assert!(before.pulses > 30 && before.relocks == 1, "{before:?}");
+    plant.request(&Request::SetConfiguration(plant::configuration()));
+    assert_eq!(plant.session.node().statistics(), before);
+    plant.run(2.0, |_| 20.0, Fault::None);
+    let after = plant.session.node().statistics();
+    assert!(after.pulses >= before.pulses + 36 && after.relocks == 2, "{after:?}");
+}
+
+#[test]
+fn theory_amplitudes_are_scaled_with_the_gain_in_use() {
+    let line = |gain: Gain| {
+        let mut plant = Plant::new(plant::configuration(), 1);
+        plant.session.node_mut().set_gain(gain);
+        plant.run(3.0, |_| 20.0, Fault::None);
+        plant.spectrum_since(0).expect("a spectrum").bands[0].line.amplitude
+    };
+    let ratio = line(Gain::X1) / line(Gain::X8);
+    assert!((ratio - 8.0).abs() < 1e-3, "{ratio}");
 }

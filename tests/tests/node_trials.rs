@@ -1,7 +1,7 @@
 //! The whole node, in QEMU, against the f64 reference: measured records, a simulated rig, real aliasing, a run-up.
 
 use meshband_host::dynamics::simulate::Acquisition;
-use meshband_host::import::{ImportOptions, Unit as SourceUnit, import};
+use meshband_host::import::{ImportOptions, Reading, TachChoice, Unit as SourceUnit, import};
 use meshband_host::machine::Machine;
 use meshband_host::record::Record;
 use meshband_host::virtual_node::setup::configuration;
@@ -26,14 +26,16 @@ fn measured(test: &str, names: &[&str]) -> Option<Vec<PathBuf>> {
 fn imported(files: &[PathBuf], teeth: [u32; 2], rate_hz: f64, unit: SourceUnit) -> Record {
     let options = ImportOptions {
         title: "measured".into(),
+        reading: Reading::default(),
+        override_rate: false,
         rate_hz: Some(rate_hz),
         teeth: Some(teeth),
         mesh_guess_hz: None,
-        unit,
+        units: vec![unit],
         channel_names: None,
         full_scale: None,
         files_are_runs: false,
-        without_tach: false,
+        tach: TachChoice::Virtual,
         remove_mean: false,
     };
     import(files, &options).expect("readable files").0
@@ -123,6 +125,7 @@ fn folding_signal() -> Signal {
     };
     Signal {
         title: "harmonics 1, 2, 35, 36".into(),
+        place: "test".into(),
         channel: "synthetic".into(),
         unit: Unit::Acceleration,
         samples: (0..(seconds * rate_hz) as usize).map(value).collect(),
@@ -239,6 +242,7 @@ fn fault_a_window_without_two_tach_edges_is_refused() {
     };
     let tach = record::Tach {
         shaft: "pinion".into(),
+        turns_per_pinion_turn: None,
         pulses_per_rev: 1,
         jitter_s: None,
         source: None,

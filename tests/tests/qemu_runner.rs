@@ -1,7 +1,7 @@
 //! The QEMU runner calls only a run that the firmware itself finished a success.
 
 use meshband::replay::{CodeDigest, Drill, Header, Replay, SamplingMode, image_bytes, write};
-use meshband_host::qemu::{Finished, Qemu, built_firmware};
+use meshband_host::virtual_node::qemu::{Finished, Qemu, built_firmware};
 use meshband_tests::qemu_node::machine;
 use std::time::Duration;
 

@@ -1,5 +1,7 @@
 //! Octave plan over all speeds, laws and limits.
 
+use meshband::board::Timing;
+use meshband::config::{Configuration, ConfigurationError};
 use meshband::law::{Law, LawForm};
 use meshband::rate_plan::{RateLimits, RatePlan, RatePolicy};
 use meshband::units::{Hertz, TicksPerSecond};
@@ -21,17 +23,19 @@ const POLICIES: [RatePolicy; 3] = [RatePolicy::Critical, RatePolicy::Spectrum, R
 
 #[test]
 fn theory_no_rate_lets_the_analogue_filter_alias_and_none_is_below_the_laws() {
-    for clock in [84_000_000, 25_000_000] {
+    for board in [Timing::STM32F405, Timing::AN386] {
+        let clock = board.clock.0;
         let (mut most, mut limited, mut grants) = (0.0f64, 0, 0);
         for law in laws() {
             for policy in POLICIES {
-                let mut plan = RatePlan::new(TicksPerSecond(clock), LIMITS);
+                let mut plan = RatePlan::new(board, LIMITS);
                 let mut speed = 0.5f32;
                 while speed <= 60.0 {
                     let wanted = policy.rate(law.bandwidth(Hertz(speed)).bandwidth);
                     let grant = plan.grant(wanted);
                     assert!(grant.adc.0 >= 2.0 * LIMITS.analogue_stop.0, "{speed} Hz: {grant:?}");
                     assert!(grant.adc.0 <= LIMITS.highest_adc.0, "{speed} Hz: {grant:?}");
+                    assert_eq!(grant.period_ticks % board.period_step, 0, "{speed} Hz: {grant:?}");
                     assert!(!grant.aliasing);
                     // What is reported is what the integer period does.
                     let exact = f64::from(clock) / f64::from(grant.period_ticks) / f64::from(1u32 << grant.stages);
@@ -42,9 +46,9 @@ fn theory_no_rate_lets_the_analogue_filter_alias_and_none_is_below_the_laws() {
                     if grant.limited {
                         limited += 1;
                     } else {
-                        // Never below the law's, and less than a tick above it.
-                        let tick = 1.0 / f64::from(grant.period_ticks);
-                        assert!(excess > -2.0e-7 && excess < 1.01 * tick, "{speed} Hz: {excess} {grant:?}");
+                        // Never below the law's, and less than a step of the period above it.
+                        let step = f64::from(board.period_step) / f64::from(grant.period_ticks);
+                        assert!(excess > -2.0e-7 && excess < 1.01 * step, "{speed} Hz: {excess} {grant:?}");
                         most = most.max(excess);
                     }
                     speed *= 1.003;
@@ -57,7 +61,6 @@ fn theory_no_rate_lets_the_analogue_filter_alias_and_none_is_below_the_laws() {
 
 #[test]
 fn theory_the_board_is_asked_in_ticks_so_that_request_and_grant_are_one_number() {
-    use meshband::config::Configuration;
     use meshband::node::{Block, Node};
     let mut config = Configuration::default();
     for rate in [50_000.0f32, 123_456.0, 311_111.0] {
@@ -102,6 +105,22 @@ fn fault_absurd_wishes_get_the_highest_rate_and_say_so() {
     }
     let grant = RatePlan::new(TicksPerSecond(84_000_000), LIMITS).grant(Hertz(1.0e-3));
     assert!(grant.limited && !grant.aliasing, "{grant:?}");
+}
+
+#[test]
+fn fault_a_rate_that_the_board_cannot_sustain_is_refused() {
+    let mut config = Configuration::default();
+    assert_eq!(config.validate(Timing::STM32F405), Ok(()), "the default runs on every board");
+    assert_eq!(config.validate(Timing::AN386), Ok(()));
+    for rate in [420_001.0, 500_000.0, 750_000.0] {
+        config.limits.highest_adc = Hertz(rate);
+        assert_eq!(config.validate(Timing::STM32F405), Err(ConfigurationError::HighestAdc), "{rate}");
+    }
+    // And a plan that is asked for more all the same stays at what the board sustains.
+    let limits = RateLimits { highest_adc: Hertz(750_000.0), ..LIMITS };
+    let grant = RatePlan::new(Timing::STM32F405, limits).grant(Hertz(700_000.0));
+    assert!(grant.adc.0 <= 420_000.0 && grant.limited, "{grant:?}");
+    assert_eq!(RatePlan::new(Timing::STM32F405, limits).force(Hertz(750_000.0)).period_ticks, 200);
 }
 
 #[test]

@@ -22,7 +22,14 @@ fn acquisition(full_scale: f64) -> Acquisition {
 }
 
 fn tach() -> Tach {
-    Tach { shaft: "pinion".into(), pulses_per_rev: 2, jitter_s: None, source: None, other: toml::Table::new() }
+    Tach {
+        shaft: "pinion".into(),
+        turns_per_pinion_turn: None,
+        pulses_per_rev: 2,
+        jitter_s: None,
+        source: None,
+        other: toml::Table::new(),
+    }
 }
 
 fn signals() -> Vec<Vec<f64>> {
@@ -103,6 +110,28 @@ fn regress_a_copied_record_takes_its_stiffness_table_along() {
 }
 
 #[test]
+fn regress_a_copied_record_takes_a_table_of_the_whole_mesh_along_too() {
+    let (keep, path) = sound();
+    edit(&path, "[pair]", "[pair]\ntotal_stiffness = \"t/total.csv\"");
+    std::fs::create_dir(path.join("t")).unwrap();
+    std::fs::write(path.join("t/total.csv"), "a,b\n").unwrap();
+    let copy = keep.path().join("copy");
+    Record::read(&path).unwrap().write(&copy).unwrap();
+    assert_eq!(std::fs::read_to_string(copy.join("total.csv")).unwrap(), "a,b\n");
+    assert_eq!(Record::read(&copy).unwrap().declaration.stiffness_tables()[0].1, Path::new("total.csv"));
+}
+
+#[test]
+fn fault_a_record_of_two_files_with_one_name_is_not_written() {
+    let (keep, path) = sound();
+    let mut record = Record::read(&path).unwrap();
+    record.runs.push(record.runs[0].clone());
+    let copy = keep.path().join("copy");
+    assert!(record.write(&copy).unwrap_err().to_string().contains("run00.npy"));
+    assert!(!copy.exists());
+}
+
+#[test]
 fn fault_clipping_nan_and_unequal_channels_are_refused() {
     let refuse = |signals: &[Vec<f64>], full_scale: f64| encode("run", signals, full_scale).unwrap_err().to_string();
     assert!(refuse(&signals(), 30.0).contains("would clip"));
@@ -137,11 +166,11 @@ fn fault_broken_arrays_are_refused() {
     }
     std::fs::write(&file, [whole.clone(), vec![0; 4]].concat()).unwrap();
     assert!(refusal(&path).contains("too long"));
-    npy::write_f32(&file, &[0.0; 8], 2).unwrap();
+    std::fs::write(&file, npy::bytes_f32(&[0.0; 8], 2)).unwrap();
     assert!(refusal(&path).contains("dtype is <f4"));
-    npy::write_i16(&file, &[0; 9], 3).unwrap();
+    std::fs::write(&file, npy::bytes_i16(&[0; 9], 3)).unwrap();
     assert!(refusal(&path).contains("has 3 channels"));
-    npy::write_i16(&file, &[], 2).unwrap();
+    std::fs::write(&file, npy::bytes_i16(&[], 2)).unwrap();
     assert!(refusal(&path).contains("no samples"));
 }
 
@@ -180,6 +209,9 @@ fn fault_broken_declarations_name_table_and_key() {
         ("code_bits = 16", "code_bits = 24", "code_bits"),
         ("pulses_per_rev = 2", "pulses_per_rev = 0", "pulses_per_rev"),
         ("shaft = \"pinion\"", "shaft = \"third\"", "[tach] shaft"),
+        ("shaft = \"pinion\"", "shaft = \"other\"", "[tach] turns_per_pinion_turn: is needed"),
+        ("shaft = \"pinion\"", "shaft = \"other\"\nturns_per_pinion_turn = 0.0", "[tach] turns_per_pinion_turn: 0"),
+        ("shaft = \"pinion\"", "shaft = \"gear\"\nturns_per_pinion_turn = 0.5", "belongs to shaft = \"other\""),
         ("first_pulse_index = 0", "first_pulse_index = 2", "first_pulse_index"),
         ("[acquisition]", "[acquisition", "record.toml:"),
         ("[acquisition]", "[other]", "has no table [acquisition]"),

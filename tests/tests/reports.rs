@@ -1,7 +1,7 @@
 //! Reports: every picture draws, texts are escaped, tables align, nothing comes from outside the file.
 
+use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, fit_with_residual, heat_map, lines, stems};
-use meshband_host::report::{Report, write_json};
 use meshband_host::terminal::table;
 use std::path::Path;
 
@@ -33,8 +33,7 @@ fn regress_every_picture_draws_and_the_file_stands_alone() {
     assert!(html.contains("A &amp; B") && html.contains("x &lt; y") && !html.contains("a <b>"));
     assert!(html.contains("<td class=\"n\">1.5</td>"));
     assert!(!html.contains("http://") || html.matches("http://").count() == html.matches("http://www.w3.org").count());
-    report.write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("pictures.html")).unwrap();
-    assert!(write_json(Path::new("/nonexistent/a.json"), &1).is_err());
+    std::fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("pictures.html"), html).unwrap();
 }
 
 #[test]

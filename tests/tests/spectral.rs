@@ -1,10 +1,12 @@
 //! The f64 reference spectra against closed forms.
 
 use meshband_host::spectral::{
-    AngleMap, Window, amplitude_spectrum, line_near, order_spectrum, power_density, synchronous_average,
+    AngleMap, Window, amplitude_spectrum, bessel_i0, line_near, noise_power, order_spectrum, power_density,
+    running_median, synchronous_average,
 };
 use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
+use rand_distr::{Distribution, Normal, StandardNormal};
+use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
 const RATE: f64 = 8192.0;
@@ -121,4 +123,31 @@ fn theory_angle_map_is_exact_for_constant_speed_and_goes_straight_on_beyond() {
         assert!((map.time_at(turns) - (0.3 + 0.1 * (turns - 1.0))).abs() < 1e-12);
     }
     assert!(AngleMap::new(&[1.0], 1, 0.0).is_none());
+}
+
+#[test]
+fn ref_bessel_i0_is_that_of_the_tables() {
+    // Abramowitz, Stegun, table 9.8 (e^-x I0), and I0(5) = 27.239871823604...
+    for (x, scaled) in [(0.0, 1.0), (1.0, 0.465_759_607_6), (5.0, 0.183_540_812_6), (10.0, 0.127_833_337_2)] {
+        assert!((bessel_i0(x) * f64::exp(-x) - scaled).abs() < 1e-10, "{x}");
+    }
+}
+
+#[test]
+fn theory_local_noise_is_its_mean_between_lines_and_follows_a_slope() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let mut draw = || -> f64 { StandardNormal.sample(&mut random) };
+    let level = |b: usize| 1.0 + b as f64 / 6000.0;
+    let mut bins: Vec<Complex64> =
+        (0..12_000).map(|b| Complex64::new(draw(), draw()) * (0.5 * level(b)).sqrt()).collect();
+    let ratio = |bins: &[Complex64]| {
+        let noise = noise_power(bins);
+        (0..bins.len()).map(|b| noise[b] / level(b)).sum::<f64>() / bins.len() as f64
+    };
+    assert!((ratio(&bins) - 1.0).abs() < 0.03, "{}", ratio(&bins));
+    // Lines on every tenth bin lift the quantile a little, not to their own height.
+    bins.iter_mut().step_by(10).for_each(|bin| *bin += 1e3);
+    assert!((1.0..1.25).contains(&ratio(&bins)), "{}", ratio(&bins));
+    let values: Vec<f64> = (0..1000).map(|i| if i % 3 == 0 { 1e6 } else { 2.0 }).collect();
+    assert!(running_median(&values, 16).iter().all(|m| *m == 2.0));
 }

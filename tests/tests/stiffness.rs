@@ -1,8 +1,10 @@
 //! Mesh stiffness against closed forms, an independent code, ROSS, ISO 6336 and its own limits.
 
-use meshband_host::machine::{Crack, CrackRule, Engagement, EngagementKind, Machine, Pair, RootAngle, RootShape, Side};
+use meshband_host::machine::{
+    Crack, CrackRule, Engagement, EngagementKind, Geometry, Machine, Pair, RootAngle, RootShape, Side, involute,
+};
 use meshband_host::stiffness::{
-    Geometry, PairModel, Table, Tooth, engage, gap_curvature_per_m, gap_m, hertz_stiffness, involute, iso6336, mesh,
+    PairModel, Table, Tooth, engage, gap_curvature_per_m, gap_m, hertz_stiffness, iso6336, mesh,
 };
 use rand::{RngExt, SeedableRng};
 use serde_json::Value;

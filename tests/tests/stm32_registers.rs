@@ -4,9 +4,12 @@
 //! converter. It proves what is written, not what silicon makes of it. Expected values are positions and numbers of
 //! the reference manual RM0090, written out here, not names of the register crate.
 
+use meshband_stm32::block_stamp::Captured;
 use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::design_parameters::{self, SHORTEST_PERIOD};
 use meshband_stm32::filter::{FILTERS, Filter};
-use meshband_stm32::period::{SHORTEST_PERIOD, reload_of};
+use meshband_stm32::flash::BrownOut;
+use meshband_stm32::period::reload_of;
 use meshband_stm32::time_base::{self, Capture, Edge};
 use meshband_stm32::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
 use meshband_tests::registers::*;
@@ -17,13 +20,17 @@ fn theory_every_rate_of_the_plan_is_programmed_as_granted() {
     assert_eq!(periods.len(), 4 * 596);
     for period in periods {
         assert!(period >= SHORTEST_PERIOD, "{period}");
+        // The converter's clock is a quarter of the timer's: other periods would be taken up to 36 ns late, by turns.
+        assert_eq!(period % 4, 0, "{period} is no whole number of the converter's cycles");
         let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
         sample_clock::configure(&tim2, &tim3, period);
         assert_eq!(word(&*tim2, ARR), period - 1);
         assert_eq!(word(&*tim2, PSC), 0);
         // The triggers' rate from the registers alone.
-        let rate = f64::from(clock::TIMER_HZ) / f64::from(word(&*tim2, PSC) + 1) / f64::from(word(&*tim2, ARR) + 1);
-        assert!((rate * f64::from(period) / f64::from(clock::TIMER_HZ) - 1.0).abs() < 1e-12);
+        let rate = f64::from(design_parameters::TIMER_HZ)
+            / f64::from(word(&*tim2, PSC) + 1)
+            / f64::from(word(&*tim2, ARR) + 1);
+        assert!((rate * f64::from(period) / f64::from(design_parameters::TIMER_HZ) - 1.0).abs() < 1e-12);
         // ARPE and URS, upwards, not one-pulse, not started.
         assert_eq!(word(&*tim2, CR1), (1 << 7) | (1 << 2));
         // MMS = 010: update is TRGO.
@@ -38,11 +45,11 @@ fn theory_every_rate_of_the_plan_is_programmed_as_granted() {
 #[test]
 fn theory_periods_the_converter_cannot_follow_become_the_shortest() {
     // Conversion: 15 + 12 cycles of 84 MHz / 4, in ticks of 84 MHz.
-    const { assert!(SHORTEST_PERIOD > 27 * 4) };
-    for period in [0, 1, 107, 109, 110] {
-        assert_eq!(reload_of(period), 109);
+    const { assert!(SHORTEST_PERIOD > 27 * 4 && SHORTEST_PERIOD.is_multiple_of(4)) };
+    for period in [0, 1, 107, 109, 112] {
+        assert_eq!(reload_of(period), 111);
     }
-    assert_eq!(reload_of(111), 110);
+    assert_eq!(reload_of(113), 112);
     assert_eq!(reload_of(u32::MAX), u32::MAX - 1);
 }
 
@@ -107,8 +114,8 @@ fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
     assert_eq!(word(&*adc1, 0x34), 1, "of channel 1");
     // The common block begins at CSR; CCR is at 4. ADCPRE = 01: 84 MHz / 4 = 21 MHz, below the limit of 36 MHz.
     assert_eq!(word(&*common, 0x04), 0b01 << 16);
-    let conversion_s = 27.0 / (f64::from(clock::APB2_HZ) / 4.0);
-    assert!(1.0 / f64::from(adc::HIGHEST_RATE_HZ) > conversion_s);
+    let conversion_s = 27.0 / (f64::from(design_parameters::APB2_HZ) / 4.0);
+    assert!(1.0 / f64::from(design_parameters::HIGHEST_RATE_HZ) > conversion_s);
 }
 
 #[test]
@@ -228,7 +235,7 @@ fn theory_filter_passes_every_pulse_of_a_plan_and_is_the_longest_that_does() {
     // One to 60 pulses per turn at up to 60 Hz, and the default's 100 Hz.
     for pulses in [1u32, 2, 12, 36, 60, 256, 1024] {
         for shaft_hz in [0.5, 1.0, 10.0, 25.0, 60.0, 100.0] {
-            let interval = (f64::from(clock::TIMER_HZ) / (shaft_hz * f64::from(pulses))) as u32;
+            let interval = (f64::from(design_parameters::TIMER_HZ) / (shaft_hz * f64::from(pulses))) as u32;
             let filter = Filter::for_interval(interval);
             assert!(filter.ticks * 32 <= interval, "{pulses} pulses at {shaft_hz} Hz");
             let longer = FILTERS.iter().find(|f| f.ticks > filter.ticks);
@@ -252,10 +259,12 @@ fn theory_captured_edge_is_stamped_without_the_filters_delay() {
     assert_eq!(word(&*tim5, SR), !(1 << 9), "only the over-capture flag is cleared");
     set(&*tim5, CCR2, 77);
     set(&*tim5, SR, 1 << 10);
-    assert_eq!(time_base::take_border(&tim5), (77, true));
+    assert_eq!(time_base::take_border(&tim5), Captured { last_tick: None, missed: true });
     assert_eq!(word(&*tim5, SR), !(1 << 10));
     set(&*tim5, SR, 1 << 2);
-    assert_eq!(time_base::take_border(&tim5), (77, false));
+    assert_eq!(time_base::take_border(&tim5), Captured { last_tick: Some(77), missed: false });
+    set(&*tim5, SR, (1 << 10) | (1 << 2));
+    assert_eq!(time_base::take_border(&tim5), Captured { last_tick: Some(77), missed: true });
 }
 
 #[test]
@@ -264,15 +273,12 @@ fn theory_clocks_run_at_168_mhz_from_either_oscillator() {
         [(true, 4, 1, Oscillator::Crystal), (false, 8, 0, Oscillator::Internal)]
     {
         let (rcc, flash) = (block::<pac::rcc::RegisterBlock>(), block::<pac::flash::RegisterBlock>());
-        // Ready flags of PLL and crystal, and the PLL as the clock in use.
-        set(&*rcc, 0x00, (1 << 25) | u32::from(crystal_present) << 17);
-        set(&*rcc, 0x08, 0b10 << 2);
-        assert_eq!(clock::start(&rcc, &flash), Ok(oscillator));
+        assert_eq!(clock::start(&rcc, &flash, &mut || follow_clocks(&rcc, crystal_present, true)), Ok(oscillator));
         let pll = word(&*rcc, 0x04);
         let (m, n, p, q) = (pll & 0x3f, pll >> 6 & 0x1ff, 2 * ((pll >> 16 & 3) + 1), pll >> 24 & 0xf);
         assert_eq!((m, pll >> 22 & 1), (divider, source));
         let input = if crystal_present { 8_000_000 } else { 16_000_000 };
-        assert_eq!(input / m * n / p, clock::CORE_HZ);
+        assert_eq!(input / m * n / p, design_parameters::CORE_HZ);
         assert_eq!(input / m * n / q, 48_000_000);
         let configuration = word(&*rcc, 0x08);
         assert_eq!(configuration & 3, 0b10, "PLL taken");
@@ -290,16 +296,70 @@ fn theory_clocks_run_at_168_mhz_from_either_oscillator() {
 #[test]
 fn fault_pll_that_does_not_lock_ends_the_wait() {
     let (rcc, flash) = (block::<pac::rcc::RegisterBlock>(), block::<pac::flash::RegisterBlock>());
-    assert_eq!(clock::start(&rcc, &flash), Err(clock::PllFault));
+    assert_eq!(clock::start(&rcc, &flash, &mut || follow_clocks(&rcc, true, false)), Err(clock::PllFault));
     assert_eq!(word(&*rcc, 0x08) & 3, 0, "still the internal oscillator");
+}
+
+/// The flags of RCC behind its switches, as RM0090 section 7.3 has them: ready flags follow, the clock in use follows the
+/// choice, and what is written to the PLL's settings while it runs is ignored.
+fn follow_clocks(rcc: &pac::rcc::RegisterBlock, crystal_present: bool, pll_locks: bool) {
+    /// Settings the PLL runs with; reserved words behind the last register serve as the model's memory.
+    const LATCHED: usize = 0x7c;
+    let control = word(rcc, 0x00);
+    let mut ready = (control & 1) << 1;
+    ready |= if crystal_present { (control >> 16 & 1) << 17 } else { 0 };
+    if control & (1 << 24) != 0 {
+        if control & (1 << 25) == 0 {
+            set(rcc, LATCHED, word(rcc, 0x04));
+        }
+        set(rcc, 0x04, word(rcc, LATCHED));
+        ready |= if pll_locks { 1 << 25 } else { 0 };
+    }
+    set(rcc, 0x00, control & !((1 << 1) | (1 << 17) | (1 << 25)) | ready);
+    let choice = word(rcc, 0x08) & 3;
+    set(rcc, 0x08, word(rcc, 0x08) & !0b1100 | choice << 2);
+}
+
+#[test]
+fn fault_clocks_start_from_what_the_boot_loader_leaves() {
+    for crystal_present in [true, false] {
+        let (rcc, flash) = (block::<pac::rcc::RegisterBlock>(), block::<pac::flash::RegisterBlock>());
+        // 60 MHz by the PLL from the crystal, as the loader in ROM runs USB, and its own idea of bus dividers.
+        let loader = 8 | (240 << 6) | (0b01 << 16) | (1 << 22) | (5 << 24);
+        set(&*rcc, 0x00, 0x0303_0083);
+        set(&*rcc, 0x04, loader);
+        set(&*rcc, 0x7c, loader);
+        set(&*rcc, 0x08, 0b1010 | (0b100 << 10));
+        let started = clock::start(&rcc, &flash, &mut || follow_clocks(&rcc, crystal_present, true));
+        assert!(started.is_ok());
+        let pll = word(&*rcc, 0x04);
+        assert_eq!((pll >> 6 & 0x1ff, pll >> 16 & 3), (168, 0), "the loader's settings stay: {pll:#010x}");
+        assert_eq!(pll & 0x3f, if crystal_present { 4 } else { 8 });
+        assert_eq!(word(&*rcc, 0x08) & 0b1111, 0b1010, "the PLL serves");
+    }
+}
+
+#[test]
+fn fault_peripherals_that_the_boot_loader_left_running_are_reset() {
+    let rcc = block::<pac::rcc::RegisterBlock>();
+    let mut held = [0; 4];
+    clock::reset_peripherals(&rcc, &mut || held = [0x10, 0x14, 0x20, 0x24].map(|register| word(&*rcc, register)));
+    let [ahb1, ahb2, apb1, apb2] = held;
+    // Ports A and C, both DMA controllers, USB FS, timers 2, 3 and 5, USART3, CAN2, I2C1, power, USART1, converters, SPI1.
+    assert_eq!(ahb1 & (1 | 1 << 2 | 1 << 21 | 1 << 22), 1 | 1 << 2 | 1 << 21 | 1 << 22);
+    assert_eq!(ahb2 >> 7 & 1, 1);
+    let used = 1 | 1 << 1 | 1 << 3 | 1 << 18 | 1 << 26 | 1 << 21 | 1 << 28;
+    assert_eq!(apb1 & used, used);
+    assert_eq!(apb2 & (1 << 4 | 1 << 8 | 1 << 12), 1 << 4 | 1 << 8 | 1 << 12);
+    assert_eq!([0x10, 0x14, 0x20, 0x24].map(|register| word(&*rcc, register)), [0; 4], "and let go again");
 }
 
 #[test]
 fn theory_peripheral_clocks_and_reset_causes() {
     let rcc = block::<pac::rcc::RegisterBlock>();
     clock::enable_peripherals(&rcc);
-    assert_eq!(word(&*rcc, 0x30), (1 << 22) | (1 << 21) | (1 << 20) | (1 << 2) | 1);
-    assert_eq!(word(&*rcc, 0x40), (1 << 3) | (1 << 1) | 1);
+    assert_eq!(word(&*rcc, 0x30), (1 << 22) | (1 << 21) | (1 << 20) | (1 << 2) | (1 << 1) | 1);
+    assert_eq!(word(&*rcc, 0x40), (1 << 14) | (1 << 3) | (1 << 1) | 1);
     assert_eq!(word(&*rcc, 0x44), (1 << 8) | (1 << 4));
     // The pin's flag (bit 26) accompanies every other cause.
     for (flags, cause) in [
@@ -320,8 +380,8 @@ fn theory_link_runs_within_a_fifth_of_a_percent_and_by_dma() {
     let usart = block::<pac::usart1::RegisterBlock>();
     uart::start(&usart);
     let divider = word(&*usart, 0x08) & 0xffff;
-    let rate = f64::from(clock::APB2_HZ) / f64::from(divider);
-    assert!((rate / f64::from(uart::BITS_PER_SECOND) - 1.0).abs() < 0.002, "{rate}");
+    let rate = f64::from(design_parameters::APB2_HZ) / f64::from(divider);
+    assert!((rate / f64::from(design_parameters::BITS_PER_SECOND) - 1.0).abs() < 0.002, "{rate}");
     // UE, TE, RE; oversampling by 16, 8 bits, no parity, no interrupts.
     assert_eq!(word(&*usart, 0x0c) & 0xffff, (1 << 13) | (1 << 3) | (1 << 2));
     assert_eq!(word(&*usart, 0x14) & 0xffff, (1 << 7) | (1 << 6));
@@ -348,19 +408,19 @@ fn theory_link_runs_within_a_fifth_of_a_percent_and_by_dma() {
 }
 
 #[test]
-fn theory_pins_watchdog_and_light() {
-    let (port_a, port_c) = (block::<pac::gpioa::RegisterBlock>(), block::<pac::gpioi::RegisterBlock>());
+fn theory_pins_of_tach_signal_and_link_and_watchdog() {
+    let (port_a, port_b, port_c) = (
+        block::<pac::gpioa::RegisterBlock>(),
+        block::<pac::gpiob::RegisterBlock>(),
+        block::<pac::gpioi::RegisterBlock>(),
+    );
     // As reset leaves port A: the debug pins in alternate function.
     set(&*port_a, 0x00, 0xa800_0000);
-    pins::configure(&port_a, &port_c);
+    pins::configure(&port_a, &port_b, &port_c);
     assert_eq!(word(&*port_a, 0x00), 0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b11 << 2) | 0b10);
     assert_eq!(word(&*port_a, 0x20), 2, "PA0: TIM5");
     assert_eq!(word(&*port_a, 0x24), (7 << 8) | (7 << 4), "PA9, PA10: USART1");
     assert_eq!(word(&*port_a, 0x0c), (0b01 << 20) | 0b01);
-    assert_eq!(word(&*port_c, 0x00), 0b01 << 24);
-    assert_eq!(word(&*port_c, 0x18), 1 << 12, "dark: high");
-    pins::set_light(&port_c, true);
-    assert_eq!(word(&*port_c, 0x18), 1 << 28);
 
     let iwdg = block::<pac::iwdg::RegisterBlock>();
     watchdog::start(&iwdg);
@@ -386,6 +446,15 @@ fn theory_flash_erases_only_the_configurations_sectors() {
             assert_eq!(outcome, Err(flash::FlashFault::Range));
             assert_eq!(word(&*controller, 0x04), 0, "not even unlocked");
         }
+    }
+    // Caches are on behind an erasure, neither held in reset.
+    let controller = block::<pac::flash::RegisterBlock>();
+    set(&*controller, 0x00, (0b11 << 11) | 5);
+    flash::erase(&controller, 0).unwrap();
+    assert_eq!(word(&*controller, 0x00), (0b11 << 9) | 5, "emptied and on, wait states as before");
+    for (option, level) in [(0, BrownOut::Level3), (1, BrownOut::Level2), (2, BrownOut::Level1), (3, BrownOut::Off)] {
+        set(&*controller, 0x14, 0x0fff_aae1 | option << 2);
+        assert_eq!(flash::brown_out(&controller), level);
     }
     for sector in 0..2u8 {
         let controller = block::<pac::flash::RegisterBlock>();

@@ -2,7 +2,7 @@
 
 use meshband::config::Configuration;
 use meshband::store::{HEADER, Origin, SLOT, Store, StoreError};
-use meshband::units::Hertz;
+use meshband::units::{Hertz, TicksPerSecond};
 use meshband_tests::mock_flash::{MockError, MockFlash, TornErase};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -25,16 +25,16 @@ fn configuration(number: u32) -> Configuration {
 }
 
 fn stored(flash: &Flash) -> (Configuration, Origin) {
-    Store::new(flash.clone(), 0).load(CLOCK_HZ)
+    Store::new(flash.clone(), 0).load(TicksPerSecond(CLOCK_HZ))
 }
 
 #[test]
 fn theory_a_stored_configuration_is_loaded_again_over_many_turns_of_the_log() {
     let mut store = Store::new(flash(1), 0);
-    assert_eq!(store.load(CLOCK_HZ), (Configuration::default(), Origin::Blank));
+    assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (Configuration::default(), Origin::Blank));
     for number in 0..40 {
         store.save(&configuration(number)).expect("there is room");
-        assert_eq!(store.load(CLOCK_HZ), (configuration(number), Origin::Stored), "{number}");
+        assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (configuration(number), Origin::Stored), "{number}");
     }
 }
 
@@ -45,7 +45,7 @@ fn theory_the_layout_suits_the_flash_of_the_boards() {
         let mut store = Store::new(MockFlash::<SECTOR, WORD>::new(3, ChaCha8Rng::seed_from_u64(2)), SECTOR as u32);
         for number in 0..5 {
             store.save(&configuration(number)).expect("there is room");
-            assert_eq!(store.load(CLOCK_HZ), (configuration(number), Origin::Stored));
+            assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (configuration(number), Origin::Stored));
         }
         assert!(store.flash_mut().bytes[..SECTOR].iter().all(|&b| b == 0xff), "wrote outside its sectors");
     }
@@ -54,7 +54,7 @@ fn theory_the_layout_suits_the_flash_of_the_boards() {
     turns::<0x2_0000, 32>();
     let mut small = Store::new(MockFlash::<1024, 4>::new(2, ChaCha8Rng::seed_from_u64(2)), 0);
     assert_eq!(small.save(&configuration(1)), Err(StoreError::Geometry));
-    assert_eq!(small.load(CLOCK_HZ), (Configuration::default(), Origin::Unreadable));
+    assert_eq!(small.load(TicksPerSecond(CLOCK_HZ)), (Configuration::default(), Origin::Unreadable));
 }
 
 /// Saves configuration `number` with a power cut after `bytes`; gives whether the save got through.
@@ -172,11 +172,11 @@ fn fault_random_contents_are_never_a_configuration_and_can_be_written_over() {
 fn fault_another_schema_or_an_invalid_configuration_is_refused() {
     let mut store = Store::new(flash(5), 0);
     store.save(&Configuration { schema: 99, ..configuration(1) }).expect("room");
-    assert_eq!(store.load(CLOCK_HZ), (Configuration::default(), Origin::Refused));
+    assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (Configuration::default(), Origin::Refused));
     let mut unfit = configuration(1);
     unfit.gears.pinion_teeth = 0;
     store.save(&unfit).expect("room");
-    assert_eq!(store.load(CLOCK_HZ), (Configuration::default(), Origin::Refused));
+    assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (Configuration::default(), Origin::Refused));
     store.save(&configuration(2)).expect("room");
-    assert_eq!(store.load(CLOCK_HZ), (configuration(2), Origin::Stored));
+    assert_eq!(store.load(TicksPerSecond(CLOCK_HZ)), (configuration(2), Origin::Stored));
 }

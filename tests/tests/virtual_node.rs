@@ -2,9 +2,9 @@
 
 use meshband::config::{Configuration, GearPair};
 use meshband::replay::Header;
-use meshband_host::qemu::{Finished, Qemu};
 use meshband_host::virtual_node::frames::Received;
 use meshband_host::virtual_node::image::{Image, Source};
+use meshband_host::virtual_node::qemu::{Finished, Qemu};
 use meshband_host::virtual_node::simulation;
 use meshband_tests::qemu_node::machine;
 use std::f64::consts::TAU;

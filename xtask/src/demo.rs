@@ -55,5 +55,6 @@ pub fn run(args: &[String]) -> Outcome {
 /// One subcommand of `meshband` on an input, with an output path at the end.
 fn meshband(subcommand: &str, input: &Path, words: &[&str], more: &[&str], output: &Path) -> Outcome {
     let mut command = cargo(&["run", "--quiet", "--release", "--package", "meshband-host", "--bin", "meshband", "--"]);
-    crate::shell::run(command.arg(subcommand).arg(input).args(words).args(more).arg(output))
+    // The folder is the demo's own: a second demo replaces what the first one left.
+    crate::shell::run(command.arg(subcommand).arg(input).args(words).arg("--force").args(more).arg(output))
 }

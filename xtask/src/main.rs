@@ -1,4 +1,4 @@
-//! Project tasks: `cargo xtask setup | demo | test | prove | blind | node-build | size | bench | bench-node | flash`.
+//! Project tasks: `cargo xtask setup | demo | test | prove | blind | damage | node-build | size | pace | bench | bench-node | flash`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
@@ -6,10 +6,12 @@
 
 mod bench;
 mod bench_node;
+mod damage;
 mod demo;
 mod elf;
 mod flash;
 mod node_build;
+mod pace;
 mod prove;
 mod setup;
 mod shell;
@@ -21,13 +23,16 @@ use std::process::ExitCode;
 const HELP: &str = "\
 cargo xtask TASK
 
-  setup        compiler target and QEMU; does nothing where both are present
+  setup        compiler target, QEMU and Unicorn; does nothing where all are present
   demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
   prove        the loop's proof campaign on generated records, resumable, into docs/proof
   blind        the loop's answers on the blind records that have none yet, into docs/blind
+  damage       6600 attacks on the command (damaged inputs, interrupts, full disks, ...), into docs/damage.md;
+               --cases N --seed S, or --only FAMILY:NUMBER to make one again
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
   node-build   all firmware images, with their sizes
   size         text, data and bss of the images against limits and snapshots, and where they can panic
+  pace         with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into docs/pace.md
   bench        cost of the solver beside SciPy's on the same machine, ratios first
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
@@ -43,8 +48,10 @@ fn main() -> ExitCode {
         "test" => suite::run(),
         "prove" => prove::campaign(&rest),
         "blind" => prove::blind(),
+        "damage" => damage::run_task(&rest),
         "node-build" => node_build::run(),
         "size" => node_build::size(&rest),
+        "pace" => pace::run_task(&rest),
         "bench" => bench::bench(),
         "bench-node" => bench_node::run_task(&rest),
         "flash" => flash::run(&rest),

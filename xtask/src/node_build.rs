@@ -10,11 +10,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 /// One binary per board; the feature of the same name selects it.
-pub const BOARDS: [&str; 3] = ["an386", "stm32f405", "stm32f767"];
+pub const BOARDS: [&str; 2] = ["an386", "stm32f405"];
 
 /// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu_runner.rs`.
-pub const IMAGES: [(&str, &str); 4] =
-    [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405"), ("stm32f767", "stm32f767")];
+pub const IMAGES: [(&str, &str); 3] = [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405")];
 
 /// The board the limits are meant for.
 const RELEASED: &str = "stm32f405";
@@ -111,6 +110,7 @@ pub fn size(args: &[String]) -> Outcome {
         );
     }
     let panics = check_panics(&mut complaints, bless)?;
+    check_start_and_logs(&mut complaints)?;
     if bless {
         write_snapshot("size.txt", &table)?;
         write_snapshot("panics.txt", &panics)?;
@@ -129,6 +129,27 @@ fn recorded(table: &str, board: &str) -> Option<(u64, u64)> {
     let line = table.lines().find(|line| line.split_whitespace().next() == Some(board))?;
     let numbers: Vec<u64> = line.split_whitespace().skip(1).filter_map(|word| word.parse().ok()).collect();
     Some((*numbers.get(3)?, *numbers.get(4)?))
+}
+
+/// The released image must set its vector table's address, because a boot loader that jumps to it leaves its own in force, and
+/// must hold the log that `docs/node.md` says a debug probe shows: the strings themselves lie outside the flash.
+fn check_start_and_logs(complaints: &mut Vec<String>) -> Outcome {
+    const VECTOR_TABLE_OFFSET: u32 = 0xe000_ed08;
+    let path = image(RELEASED);
+    let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let image = elf::Image::parse(&bytes).ok_or_else(|| format!("{}: no ELF32 with symbols", path.display()))?;
+    let words = image.loaded.iter().flat_map(|(_, data)| data.chunks_exact(4));
+    if !words.into_iter().any(|word| word == VECTOR_TABLE_OFFSET.to_le_bytes()) {
+        complaints.push(format!("{RELEASED}: never sets the vector table's address"));
+    }
+    let is_log =
+        |name: &&&str| name.contains("\"package\":\"meshband-node\"") && name.contains("\"tag\":\"defmt_info\"");
+    let logs = image.names.keys().filter(is_log).count();
+    println!("{RELEASED}: {logs} log messages");
+    if logs == 0 {
+        complaints.push(format!("{RELEASED}: its logs are compiled out; DEFMT_LOG is set in firmware/build.rs"));
+    }
+    Ok(())
 }
 
 /// The released image's panics per file; complains about our own and about files that are new.

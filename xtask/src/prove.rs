@@ -30,7 +30,7 @@ pub fn campaign(args: &[String]) -> Outcome {
     }
     command.arg("--log").arg(docs.join("records.jsonl"));
     command.arg("--json").arg(docs.join("summary.json")).arg("--markdown").arg(docs.join("tables.md"));
-    command.arg("--report").arg(docs.join("report.html"));
+    command.arg("--report").arg(docs.join("report.html")).arg("--force");
     run(&mut command)
 }
 

@@ -3,8 +3,8 @@
 //! A processor that is late takes up a wish for another rate one block later, or loses a block. What the node then says
 //! depends on that, and on nothing else that the record does not hold: with this log the host computes the same bytes.
 
-use crate::pipeline::{BLOCK_SAMPLES, Filled};
 use heapless::Vec;
+use meshband::pipeline::{BLOCK_SAMPLES, Filled};
 use meshband::replay::START_TICK;
 use semihosting::eprintln;
 

@@ -12,7 +12,6 @@ pub mod time;
 pub mod uart;
 
 use self::block_log::BlockLog;
-use crate::pipeline::{BUFFERS, Codes, Inbox, Queues, Request};
 use core::cell::RefCell;
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
@@ -20,8 +19,10 @@ use cortex_m::singleton;
 use critical_section::Mutex;
 use heapless::spsc::{Consumer, Queue};
 use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
+use meshband::link::QUEUE;
+use meshband::link::send_ring::SendRing;
 use meshband::node::Block;
-use meshband::outbox::Outbox;
+use meshband::pipeline::{Codes, Inbox, Queues, Request};
 use meshband::replay::{CodeDigest, IMAGE_ADDRESS, IMAGE_CAPACITY, Replay};
 use meshband::units::TicksPerSecond;
 use sampler::{Counters, Sampler};
@@ -31,8 +32,6 @@ use uart::{Receiver, Sender};
 
 /// Bytes received that may wait for the main loop.
 const RECEIVE_QUEUE: usize = 256;
-/// Bytes that may wait for a slow link: a snapshot's frames fit nearly whole.
-const SEND_QUEUE: usize = 8192;
 
 /// Interrupt numbers of this board.
 #[derive(Clone, Copy)]
@@ -58,6 +57,9 @@ struct Interrupts {
 
 static INTERRUPTS: Mutex<RefCell<Option<Interrupts>>> = Mutex::new(RefCell::new(None));
 static RECEIVER: Mutex<RefCell<Option<Receiver>>> = Mutex::new(RefCell::new(None));
+/// Block buffers: at 400 kHz they hold 20 ms.
+const BUFFERS: usize = 16;
+
 static REQUEST: Request = Request::new();
 
 /// The link as the main loop sees it; it works before the board's sampling does. Whole frames wait for the line; they
@@ -65,7 +67,7 @@ static REQUEST: Request = Request::new();
 pub struct Wire {
     received: Consumer<'static, u8>,
     sender: Sender,
-    outbox: &'static mut Outbox<SEND_QUEUE>,
+    ring: &'static mut SendRing<QUEUE>,
 }
 
 impl Wire {
@@ -76,28 +78,28 @@ impl Wire {
     pub fn open() -> Self {
         let once = "the link is opened once";
         let (bytes_in, received) = singleton!(: Queue<u8, RECEIVE_QUEUE> = Queue::new()).expect(once).split();
-        let outbox = singleton!(: Outbox<SEND_QUEUE> = Outbox::new()).expect(once);
+        let ring = singleton!(: SendRing<QUEUE> = SendRing::new()).expect(once);
         let (sender, receiver) = uart::open(bytes_in);
         critical_section::with(|token| RECEIVER.borrow_ref_mut(token).replace(receiver));
         // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
         unsafe { NVIC::unmask(Line::UartReceive) };
-        Self { received, sender, outbox }
+        Self { received, sender, ring }
     }
 
     /// Passes on what the line takes; gives the number of bytes.
     pub fn drain(&mut self) -> usize {
-        self.outbox.drain(|byte| self.sender.send(byte))
+        self.ring.drain(|byte| self.sender.send(byte))
     }
 
     /// Whether everything was sent.
     pub fn is_empty(&self) -> bool {
-        self.outbox.is_empty()
+        self.ring.is_empty()
     }
 
     /// Sleeps until an interrupt, unless bytes wait on either side.
     pub fn wait(&self) {
         critical_section::with(|_| {
-            if !self.received.ready() && self.outbox.is_empty() {
+            if !self.received.ready() && self.ring.is_empty() {
                 cortex_m::asm::wfi();
             }
         });
@@ -107,7 +109,7 @@ impl Wire {
 impl Link for Wire {
     fn send(&mut self, frame: &[u8]) -> bool {
         self.drain();
-        let queued = self.outbox.push(frame);
+        let queued = self.ring.push(frame);
         self.drain();
         queued
     }
@@ -121,13 +123,15 @@ impl Link for Wire {
     }
 
     fn take_dropped(&mut self) -> Option<u32> {
-        self.outbox.take_unreported()
+        self.ring.take_unreported()
     }
 }
 
 /// The board as the main loop sees it.
 pub struct Board {
     inbox: Inbox,
+    /// Blocks given up by the main loop.
+    given_up: u32,
     digest: CodeDigest,
     log: &'static mut BlockLog,
     /// Bytes from and to the host.
@@ -176,7 +180,7 @@ impl Board {
             // SAFETY: the state the handler works on is complete, and nothing relies on this line being masked.
             unsafe { NVIC::unmask(line) };
         }
-        Self { inbox, digest: CodeDigest::new(), log, wire }
+        Self { inbox, given_up: 0, digest: CodeDigest::new(), log, wire }
     }
 
     /// Whether the record has ended. Blocks may still wait in the queue.
@@ -197,10 +201,10 @@ impl Board {
     /// Counters so far.
     pub fn statistics(&self) -> Statistics {
         with_interrupts(|i| Statistics {
-            sampling: i.sampler.counters,
+            sampling: i.sampler.counters.with_given_up(self.given_up),
             edges: (i.tach.delivered(), i.tach.lost),
             link_lost: critical_section::with(|token| RECEIVER.borrow_ref(token).as_ref().map_or(0, |r| r.lost)),
-            frames_dropped: self.wire.outbox.dropped(),
+            frames_dropped: self.wire.ring.dropped(),
         })
     }
 }
@@ -222,6 +226,10 @@ impl SampleClock for Board {
 impl BlockSource for Board {
     fn horizon(&self) -> u32 {
         TimeBase::stamp(with_interrupts(|i| i.sampler.horizon()))
+    }
+
+    fn catch_up(&mut self) {
+        self.given_up += self.inbox.catch_up();
     }
 
     fn pending_end(&self) -> Option<u32> {

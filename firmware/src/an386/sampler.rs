@@ -11,8 +11,8 @@
 
 use super::registers::{Device, TimerBlock};
 use super::time::TimeBase;
-use crate::pipeline::{BLOCK_SAMPLES, Codes, Filled, Periods, Request};
-use heapless::spsc::{Consumer, Producer};
+use heapless::spsc::Producer;
+use meshband::pipeline::{BLOCK_SAMPLES, Codes, EmptyBuffers, Filled, Periods, Request};
 use meshband::replay::{LONGEST_PERIOD, Replay, SamplingMode};
 
 const RUN: u32 = 1;
@@ -23,10 +23,17 @@ const INTERRUPT: u32 = 1 << 3;
 pub struct Counters {
     /// Blocks handed to the main loop.
     pub blocks: u32,
-    /// Blocks lost because no buffer was free.
+    /// Blocks lost because no buffer was free, and given up with them.
     pub lost: u32,
     /// Blocks lost because their interrupt came too late to be told from the next.
     pub missed: u32,
+}
+
+impl Counters {
+    /// With blocks that the main loop gave up although they had been handed to it.
+    pub fn with_given_up(self, given_up: u32) -> Self {
+        Self { blocks: self.blocks - given_up, lost: self.lost + given_up, ..self }
+    }
 }
 
 /// State of the sample clock, owned by its interrupt.
@@ -43,7 +50,7 @@ pub struct Sampler {
     /// Samples of the running block already taken (one interrupt per sample only).
     taken: usize,
     blocks: Producer<'static, Filled>,
-    free: Consumer<'static, &'static mut Codes>,
+    free: EmptyBuffers,
     request: &'static Request,
     /// Statistics so far.
     pub counters: Counters,
@@ -57,10 +64,10 @@ impl Sampler {
         time: TimeBase,
         signal: Replay<'static>,
         blocks: Producer<'static, Filled>,
-        mut free: Consumer<'static, &'static mut Codes>,
+        mut free: EmptyBuffers,
         request: &'static Request,
     ) -> Self {
-        let filling = free.dequeue();
+        let filling = free.take();
         let mut sampler = Self {
             timer,
             time,
@@ -107,9 +114,11 @@ impl Sampler {
         self.border.saturating_add(self.periods.running * BLOCK_SAMPLES as u32)
     }
 
-    /// Edges before this instant precede the end of a block still to come; once the record has ended, of the last one.
+    /// First instant behind the running block, ticks of the record; once the record has ended, behind the last one. Every block
+    /// that ends before is complete, and of the running one edges may be handed over as they come.
     pub fn horizon(&self) -> u32 {
-        if self.finished { self.border } else { self.next_border() }
+        let border = if self.finished { self.border } else { self.next_border() };
+        border.saturating_add(1)
     }
 
     /// The timer's interrupt.
@@ -140,7 +149,7 @@ impl Sampler {
     /// The running block is complete: hands it over, takes a fresh buffer and the newest request.
     fn end_block(&mut self) {
         let first_tick = TimeBase::stamp(self.border + self.periods.running);
-        let next = self.free.dequeue();
+        let next = self.free.take();
         match (self.filling.take(), next) {
             (Some(codes), Some(fresh)) => {
                 let (sequence, period_ticks) = (self.sequence, self.periods.running);

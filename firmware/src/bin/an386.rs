@@ -10,19 +10,22 @@ use meshband::board::{Link, Supervision};
 use meshband::buffers::Buffers;
 use meshband::config::Configuration;
 use meshband::events::EventKind;
+use meshband::identity::Identity;
 use meshband::message::Request;
 use meshband::node::State;
 use meshband::replay::{Drill, Replay, START_TICK};
-use meshband::self_test::BootTest;
 use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
+use meshband_kit::golden;
 use meshband_node::an386::flash::Flash;
 use meshband_node::an386::registers::CLOCK_HZ;
 use meshband_node::an386::{self, Board, Statistics, Wire};
 use meshband_node::runner::{NodeSession, Runner};
 use meshband_node::stack::{self, StackUse};
 use semihosting::{eprintln, process};
+
+const IDENTITY: Identity = Identity { board: "an386", build: meshband_node::BUILD, unique_id: [0; 3] };
 
 #[entry]
 fn main() -> ! {
@@ -33,19 +36,22 @@ fn main() -> ! {
         process::exit(1)
     });
     rehearse(record.header().drill);
-    let test = BootTest::new(TicksPerSecond(CLOCK_HZ));
-    // The self-test at start needs much stack; what comes after it is measured by itself.
+    if let Err(stage) = golden::self_test() {
+        eprintln!("node: stage {} gives other bits here: {:#010x}", stage.stage, stage.hash);
+        process::exit(1)
+    }
+    // That took much stack; what comes after it is measured by itself.
     let boot = stack::high_water();
     stack::repaint();
-    operate(record, test, boot, BUFFERS)
+    operate(record, boot, BUFFERS)
 }
 
-/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+/// The node in operation.
 #[inline(never)]
-fn operate(record: Replay<'static>, test: BootTest, boot: StackUse, buffers: &'static mut Buffers) -> ! {
+fn operate(record: Replay<'static>, boot: StackUse, buffers: &'static mut Buffers) -> ! {
     let mut store = Store::new(Flash::take(), 0);
     let session = open_session(&record, &mut store, buffers);
-    let mut runner = Runner::new(session, store, test, TicksPerSecond(CLOCK_HZ), true);
+    let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
     let mut wire = Wire::open();
     if record.header().waits_for_start {
         serve_until_start(&mut runner, &mut wire);
@@ -74,6 +80,10 @@ fn serve_until_start(runner: &mut Runner<Flash>, wire: &mut Wire) {
     runner.session().node_mut().on_request(Request::Stop);
     loop {
         runner.serve_link(wire);
+        // No block tells the time here; the line itself does.
+        if wire.is_empty() {
+            runner.session().on_line_empty();
+        }
         runner.session().send_messages(START_TICK, &mut |frame| {
             wire.send(frame);
         });
@@ -101,7 +111,7 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
         eprintln!("node: {what}: {reason:?}");
         process::exit(1)
     };
-    let (stored, origin) = store.load(CLOCK_HZ);
+    let (stored, origin) = store.load(TicksPerSecond(CLOCK_HZ));
     let config: Configuration = if matches!(origin, Origin::Stored | Origin::Former) {
         stored
     } else if record.configuration().is_empty() {
@@ -113,7 +123,8 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
     if clock.0 != CLOCK_HZ {
         fail("the record is for another time base", &clock);
     }
-    let mut session = Session::with_buffers(config, clock, buffers).unwrap_or_else(|e| fail("configuration", &e));
+    let mut session =
+        Session::with_buffers(config, clock, IDENTITY, buffers).unwrap_or_else(|e| fail("configuration", &e));
     if let Some(complaint) = origin.complaint() {
         session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }

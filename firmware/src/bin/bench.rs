@@ -12,6 +12,7 @@ use meshband::buffers::Buffers;
 use meshband::config::{Configuration, Sensor, TachWheel};
 use meshband::decimate::Cascade;
 use meshband::gear_condition;
+use meshband::identity::Identity;
 use meshband::indicators::RunEnsemble;
 use meshband::law::LawForm;
 use meshband::math;
@@ -19,6 +20,7 @@ use meshband::mesh_band::{self, Chain, MeshPlan};
 use meshband::mesh_decimator::{Decimation, MeshDecimator};
 use meshband::node::Block;
 use meshband::peaks;
+use meshband::pipeline::BLOCK_SAMPLES;
 use meshband::rate_plan::{RateGrant, RatePlan};
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig};
 use meshband::session::Session;
@@ -29,7 +31,6 @@ use meshband::window::Window;
 use meshband::zoom::{Averaging, ZoomConfig};
 use meshband_node::an386::registers::CLOCK_HZ;
 use meshband_node::an386::time::TimeBase;
-use meshband_node::pipeline::BLOCK_SAMPLES;
 use semihosting::{eprintln, process};
 
 const CLOCK: TicksPerSecond = TicksPerSecond(CLOCK_HZ);
@@ -266,7 +267,7 @@ fn mesh_path(counter: Counter, config: &Configuration, speed_hz: u32, chain: &mu
 
 /// The whole node with its link, instructions per second of signal and the costliest block.
 fn whole(counter: Counter, config: Configuration, speed_hz: u32, name: &str, buffers: &mut Buffers) {
-    let Ok(mut session) = Session::with_buffers(config, CLOCK, buffers) else { process::exit(1) };
+    let Ok(mut session) = Session::with_buffers(config, CLOCK, Identity::HOST, buffers) else { process::exit(1) };
     let turn_ticks = CLOCK_HZ / speed_hz;
     let (mut ticks, mut edge, mut sequence, mut turn) = (0u64, 0u64, 0u32, 0u32);
     let (mut total, mut counted, mut worst, mut bytes) = (0u64, 0u64, 0u64, 0u64);

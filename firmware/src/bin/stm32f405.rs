@@ -5,14 +5,20 @@
 use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use defmt_rtt as _;
+use meshband::board::SampleClock;
 use meshband::buffers::Buffers;
-use meshband::self_test::BootTest;
+use meshband::config::{FrontEnd, SensorSupply};
+use meshband::identity::Identity;
+use meshband::safe_start::Start;
 use meshband::store::Store;
+use meshband_drivers::programmable_gain::Gain;
 use meshband_node::crash::{self, Cause};
 use meshband_node::runner::{BoardEvent, Runner};
 use meshband_node::stm32f405::config_flash::ConfigFlash;
-use meshband_node::stm32f405::{Board, Power, TIME_BASE, power_up, set_light};
+use meshband_node::stm32f405::outputs::Wanted;
+use meshband_node::stm32f405::{Board, Power, TIMING, power_up, set_light, unique_id};
 use meshband_stm32::clock::Oscillator;
+use meshband_stm32::flash::BrownOut;
 use meshband_stm32::reset::ResetCause;
 
 meshband_node::restart_on_failure!();
@@ -22,29 +28,64 @@ fn main() -> ! {
     let power = power_up();
     // Lit until the main loop runs.
     set_light(true);
-    operate(&power, BootTest::new(TIME_BASE))
+    operate(&power)
 }
 
-/// The node in operation. Not part of `main`, so that the self-test above does not lie on top of the node on the stack.
+/// The node in operation.
 #[inline(never)]
-fn operate(power: &Power, test: BootTest) -> ! {
+fn operate(power: &Power) -> ! {
     let (Some(flash), Some(buffers)) = (ConfigFlash::take(), singleton!(: Buffers = Buffers::ZERO)) else {
         crash::on_cause(Cause::Start)
     };
     let crystal = power.oscillator == Oscillator::Crystal;
-    let mut runner = Runner::open(Store::new(flash, 0), test, TIME_BASE, crystal, buffers);
+    let identity = Identity { board: "stm32f405", build: meshband_node::BUILD, unique_id: unique_id() };
+    let failures = crash::count_start(start_of(power.reset_cause));
+    let mut runner = Runner::open(Store::new(flash, 0), TIMING, crystal, identity, failures, buffers);
     runner.report_start(power.reset_cause as u32, power.reset_cause == ResetCause::Software);
+    if power.brown_out != BrownOut::Level3 {
+        runner.note(BoardEvent::BrownOut, power.brown_out as u32);
+    }
     let node = runner.session().node();
-    let (wheel, period) = (node.configuration().tach, node.requested_period_ticks());
-    let Some(mut board) = Board::start(period, &wheel) else { crash::on_cause(Cause::Start) };
+    let (wheel, edge) = (node.configuration().tach, node.configuration().front_end.tach_edge);
+    let Some(mut board) = Board::start(node.requested_period_ticks(), &wheel, edge) else {
+        crash::on_cause(Cause::Start)
+    };
     let mut restarts = 0;
     loop {
         runner.work(&mut board);
-        board.follow_wheel(&runner.session().node().configuration().tach);
+        let configuration = runner.session().node().configuration();
+        board.follow_tach(&configuration.tach, configuration.front_end.tach_edge);
+        follow_outputs(&mut runner, &mut board);
         if board.restarts() != restarts {
             restarts = board.restarts();
             runner.note(BoardEvent::SamplingRestarted, restarts);
         }
+    }
+}
+
+/// What the board switches follows the node, and the node's scale the gain in use.
+#[inline(never)]
+fn follow_outputs(runner: &mut Runner<ConfigFlash>, board: &mut Board) {
+    let node = runner.session().node_mut();
+    let FrontEnd { gain: configured, sensor_supply, .. } = node.configuration().front_end;
+    let gain = Gain::of_factor(configured.factor()).unwrap_or(Gain::X1);
+    let wanted = Wanted { alarm: node.alarm_stands(), sensor: sensor_supply == SensorSupply::On, gain };
+    let now = board.now();
+    let outcome = board.outputs().follow(wanted, now);
+    if board.outputs().has_gain(gain) {
+        node.set_gain(configured);
+    }
+    if outcome.is_err() {
+        runner.note(BoardEvent::GainFault, gain.factor().into());
+    }
+}
+
+/// What the reset flags say of the run before.
+fn start_of(cause: ResetCause) -> Start {
+    match cause {
+        ResetCause::Power | ResetCause::Pin => Start::Fresh,
+        ResetCause::Software => Start::Recorded,
+        ResetCause::Watchdog | ResetCause::Other => Start::Unrecorded,
     }
 }
 

@@ -1,6 +1,6 @@
 //! The configuration's two sectors as `embedded-storage` sees a flash.
 
-use super::flash as controller;
+use super::flash_control as controller;
 use core::ptr;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,

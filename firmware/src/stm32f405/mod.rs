@@ -4,34 +4,48 @@
 //! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
 
 pub mod config_flash;
+pub mod outputs;
 mod sampling;
 mod tach;
 
 use crate::crash::{self, Cause};
-use crate::pipeline::{BUFFERS, Codes, Inbox, Queues, Request};
-use crate::receive_circle::ReceiveCircle;
-use crate::send_ring::SendRing;
 use core::ptr;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
-use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
-use meshband::config::TachWheel;
+use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture, Timing};
+use meshband::config::{TachEdge, TachWheel};
+use meshband::link::QUEUE;
+use meshband::link::receive_circle::ReceiveCircle;
+use meshband::link::send_ring::SendRing;
 use meshband::node::Block;
-use meshband::units::TicksPerSecond;
+use meshband::pipeline::{Codes, Inbox, Queues, Request};
+use meshband::units::{Hertz, TicksPerSecond};
 use meshband_stm32::clock::{self, Oscillator, ResetCause};
+use meshband_stm32::design_parameters::{
+    HIGHEST_RATE_HZ, PERIOD_STEP, RECEIVE_BYTES, SHORTEST_PERIOD, TIMER_HZ, WAKE_TICKS,
+};
 use meshband_stm32::filter::Filter;
+use meshband_stm32::flash::{self, BrownOut};
 use meshband_stm32::pac::{self, Interrupt};
 use meshband_stm32::time_base::{self, Edge};
-use meshband_stm32::{pins, uart, watchdog};
+use meshband_stm32::{pins, uart, unique_id, watchdog};
+use outputs::Outputs;
 
-/// Rate of the time base.
-pub const TIME_BASE: TicksPerSecond = TicksPerSecond(clock::TIMER_HZ);
-/// Circle of received bytes: 11 ms of the line's full rate.
-const RECEIVE_BYTES: usize = 1024;
-/// Bytes that may wait for the line: most of a snapshot.
-const SEND_BYTES: usize = 8 * 1024;
-/// Period of the wake-up that lets the main loop work while no blocks come: 5 ms at an eighth of 168 MHz.
-const WAKE_TICKS: u32 = 105_000;
+/// What sampling is bound to.
+pub const TIMING: Timing = if cfg!(feature = "rate-sweep") {
+    Timing { highest_adc: Hertz((TIMER_HZ / SHORTEST_PERIOD) as f32), ..Timing::STM32F405 }
+} else {
+    Timing::STM32F405
+};
+const _: () = assert!(TIMING.clock.0 == TIMER_HZ && TIMING.period_step == PERIOD_STEP);
+const _: () = assert!(Timing::STM32F405.highest_adc.0 as u32 == HIGHEST_RATE_HZ);
+
+/// Words of interrupts in the core's controller: 82 lines.
+const INTERRUPT_WORDS: usize = 3;
+
+/// Block buffers: 24 of them wait for 32 ms at 375 kHz. The wideband transform with its search takes 16 ms at two cycles per
+/// instruction, and a mesh-band record may follow before the backlog is worked off. Memory holds no more.
+const BUFFERS: usize = 26;
 
 static REQUEST: Request = Request::new();
 
@@ -41,14 +55,20 @@ pub struct Power {
     pub oscillator: Oscillator,
     /// Why the node started.
     pub reset_cause: ResetCause,
+    /// What guards the flash against too low a supply.
+    pub brown_out: BrownOut,
 }
 
 /// The board as the main loop sees it.
 pub struct Board {
     inbox: Inbox,
-    received: ReceiveCircle<RECEIVE_BYTES>,
-    ring: SendRing,
+    /// The memory that DMA fills, and where to read next.
+    received: &'static [u8; RECEIVE_BYTES],
+    circle: ReceiveCircle<RECEIVE_BYTES>,
+    ring: &'static mut SendRing<QUEUE>,
     wheel: TachWheel,
+    edge: Edge,
+    outputs: Outputs,
 }
 
 macro_rules! device {
@@ -66,7 +86,7 @@ macro_rules! device {
 
 device! {
     rcc: rcc, RCC;
-    flash: flash, FLASH;
+    flash_control: flash, FLASH;
     tim2: tim2, TIM2;
     tim3: tim3, TIM3;
     tim5: tim5, TIM5;
@@ -75,45 +95,80 @@ device! {
     dma1: dma2, DMA1;
     dma2: dma2, DMA2;
     usart1: usart1, USART1;
+    spi2: spi1, SPI2;
     port_a: gpioa, GPIOA;
+    port_b: gpiob, GPIOB;
     port_c: gpioi, GPIOC;
     iwdg: iwdg, IWDG;
 }
 
 /// Clocks and pins. Starts the watchdog too: from here on a hang ends in a restart.
 pub fn power_up() -> Power {
+    quiet_core();
+    clock::reset_peripherals(rcc(), &mut || {});
     let reset_cause = clock::reset_cause(rcc());
-    let oscillator = match clock::start(rcc(), flash()) {
+    let oscillator = match clock::start(rcc(), flash_control(), &mut || {}) {
         Ok(oscillator) => oscillator,
         // At 16 MHz neither link nor rates would be right: try again from reset.
         Err(clock::PllFault) => crash::on_cause(Cause::Pll),
     };
     clock::enable_peripherals(rcc());
-    pins::configure(port_a(), port_c());
+    pins::configure(port_a(), port_b(), port_c());
     watchdog::start(iwdg());
-    Power { oscillator, reset_cause }
+    Power { oscillator, reset_cause, brown_out: flash::brown_out(flash_control()) }
 }
+
+/// No interrupt and no system timer from whoever ran before, the boot loader in ROM above all; then lets interrupts in.
+fn quiet_core() {
+    // SAFETY: nothing is installed yet, and nobody else uses these.
+    let core = unsafe { cortex_m::Peripherals::steal() };
+    let mut system_timer = core.SYST;
+    system_timer.disable_counter();
+    system_timer.disable_interrupt();
+    for word in 0..INTERRUPT_WORDS {
+        // SAFETY: ones mask interrupts and clear pending ones.
+        unsafe {
+            core.NVIC.icer[word].write(u32::MAX);
+            core.NVIC.icpr[word].write(u32::MAX);
+        }
+    }
+    // SAFETY: no interrupt is unmasked.
+    unsafe { cortex_m::interrupt::enable() };
+}
+
+// Runs before anything else: until `power_up` has cleared what the boot loader left, no interrupt may come.
+core::arch::global_asm!(
+    ".section .text.__pre_init, \"ax\", %progbits",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    ".thumb_func",
+    "__pre_init:",
+    "    cpsid i",
+    "    bx lr",
+    ".size __pre_init, . - __pre_init",
+);
 
 /// Switches the light; for code that has no board.
 pub fn set_light(lit: bool) {
-    pins::set_light(port_c(), lit);
+    let Ok(()) = outputs::light().set(lit);
 }
 
 impl Board {
     /// Starts link, time base, tach and sampling at `period_ticks`; `None` when called twice.
-    pub fn start(period_ticks: u32, wheel: &TachWheel) -> Option<Self> {
+    pub fn start(period_ticks: u32, wheel: &TachWheel, edge: TachEdge) -> Option<Self> {
         let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])?;
         let (outlets, inbox) = singleton!(: Queues = Queues::new())?.split(buffers);
         let received = singleton!(: [u8; RECEIVE_BYTES] = [0; RECEIVE_BYTES])?;
-        let ring = SendRing::new(singleton!(: [u8; SEND_BYTES] = [0; SEND_BYTES])?);
+        let ring = singleton!(: SendRing<QUEUE> = SendRing::new())?;
         uart::start(usart1());
         // SAFETY: the circle is static memory in SRAM that only this stream writes.
         unsafe {
             uart::start_reception(dma2(), data_address(), received.as_mut_ptr() as u32, RECEIVE_BYTES as u16);
         }
         REQUEST.publish(period_ticks);
-        let filter = Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, clock::TIMER_HZ);
-        time_base::start(tim5(), Edge::Rising, filter);
+        let filter = Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, TIMER_HZ);
+        let edge = counted(edge);
+        time_base::start(tim5(), edge, filter);
         tach::set_filter(filter);
         tach::install(outlets.edges);
         sampling::install(period_ticks, outlets.blocks, outlets.free, &REQUEST)?;
@@ -129,15 +184,25 @@ impl Board {
         system_timer.clear_current();
         system_timer.enable_interrupt();
         system_timer.enable_counter();
-        Some(Self { inbox, received: ReceiveCircle::new(received), ring, wheel: *wheel })
+        let outputs = Outputs::start();
+        Some(Self { inbox, received, circle: ReceiveCircle::new(), ring, wheel: *wheel, edge, outputs })
     }
 
-    /// Sets the tach's filter to another wheel, where it is another.
-    pub fn follow_wheel(&mut self, wheel: &TachWheel) {
+    /// Sets the tach's filter and edge to another wheel and front end, where they are others.
+    pub fn follow_tach(&mut self, wheel: &TachWheel, edge: TachEdge) {
+        if counted(edge) != self.edge {
+            self.edge = counted(edge);
+            time_base::set_edge(tim5(), self.edge);
+        }
         if *wheel != self.wheel {
             self.wheel = *wheel;
-            tach::set_filter(Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, clock::TIMER_HZ));
+            tach::set_filter(Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, TIMER_HZ));
         }
+    }
+
+    /// What the board switches.
+    pub fn outputs(&mut self) -> &mut Outputs {
+        &mut self.outputs
     }
 
     /// Times sampling had to be started anew because samples had lost step with their triggers.
@@ -146,13 +211,27 @@ impl Board {
     }
 }
 
+/// The configuration's edge as the timer knows it.
+fn counted(edge: TachEdge) -> Edge {
+    match edge {
+        TachEdge::Rising => Edge::Rising,
+        TachEdge::Falling => Edge::Falling,
+    }
+}
+
+/// The chip's own number.
+pub fn unique_id() -> [u32; 3] {
+    // SAFETY: every STM32F405 has these three words in its system memory.
+    [0, 1, 2].map(|word| unsafe { (unique_id::ADDRESS as *const u32).add(word).read_volatile() })
+}
+
 fn data_address() -> u32 {
     ptr::from_ref(usart1().dr()) as u32
 }
 
 impl SampleClock for Board {
     fn time_base(&self) -> TicksPerSecond {
-        TIME_BASE
+        TIMING.clock
     }
 
     fn now(&self) -> u32 {
@@ -166,7 +245,11 @@ impl SampleClock for Board {
 
 impl BlockSource for Board {
     fn horizon(&self) -> u32 {
-        self.now()
+        time_base::horizon(tim5())
+    }
+
+    fn catch_up(&mut self) {
+        self.inbox.catch_up();
     }
 
     fn pending_end(&self) -> Option<u32> {
@@ -196,7 +279,9 @@ impl Link for Board {
     }
 
     fn receive(&mut self) -> Option<u8> {
-        self.received.next(uart::write_position(dma2(), RECEIVE_BYTES as u16).into())
+        let place = self.circle.next(uart::write_position(dma2(), RECEIVE_BYTES as u16).into())?;
+        // SAFETY: a valid place; volatile, because DMA writes there behind the compiler's back.
+        self.received.get(place).map(|byte| unsafe { ptr::read_volatile(byte) })
     }
 
     fn pump(&mut self) {
@@ -210,7 +295,7 @@ impl Link for Board {
     }
 
     fn take_dropped(&mut self) -> Option<u32> {
-        self.ring.take_dropped()
+        self.ring.take_unreported()
     }
 }
 
@@ -220,10 +305,15 @@ impl Supervision for Board {
     }
 
     fn set_light(&mut self, lit: bool) {
-        set_light(lit);
+        self.outputs.set_light(lit);
     }
 
     fn wait(&mut self) {
-        self.inbox.wait();
+        cortex_m::interrupt::free(|_| {
+            // With interrupts masked a pending one still ends the sleep, so none can slip through in between.
+            if !self.inbox.has_block() {
+                cortex_m::asm::wfi();
+            }
+        });
     }
 }

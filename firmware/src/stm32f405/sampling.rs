@@ -7,17 +7,17 @@
 
 use super::{adc_common, adc1, dma1, dma2, tim2, tim3, tim5};
 use crate::interrupt_cell::InterruptCell;
-use crate::pipeline::{Codes, Filled, Request};
 use core::ptr;
 use core::sync::atomic::{AtomicU32, Ordering, fence};
-use heapless::spsc::{Consumer, Producer};
+use heapless::spsc::Producer;
+use meshband::pipeline::{Codes, EmptyBuffers, Filled, Request};
 use meshband_stm32::block_stamp::{Borders, is_aligned};
 use meshband_stm32::dma::{self, Target};
 use meshband_stm32::pac::interrupt;
 use meshband_stm32::period::reload_of;
 use meshband_stm32::{BLOCK_SAMPLES, adc, sample_clock, time_base};
 
-const _: () = assert!(BLOCK_SAMPLES as usize == crate::pipeline::BLOCK_SAMPLES);
+const _: () = assert!(BLOCK_SAMPLES as usize == meshband::pipeline::BLOCK_SAMPLES);
 
 /// The word DMA copies to the sample timer's reload at each border.
 static RELOAD: AtomicU32 = AtomicU32::new(0);
@@ -29,7 +29,7 @@ struct Sampling {
     /// Buffers at the stream's two addresses.
     filling: [&'static mut Codes; 2],
     blocks: Producer<'static, Filled>,
-    free: Consumer<'static, &'static mut Codes>,
+    free: EmptyBuffers,
     request: &'static Request,
 }
 
@@ -37,10 +37,10 @@ struct Sampling {
 pub fn install(
     period_ticks: u32,
     blocks: Producer<'static, Filled>,
-    mut free: Consumer<'static, &'static mut Codes>,
+    mut free: EmptyBuffers,
     request: &'static Request,
 ) -> Option<()> {
-    let filling = [free.dequeue()?, free.dequeue()?];
+    let filling = [free.take()?, free.take()?];
     let mut sampling = Sampling { borders: Borders::starting(period_ticks), filling, blocks, free, request };
     sampling.start();
     // SAFETY: `Board::start` runs once and unmasks the interrupt afterwards.
@@ -100,17 +100,17 @@ impl Sampling {
         }
         // What DMA wrote is visible from here on.
         fence(Ordering::Acquire);
-        let (last_tick, missed) = time_base::take_border(tim5());
+        let border = time_base::take_border(tim5());
         let next = sample_clock::period(tim2());
         // A border that came meanwhile has brought another block's period.
         let next = (!time_base::border_waits(tim5())).then_some(next);
-        let stamp = self.borders.on_border(last_tick, missed, next);
+        let stamp = self.borders.on_border(border, next);
         RELOAD.store(self.borders.publish(self.request.latest()), Ordering::Relaxed);
         // A block without a stamp is given up, and its buffer filled again.
         let Some(stamp) = stamp else { return };
         let (idle, [first, second]) = (dma::target(stream).other(), &mut self.filling);
         let place = if idle == Target::Memory0 { first } else { second };
-        match self.free.dequeue() {
+        match self.free.take() {
             Some(fresh) => {
                 // SAFETY: the buffer is static memory in SRAM that nobody else holds, and `idle` is not the target.
                 unsafe { dma::exchange(stream, idle, fresh.as_mut_ptr() as u32) };

@@ -1,6 +1,6 @@
 //! Converter: ADC1, channel 1 (PA1), 12 bits left-aligned, one conversion per trigger of TIM2.
 //!
-//! 84 MHz / 4 = 21 MHz converter clock; 15 cycles of sampling and 12 of conversion: 1.29 us, 777 kHz at most, for
+//! 84 MHz / 4 = 21 MHz converter clock; 15 cycles of sampling and 12 of conversion: 1.29 us, for
 //! source impedances up to about 8 kilohm (DS8626 equation 1). Left alignment gives the codes in 16 bits that the node
 //! expects, steps of 16. RM0090 section 13.
 
@@ -10,8 +10,6 @@ use crate::pac::{adc_common, adc1};
 pub const TRIGGER_TIM2_TRGO: u8 = 0b0110;
 /// Channel of the signal, pin PA1.
 pub const CHANNEL: u8 = 1;
-/// Highest sample rate the node is granted on this board, Hz.
-pub const HIGHEST_RATE_HZ: u32 = 750_000;
 
 /// Sets the converter up; it waits for triggers from here on.
 pub fn start(adc: &adc1::RegisterBlock, common: &adc_common::RegisterBlock) {

@@ -21,6 +21,15 @@ pub struct Stamp {
     pub overrun: bool,
 }
 
+/// What the time base says of borders when a block is complete.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Captured {
+    /// Instant of the newest block's last sample; `None` if it was taken before.
+    pub last_tick: Option<u32>,
+    /// A border before it went unnoticed.
+    pub missed: bool,
+}
+
 /// Book of periods and sequence.
 #[derive(Clone, Copy, Debug)]
 pub struct Borders {
@@ -40,15 +49,23 @@ impl Borders {
         Self { running: Some(period), published: period, sequence: 0, overrun: false, before: None }
     }
 
-    /// A block has ended. `last_tick` is its last sample's instant; `missed` tells that other borders passed unnoticed before
-    /// it: how many, the time since the last one noticed tells (a flash erasure takes seconds), exactly where the rate was
-    /// steady. `next` is the period of the block that has begun, as the timer's register says, or `None` if yet another
-    /// border may have changed it.
+    /// A block is complete. Where other borders passed unnoticed before the one captured, the time since the last one noticed
+    /// tells how many (a flash erasure takes seconds), exactly where the rate was steady. `next` is the period of the block that
+    /// has begun, as the timer's register says, or `None` if yet another border may have changed it.
+    ///
+    /// An interrupt so late that it falls between the next block's last trigger and the end of that conversion finds that
+    /// block's border captured, and is followed by another interrupt for it: no border is captured then, and the block is
+    /// already counted.
     ///
     /// Gives the block's stamp; `None` for a block whose own period nobody read, which must be given up.
-    pub fn on_border(&mut self, last_tick: u32, missed: bool, next: Option<u32>) -> Option<Stamp> {
-        let ended = self.running.filter(|_| !missed);
-        if missed {
+    pub fn on_border(&mut self, captured: Captured, next: Option<u32>) -> Option<Stamp> {
+        let Some(last_tick) = captured.last_tick else {
+            // The register was read at the border itself, perhaps before DMA had written it.
+            self.running = next;
+            return None;
+        };
+        let ended = self.running.filter(|_| !captured.missed);
+        if captured.missed {
             self.sequence = self.sequence.wrapping_add(self.unnoticed(last_tick));
         }
         let sequence = self.sequence;

@@ -3,6 +3,9 @@
 //! Sectors 10 and 11, 128 KiB each: the stored configuration needs two to survive a power cut at any instant. The core
 //! stands still while flash is busy (it fetches from the same bank): 16 us per word, 1 s to 2 s per erasure; blocks
 //! are lost meanwhile and counted. RM0090 section 3.6.
+//!
+//! Words of 32 bits may be programmed from 2.7 V on only. The core runs down to 1.8 V; what guarantees the voltage is the
+//! brown-out reset, an option byte that new chips have off ([`BrownOut`]).
 
 use crate::pac::flash;
 
@@ -38,7 +41,42 @@ pub enum FlashFault {
 pub fn erase(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault> {
     select(flash, sector)?;
     flash.cr().modify(|_, w| w.strt().set_bit());
-    finish(flash)
+    let outcome = finish(flash);
+    flush_caches(flash);
+    outcome
+}
+
+/// Empties both caches: an erasure leaves what they hold of the sector as it was (RM0090 section 3.5.2). They must be off
+/// for that.
+fn flush_caches(flash: &flash::RegisterBlock) {
+    flash.acr().modify(|_, w| w.icen().disabled().dcen().disabled());
+    flash.acr().modify(|_, w| w.icrst().set_bit().dcrst().set_bit());
+    flash.acr().modify(|_, w| w.icrst().clear_bit().dcrst().clear_bit());
+    flash.acr().modify(|_, w| w.icen().enabled().dcen().enabled());
+}
+
+/// Voltage below which the chip holds itself in reset: option byte BOR_LEV, thresholds of DS8626.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum BrownOut {
+    /// 2.75 V or more: words can always be programmed.
+    Level3 = 0,
+    /// From 2.44 V on.
+    Level2 = 1,
+    /// From 2.13 V on.
+    Level1 = 2,
+    /// From 1.8 V on, as delivered.
+    Off = 3,
+}
+
+/// The level in force.
+pub fn brown_out(flash: &flash::RegisterBlock) -> BrownOut {
+    match flash.optcr().read().bits() >> 2 & 3 {
+        0 => BrownOut::Level3,
+        1 => BrownOut::Level2,
+        2 => BrownOut::Level1,
+        _ => BrownOut::Off,
+    }
 }
 
 /// Unlocks the controller and names the sector to erase.

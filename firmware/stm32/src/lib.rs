@@ -28,11 +28,14 @@ pub mod adc;
 pub mod block_stamp;
 #[cfg(feature = "f405")]
 pub mod clock;
+pub mod design_parameters;
 #[cfg(feature = "f405")]
 pub mod dma;
 pub mod filter;
 #[cfg(feature = "f405")]
 pub mod flash;
+#[cfg(feature = "f405")]
+pub mod output;
 pub mod period;
 #[cfg(feature = "f405")]
 pub mod pins;
@@ -40,14 +43,17 @@ pub mod reset;
 #[cfg(feature = "f405")]
 pub mod sample_clock;
 #[cfg(feature = "f405")]
+pub mod spi;
+#[cfg(feature = "f405")]
 pub mod time_base;
 #[cfg(feature = "f405")]
 pub mod uart;
+#[cfg(feature = "f405")]
+pub mod unique_id;
 #[cfg(feature = "f405")]
 pub mod watchdog;
 
 #[cfg(feature = "f405")]
 pub use stm32f4::stm32f405 as pac;
 
-/// Samples of a block. Equal to the node's; the image asserts that at compile time.
-pub const BLOCK_SAMPLES: u16 = 512;
+pub use design_parameters::BLOCK_SAMPLES;

@@ -1,7 +1,6 @@
 //! Sample periods as the timer's reload register wants them.
 
-/// Shortest sample period, ticks: a conversion takes 27 cycles of 21 MHz, 108 ticks, and 110 leaves a margin.
-pub const SHORTEST_PERIOD: u32 = 110;
+use crate::design_parameters::SHORTEST_PERIOD;
 
 /// The period that is served when this one is asked for: the converter cannot follow shorter ones.
 pub const fn served(period_ticks: u32) -> u32 {

@@ -1,4 +1,4 @@
-//! Why the node started: the flags of `RCC_CSR`, which lie alike in the STM32F4 and F7. RM0090 section 7.3.21.
+//! Why the node started: the flags of `RCC_CSR`, which lie alike in all STM32F4. RM0090 section 7.3.21.
 
 /// Why the node started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

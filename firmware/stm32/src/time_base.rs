@@ -4,8 +4,14 @@
 //! block's last sample. Both are counts of the same counter, so samples and edges share one time without any
 //! correction but the filter's own delay, which is constant and taken off. Wraps every 51 s. RM0090 section 18.3.5.
 
-use crate::filter::Filter;
+use crate::block_stamp::Captured;
+use crate::design_parameters::CAPTURE_LATENCY;
+use crate::filter::{FILTERS, Filter};
 use crate::pac::tim5;
+
+/// An edge's stamp lies at most this far behind the present instant when it is in the queue, ticks: the longest filter's
+/// delay and the latency. The longest whichever is in force: edges may be on their way through the one before.
+pub const EDGE_SETTLING: u32 = FILTERS[FILTERS.len() - 1].ticks + CAPTURE_LATENCY;
 
 /// Which edge of the tach counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +40,14 @@ pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
     tim5.smcr().write(|w| w.ts().itr1());
     tim5.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().trc());
     set_filter(tim5, filter);
+    set_edge(tim5, edge);
+    tim5.egr().write(|w| w.ug().update());
+    tim5.dier().write(|w| w.cc1ie().enabled());
+    tim5.cr1().modify(|_, w| w.cen().enabled());
+}
+
+/// Chooses the edge of the tach, at any time: one write, so that neither capture stops.
+pub fn set_edge(tim5: &tim5::RegisterBlock, edge: Edge) {
     tim5.ccer().write(|w| {
         let w = w.cc1e().set_bit().cc2e().set_bit();
         match edge {
@@ -41,9 +55,6 @@ pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
             Edge::Falling => w.cc1p().set_bit(),
         }
     });
-    tim5.egr().write(|w| w.ug().update());
-    tim5.dier().write(|w| w.cc1ie().enabled());
-    tim5.cr1().modify(|_, w| w.cen().enabled());
 }
 
 /// Changes the tach's filter, at any time: field and divider are no part of the counting.
@@ -58,6 +69,11 @@ pub fn now(tim5: &tim5::RegisterBlock) -> u32 {
     tim5.cnt().read().bits()
 }
 
+/// Instant before which every edge has been captured and queued.
+pub fn horizon(tim5: &tim5::RegisterBlock) -> u32 {
+    now(tim5).wrapping_sub(EDGE_SETTLING)
+}
+
 /// Takes a captured edge; for TIM5's interrupt.
 pub fn take_edge(tim5: &tim5::RegisterBlock, filter: Filter) -> Capture {
     let status = tim5.sr().read();
@@ -70,14 +86,18 @@ pub fn take_edge(tim5: &tim5::RegisterBlock, filter: Filter) -> Capture {
     Capture { tick, lost }
 }
 
-/// Takes the instant of the newest block's last sample, and whether a border before it went unnoticed.
-pub fn take_border(tim5: &tim5::RegisterBlock) -> (u32, bool) {
-    let missed = tim5.sr().read().cc2of().bit_is_set();
-    let tick = tim5.ccr2().read().bits();
+/// Takes the instant of the newest block's last sample, if there is one that was not taken yet, and whether a border before
+/// it went unnoticed.
+pub fn take_border(tim5: &tim5::RegisterBlock) -> Captured {
+    let status = tim5.sr().read();
+    // Reading the captured count clears its flag.
+    let last_tick = status.cc2if().bit_is_set().then(|| tim5.ccr2().read().bits());
+    // A border between the two reads has overwritten the count; one behind them has raised the flag anew.
+    let missed = status.cc2of().bit_is_set() || tim5.sr().read().cc2of().bit_is_set();
     if missed {
         clear(tim5, |w| w.cc2of().clear_bit());
     }
-    (tick, missed)
+    Captured { last_tick, missed }
 }
 
 /// Whether a border has passed since the last one was taken.

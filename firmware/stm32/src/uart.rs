@@ -4,12 +4,11 @@
 //! the chip's own boot loader listens there. Reception is a circle that the main loop reads behind the DMA's
 //! position: no interrupt per byte. Sending takes one transfer per run of contiguous bytes. RM0090 section 30.
 
-use crate::clock::APB2_HZ;
+use crate::design_parameters::{APB2_HZ, BITS_PER_SECOND};
 use crate::dma;
 use crate::pac::usart1;
+use core::sync::atomic::{Ordering, fence};
 
-/// Bit rate of the link.
-pub const BITS_PER_SECOND: u32 = 921_600;
 /// Stream of DMA2 for reception.
 pub const RECEIVE_STREAM: usize = 5;
 /// Stream of DMA2 for sending.
@@ -62,6 +61,8 @@ pub unsafe fn start_sending(dma2: &dma::RegisterBlock, data_register: u32, buffe
         let w = w.chsel().set(CHANNEL).pl().low();
         w.dir().memory_to_peripheral().minc().incremented().psize().bits8().msize().bits8()
     });
+    // The bytes are in memory before the controller looks.
+    fence(Ordering::Release);
     stream.cr().modify(|_, w| w.en().enabled());
 }
 

@@ -3,10 +3,9 @@
 //! Eight seconds nominal: at the oscillator's fast end still longer than the erasure of a 128 KiB sector of flash, 2 s at
 //! most, during which the core stands still. RM0090 section 21.
 
+use crate::design_parameters::WATCHDOG_MS;
 use crate::pac::iwdg;
 
-/// Nominal time-out, ms at 32 kHz; 5.4 s to 15 s over the oscillator's tolerance of 17 kHz to 47 kHz.
-pub const PERIOD_MS: u32 = 8_000;
 /// Prescaler 256: 8 ms per count at 32 kHz.
 const MS_PER_COUNT: u32 = 8;
 
@@ -15,7 +14,7 @@ pub fn start(iwdg: &iwdg::RegisterBlock) {
     iwdg.kr().write(|w| w.key().start());
     iwdg.kr().write(|w| w.key().unlock());
     iwdg.pr().write(|w| w.pr().divide_by256());
-    iwdg.rlr().write(|w| w.rl().set((PERIOD_MS / MS_PER_COUNT) as u16 - 1));
+    iwdg.rlr().write(|w| w.rl().set((WATCHDOG_MS / MS_PER_COUNT) as u16 - 1));
     feed(iwdg);
 }
 

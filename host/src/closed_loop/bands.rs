@@ -6,7 +6,7 @@
 
 use super::outcome::Outcome;
 use super::replay::Replay;
-use super::spectrum::noise_power;
+use crate::spectral::noise_power;
 use serde::Serialize;
 
 /// One band, mean over the held-out runs.
@@ -33,7 +33,7 @@ pub fn bands(replay: &Replay, outcome: &Outcome) -> Vec<Band> {
     for channel in 0..2 {
         for harmonic in 1..=5 {
             let (mut level, mut squares, mut count) = (0.0, [0.0; 2], 0.0);
-            for &r in &outcome.split[2] {
+            for r in outcome.held_out_places() {
                 let run = &base.runs[r];
                 let mesh = z * run.angle.shaft_hz * base.analyser.duration_s();
                 let from = ((harmonic as f64 - 0.5) * mesh) as usize;
@@ -46,8 +46,8 @@ pub fn bands(replay: &Replay, outcome: &Outcome) -> Vec<Band> {
                 };
                 let measured = &run.measured[channel];
                 let record = decibel(&|b| measured[b].norm_sqr());
-                let before = decibel(&|b| (measured[b] - replay.before[r][channel][b]).norm_sqr());
-                let after = decibel(&|b| (measured[b] - replay.after[r][channel][b]).norm_sqr());
+                let before = decibel(&|b| (measured[b] - replay.declared_residual[r][channel][b]).norm_sqr());
+                let after = decibel(&|b| (measured[b] - replay.corrected_residual[r][channel][b]).norm_sqr());
                 level += record;
                 squares[0] += (before - record).powi(2);
                 squares[1] += (after - record).powi(2);
@@ -83,8 +83,8 @@ pub fn occupied(replay: &Replay, outcome: &Outcome) -> [Occupied; 2] {
     let lowest = (8.0 * base.analyser.duration_s()) as usize;
     [0, 1].map(|channel| {
         let (mut mean, mut squares) = (0.0, [0.0; 2]);
-        for &r in &outcome.split[2] {
-            let noise = noise_power(&replay.after[r][channel]);
+        for r in outcome.held_out_places() {
+            let noise = noise_power(&replay.corrected_residual[r][channel]);
             let measured = &base.runs[r].measured[channel];
             let width = |power: &dyn Fn(usize) -> f64| {
                 let whole: f64 = (lowest..noise.len()).map(power).sum();
@@ -96,7 +96,7 @@ pub fn occupied(replay: &Replay, outcome: &Outcome) -> [Occupied; 2] {
                 at.unwrap_or(0) as f64 / base.analyser.duration_s()
             };
             let record = width(&|b| measured[b].norm_sqr() - noise[b]);
-            let errors = [&replay.before, &replay.after]
+            let errors = [&replay.declared_residual, &replay.corrected_residual]
                 .map(|rest| width(&|b| (measured[b] - rest[r][channel][b]).norm_sqr()) - record);
             mean += record / outcome.split[2].len() as f64;
             squares[0] += errors[0].powi(2);

@@ -3,13 +3,14 @@
 //! Every declared number is uncertain by a stated tolerance. Two Gauss-Newton steps with these as priors centre the model; afterwards the
 //! sensitivities stay in every fit, so that an undeclared effect is credited only with what tolerances cannot explain.
 
-use super::angle::Angle;
 use super::candidate::Template;
-use super::harmonic_model::{Comb, Machine, Solution};
-use super::input::Record;
 use super::least_squares::{Column, Data, normal, solve};
-use super::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, noise_power, sparse};
 use crate::machine::Shafts;
+use crate::model::harmonic_balance::{Comb, Machine, Solution};
+use crate::observation::angle::Angle;
+use crate::observation::input::Record;
+use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, sparse};
+use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 
@@ -112,7 +113,8 @@ impl Base {
     /// Declared machine on every run; nothing fitted yet.
     pub fn new(record: &Record) -> Self {
         let samples = record.runs.iter().map(|r| r.channels[0].len()).min().unwrap_or(0);
-        let analyser = Analyser::new(samples, record.sample_rate_hz);
+        let mut analyser = Analyser::new(samples, record.sample_rate_hz);
+        analyser.up_to(record.top_hz);
         let machine = Machine::new(&record.pair, &record.shafts, &record.curve);
         let runs = record
             .runs
@@ -163,7 +165,7 @@ impl Base {
                 .base
                 .lines
                 .iter()
-                .map(|line| super::harmonic_model::Line {
+                .map(|line| crate::model::harmonic_balance::Line {
                     order: line.order,
                     amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)),
                 })
@@ -232,6 +234,21 @@ impl Base {
                 })
             })
             .collect()
+    }
+
+    /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into every bin.
+    pub fn timing_power(&self, run: usize) -> [Vec<f64>; 2] {
+        let first = TOLERANCES.len() + 2 * run;
+        let columns = self.nuisances.iter().zip(&self.priors).skip(first).take(2);
+        let mut power = [0, 1].map(|_| vec![0.0; self.analyser.bins]);
+        for (template, (precision, _)) in columns {
+            for (power, part) in power.iter_mut().zip(&template.runs[run]) {
+                for (bin, value) in part {
+                    power[*bin as usize] += value.norm_sqr() / precision;
+                }
+            }
+        }
+        power
     }
 
     /// Nuisance columns with their priors.

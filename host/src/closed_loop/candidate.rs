@@ -1,8 +1,8 @@
 //! A candidate effect: named templates that are linear in a few physical parameters.
 
-use super::harmonic_model::Line;
-use super::spectrum::{Analyser, REACH, Sparse, sparse};
 use super::start::Start;
+use crate::model::harmonic_balance::Line;
+use crate::observation::spectrum::{Analyser, REACH, Sparse, sparse};
 use rustfft::num_complex::Complex64 as C;
 
 /// Response to one unit of one real parameter: sparse bins per run and channel.
@@ -63,8 +63,10 @@ pub struct Candidate {
     pub parameters: Vec<Parameter>,
     /// Templates, one per real unknown.
     pub templates: Vec<Template>,
-    /// Number of alternatives searched to arrive at this candidate.
+    /// Number of alternatives searched to arrive at this candidate, as its score pays for them.
     pub searched: f64,
+    /// Number of places (orders, frequencies) of this record that its own was chosen from.
+    pub scanned: f64,
     /// Exponents of speed and torque that the templates carry in the excitation.
     pub exponents: [f64; 2],
     /// Phase is arbitrary in every run (not locked to the shaft): templates 0 and 1 are a quadrature pair.
@@ -95,6 +97,7 @@ impl Default for Candidate {
             parameters: Vec::new(),
             templates: Vec::new(),
             searched: 1.0,
+            scanned: 1.0,
             exponents: [0.0, 0.0],
             phase_free: false,
             tuning: None,

@@ -10,8 +10,8 @@
 use super::candidate::{Parameter, Tuning};
 use super::outcome::{Effect, Term};
 use super::start::Start;
+use crate::machine::Geometry;
 use crate::machine::Machine;
-use crate::stiffness::Geometry;
 use crate::{Result, effects};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -7,8 +7,8 @@
 use super::base_fit::Base;
 use super::detect::{CAP, Found, statistic};
 use super::least_squares::Data;
+use super::probability::Probability;
 use rayon::prelude::*;
-use statrs::distribution::{ContinuousCDF, Gamma};
 
 /// Highest frequency of a comb's lines, Hz.
 const HIGHEST_HZ: f64 = 14_000.0;
@@ -77,10 +77,11 @@ impl<'a> Search<'a> {
 
     /// Fisher's sum over the runs (Gamma with their number in noise), and a rank by which neighbouring orders compare.
     fn evidence(&self, order: f64) -> (f64, f64) {
-        let line = Gamma::new(2.0, 1.0).expect("positive shape");
         (0..self.runs.len()).fold((0.0, 0.0), |(sum, rank), index| {
             let top = self.strongest(index, order);
-            let by_chance = -(top.lines * (-(1.0 - line.cdf(top.power))).ln_1p()).exp_m1();
+            // The strongest of so many lines: 1 - (1 - p)^lines without its rounding.
+            let one = Probability::gamma_above(top.power, 2.0).value();
+            let by_chance = -(top.lines * (-one).ln_1p()).exp_m1();
             (sum + (-by_chance.max(1e-300).ln()).min(CAP), rank + (1.0 + top.power).ln())
         })
     }
@@ -109,15 +110,14 @@ pub fn combs(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Foun
     let guard = 2.5 / (duration_s * slowest);
     let steps = (0.5 * search.mesh_order / step) as usize;
     let tests = steps as f64 * 0.6;
-    let null = Gamma::new(runs.len() as f64, 1.0).expect("positive shape");
     let mut all: Vec<Found> = (1..steps)
         .into_par_iter()
         .map(|i| i as f64 * step)
         .filter(|order| *order > guard)
         .filter_map(|at| {
             let (sum, statistic) = search.evidence(at);
-            let p_value = (1.0 - null.cdf(sum)) * tests;
-            (p_value < LARGEST_P).then_some(Found { at, statistic, p_value, modulation: true })
+            let chance = Probability::gamma_above(sum, runs.len() as f64).among(tests.ln());
+            (chance.value() < LARGEST_P).then_some(Found { at, statistic, places: tests, modulation: true })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));

@@ -4,52 +4,36 @@
 //! from the declared parameters as fitted and, where much is left, from the declaration; what is significant but follows no law gets a
 //! plain description.
 //!
+//! Before all of this the record itself is checked ([`check`]), and after it the held-out runs and the check may
+//! contradict the verdict ([`Outcome::checked`]).
+//!
 //! Held-out runs take no part in any fit or choice between candidates, but for their own start ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
 //! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;
+use super::criteria::LARGEST_P;
 use super::impulsive::impacts;
-use super::input::Record;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
+use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
-use super::search::{Found, Search, search};
+use super::search::{Found, Memory, Search, search};
 use super::start::Start;
-use super::strength::Strengths;
-use super::tables::report;
+use super::tables::{predicted, report};
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
+use crate::check;
+use crate::observation::input::Record;
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
-
-/// Options of the loop.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Seed of the split.
-    pub seed: u64,
-    /// Most effects looked for.
-    pub most: usize,
-    /// Progress on stderr.
-    pub progress: bool,
-    /// Library names withheld (for leave-one-out proof).
-    pub withheld: Vec<String>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { seed: 1, most: 5, progress: false, withheld: Vec::new() }
-    }
-}
 
 /// Power over local noise left by a search from which it pays to search again from the declaration.
 const MOST_OVER_NOISE: f64 = 1.3;
 /// And power left as a share of what the declaration leaves.
 const LARGEST_REST: f64 = 0.1;
-/// Largest probability of a term's gain by chance, after correction for the search.
-pub const LARGEST_P: f64 = 1e-3;
 /// Share by which the order of impacts wanders.
 const SLIP: f64 = 0.005;
 /// A term that leaves more of the power at its own lines than this explains nothing.
@@ -87,15 +71,22 @@ fn split(base: &Base, seed: u64) -> Result<Split> {
     })
 }
 
-/// Finds what the declared machine of `record` lacks.
+/// Finds what the declared machine of `record` lacks, after a check of the record itself.
 ///
 /// # Errors
-/// Fewer than three speeds, or runs shorter than half a second.
+/// A record that the check refuses, fewer than three speeds, runs shorter than half a second, a result that is none.
 pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
+    let checked = check::mended(record);
+    checked.findings.require_usable()?;
+    close_checked(&checked.record, options)?.checked(checked.findings, &checked.runs)
+}
+
+/// The loop on a record that passed its check.
+fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let start = std::time::Instant::now();
     let say = |what: &str| {
         if options.progress {
-            eprintln!("{:6.1} s  {what}", start.elapsed().as_secs_f64());
+            crate::remark!("{:6.1} s  {what}", start.elapsed().as_secs_f64());
         }
     };
     if record.runs.iter().any(|r| (r.channels[0].len() as f64) < 0.5 * record.sample_rate_hz) {
@@ -112,6 +103,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         base = Base::new(record);
     }
     let plain = base.data();
+    let calibrated = predicted(&base, &plain, &seen, &[]);
     let mut whole: Vec<Effect> = clipping(&mut base, record, &plain, &split.held_out).into_iter().collect();
     if whole.is_empty() {
         whole.extend(speed_fluctuation(&mut base, record, &plain, &split.held_out));
@@ -131,25 +123,30 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     }
     describe_withheld(&mut whole, &options.withheld);
     // These distort every line: what is left of them is no second effect.
+    let distorted = !whole.is_empty();
     let rounds = if whole.is_empty() { options.most } else { 0 };
     let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
-    let mut explained = explain(base, &split, options, rounds, &plain, &say);
+    let mut explained = explain(base, &split, options, rounds, 0, &plain, &say);
     let much = explained.power > (MOST_OVER_NOISE * explained.noise).max(LARGEST_REST * at_first);
     if rounds > 0 && fitted && much {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
-        let again = explain(Base::new(record), &split, options, rounds, &plain, &say);
+        let again = explain(Base::new(record), &split, options, rounds, explained.tried, &plain, &say);
+        let tried = again.tried;
         if again.left < explained.left {
             explained = again;
         }
+        explained.tried = tried;
     }
     say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
-    let Explained { base, found, .. } = explained;
+    let Explained { base, found, tried, .. } = explained;
     let Found { mut accepted, pool, mut refused, strongest, data } = found;
     say("verdicts");
-    let mut effects = verdicts(&base, &data, &split, &accepted, &pool);
+    let mut effects = verdicts(&base, &data, &split, &accepted, &pool, tried);
     // Next to the others and with the final weights a term must still stand.
-    let stands = |e: &Effect| e.evidence.left_at_its_lines < MOST_LEFT && e.evidence.p_value < LARGEST_P;
+    let stands = |e: &Effect| {
+        e.evidence.left_at_its_lines < MOST_LEFT && e.evidence.chance.is_some_and(|p| p.value() < LARGEST_P)
+    };
     let mut keep = effects.iter().map(stands).collect::<Vec<_>>().into_iter();
     accepted.retain(|_| keep.next().unwrap_or(true));
     effects.retain(stands);
@@ -176,7 +173,7 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
         && much_is_there(&base, &data, &seen)
     {
         say("nothing holds from run to run, but much is there: a plain description of what comes closest");
-        effects.extend(undetermined(&base, &data, &split, &found, &pool));
+        effects.extend(undetermined(&base, &data, &split, &found, &pool, tried));
     }
     if whole.is_empty() && effects.is_empty() {
         effects.extend(remainder(&base, &corrected(&base, &data, &joint(&base, &data, &seen, &[]).x, &[]), &seen));
@@ -184,7 +181,9 @@ pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
     for term in &accepted {
         refused.remove(&term.name);
     }
-    let mut outcome = report(record, &declared, &base, &data, &split, &accepted, effects, refused);
+    let calibrated = (distorted || !accepted.is_empty()).then_some(calibrated);
+    let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects, refused);
+    outcome.candidates_tried = tried;
     outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
@@ -213,6 +212,8 @@ fn describe_withheld(effects: &mut [Effect], names: &[String]) {
 struct Explained {
     base: Base,
     found: Found,
+    /// Trials of this search and those before it.
+    tried: usize,
     /// Whitened residual of the runs seen, by weights common to all searches.
     left: f64,
     /// Power of that residual, and of the local noise in it.
@@ -226,21 +227,22 @@ fn explain(
     split: &Split,
     options: &Options,
     rounds: usize,
+    tried: usize,
     plain: &Data,
     say: &dyn Fn(&str),
 ) -> Explained {
     let seen = split.seen();
-    let (mut attempt, mut strengths) = (0, Strengths::new());
+    let mut memory = Memory { tried, ..Memory::default() };
     let mut found = loop {
         let bench = Bench::new(&base);
-        match search(&bench, split, options, rounds, attempt, &mut strengths, say) {
+        match search(&bench, split, options, rounds, &mut memory, say) {
             Search::Done(found) => break *found,
             Search::Recentre(change) => {
                 say("declared parameters moved with the effect: centring again");
                 drop(bench);
                 let change = base.within_reach(&change);
                 base.adopt(&change);
-                attempt += 1;
+                memory.attempt += 1;
             }
         }
     };
@@ -249,7 +251,7 @@ fn explain(
     let rest = corrected(&base, &found.data, &joint(&base, &found.data, &seen, &terms).x, &terms).residual;
     let (power, noise) = power_and_noise(&base, &rest, &seen);
     let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
-    Explained { base, found, left, power, noise }
+    Explained { base, found, tried: memory.tried, left, power, noise }
 }
 
 /// Whether the declared parameters alone leave more than noise.

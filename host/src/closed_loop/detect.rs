@@ -5,8 +5,8 @@
 
 use super::base_fit::Base;
 use super::least_squares::Data;
-use super::spectrum::OVERDISPERSION;
-use statrs::distribution::{ContinuousCDF, Gamma};
+use super::probability::Probability;
+use crate::observation::spectrum::OVERDISPERSION;
 
 /// A detected line.
 #[derive(Debug, Clone, Copy)]
@@ -15,8 +15,8 @@ pub struct Found {
     pub at: f64,
     /// Rank: sum over runs of the logarithm of the line's power over noise.
     pub statistic: f64,
-    /// p-value after Bonferroni over the scan.
-    pub p_value: f64,
+    /// Number of independent places that were scanned.
+    pub places: f64,
     /// Whether it stands as sidebands of the mesh orders and has no line of its own.
     pub modulation: bool,
 }
@@ -47,7 +47,6 @@ fn scan(
     hz: impl Fn(f64, usize) -> Option<f64>,
     count: usize,
 ) -> Vec<Found> {
-    let null = Gamma::new(2.0 * runs.len() as f64, 1.0).expect("positive shape");
     let mut all: Vec<Found> = grid
         .filter_map(|at| {
             let (mut sum, mut rank) = (0.0, 0.0);
@@ -57,8 +56,8 @@ fn scan(
                 // Uncapped on a logarithmic scale, so that a strong line's shoulders do not tie with its peak.
                 rank += (1.0 + own).ln();
             }
-            let p = (1.0 - null.cdf(sum)) * tests;
-            (p < 0.01).then_some(Found { at, statistic: rank, p_value: p, modulation: false })
+            let chance = Probability::gamma_above(sum, 2.0 * runs.len() as f64).among(tests.ln());
+            (chance.value() < 0.01).then_some(Found { at, statistic: rank, places: tests, modulation: false })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
@@ -111,7 +110,8 @@ pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     let step = 0.2 / duration;
     let cells = ((0.45 * z * slowest).min(150.0) / step) as usize;
     let harmonics = 12;
-    let null = Gamma::new(4.0 * f64::from(harmonics) * runs.len() as f64, 1.0).expect("positive shape");
+    let shape = 4.0 * f64::from(harmonics) * runs.len() as f64;
+    let places = 0.3 * cells as f64;
     let at_distance = |at: f64| {
         let (mut sum, mut rank) = (0.0, 0.0);
         for &r in runs {
@@ -129,8 +129,8 @@ pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
         .filter_map(|i| {
             let at = i as f64 * step;
             let (sum, rank) = at_distance(at);
-            let p = (1.0 - null.cdf(sum)) * cells as f64 * 0.3;
-            (p < 1e-3).then_some(Found { at, statistic: rank, p_value: p, modulation: true })
+            let chance = Probability::gamma_above(sum, shape).among(places.ln());
+            (chance.value() < 1e-3).then_some(Found { at, statistic: rank, places, modulation: true })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));

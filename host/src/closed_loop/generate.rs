@@ -5,11 +5,12 @@
 //! flat to 15 kHz, delay removed. [`response`] gives the same equations without noise at a given angle, for effects whose
 //! response is not proportional to their strength. Cost: about 0.1 s per 2 s run. Limits: linear contact, constant nominal speed.
 
-use super::harmonic_model::Machine;
-use super::input::{Record, Run};
-use super::pair_curve::PairCurve;
-use super::start::Hunting;
+use crate::machine::Hunting;
 use crate::machine::{Pair, Shafts};
+use crate::model::harmonic_balance::Machine;
+use crate::observation::input::{Record, Run};
+use crate::spectral::bessel_i0;
+use crate::stiffness::pair_curve::PairCurve;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -220,6 +221,8 @@ pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenar
         shafts: shafts.clone(),
         curve: curve.clone(),
         sample_rate_hz: RATE_HZ,
+        unit: "m/s2".into(),
+        top_hz: None,
         pulses_per_rev: 1,
         jitter_s: 5e-7,
         runs,
@@ -507,7 +510,8 @@ fn run(machine: &Machine, scenario: &Scenario, index: usize, speed: f64, torque:
             (t + 5e-7 * jitter).max(0.0)
         })
         .collect();
-    Run { channels, edges_s, first_pulse_index: 0, input_torque_n_m: torque, clipped_share: 0.0 }
+    let name = format!("run{index:02}.npy");
+    Run { name, channels, edges_s, first_pulse_index: 0, input_torque_n_m: torque, clipped_share: 0.0 }
 }
 
 fn apply_path(effect: &Effect, channels: &mut [Vec<f64>; 2], plant: &Plant<'_>, rng: &mut ChaCha8Rng) {
@@ -577,19 +581,11 @@ fn kaiser_low_pass(rate_hz: f64, over: usize) -> Vec<f64> {
     let fine_hz = rate_hz * over as f64;
     let (half, beta) = ((fine_hz * 1.465e-4) as i32, 9.0);
     let cut = (25_000.0_f64).min(0.49 * rate_hz) / fine_hz;
-    let bessel = |x: f64| {
-        let (mut term, mut sum) = (1.0, 1.0);
-        for k in 1..40 {
-            term *= (x / (2.0 * f64::from(k))).powi(2);
-            sum += term;
-        }
-        sum
-    };
     let mut taps: Vec<f64> = (-half..=half)
         .map(|n| {
             let x = f64::from(n);
             let sinc = if n == 0 { 2.0 * cut } else { (TAU * cut * x).sin() / (PI * x) };
-            sinc * bessel(beta * (1.0 - (x / f64::from(half)).powi(2)).max(0.0).sqrt()) / bessel(beta)
+            sinc * bessel_i0(beta * (1.0 - (x / f64::from(half)).powi(2)).max(0.0).sqrt()) / bessel_i0(beta)
         })
         .collect();
     let sum: f64 = taps.iter().sum();

@@ -9,14 +9,16 @@ use super::base_fit::Base;
 use super::judge::Split;
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence, Value};
-use super::spectrum::noise_power;
+use super::probability::Probability;
+use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::{FftPlanner, num_complex::Complex64 as C};
-use statrs::distribution::{ContinuousCDF, Gamma};
 use std::collections::BTreeMap;
 
 const BAND_WIDTH_HZ: f64 = 2000.0;
 const CAP: f64 = 14.0;
+/// Noise power that a local estimate gives of nothing at all.
+const NO_NOISE: f64 = 1e-24;
 
 /// Squared-envelope spectrum of one band over its local mean.
 fn envelope(bins: &[C], noise: &[f64], first: usize, count: usize) -> Vec<f64> {
@@ -64,7 +66,6 @@ fn fundamental(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) ->
     let fastest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(0.0, f64::max);
     let slowest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(f64::INFINITY, f64::min);
     let lowest = 12.0 / (duration * slowest);
-    let null = Gamma::new(runs.len() as f64, 1.0).expect("positive shape");
     let line = |at: f64| {
         runs.iter()
             .map(|&r| {
@@ -77,7 +78,7 @@ fn fundamental(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) ->
         let step = 0.25 / (duration * fastest);
         let near = (-4..=4).map(|i| o + f64::from(i) * step);
         let (at, sum) = near.map(|o| (o, line(o))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (1.0 - null.cdf(sum) < 1e-5).then(|| (at, summed(base, spectra, runs, at)))
+        (Probability::gamma_above(sum, runs.len() as f64).value() < 1e-5).then(|| (at, summed(base, spectra, runs, at)))
     })
 }
 
@@ -95,11 +96,13 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     // An order is known to about a bin at the fastest run.
     let guard = 1.0 / (duration * fastest);
     let locked = |o: f64| (o - o.round()).abs() < guard || (o / ratio - (o / ratio).round()).abs() * ratio < guard;
-    let null = Gamma::new(2.0 * split.fit.len() as f64, 1.0).expect("positive shape");
     let tests = orders.len() as f64 * 0.5 * 2.0 * bands as f64;
     let noise: Vec<[Vec<f64>; 2]> =
         rest.residual.par_iter().map(|run| [noise_power(&run[0]), noise_power(&run[1])]).collect();
-    let best = (0..2 * bands)
+    // A channel without noise has no envelope: its bins are zero or rounding.
+    let silent = |channel: usize| noise.iter().any(|run| run[channel].iter().all(|n| *n <= NO_NOISE));
+    let heard: Vec<usize> = (0..2 * bands).filter(|index| !silent(index % 2)).collect();
+    let best = heard
         .into_par_iter()
         .map(|index| {
             let (channel, band) = (index % 2, index / 2);
@@ -117,10 +120,9 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
         })
         .max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (sum, alone, order, channel, band) = best;
-    let p_value = (1.0 - null.cdf(sum)) * tests;
-    let check = Gamma::new(2.0 * split.select.len() as f64, 1.0).expect("positive shape");
-    let p_select = 1.0 - check.cdf(alone);
-    if p_value > 1e-4 || p_select > 1e-3 {
+    let chance = Probability::gamma_above(sum, 2.0 * split.fit.len() as f64).among(tests.ln());
+    let confirmed = Probability::gamma_above(alone, 2.0 * split.select.len() as f64);
+    if chance.value() > 1e-4 || confirmed.value() > 1e-3 {
         return None;
     }
     // Resolution of the scan, or the wander of a slipping order.
@@ -144,7 +146,7 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
         order_of_pinion: Some(order),
         frequency_hz: Some(carrier),
         parameters,
-        evidence: Evidence { p_value, held_out_gain: 0.0, ..Evidence::default() },
+        evidence: Evidence { chance: Some(chance), ..Evidence::default() },
         ..Effect::default()
     })
 }

@@ -7,16 +7,15 @@
 
 use super::base_fit::Base;
 use super::candidate::Candidate;
+use super::criteria::{LARGEST_P, LEAST_SCORE, PER_UNKNOWN};
 use super::frame::{Border, Frame};
 use super::least_squares::{Column, Data, normal, subtract};
-use super::start::{self, Freedom, Hunting, Products, Start};
+use super::probability::Probability;
+use super::start::{self, Products, Start};
+use crate::machine::{Freedom, Hunting};
 use rustfft::num_complex::Complex64 as C;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Penalty per real unknown.
-pub const PER_UNKNOWN: f64 = 10.0;
-/// Least score of an accepted effect.
-pub const LEAST_SCORE: f64 = 15.0;
 /// Least gain on the selection runs.
 const LEAST_SELECT_GAIN: f64 = 6.0;
 /// Largest share of its gain that a term may still gain with other values on the selection runs.
@@ -65,6 +64,8 @@ pub struct Judged {
     pub x: Vec<f64>,
     /// Logarithm of the number of starts of the runs that were tried.
     pub start_nats: f64,
+    /// Unknowns fitted on fit and selection runs: degrees of freedom of the gain where nothing is there.
+    pub unknowns: f64,
 }
 
 impl Judged {
@@ -77,13 +78,15 @@ impl Judged {
         let one_law = self.candidate.phase_free
             || self.apart_gain < LARGEST_APART * self.gain + unknowns + 4.0 * (2.0 * unknowns).sqrt();
         let must_predict = self.candidate.phase_free || further;
-        one_law && (predicts || !must_predict) && self.score > LEAST_SCORE && self.p_value(tests) < 1e-3
+        one_law && (predicts || !must_predict) && self.score > LEAST_SCORE && self.chance(tests).value() < LARGEST_P
     }
 
-    /// Probability of such a gain by chance, after Bonferroni over `tests` and the candidate's own search.
-    pub fn p_value(&self, tests: f64) -> f64 {
-        let null = ChiSquared::new(unknowns(&self.candidate, 6)).expect("positive");
-        ((1.0 - null.cdf(self.gain.max(0.0))) * self.candidate.searched * tests * self.start_nats.exp()).min(1.0)
+    /// Probability of such a gain by chance, after Bonferroni over all `tests` of the search, the places that the candidate's own was chosen
+    /// from, and the starts of its runs.
+    pub fn chance(&self, tests: f64) -> Probability {
+        let alone = Probability::chi_square_above(self.gain.max(0.0), self.unknowns);
+        let own = self.candidate.searched.max(self.candidate.scanned);
+        alone.among(own.ln() + tests.ln() + self.start_nats)
     }
 }
 
@@ -187,6 +190,7 @@ pub struct Judge<'a> {
     fit_change: f64,
     gain: f64,
     hunting: Hunting,
+    tried: AtomicUsize,
 }
 
 /// Scores, as [`Judged`] has them.
@@ -198,6 +202,7 @@ struct Scores {
     apart_gain: f64,
     x: Vec<f64>,
     start_nats: f64,
+    unknowns: f64,
 }
 
 impl<'a> Judge<'a> {
@@ -210,7 +215,12 @@ impl<'a> Judge<'a> {
         let fit_change = frame.change(&split.select, None, &fitted.x).min(0.0);
         let all = frame.estimate(&seen, None);
         let hunting = Hunting::of(base.machine.teeth);
-        Self { frame, split, seen, common: all.x, fit_change, gain: all.gain, hunting }
+        Self { frame, split, seen, common: all.x, fit_change, gain: all.gain, hunting, tried: AtomicUsize::new(0) }
+    }
+
+    /// Number of scores given so far: candidates, their shapes, strengths and starts.
+    pub fn tried(&self) -> usize {
+        self.tried.load(Ordering::Relaxed)
     }
 
     /// Scores of `candidate` as it is.
@@ -260,6 +270,7 @@ impl<'a> Judge<'a> {
     }
 
     fn scores(&self, candidate: &Candidate, start: &Start, border: &Border) -> Scores {
+        self.tried.fetch_add(1, Ordering::Relaxed);
         let mut apart_gain = 0.0;
         let (gain, select_gain, select_promise, x) = if candidate.phase_free {
             // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
@@ -294,16 +305,17 @@ impl<'a> Judge<'a> {
             apart_gain = self.frame.estimate(&self.seen, Some(&border.apart(&self.split.select))).gain - whole.gain;
             (gain, select, promise, x.iter().copied().collect())
         };
-        let start_nats = start.nats_per_run(self.hunting) * (self.seen.len() - 1) as f64;
-        let searched = candidate.searched.ln() + start_nats;
-        let score = gain - PER_UNKNOWN * unknowns(candidate, self.seen.len()) - 2.0 * searched;
-        Scores { score, gain, select_gain, select_promise, apart_gain, x, start_nats }
+        let further_runs = (self.seen.len() - 1) as f64;
+        let start_nats = start.nats_per_run(self.hunting) * further_runs;
+        let unknowns = unknowns(candidate, self.seen.len()) + start.unknowns_per_run() * further_runs;
+        let score = gain - PER_UNKNOWN * unknowns - 2.0 * (candidate.searched.ln() + start_nats);
+        Scores { score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns }
     }
 }
 
 impl Scores {
     fn of(self, candidate: Candidate) -> Judged {
-        let Self { score, gain, select_gain, select_promise, apart_gain, x, start_nats } = self;
-        Judged { candidate, score, gain, select_gain, select_promise, apart_gain, x, start_nats }
+        let Self { score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns } = self;
+        Judged { candidate, score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns }
     }
 }

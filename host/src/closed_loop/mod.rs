@@ -2,14 +2,13 @@
 //! and by how much does adding that effect lower the error on runs that were not used to find it.
 //!
 //! The declared machine is linear and periodic in the pinion's angle with one rank-one time-varying part (the mesh),
-//! so every small effect has an exact steady response on a comb of orders ([`harmonic_model`]). All comparisons are made on
-//! complex spectral bins below 15 kHz, whitened by locally estimated noise ([`spectrum`]); declared parameters and
+//! so every small effect has an exact steady response on a comb of orders ([`harmonic_balance`](crate::model::harmonic_balance)). All comparisons are made on
+//! complex spectral bins below 15 kHz, whitened by locally estimated noise ([`spectrum`](crate::observation::spectrum)); declared parameters and
 //! tachometer offsets stay in every fit as nuisances with priors ([`base_fit`]), so an effect is credited only with
 //! what they cannot explain. Source: reference recipe "split, residual, match by simulation, abstain" of the project.
 
 #![allow(clippy::needless_range_loop, clippy::type_complexity, reason = "indices run over parallel spectra")]
 
-pub mod angle;
 pub mod apply;
 pub mod bands;
 pub mod base_fit;
@@ -17,24 +16,23 @@ pub mod campaign;
 pub mod candidate;
 pub mod carry;
 pub mod combs;
+pub mod criteria;
 pub mod decide;
 pub mod detect;
 pub mod frame;
 pub mod generate;
-pub mod harmonic_model;
 pub mod impulsive;
-pub mod input;
 pub mod judge;
 pub mod least_squares;
 pub mod library;
 pub mod node_check;
+pub mod options;
 pub mod outcome;
-pub mod pair_curve;
+pub mod probability;
 pub mod remainder;
 pub mod replay;
 pub mod report;
 pub mod search;
-pub mod spectrum;
 pub mod start;
 pub mod strength;
 pub mod tables;
@@ -42,5 +40,6 @@ pub mod together;
 pub mod verdict;
 pub mod waveform;
 
-pub use decide::{Options, close_loop};
+pub use decide::close_loop;
+pub use options::Options;
 pub use outcome::Outcome;

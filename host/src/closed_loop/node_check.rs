@@ -17,7 +17,7 @@ use crate::law::file::LawFile;
 use crate::machine::Machine;
 use crate::record::Record;
 use crate::virtual_node::frames::Received;
-use crate::virtual_node::image::{Image, TICKS_PER_SECOND};
+use crate::virtual_node::image::TICKS_PER_SECOND;
 use crate::virtual_node::setup::configuration;
 use crate::virtual_node::signal::Signal;
 use crate::virtual_node::simulation;
@@ -132,13 +132,14 @@ fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
     let mut config = configuration(signal, None)?;
     config.law = law.for_node()?;
     let run = |lead: &Signal| -> Result<Received> {
-        let image = Image::new(lead.source(), &config, |header| header)?;
+        let image = lead.image(&config)?;
         Ok(Received::decode(&simulation::run(&image.bytes)?.link))
     };
     let begins = |s: &Spectrum| (s.tag.first_tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND);
     let per_s = (signal.edges_s.len() - 1) as f64 / (signal.edges_s[signal.edges_s.len() - 1] - signal.edges_s[0]);
     let per_turn = f64::from(signal.pulses_per_turn) / signal.pinion_per_tach;
-    // Where the node's first spectrum begins does not depend on what follows: the signal itself shall begin just there.
+    // Where the node's first spectrum begins does not depend on what follows: the signal itself shall begin just there. Spectra begin
+    // at whole turns, timed with the jitter of an edge: half a turn on either side tells which.
     let (probe, _) = with_lead_in(signal, START_S + SPECTRUM_TURNS * per_turn / per_s);
     let probed = run(&probe)?;
     let first_s = probed.spectra().next().map_or(START_S, begins);
@@ -149,10 +150,11 @@ fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
         .map(|b| f64::from(b.bandwidth_hz))
         .collect();
     measured.sort_by(f64::total_cmp);
-    let (played, seam_s) = with_lead_in(signal, first_s - per_turn / per_s);
+    let half_turn_s = 0.5 * per_turn / per_s;
+    let (played, seam_s) = with_lead_in(signal, first_s - half_turn_s);
     let received = run(&played)?;
     let status = received.statuses().last();
-    let spectra: Vec<_> = received.spectra().filter(|s| begins(s) >= seam_s).collect();
+    let spectra: Vec<_> = received.spectra().filter(|s| begins(s) >= seam_s - half_turn_s).collect();
     let harmonics: Vec<u8> = spectra.first().map_or(Vec::new(), |s| s.bands.iter().map(|b| b.harmonic).collect());
     let level = |harmonic: u8| {
         let all = spectra.iter().flat_map(|s| &s.bands).filter(|b| b.harmonic == harmonic).map(power);

@@ -1,24 +1,49 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
 use super::candidate::{Parameter, Tuning};
-use super::spectrum::Bins;
+use super::probability::Probability;
 use super::start::Start;
+use crate::check::Findings;
+use crate::observation::spectrum::Bins;
+use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// NRMSE of one part of the signal at three stages, beside what noise alone leaves. What a stage gains, it gains over the one before: an effect is
+/// worth `corrected` against `calibrated`, never against `declared`.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Stages {
+    /// The machine as declared.
+    pub declared: f64,
+    /// Declared parameters fitted within their tolerances, no effect.
+    pub calibrated: f64,
+    /// Parameters and effects fitted.
+    pub corrected: f64,
+    /// Share that the local noise of the corrected residual leaves.
+    pub noise_floor: f64,
+}
+
 /// Error of one group of runs.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct ErrorPair {
-    /// NRMSE of the shaft-synchronous part, declared machine, pooled.
-    pub before: f64,
-    /// NRMSE of the shaft-synchronous part with the effects, pooled.
-    pub after: f64,
-    /// Share that local noise alone leaves.
-    pub noise_floor: f64,
-    /// The same for the whole signal below 15 kHz: before, after, floor.
-    pub whole_signal: [f64; 3],
-    /// Whole signal per channel: before, after, floor.
-    pub per_channel: [[f64; 3]; 2],
+pub struct StagedError {
+    /// Bins within one bin of an order of either shaft, both channels pooled.
+    pub shaft_synchronous: Stages,
+    /// The whole signal below 15 kHz, both channels pooled.
+    pub whole_signal: Stages,
+    /// The whole signal, channel by channel.
+    pub per_channel: [Stages; 2],
+}
+
+impl StagedError {
+    /// Every part, with its name.
+    pub fn parts(&self) -> [(&'static str, Stages); 4] {
+        [
+            ("shaft-synchronous, pooled", self.shaft_synchronous),
+            ("whole signal, pooled", self.whole_signal),
+            ("whole signal, channel 0", self.per_channel[0]),
+            ("whole signal, channel 1", self.per_channel[1]),
+        ]
+    }
 }
 
 /// Error table.
@@ -27,9 +52,32 @@ pub struct ErrorTable {
     /// What the numbers are.
     pub metric: String,
     /// Runs used for finding and fitting.
-    pub fit_runs: ErrorPair,
+    pub fit_runs: StagedError,
     /// Runs read once at the end.
-    pub held_out_runs: ErrorPair,
+    pub held_out_runs: StagedError,
+}
+
+/// Error of one held-out run beside a floor that a run's own failure does not lift.
+#[derive(Debug, Clone, Serialize)]
+pub struct HeldOut {
+    /// Index of the run in the record.
+    pub run: usize,
+    /// NRMSE with parameters and effects, shaft-synchronous part and whole signal.
+    pub corrected: [f64; 2],
+    /// Noise and the tachometer's declared jitter alone, of the same.
+    pub floor: [f64; 2],
+}
+
+/// Error over floor from which a held-out run contradicts the verdict.
+pub const MOST_OVER_FLOOR: f64 = 2.0;
+/// Error that no prediction of anything leaves.
+const LARGEST_ERROR: f64 = 1e3;
+
+impl HeldOut {
+    /// The larger ratio of error to floor.
+    pub fn over_floor(&self) -> f64 {
+        (0..2).map(|i| self.corrected[i] / self.floor[i].max(1e-300)).fold(0.0, f64::max)
+    }
 }
 
 /// Value with interval.
@@ -54,22 +102,26 @@ pub struct Evidence {
     pub torque_exponent: Option<f64>,
     /// Its 95 % interval.
     pub torque_exponent_ci95: Option<[f64; 2]>,
-    /// Fall of the held-out NRMSE of the shaft-synchronous part (whole signal for fixed frequencies) when this effect is added last.
+    /// Fall of the held-out NRMSE of the shaft-synchronous part (whole signal for fixed frequencies) when this effect is added last; of an only
+    /// effect, corrected against calibrated.
     pub held_out_gain: f64,
-    /// Probability of such a gain by chance, after correction for the search.
-    pub p_value: f64,
-    /// Bayes factor over the best explanation of another name (capped at 1e6).
-    pub bayes_factor_over_next: Option<f64>,
+    /// Probability of such a gain by chance, after correction for the search (`p_value`, `log10_p`); none where it is not counted.
+    #[serde(flatten)]
+    pub chance: Option<Probability>,
+    /// Penalised log likelihood less that of the best explanation of another library name, nats: half the gain in chi-square less 5 per unknown
+    /// and the logarithm of the alternatives searched. Like half a difference of BIC with a fixed penalty; no Bayes factor, since no prior of the
+    /// strengths is integrated over.
+    pub score_over_next: Option<f64>,
     /// Share of the residual power at the effect's own lines that it leaves beyond noise.
     pub left_at_its_lines: f64,
-    /// Names considered next, with the drop in log likelihood against the chosen one.
+    /// Names considered next, with the drop of the same penalised log likelihood against the chosen one.
     pub next: Vec<(String, f64)>,
 }
 
 /// One effect.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Effect {
-    /// named, ambiguous or generic.
+    /// named, ambiguous, generic, or abstained: resembles the name, which something contradicts.
     pub verdict: String,
     /// Library name, names in question, or plain description.
     pub name: String,
@@ -85,6 +137,9 @@ pub struct Effect {
     pub parameters: BTreeMap<String, Value>,
     /// Evidence.
     pub evidence: Evidence,
+    /// Why a name is withheld.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub withheld_because: Option<String>,
     /// Experiment that would decide between the names in question.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deciding_experiment: Option<String>,
@@ -95,6 +150,16 @@ pub struct Effect {
     /// Orders of neither shaft: phase of every run against the first, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phase_of_runs_rad: Option<Vec<f64>>,
+}
+
+impl Effect {
+    /// "named: NAME" and the like.
+    pub fn verdict_and_name(&self) -> String {
+        match self.withheld_because {
+            Some(_) => format!("{}: resembles {}", self.verdict, self.name),
+            None => format!("{}: {}", self.verdict, self.name),
+        }
+    }
 }
 
 /// What stays unexplained.
@@ -128,10 +193,16 @@ pub struct Term {
 /// Outcome of the loop.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
+    /// The answer in one line; what contradicts it comes first.
+    pub headline: String,
+    /// What is wrong with the record itself.
+    pub findings: Findings,
     /// Name of the record.
     pub record: String,
     /// Error before and after.
     pub error: ErrorTable,
+    /// Held-out runs one by one.
+    pub held_out: Vec<HeldOut>,
     /// Effects found, strongest first.
     pub effects: Vec<Effect>,
     /// The rest.
@@ -140,27 +211,98 @@ pub struct Outcome {
     pub declared_parameter_changes: BTreeMap<String, f64>,
     /// The same with what they moved by next to the effects in the last fit: the corrected machine.
     pub corrected_parameter_changes: BTreeMap<String, f64>,
-    /// Runs (index) used to fit, to select, held out.
+    /// Runs (index in the record) used to fit, to select, held out.
     pub split: [Vec<usize>; 3],
+    /// Runs (index in the record) that were used at all: terms and residuals are in this order.
+    pub runs_used: Vec<usize>,
+    /// Scores given in the search (candidates, with their shapes, strengths and starts of runs): the trials that probabilities are corrected for.
+    pub candidates_tried: usize,
     /// Candidates considered and refused, with score.
     pub refused: Vec<(String, f64)>,
     /// Accepted terms as fitted, in the order of the first effects. Not written to JSON.
     #[serde(skip)]
     pub terms: Vec<Term>,
-    /// Residual spectra of every run and channel: declared machine, corrected machine. Not written to JSON.
+    /// Residual spectra of every run and channel: as declared, corrected. Not written to JSON.
     #[serde(skip)]
     pub residual: [Vec<[Bins; 2]>; 2],
 }
 
 impl Outcome {
-    /// A few lines for the terminal.
+    /// Places of the held-out runs among those used.
+    pub fn held_out_places(&self) -> Vec<usize> {
+        self.split[2].iter().filter_map(|run| self.runs_used.iter().position(|used| used == run)).collect()
+    }
+
+    /// Takes the record's check into the answer: findings first, runs by their index in the record, no name next to a contradiction.
+    ///
+    /// # Errors
+    /// Errors that are no numbers or absurdly large: nothing was predicted.
+    pub fn checked(mut self, findings: Findings, runs: &[usize]) -> Result<Self> {
+        let all = [&self.error.fit_runs, &self.error.held_out_runs];
+        let figures = all.iter().flat_map(|e| [e.shaft_synchronous, e.whole_signal]);
+        let figures = figures.flat_map(|s| [s.declared, s.calibrated, s.corrected, s.noise_floor]);
+        if let Some(absurd) = figures.into_iter().find(|x| x.is_nan() || *x > LARGEST_ERROR) {
+            return Err(Error::impossible(
+                "loop",
+                format!("an error of {absurd:.3e} is no result: nothing was predicted"),
+            ));
+        }
+        let named = |run: &mut usize| *run = runs[*run];
+        self.split.iter_mut().flatten().for_each(named);
+        self.held_out.iter_mut().for_each(|held| named(&mut held.run));
+        self.runs_used = runs.to_vec();
+        self.findings = findings;
+        self.contradict();
+        Ok(self)
+    }
+
+    /// Withholds "nothing" and names where held-out runs or the record's check contradict them, and writes the headline.
+    fn contradict(&mut self) {
+        let worst = self.held_out.iter().max_by(|a, b| a.over_floor().total_cmp(&b.over_floor()));
+        let contradiction = worst.filter(|held| held.over_floor() > MOST_OVER_FLOOR).map(|held| {
+            let i = usize::from(held.corrected[1] * held.floor[0] > held.corrected[0] * held.floor[1]);
+            let part = ["of the shaft-synchronous part", "of the whole signal"][i];
+            let (run, error, floor) = (held.run, held.corrected[i], held.floor[i]);
+            format!("held-out run {run} is not explained: error {part} {error:.4} at a noise floor of {floor:.4}")
+        });
+        let withheld = self.findings.withholding_names().map(|finding| finding.text.clone());
+        if contradiction.is_some() && self.effects.is_empty() {
+            self.effects.push(Effect {
+                verdict: "generic".into(),
+                name: "held-out runs that the declared machine does not explain".into(),
+                family: "other".into(),
+                shaft: "none".into(),
+                ..Effect::default()
+            });
+        }
+        if let Some(reason) = contradiction.clone().or(withheld) {
+            for effect in self.effects.iter_mut().filter(|e| e.verdict == "named" || e.verdict == "ambiguous") {
+                effect.verdict = "abstained".into();
+                effect.withheld_because = Some(reason.clone());
+            }
+        }
+        let verdict = match self.effects.as_slice() {
+            [] => "nothing beyond the declared machine".to_string(),
+            effects => effects.iter().map(Effect::verdict_and_name).collect::<Vec<_>>().join("; "),
+        };
+        self.headline = match (contradiction, self.findings.list.len()) {
+            (Some(contradiction), _) => format!("{contradiction}; {verdict}"),
+            (None, 0) => verdict,
+            (None, n) => format!("{verdict} (findings about the record: {n})"),
+        };
+    }
+
+    /// A few lines for the terminal: what is wrong with the record, the answer, then the figures.
     pub fn summary(&self) -> String {
-        let mut text = String::new();
+        let mut text = self.findings.text();
+        text += &format!("{}\n", self.headline);
         for (who, e) in [("fit", &self.error.fit_runs), ("held out", &self.error.held_out_runs)] {
-            text += &format!(
-                "{who:9} NRMSE shaft-synchronous {:.4} -> {:.4} (noise {:.4}), whole {:.4} -> {:.4} (noise {:.4})\n",
-                e.before, e.after, e.noise_floor, e.whole_signal[0], e.whole_signal[1], e.whole_signal[2]
-            );
+            text += &format!("{who:9} NRMSE declared, calibrated, corrected:");
+            for (part, s) in [("shaft-synchronous", e.shaft_synchronous), ("whole", e.whole_signal)] {
+                let (declared, calibrated, corrected, floor) = (s.declared, s.calibrated, s.corrected, s.noise_floor);
+                text += &format!(" {part} {declared:.4}, {calibrated:.4}, {corrected:.4} (noise {floor:.4})");
+            }
+            text += "\n";
         }
         for e in &self.effects {
             let seat = e
@@ -168,30 +310,33 @@ impl Outcome {
                 .map(|o| format!("order {o:.4}"))
                 .or(e.frequency_hz.map(|f| format!("{f:.2} Hz")))
                 .unwrap_or_default();
-            text += &format!("{}: {} [{}, {}] {seat}\n", e.verdict, e.name, e.family, e.shaft);
+            text += &format!("{} [{}, {}] {seat}\n", e.verdict_and_name(), e.family, e.shaft);
             for (name, v) in e.parameters.iter().take(6) {
                 text += &format!("    {name} = {:.4e} [{:.4e}, {:.4e}] {}\n", v.value, v.ci95[0], v.ci95[1], v.unit);
             }
             if let Some(turns) = &e.pinion_turns_of_runs {
                 text += &format!("    runs start {turns:?} turns of the pinion later than counted\n");
             }
+            let next: Vec<String> = e.evidence.next.iter().map(|(name, drop)| format!("{name} {drop:.1}")).collect();
             text += &format!(
-                "    left at its lines {:.4}, p {:.1e}, Bayes factor {:?}, held-out gain {:.4}, speed^{:?} torque^{:?}, next {:?}\n",
+                "    left at its lines {:.4}, p {}, score over the next {} nats, held-out gain {:.4}, speed^{} torque^{}, next {}\n",
                 e.evidence.left_at_its_lines,
-                e.evidence.p_value,
-                e.evidence.bayes_factor_over_next,
+                e.evidence.chance.map_or_else(|| "-".into(), |p| p.to_string()),
+                or_dash(e.evidence.score_over_next),
                 e.evidence.held_out_gain,
-                e.evidence.speed_exponent,
-                e.evidence.torque_exponent,
-                e.evidence.next
+                or_dash(e.evidence.speed_exponent),
+                or_dash(e.evidence.torque_exponent),
+                next.join(", ")
             );
-        }
-        if self.effects.is_empty() {
-            text += "nothing beyond the declared machine\n";
         }
         for u in &self.unexplained {
             text += &format!("unexplained: {} ({:.3} % of variance)\n", u.description, 100.0 * u.variance_share);
         }
         text
     }
+}
+
+/// A figure that may be unknown.
+fn or_dash(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".into(), |value| format!("{value:.3}"))
 }

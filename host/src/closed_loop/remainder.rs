@@ -7,7 +7,9 @@
 use super::base_fit::Base;
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence};
-use super::spectrum::{Bins, noise_power};
+use super::probability::Probability;
+use crate::observation::spectrum::Bins;
+use crate::spectral::noise_power;
 
 /// Residual power over noise from which something is missing.
 const LEAST: f64 = 1.15;
@@ -68,7 +70,7 @@ pub fn remainder(base: &Base, rest: &Data, runs: &[usize]) -> Option<Effect> {
         ),
         family: family.into(),
         shaft: "none".into(),
-        evidence: Evidence { p_value: CHANCE, left_at_its_lines: 1.0, ..Evidence::default() },
+        evidence: Evidence { chance: Some(Probability::of(CHANCE)), left_at_its_lines: 1.0, ..Evidence::default() },
         deciding_experiment: Some("runs at more speeds and torques, and with the sensor at a second place".into()),
         ..Effect::default()
     })

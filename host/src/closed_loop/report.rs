@@ -1,9 +1,10 @@
-//! The loop's report for people: errors, residual spectra before and after, evidence, what was refused, what stays.
+//! The loop's report for people: errors in three stages, residual spectra as declared and corrected, evidence, what was refused, what stays.
 
 use super::bands::bands;
-use super::outcome::{ErrorPair, Outcome};
+use super::outcome::{Outcome, StagedError, Stages};
 use super::replay::Replay;
 use crate::Result;
+use crate::check::Findings;
 use crate::report::Report;
 use crate::report::plot::{Axes, Label, Series, spectrum};
 
@@ -33,16 +34,14 @@ fn interval(value: Option<f64>, range: Option<[f64; 2]>) -> String {
 /// # Errors
 /// A picture that cannot be drawn.
 pub fn report(outcome: &Outcome, replay: &Replay) -> Result<Report> {
-    let held = &outcome.error.held_out_runs;
-    let verdict = match outcome.effects.as_slice() {
-        [] => "nothing beyond the declared machine".to_string(),
-        effects => effects.iter().map(|e| format!("{}: {}", e.verdict, e.name)).collect::<Vec<_>>().join("; "),
-    };
-    let mut report = Report::new(&format!("Closed loop: {}", outcome.record), &verdict)
-        .figure("held-out error before", number(held.before))
-        .figure("held-out error after", number(held.after))
+    let held = outcome.error.held_out_runs.shaft_synchronous;
+    let mut report = Report::new(&format!("Closed loop: {}", outcome.record), &outcome.headline)
+        .figure("held-out error, declared", number(held.declared))
+        .figure("calibrated", number(held.calibrated))
+        .figure("corrected", number(held.corrected))
         .figure("noise floor", number(held.noise_floor))
         .figure("effects", outcome.effects.len());
+    report = findings(report, &outcome.findings);
     report = errors(report, outcome);
     report = residuals(report, outcome, replay)?;
     report = evidence(report, outcome);
@@ -51,26 +50,32 @@ pub fn report(outcome: &Outcome, replay: &Replay) -> Result<Report> {
     Ok(report)
 }
 
+/// What is wrong with the record itself.
+pub fn findings(report: Report, findings: &Findings) -> Report {
+    let report = report.section("The record itself");
+    let report = match findings.list.as_slice() {
+        [] => report.text("No finding: channels, runs, tach and declaration fit each other."),
+        list => list.iter().fold(report, |report, finding| report.note(&finding.text)),
+    };
+    report.text(&format!("Not checked: {}.", findings.not_checked.join("; ")))
+}
+
 fn errors(report: Report, outcome: &Outcome) -> Report {
-    let rows = |name: &str, e: &ErrorPair| {
-        let row = |what: &str, [before, after, floor]: [f64; 3]| {
-            let over = number(after / floor.max(1e-300));
-            vec![format!("{name}, {what}"), number(before), number(after), number(floor), over]
+    let rows = |name: &str, e: &StagedError| -> Vec<Vec<String>> {
+        let row = |(part, s): (&str, Stages)| {
+            let over = s.corrected / s.noise_floor.max(1e-300);
+            let figures = [s.declared, s.calibrated, s.corrected, s.noise_floor, over].map(number);
+            [vec![format!("{name}, {part}")], figures.to_vec()].concat()
         };
-        vec![
-            row("shaft-synchronous, pooled", [e.before, e.after, e.noise_floor]),
-            row("whole signal, pooled", e.whole_signal),
-            row("whole signal, channel 0", e.per_channel[0]),
-            row("whole signal, channel 1", e.per_channel[1]),
-        ]
+        e.parts().into_iter().map(row).collect()
     };
     let mut all = rows("fit runs", &outcome.error.fit_runs);
     all.extend(rows("held-out runs", &outcome.error.held_out_runs));
     let list = |runs: &[usize]| runs.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     report
-        .section("Error before and after")
-        .text("Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs take no part in any fit but that of their own start (turns of the pinion, or phase of an order of neither shaft); a term that does not lower their error is dropped.")
-        .table("NRMSE, below 15 kHz", &["", "before", "after", "noise floor", "after / floor"], &all)
+        .section("Error in three stages")
+        .text("Declared: the machine as its owner states it. Calibrated: its parameters fitted within their tolerances, no effect. Corrected: with the effects, whose worth is corrected against calibrated. Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs take no part in any fit but that of their own start (turns of the pinion, or phase of an order of neither shaft); a term that does not lower their error is dropped.")
+        .table("NRMSE, below 15 kHz", &["", "declared", "calibrated", "corrected", "noise floor", "corrected / floor"], &all)
         .text(&format!(
             "Runs to fit: {}; to select: {}; held out: {}.",
             list(&outcome.split[0]),
@@ -80,7 +85,7 @@ fn errors(report: Report, outcome: &Outcome) -> Report {
 }
 
 fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<Report> {
-    let Some(&run) = outcome.split[2].last() else { return Ok(report) };
+    let Some(&run) = outcome.held_out_places().last() else { return Ok(report) };
     let base = &replay.declared;
     let (hz, bin) = (base.runs[run].angle.shaft_hz, 1.0 / base.analyser.duration_s());
     let z = f64::from(base.machine.teeth[0]);
@@ -91,15 +96,15 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
         Series::new(name, points.take_while(|p| p.0 < top).collect())
     };
     report = report.section("Residual spectrum").text(&format!(
-        "Held-out run {run} at {hz:.3} Hz, {:.1} N m. Peak amplitudes, dB re 1 m/s2.",
-        base.runs[run].torque_n_m
+        "Held-out run {} at {hz:.3} Hz, {:.1} N m. Peak amplitudes, dB re 1 m/s2.",
+        base.runs[run].torque_n_m, outcome.runs_used[run]
     ));
     for channel in 0..2 {
         for (scale, top, x) in [(1.0 / hz, 3.6 * z, "order of the pinion"), (1.0, 15_000.0, "frequency, Hz")] {
             let all = [
                 series("record", &base.runs[run].measured[channel], scale, top),
-                series("residual before", &replay.before[run][channel], scale, top),
-                series("residual after", &replay.after[run][channel], scale, top),
+                series("residual, declared", &replay.declared_residual[run][channel], scale, top),
+                series("residual, corrected", &replay.corrected_residual[run][channel], scale, top),
             ];
             let in_orders = scale != 1.0;
             let mut labels: Vec<Label> = Vec::new();
@@ -135,12 +140,15 @@ fn evidence(mut report: Report, outcome: &Outcome) -> Report {
             vec!["exponent of speed (95 %)".into(), interval(v.speed_exponent, v.speed_exponent_ci95)],
             vec!["exponent of torque (95 %)".into(), interval(v.torque_exponent, v.torque_exponent_ci95)],
             vec!["fall of the held-out error when added last".into(), number(v.held_out_gain)],
-            vec!["p after correction for the search".into(), number(v.p_value)],
-            vec!["Bayes factor over the next".into(), optional(v.bayes_factor_over_next)],
+            vec![
+                "p after correction for the search".into(),
+                v.chance.map_or_else(|| "-".into(), |p| format!("{p} (log10 {:.1})", p.log10())),
+            ],
+            vec!["penalised log likelihood over the next name, nats".into(), optional(v.score_over_next)],
             vec!["left at its own lines beyond noise".into(), number(v.left_at_its_lines)],
         ];
         for (name, drop) in &v.next {
-            rows.push(vec![format!("next: {name}"), format!("log likelihood lower by {drop:.1}")]);
+            rows.push(vec![format!("next: {name}"), format!("penalised log likelihood lower by {drop:.1}")]);
         }
         for (name, p) in e.parameters.iter().take(12) {
             let unit = if p.unit == "1" { "" } else { &p.unit };
@@ -157,7 +165,10 @@ fn evidence(mut report: Report, outcome: &Outcome) -> Report {
             let list: Vec<String> = phases.iter().map(|p| number(*p)).collect();
             rows.push(vec!["phase of each run against the first, rad".into(), list.join(", ")]);
         }
-        report = report.table(&format!("{}: {}", e.verdict, e.name), &["", ""], &rows);
+        report = report.table(&e.verdict_and_name(), &["", ""], &rows);
+        if let Some(reason) = &e.withheld_because {
+            report = report.note(&format!("Name withheld: {reason}."));
+        }
         if let Some(text) = &e.deciding_experiment {
             report = report.note(&format!("What would decide: {text}."));
         }
@@ -210,6 +221,10 @@ fn refused(report: Report, outcome: &Outcome) -> Report {
         .collect();
     report
         .section("Considered and refused")
+        .text(&format!(
+            "Scores given in the search, for which probabilities are corrected: {}.",
+            outcome.candidates_tried
+        ))
         .table(
             "Best score of every explanation not taken (gain in likelihood less unknowns and search)",
             &["explanation", "score", "why not"],

@@ -6,17 +6,18 @@
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
 use super::combs::combs;
-use super::decide::{LARGEST_P, Options};
+use super::criteria::{LARGEST_P, LEAST_SCORE};
 use super::detect;
-use super::judge::{Judge, Judged, LEAST_SCORE, Split, corrected, joint};
+use super::judge::{Judge, Judged, Split, corrected, joint};
 use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::Company;
+use super::options::Options;
 use super::remainder::power_and_noise;
-use super::spectrum::Bins;
 use super::start::Start;
 use super::strength::{STRONG_SCORE, Strengths, at_their_strength, refuted_by_tachometer, tune};
 use super::together::{together, unknowns};
+use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -28,7 +29,7 @@ const MOST_CENTRED: usize = 2;
 const LEAST_DEPARTURE: f64 = 3.0;
 /// Share of the power beyond noise that a strong term leaves from which another strong effect is looked for before parameters move.
 const MUCH: f64 = 0.2;
-/// Score by which a plain description must beat a name that passes (twice the logarithm of a Bayes factor of 10).
+/// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10 beyond the penalties).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
 const TABLE_MARGIN: f64 = 0.03;
@@ -55,14 +56,24 @@ pub enum Search {
     Recentre(Vec<f64>),
 }
 
+/// What a search that begins again, on moved parameters, keeps.
+#[derive(Default)]
+pub struct Memory {
+    /// Times that it began again.
+    pub attempt: usize,
+    /// Scores given by all attempts: trials of the record's search.
+    pub tried: usize,
+    /// Strengths found.
+    pub strengths: Strengths,
+}
+
 /// Adds effects strongest first.
 pub fn search(
     bench: &Bench<'_>,
     split: &Split,
     options: &Options,
     rounds: usize,
-    attempt: usize,
-    strengths: &mut Strengths,
+    memory: &mut Memory,
     say: &dyn Fn(&str),
 ) -> Search {
     let base = bench.base;
@@ -97,7 +108,8 @@ pub fn search(
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         tune(bench, &judge, &mut judged);
         let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
-        at_their_strength(bench, &judge, &data, &company, strengths, &mut judged);
+        at_their_strength(bench, &judge, &data, &company, &mut memory.strengths, &mut judged);
+        memory.tried += judge.tried();
         judged.retain(|j| !refuted_by_tachometer(base, j));
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
@@ -114,7 +126,7 @@ pub fn search(
                 j.apart_gain
             ));
         }
-        let tests = judged.len() as f64;
+        let tests = memory.tried as f64;
         let passes = |j: &Judged| j.passes(tests, !accepted.is_empty()) && j.gain > LEAST_SHARE * largest_gain;
         let best = judged.iter().position(passes);
         for j in judged.iter().take(30) {
@@ -122,7 +134,7 @@ pub fn search(
             *worst = worst.max(j.score);
         }
         if round == 0 {
-            let significant = judged.iter().filter(|j| j.score > LEAST_SCORE && j.p_value(tests) < LARGEST_P);
+            let significant = judged.iter().filter(|j| j.score > LEAST_SCORE && j.chance(tests).value() < LARGEST_P);
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }
         let Some(best) = best else {
@@ -160,7 +172,9 @@ pub fn search(
         {
             continue;
         }
-        if attempt < MOST_CENTRED + usize::from(joined) && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE {
+        if memory.attempt < MOST_CENTRED + usize::from(joined)
+            && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE
+        {
             return Search::Recentre(move_to);
         }
     }

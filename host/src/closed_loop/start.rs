@@ -5,11 +5,11 @@
 //! gear's, and any phase for an order of neither shaft, such as a bearing's. These turns are unknowns of the record, not of the law.
 //!
 //! They are found by a matched filter: runs, strongest first, are turned to where they agree best with the sum of those already turned. The
-//! price is that of a search, `ln N` nats for each run after the first; a free phase costs as much as half an unknown's penalty. Where all runs
+//! price is that of a search, `ln N` nats for each run after the first; a free phase is an unknown of its run. Where all runs
 //! start within one turn the effect is also tried as counted, at no price. Cost: nothing beside the products with the
 //! residual, which turn with the phase. Limit: what the residual gives is taken after the declared parameters have had their share.
 
-use super::judge::PER_UNKNOWN;
+use crate::machine::Hunting;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
@@ -51,55 +51,14 @@ impl Start {
     /// Logarithm of the number of starts tried, for each run after the first.
     pub fn nats_per_run(&self, hunting: Hunting) -> f64 {
         match self {
-            Self::Counted | Self::Given(_) => 0.0,
+            Self::Counted | Self::Given(_) | Self::Phases(_) => 0.0,
             Self::Turns(_) => f64::from(hunting.turns).ln(),
-            Self::Phases(_) => 0.5 * PER_UNKNOWN,
         }
     }
-}
 
-/// The hunting period.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hunting {
-    /// Turns of the pinion after which the same teeth meet.
-    pub turns: u32,
-    /// Order of the gear's rotation per turn of the pinion.
-    pub ratio: f64,
-}
-
-/// How an effect depends on the start of its run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Freedom {
-    /// Not at all: orders of the pinion.
-    None,
-    /// By whole turns of the pinion: orders of the gear.
-    Turns,
-    /// In any way: an order of neither shaft.
-    Phase,
-}
-
-impl Hunting {
-    /// Of a pair with these numbers of teeth.
-    pub fn of(teeth: [u32; 2]) -> Self {
-        let (mut a, mut b) = (teeth[1], teeth[0]);
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        Self { turns: teeth[1] / a, ratio: f64::from(teeth[0]) / f64::from(teeth[1]) }
-    }
-
-    /// Dependence of an effect whose quadrature pairs stand at these orders.
-    pub fn freedom(&self, orders: &[f64]) -> Freedom {
-        let whole = |x: f64| (x - x.round()).abs() < 1e-6;
-        if self.turns < 2 || orders.iter().all(|&o| whole(o)) {
-            Freedom::None
-        } else if orders.iter().all(|&o| whole(o / self.ratio)) {
-            Freedom::Turns
-        } else if orders.len() == 1 {
-            Freedom::Phase
-        } else {
-            Freedom::None
-        }
+    /// Unknowns fitted, for each run after the first.
+    pub fn unknowns_per_run(&self) -> f64 {
+        if matches!(self, Self::Phases(_)) { 1.0 } else { 0.0 }
     }
 }
 

@@ -1,12 +1,15 @@
-//! Error tables before and after, and the assembly of the outcome.
+//! Error tables in three stages (declared, calibrated, corrected), and the assembly of the outcome.
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;
 use super::detect;
-use super::input::Record;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::Data;
-use super::outcome::{Effect, ErrorPair, ErrorTable, Outcome, Term, Unexplained};
+use super::outcome::{Effect, ErrorTable, HeldOut, Outcome, StagedError, Stages, Term, Unexplained};
+use crate::check::Findings;
+use crate::observation::input::Record;
+use crate::observation::spectrum::Bins;
+use crate::spectral::noise_power;
 use std::collections::BTreeMap;
 
 /// Bins within one bin of an order of pinion or gear.
@@ -26,40 +29,76 @@ fn synchronous(base: &Base, run: usize) -> Vec<bool> {
     mask
 }
 
-fn errors(declared: &Data, after: &Data, base: &Base, runs: &[usize]) -> ErrorPair {
-    let mut sync = [0.0; 4];
-    let mut whole = [[0.0; 4]; 2];
+/// Residual with the declared parameters and `terms` as fitted over `runs`; phases and speeds of the runs from the tachometer alone, as in any
+/// prediction.
+pub fn predicted(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<[Bins; 2]> {
+    let mut x = joint(base, data, runs, terms).x;
+    x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
+    corrected(base, data, &x, terms).residual
+}
+
+/// Errors of `runs` at the three stages, given by their residuals.
+fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError {
+    let mut sync = [0.0; 5];
+    let mut whole = [[0.0; 5]; 2];
     for &r in runs {
         let mask = synchronous(base, r);
         for c in 0..2 {
-            let noise = super::spectrum::noise_power(&after.residual[r][c]);
+            let noise = noise_power(&stages[2][r][c]);
             let lowest = (3.0 * base.analyser.duration_s()) as usize;
             for b in lowest..mask.len() {
-                let four = [
-                    declared.residual[r][c][b].norm_sqr(),
-                    after.residual[r][c][b].norm_sqr(),
-                    noise[b],
-                    base.runs[r].measured[c][b].norm_sqr(),
-                ];
-                for i in 0..4 {
-                    whole[c][i] += four[i];
+                let [declared, calibrated, corrected] = stages.map(|residual| residual[r][c][b].norm_sqr());
+                let all = [declared, calibrated, corrected, noise[b], base.runs[r].measured[c][b].norm_sqr()];
+                for i in 0..5 {
+                    whole[c][i] += all[i];
                     if mask[b] {
-                        sync[i] += four[i];
+                        sync[i] += all[i];
                     }
                 }
             }
         }
     }
-    let share = |x: &[f64; 4]| [0, 1, 2].map(|i| (x[i] / x[3].max(1e-300)).sqrt());
-    let pooled: [f64; 4] = [0, 1, 2, 3].map(|i| whole[0][i] + whole[1][i]);
-    let [before, after, noise_floor] = share(&sync);
-    ErrorPair {
-        before,
-        after,
-        noise_floor,
+    let share = |x: &[f64; 5]| {
+        let [declared, calibrated, corrected, noise_floor] = [0, 1, 2, 3].map(|i| (x[i] / x[4].max(1e-300)).sqrt());
+        Stages { declared, calibrated, corrected, noise_floor }
+    };
+    let pooled: [f64; 5] = std::array::from_fn(|i| whole[0][i] + whole[1][i]);
+    StagedError {
+        shaft_synchronous: share(&sync),
         whole_signal: share(&pooled),
         per_channel: [share(&whole[0]), share(&whole[1])],
     }
+}
+
+/// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the same frequency: a run
+/// that fails altogether lifts its own. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
+/// a run's angle and speed, belongs to it.
+fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split) -> Vec<HeldOut> {
+    let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
+    let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
+    let lowest = (8.0 * base.analyser.duration_s()) as usize;
+    split
+        .held_out
+        .iter()
+        .map(|&run| {
+            let (own, mask, timing) = (noise(run), synchronous(base, run), base.timing_power(run));
+            let mut sums = [[0.0; 3]; 2];
+            for c in 0..2 {
+                for b in lowest..mask.len() {
+                    let others = seen.iter().map(|s| s[c][b]).fold(0.0, f64::max);
+                    let (rest, whole) = (after[run][c][b].norm_sqr(), base.runs[run].measured[c][b].norm_sqr());
+                    for (sum, counts) in sums.iter_mut().zip([mask[b], true]) {
+                        if counts {
+                            let floor = own[c][b].min(others) + timing[c][b];
+                            *sum = [sum[0] + rest, sum[1] + floor, sum[2] + whole];
+                        }
+                    }
+                }
+            }
+            let share = |i: usize| sums.map(|s| (s[i] / s[2].max(1e-300)).sqrt());
+            HeldOut { run, corrected: share(0), floor: share(1) }
+        })
+        .collect()
 }
 
 /// Accepted terms with their unknowns, which follow the nuisances in `x`.
@@ -89,11 +128,13 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
         .collect()
 }
 
-/// Assembles the outcome with the errors on fit and held-out runs.
+/// Assembles the outcome with the errors on fit and held-out runs. `calibrated`: residual of the fitted parameters without any effect; none where no
+/// effect was adopted, and the corrected machine is that very one.
 #[allow(clippy::too_many_arguments, reason = "assembly of the final report from the parts of one function")]
 pub fn report(
     record: &Record,
     declared: &Data,
+    calibrated: Option<Vec<[Bins; 2]>>,
     base: &Base,
     data: &Data,
     split: &Split,
@@ -105,33 +146,34 @@ pub fn report(
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let solution = joint(base, data, seen, &terms).x;
     let moved = |i: usize| (1.0 + base.change[i]) * (1.0 + solution[i]) - 1.0;
-    let after_of = |terms: &[&Candidate]| {
-        let mut x = joint(base, data, seen, terms).x;
-        // Angle offsets of runs come from the tachometer alone in any prediction.
-        x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
-        corrected(base, data, &x, terms)
-    };
-    let after = after_of(&terms);
-    let held = errors(declared, &after, base, &split.held_out);
+    let after = predicted(base, data, seen, &terms);
+    let calibrated = calibrated.unwrap_or_else(|| after.clone());
+    let errors_of = |last: &[[Bins; 2]], runs: &[usize]| errors([&declared.residual, &calibrated, last], base, runs);
+    let held = errors_of(&after, &split.held_out);
+    let alone = effects.len() == 1;
     for (i, effect) in effects.iter_mut().enumerate() {
-        let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
-        let without = errors(declared, &after_of(&others), base, &split.held_out);
-        effect.evidence.held_out_gain = if effect.family == "fixed-frequency" {
-            without.whole_signal[1] - held.whole_signal[1]
+        let part =
+            |e: &StagedError| if effect.family == "fixed-frequency" { e.whole_signal } else { e.shaft_synchronous };
+        let without = if alone {
+            part(&held).calibrated
         } else {
-            without.after - held.after
+            let others: Vec<&Candidate> =
+                accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
+            part(&errors_of(&predicted(base, data, seen, &others), &split.held_out)).corrected
         };
+        effect.evidence.held_out_gain = without - part(&held).corrected;
     }
     let pooled = &held.whole_signal;
     let mut unexplained = Vec::new();
-    let rest = pooled[1].powi(2) - pooled[2].powi(2);
+    let rest = pooled.corrected.powi(2) - pooled.noise_floor.powi(2);
     if rest > 0.0 {
-        let orders = detect::orders(base, &after, seen, 1);
+        let remaining = Data { residual: after.clone(), weight: data.weight.clone() };
+        let orders = detect::orders(base, &remaining, seen, 1);
         let hint = orders.first().map_or(String::new(), |o| format!("; strongest line at order {:.3}", o.at));
         let description = format!("remainder above the local noise floor{hint}");
         unexplained.push(Unexplained { description, variance_share: rest });
     }
-    let noise = Unexplained { description: "noise floor".into(), variance_share: pooled[2].powi(2) };
+    let noise = Unexplained { description: "noise floor".into(), variance_share: pooled.noise_floor.powi(2) };
     unexplained.push(noise);
     let clipped = record.runs.iter().map(|r| r.clipped_share).fold(0.0, f64::max);
     if clipped > 1e-4 {
@@ -139,12 +181,17 @@ pub fn report(
         unexplained.push(Unexplained { description, variance_share: 0.0 });
     }
     Outcome {
+        headline: String::new(),
+        findings: Findings::default(),
         record: record.title.clone(),
         error: ErrorTable {
-            metric: "nrmse of the shaft-synchronous part, and of the whole signal, per channel and pooled".into(),
-            fit_runs: errors(declared, &after, base, seen),
+            metric: "nrmse of the shaft-synchronous part, and of the whole signal, per channel and pooled; machine as declared, with its parameters \
+                     fitted, and with effects"
+                .into(),
+            fit_runs: errors_of(&after, seen),
             held_out_runs: held,
         },
+        held_out: held_out(&after, base, split),
         effects,
         unexplained,
         declared_parameter_changes: TOLERANCES
@@ -158,8 +205,10 @@ pub fn report(
             .map(|(i, (name, _))| ((*name).to_string(), moved(i)))
             .collect(),
         terms: fitted(base, accepted, &solution),
+        runs_used: (0..base.runs.len()).collect(),
         split: [split.fit.clone(), split.select.clone(), split.held_out.clone()],
+        candidates_tried: 0,
         refused: refused.into_iter().collect(),
-        residual: [declared.residual.clone(), after.residual],
+        residual: [declared.residual.clone(), after],
     }
 }

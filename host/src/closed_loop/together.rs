@@ -10,8 +10,8 @@ use super::judge::joint;
 use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::{LEAST_INFORMATION, Played};
-use super::spectrum::{Bins, sparse};
 use super::strength::size;
+use crate::observation::spectrum::{Bins, sparse};
 use rustfft::num_complex::Complex64 as C;
 
 /// Most steps.

@@ -1,7 +1,7 @@
 //! Verdicts: named, ambiguous or generic, with evidence.
 //!
 //! A name is given only if what it leaves at its own lines is small, its strength does not depend on the run, and no
-//! other name comes within a Bayes factor of 10; else the verdict is ambiguous or generic.
+//! other name comes within `LEAST_OVER_NEXT` of its score; else the verdict is ambiguous or generic.
 
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
@@ -9,6 +9,7 @@ use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
 use super::start::Start;
+use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
@@ -19,8 +20,9 @@ const LARGEST_LEFT: f64 = 0.04;
 /// Share of a name's gain that a freer description of the same family may add: form error of templates and declared parameters.
 const FORM_SHARE: f64 = 0.01;
 
-/// Half the difference of scores (logarithm of a Bayes factor of 10) within which another description is not told apart from a name.
-const LEAST_LOG_FACTOR: f64 = 2.4;
+/// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the penalties, the record is
+/// then 11 times as likely with the name.
+const LEAST_OVER_NEXT: f64 = 2.4;
 
 /// The same as a share of a name's gain: form error of the templates, which no longer is noise where gains are huge.
 const RIVAL_SHARE: f64 = 5e-5;
@@ -48,7 +50,7 @@ fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate],
     let (mut left, mut whole) = (0.0, 1e-300);
     for &r in runs {
         for c in 0..2 {
-            let noise = super::spectrum::noise_power(&rest.residual[r][c]);
+            let noise = noise_power(&rest.residual[r][c]);
             for b in 0..noise.len() {
                 let p = predicted.residual[r][c][b].norm_sqr();
                 if p > 6.0 * noise[b] && data.weight[r][c][b] > 0.0 {
@@ -133,8 +135,15 @@ fn freer_gain(next_to_all: &Judge<'_>, pool: &[Candidate], term: &Candidate) -> 
         .reduce(|| 0.0, f64::max)
 }
 
-/// Verdicts of the accepted terms against the candidates of the search.
-pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate], pool: &[Candidate]) -> Vec<Effect> {
+/// Verdicts of the accepted terms against the candidates of the search, which scored `tried` of them.
+pub fn verdicts(
+    base: &Base,
+    data: &Data,
+    split: &Split,
+    accepted: &[Candidate],
+    pool: &[Candidate],
+    tried: usize,
+) -> Vec<Effect> {
     let seen = split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let mut all = joint(base, data, &seen, &terms);
@@ -170,11 +179,8 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
         let steady = exponents.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < 0.12 + half));
         let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
-        let mut near: Vec<&str> = rivals
-            .iter()
-            .filter(|r| r.1 < LEAST_LOG_FACTOR.max(RIVAL_SHARE * own.gain))
-            .map(|r| r.0.as_str())
-            .collect();
+        let mut near: Vec<&str> =
+            rivals.iter().filter(|r| r.1 < LEAST_OVER_NEXT.max(RIVAL_SHARE * own.gain)).map(|r| r.0.as_str()).collect();
         if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
             near.push("another displacement error repeating with every tooth pair");
         }
@@ -202,6 +208,7 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
             ("named", term.name.clone(), None)
         };
         effects.push(Effect {
+            withheld_because: None,
             verdict: verdict.into(),
             name,
             family: term.family.into(),
@@ -215,8 +222,8 @@ pub fn verdicts(base: &Base, data: &Data, split: &Split, accepted: &[Candidate],
                 torque_exponent: exponents.map(|e| e[1][0] + term.exponents[1]),
                 torque_exponent_ci95: exponents.map(|e| interval(e[1][0] + term.exponents[1], e[1][1])),
                 held_out_gain: 0.0,
-                p_value: own.p_value(150.0),
-                bayes_factor_over_next: next.is_finite().then(|| next.min(13.8).exp()),
+                chance: Some(own.chance(tried as f64)),
+                score_over_next: next.is_finite().then_some(next),
                 left_at_its_lines: left,
                 next: rivals,
             },
@@ -239,8 +246,9 @@ pub fn undetermined(
     split: &Split,
     closest: &Candidate,
     pool: &[Candidate],
+    tried: usize,
 ) -> Option<Effect> {
-    let mut effect = verdicts(base, data, split, std::slice::from_ref(closest), pool).pop()?;
+    let mut effect = verdicts(base, data, split, std::slice::from_ref(closest), pool, tried).pop()?;
     effect.verdict = "generic".into();
     effect.name = format!("{} of no law that holds from run to run; closest: {}", seat(closest), closest.name);
     effect.deciding_experiment = Some("runs at more speeds and torques, and with the sensor at a second place".into());

@@ -5,10 +5,10 @@
 //! sum gives a slowly frequency-modulated prediction (quasi-steady: the machine is taken to follow at once). Cost: orders times samples.
 
 use super::base_fit::{Base, RunState};
-use super::input::{Record, Run};
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence, Value};
-use super::spectrum::Analyser;
+use crate::observation::input::{Record, Run};
+use crate::observation::spectrum::Analyser;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
@@ -87,7 +87,9 @@ fn limit(runs: &[Run], channel: usize) -> Option<f64> {
         .iter()
         .map(|run| run.channels[channel].windows(3).filter(|w| w.iter().all(|x| x.abs() >= 0.998 * peak)).count())
         .sum();
-    (at > 40 && at > 3 * below && flat > 10).then_some(peak)
+    // A signal that stands still is no limited one.
+    let all: usize = runs.iter().map(|run| run.channels[channel].len()).sum();
+    (at > 40 && at > 3 * below && flat > 10 && 2 * at < all).then_some(peak)
 }
 
 /// A channel whose samples stop at a limit; replaces the model by its limited waveform.

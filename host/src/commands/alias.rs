@@ -1,11 +1,12 @@
 //! `meshband alias`: folded mesh harmonics at a sampling rate, and which of them explain given lines.
 
+use super::results::Results;
 use clap::Args as ClapArgs;
+use meshband_host::output::show;
+use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, stems};
-use meshband_host::report::{Report, write_json};
 use meshband_host::{Error, Result, terminal};
 use serde::Serialize;
-use std::path::PathBuf;
 
 /// Arguments of `meshband alias`.
 #[derive(ClapArgs)]
@@ -25,12 +26,8 @@ pub struct Args {
     /// How near a folded harmonic must be to explain a line, Hz; the rounding of one decimal by default.
     #[arg(long, default_value_t = 0.15)]
     tolerance: f64,
-    /// Write the result as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Write a report with a picture.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 #[derive(Serialize)]
@@ -70,15 +67,10 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(line) = args.lines.iter().find(|hz| !(hz.is_finite() && (0.0..=0.5 * args.rate).contains(*hz))) {
         return Err(Error::invalid("--lines", format!("{line} Hz cannot appear at a rate of {} Hz", args.rate)));
     }
+    let mut files = args.results.announce(&mut args.results.outputs([]))?;
     let outcome = outcome(&args);
-    if let Some(path) = &args.json {
-        write_json(path, &outcome)?;
-    }
-    if let Some(path) = &args.report {
-        report(&outcome)?.write(path)?;
-    }
-    print(&outcome);
-    Ok(())
+    files.write(&outcome, || report(&outcome))?;
+    print(&outcome)
 }
 
 fn outcome(args: &Args) -> Outcome {
@@ -116,11 +108,11 @@ fn line_rows(outcome: &Outcome) -> Vec<Vec<String>> {
 const FOLDED_HEAD: [&str; 3] = ["harmonic", "true, Hz", "appears at, Hz"];
 const LINE_HEAD: [&str; 3] = ["line, Hz", "mesh harmonic", "folded mesh harmonic"];
 
-fn print(outcome: &Outcome) {
+fn print(outcome: &Outcome) -> Result<()> {
     if outcome.lines.is_empty() {
-        print!("{}", terminal::table(&FOLDED_HEAD, &folded_rows(outcome)));
+        show(&terminal::table(&FOLDED_HEAD, &folded_rows(outcome)))
     } else {
-        print!("{}", terminal::table(&LINE_HEAD, &line_rows(outcome)));
+        show(&terminal::table(&LINE_HEAD, &line_rows(outcome)))
     }
 }
 

@@ -1,10 +1,12 @@
 //! `meshband configure`: tells a node its machine and law, and has it stored.
 
+use super::results::Results;
 use clap::Args as ClapArgs;
+use meshband::board::Timing;
+use meshband::units::TicksPerSecond;
 use meshband_host::link::setup::{Installation, Sources};
 use meshband_host::link::{Client, report};
-use meshband_host::report::write_json;
-use meshband_host::{Error, Result};
+use meshband_host::{Error, Result, say};
 use std::path::PathBuf;
 
 /// Arguments of `meshband configure`.
@@ -18,7 +20,7 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
-    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms (docs/node.md). Options below go before it.
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end (docs/node.md). Options below go before it.
     #[arg(long)]
     settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.
@@ -54,26 +56,18 @@ pub struct Args {
     /// Starts measuring afterwards.
     #[arg(long)]
     start: bool,
-    /// Writes the configuration in force as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Writes the configuration in force as a report.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 /// Reads the node's configuration, changes what the arguments say, sends, stores and reads back.
 pub fn run(args: Args) -> Result<()> {
     // Files first: their errors need no node.
+    let read = [&args.machine, &args.law, &args.settings].into_iter().flatten().map(PathBuf::as_path);
+    let mut files = args.results.announce(&mut args.results.outputs(read))?;
     let sources = Sources::read(args.machine.as_deref(), args.law.as_deref(), args.settings.as_deref())?;
     let mut client = Client::open(&args.port)?;
     let identity = client.identify()?;
-    let [major, minor, patch] = identity.version;
-    println!(
-        "node {major}.{minor}.{patch}, {} Hz time base, {}",
-        identity.ticks_per_second,
-        report::self_test(&identity)
-    );
     let mut config = client.configuration()?;
     let installation = Installation {
         teeth: args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()),
@@ -88,7 +82,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     sources.apply(&mut config, &installation)?;
     config
-        .validate(identity.ticks_per_second)
+        .validate(Timing::of(&identity.board, TicksPerSecond(identity.ticks_per_second)))
         .map_err(|error| Error::invalid("configuration", format!("{error} on this node")))?;
     client.set_configuration(&config)?;
     let held = client.configuration()?;
@@ -101,7 +95,14 @@ pub fn run(args: Args) -> Result<()> {
     if args.start {
         client.start()?;
     }
-    println!(
+    files.write(&held, || Ok(report::of_configuration(&held, &identity, !args.volatile, &args.port)))?;
+    say!(
+        "{}, {} Hz time base, {}",
+        report::identity(&identity),
+        identity.ticks_per_second,
+        report::self_test(identity.self_test)
+    )?;
+    say!(
         "{} x {} teeth, {} pulses per turn, law {:.0} Hz at {} Hz to {:.0} Hz at {} Hz{}, {} alarms; {}",
         held.gears.pinion_teeth,
         held.gears.gear_teeth,
@@ -113,12 +114,5 @@ pub fn run(args: Args) -> Result<()> {
         if held.law.provisional { " (provisional)" } else { "" },
         held.alarms.len(),
         if args.volatile { "not stored" } else { "stored" },
-    );
-    if let Some(path) = &args.json {
-        write_json(path, &held)?;
-    }
-    if let Some(path) = &args.report {
-        report::of_configuration(&held, &identity, !args.volatile, &args.port).write(path)?;
-    }
-    Ok(())
+    )
 }

@@ -1,12 +1,14 @@
 //! `meshband effects`: the library of effects, and the page of the documentation that shows them.
 
+use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::Rig;
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::effects::catalogue::{example, markdown, picture};
 use meshband_host::effects::{Entry, REGISTRY};
 use meshband_host::machine::Machine;
-use meshband_host::report::{Report, write_json};
+use meshband_host::output::{OutputFile, Outputs, show};
+use meshband_host::report::Report;
 use meshband_host::{Error, Result, terminal};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -20,50 +22,56 @@ pub struct Args {
     /// Write the documentation page here and its pictures into the folder `effects` beside it.
     #[arg(long)]
     docs: Option<PathBuf>,
-    /// Write the library as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Write a report with one picture per effect.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
-/// Lists the effects, and writes the files asked for.
+/// Writes the files asked for and lists the effects.
 pub fn run(args: Args) -> Result<()> {
+    let mut outputs = args.results.outputs([args.machine.as_path()]);
+    let mut files = args.results.announce(&mut outputs)?;
+    let mut page = args.docs.as_deref().map(|path| Page::announce(path, &mut outputs)).transpose()?;
+    let drawn = page.is_some() || files.wants_report();
+    let pictures = if drawn { pictures(&args.machine)? } else { Vec::new() };
+    if let Some(page) = &mut page {
+        page.write(&pictures)?;
+    }
+    let list: Vec<_> = REGISTRY.iter().map(|e| described(e)).collect();
+    files.write(&list, || Ok(report(&pictures)))?;
     let rows: Vec<Vec<String>> = REGISTRY.iter().map(|e| vec![e.name.into(), keys(e), e.meaning.into()]).collect();
-    print!("{}", terminal::table(&["effect", "keys", "meaning"], &rows));
-    if let Some(path) = &args.json {
-        let list: Vec<_> = REGISTRY.iter().map(|e| described(e)).collect();
-        write_json(path, &list)?;
-    }
-    if args.docs.is_none() && args.report.is_none() {
-        return Ok(());
-    }
-    let pictures = pictures(&args.machine)?;
-    if let Some(path) = &args.docs {
+    show(&terminal::table(&["effect", "keys", "meaning"], &rows))
+}
+
+/// The documentation page and its pictures.
+struct Page {
+    text: OutputFile,
+    pictures: Vec<OutputFile>,
+}
+
+impl Page {
+    fn announce(path: &Path, outputs: &mut Outputs) -> Result<Self> {
+        let text = outputs.file(path)?;
         let folder = path.parent().unwrap_or(Path::new("")).join("effects");
         std::fs::create_dir_all(&folder).map_err(Error::file(&folder))?;
-        std::fs::write(path, markdown()).map_err(Error::file(path))?;
-        for (entry, svg) in &pictures {
-            let file = folder.join(format!("{}.svg", entry.name));
+        let picture = |entry: &&Entry| outputs.file(&folder.join(format!("{}.svg", entry.name)));
+        Ok(Self { text, pictures: REGISTRY.iter().map(picture).collect::<Result<_>>()? })
+    }
+
+    fn write(&mut self, pictures: &[(&'static Entry, String)]) -> Result<()> {
+        for (file, (_, svg)) in self.pictures.iter_mut().zip(pictures) {
             // On its own, outside a page, the picture needs the name of its language.
-            let svg = svg.replacen(
-                "<svg ",
-                "<svg xmlns=\"http://www.w3.org/2000/svg\" ",
-                usize::from(!svg.contains("xmlns=")),
-            );
-            std::fs::write(&file, svg).map_err(Error::file(&file))?;
+            let language = "<svg xmlns=\"http://www.w3.org/2000/svg\" ";
+            file.write(svg.replacen("<svg ", language, usize::from(!svg.contains("xmlns="))))?;
         }
+        self.text.write(markdown())
     }
-    if let Some(path) = &args.report {
-        let mut report =
-            Report::new("Effects", "What real gears add to the ideal model").figure("Effects", REGISTRY.len());
-        for (entry, svg) in &pictures {
-            report = report.section(entry.name).text(entry.meaning).picture(svg, entry.signature);
-        }
-        report.write(path)?;
-    }
-    Ok(())
+}
+
+fn report(pictures: &[(&'static Entry, String)]) -> Report {
+    let report = Report::new("Effects", "What real gears add to the ideal model").figure("Effects", REGISTRY.len());
+    pictures.iter().fold(report, |report, (entry, svg)| {
+        report.section(entry.name).text(entry.meaning).picture(svg, entry.signature)
+    })
 }
 
 fn pictures(machine: &Path) -> Result<Vec<(&'static Entry, String)>> {

@@ -1,12 +1,16 @@
 //! `meshband import`: measurement files into a record folder.
 
+mod tach;
+
+use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
-use meshband_host::import::{ImportOptions, ImportSummary, Unit, import};
+use meshband_host::import::{ImportOptions, ImportSummary, Reading, TachChoice, Unit, import};
+use meshband_host::output::{Content, show};
 use meshband_host::record::{Record, Run};
 use meshband_host::report::plot::{Axes, Label, Series};
-use meshband_host::report::{Report, plot, write_json};
+use meshband_host::report::{Report, plot};
 use meshband_host::spectral::{Window, amplitude_spectrum};
-use meshband_host::{Error, Result, terminal};
+use meshband_host::{Error, Result, say, terminal};
 use std::path::PathBuf;
 
 /// Arguments of `meshband import`.
@@ -21,18 +25,27 @@ pub struct Args {
     /// Sampling rate, Hz; needed where the files state none.
     #[arg(long)]
     rate: Option<f64>,
+    /// Take --rate although a file states another one.
+    #[arg(long, requires = "rate")]
+    override_rate: bool,
+    /// Text: whether numbers have decimal points or decimal commas, where the file leaves it open.
+    #[arg(long, value_enum)]
+    decimal: Option<Decimal>,
+    /// No column is time: the first one is a channel, too.
+    #[arg(long)]
+    no_time: bool,
     /// Tooth counts of pinion and gear, as 23,46.
     #[arg(long, value_delimiter = ',')]
     teeth: Option<Vec<u32>>,
     /// Mesh frequency as far as known, Hz (within 3 %); searched for otherwise.
     #[arg(long)]
     mesh: Option<f64>,
-    /// Unit of the source.
-    #[arg(long, value_enum, default_value_t = SourceUnit::Acceleration)]
-    unit: SourceUnit,
-    /// Sensitivity, V per g: turns volts into m/s2.
-    #[arg(long)]
-    volt_per_g: Option<f64>,
+    /// Unit of the source; one for all channels, or one for each, separated by commas.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "m/s2")]
+    unit: Vec<SourceUnit>,
+    /// Sensitivity, V per g: turns volts into m/s2; one for all channels, or one for each, separated by commas.
+    #[arg(long, value_delimiter = ',')]
+    volt_per_g: Vec<f64>,
     /// Names of the channels, separated by commas.
     #[arg(long, value_delimiter = ',')]
     channel_names: Option<Vec<String>>,
@@ -42,6 +55,8 @@ pub struct Args {
     /// Make every file a run of its own.
     #[arg(long)]
     runs: bool,
+    #[command(flatten)]
+    tach: tach::TachArgs,
     /// Make no virtual tach.
     #[arg(long)]
     no_tach: bool,
@@ -51,12 +66,14 @@ pub struct Args {
     /// Title of the record; the output folder's name otherwise.
     #[arg(long)]
     title: Option<String>,
-    /// Write the summary as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Write a report with spectra and speed.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+enum Decimal {
+    Point,
+    Comma,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -75,7 +92,7 @@ enum SourceUnit {
     Unknown,
 }
 
-/// Imports the files, prints what was found, writes the record.
+/// Imports the files, writes the record, prints what was found.
 pub fn run(args: Args) -> Result<()> {
     let teeth = match args.teeth.as_deref() {
         None => None,
@@ -89,35 +106,57 @@ pub fn run(args: Args) -> Result<()> {
     {
         return Err(Error::invalid("--teeth", format!("{},{} are not tooth counts (5 to 1000)", teeth[0], teeth[1])));
     }
-    let unit = match args.unit {
-        SourceUnit::Acceleration => Unit::MetrePerSecondSquared,
-        SourceUnit::Gravity => Unit::Gravity,
-        SourceUnit::Volt => Unit::Volt(args.volt_per_g),
-        SourceUnit::Unknown => Unit::Unknown,
-    };
+    let measured = args.tach.options()?;
     let name = args.output.file_name().map_or_else(|| "import".into(), |name| name.to_string_lossy().into_owned());
     let options = ImportOptions {
         title: args.title.unwrap_or(name),
+        reading: Reading {
+            decimal_comma: args.decimal.map(|decimal| decimal == Decimal::Comma),
+            no_time: args.no_time,
+        },
         rate_hz: args.rate,
+        override_rate: args.override_rate,
         teeth,
         mesh_guess_hz: args.mesh,
-        unit,
+        units: units(&args.unit, &args.volt_per_g)?,
         channel_names: args.channel_names,
         full_scale: args.full_scale,
         files_are_runs: args.runs,
-        without_tach: args.no_tach,
+        tach: match measured {
+            Some(tach) => TachChoice::Measured(tach),
+            None if args.no_tach => TachChoice::None,
+            None => TachChoice::Virtual,
+        },
         remove_mean: args.remove_mean,
     };
+    let tach_files = args.tach.files();
+    let mut outputs = args.results.outputs(args.files.iter().chain(&tach_files).map(PathBuf::as_path));
+    let folder = outputs.folder(&args.output, Content::Record)?;
+    let mut files = args.results.announce(&mut outputs)?;
     let (record, summary) = import(&args.files, &options)?;
-    record.write(&args.output)?;
-    if let Some(path) = &args.json {
-        write_json(path, &summary)?;
+    record.write_to(folder)?;
+    files.write(&summary, || report(&options.title, &record, &summary))?;
+    print(&summary)
+}
+
+/// One unit for all channels, or one for each: as many as units or sensitivities are given.
+fn units(units: &[SourceUnit], volt_per_g: &[f64]) -> Result<Vec<Unit>> {
+    let count = units.len().max(volt_per_g.len());
+    for (name, given) in [("--unit", units.len()), ("--volt-per-g", volt_per_g.len())] {
+        if given > 1 && given != count {
+            return Err(Error::invalid(
+                name,
+                format!("{given} values, there are {count} of the other for the channels"),
+            ));
+        }
     }
-    if let Some(path) = &args.report {
-        report(&options.title, &record, &summary)?.write(path)?;
-    }
-    print(&summary);
-    Ok(())
+    let unit = |c: usize| match units[c % units.len()] {
+        SourceUnit::Acceleration => Unit::MetrePerSecondSquared,
+        SourceUnit::Gravity => Unit::Gravity,
+        SourceUnit::Volt => Unit::Volt(volt_per_g.get(c % volt_per_g.len().max(1)).copied()),
+        SourceUnit::Unknown => Unit::Unknown,
+    };
+    Ok((0..count).map(unit).collect())
 }
 
 /// Name and value of every quality figure of a run's tach.
@@ -150,29 +189,28 @@ const TACH_HEAD: [&str; 9] = [
     "mesh / 1x",
 ];
 
-fn print(summary: &ImportSummary) {
+fn print(summary: &ImportSummary) -> Result<()> {
     let rows: Vec<Vec<String>> = summary
         .channels
         .iter()
         .zip(&summary.quantisation_snr_db)
-        .map(|(name, snr)| vec![name.clone(), format!("{snr:.1}")])
+        .map(|(name, snr)| vec![name.clone(), if snr.is_finite() { format!("{snr:.1}") } else { "constant".into() }])
         .collect();
-    println!(
+    say!(
         "{} run(s) of {} samples at {} Hz, full scale {} {}",
         summary.samples.len(),
         summary.samples.iter().map(usize::to_string).collect::<Vec<_>>().join(", "),
         summary.sample_rate_hz,
         summary.full_scale,
         summary.unit
-    );
-    print!("{}", terminal::table(&["channel", "over quantisation, dB"], &rows));
+    )?;
+    show(&terminal::table(&["channel", "over quantisation, dB"], &rows))?;
     if !summary.tach.is_empty() {
-        println!("\nvirtual tach from the mesh line's phase (tooth index and angle 0 are unknown)");
-        print!("{}", terminal::table(&TACH_HEAD, &tach_rows(summary)));
+        say!("\nvirtual tach from the mesh line's phase (tooth index and angle 0 are unknown)")?;
+        show(&terminal::table(&TACH_HEAD, &tach_rows(summary)))?;
     }
-    for remark in &summary.remarks {
-        println!("note: {remark}");
-    }
+    tach::print(summary)?;
+    summary.remarks.iter().try_for_each(|remark| say!("note: {remark}"))
 }
 
 fn report(title: &str, record: &Record, summary: &ImportSummary) -> Result<Report> {
@@ -194,10 +232,12 @@ fn report(title: &str, record: &Record, summary: &ImportSummary) -> Result<Repor
             .note("Which tooth is which, and shaft angle 0, cannot be known from the mesh line. Speed changes faster than about a third of the slower shaft's rate are smoothed away.")
             .picture(&speed(run)?, "Pinion speed per turn, run 0. The first and last turns are extrapolated.");
     }
+    let mut report = tach::report(report, record, summary)?;
     report = report.section("Spectra").text("Run 0, whole length, Blackman-Harris window, peak amplitude.");
     for (c, name) in summary.channels.iter().enumerate() {
         let spectrum = amplitude_spectrum(&run.signal_m_s2(c), run.sample_rate_hz(), Window::BlackmanHarris);
-        let mesh_hz = summary.tach.first().map(|q| q.mesh_hz);
+        let measured = summary.measured_tach.first().and_then(|figures| figures.mesh.as_ref());
+        let mesh_hz = summary.tach.first().map(|q| q.mesh_hz).or(measured.map(|mesh| mesh.implied_hz));
         let labels: Vec<Label> = mesh_hz
             .into_iter()
             .flat_map(|hz| (1..=8).map(move |h| Label { x: hz * f64::from(h), text: format!("{h}x mesh") }))

@@ -1,5 +1,6 @@
 //! `meshband law`: the paper's studies on a machine, its bandwidth law, and the check at speeds not fitted.
 
+use super::results::{Announced, Force, Results};
 use clap::{Args as ClapArgs, Subcommand};
 use meshband_host::law::derive::{Check, Laws, OPERATING_POINTS, check, derive};
 use meshband_host::law::operating::Bench;
@@ -9,9 +10,10 @@ use meshband_host::law::report::{
 };
 use meshband_host::law::{export, validation};
 use meshband_host::machine::Machine;
-use meshband_host::report::{Report, write_json};
+use meshband_host::output::show;
+use meshband_host::report::Report;
 use meshband_host::terminal::{Progress, table};
-use meshband_host::{Error, Result};
+use meshband_host::{Result, say};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -38,12 +40,8 @@ enum Action {
 struct Common {
     /// Machine file, or a record folder.
     machine: PathBuf,
-    /// Writes everything as JSON here.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Writes a self-contained HTML page with pictures here.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 #[derive(ClapArgs)]
@@ -71,6 +69,8 @@ struct Export {
     /// Writes the source text here instead of printing it.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    permission: Force,
 }
 
 /// Runs the action.
@@ -84,21 +84,20 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn study(args: &Study) -> Result<()> {
+    let results = &args.common.results;
+    let mut outputs = results.outputs([args.common.machine.as_path()]);
+    let mut files = results.announce(&mut outputs)?;
+    let judgement = outputs.optional(args.validation.as_deref())?;
     let machine = Machine::read(&args.common.machine)?;
     let progress = Progress::new("law study", outcome::STEPS);
     let outcome = outcome::run(&machine, &|| progress.step())?;
     drop(progress);
-    if let Some(path) = &args.common.json {
-        write_json(path, &WithClaims { outcome: &outcome, claims: validation::claims(&outcome) })?;
+    let claims = validation::claims(&outcome);
+    files.write(&WithClaims { outcome: &outcome, claims }, || study_report(&outcome))?;
+    if let Some(mut file) = judgement {
+        file.write(validation::markdown(&outcome))?;
     }
-    if let Some(path) = &args.common.report {
-        study_report(&outcome)?.write(path)?;
-    }
-    if let Some(path) = &args.validation {
-        std::fs::write(path, validation::markdown(&outcome)).map_err(Error::file(path))?;
-    }
-    print_study(&outcome);
-    Ok(())
+    print_study(&outcome)
 }
 
 #[derive(Serialize)]
@@ -108,15 +107,15 @@ struct WithClaims<'a> {
     claims: Vec<validation::Claim>,
 }
 
-fn print_study(o: &Outcome) {
+fn print_study(o: &Outcome) -> Result<()> {
     let c = &o.calibration;
-    println!(
+    say!(
         "calibration: {:.4} mrad gives {:.2} kHz at {} Hz; this machine's ramp is {:.4} mrad\n",
         1e3 * c.width_rad,
         c.target_hz * 1e-3,
         c.shaft_hz,
         1e3 * o.laws.ramp_width_rad
-    );
+    )?;
     let khz = meshband_host::law::report::khz;
     let sweeps = [o.module.as_ref(), o.teeth.as_ref(), Some(&o.speed), Some(&o.torque)];
     for sweep in sweeps.into_iter().flatten() {
@@ -126,28 +125,29 @@ fn print_study(o: &Outcome) {
             .iter()
             .map(|r| vec![r.label.clone(), khz(r.exit_hz), khz(r.alone_hz), khz(r.entry_hz), khz(Some(r.occupied_hz))])
             .collect();
-        println!("{}", table(&head, &rows));
+        say!("{}", table(&head, &rows))?;
     }
-    print_check(&o.check);
+    print_check(&o.check)?;
     for claim in validation::claims(o) {
         let verdict = match &claim.verdict {
             validation::Verdict::Holds => "holds".to_string(),
             validation::Verdict::HoldsOnlyIf(condition) => format!("holds only if {condition}"),
             validation::Verdict::DoesNotHold => "does not hold".to_string(),
         };
-        println!("{} - {}", claim.sentence, verdict);
+        say!("{} - {}", claim.sentence, verdict)?;
     }
+    Ok(())
 }
 
-fn print_check(check: &Check) {
-    println!("{}", table(&CHECK_HEAD, &check_rows(check)));
-    println!(
+fn print_check(check: &Check) -> Result<()> {
+    say!("{}", table(&CHECK_HEAD, &check_rows(check)))?;
+    say!(
         "ring of earlier engagements: {:.2} % rms, {:.2} % at most; hides the edge at {} of {} speeds\n",
         100.0 * check.ring_rms,
         100.0 * check.ring_worst,
         check.hidden,
         check.rows.len()
-    );
+    )
 }
 
 #[derive(Serialize)]
@@ -166,53 +166,49 @@ fn fitted(path: &Path) -> Result<(Laws, Check)> {
     Ok((laws, check))
 }
 
-fn write_common(args: &Common, laws: &Laws, check: &Check, title: &str) -> Result<()> {
-    if let Some(path) = &args.json {
-        write_json(path, &Fitted { laws, check })?;
-    }
-    if let Some(path) = &args.report {
+fn write_common(files: &mut Announced, laws: &Laws, check: &Check, title: &str) -> Result<()> {
+    files.write(&Fitted { laws, check }, || {
         let subtitle = format!("{}, ramp {:?}, hash {}", laws.machine, laws.ramp, laws.machine_hash);
-        let report = law_section(Report::new(title, &subtitle), laws)?;
-        check_section(report, check)?.write(path)?;
-    }
-    Ok(())
+        check_section(law_section(Report::new(title, &subtitle), laws)?, check)
+    })
 }
 
 fn fit(args: &Fit) -> Result<()> {
+    let results = &args.common.results;
+    let mut outputs = results.outputs([args.common.machine.as_path()]);
+    let mut files = results.announce(&mut outputs)?;
+    let node_law = outputs.optional(args.output.as_deref())?;
     let (laws, check) = fitted(&args.common.machine)?;
-    write_common(&args.common, &laws, &check, "Bandwidth law: fit")?;
-    if let Some(path) = &args.output {
+    write_common(&mut files, &laws, &check, "Bandwidth law: fit")?;
+    if let Some(mut target) = node_law {
         let file = laws.file(check.relative_uncertainty());
         file.for_node()?;
-        std::fs::write(path, file.to_toml()).map_err(Error::file(path))?;
+        target.write(file.to_toml())?;
     }
-    println!(
+    say!(
         "machine {}, hash {}, ramp {:?} of {:.4} mrad, 1 to 25 Hz",
         laws.machine,
         laws.machine_hash,
         laws.ramp,
         1e3 * laws.ramp_width_rad
-    );
-    println!("{}", table(&LAW_HEAD, &law_rows(&laws)));
-    print_check(&check);
-    Ok(())
+    )?;
+    say!("{}", table(&LAW_HEAD, &law_rows(&laws)))?;
+    print_check(&check)
 }
 
 fn check_only(args: &Common) -> Result<()> {
+    let mut files = args.results.announce(&mut args.results.outputs([args.machine.as_path()]))?;
     let (laws, check) = fitted(&args.machine)?;
-    write_common(args, &laws, &check, "Bandwidth law: check")?;
-    print_check(&check);
-    Ok(())
+    write_common(&mut files, &laws, &check, "Bandwidth law: check")?;
+    print_check(&check)
 }
 
 fn export_only(args: &Export) -> Result<()> {
+    let target = args.permission.outputs([args.machine.as_path()]).optional(args.output.as_deref())?;
     let (laws, check) = fitted(&args.machine)?;
     let source = export::rust_source(&laws.file(check.relative_uncertainty()), &args.machine.display().to_string())?;
-    match &args.output {
-        Some(path) => std::fs::write(path, source).map_err(Error::file(path)),
-        None => {
-            print!("{source}");
-            Ok(())
-        }
+    match target {
+        Some(mut file) => file.write(source),
+        None => show(&source),
     }
 }

@@ -1,16 +1,20 @@
-//! `meshband loop`: what a record's declared machine lacks, and the held-out error before and after adding it.
+//! `meshband loop`: what a record's declared machine lacks, and the held-out error as declared, calibrated and corrected.
 
+use super::results::{Announced, Results};
 use clap::Args as ClapArgs;
+use meshband_host::check::{self, Findings};
 use meshband_host::closed_loop::Outcome;
-use meshband_host::closed_loop::apply::{Applied, apply};
+use meshband_host::closed_loop::apply::{Applied, Correction};
 use meshband_host::closed_loop::bands::{bands, occupied};
 use meshband_host::closed_loop::node_check::{HEADS, NodeCheck, node_check};
 use meshband_host::closed_loop::replay::{Replay, replay};
-use meshband_host::closed_loop::report::report;
-use meshband_host::closed_loop::{Options, close_loop, input};
+use meshband_host::closed_loop::report::{self, report};
+use meshband_host::closed_loop::{Options, close_loop};
+use meshband_host::observation::input;
+use meshband_host::output::show;
 use meshband_host::record::Record;
-use meshband_host::report::write_json;
-use meshband_host::{Result, terminal};
+use meshband_host::report::Report;
+use meshband_host::{Error, Result, say, terminal};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -19,12 +23,8 @@ use std::path::PathBuf;
 pub struct Args {
     /// Record folder.
     record: PathBuf,
-    /// Writes the outcome as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Writes a report with residual spectra before and after.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
     /// Writes the corrected machine, its effects and its law beside this machine file, and compares a virtual node before and after.
     #[arg(long)]
     apply: Option<PathBuf>,
@@ -40,69 +40,126 @@ struct Written<'a> {
     outcome: &'a Outcome,
     #[serde(skip_serializing_if = "Option::is_none")]
     applied: Option<&'a Applied>,
+    /// Why the correction or its check on a virtual node could not be made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    apply_failed: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     virtual_node: Option<&'a NodeCheck>,
 }
 
-/// Runs the loop and prints the outcome.
+/// Runs the loop, writes its files and prints the outcome.
 pub fn run(args: Args) -> Result<()> {
+    let read = [Some(&args.record), args.apply.as_ref()].into_iter().flatten().map(PathBuf::as_path);
+    let mut outputs = args.results.outputs(read);
+    let mut written = args.results.announce(&mut outputs)?;
     let files = Record::read(&args.record)?;
     let record = input::view(&files)?;
+    let correction = args.apply.as_ref().map(|path| Correction::announce(path, &files, &mut outputs)).transpose()?;
+    refuse_unusable(&record, &mut written)?;
     let options = Options { seed: args.seed, progress: true, ..Options::default() };
     let mut outcome = close_loop(&record, &options)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();
     }
-    print!("{}", outcome.summary());
-    let replayed = (args.report.is_some() || args.apply.is_some()).then(|| replay(&record, &outcome));
-    let applied = args.apply.as_ref().map(|machine| apply(machine, &outcome)).transpose()?;
-    if let (Some(applied), Some(replayed)) = (&applied, &replayed) {
-        print_applied(applied);
-        print_bands(replayed, &outcome);
+    let replayed = (written.wants_report() || correction.is_some()).then(|| replay(&record, &outcome));
+    if correction.is_some() {
+        // The correction takes its time and may fail: what has been found is safe first.
+        written
+            .write_early(&Written::of(&outcome, &Correcting::default()), || page(&outcome, replayed.as_ref(), None))?;
     }
-    let check = applied.as_ref().map(|applied| node_check(&files, &outcome, applied)).transpose()?.flatten();
-    if let Some(check) = &check {
-        for (head, rows) in HEADS.iter().zip(check.rows()) {
-            print!("{}", terminal::table(head, &rows));
-        }
+    let made = correction.map(|correction| correct(correction, &files, &outcome)).unwrap_or_default();
+    written.write(&Written::of(&outcome, &made), || page(&outcome, replayed.as_ref(), made.check.as_ref()))?;
+    show(&outcome.summary())?;
+    if let (Some(applied), Some(replayed)) = (&made.applied, &replayed) {
+        print_applied(applied)?;
+        print_bands(replayed, &outcome)?;
     }
-    if let Some(path) = &args.json {
-        write_json(path, &Written { outcome: &outcome, applied: applied.as_ref(), virtual_node: check.as_ref() })?;
+    if let Some(check) = &made.check {
+        HEADS.iter().zip(check.rows()).try_for_each(|(head, rows)| show(&terminal::table(head, &rows)))?;
     }
-    if let (Some(path), Some(replayed)) = (&args.report, &replayed) {
-        let mut page = report(&outcome, replayed)?;
-        if let Some(check) = &check {
-            let [levels, widths] = check.rows();
-            page = page
-                .section("Virtual node before and after")
-                .text("The node's own code on held-out runs: on the record, on what the declared machine predicts, and on the corrected one.")
-                .table("Mesh-band levels that the node reports.", HEADS[0], &levels)
-                .table("Bandwidth measured by the node, and by the law it carries.", HEADS[1], &widths);
-        }
-        page.write(path)?;
+    made.failed.map_or(Ok(()), Err)
+}
+
+/// What came of `--apply`.
+#[derive(Default)]
+struct Correcting {
+    applied: Option<Applied>,
+    check: Option<NodeCheck>,
+    failed: Option<Error>,
+}
+
+/// Writes the correction and compares the virtual node before and after; what fails is kept with what did not.
+fn correct(correction: Correction, record: &Record, outcome: &Outcome) -> Correcting {
+    let applied = match correction.write(outcome) {
+        Ok(applied) => applied,
+        Err(error) => return Correcting { failed: Some(error), ..Correcting::default() },
+    };
+    match node_check(record, outcome, &applied) {
+        Ok(check) => Correcting { applied: Some(applied), check, failed: None },
+        Err(error) => Correcting { applied: Some(applied), check: None, failed: Some(error) },
     }
-    Ok(())
+}
+
+impl<'a> Written<'a> {
+    fn of(outcome: &'a Outcome, made: &'a Correcting) -> Self {
+        let apply_failed = made.failed.as_ref().map(Error::to_string);
+        Self { outcome, applied: made.applied.as_ref(), apply_failed, virtual_node: made.check.as_ref() }
+    }
+}
+
+fn page(outcome: &Outcome, replayed: Option<&Replay>, check: Option<&NodeCheck>) -> Result<Report> {
+    let page = report(outcome, replayed.expect("a report is only made of a replayed outcome"))?;
+    let Some(check) = check else { return Ok(page) };
+    let [levels, widths] = check.rows();
+    Ok(page
+        .section("Virtual node before and after")
+        .text("The node's own code on held-out runs: on the record, on what the declared machine predicts, and on the corrected one.")
+        .table("Mesh-band levels that the node reports.", HEADS[0], &levels)
+        .table("Bandwidth measured by the node, and by the law it carries.", HEADS[1], &widths))
+}
+
+/// What is written of a record that nothing can be inferred from.
+#[derive(Serialize)]
+struct Refused<'a> {
+    headline: String,
+    findings: &'a Findings,
+}
+
+/// Ends with the findings where the record's check refuses it: files first, then text, then the error.
+fn refuse_unusable(record: &input::Record, written: &mut Announced) -> Result<()> {
+    let findings = check::record(record);
+    let Err(error) = findings.require_usable() else { return Ok(()) };
+    let headline = error.to_string();
+    written.write(&Refused { headline: headline.clone(), findings: &findings }, || {
+        let page = Report::new(&format!("Closed loop: {}", record.title), &headline);
+        Ok(report::findings(page, &findings))
+    })?;
+    show(&findings.text())?;
+    Err(error)
 }
 
 /// Effects of one name shown before the rest is only counted.
 const SHOWN: usize = 4;
 
-fn print_applied(applied: &Applied) {
-    println!("written: {}, {}", applied.machine.display(), applied.effects.display());
-    println!("  torque times {:.5}", applied.torque_factor);
-    applied.written.iter().take(SHOWN).for_each(|effect| println!("  --effect {effect}"));
+fn print_applied(applied: &Applied) -> Result<()> {
+    say!("written: {}, {}", applied.machine.display(), applied.effects.display())?;
+    say!("  torque times {:.5}", applied.torque_factor)?;
+    applied.written.iter().take(SHOWN).try_for_each(|effect| say!("  --effect {effect}"))?;
     if applied.written.len() > SHOWN {
-        println!("  and {} more", applied.written.len() - SHOWN);
+        say!("  and {} more", applied.written.len() - SHOWN)?;
     }
-    applied.remarks.iter().for_each(|remark| println!("  {remark}"));
-    applied.not_written.iter().for_each(|other| println!("  without counterpart in the simulator: {other}"));
-    println!("law {}", applied.law_remark);
-    if let (Some(path), Some([before, after])) = (&applied.law, applied.bandwidth_hz) {
-        println!("  {}: edge bandwidth {before:.0} Hz declared, {after:.0} Hz corrected", path.display());
+    applied.remarks.iter().try_for_each(|remark| say!("  {remark}"))?;
+    applied.not_written.iter().try_for_each(|other| say!("  without counterpart in the simulator: {other}"))?;
+    say!("law {}", applied.law_remark)?;
+    match (&applied.law, applied.bandwidth_hz) {
+        (Some(path), Some([before, after])) => {
+            say!("  {}: edge bandwidth {before:.0} Hz declared, {after:.0} Hz corrected", path.display())
+        }
+        _ => Ok(()),
     }
 }
 
-fn print_bands(replayed: &Replay, outcome: &Outcome) {
+fn print_bands(replayed: &Replay, outcome: &Outcome) -> Result<()> {
     let rows: Vec<Vec<String>> = bands(replayed, outcome)
         .iter()
         .map(|b| {
@@ -110,7 +167,7 @@ fn print_bands(replayed: &Replay, outcome: &Outcome) {
             vec![format!("ch {}, {} x mesh", b.channel, b.harmonic), format!("{:.2}", b.record_db), declared, corrected]
         })
         .collect();
-    print!("{}", terminal::table(&["held-out band, dB", "record", "declared off by", "corrected"], &rows));
+    show(&terminal::table(&["held-out band, dB", "record", "declared off by", "corrected"], &rows))?;
     let rows: Vec<Vec<String>> = occupied(replayed, outcome)
         .iter()
         .map(|o| {
@@ -120,5 +177,5 @@ fn print_bands(replayed: &Replay, outcome: &Outcome) {
         })
         .collect();
     let head = ["held-out bandwidth of 99 % of the power, Hz", "record", "declared off by", "corrected"];
-    print!("{}", terminal::table(&head, &rows));
+    show(&terminal::table(&head, &rows))
 }

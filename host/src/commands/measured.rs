@@ -1,8 +1,9 @@
 //! `meshband measured`: published measurements against the model, error before and after on the held-out part.
 
+use super::results::Force;
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::measured::{adi, gear0, gfd, paderborn, paper};
-use meshband_host::report::write_json;
+use meshband_host::output::{OutputFile, show};
 use meshband_host::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -30,9 +31,11 @@ pub struct Args {
     /// Folder that holds the data sets' folders; see docs/measured.md for where to get them.
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Writes the result as JSON.
-    #[arg(long)]
+    /// Writes the result as JSON; `-` is standard output.
+    #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    #[command(flatten)]
+    permission: Force,
 }
 
 /// Runs the analysis of one data set and prints its tables.
@@ -42,17 +45,19 @@ pub fn run(args: Args) -> Result<()> {
         (_, Some(data)) => data,
         _ => return Err(Error::invalid("--data", "is needed: the folder that holds gear0, gfd, adi, paderborn")),
     };
-    let json = args.json.as_deref();
+    let json = args.permission.outputs([data.as_path()]).optional(args.json.as_deref())?;
     match args.set {
-        Set::Paper => show(&paper::run()?, paper::Outcome::summary, json),
-        Set::Gear0 => show(&gear0::run(&data)?, gear0::Outcome::summary, json),
-        Set::Gfd => show(&gfd::run(&data)?, gfd::Outcome::summary, json),
-        Set::Adi => show(&adi::run(&data)?, adi::Outcome::summary, json),
-        Set::Paderborn => show(&paderborn::run(&data)?, paderborn::Outcome::summary, json),
+        Set::Paper => finish(&paper::run()?, paper::Outcome::summary, json),
+        Set::Gear0 => finish(&gear0::run(&data)?, gear0::Outcome::summary, json),
+        Set::Gfd => finish(&gfd::run(&data)?, gfd::Outcome::summary, json),
+        Set::Adi => finish(&adi::run(&data)?, adi::Outcome::summary, json),
+        Set::Paderborn => finish(&paderborn::run(&data)?, paderborn::Outcome::summary, json),
     }
 }
 
-fn show<T: Serialize>(outcome: &T, summary: fn(&T) -> String, json: Option<&std::path::Path>) -> Result<()> {
-    print!("{}", summary(outcome));
-    json.map_or(Ok(()), |path| write_json(path, outcome))
+fn finish<T: Serialize>(outcome: &T, summary: fn(&T) -> String, json: Option<OutputFile>) -> Result<()> {
+    if let Some(mut file) = json {
+        file.write_json(outcome)?;
+    }
+    show(&summary(outcome))
 }

@@ -1,6 +1,10 @@
 //! Subcommands: argument structs and the printing around library calls; no computation of their own.
+//!
+//! Every command announces its outputs before it works, writes them when it has worked, and shows text last.
 
 pub mod alias;
+pub mod analyse;
+pub mod check;
 #[path = "loop.rs"]
 pub mod close;
 pub mod configure;
@@ -12,5 +16,6 @@ pub mod monitor;
 pub mod node;
 pub mod predict;
 pub mod prove;
+pub mod results;
 pub mod simulate;
 pub mod stiffness;

@@ -1,17 +1,22 @@
-//! `meshband node`: the real firmware in QEMU on a run of a record, or on a machine simulated for the purpose.
+//! `meshband node`: the real firmware on a virtual board, fed with a run of a record, or with a machine simulated for the purpose.
 
+use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
+use meshband::config::Configuration;
+use meshband_emulator::board::CYCLES_PER_INSTRUCTION;
 use meshband_host::dynamics::simulate::Acquisition;
 use meshband_host::machine::Machine;
-use meshband_host::qemu::{Qemu, built_firmware};
+use meshband_host::output::show;
 use meshband_host::record::Record;
-use meshband_host::report::write_json;
+use meshband_host::virtual_node::emulated::run::Emulated;
+use meshband_host::virtual_node::profile::Pace;
+use meshband_host::virtual_node::qemu::{Qemu, built_firmware};
 use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
 use meshband_host::virtual_node::summary::{self, Table};
 use meshband_host::virtual_node::trial::{self, Trial};
 use meshband_host::virtual_node::{profile, report};
-use meshband_host::{Error, Result, effects, terminal};
+use meshband_host::{Error, Result, effects, remark, say, terminal};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -26,7 +31,10 @@ pub struct Args {
     /// Channel: its number from 0, its name, or a part of it (machine: 0 pinion bearing, 1 gear bearing).
     #[arg(long, default_value = "0")]
     channel: String,
-    /// Start of the stretch to replay, s; the board's memory holds 8.3 s.
+    /// Board: an386 in QEMU, or an emulated STM32F405 with the very image that is flashed.
+    #[arg(long, value_enum, default_value = "an386")]
+    board: BoardName,
+    /// Start of the stretch to replay, s; the memory of an386 holds 8.3 s.
     #[arg(long, default_value_t = 0.0)]
     start: f64,
     /// Length of the stretch, s; the rest of the run, or 3 s of a machine.
@@ -56,24 +64,31 @@ pub struct Args {
     /// Forces the converter's rate, Hz, without decimation, whatever the law says: aliases are then real.
     #[arg(long)]
     rate: Option<f64>,
-    /// Runs in QEMU; more than one are compared byte for byte.
+    /// Runs on the board; more than one are compared byte for byte.
     #[arg(long, default_value_t = 1)]
     runs: usize,
     /// Instruction rate in QEMU: 1000 MIPS over 2 to this power.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(0..=8))]
     icount_shift: u8,
-    /// Runs the record at other instruction rates, too, and says from which on the node keeps up.
+    /// Cycles per instruction of the emulated STM32F405, 1 to 4.
+    #[arg(long, default_value_t = CYCLES_PER_INSTRUCTION)]
+    cycles_per_instruction: f64,
+    /// In QEMU, runs the record at other instruction rates, too, and says from which on the node keeps up.
     #[arg(long)]
     profile: bool,
     /// Firmware image; without it the one that `cargo xtask node-build` made.
     #[arg(long)]
     firmware: Option<PathBuf>,
-    /// Writes the result as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Writes a report with pictures.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum BoardName {
+    /// QEMU's mps2-an386
+    An386,
+    /// emulated STM32F405
+    Stm32f405,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -88,6 +103,7 @@ enum ShownUnit {
 
 /// Replays the signal, prints what the node reported, and compares its lines with the f64 reference.
 pub fn run(args: Args) -> Result<()> {
+    let mut files = args.results.announce(&mut args.results.outputs([args.input.as_path()]))?;
     let mut signal = if is_record(&args.input) { of_record(&args)? } else { of_machine(&args)? };
     if let Some(unit) = args.unit {
         if signal.unit != Unit::Acceleration {
@@ -99,31 +115,49 @@ pub fn run(args: Args) -> Result<()> {
         };
     }
     let config = configuration(&signal, args.rate)?;
-    let firmware = args.firmware.unwrap_or_else(|| built_firmware("an386"));
+    let (trial, paces) = match args.board {
+        BoardName::An386 => in_qemu(&args, &signal, &config)?,
+        BoardName::Stm32f405 => (emulated(&args, &signal, &config)?, Vec::new()),
+    };
+    let value = serde_json::json!({
+        "title": signal.title,
+        "channel": signal.channel,
+        "unit": signal.unit.to_string(),
+        "notes": signal.notes,
+        "trial": trial,
+        "paces": paces,
+    });
+    files.write(&value, || report::build(&trial, &signal, &paces))?;
+    print(&trial, &signal)?;
+    if paces.is_empty() {
+        return Ok(());
+    }
+    say!("")?;
+    print_table(&summary::paces(&paces))
+}
+
+fn in_qemu(args: &Args, signal: &Signal, config: &Configuration) -> Result<(Trial, Vec<Pace>)> {
+    let firmware = args.firmware.clone().unwrap_or_else(|| built_firmware("an386"));
     let qemu = Qemu { icount_shift: args.icount_shift, ..Qemu::new(firmware) };
     progress(&format!("{:.2} s of {}, {}, in QEMU", signal.duration_s(), signal.title, signal.channel));
-    let trial = trial::run(&signal, &config, &qemu, args.runs)?;
-    let paces = if args.profile { profile::run(&signal, &config, &qemu)? } else { Vec::new() };
-    print(&trial, &signal);
-    if !paces.is_empty() {
-        println!();
-        print_table(&summary::paces(&paces));
+    let trial = trial::run(signal, config, &qemu, args.runs)?;
+    let paces = if args.profile { profile::run(signal, config, &qemu)? } else { Vec::new() };
+    Ok((trial, paces))
+}
+
+fn emulated(args: &Args, signal: &Signal, config: &Configuration) -> Result<Trial> {
+    if args.profile {
+        return Err(Error::invalid("--profile", "is for an386; --cycles-per-instruction sets the pace of stm32f405"));
     }
-    if let Some(path) = &args.json {
-        let value = serde_json::json!({
-            "title": signal.title,
-            "channel": signal.channel,
-            "unit": signal.unit.to_string(),
-            "notes": signal.notes,
-            "trial": trial,
-            "paces": paces,
-        });
-        write_json(path, &value)?;
+    let cycles_per_instruction = args.cycles_per_instruction;
+    if !(1.0..=4.0).contains(&cycles_per_instruction) {
+        let what = format!("{cycles_per_instruction} is not within 1 to 4");
+        return Err(Error::invalid("--cycles-per-instruction", what));
     }
-    if let Some(path) = &args.report {
-        report::build(&trial, &signal, &paces)?.write(path)?;
-    }
-    Ok(())
+    let firmware = args.firmware.clone().unwrap_or_else(|| built_firmware("stm32f405"));
+    let board = Emulated { cycles_per_instruction, ..Emulated::new(firmware) };
+    progress(&format!("{:.2} s of {}, {}, emulated", signal.duration_s(), signal.title, signal.channel));
+    trial::run(signal, config, &board, args.runs)
 }
 
 /// Folders are records; of files only a `record.toml` belongs to one.
@@ -188,30 +222,28 @@ fn of_machine(args: &Args) -> Result<Signal> {
 /// One line for who is watching; logs and pipes stay clean.
 fn progress(what: &str) {
     if std::io::stderr().is_terminal() {
-        eprintln!("node: {what} ...");
+        remark!("node: {what} ...");
     }
 }
 
-fn print_table(table: &Table) {
-    print!("{}", terminal::table(&table.head, &table.rows));
+fn print_table(table: &Table) -> Result<()> {
+    show(&terminal::table(&table.head, &table.rows))
 }
 
-fn print(trial: &Trial, signal: &Signal) {
-    println!("\nspeed of the pinion and rates");
-    print_table(&summary::rates(trial, 16));
+fn print(trial: &Trial, signal: &Signal) -> Result<()> {
+    say!("\nspeed of the pinion and rates")?;
+    print_table(&summary::rates(trial, 16))?;
     if let Some(table) = summary::lines(trial, false) {
-        println!("\nmesh harmonics, amplitudes in {}, against the f64 reference", signal.unit);
-        print_table(&table);
+        say!("\nmesh harmonics, amplitudes in {}, against the f64 reference", signal.unit)?;
+        print_table(&table)?;
     }
     let forced = trial.rates.first().is_some_and(|r| r.adc_hz == r.granted_hz && trial.peaks.iter().any(|p| p.folded));
     if forced || trial.spectra.is_empty() {
-        println!("\nwideband peaks, lines {:.2} Hz apart", trial.peak_resolution_hz);
-        print_table(&summary::peaks(trial));
+        say!("\nwideband peaks, lines {:.2} Hz apart", trial.peak_resolution_hz)?;
+        print_table(&summary::peaks(trial))?;
     }
-    println!();
+    say!("")?;
     let lines = summary::verdicts(trial, signal);
     let width = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-    for (name, value) in lines {
-        println!("{name:<width$}  {value}");
-    }
+    lines.into_iter().try_for_each(|(name, value)| say!("{name:<width$}  {value}"))
 }

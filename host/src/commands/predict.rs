@@ -1,26 +1,30 @@
 //! `meshband predict`: what the declared machine gives for each run of a record.
 
+use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::predict::Predictor;
-use meshband_host::dynamics::rig::Rig;
+use meshband_host::dynamics::rig::{PARTS, Rig};
 use meshband_host::dynamics::taylor::Statistics;
 use meshband_host::machine::Machine;
+use meshband_host::output::{Content, show};
 use meshband_host::record::{Record, Run, npy};
+use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, spectrum};
-use meshband_host::report::{Report, write_json};
 use meshband_host::spectral::{Window, amplitude_spectrum};
-use meshband_host::{Error, Result, effects, terminal};
+use meshband_host::{Error, Result, effects, say, terminal};
 use rayon::prelude::*;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Arguments of `meshband predict`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Record folder.
     record: PathBuf,
-    /// Folder for the predictions, `runNN.npy` (float32, m/s2, same shape as the record's).
+    /// Folder for the predictions, named as the signals of the record (`runNN.npy`; float32, m/s2, same shape); no record itself.
     #[arg(short)]
     output: PathBuf,
     /// Model: bending-torsional, bending-torsional-6 or casing.
@@ -32,12 +36,8 @@ pub struct Args {
     /// File of `[[effect]]` tables added to the machine, as `meshband loop --apply` writes it.
     #[arg(long = "effects", value_name = "FILE")]
     effects_file: Option<PathBuf>,
-    /// What each prediction leaves of its run, and its cost, as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Write a report with measured, predicted and remaining spectra.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 /// Frequencies compared: the acquisition is flat up to here.
@@ -59,7 +59,15 @@ struct Outcome {
 
 /// Writes one prediction per run.
 pub fn run(args: Args) -> Result<()> {
+    let read = [Some(&args.record), args.machine.as_ref(), args.effects_file.as_ref()];
+    let mut outputs = args.results.outputs(read.into_iter().flatten().map(PathBuf::as_path));
+    let folder = outputs.folder(&args.output, Content::Predictions)?;
+    let mut files = args.results.announce(&mut outputs)?;
     let record = Record::read(&args.record)?;
+    if record.runs.is_empty() {
+        return Err(Error::invalid(args.record.display(), "has no [[run]] to predict"));
+    }
+    let names = names(&record)?;
     let mut predictor = Predictor::new(&record, args.model, Damping::Declared)?;
     if let Some(path) = &args.machine {
         predictor.rig = Rig::new(&Machine::read(path)?, args.model, Damping::Declared)?;
@@ -68,55 +76,66 @@ pub fn run(args: Args) -> Result<()> {
     predictor.torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
     let turns = args.effects_file.as_deref().map_or_else(|| Ok(Vec::new()), effects::read_pinion_turns)?;
     predictor.start_later(&record, &turns)?;
-    std::fs::create_dir_all(&args.output).map_err(Error::file(&args.output))?;
-    let progress = terminal::Progress::new("predict", record.runs.len() as u64);
-    let drawn = args.report.is_some();
+    predictor.rig.progress = Some(Arc::new(terminal::Progress::new("predict", PARTS * record.runs.len() as u64)));
+    let drawn = files.wants_report();
     let outcomes: Vec<Outcome> = record
         .runs
         .par_iter()
-        .map(|run| {
+        .zip(&names)
+        .map(|(run, name)| {
             let (channels, statistics) = predictor.predict(run, &effects)?;
             let values: Vec<f32> = (0..run.samples()).flat_map(|i| channels.iter().map(move |c| c[i] as f32)).collect();
-            npy::write_f32(&args.output.join(&run.declaration.signal), &values, channels.len())?;
-            progress.step();
+            folder.write(name, npy::bytes_f32(&values, channels.len()))?;
             Ok(compare(run, &channels, statistics, drawn))
         })
         .collect::<Result<_>>()?;
-    drop(progress);
+    predictor.rig.progress = None;
+    folder.commit()?;
     let rows: Vec<Vec<String>> = outcomes
         .iter()
         .map(|o| {
             let torque = o.input_torque_n_m.map_or(String::new(), |t| t.to_string());
-            let [first, second] = o.remaining.map(|r| format!("{:.3}", 100.0 * r));
-            let [level, other] = o.level_db.map(|l| format!("{l:+.3}"));
+            // A silent channel has no level to compare with.
+            let or_dash = |x: f64, text: String| if x.is_finite() { text } else { "-".into() };
+            let [first, second] = o.remaining.map(|r| or_dash(r, format!("{:.3}", 100.0 * r)));
+            let [level, other] = o.level_db.map(|l| or_dash(l, format!("{l:+.3}")));
             vec![o.run.clone(), torque, first, second, level, other]
         })
         .collect();
     let head = ["run", "torque, N m", "pinion channel, %", "gear channel, %", "pinion level, dB", "gear level, dB"];
-    println!("remaining below 15 kHz, of the measured AC RMS; predicted level less measured");
-    print!("{}", terminal::table(&head, &rows));
-    if let Some(path) = &args.json {
-        write_json(path, &outcomes)?;
+    files.write(&outcomes, || report(&args, &outcomes, &head, &rows))?;
+    say!("remaining below 15 kHz, of the measured AC RMS; predicted level less measured")?;
+    show(&terminal::table(&head, &rows))
+}
+
+/// One file per run: its signal's name, without folders.
+fn names(record: &Record) -> Result<Vec<String>> {
+    let name =
+        |run: &Run| Path::new(&run.declaration.signal).file_name().map(|name| name.to_string_lossy().into_owned());
+    let names: Vec<String> = record.runs.iter().filter_map(name).collect();
+    let mut seen = BTreeSet::new();
+    match names.iter().find(|name| !seen.insert(name.as_str())) {
+        Some(name) => Err(Error::invalid(record.folder.display(), format!("two runs have a signal named {name}"))),
+        None => Ok(names),
     }
-    if let Some(path) = &args.report {
-        let worst = outcomes.iter().flat_map(|o| o.remaining).fold(0.0, f64::max);
-        let mut report = Report::new("Prediction", &args.record.display().to_string())
-            .figure("Runs", outcomes.len())
-            .figure("Largest remainder", format!("{:.3} %", 100.0 * worst))
-            .text("What the declared machine explains of each run, from declaration, torque and tach alone.")
-            .table("Remaining below 15 kHz, of the measured AC RMS; predicted level less measured.", &head, &rows);
-        for outcome in &outcomes {
-            for (channel, spectra) in outcome.spectra.iter().enumerate() {
-                let axes = Axes { x: "frequency, Hz", y: "acceleration, dB re 1 m/s2" };
-                let title = format!("{}, {} channel", outcome.run, ["pinion", "gear"][channel.min(1)]);
-                let svg = spectrum(spectra, &[], 1.0, 110.0, axes)?;
-                report =
-                    report.section(&title).picture(&svg, "Amplitude spectra: measured, predicted, and what remains.");
-            }
+}
+
+fn report(args: &Args, outcomes: &[Outcome], head: &[&str], rows: &[Vec<String>]) -> Result<Report> {
+    let worst = outcomes.iter().flat_map(|o| o.remaining).fold(0.0, f64::max);
+    let mut report = Report::new("Prediction", &args.record.display().to_string())
+        .figure("Runs", outcomes.len())
+        .figure("Largest remainder", format!("{:.3} %", 100.0 * worst))
+        .text("What the declared machine explains of each run, from declaration, torque and tach alone.")
+        .table("Remaining below 15 kHz, of the measured AC RMS; predicted level less measured.", head, rows);
+    for outcome in outcomes {
+        for (channel, spectra) in outcome.spectra.iter().enumerate() {
+            let axes = Axes { x: "frequency, Hz", y: "acceleration, dB re 1 m/s2" };
+            let title = format!("{}, {} channel", outcome.run, ["pinion", "gear"][channel.min(1)]);
+            let svg = spectrum(spectra, &[], 1.0, 110.0, axes)?;
+            report = report.section(&title).picture(&svg, "Amplitude spectra: measured, predicted, and what remains.");
         }
-        report.write(path)?;
     }
-    Ok(())
+    Ok(report)
 }
 
 fn compare(run: &Run, predicted: &[Vec<f64>; 2], statistics: Statistics, drawn: bool) -> Outcome {
@@ -130,7 +149,7 @@ fn compare(run: &Run, predicted: &[Vec<f64>; 2], statistics: Statistics, drawn: 
         let last = ((BAND_HZ / m.bin) as usize).min(m.values.len() - 1);
         // The window spreads the mean over the first bins.
         let rms = |values: &[f64]| values[3.min(last)..=last].iter().map(|a| a * a).sum::<f64>().sqrt();
-        remaining[channel] = rms(&r.values) / rms(&m.values).max(f64::MIN_POSITIVE);
+        remaining[channel] = rms(&r.values) / rms(&m.values);
         level_db[channel] = 20.0 * (rms(&p.values) / rms(&m.values)).log10();
         if drawn {
             spectra.push(

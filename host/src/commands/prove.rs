@@ -1,8 +1,10 @@
 //! `meshband prove`: the loop's proof campaign on generated records.
 
+use super::results::Results;
 use clap::Args as ClapArgs;
-use meshband_host::closed_loop::campaign::{HEAD, Plan, cells, run as run_plan, summarise};
-use meshband_host::report::{Report, write_json};
+use meshband_host::closed_loop::campaign::{HEAD, Plan, Summary, cells, run as run_plan, summarise};
+use meshband_host::output::show;
+use meshband_host::report::Report;
 use meshband_host::{Error, Result};
 use std::path::PathBuf;
 
@@ -42,19 +44,19 @@ pub struct Args {
     /// Prints what the loop does with every record.
     #[arg(long)]
     verbose: bool,
-    /// Writes the summary as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
     /// Writes the tables as Markdown.
     #[arg(long)]
     markdown: Option<PathBuf>,
-    /// Writes the summary as a report.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 /// Runs what is missing of the campaign and prints its tables.
 pub fn run(args: Args) -> Result<()> {
+    let mut outputs = args.results.outputs(args.machines.iter().map(PathBuf::as_path));
+    let _log = outputs.appended(&args.log)?;
+    let mut files = args.results.announce(&mut outputs)?;
+    let markdown = outputs.optional(args.markdown.as_deref())?;
     let plan = Plan {
         machines: args.machines,
         null: args.null,
@@ -73,26 +75,24 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::invalid("--null, --power, --leave-one-out, --two", "all are 0 and the log is empty"));
     }
     let summary = summarise(&scored);
-    print!("{}", summary.text());
-    if let Some(path) = &args.json {
-        write_json(path, &summary)?;
+    files.write(&summary, || Ok(report(&summary, scored.len(), plan.seed)))?;
+    if let Some(mut file) = markdown {
+        file.write(summary.markdown())?;
     }
-    if let Some(path) = &args.markdown {
-        std::fs::write(path, summary.markdown()).map_err(Error::file(path))?;
-    }
-    if let Some(path) = &args.report {
-        let mut report = Report::new("Proof of the closed loop", "generated records, nothing tuned on them")
-            .figure("records", scored.len())
-            .figure("seed", plan.seed)
-            .figure("false terms", format!("{:.1} %", 100.0 * summary.null.last().map_or(0.0, |r| r.found)))
-            .figure("intervals covering", format!("{:.1} % of {}", 100.0 * summary.coverage.0, summary.coverage.1));
-        for (title, rows) in summary.tables() {
-            let rows: Vec<Vec<String>> = rows.iter().filter(|r| r.records > 0).map(cells).collect();
-            if !rows.is_empty() {
-                report = report.section(title).table("", &HEAD, &rows);
-            }
+    show(&summary.text())
+}
+
+fn report(summary: &Summary, records: usize, seed: u64) -> Report {
+    let mut report = Report::new("Proof of the closed loop", "generated records, nothing tuned on them")
+        .figure("records", records)
+        .figure("seed", seed)
+        .figure("false terms", format!("{:.1} %", 100.0 * summary.null.last().map_or(0.0, |r| r.found)))
+        .figure("intervals covering", format!("{:.1} % of {}", 100.0 * summary.coverage.0, summary.coverage.1));
+    for (title, rows) in summary.tables() {
+        let rows: Vec<Vec<String>> = rows.iter().filter(|r| r.records > 0).map(cells).collect();
+        if !rows.is_empty() {
+            report = report.section(title).table("", &HEAD, &rows);
         }
-        report.write(path)?;
     }
-    Ok(())
+    report
 }

@@ -1,18 +1,24 @@
 //! `meshband simulate`: a record folder of a simulated machine, one run per pair of speed and torque.
 
+use super::results::Results;
 use clap::Args as ClapArgs;
-use meshband_host::closed_loop::start::Hunting;
+use meshband_host::budget::ALL_STEPS;
+use meshband_host::dynamics::Motion;
 use meshband_host::dynamics::assembly::{Damping, Model};
+use meshband_host::dynamics::rig::{PARTS, Rig};
 use meshband_host::dynamics::simulate::{Acquisition, Simulated, run_seed, simulate, start_turn, start_turns};
-use meshband_host::dynamics::{Motion, Rig};
+use meshband_host::dynamics::work::{check_edges, check_samples};
+use meshband_host::machine::Hunting;
 use meshband_host::machine::Machine;
+use meshband_host::output::Content;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
+use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, lines, spectrum};
-use meshband_host::report::{Report, write_json};
 use meshband_host::spectral::{Window, amplitude_spectrum};
-use meshband_host::{Error, Result, effects, terminal};
+use meshband_host::{Error, Result, effects, remark, terminal};
 use rayon::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Arguments of `meshband simulate`.
 #[derive(ClapArgs)]
@@ -61,12 +67,8 @@ pub struct Args {
     /// Record folder to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Write cost and energy of every run as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Write a report with pictures.
-    #[arg(long)]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 /// One run's conditions.
@@ -79,8 +81,12 @@ struct Point {
 
 /// Simulates the runs and writes the record.
 pub fn run(args: Args) -> Result<()> {
+    let read = [Some(&args.machine), args.effects_file.as_ref()].into_iter().flatten().map(PathBuf::as_path);
+    let mut outputs = args.results.outputs(read);
+    let folder = outputs.folder(&args.output, Content::Record)?;
+    let mut files = args.results.announce(&mut outputs)?;
     let machine = Machine::read(&args.machine)?;
-    let rig = Rig::new(&machine, args.model, Damping::Declared)?;
+    let mut rig = Rig::new(&machine, args.model, Damping::Declared)?;
     let mut effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
     if let Some(path) = &args.effects_file {
         effects.extend(effects::read(path)?);
@@ -88,7 +94,9 @@ pub fn run(args: Args) -> Result<()> {
     let torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
     let (points, default_s) = points(&args, &machine)?;
     let duration_s = args.duration.unwrap_or(default_s);
-    let progress = terminal::Progress::new("simulate", points.len() as u64);
+    check_samples(args.rate, duration_s, points.len())?;
+    check_work(&rig, &points, &args, duration_s)?;
+    rig.progress = Some(Arc::new(terminal::Progress::new("simulate", PARTS * points.len() as u64)));
     let results: Vec<Simulated> = points
         .par_iter()
         .map(|point| {
@@ -100,23 +108,15 @@ pub fn run(args: Args) -> Result<()> {
                 noise_m_s2: args.noise,
                 seed: point.seed,
             };
-            let simulated = simulate(&rig, &point.motion, torque_factor * point.torque_n_m, &effects, &acquisition)?;
-            progress.step();
-            Ok(simulated)
+            simulate(&rig, &point.motion, torque_factor * point.torque_n_m, &effects, &acquisition)
         })
         .collect::<Result<_>>()?;
-    drop(progress);
+    rig.progress = None;
     for (index, warning) in results.iter().enumerate().filter_map(|(i, r)| Some((i, warning(r)?))) {
-        eprintln!("warning: run {index}: {warning}");
+        remark!("warning: run {index}: {warning}");
     }
-    write_record(&args, &machine, &points, &results)?;
-    if let Some(path) = &args.json {
-        write_json(path, &json(&args, &points, &results))?;
-    }
-    if let Some(path) = &args.report {
-        report(&args, &machine, &points, &results)?.write(path)?;
-    }
-    Ok(())
+    record(&args, &machine, &points, &results)?.write_to(folder)?;
+    files.write(&json(&args, &points, &results), || report(&args, &machine, &points, &results))
 }
 
 /// The runs asked for, and their default length, s.
@@ -162,6 +162,19 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
     Ok((points, default_s))
 }
 
+/// Refuses what is no machine for this rate, and what would take for ever.
+fn check_work(rig: &Rig, points: &[Point], args: &Args, duration_s: f64) -> Result<()> {
+    let mut steps = 0.0;
+    for point in points {
+        let work = rig.work(&point.motion, duration_s);
+        work.check_against(args.rate)?;
+        work.check()?;
+        check_edges(work.shaft_hz, args.pulses, duration_s)?;
+        steps += work.steps;
+    }
+    ALL_STEPS.check("simulation", steps, "shorten the runs or make fewer")
+}
+
 /// What a reader of the result must know.
 fn warning(simulated: &Simulated) -> Option<String> {
     let energy = &simulated.energy;
@@ -173,7 +186,7 @@ fn warning(simulated: &Simulated) -> Option<String> {
     })
 }
 
-fn write_record(args: &Args, machine: &Machine, points: &[Point], results: &[Simulated]) -> Result<()> {
+fn record(args: &Args, machine: &Machine, points: &[Point], results: &[Simulated]) -> Result<Record> {
     let all: Vec<Vec<f64>> = results.iter().flat_map(|r| r.channels.iter().cloned()).collect();
     let declared = record::Acquisition {
         sample_rate_hz: args.rate,
@@ -185,6 +198,7 @@ fn write_record(args: &Args, machine: &Machine, points: &[Point], results: &[Sim
     };
     let tach = Tach {
         shaft: "pinion".into(),
+        turns_per_pinion_turn: None,
         pulses_per_rev: args.pulses,
         jitter_s: Some(args.jitter),
         source: None,
@@ -203,7 +217,7 @@ fn write_record(args: &Args, machine: &Machine, points: &[Point], results: &[Sim
         declaration.runs.push(table.clone());
         runs.push(Run::from_signals(table, &declared, &simulated.channels, simulated.edges_s.clone())?);
     }
-    Record { folder: machine.folder.clone(), declaration, runs }.write(&args.output)
+    Ok(Record { folder: machine.folder.clone(), declaration, runs })
 }
 
 fn json(args: &Args, points: &[Point], results: &[Simulated]) -> serde_json::Value {

@@ -4,6 +4,7 @@
 //! fold. Linear-phase Kaiser-windowed sinc at 16 times the rate, flat (1e-5) to 0.4 of the output rate,
 //! 100 dB down from 0.6 on, delay removed. Cost: 512 products per output sample.
 
+use crate::spectral::bessel_i0;
 use std::f64::consts::PI;
 
 /// Input samples per output sample.
@@ -105,16 +106,4 @@ impl<'f> Stream<'f> {
         }
         self.pending.drain(..start.min(self.pending.len()));
     }
-}
-
-/// Modified Bessel function of order 0 by its power series.
-fn bessel_i0(x: f64) -> f64 {
-    let quarter = 0.25 * x * x;
-    let (mut term, mut sum, mut k) = (1.0, 1.0, 1.0);
-    while term > 1e-17 * sum {
-        term *= quarter / (k * k);
-        sum += term;
-        k += 1.0;
-    }
-    sum
 }

@@ -8,6 +8,7 @@
 //! announced as breaks in time or as knots on the path; the solver ends a step there.
 
 use super::series::Series;
+use crate::Result;
 
 /// What an effect may ask about the machine and its operating point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,6 +128,14 @@ pub struct Sampled<'a> {
 
 /// One effect. Every method has a neutral default; an effect overrides what it changes.
 pub trait Effect: Send + Sync {
+    /// Whether the machine has what the effect sits on.
+    ///
+    /// # Errors
+    /// One line that names effect and key.
+    fn check(&self, _facts: &Facts) -> Result<()> {
+        Ok(())
+    }
+
     /// Changes the pinion's angle (turns) over the step: speed fluctuation.
     fn turns(&self, _start_s: f64, _length_s: f64, _turns: &mut Series) {}
 

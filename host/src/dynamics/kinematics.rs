@@ -120,6 +120,14 @@ impl Motion {
         }
     }
 
+    /// Highest mean speed between any two neighbouring knots, and that at the ends of a span of time, turns per second.
+    pub fn fastest_hz(&self, (from_s, to_s): (f64, f64)) -> f64 {
+        let ends = self.speed_hz(from_s).abs().max(self.speed_hz(to_s).abs());
+        let Self::Knots { times_s, turns, .. } = self else { return ends };
+        let speeds = times_s.windows(2).zip(turns.windows(2)).map(|(t, a)| ((a[1] - a[0]) / (t[1] - t[0])).abs());
+        speeds.fold(ends, f64::max)
+    }
+
     /// Speed at `t` (right-hand), turns per second.
     pub fn speed_hz(&self, t: f64) -> f64 {
         self.turns(t, 1e-6).coefficient(1) / 1e-6

@@ -14,6 +14,7 @@ pub mod series;
 pub mod simulate;
 pub mod steady;
 pub mod taylor;
+pub mod work;
 
 pub use assembly::{Coordinate, Model, System};
 pub use excitation::{Effect, Facts};

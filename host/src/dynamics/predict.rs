@@ -35,10 +35,7 @@ impl Predictor {
     pub fn new(record: &Record, model: Model, damping: Damping) -> Result<Self> {
         let machine = Machine::read(&record.folder)?;
         let tach = record.require_tach()?;
-        let turns_of_pinion = match tach.shaft.as_str() {
-            "gear" => f64::from(machine.pair.teeth[1]) / f64::from(machine.pair.teeth[0]),
-            _ => 1.0,
-        };
+        let turns_of_pinion = tach.turns_per_pinion_turn(Some(machine.pair.teeth)).map_or(1.0, f64::recip);
         Ok(Self {
             rig: Rig::new(&machine, model, damping)?,
             torque_factor: 1.0,
@@ -55,13 +52,16 @@ impl Predictor {
     /// A tachometer on the pinion does not tell where in the hunting period a run starts; effects of the gear depend on it.
     ///
     /// # Errors
-    /// A list of another length than the record's runs, or a tachometer on the gear, which leaves no such doubt.
+    /// A list of another length than the record's runs, or a tachometer on another shaft, whose angle it does tell.
     pub fn start_later(&mut self, record: &Record, pinion_turns: &[u32]) -> Result<()> {
         if pinion_turns.is_empty() {
             return Ok(());
         }
         if self.turns_of_pinion != 1.0 {
-            return Err(Error::invalid("pinion_turns", "the record's tachometer is on the gear, whose angle it tells"));
+            return Err(Error::invalid(
+                "pinion_turns",
+                "the record's tachometer is not on the pinion, and tells the angle of its own shaft",
+            ));
         }
         if pinion_turns.len() != record.runs.len() {
             let what = format!("{} values for {} runs", pinion_turns.len(), record.runs.len());

@@ -9,14 +9,19 @@ use super::kinematics::Motion;
 use super::mesh::{Mesh, MeshDamping};
 use super::sample::Sampler;
 use super::taylor::{Options, Solver, State, Statistics, Step};
-use crate::machine::{EngagementKind, Load, Machine, Motor};
+use crate::machine::{EngagementKind, Geometry, Load, MOST_TORQUE_N_M, Machine, Motor};
 use crate::piecewise::PiecewisePolynomial;
-use crate::stiffness::{CrackedPair, Geometry, Table};
+use crate::stiffness::{CrackedPair, Table};
+use crate::terminal::Progress;
 use crate::{Error, Result};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Time that a transient is given to decay before the first sample, s.
-const RUN_IN_S: f64 = 0.4;
+pub const RUN_IN_S: f64 = 0.4;
+
+/// Parts of a run that progress is told in.
+pub const PARTS: u64 = 200;
 
 /// A machine ready to run.
 #[derive(Debug, Clone)]
@@ -31,6 +36,8 @@ pub struct Rig {
     pub damping: MeshDamping,
     /// Accuracy.
     pub options: Options,
+    /// Told of every part of a run that is done, [`PARTS`] parts per run.
+    pub progress: Option<Arc<Progress>>,
     facts: Facts,
     motor: Option<Motor>,
     load: Option<Load>,
@@ -82,7 +89,8 @@ impl Rig {
         let damping = MeshDamping::Time(machine.pair.mesh_damping_s);
         let options = Options { tolerance: 1e-9, ..Options::default() };
         let cracked = machine.cracked_pair()?;
-        Ok(Self { system, stiffness, cracked, damping, options, facts, motor: machine.motor, load: machine.load })
+        let (motor, load, progress) = (machine.motor, machine.load, None);
+        Ok(Self { system, stiffness, cracked, damping, options, progress, facts, motor, load })
     }
 
     /// Machine facts at a torque.
@@ -122,6 +130,10 @@ impl Rig {
         if !input_torque_n_m.is_finite() {
             return Err(Error::invalid("torque", format!("{input_torque_n_m} N m is not a finite number")));
         }
+        if input_torque_n_m.abs() > MOST_TORQUE_N_M {
+            let what = format!("{input_torque_n_m:e} N m is more than the {MOST_TORQUE_N_M:e} N m of any machine");
+            return Err(Error::invalid("torque", what));
+        }
         if input_torque_n_m <= 0.0 && effects.iter().all(|e| e.backlash().is_none()) {
             return Err(Error::impossible(
                 "torque",
@@ -134,6 +146,9 @@ impl Rig {
         if !(speed.is_finite() && speed > 0.0) {
             return Err(Error::invalid("speed", format!("{speed} Hz is not a positive speed")));
         }
+        self.work(motion, duration_s).check()?;
+        let facts = self.facts(input_torque_n_m);
+        effects.iter().try_for_each(|effect| effect.check(&facts))?;
         match self.system.len() {
             2 => self.run_n::<2>(motion, input_torque_n_m, effects, duration_s, sink),
             6 => self.run_n::<6>(motion, input_torque_n_m, effects, duration_s, sink),
@@ -216,6 +231,7 @@ impl Rig {
             return Err(Error::invalid("sample rate", format!("{count} samples at {rate_hz} Hz is no record")));
         }
         let sensors = self.sensors()?;
+        self.work(motion, count as f64 / rate_hz).check_against(rate_hz)?;
         let filter = Decimator::new();
         let unfiltered = effects.iter().any(|e| e.unfiltered());
         let (first, end) = if unfiltered { (0, count as i64) } else { filter.span(count) };
@@ -227,8 +243,17 @@ impl Rig {
         let mut watch = Watch::new(&self.system, &force);
         // The last sample must lie inside a step.
         let duration_s = (end as f64 + 0.5) / fine_hz;
+        let mut told = 0;
         let statistics = self.run(motion, input_torque_n_m, effects, duration_s, |step| {
             watch.add(step);
+            if let Some(progress) = &self.progress {
+                let share = (step.end_s() + RUN_IN_S) / (duration_s + RUN_IN_S);
+                let parts = ((PARTS as f64 * share) as u64).min(PARTS);
+                if parts > told {
+                    progress.advance(parts - told);
+                    told = parts;
+                }
+            }
             sampler.take(step, &sensors, |channel, _, values| {
                 if unfiltered {
                     points[channel].extend_from_slice(values);
@@ -241,6 +266,9 @@ impl Rig {
         if let Some(short) = channels.iter().find(|c| c.len() != count) {
             let what = format!("{} of {count} samples lie within the run", short.len());
             return Err(Error::impossible("sample rate", what));
+        }
+        if channels.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(Error::impossible("simulation", "gives accelerations beyond the range of numbers"));
         }
         Ok(Sampled { channels, statistics, energy: watch.report() })
     }

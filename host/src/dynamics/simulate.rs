@@ -5,10 +5,16 @@ use super::excitation::{Effect, Sampled};
 use super::kinematics::Motion;
 use super::rig::Rig;
 use super::taylor::Statistics;
+use super::work::{check_edges, check_samples};
 use crate::{Error, Result};
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Normal};
+
+/// Most pulses per turn that a record may declare.
+const MOST_PULSES: u32 = 10_000;
+/// Edges are written with nanoseconds: closer ones would not ascend.
+const LEAST_INTERVAL_S: f64 = 2e-9;
 
 /// What a run is sampled with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +69,9 @@ pub fn simulate(
     if a.pulses_per_turn == 0 {
         return Err(Error::invalid("--pulses", "at least one pulse per turn is needed"));
     }
+    if a.pulses_per_turn > MOST_PULSES {
+        return Err(Error::invalid("--pulses", format!("{} is not within 1 to {MOST_PULSES}", a.pulses_per_turn)));
+    }
     let deviation = |option: &str, value: f64| {
         Normal::new(0.0, value)
             .ok()
@@ -70,7 +79,9 @@ pub fn simulate(
             .ok_or_else(|| Error::invalid(option, format!("{value} is not a standard deviation")))
     };
     let (jitter, noise) = (deviation("--jitter", a.jitter_s)?, deviation("--noise", a.noise_m_s2)?);
+    check_samples(a.rate_hz, a.duration_s, 1)?;
     let count = (a.duration_s * a.rate_hz).round().max(1.0) as usize;
+    check_edges(rig.work(motion, a.duration_s).shaft_hz, a.pulses_per_turn, a.duration_s)?;
     let sampled = rig.sampled(motion, input_torque_n_m, effects, a.rate_hz, count)?;
     let mut channels = sampled.channels;
     let facts = rig.facts(input_torque_n_m);
@@ -86,7 +97,15 @@ pub fn simulate(
     channels.iter_mut().flatten().for_each(|x| *x += noise.sample(&mut random));
     random.set_stream(2);
     let (first_pulse, edges_s) = edges(&turns, a, &angle);
-    let edges_s = edges_s.into_iter().map(|t| t + jitter.sample(&mut random)).collect();
+    let edges_s: Vec<f64> = edges_s.into_iter().map(|t| t + jitter.sample(&mut random)).collect();
+    if let Some(i) = edges_s.windows(2).position(|w| w[1] - w[0] < LEAST_INTERVAL_S) {
+        let what = format!(
+            "{} s makes edges {i} and {} of the tach change places; it must be far below their distance",
+            a.jitter_s,
+            i + 1
+        );
+        return Err(Error::invalid("--jitter", what));
+    }
     let first_pulse_index = first_pulse.rem_euclid(i64::from(a.pulses_per_turn)) as u32;
     let (statistics, energy) = (sampled.statistics, sampled.energy);
     Ok(Simulated { channels, edges_s, first_pulse_index, statistics, energy })

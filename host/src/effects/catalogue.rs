@@ -66,7 +66,7 @@ pub fn markdown() -> String {
     let mut text = String::from(
         "# Effects\n\n\
          What real gears and their measuring chains add to the ideal model. This page and its pictures are written by\n\n\
-         ```\nmeshband effects --docs docs/effects.md\n```\n\n\
+         ```\nmeshband effects --docs docs/effects.md --force\n```\n\n\
          On the command line an effect is `--effect name:key=value,key=value`; keys left out take the defaults below, and\n\
          `pinion-` or `gear-` before the name of an effect on one gear chooses the gear. Several effects add up; those of\n\
          the measuring chain act in the order given. Adding an effect takes one file in `host/src/effects/` and its line\n\

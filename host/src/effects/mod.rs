@@ -35,6 +35,7 @@ mod transfer_path_resonance;
 mod wear;
 
 use crate::dynamics::Effect;
+use crate::dynamics::excitation::Facts;
 use crate::{Error, Result};
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -155,6 +156,27 @@ const TOOTH: Parameter = parameter("tooth", "", 0.0, [0.0, 999.0], "which tooth,
 /// Shared parameter of all effects in the measuring chain.
 const CHANNEL: Parameter = parameter("channel", "", 2.0, [0.0, 2.0], "0 or 1; 2: both");
 
+/// Parameters that count or number something: fractions of them mean nothing.
+const WHOLE: [&str; 5] = ["gear", "tooth", "channel", "seed", "exponent"];
+
+/// Effects that change nothing unless one of these parameters is other than zero.
+const NEEDED: [(&str, [&str; 2]); 4] = [
+    ("torque-ripple", ["order", "frequency"]),
+    ("load-fluctuation", ["order", "frequency"]),
+    ("speed-fluctuation", ["order", "frequency"]),
+    ("pitch-error", ["single", "random"]),
+];
+
+/// Refuses a tooth that the gear does not have; `name` is the effect's.
+fn check_tooth(name: &str, tooth: u32, body: usize, facts: &Facts) -> Result<()> {
+    let teeth = facts.teeth[body];
+    if tooth < teeth {
+        return Ok(());
+    }
+    let what = format!("{tooth} on a {} with teeth 0 to {}", ["pinion", "gear"][body], teeth - 1);
+    Err(Error::invalid(format!("effect {name}: tooth"), what))
+}
+
 /// The random stream of one effect in one run.
 fn random(seed: u64, effect: u64) -> ChaCha12Rng {
     let mut random = ChaCha12Rng::seed_from_u64(seed);
@@ -166,11 +188,12 @@ impl Entry {
     /// Builds the effect from given values; missing ones take their defaults.
     ///
     /// # Errors
-    /// An unknown parameter, or a value out of its range.
+    /// An unknown parameter, one given twice with different values, a value out of its range or a fraction where a number is
+    /// counted, and values with which the effect changes nothing.
     pub fn with(&self, given: &[(&str, f64)]) -> Result<Box<dyn Effect>> {
         let place = |key: &str| format!("effect {}: {key}", self.name);
         let mut values: Vec<(&'static str, f64)> = self.parameters.iter().map(|p| (p.name, p.default)).collect();
-        for &(key, value) in given {
+        for (i, &(key, value)) in given.iter().enumerate() {
             let Some(index) = self.parameters.iter().position(|p| p.name == key) else {
                 let known: Vec<_> = self.parameters.iter().map(|p| p.name).collect();
                 return Err(Error::invalid(place(key), format!("is not one of {}", known.join(", "))));
@@ -179,7 +202,21 @@ impl Entry {
             if !(value >= low && value <= high) {
                 return Err(Error::invalid(place(key), format!("{value} is not within {low} to {high}")));
             }
+            if WHOLE.contains(&key) && value.fract() != 0.0 {
+                return Err(Error::invalid(place(key), format!("{value} is not a whole number")));
+            }
+            if let Some((_, before)) = given[..i].iter().find(|(other, before)| *other == key && *before != value) {
+                let what = format!("{value} contradicts {before}, which the name or the same key says before");
+                return Err(Error::invalid(place(key), what));
+            }
             values[index].1 = value;
+        }
+        let is_zero = |name: &str| values.iter().any(|(n, v)| *n == name && *v == 0.0);
+        if let Some((_, needed)) =
+            NEEDED.iter().find(|(name, needed)| *name == self.name && needed.iter().all(|n| is_zero(n)))
+        {
+            let what = format!("and {} are both 0, so that the effect changes nothing; give one of them", needed[1]);
+            return Err(Error::invalid(place(needed[0]), what));
         }
         Ok((self.build)(&Values(values)))
     }
@@ -243,7 +280,7 @@ pub fn from_table(name: &str, table: &toml::Table) -> Result<Box<dyn Effect>> {
 }
 
 fn table_of(path: &std::path::Path) -> Result<toml::Table> {
-    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let text = crate::budget::read_text(path)?;
     text.parse().map_err(|e: toml::de::Error| Error::invalid(path.display(), e.message()))
 }
 

@@ -3,8 +3,9 @@
 //! `single` displaces one tooth, `random` draws every tooth from a normal distribution. The error acts on
 //! its own pair only. Signature: many shaft harmonics around the mesh harmonics, periodic per turn.
 
-use super::{Entry, GEAR, Parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use super::{Entry, GEAR, Parameter, check_tooth};
+use crate::Result;
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
 use crate::dynamics::series::Series;
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -37,17 +38,24 @@ pub const ENTRY: Entry = Entry {
         let mut random = ChaCha12Rng::seed_from_u64(v.get("seed") as u64);
         let normal = Normal::new(0.0, v.get("random")).expect("a standard deviation in range");
         let mut error_m: Vec<f64> = (0..TEETH).map(|_| normal.sample(&mut random)).collect();
-        error_m[v.get("tooth") as usize] += v.get("single");
-        Box::new(PitchError { error_m, body: v.body() })
+        let tooth = v.get("tooth") as u32;
+        error_m[tooth as usize] += v.get("single");
+        Box::new(PitchError { error_m, tooth, body: v.body() })
     },
 };
 
 struct PitchError {
     error_m: Vec<f64>,
+    /// The tooth with an error of its own.
+    tooth: u32,
     body: usize,
 }
 
 impl Effect for PitchError {
+    fn check(&self, facts: &Facts) -> Result<()> {
+        check_tooth(ENTRY.name, self.tooth, self.body, facts)
+    }
+
     fn pair_error(&self, _moment: &Moment, pair: &PairOnPath, error: &mut Series) {
         error.add_constant(self.error_m[pair.tooth[self.body] as usize % TEETH]);
     }

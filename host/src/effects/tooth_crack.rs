@@ -4,8 +4,9 @@
 //! cracked section. Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per turn for
 //! about a contact ratio of mesh periods, proportional to torque.
 
-use super::{Entry, GEAR, TOOTH, parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use super::{Entry, GEAR, TOOTH, check_tooth, parameter};
+use crate::Result;
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -26,6 +27,10 @@ struct ToothCrack {
 }
 
 impl Effect for ToothCrack {
+    fn check(&self, facts: &Facts) -> Result<()> {
+        check_tooth(ENTRY.name, self.tooth, self.body, facts)
+    }
+
     fn pair_stiffness(&self, _moment: &Moment, pair: &PairOnPath, stiffness: &mut Series) {
         if pair.tooth[self.body] == self.tooth {
             *stiffness = stiffness.scaled(1.0 - self.loss);

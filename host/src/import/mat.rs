@@ -5,15 +5,22 @@
 //!
 //! Some exporters store every variable twice, zeros first and data second (matio 1.5.2 as used by at least
 //! one bench system). The *last* variable of a name that is not all zeros therefore wins.
+//!
+//! A single number called `fs`, `Fs`, `sample_rate` or the like is the sampling rate in Hz.
 
-use super::Columns;
-use crate::{Error, Result};
+use super::{Columns, Reading, time_axis};
+use crate::budget::{self, VALUES};
+use crate::{Error, Result, text};
 use flate2::read::ZlibDecoder;
-use std::io::Read;
 use std::path::Path;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+/// What a sampling rate is called, letters only.
+const RATE_NAMES: [&str; 8] =
+    ["fs", "fsamp", "fshz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sampleratehz"];
+/// Variables left out that are named in a remark.
+const LISTED: usize = 10;
 
 struct Variable {
     name: String,
@@ -22,41 +29,50 @@ struct Variable {
     values: Vec<f64>,
 }
 
-/// Reads all numeric vectors of the longest length as channels.
-pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Columns> {
+/// Reads all numeric vectors of the longest length as channels, but a time vector, which gives the rate.
+pub(super) fn read(path: &Path, bytes: &[u8], stem: &str, reading: &Reading) -> Result<Columns> {
     let refuse = |what: &str| Error::invalid(path.display(), what);
     let big_endian = match bytes.get(126..128) {
         Some(b"IM") => false,
         Some(b"MI") => true,
         _ => return Err(refuse("has no MAT-file header")),
     };
-    let mut variables = Vec::new();
-    let mut skipped = 0;
+    let mut variables: Vec<Variable> = Vec::new();
+    let (mut skipped, mut expanded, mut values) = (0, 0, 0);
     let mut cursor = Cursor { bytes: &bytes[128..], big_endian };
+    let mut take = |element: &Element| -> Result<()> {
+        let found = match element.kind {
+            MATRIX => matrix(element.data, big_endian).ok_or_else(|| refuse("is truncated inside an array"))?,
+            _ => None,
+        };
+        let Some(stored) = found else {
+            skipped += 1;
+            return Ok(());
+        };
+        // Bytes become numbers of eight bytes: counted before they do.
+        values += stored.rows * stored.columns;
+        VALUES.check(path.display(), values as f64, "save fewer variables or shorter ones")?;
+        let broken = || refuse("is truncated inside an array");
+        variables.push(stored.variable(big_endian).ok_or_else(broken)?);
+        Ok(())
+    };
     while !cursor.bytes.is_empty() {
         let element = cursor.element().ok_or_else(|| refuse("is truncated"))?;
-        match element.kind {
-            MATRIX => match matrix(element.data, big_endian).ok_or_else(|| refuse("is truncated inside an array"))? {
-                Some(variable) => variables.push(variable),
-                None => skipped += 1,
-            },
-            COMPRESSED => {
-                let mut plain = Vec::new();
-                ZlibDecoder::new(element.data)
-                    .take(super::SIZE_LIMIT)
-                    .read_to_end(&mut plain)
-                    .map_err(|error| refuse(&format!("compressed array is broken ({error})")))?;
-                let mut inner = Cursor { bytes: &plain, big_endian };
-                let element = inner.element().ok_or_else(|| refuse("compressed array is truncated"))?;
-                match matrix(element.data, big_endian).ok_or_else(|| refuse("is truncated inside an array"))? {
-                    Some(variable) if element.kind == MATRIX => variables.push(variable),
-                    _ => skipped += 1,
-                }
-            }
-            _ => skipped += 1,
+        if element.kind != COMPRESSED {
+            take(&element)?;
+            continue;
         }
+        let plain = budget::expand(path, "compressed array", ZlibDecoder::new(element.data), expanded)?;
+        expanded += plain.len() as u64;
+        let mut inner = Cursor { bytes: &plain, big_endian };
+        take(&inner.element().ok_or_else(|| refuse("compressed array is truncated"))?)?;
     }
-    columns(path, variables, skipped, stem)
+    let columns = columns(path, variables, skipped, stem)?;
+    if reading.no_time {
+        return Ok(columns);
+    }
+    let all: Vec<usize> = (0..columns.channels.len()).collect();
+    time_axis::take(path, columns, &all)
 }
 
 /// Keeps the last non-zero variable of each name and takes those of the longest length as channels.
@@ -81,6 +97,7 @@ fn columns(path: &Path, variables: Vec<Variable>, skipped: usize, stem: &str) ->
     if skipped > 0 {
         remarks.push(format!("{skipped} variables that are no real numeric arrays were skipped"));
     }
+    let rate_hz = take_rate(path, &mut kept, &mut remarks)?;
     let longest = kept.iter().map(|v| v.rows.max(v.columns)).max().unwrap_or(0);
     let (mut names, mut channels, mut small) = (Vec::new(), Vec::new(), Vec::new());
     for variable in kept {
@@ -111,9 +128,46 @@ fn columns(path: &Path, variables: Vec<Variable>, skipped: usize, stem: &str) ->
         return Err(Error::invalid(path.display(), "every array is zero"));
     }
     if !small.is_empty() {
-        remarks.push(format!("shorter variables are not channels: {}", small.join(", ")));
+        let more = if small.len() > LISTED { format!(" and {} more", small.len() - LISTED) } else { String::new() };
+        small.truncate(LISTED);
+        remarks.push(format!("shorter variables are not channels: {}{more}", small.join(", ")));
     }
-    Ok(Columns { names, channels, rate_hz: None, remarks })
+    Ok(Columns { names, channels, rate_hz, remarks })
+}
+
+/// Takes the scalar that is called a sampling rate out of the variables.
+fn take_rate(path: &Path, kept: &mut Vec<Variable>, remarks: &mut Vec<String>) -> Result<Option<f64>> {
+    let called = |name: &str| {
+        let letters: String = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+        RATE_NAMES.contains(&letters.as_str())
+    };
+    let Some(at) = kept.iter().position(|v| v.values.len() == 1 && called(&v.name)) else { return Ok(None) };
+    let variable = kept.remove(at);
+    let rate_hz = variable.values[0];
+    if !(rate_hz.is_finite() && rate_hz >= 1.0) {
+        let what = format!("variable {} is {rate_hz}, no sampling rate in Hz", text::quoted(&variable.name));
+        return Err(Error::invalid(path.display(), what));
+    }
+    remarks.push(format!("variable {} is the sampling rate, {rate_hz} Hz", variable.name));
+    Ok(Some(rate_hz))
+}
+
+/// A numeric array as it is stored.
+struct Stored<'a> {
+    name: String,
+    rows: usize,
+    columns: usize,
+    kind: u32,
+    data: &'a [u8],
+}
+
+impl Stored<'_> {
+    /// Its values as f64; `None` if they are not as many as the dimensions say.
+    fn variable(self, big_endian: bool) -> Option<Variable> {
+        let values = numbers(self.kind, self.data, big_endian)?;
+        let Self { name, rows, columns, .. } = self;
+        (rows * columns == values.len()).then_some(Variable { name, rows, columns, values })
+    }
 }
 
 struct Element<'a> {
@@ -151,7 +205,7 @@ impl<'a> Cursor<'a> {
 }
 
 /// `None` if truncated, `Some(None)` if it is no real full numeric array of two dimensions.
-fn matrix(bytes: &[u8], big_endian: bool) -> Option<Option<Variable>> {
+fn matrix(bytes: &[u8], big_endian: bool) -> Option<Option<Stored<'_>>> {
     let mut cursor = Cursor { bytes, big_endian };
     let flags = cursor.element()?;
     let flags = Cursor { bytes: flags.data, big_endian }.word(0)?;
@@ -161,15 +215,21 @@ fn matrix(bytes: &[u8], big_endian: bool) -> Option<Option<Variable>> {
     }
     let dimensions = cursor.element()?;
     let name = cursor.element()?;
-    let name = String::from_utf8_lossy(name.data).into_owned();
+    let name = text::name(&String::from_utf8_lossy(name.data));
     let dims = Cursor { bytes: dimensions.data, big_endian };
     if dimensions.data.len() != 8 {
         return Some(None);
     }
     let (rows, columns) = (dims.word(0)? as usize, dims.word(4)? as usize);
     let data = cursor.element()?;
-    let values = numbers(data.kind, data.data, big_endian)?;
-    (rows.checked_mul(columns)? == values.len()).then_some(Some(Variable { name, rows, columns, values }))
+    // No number takes less than a byte: dimensions beyond the data are damage, found before they are multiplied further.
+    (rows.checked_mul(columns)? <= data.data.len()).then_some(Some(Stored {
+        name,
+        rows,
+        columns,
+        kind: data.kind,
+        data: data.data,
+    }))
 }
 
 fn numbers(kind: u32, data: &[u8], big_endian: bool) -> Option<Vec<f64>> {

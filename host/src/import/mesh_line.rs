@@ -6,8 +6,7 @@
 //! it (they would be harmonics of f / 2). Each line counts at most 30 dB, so that one strong foreign line (supply,
 //! bearing) cannot win alone.
 
-use super::virtual_tach::refine;
-use crate::spectral::{Spectrum, Window, power_density};
+use crate::spectral::{Spectrum, Window, line_near, power_density, running_median};
 use crate::{Error, Result};
 
 /// Lowest mesh frequency searched without a guess, Hz.
@@ -36,33 +35,25 @@ pub(super) fn find(
     teeth: [u32; 2],
     guess_hz: Option<f64>,
 ) -> Result<Comb> {
-    let samples = channels.first().map_or(0, Vec::len);
-    let segment = ((4.0 * rate_hz) as usize).min(samples);
-    if segment < 1024 {
-        return Err(Error::impossible(place, format!("{samples} samples are too few to find a mesh line")));
-    }
-    let excess = excess_db(channels, rate_hz, segment);
+    let combs = Combs::new(place, channels, rate_hz, teeth)?;
+    let excess = &combs.excess;
     let (from, to) = match guess_hz {
         Some(guess) => ((1.0 - GUESS_TOLERANCE) * guess, (1.0 + GUESS_TOLERANCE) * guess),
         None => (LOWEST_HZ.max(20.0 * excess.bin), 0.2 * rate_hz),
     };
-    if !(from > 10.0 * excess.bin && to < 0.45 * rate_hz) {
+    if !(combs.can_see(from) && combs.can_see(to)) {
+        let samples = channels.first().map_or(0, Vec::len);
         let what =
             format!("a mesh line from {from:.1} to {to:.1} Hz cannot be seen at {rate_hz} Hz over {samples} samples");
         return Err(Error::invalid(place, what));
     }
-    let step = 0.5 * excess.bin;
-    let candidates = (0..=((to - from) / step) as usize).map(|i| from + step * i as f64);
-    let (mesh_hz, score) = candidates
-        .map(|hz| (hz, score(&excess, hz, teeth, rate_hz)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .unwrap_or((from, 0.0));
+    let (mesh_hz, score) = combs.best_between(from, to);
     // Half the sideband spacing keeps the neighbour out; the comb is good to a bin or so.
     let slower_hz = mesh_hz / f64::from(teeth[0].max(teeth[1]));
-    let width = (3.0 * excess.bin).min(0.4 * slower_hz);
+    let width = combs.line_width_hz().min(0.4 * slower_hz);
     let mesh_hz = refine(channels, rate_hz, mesh_hz, width).unwrap_or(mesh_hz);
     let pinion_hz = mesh_hz / f64::from(teeth[0]);
-    let pinion_line_hz = if at(&excess, pinion_hz) > 10.0 {
+    let pinion_line_hz = if at(excess, pinion_hz) > 10.0 {
         refine(channels, rate_hz, pinion_hz, (0.002 * pinion_hz).max(2.0 * excess.bin))
     } else {
         None
@@ -70,12 +61,65 @@ pub(super) fn find(
     Ok(Comb { mesh_hz, excess_db: score, pinion_line_hz })
 }
 
+/// Spectrum over its local floor, and how well combs fit it.
+pub(super) struct Combs {
+    excess: Spectrum,
+    teeth: [u32; 2],
+    rate_hz: f64,
+}
+
+impl Combs {
+    /// Of channels sampled at `rate_hz`.
+    pub(super) fn new(place: &str, channels: &[Vec<f64>], rate_hz: f64, teeth: [u32; 2]) -> Result<Self> {
+        let samples = channels.first().map_or(0, Vec::len);
+        let segment = ((4.0 * rate_hz) as usize).min(samples);
+        if segment < 1024 {
+            return Err(Error::impossible(place, format!("{samples} samples are too few to find a mesh line")));
+        }
+        Ok(Self { excess: excess_db(channels, rate_hz, segment), teeth, rate_hz })
+    }
+
+    /// Whether a mesh frequency lies where lines can be told from each other.
+    pub(super) fn can_see(&self, mesh_hz: f64) -> bool {
+        mesh_hz > 10.0 * self.excess.bin && mesh_hz < 0.45 * self.rate_hz
+    }
+
+    /// Distance within which a line belongs to the place where the comb was found, Hz.
+    pub(super) fn line_width_hz(&self) -> f64 {
+        3.0 * self.excess.bin
+    }
+
+    /// Mean excess of the comb at this mesh frequency, dB per line.
+    pub(super) fn score(&self, mesh_hz: f64) -> f64 {
+        score(&self.excess, mesh_hz, self.teeth, self.rate_hz)
+    }
+
+    /// The same with another number of teeth of the pinion.
+    pub(super) fn score_with(&self, mesh_hz: f64, pinion_teeth: u32) -> f64 {
+        score(&self.excess, mesh_hz, [pinion_teeth, self.teeth[1]], self.rate_hz)
+    }
+
+    /// How many of the comb's own harmonics, without its sidebands, stand `least_db` over their surroundings.
+    pub(super) fn harmonics(&self, mesh_hz: f64, least_db: f64) -> usize {
+        let harmonics = (1..=5).map(|h| f64::from(h) * mesh_hz).filter(|hz| *hz < 0.45 * self.rate_hz);
+        harmonics.filter(|hz| at(&self.excess, *hz) >= least_db).count()
+    }
+
+    /// Mesh frequency of the best comb in a range, and its score.
+    pub(super) fn best_between(&self, from_hz: f64, to_hz: f64) -> (f64, f64) {
+        let step = 0.5 * self.excess.bin;
+        let candidates = (0..=((to_hz - from_hz) / step) as usize).map(|i| from_hz + step * i as f64);
+        let scored = candidates.map(|hz| (hz, self.score(hz)));
+        scored.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((from_hz, 0.0))
+    }
+}
+
 /// Mean over the channels of the spectrum over its local floor, dB.
 fn excess_db(channels: &[Vec<f64>], rate_hz: f64, segment: usize) -> Spectrum {
     let mut mean: Option<Spectrum> = None;
     for channel in channels {
         let density = power_density(channel, rate_hz, segment, Window::BlackmanHarris);
-        let floor = floor(&density);
+        let floor = running_median(&density.values, 16);
         let sum = mean.get_or_insert_with(|| Spectrum { bin: density.bin, values: vec![0.0; density.values.len()] });
         for ((s, d), f) in sum.values.iter_mut().zip(&density.values).zip(&floor) {
             let db = 10.0 * (d.max(f64::MIN_POSITIVE) / f.max(f64::MIN_POSITIVE)).log10();
@@ -83,19 +127,6 @@ fn excess_db(channels: &[Vec<f64>], rate_hz: f64, segment: usize) -> Spectrum {
         }
     }
     mean.unwrap_or(Spectrum { bin: rate_hz / segment as f64, values: Vec::new() })
-}
-
-/// Median over +-64 bins, taken every 16 bins.
-fn floor(density: &Spectrum) -> Vec<f64> {
-    let n = density.values.len();
-    let reach = 64.0 * density.bin;
-    let medians: Vec<f64> = (0..n.div_ceil(16))
-        .map(|k| {
-            let centre = density.frequency(16 * k + 8);
-            density.median_between((centre - reach).max(0.0), centre + reach)
-        })
-        .collect();
-    (0..n).map(|i| medians[i / 16]).collect()
 }
 
 /// Excess at a frequency, the best of the nearest three bins.
@@ -120,4 +151,10 @@ fn score(excess: &Spectrum, mesh_hz: f64, teeth: [u32; 2], rate_hz: f64) -> f64 
     }
     sum += 0.5 * at(excess, pinion_hz);
     sum / (weight + 0.5)
+}
+
+/// Refines a frequency by least squares on the channel where it is strongest; `None` where no line is near.
+pub(super) fn refine(channels: &[Vec<f64>], rate_hz: f64, guess_hz: f64, half_width_hz: f64) -> Option<f64> {
+    let lines = channels.iter().filter_map(|channel| line_near(channel, rate_hz, guess_hz, half_width_hz));
+    lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)).map(|line| line.frequency_hz)
 }

@@ -6,20 +6,32 @@
 //! silently.
 
 mod delimited;
+mod grouped;
 mod mat;
 mod mesh_line;
+mod quantisation;
 mod record;
+pub mod tach;
+mod time_axis;
 mod uff58;
 pub mod virtual_tach;
 mod wav;
 
-pub use record::{ImportOptions, ImportSummary, Unit, import};
+pub use record::{ImportOptions, ImportSummary, TachChoice, Unit, import};
 
 use crate::record::npy;
-use crate::{Error, Result};
-use flate2::read::GzDecoder;
-use std::io::Read;
+use crate::{Error, Result, budget, text};
+use flate2::read::MultiGzDecoder;
 use std::path::Path;
+
+/// What the user says about a file's content where the file leaves it open.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Reading {
+    /// Text: commas in numbers are decimal (`true`) or separate columns (`false`); told by the content where absent.
+    pub decimal_comma: Option<bool>,
+    /// No column is time, however evenly it ascends.
+    pub no_time: bool,
+}
 
 /// Equally long channels of one file.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,12 +47,13 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Refuses empty, ragged or non-finite data.
-    fn checked(self, path: &Path) -> Result<Self> {
+    /// Refuses empty, ragged or non-finite data; makes the names fit for tables.
+    fn checked(mut self, path: &Path) -> Result<Self> {
         let samples = self.channels.first().map_or(0, Vec::len);
         if samples < 2 {
             return Err(Error::invalid(path.display(), "holds no signal"));
         }
+        self.names.iter_mut().for_each(|name| *name = text::name(name));
         for (name, channel) in self.names.iter().zip(&self.channels) {
             if channel.len() != samples {
                 let what = format!("channel {name} has {} samples, the first has {samples}", channel.len());
@@ -54,52 +67,61 @@ impl Columns {
     }
 }
 
-/// Largest file after decompression that is read, bytes: a compressed file must not exhaust memory.
-const SIZE_LIMIT: u64 = 4 << 30;
-
 /// Reads one measurement file: MATLAB v5, csv, csv.gz, wav, npy, or universal file dataset 58.
 ///
 /// # Errors
-/// A missing file, an unknown format, or content that is broken; one line with file and place.
+/// A missing file, an unknown format, or content that is broken or beyond the [`budget`]; one line with file and place.
 pub fn read(path: &Path) -> Result<Columns> {
-    let mut bytes = std::fs::read(path).map_err(Error::file(path))?;
+    read_as(path, &Reading::default())
+}
+
+/// [`read`] with what the user says about the content.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_as(path: &Path, reading: &Reading) -> Result<Columns> {
+    let mut bytes = budget::read(path)?;
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        bytes = gunzip(path, &bytes)?;
+        // A gzip file may have several members, as parallel compressors and `cat` make them.
+        bytes = budget::expand(path, "gzip data", MultiGzDecoder::new(&bytes[..]), 0)?;
     }
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let stem = name.split('.').next().unwrap_or("signal").to_string();
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e) || name.ends_with(&format!("{e}.gz")));
     let columns = if bytes.starts_with(b"MATLAB 5.0") {
-        mat::read(path, &bytes, &stem)?
+        mat::read(path, &bytes, &stem, reading)?
     } else if bytes.starts_with(b"\x93NUMPY") {
-        let (values, columns) = npy::read_f64(path)?;
-        let channels: Vec<Vec<f64>> =
-            (0..columns).map(|c| values.iter().skip(c).step_by(columns).copied().collect()).collect();
-        let names = (0..columns).map(|c| format!("{stem}-{c}")).collect();
-        Columns { names, channels, rate_hz: None, remarks: Vec::new() }
+        numpy(path, &bytes, &stem, reading)?
     } else if bytes.starts_with(b"RIFF") {
         wav::read(path, &bytes, &stem)?
     } else if bytes.get(124..128) == Some(b"\0\x02IM") || bytes.starts_with(b"\x89HDF") {
         return Err(Error::invalid(path.display(), "is a MATLAB 7.3 (HDF5) file; save it with -v6 or -v7"));
     } else if ends(&[".uff", ".unv", ".uf", ".58"]) || uff58::looks_like(&bytes) {
-        uff58::read(path, &text(path, bytes)?)?
+        uff58::read(path, &utf8(path, bytes)?)?
     } else if ends(&[".csv", ".txt", ".tsv", ".dat"]) {
-        delimited::read(path, &text(path, bytes)?, &stem)?
+        delimited::read(path, &utf8(path, bytes)?, &stem, reading)?
     } else {
         return Err(Error::invalid(path.display(), "is not mat (v5), csv, csv.gz, wav, npy or uff58"));
     };
     columns.checked(path)
 }
 
-fn gunzip(path: &Path, bytes: &[u8]) -> Result<Vec<u8>> {
-    let mut out = Vec::new();
-    GzDecoder::new(bytes)
-        .take(SIZE_LIMIT)
-        .read_to_end(&mut out)
-        .map_err(|error| Error::invalid(path.display(), format!("gzip data is broken or truncated ({error})")))?;
-    Ok(out)
+/// Channels of a NumPy array, samples x channels; an array with more columns than rows is channels x samples.
+fn numpy(path: &Path, bytes: &[u8], stem: &str, reading: &Reading) -> Result<Columns> {
+    let (values, columns) = npy::parse_f64(path, bytes)?;
+    let rows = values.len() / columns;
+    let mut remarks = Vec::new();
+    let channels: Vec<Vec<f64>> = if columns > rows && rows > 1 {
+        remarks.push(format!("shape {rows} x {columns} is taken for channels x samples"));
+        values.chunks(columns).map(<[f64]>::to_vec).collect()
+    } else {
+        (0..columns).map(|c| values.iter().skip(c).step_by(columns).copied().collect()).collect()
+    };
+    let names = (0..channels.len()).map(|c| format!("{stem}-{c}")).collect();
+    let columns = Columns { names, channels, rate_hz: None, remarks };
+    if reading.no_time { Ok(columns) } else { time_axis::take(path, columns, &[0]) }
 }
 
-fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
+fn utf8(path: &Path, bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::invalid(path.display(), "is not text"))
 }

@@ -1,11 +1,14 @@
-//! Puts imported channels into a record: channels or runs, unit, full scale, virtual tach.
+//! Puts imported channels into a record: units, full scale, a measured tach, a virtual one, or none.
 
+use super::grouped::{Group, grouped, rate, short};
+use super::tach::{self, TachFigures, TachOptions};
 use super::virtual_tach::{Options, Quality, virtual_tach};
-use super::{Columns, read};
+use super::{Columns, Reading, quantisation, read_as};
+use crate::budget::VALUES;
 use crate::record::{Acquisition, Declaration, Record, Run, RunDeclaration, Tach, suggested_full_scale};
 use crate::{Error, Result};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use toml::{Table, Value};
 
 /// Standard acceleration of gravity, m/s2.
@@ -37,27 +40,42 @@ impl Unit {
     }
 }
 
+/// Where a record's pulses come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TachChoice {
+    /// From the mesh line.
+    Virtual,
+    /// The record has none.
+    None,
+    /// From a tachometer that was recorded.
+    Measured(TachOptions),
+}
+
 /// How to import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
     /// Title of the record.
     pub title: String,
-    /// Sampling rate, Hz; overrides what the files say, required where they say nothing.
+    /// How the files are read where they leave it open.
+    pub reading: Reading,
+    /// Sampling rate, Hz, required where the files say nothing; where they do, it must agree with them.
     pub rate_hz: Option<f64>,
-    /// Tooth counts; required for the virtual tach.
+    /// The files' own rate is wrong: `rate_hz` holds against it.
+    pub override_rate: bool,
+    /// Tooth counts; required for the virtual tach, checked against a measured one.
     pub teeth: Option<[u32; 2]>,
     /// Mesh frequency as far as known, Hz.
     pub mesh_guess_hz: Option<f64>,
-    /// Unit of the source.
-    pub unit: Unit,
+    /// Units of the source: one for all channels, or one for each, which must then come to the same unit in the record.
+    pub units: Vec<Unit>,
     /// Channel names instead of those of the files.
     pub channel_names: Option<Vec<String>>,
     /// Full scale in the record's unit; 10 % over the peak where absent.
     pub full_scale: Option<f64>,
     /// Each file is a run of its own instead of channels of one run.
     pub files_are_runs: bool,
-    /// Make no virtual tach.
-    pub without_tach: bool,
+    /// Where the pulses come from.
+    pub tach: TachChoice,
     /// Remove each channel's mean (volts with an offset would waste codes).
     pub remove_mean: bool,
 }
@@ -77,10 +95,15 @@ pub struct ImportSummary {
     pub full_scale: f64,
     /// Unit of the record.
     pub unit: String,
-    /// Signal over quantisation noise per channel of the first run, dB.
+    /// Typical level over quantisation noise per channel, the worst of the runs, dB.
     pub quantisation_snr_db: Vec<f64>,
     /// Virtual tach of each run; empty without.
     pub tach: Vec<Quality>,
+    /// Measured tach of each run; empty without.
+    pub measured_tach: Vec<TachFigures>,
+    /// Pulses per turn and shaft of the measured tach, for people.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured_tach_is: Option<String>,
     /// Remarks of the readers.
     pub remarks: Vec<String>,
 }
@@ -88,29 +111,33 @@ pub struct ImportSummary {
 /// Reads `files` and builds the record in memory.
 ///
 /// # Errors
-/// Unreadable files, files that do not fit together, a missing rate, clipping at the chosen full scale, or no
-/// trustworthy mesh line where a virtual tach is wanted.
+/// Unreadable files, files that do not fit together, a missing rate, clipping at the chosen full scale, no
+/// trustworthy mesh line where a virtual tach is wanted, or a tachometer that cannot be read as one.
 pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, ImportSummary)> {
-    let sources = files.iter().map(|file| read(file)).collect::<Result<Vec<Columns>>>()?;
-    let first = files.first().ok_or_else(|| Error::invalid("import", "no file given"))?;
-    let rate_hz = rate(files, &sources, options.rate_hz)?;
+    let sources = read_all(files, options)?;
     let mut remarks: Vec<String> = Vec::new();
+    let rate_hz = rate(files, &sources, options, &mut remarks)?;
+    if let Some(full_scale) = options.full_scale.filter(|x| !(x.is_finite() && *x > 0.0)) {
+        return Err(Error::invalid("--full-scale", format!("{full_scale} is not a positive number")));
+    }
     for (file, source) in files.iter().zip(&sources) {
         remarks.extend(source.remarks.iter().map(|remark| format!("{}: {remark}", short(file))));
     }
     let mut runs = grouped(files, sources, options.files_are_runs)?;
-    let names = channel_names(first, &runs[0], options.channel_names.as_deref())?;
-    let (factor, unit) = options.unit.conversion();
-    if !(factor.is_finite() && factor > 0.0) {
-        return Err(Error::invalid("--volt-per-g", "must be a positive number"));
-    }
-    for channel in runs.iter_mut().flat_map(|run| &mut run.channels) {
-        let mean = if options.remove_mean { channel.iter().sum::<f64>() / channel.len() as f64 } else { 0.0 };
-        channel.iter_mut().for_each(|x| *x = factor * (*x - mean));
-    }
+    let measured = match &options.tach {
+        TachChoice::Measured(tach) => tach::measured(tach, &mut runs, rate_hz, options.teeth, &options.reading)?,
+        TachChoice::Virtual | TachChoice::None => {
+            remarks.extend(runs.iter().flat_map(overlooked));
+            Vec::new()
+        }
+    };
+    let names = channel_names(&runs[0], options.channel_names.as_deref())?;
+    let unit = convert(&mut runs, options)?;
     let full_scale = options
         .full_scale
         .unwrap_or_else(|| runs.iter().map(|run| suggested_full_scale(&run.channels)).fold(0.0, f64::max));
+    let quantisation_snr_db =
+        quantisation_snr_db(&runs, &names, full_scale, options.full_scale.is_some(), &mut remarks)?;
     let acquisition = Acquisition {
         sample_rate_hz: rate_hz,
         channels: names.clone(),
@@ -119,28 +146,10 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         unit: unit.clone(),
         other: Table::new(),
     };
-    let mut made = Vec::new();
-    let mut quality = Vec::new();
-    for (i, run) in runs.iter().enumerate() {
-        let mut declaration = RunDeclaration::numbered(i, !options.without_tach, None);
-        declaration.other.insert("source".into(), run.label.clone().into());
-        let mut edges = Vec::new();
-        if !options.without_tach {
-            let tach = run_tach(&run.label, &run.channels, rate_hz, options)?;
-            declaration.other.insert("virtual_tach".into(), quality_table(&tach.quality));
-            edges = tach.edges_s;
-            quality.push(tach.quality);
-        }
-        made.push(Run::from_signals(declaration, &acquisition, &run.channels, edges)?);
+    let Made { runs: made, tach, quality, figures } = made(&runs, measured, &acquisition, options)?;
+    if let TachChoice::Measured(tach) = &options.tach {
+        remarks.extend(runs.iter().zip(&figures).flat_map(|(run, figures)| tach::remarks(&run.label, tach, figures)));
     }
-    let tach = quality.iter().map(|q| q.jitter_s).reduce(f64::max).map(|jitter| Tach {
-        shaft: "pinion".into(),
-        pulses_per_rev: 1,
-        jitter_s: Some(jitter),
-        source: Some("virtual".into()),
-        other: Table::new(),
-    });
-    let step = full_scale / crate::record::CODE_MAX;
     let summary = ImportSummary {
         files: files.to_vec(),
         sample_rate_hz: rate_hz,
@@ -148,12 +157,13 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         channels: names,
         full_scale,
         unit: unit.unwrap_or_else(|| "m/s2".into()),
-        quantisation_snr_db: runs[0]
-            .channels
-            .iter()
-            .map(|c| 10.0 * (variance(c) * 12.0 / (step * step)).log10())
-            .collect(),
+        quantisation_snr_db,
         tach: quality,
+        measured_tach: figures,
+        measured_tach_is: match &options.tach {
+            TachChoice::Measured(tach) => Some(tach.described()),
+            TachChoice::Virtual | TachChoice::None => None,
+        },
         remarks,
     };
     let mut declaration = Declaration::of_import(&options.title, options.teeth, acquisition, tach);
@@ -161,77 +171,140 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     Ok((Record { folder: PathBuf::from("."), declaration, runs: made }, summary))
 }
 
-/// Channels that become one run.
-struct Group {
-    label: String,
-    names: Vec<String>,
-    channels: Vec<Vec<f64>>,
+fn read_all(files: &[PathBuf], options: &ImportOptions) -> Result<Vec<Columns>> {
+    let mut sources: Vec<Columns> = Vec::new();
+    let mut values = 0;
+    for file in files {
+        let source = read_as(file, &options.reading)?;
+        values += source.channels.iter().map(Vec::len).sum::<usize>();
+        VALUES.check(file.display(), values as f64, "import fewer files at once")?;
+        sources.push(source);
+    }
+    Ok(sources)
 }
 
-fn grouped(files: &[PathBuf], sources: Vec<Columns>, files_are_runs: bool) -> Result<Vec<Group>> {
-    let mut groups: Vec<Group> = Vec::new();
-    for (file, source) in files.iter().zip(sources) {
-        let samples = source.channels[0].len();
-        match groups.first_mut() {
-            Some(group) if !files_are_runs => {
-                let expected = group.channels[0].len();
-                if samples != expected {
-                    let what = format!(
-                        "has {samples} samples, {} has {expected}; --runs makes each file a run",
-                        short(&files[0])
-                    );
-                    return Err(Error::invalid(file.display(), what));
-                }
-                group.label.push_str(&format!(", {}", short(file)));
-                group.names.extend(source.names);
-                group.channels.extend(source.channels);
-            }
-            first => {
-                if let Some(group) = first
-                    && group.channels.len() != source.channels.len()
-                {
-                    let what = format!(
-                        "has {} channels, {} has {}",
-                        source.channels.len(),
-                        short(&files[0]),
-                        group.channels.len()
-                    );
-                    return Err(Error::invalid(file.display(), what));
-                }
-                groups.push(Group { label: short(file), names: source.names, channels: source.channels });
-            }
-        }
-    }
-    Ok(groups)
+/// A hint for every channel that would be an acceleration and looks like a tachometer's.
+fn overlooked(run: &Group) -> Vec<String> {
+    let channels = run.channels.iter().zip(&run.names).enumerate();
+    let found = channels.filter(|(_, (channel, _))| tach::looks_like_a_tach(channel));
+    found
+        .map(|(i, (_, name))| {
+            format!(
+                "{}: channel {} '{name}' has two levels like a tachometer; --tach {} makes it one",
+                run.label,
+                i + 1,
+                i + 1
+            )
+        })
+        .collect()
 }
 
-fn rate(files: &[PathBuf], sources: &[Columns], given: Option<f64>) -> Result<f64> {
-    if let Some(rate) = given {
-        if !(rate.is_finite() && rate > 0.0) {
-            return Err(Error::invalid("--rate", format!("{rate} is not a positive rate in Hz")));
-        }
-        return Ok(rate);
+/// Turns all channels into the record's unit, which is named where it is not m/s2.
+fn convert(runs: &mut [Group], options: &ImportOptions) -> Result<Option<String>> {
+    let conversions: Vec<(f64, Option<String>)> = options.units.iter().map(|unit| unit.conversion()).collect();
+    if conversions.iter().any(|(factor, _)| !(factor.is_finite() && *factor > 0.0)) {
+        return Err(Error::invalid("--volt-per-g", "must be a positive number"));
     }
-    let mut rates = files.iter().zip(sources);
-    let (file, first) = rates.next().ok_or_else(|| Error::invalid("import", "no file given"))?;
-    let rate =
-        first.rate_hz.ok_or_else(|| Error::invalid(file.display(), "states no sampling rate; give --rate HZ"))?;
-    for (file, source) in rates {
-        if source.rate_hz.is_none_or(|other| (other / rate - 1.0).abs() > 1e-6) {
-            return Err(Error::invalid(
-                file.display(),
-                format!("does not state the first file's rate of {rate} Hz; give --rate HZ"),
-            ));
-        }
+    let channels = runs[0].channels.len();
+    if ![1, channels].contains(&conversions.len()) {
+        let what = format!("names {} units for {channels} channels (without the tachometer)", conversions.len());
+        return Err(Error::invalid("--unit", what));
     }
-    Ok(rate)
+    let unit = conversions[0].1.clone();
+    if conversions.iter().any(|conversion| conversion.1 != unit) {
+        return Err(Error::invalid(
+            "--unit",
+            "a record has one unit; channels without a sensitivity need a record of their own",
+        ));
+    }
+    for (c, channel) in runs.iter_mut().flat_map(|run| run.channels.iter_mut().enumerate()) {
+        let factor = conversions[c % conversions.len()].0;
+        let mean = if options.remove_mean { channel.iter().sum::<f64>() / channel.len() as f64 } else { 0.0 };
+        channel.iter_mut().for_each(|x| *x = factor * (*x - mean));
+    }
+    Ok(unit)
 }
 
-fn channel_names(file: &Path, run: &Group, given: Option<&[String]>) -> Result<Vec<String>> {
+/// The runs of the record and what their pulses are like.
+struct Made {
+    runs: Vec<Run>,
+    tach: Option<Tach>,
+    quality: Vec<Quality>,
+    figures: Vec<TachFigures>,
+}
+
+fn made(
+    runs: &[Group],
+    measured: Vec<tach::MeasuredTach>,
+    acquisition: &Acquisition,
+    options: &ImportOptions,
+) -> Result<Made> {
+    let (mut made, mut quality, mut figures) = (Vec::new(), Vec::new(), Vec::new());
+    let mut measured = measured.into_iter();
+    for (i, run) in runs.iter().enumerate() {
+        let mut declaration = RunDeclaration::numbered(i, options.tach != TachChoice::None, None);
+        declaration.other.insert("source".into(), run.label.clone().into());
+        let mut edges = Vec::new();
+        if let Some(tach) = measured.next() {
+            declaration.first_pulse_index = tach.figures.first_pulse_index;
+            declaration.other.insert("measured_tach".into(), table(&tach.figures));
+            edges = tach.edges_s;
+            figures.push(tach.figures);
+        } else if options.tach == TachChoice::Virtual {
+            let tach = run_tach(&run.label, &run.channels, acquisition.sample_rate_hz, options)?;
+            declaration.other.insert("virtual_tach".into(), table(&tach.quality));
+            edges = tach.edges_s;
+            quality.push(tach.quality);
+        }
+        made.push(Run::from_signals(declaration, acquisition, &run.channels, edges)?);
+    }
+    let of_runs = quality.iter().map(|q| q.jitter_s).chain(figures.iter().map(|f| f.jitter_s));
+    let jitter_s = of_runs.reduce(f64::max).unwrap_or(0.0);
+    let tach = match &options.tach {
+        TachChoice::None => None,
+        TachChoice::Measured(measured) => Some(measured.declaration(options.teeth, jitter_s)),
+        TachChoice::Virtual => Some(Tach {
+            shaft: "pinion".into(),
+            turns_per_pinion_turn: None,
+            pulses_per_rev: 1,
+            jitter_s: Some(jitter_s),
+            source: Some("virtual".into()),
+            other: Table::new(),
+        }),
+    };
+    Ok(Made { runs: made, tach, quality, figures })
+}
+
+/// Typical level over quantisation noise of every channel, the worst of all runs, with remarks where it is poor.
+fn quantisation_snr_db(
+    runs: &[Group],
+    names: &[String],
+    full_scale: f64,
+    given: bool,
+    remarks: &mut Vec<String>,
+) -> Result<Vec<f64>> {
+    let step = full_scale / crate::record::CODE_MAX;
+    let mut worst = vec![f64::INFINITY; names.len()];
+    for run in runs {
+        for ((channel, name), worst) in run.channels.iter().zip(names).zip(&mut worst) {
+            let found = quantisation::resolution(channel, step);
+            remarks.extend(quantisation::judge(&run.label, name, &found, full_scale, given)?);
+            *worst = worst.min(found.snr_db);
+        }
+    }
+    Ok(worst)
+}
+
+fn channel_names(run: &Group, given: Option<&[String]>) -> Result<Vec<String>> {
     match given {
         Some(names) if names.len() == run.channels.len() => Ok(names.to_vec()),
         Some(names) => {
-            let what = format!("names {} channels, {} holds {}", names.len(), short(file), run.channels.len());
+            let what = format!(
+                "names {} channels, {} holds {} (without the tachometer)",
+                names.len(),
+                run.label,
+                run.channels.len()
+            );
             Err(Error::invalid("--channel-names", what))
         }
         None => Ok(run.names.clone()),
@@ -256,15 +329,6 @@ fn run_tach(
     virtual_tach(label, channels, rate_hz, &Options { teeth, mesh_guess_hz: options.mesh_guess_hz })
 }
 
-fn quality_table(quality: &Quality) -> Value {
-    Value::try_from(quality).unwrap_or_else(|_| Value::Table(Table::new()))
-}
-
-fn variance(values: &[f64]) -> f64 {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / values.len() as f64
-}
-
-fn short(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+fn table(figures: &impl Serialize) -> Value {
+    Value::try_from(figures).unwrap_or_else(|_| Value::Table(Table::new()))
 }

@@ -12,7 +12,7 @@
 //! follow the mesh line, so they are blind to anything that shifts its phase (torque, resonance crossing).
 //! The first and last half window are extrapolated. Cost: about half a second per channel and ten seconds of signal.
 
-use crate::spectral::{Window, line_near, power_density};
+use crate::spectral::{Window, power_density};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
@@ -306,10 +306,4 @@ fn standard_deviation(values: &[f64]) -> f64 {
     }
     let mean = values.iter().sum::<f64>() / n;
     (values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0)).sqrt()
-}
-
-/// Refines a frequency by least squares on the channel where it is strongest; `None` where no line is near.
-pub(super) fn refine(channels: &[Vec<f64>], rate_hz: f64, guess_hz: f64, half_width_hz: f64) -> Option<f64> {
-    let lines = channels.iter().filter_map(|channel| line_near(channel, rate_hz, guess_hz, half_width_hz));
-    lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)).map(|line| line.frequency_hz)
 }

@@ -9,9 +9,10 @@
 
 use super::edges::Edge;
 use super::file::LawFile;
-use super::fit::{Fit, Point, fit, fit_quadratic_absolute, fit_table, start_values};
+use super::fit::{Fit, fit, fit_quadratic_absolute, fit_table, start_values};
 use super::forms::{Law, RISE_TIME_PRODUCT};
 use super::operating::{Bench, Event};
+use super::point::Point;
 use crate::machine::{EngagementKind, Machine};
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};

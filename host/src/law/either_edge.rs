@@ -8,9 +8,10 @@
 
 use super::derive::{self, FIT_SPEEDS, KNOT_TOLERANCE, bandwidth_hz, held_out_speeds, log_speeds, study_torque};
 use super::file::LawFile;
-use super::fit::{Point, fit_table};
+use super::fit::fit_table;
 use super::forms::Law;
 use super::operating::{Bench, Event};
+use super::point::Point;
 use crate::machine::{EngagementKind, Machine};
 use crate::{Error, Result};
 use rayon::prelude::*;

@@ -46,7 +46,7 @@ impl LawFile {
     /// # Errors
     /// A file that cannot be read, is no law, or holds one that a node would refuse.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        let text = crate::budget::read_text(path)?;
         Self::from_toml(&text, &path.display().to_string())
     }
 

@@ -7,18 +7,10 @@
 //! error of the form itself, which only held-out speeds show.
 
 use super::forms::{Law, RISE_TIME_PRODUCT};
+use super::point::Point;
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
-
-/// One observation: shaft speed, Hz, and bandwidth, Hz.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Point {
-    /// Shaft speed, Hz.
-    pub shaft_hz: f64,
-    /// Bandwidth, Hz.
-    pub bandwidth_hz: f64,
-}
 
 /// A fitted law with what is known about it.
 #[derive(Debug, Clone, serde::Serialize)]

@@ -15,6 +15,7 @@ pub mod forms;
 pub mod operating;
 pub mod outcome;
 pub mod paper;
+pub mod point;
 pub mod report;
 pub mod sampling;
 pub mod study;

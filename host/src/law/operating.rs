@@ -14,9 +14,9 @@ use crate::dynamics::assembly::{Damping, Model};
 use crate::dynamics::excitation::{Moment, PairOnPath};
 use crate::dynamics::steady::steady_state;
 use crate::dynamics::{Coordinate, Effect, Facts, Mesh, Motion, Rig, Series, Solver, State, Statistics};
-use crate::machine::{EngagementKind, Machine, Side};
+use crate::machine::{EngagementKind, Geometry, Machine, Side};
 use crate::piecewise::{PiecewisePolynomial, horner};
-use crate::stiffness::{Geometry, PAPER_WIDTH_RAD};
+use crate::stiffness::PAPER_WIDTH_RAD;
 use crate::{Error, Result};
 use std::f64::consts::TAU;
 

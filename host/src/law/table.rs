@@ -8,7 +8,7 @@
 //!
 //! Knots are chosen greedily: the ends first, then always the point where the table errs most.
 
-use super::fit::Point;
+use super::point::Point;
 
 /// Log-log monotone cubic through knots of ascending speed.
 ///

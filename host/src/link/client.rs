@@ -5,11 +5,11 @@
 
 use super::transport::{BITS_PER_SECOND, Transport};
 use crate::{Error, Result};
-use meshband::config::Configuration;
+use meshband::config::{Configuration, SCHEMA};
 use meshband::events::{Event, EventKind};
 use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
 use meshband::law::Law;
-use meshband::message::{Identity, Message, PROTOCOL, Reply, Request, SelfTest, Statistics};
+use meshband::message::{Identification, Message, Reply, Request, SelfTest, Statistics, WIRE_SCHEMA};
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::time::{Duration, Instant};
@@ -18,6 +18,11 @@ use std::time::{Duration, Instant};
 pub const ATTEMPTS: u32 = 3;
 /// How long one attempt waits for its answer.
 pub const ANSWER_PATIENCE: Duration = Duration::from_secs(2);
+
+/// Most answers kept that no command has taken yet.
+pub const REPLIES: usize = 64;
+/// Most streamed messages kept that nobody has read yet: half a minute of a busy node.
+pub const MESSAGES: usize = 4096;
 
 /// What did not arrive, or not whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -28,6 +33,10 @@ pub struct Losses {
     pub refused: u32,
     /// Times the sequence began anew: the node restarted.
     pub restarts: u32,
+    /// Messages dropped here because nobody read them in time.
+    pub unread: u32,
+    /// Intact messages of kinds that only newer programs know.
+    pub unknown: u32,
 }
 
 /// A node at the other end of a transport.
@@ -36,9 +45,11 @@ pub struct Client {
     decoder: Decoder,
     sequence: u16,
     losses: Losses,
-    waiting: VecDeque<Packet>,
+    messages: VecDeque<Message>,
+    replies: VecDeque<Reply>,
     ended: bool,
-    other_version: Option<u8>,
+    /// Schema of a sender that cannot be read here.
+    other_schema: Option<u8>,
     /// Bytes and intact frames received.
     bytes: u64,
     frames: u64,
@@ -52,9 +63,10 @@ impl Client {
             decoder: Decoder::new(),
             sequence: 0,
             losses: Losses::default(),
-            waiting: VecDeque::new(),
+            messages: VecDeque::new(),
+            replies: VecDeque::new(),
             ended: false,
-            other_version: None,
+            other_schema: None,
             bytes: 0,
             frames: 0,
         }
@@ -73,9 +85,14 @@ impl Client {
         self.losses
     }
 
+    /// Why nothing the node says can be read here, if so.
+    pub fn unreadable(&self) -> Option<String> {
+        self.other_schema.map(|schema| differs("link", schema.into(), WIRE_SCHEMA.into()))
+    }
+
     /// Whether the link has ended (file read to its end, connection closed) and every message received was taken.
     pub fn has_ended(&self) -> bool {
-        self.ended && !self.waiting.iter().any(|packet| matches!(packet, Packet::Message(_)))
+        self.ended && self.messages.is_empty()
     }
 
     /// The next streamed message, within `patience`; `None` when none came or the link has ended.
@@ -85,8 +102,7 @@ impl Client {
     pub fn next_message(&mut self, patience: Duration) -> Result<Option<Message>> {
         let deadline = Instant::now() + patience;
         loop {
-            let at = self.waiting.iter().position(|packet| matches!(packet, Packet::Message(_)));
-            if let Some(Packet::Message(message)) = at.and_then(|at| self.waiting.remove(at)) {
+            if let Some(message) = self.messages.pop_front() {
                 return Ok(Some(message));
             }
             if self.ended || Instant::now() >= deadline {
@@ -102,18 +118,18 @@ impl Client {
     /// [`Error::Tool`] when it does not come within `patience`.
     pub fn wait_event(&mut self, kinds: &[EventKind], patience: Duration) -> Result<Event> {
         let deadline = Instant::now() + patience;
-        let mut seen = 0;
+        let wanted = |message: &Message| matches!(message, Message::Event(event) if kinds.contains(&event.kind));
+        let (mut seen, mut dropped) = (0, self.losses.unread);
         loop {
-            while let Some(packet) = self.waiting.get(seen) {
-                match packet {
-                    Packet::Message(Message::Event(event)) if kinds.contains(&event.kind) => {
-                        let event = *event;
-                        self.waiting.remove(seen);
-                        return Ok(event);
-                    }
-                    _ => seen += 1,
-                }
+            // What was dropped at the front has moved the rest.
+            seen -= (self.losses.unread - dropped).min(seen as u32) as usize;
+            dropped = self.losses.unread;
+            if let Some(at) = (seen..self.messages.len()).find(|&i| wanted(&self.messages[i]))
+                && let Some(Message::Event(event)) = self.messages.remove(at)
+            {
+                return Ok(event);
             }
+            seen = self.messages.len();
             if self.ended || Instant::now() >= deadline {
                 return Err(Error::tool("node", format!("did not report any of {kinds:?}")));
             }
@@ -127,13 +143,13 @@ impl Client {
     /// [`Error::Tool`] when the node does not answer, the link ends, or the node speaks another version.
     pub fn request(&mut self, request: &Request) -> Result<Reply> {
         // Late answers to former attempts would be taken for this one's.
-        self.waiting.retain(|packet| !matches!(packet, Packet::Reply(_)));
+        self.replies.clear();
         for _ in 0..ATTEMPTS {
             self.send(request)?;
             let deadline = Instant::now() + ANSWER_PATIENCE;
             while Instant::now() < deadline && !self.ended {
-                if let Some(at) = self.waiting.iter().position(|p| matches!(p, Packet::Reply(r) if answers(request, r)))
-                    && let Some(Packet::Reply(reply)) = self.waiting.remove(at)
+                if let Some(at) = self.replies.iter().position(|reply| answers(request, reply))
+                    && let Some(reply) = self.replies.remove(at)
                 {
                     return Ok(reply);
                 }
@@ -146,8 +162,8 @@ impl Client {
     /// Why a command has no answer, as far as what did come tells.
     fn silence(&self, request: &Request) -> String {
         let patience = ANSWER_PATIENCE.as_secs() * u64::from(ATTEMPTS);
-        match (self.other_version, self.bytes, self.frames) {
-            (Some(version), ..) => format!("speaks version {version} of the link, this program {PROTOCOL}"),
+        match (self.unreadable(), self.bytes, self.frames) {
+            (Some(why), ..) => why,
             _ if self.ended => format!("the link ended before {} was answered", name(request)),
             (_, 0, _) => {
                 format!("silent for {patience} s: no power, no node on this port, or its two lines interchanged")
@@ -163,7 +179,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::request`]; so for all commands below.
-    pub fn identify(&mut self) -> Result<Identity> {
+    pub fn identify(&mut self) -> Result<Identification> {
         match self.request(&Request::Identify)? {
             Reply::Identity(identity) => Ok(identity),
             other => Err(unexpected(&other)),
@@ -171,8 +187,15 @@ impl Client {
     }
 
     /// The configuration in force.
+    ///
+    /// # Errors
+    /// As [`Client::request`], and for a node whose configuration has another schema: sent back, it would lack what is not
+    /// known here.
     pub fn configuration(&mut self) -> Result<Configuration> {
         match self.request(&Request::GetConfiguration)? {
+            Reply::Configuration(held) if held.schema != SCHEMA => {
+                Err(Error::tool("node", differs("configuration", held.schema, SCHEMA)))
+            }
             Reply::Configuration(configuration) => Ok(configuration),
             other => Err(unexpected(&other)),
         }
@@ -226,7 +249,7 @@ impl Client {
         self.done(&Request::Events)
     }
 
-    /// Result of the boot self-test.
+    /// Runs the self-test again and gives what is known of it at once; its result comes in the stream.
     pub fn self_test(&mut self) -> Result<SelfTest> {
         match self.request(&Request::SelfTest)? {
             Reply::SelfTest(result) => Ok(result),
@@ -242,13 +265,9 @@ impl Client {
         }
     }
 
-    /// The answers received that no command waits for, as the node's closing statistics.
+    /// The newest answers received that no command waits for, as the node's closing statistics; at most [`REPLIES`].
     pub fn take_replies(&mut self) -> Vec<Reply> {
-        let (replies, rest) =
-            std::mem::take(&mut self.waiting).into_iter().partition(|p| matches!(p, Packet::Reply(_)));
-        self.waiting = rest;
-        let replies: VecDeque<Packet> = replies;
-        replies.into_iter().filter_map(|p| if let Packet::Reply(reply) = p { Some(reply) } else { None }).collect()
+        self.replies.drain(..).collect()
     }
 
     /// Sends raw bytes, as a test of a noisy line does.
@@ -279,6 +298,18 @@ impl Client {
         }
     }
 
+    /// Puts a packet where it is waited for; what nobody takes does not grow without end.
+    fn keep(&mut self, packet: Packet) {
+        match packet {
+            Packet::Message(message) => self.losses.unread += push(&mut self.messages, message, MESSAGES),
+            // Answers that nobody asked for are no loss.
+            Packet::Reply(reply) => {
+                push(&mut self.replies, reply, REPLIES);
+            }
+            Packet::Request(_) => {}
+        }
+    }
+
     /// Takes in what the transport has.
     fn receive(&mut self) -> Result<()> {
         let mut buffer = [0; 4096];
@@ -290,10 +321,14 @@ impl Client {
         for &byte in &buffer[..count] {
             match self.decoder.push(byte) {
                 None => {}
+                Some(Err(FrameError::Unknown(_))) => {
+                    self.frames += 1;
+                    self.losses.unknown += 1;
+                }
                 Some(Err(error)) => {
                     self.losses.refused += 1;
-                    if let FrameError::Version(version) = error {
-                        self.other_version = Some(version);
+                    if let FrameError::Version(schema) = error {
+                        self.other_schema = Some(schema);
                     }
                 }
                 Some(Ok(frame)) => {
@@ -304,12 +339,27 @@ impl Client {
                     } else {
                         self.losses.lost += u32::from(frame.lost);
                     }
-                    self.waiting.push_back(frame.packet);
+                    self.keep(frame.packet);
                 }
             }
         }
         Ok(())
     }
+}
+
+/// Adds to the end; gives how many fell out at the front.
+fn push<T>(queue: &mut VecDeque<T>, item: T, most: usize) -> u32 {
+    queue.push_back(item);
+    if queue.len() <= most {
+        return 0;
+    }
+    queue.pop_front();
+    1
+}
+
+/// Two programs that cannot understand each other, in words.
+fn differs(what: &str, node: u16, here: u16) -> String {
+    format!("the node speaks schema {node} of the {what}, this program knows {here}")
 }
 
 /// Whether a reply is one that the command can have.

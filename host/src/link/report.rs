@@ -6,7 +6,7 @@ use crate::Result;
 use crate::report::Report;
 use crate::report::plot::{self, Axes, Series};
 use meshband::config::Configuration;
-use meshband::message::{Identity, Spectrum, Status};
+use meshband::message::{Identification, SelfTest, Spectrum, Status};
 use serde_json::Value;
 
 /// Items of the boot self-test, by bit.
@@ -19,8 +19,7 @@ const ITEMS: [&str; 5] = [
 ];
 
 /// The self-test's outcome in words.
-pub fn self_test(identity: &Identity) -> String {
-    let test = identity.self_test;
+pub fn self_test(test: SelfTest) -> String {
     let named = |bits: u8| {
         let set = (0..ITEMS.len()).filter(|n| bits >> n & 1 != 0).map(|n| ITEMS[n]);
         set.collect::<Vec<_>>().join(", ")
@@ -33,11 +32,22 @@ pub fn self_test(identity: &Identity) -> String {
     }
 }
 
+/// Which node it is, in one line.
+pub fn identity(node: &Identification) -> String {
+    let [major, minor, patch] = node.version;
+    let [a, b, c] = node.unique_id;
+    let chip = if node.unique_id == [0; 3] { String::new() } else { format!(", chip {a:08x}{b:08x}{c:08x}") };
+    format!(
+        "{} with firmware {major}.{minor}.{patch} ({}){chip}; schemas: link {}, configuration {}",
+        node.board, node.build, node.wire_schema, node.configuration_schema
+    )
+}
+
 /// The report of `meshband monitor`.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn of_view(view: &View, losses: Losses, source: &str, identity: Option<&Identity>) -> Result<Report> {
+pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identification>) -> Result<Report> {
     let mut report = Report::new("Node", &format!("What the node at {source} said"))
         .figure("Messages", view.messages)
         .figure("Frames lost", losses.lost)
@@ -46,8 +56,9 @@ pub fn of_view(view: &View, losses: Losses, source: &str, identity: Option<&Iden
         report =
             report.figure("State", format!("{:?}", status.state)).figure("Speed", format!("{:.4} Hz", status.speed_hz));
     }
-    if let Some(identity) = identity {
-        report = report.figure("Self-test", self_test(identity));
+    if let Some(node) = node {
+        let test = view.self_test.unwrap_or(node.self_test);
+        report = report.figure("Node", identity(node)).figure("Self-test", self_test(test));
     }
     report = match &view.status {
         Some(status) => {
@@ -85,7 +96,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str, identity: Option<&Iden
         report = report.section("Indicators").table("The newest of each.", &["indicator", "value"], &rows);
     }
     if !view.events.is_empty() {
-        let rate = identity.map(|identity| f64::from(identity.ticks_per_second));
+        let rate = node.map(|node| f64::from(node.ticks_per_second));
         let time = |tick: u64| rate.map_or(format!("tick {tick}"), |rate| format!("{:.3} s", tick as f64 / rate));
         let event = |e: &meshband::events::Event| {
             vec![time(e.first_tick), format!("{:?}", e.kind), e.detail.to_string(), e.count.to_string()]
@@ -97,14 +108,13 @@ pub fn of_view(view: &View, losses: Losses, source: &str, identity: Option<&Iden
 }
 
 /// The report of `meshband configure`.
-pub fn of_configuration(config: &Configuration, identity: &Identity, stored: bool, source: &str) -> Report {
+pub fn of_configuration(config: &Configuration, node: &Identification, stored: bool, source: &str) -> Report {
     let mut rows = Vec::new();
     flatten(&serde_json::to_value(config).unwrap_or_default(), "", &mut rows);
-    let [major, minor, patch] = identity.version;
     Report::new("Configuration", &format!("In force on the node at {source}"))
-        .figure("Node", format!("{major}.{minor}.{patch}"))
-        .figure("Time base", format!("{} Hz", identity.ticks_per_second))
-        .figure("Self-test", self_test(identity))
+        .figure("Node", identity(node))
+        .figure("Time base", format!("{} Hz", node.ticks_per_second))
+        .figure("Self-test", self_test(node.self_test))
         .figure("Stored", if stored { "yes" } else { "no: until the next power-up" })
         .section("Settings")
         .table("As the node gave them back.", &["key", "value"], &rows)

@@ -9,6 +9,10 @@
 //! acceleration_per_code = 0.00494  # m/s^2
 //! [limits]
 //! analogue_stop = 100000.0         # Hz
+//! [front_end]
+//! tach_edge = "Falling"            # or "Rising"
+//! gain = "X4"                      # X1, X2, X4, X5, X8, X10, X16, X32
+//! sensor_supply = "On"             # or "Off"
 //! [[alarms]]                       # the list replaces the node's
 //! watched = "Rms"
 //! from = 5.0                       # Hz of the pinion
@@ -43,7 +47,7 @@ impl Settings {
     /// # Errors
     /// A file that cannot be read or is no TOML, an unknown table or key, a value that is not finite or of another kind.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        let text = crate::budget::read_text(path)?;
         Self::from_toml(&text, &path.display().to_string())
     }
 
@@ -76,7 +80,7 @@ impl Settings {
         for (key, new) in &self.tables {
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms";
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("policy", Some(held), new) => {
@@ -96,8 +100,9 @@ impl Settings {
                             let known: Vec<&str> = held.keys().map(String::as_str).collect();
                             return Err(refuse(&place, format!("no such key: {}", known.join(", "))));
                         };
-                        if !(old.is_number() && value.is_number()) {
-                            return Err(refuse(&place, format!("must be a number, not {value}")));
+                        if old.is_string() != value.is_string() || old.is_number() != value.is_number() {
+                            let kind = if old.is_string() { "a name" } else { "a number" };
+                            return Err(refuse(&place, format!("must be {kind}, not {value}")));
                         }
                         if old.is_u64() && !value.is_u64() {
                             return Err(refuse(&place, format!("must be a whole number, not {value}")));
@@ -107,9 +112,9 @@ impl Settings {
                 }
                 (_, Some(_), _) => return Err(refuse(key, "must be a table, or for alarms a list of tables".into())),
             }
+            // What is left are whole numbers beyond their range, names that do not exist and too many alarms.
+            *config = read(&whole).map_err(|what| refuse(key, what))?;
         }
-        // What is left are whole numbers beyond their range and too many alarms.
-        *config = read(&whole).map_err(|what| Error::invalid(&self.place, what))?;
         Ok(())
     }
 }

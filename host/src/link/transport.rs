@@ -69,7 +69,7 @@ fn connect(address: &str) -> std::io::Result<TcpStream> {
 /// # Errors
 /// [`Error::File`] where it cannot be opened.
 pub fn replay(path: &Path) -> Result<Box<dyn Transport>> {
-    Ok(Box::new(Replay(File::open(path).map_err(Error::file(path))?)))
+    Ok(Box::new(Replay(crate::budget::open(path)?)))
 }
 
 /// A TCP connection.

@@ -3,7 +3,7 @@
 use super::Losses;
 use crate::terminal::table;
 use meshband::events::Event;
-use meshband::message::{Indicators, Message, Peaks, Snapshot, Spectrum, Statistics, Status};
+use meshband::message::{Indicators, Message, Peaks, SelfTest, Snapshot, Spectrum, Statistics, Status};
 use std::collections::VecDeque;
 
 /// Events shown.
@@ -24,6 +24,8 @@ pub struct View {
     pub indicators: Option<Indicators>,
     /// Counters.
     pub statistics: Option<Statistics>,
+    /// Result of the latest self-test that ended while listening.
+    pub self_test: Option<SelfTest>,
     /// Newest events, oldest first.
     pub events: VecDeque<Event>,
     /// The waveform that is arriving: samples so far and in all.
@@ -40,6 +42,7 @@ impl View {
             Message::Peaks(peaks) => self.peaks = Some(peaks),
             Message::Indicators(indicators) => self.indicators = Some(indicators),
             Message::Statistics(statistics) => self.statistics = Some(statistics),
+            Message::SelfTest(result) => self.self_test = Some(result),
             Message::Event(event) => {
                 if self.events.len() == EVENTS {
                     self.events.pop_front();
@@ -86,9 +89,16 @@ impl View {
             out += &format!("{time}  {:?} {}  x{}\n", e.kind, e.detail, e.count);
         }
         out += &format!(
-            "\n{} messages; {} frames lost, {} pieces refused, {} restarts of the node\n",
-            self.messages, losses.lost, losses.refused, losses.restarts
+            "\n{} messages; {} frames lost, {} pieces refused, {} restarts of the node{}\n",
+            self.messages,
+            losses.lost,
+            losses.refused,
+            losses.restarts,
+            if losses.unread > 0 { format!(", {} messages not read in time", losses.unread) } else { String::new() }
         );
+        if losses.unknown > 0 {
+            out += &format!("{} messages of kinds that only a newer program knows\n", losses.unknown);
+        }
         out
     }
 }

@@ -1,8 +1,19 @@
 //! Physical sense of a declaration: every refusal names table and key and says what would be right.
 
+use super::geometry::Geometry;
 use super::{EngagementKind, Machine};
-use crate::stiffness::Geometry;
 use crate::{Error, Result};
+
+/// What is a machine at all: from a watch's wheel to a mill's, with room on both sides. Whether a machine can be computed for a
+/// sampling rate is another question, answered by its natural frequencies.
+const INERTIA_KG_M2: [f64; 2] = [1e-15, 1e12];
+const MASS_KG: [f64; 2] = [1e-9, 1e9];
+const STIFFNESS: [f64; 2] = [1e-9, 1e16];
+const MOST_DAMPING: f64 = 1e12;
+/// Largest torque, N m.
+pub const MOST_TORQUE_N_M: f64 = 1e9;
+/// Smallest bore, m: the gear body's compliance has no limit for none.
+const SMALLEST_BORE_M: f64 = 1e-6;
 
 impl Machine {
     /// Checks every value; `place` names the source in the error.
@@ -33,7 +44,7 @@ impl Machine {
             within(place, "[pair]", &format!("profile_shift[{i}]"), x, -1.0, 1.5, "modules")?;
         }
         for (i, &bore) in pair.bore_radius_m.iter().enumerate() {
-            positive(place, "[pair]", &format!("bore_radius_m[{i}]"), bore, "m")?;
+            within(place, "[pair]", &format!("bore_radius_m[{i}]"), bore, SMALLEST_BORE_M, 10.0, "m")?;
             let root = pair.module_m
                 * (0.5 * f64::from(pair.teeth[i]) - pair.addendum_coefficient - pair.clearance_coefficient
                     + pair.profile_shift[i]);
@@ -62,21 +73,21 @@ impl Machine {
             ("inertia_gear_kg_m2", shafts.inertia_gear_kg_m2),
             ("inertia_load_kg_m2", shafts.inertia_load_kg_m2),
         ] {
-            positive(place, "[shafts]", key, value, "kg m2")?;
+            between(place, "[shafts]", key, value, INERTIA_KG_M2, "kg m2")?;
         }
         for i in 0..2 {
-            for (key, value, unit) in [
-                ("mass_kg", shafts.mass_kg[i], "kg"),
-                ("bearing_stiffness_n_per_m", shafts.bearing_stiffness_n_per_m[i], "N/m"),
-                ("coupling_stiffness_n_m_per_rad", shafts.coupling_stiffness_n_m_per_rad[i], "N m/rad"),
+            for (key, value, range, unit) in [
+                ("mass_kg", shafts.mass_kg[i], MASS_KG, "kg"),
+                ("bearing_stiffness_n_per_m", shafts.bearing_stiffness_n_per_m[i], STIFFNESS, "N/m"),
+                ("coupling_stiffness_n_m_per_rad", shafts.coupling_stiffness_n_m_per_rad[i], STIFFNESS, "N m/rad"),
             ] {
-                positive(place, "[shafts]", &format!("{key}[{i}]"), value, unit)?;
+                between(place, "[shafts]", &format!("{key}[{i}]"), value, range, unit)?;
             }
             for (key, value, unit) in [
                 ("bearing_damping_n_s_per_m", shafts.bearing_damping_n_s_per_m[i], "N s/m"),
                 ("coupling_damping_n_m_s_per_rad", shafts.coupling_damping_n_m_s_per_rad[i], "N m s/rad"),
             ] {
-                not_negative(place, "[shafts]", &format!("{key}[{i}]"), value, unit)?;
+                within(place, "[shafts]", &format!("{key}[{i}]"), value, 0.0, MOST_DAMPING, unit)?;
             }
         }
         Ok(())
@@ -85,14 +96,17 @@ impl Machine {
     fn check_options(&self, place: &str) -> Result<()> {
         if let Some(nominal) = &self.nominal {
             positive(place, "[nominal]", "speed_hz", nominal.speed_hz, "Hz")?;
+            within(place, "[nominal]", "speed_hz", nominal.speed_hz, 0.0, crate::budget::SHAFT.most, "Hz")?;
             positive(place, "[nominal]", "torque_n_m", nominal.torque_n_m, "N m")?;
+            within(place, "[nominal]", "torque_n_m", nominal.torque_n_m, 0.0, MOST_TORQUE_N_M, "N m")?;
         }
         if let Some(casing) = &self.casing {
-            positive(place, "[casing]", "mass_kg", casing.mass_kg, "kg")?;
+            between(place, "[casing]", "mass_kg", casing.mass_kg, MASS_KG, "kg")?;
             for i in 0..2 {
-                positive(place, "[casing]", &format!("stiffness_n_per_m[{i}]"), casing.stiffness_n_per_m[i], "N/m")?;
+                let stiffness = casing.stiffness_n_per_m[i];
+                between(place, "[casing]", &format!("stiffness_n_per_m[{i}]"), stiffness, STIFFNESS, "N/m")?;
                 let damping = casing.damping_n_s_per_m[i];
-                not_negative(place, "[casing]", &format!("damping_n_s_per_m[{i}]"), damping, "N s/m")?;
+                within(place, "[casing]", &format!("damping_n_s_per_m[{i}]"), damping, 0.0, MOST_DAMPING, "N s/m")?;
             }
         }
         if let Some(motor) = &self.motor {
@@ -192,9 +206,11 @@ fn positive(place: &str, table: &str, key: &str, value: f64, unit: &str) -> Resu
     Err(Error::invalid(place, format!("{table} {key}: {value} {unit} must be positive")))
 }
 
-fn not_negative(place: &str, table: &str, key: &str, value: f64, unit: &str) -> Result<()> {
-    if value.is_finite() && value >= 0.0 {
+/// [`within`] a range that also excludes zero and below, said as such.
+fn between(place: &str, table: &str, key: &str, value: f64, [from, to]: [f64; 2], unit: &str) -> Result<()> {
+    positive(place, table, key, value, unit)?;
+    if (from..=to).contains(&value) {
         return Ok(());
     }
-    Err(Error::invalid(place, format!("{table} {key}: {value} {unit} must not be negative")))
+    Err(Error::invalid(place, format!("{table} {key}: {value:e} {unit} lies outside {from:e} to {to:e}")))
 }

@@ -15,7 +15,7 @@ impl Machine {
         canonical.title.clear();
         let mut hash = fnv1a(0xcbf2_9ce4_8422_2325, &serde_json::to_vec(&canonical).expect("plain data"));
         for table in [&self.pair.pair_stiffness, &self.pair.total_stiffness].into_iter().flatten() {
-            hash = fnv1a(hash, &std::fs::read(self.folder.join(table)).unwrap_or_default());
+            hash = fnv1a(hash, &crate::budget::read(&self.folder.join(table)).unwrap_or_default());
         }
         hash
     }

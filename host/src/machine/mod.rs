@@ -5,13 +5,19 @@
 //! one that makes no sense: a non-finite number anywhere, an unknown key, an impossible gear.
 
 mod check;
+mod geometry;
 mod hash;
+mod hunting;
 mod options;
 mod read;
 
+pub use check::MOST_TORQUE_N_M;
+pub use geometry::{Geometry, involute};
+pub use hunting::{Freedom, Hunting};
 pub use options::Side;
 pub use options::{Casing, Crack, CrackRule, Engagement, EngagementKind, Load, Motor, Nominal, RootAngle, RootShape};
 
+pub(crate) use read::check_lists;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

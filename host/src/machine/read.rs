@@ -1,7 +1,7 @@
 //! Reading a declaration: TOML text to a checked [`Machine`], every refusal one line with table and key.
 
 use super::Machine;
-use crate::{Error, Result};
+use crate::{Error, Result, budget};
 use std::path::Path;
 
 /// Tables that a record folder's `record.toml` adds to the machine's; skipped here, read by the record.
@@ -13,7 +13,7 @@ impl Machine {
     /// A folder stands for the `record.toml` in it. Tables named in the file are looked up beside it.
     pub fn read(path: &Path) -> Result<Self> {
         let file = if path.is_dir() { path.join("record.toml") } else { path.to_owned() };
-        let text = std::fs::read_to_string(&file).map_err(Error::file(&file))?;
+        let text = budget::read_text(&file)?;
         let folder = file.parent().unwrap_or(Path::new("")).to_owned();
         Self::from_toml(&text, &file.display().to_string(), &folder)
     }
@@ -21,9 +21,13 @@ impl Machine {
     /// Reads a machine from TOML text; `place` names it in errors, `folder` resolves relative paths.
     pub fn from_toml(text: &str, place: &str, folder: &Path) -> Result<Self> {
         let table: toml::Table = text.parse().map_err(|error| syntax(&error, text, place))?;
+        check_lists(&table, place)?;
         refuse_non_finite(&toml::Value::Table(table), "", place)?;
         let machine: Machine = match toml::from_str::<AnyRecord>(text) {
-            Ok(any) => any.machine(),
+            Ok(any) => {
+                any.check_names(place)?;
+                any.machine()
+            }
             Err(error) => return Err(syntax(&error, text, place)),
         };
         machine.prepared(place, folder)
@@ -52,15 +56,25 @@ struct AnyRecord {
     load: Option<super::Load>,
     casing: Option<super::Casing>,
     nominal: Option<super::Nominal>,
-    #[serde(rename = "acquisition")]
-    _acquisition: Option<toml::Table>,
+    acquisition: Option<toml::Table>,
     #[serde(rename = "tach")]
     _tach: Option<toml::Table>,
-    #[serde(rename = "run")]
-    _run: Option<Vec<toml::Table>>,
+    run: Option<Vec<toml::Table>>,
 }
 
 impl AnyRecord {
+    /// A record's tables lie in its folder; a machine file may name them anywhere.
+    fn check_names(&self, place: &str) -> Result<()> {
+        if self.acquisition.is_none() && self.run.is_none() {
+            return Ok(());
+        }
+        let tables = [("pair_stiffness", &self.pair.pair_stiffness), ("total_stiffness", &self.pair.total_stiffness)];
+        tables.into_iter().try_for_each(|(key, table)| match table {
+            Some(table) => crate::confined::check_name(&format!("{place} [pair] {key}"), table),
+            None => Ok(()),
+        })
+    }
+
     fn machine(self) -> Machine {
         Machine {
             title: self.title,
@@ -75,6 +89,20 @@ impl AnyRecord {
             folder: Default::default(),
         }
     }
+}
+
+/// Tables of a machine; every list in them has one entry per gear or shaft.
+const MACHINE_TABLES: [&str; 8] = ["pair", "shafts", "engagement", "crack", "motor", "load", "casing", "nominal"];
+
+/// Refuses lists with more or fewer entries than two: reading would take the first ones and say nothing.
+pub(crate) fn check_lists(source: &toml::Table, place: &str) -> Result<()> {
+    for (name, table) in MACHINE_TABLES.iter().filter_map(|name| Some((name, source.get(*name)?.as_table()?))) {
+        let mut lists = table.iter().filter_map(|(key, list)| Some((key, list.as_array()?.len())));
+        if let Some((key, count)) = lists.find(|(_, count)| *count != 2) {
+            return Err(Error::invalid(place, format!("[{name}] {key}: {count} entries where 2 are meant")));
+        }
+    }
+    Ok(())
 }
 
 /// One line for a TOML error: line number, the table it stands in, the reader's reason.

@@ -5,7 +5,7 @@
 //! times the square root of the number of lines, which is largest at the true spacing: half of it wastes lines,
 //! twice of it misses them. Shares are sums of Hann-windowed periodogram bins. Cost: spacings x lines look-ups.
 
-use crate::spectral::{Window, amplitude_spectrum};
+use crate::spectral::{Window, amplitude_spectrum, running_median};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -59,19 +59,9 @@ impl Power {
 
     /// Power over its local floor: 1 on average in noise.
     pub fn over_floor(&self) -> Vec<f64> {
-        const HOP: usize = 32;
-        const REACH: usize = 64;
-        let n = self.values.len();
-        let floors: Vec<f64> = (0..n.div_ceil(HOP))
-            .map(|i| {
-                let centre = i * HOP + HOP / 2;
-                let mut part =
-                    self.values[centre.saturating_sub(REACH).min(n - 1)..(centre + REACH + 1).min(n)].to_vec();
-                part.sort_by(f64::total_cmp);
-                (part[part.len() / 2] / std::f64::consts::LN_2).max(f64::MIN_POSITIVE)
-            })
-            .collect();
-        (0..n).map(|i| self.values[i] / floors[i / HOP]).collect()
+        // The median of an exponential variable is ln 2 of its mean.
+        let floor = |median: f64| (median / std::f64::consts::LN_2).max(f64::MIN_POSITIVE);
+        self.values.iter().zip(running_median(&self.values, 32)).map(|(x, median)| x / floor(median)).collect()
     }
 }
 

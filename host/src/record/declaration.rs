@@ -4,7 +4,8 @@
 //! through reading and writing unchanged. The machine is read from those others on demand, because an
 //! imported record may know no more of its machine than the tooth counts.
 
-use crate::machine::Machine;
+use crate::confined::check_name;
+use crate::machine::{Machine, check_lists};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -13,8 +14,20 @@ use toml::{Table, Value};
 /// Tooth counts outside this are a slip of the keyboard, not a gear.
 const TEETH: std::ops::RangeInclusive<i64> = 5..=1000;
 
+/// Sampling rates of vibration, Hz.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=1e9;
+/// Full scales in whatever unit the record has.
+const FULL_SCALES: std::ops::RangeInclusive<f64> = 1e-15..=1e15;
+/// Turns of any tach shaft per turn of the pinion: what the node's configuration takes, too.
+const SHAFT_RATIOS: std::ops::RangeInclusive<f64> = 0.001..=1000.0;
+/// Longest standard deviation of a tach edge, s.
+const JITTER_S: std::ops::RangeInclusive<f64> = 0.0..=1.0;
+
 /// Keys of `record.toml` that do not describe the machine.
 const RECORD_KEYS: [&str; 4] = ["acquisition", "tach", "run", "import"];
+
+/// Keys of `[pair]` that name a file.
+const STIFFNESS_KEYS: [&str; 2] = ["pair_stiffness", "total_stiffness"];
 
 /// The content of `record.toml`.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,14 +73,18 @@ fn sixteen() -> u32 {
 /// `[tach]`: which shaft, how many pulses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tach {
-    /// Shaft with the pick-up: "pinion" or "gear".
+    /// Shaft with the pick-up: "pinion", "gear", or "other", which `turns_per_pinion_turn` then places.
     pub shaft: String,
+    /// Turns of that shaft per turn of the pinion, with `shaft = "other"` and only there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turns_per_pinion_turn: Option<f64>,
     /// Pulses per turn of that shaft.
     pub pulses_per_rev: u32,
     /// Standard deviation of an edge time, s, where declared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitter_s: Option<f64>,
-    /// "virtual" where the edges come from the mesh line's phase: angle 0 is then arbitrary.
+    /// "virtual" where the edges come from the mesh line's phase, "measured" where they come from a pick-up whose place
+    /// against the teeth nobody stated: angle 0 is then arbitrary. Absent: angle 0 is that of the declared machine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
     /// Unknown keys, kept.
@@ -76,6 +93,15 @@ pub struct Tach {
 }
 
 impl Tach {
+    /// Turns of the tach's shaft per turn of the pinion; `None` for the gear's shaft of a pair without tooth counts.
+    pub fn turns_per_pinion_turn(&self, teeth: Option<[u32; 2]>) -> Option<f64> {
+        match self.shaft.as_str() {
+            "pinion" => Some(1.0),
+            "gear" => teeth.map(|[pinion, gear]| f64::from(pinion) / f64::from(gear)),
+            _ => self.turns_per_pinion_turn,
+        }
+    }
+
     /// Whether the edges were made from the mesh line; tooth index and angle 0 are then unknown.
     pub fn is_virtual(&self) -> bool {
         self.source.as_deref() == Some("virtual")
@@ -142,7 +168,7 @@ impl Declaration {
     /// # Errors
     /// One line with file, table and key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        let text = crate::budget::read_text(path)?;
         Self::parse(&text, &path.display().to_string())
     }
 
@@ -175,21 +201,20 @@ impl Declaration {
         Ok(declaration)
     }
 
-    /// Writes the document.
+    /// The text of the document.
     ///
     /// # Errors
-    /// A file that cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    /// What reading would refuse, and a number that TOML cannot hold.
+    pub fn to_toml(&self) -> Result<String> {
         self.check()?;
-        let refuse = |error: toml::ser::Error| Error::invalid(path.display(), one_line(&error.to_string()));
+        let refuse = |error: toml::ser::Error| Error::invalid(&self.place, one_line(&error.to_string()));
         let mut document = self.rest.clone();
         document.insert("acquisition".into(), Value::try_from(&self.acquisition).map_err(refuse)?);
         if let Some(tach) = &self.tach {
             document.insert("tach".into(), Value::try_from(tach).map_err(refuse)?);
         }
         document.insert("run".into(), Value::try_from(&self.runs).map_err(refuse)?);
-        let text = toml::to_string(&document).map_err(refuse)?;
-        std::fs::write(path, text).map_err(Error::file(path))
+        toml::to_string(&document).map_err(refuse)
     }
 
     /// Title, empty where none is given.
@@ -222,17 +247,20 @@ impl Declaration {
         }
         let mut tables = self.rest.clone();
         tables.retain(|key, _| !RECORD_KEYS.contains(&key));
+        check_lists(&tables, &self.place)?;
         typed::<Machine>(Value::Table(tables), &self.place)?.prepared(&self.place, &self.folder)
     }
 
-    /// Path of the tooth-pair stiffness table as declared.
-    pub fn pair_stiffness(&self) -> Option<PathBuf> {
-        self.rest.get("pair")?.get("pair_stiffness")?.as_str().map(PathBuf::from)
+    /// Keys of `[pair]` that name stiffness tables, with the paths as declared.
+    pub fn stiffness_tables(&self) -> Vec<(&'static str, PathBuf)> {
+        let pair = self.rest.get("pair");
+        let table = |key: &'static str| Some((key, PathBuf::from(pair?.get(key)?.as_str()?)));
+        STIFFNESS_KEYS.into_iter().filter_map(table).collect()
     }
 
-    pub(super) fn set_pair_stiffness(&mut self, path: &Path) {
+    pub(super) fn set_stiffness_table(&mut self, key: &str, path: &str) {
         if let Some(Value::Table(pair)) = self.rest.get_mut("pair") {
-            pair.insert("pair_stiffness".into(), path.display().to_string().into());
+            pair.insert(key.into(), path.into());
         }
     }
 
@@ -242,8 +270,18 @@ impl Declaration {
         if a.sample_rate_hz <= 0.0 || !a.sample_rate_hz.is_finite() {
             return refuse("[acquisition] sample_rate_hz", format!("{} is not a positive rate", a.sample_rate_hz));
         }
+        if !RATES_HZ.contains(&a.sample_rate_hz) {
+            let what = format!("{} Hz is not within 1 Hz to 1 GHz", a.sample_rate_hz);
+            return refuse("[acquisition] sample_rate_hz", what);
+        }
         if a.full_scale_m_s2 <= 0.0 || !a.full_scale_m_s2.is_finite() {
             return refuse("[acquisition] full_scale_m_s2", format!("{} is not positive", a.full_scale_m_s2));
+        }
+        if !FULL_SCALES.contains(&a.full_scale_m_s2) {
+            return refuse(
+                "[acquisition] full_scale_m_s2",
+                format!("{} is not within 1e-15 to 1e15", a.full_scale_m_s2),
+            );
         }
         if a.channels.is_empty() {
             return refuse("[acquisition] channels", "names no channel".into());
@@ -252,14 +290,22 @@ impl Declaration {
             return refuse("[acquisition] code_bits", format!("{} is not supported, only 16", a.code_bits));
         }
         if let Some(tach) = &self.tach {
-            if !["pinion", "gear"].contains(&tach.shaft.as_str()) {
-                return refuse("[tach] shaft", format!("'{}' is neither pinion nor gear", tach.shaft));
+            self.check_shaft(tach)?;
+            if let Some(jitter) = tach.jitter_s.filter(|jitter| !JITTER_S.contains(jitter)) {
+                return refuse("[tach] jitter_s", format!("{jitter} s is not within 0 to 1 s"));
             }
             if !(1..=10_000).contains(&tach.pulses_per_rev) {
                 return refuse("[tach] pulses_per_rev", format!("{} is not within 1 to 10000", tach.pulses_per_rev));
             }
         }
+        for (key, table) in self.stiffness_tables() {
+            check_name(&format!("{} [pair] {key}", self.place), &table)?;
+        }
         for (i, run) in self.runs.iter().enumerate() {
+            for (key, name) in [("signal", Some(&run.signal)), ("tach", run.tach.as_ref())] {
+                let place = format!("{} [[run]] {i} {key}", self.place);
+                name.map_or(Ok(()), |name| check_name(&place, name.as_ref()))?;
+            }
             if let (Some(tach), true) = (&self.tach, run.tach.is_some())
                 && run.first_pulse_index >= tach.pulses_per_rev
             {
@@ -271,6 +317,23 @@ impl Declaration {
             }
         }
         self.check_teeth()
+    }
+
+    /// The shaft's name, and a ratio with exactly the shaft that has no name.
+    fn check_shaft(&self, tach: &Tach) -> Result<()> {
+        let refuse = |key: &str, what: String| Err(Error::invalid(format!("{} [tach] {key}", self.place), what));
+        match (tach.shaft.as_str(), tach.turns_per_pinion_turn) {
+            ("pinion" | "gear", None) => Ok(()),
+            ("pinion" | "gear", Some(_)) => {
+                refuse("turns_per_pinion_turn", format!("belongs to shaft = \"other\", not to '{}'", tach.shaft))
+            }
+            ("other", Some(ratio)) if SHAFT_RATIOS.contains(&ratio) => Ok(()),
+            ("other", Some(ratio)) => {
+                refuse("turns_per_pinion_turn", format!("{ratio} is not within 0.001 to 1000 turns per pinion turn"))
+            }
+            ("other", None) => refuse("turns_per_pinion_turn", "is needed with shaft = \"other\"".into()),
+            (other, _) => refuse("shaft", format!("'{other}' is neither pinion nor gear nor other")),
+        }
     }
 
     fn check_teeth(&self) -> Result<()> {

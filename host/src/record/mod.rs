@@ -1,7 +1,8 @@
 //! Record folders: what was measured (or simulated) together with what its owner declares about the machine.
 //!
 //! A record is a folder with `record.toml`, one `runNN.npy` of int16 codes (samples x channels) and one
-//! `runNN.tach.csv` of edge times (s from the run's first sample) per run; `docs/records.md` has every key.
+//! `runNN.tach.csv` of edge times (s from the run's first sample) per run; `docs/records.md` has every key. Files that a
+//! record names lie in its folder.
 //! Reading checks everything that later code relies on, so that a [`Record`] in memory is sound: known
 //! channel count, finite numbers, strictly ascending edges, sensible tooth counts. Each refusal is one line
 //! with file, table and key. A whole record is held in memory as codes (2 bytes per value).
@@ -15,9 +16,12 @@ mod tach;
 pub use codes::{CODE_MAX, encode, suggested_full_scale};
 pub use declaration::{Acquisition, Declaration, RunDeclaration, Tach};
 pub use run::Run;
-pub use tach::{read_edges, write_edges};
+pub use tach::{edges_text, read_edges};
 
+use crate::confined;
+use crate::output::{Content, OutputFolder, Outputs, is_left_over};
 use crate::{Error, Result};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// A record folder in memory: declaration and runs, in the declaration's order.
@@ -42,38 +46,63 @@ impl Record {
         } else {
             folder
         };
+        if is_left_over(folder) {
+            return Err(Error::invalid(folder.display(), "is what an interrupted command left, no record"));
+        }
         let declaration = Declaration::read(&folder.join("record.toml"))?;
+        // A table that is missing is said by whoever needs it.
+        let tables = declaration.stiffness_tables().into_iter().filter(|(_, table)| folder.join(table).exists());
+        for (_, table) in tables {
+            confined::inside(folder, &table.to_string_lossy())?;
+        }
         let runs =
             declaration.runs.iter().map(|run| Run::read(folder, run, &declaration)).collect::<Result<Vec<_>>>()?;
         Ok(Self { folder: folder.to_owned(), declaration, runs })
     }
 
-    /// Writes the record into `folder`, which is created; existing files of the same names are replaced.
-    ///
-    /// A `pair_stiffness` table is copied along and the declaration points at the copy. Comments of a
-    /// `record.toml` that was read are not kept; every key is.
+    /// Writes the record as the new folder `folder`, whole or not at all; see [`Record::write_to`].
     ///
     /// # Errors
-    /// Files that cannot be written or a stiffness table that cannot be read.
+    /// A folder that exists and is not empty, and those of [`Record::write_to`].
     pub fn write(&self, folder: &Path) -> Result<()> {
-        std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
+        self.write_to(Outputs::default().folder(folder, Content::Record)?)
+    }
+
+    /// Writes the record into an announced folder and puts that into its place, `record.toml` last.
+    ///
+    /// Stiffness tables are copied along and the declaration points at the copies. Comments of a `record.toml` that
+    /// was read are not kept; every key is.
+    ///
+    /// # Errors
+    /// What reading would refuse, two files of one name, a stiffness table that cannot be read, files that cannot be
+    /// written. Nothing is changed then.
+    pub fn write_to(&self, folder: OutputFolder) -> Result<()> {
         let mut declaration = self.declaration.clone();
-        if let Some(table) = declaration.pair_stiffness() {
+        let mut tables = Vec::new();
+        for (key, table) in declaration.stiffness_tables() {
             let source = self.folder.join(&table);
-            let name = PathBuf::from(source.file_name().unwrap_or("pair_stiffness.csv".as_ref()));
-            let bytes = std::fs::read(&source).map_err(Error::file(&source))?;
-            let target = folder.join(&name);
-            std::fs::write(&target, bytes).map_err(Error::file(&target))?;
-            declaration.set_pair_stiffness(&name);
+            let name = source.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            tables.push((name.clone(), crate::budget::read(&source)?));
+            declaration.set_stiffness_table(key, &name);
         }
         declaration.runs = self.runs.iter().map(|run| run.declaration.clone()).collect();
+        let text = declaration.to_toml()?;
+        let of_runs = declaration.runs.iter().flat_map(|run| [Some(&run.signal), run.tach.as_ref()]).flatten();
+        let mut names = BTreeSet::from(["record.toml"]);
+        if let Some(name) = tables.iter().map(|t| &t.0).chain(of_runs).find(|name| !names.insert(name.as_str())) {
+            return Err(Error::invalid("record.toml", format!("two files of the record are named {name}")));
+        }
+        for (name, bytes) in &tables {
+            folder.write(name, bytes)?;
+        }
         for run in &self.runs {
-            npy::write_i16(&folder.join(&run.declaration.signal), run.codes(), run.channels())?;
+            folder.write(&run.declaration.signal, npy::bytes_i16(run.codes(), run.channels()))?;
             if let Some(tach) = &run.declaration.tach {
-                write_edges(&folder.join(tach), &run.edges_s)?;
+                folder.write(tach, edges_text(&run.edges_s))?;
             }
         }
-        declaration.write(&folder.join("record.toml"))
+        folder.write("record.toml", text)?;
+        folder.commit()
     }
 
     /// Run `index`.

@@ -3,6 +3,7 @@
 //! The header is parsed by `npyz`; the size is checked against the file before anything is allocated, so a
 //! header that promises too much is a truncated file and not an allocation.
 
+use crate::budget::{self, VALUES};
 use crate::{Error, Result};
 use npyz::{NpyFile, Order, WriterBuilder};
 use std::path::Path;
@@ -14,7 +15,7 @@ use std::path::Path;
 /// # Errors
 /// Missing, truncated or oversized file, another dtype, more than two dimensions, no samples or no channels.
 pub fn read_i16(path: &Path) -> Result<(Vec<i16>, usize)> {
-    let bytes = std::fs::read(path).map_err(Error::file(path))?;
+    let bytes = budget::read(path)?;
     let header = Header::parse(path, &bytes)?;
     if header.dtype != "<i2" {
         let what = format!("dtype is {}, a record needs little-endian int16 '<i2'", header.dtype);
@@ -29,44 +30,46 @@ pub fn read_i16(path: &Path) -> Result<(Vec<i16>, usize)> {
 /// # Errors
 /// As [`read_i16`], but for the dtype: any of f4, f8, i2, i4, i8, u1, u2, little- or big-endian.
 pub fn read_f64(path: &Path) -> Result<(Vec<f64>, usize)> {
-    let bytes = std::fs::read(path).map_err(Error::file(path))?;
-    let header = Header::parse(path, &bytes)?;
+    parse_f64(path, &budget::read(path)?)
+}
+
+/// [`read_f64`] of bytes at hand; `path` names them in errors.
+///
+/// # Errors
+/// As [`read_f64`].
+pub fn parse_f64(path: &Path, bytes: &[u8]) -> Result<(Vec<f64>, usize)> {
+    let header = Header::parse(path, bytes)?;
+    VALUES.check(path.display(), header.rows as f64 * header.columns as f64, "cut the file into parts")?;
     let values: Vec<f64> = match &header.dtype[1..] {
-        "f4" => header.values::<f32>(path, &bytes)?.into_iter().map(f64::from).collect(),
-        "f8" => header.values::<f64>(path, &bytes)?,
-        "i2" => header.values::<i16>(path, &bytes)?.into_iter().map(f64::from).collect(),
-        "i4" => header.values::<i32>(path, &bytes)?.into_iter().map(f64::from).collect(),
-        "i8" => header.values::<i64>(path, &bytes)?.into_iter().map(|v| v as f64).collect(),
-        "u1" => header.values::<u8>(path, &bytes)?.into_iter().map(f64::from).collect(),
-        "u2" => header.values::<u16>(path, &bytes)?.into_iter().map(f64::from).collect(),
+        "f4" => header.values::<f32>(path, bytes)?.into_iter().map(f64::from).collect(),
+        "f8" => header.values::<f64>(path, bytes)?,
+        "i2" => header.values::<i16>(path, bytes)?.into_iter().map(f64::from).collect(),
+        "i4" => header.values::<i32>(path, bytes)?.into_iter().map(f64::from).collect(),
+        "i8" => header.values::<i64>(path, bytes)?.into_iter().map(|v| v as f64).collect(),
+        "u1" => header.values::<u8>(path, bytes)?.into_iter().map(f64::from).collect(),
+        "u2" => header.values::<u16>(path, bytes)?.into_iter().map(f64::from).collect(),
         _ => return Err(Error::invalid(path.display(), format!("dtype {} is not supported", header.dtype))),
     };
     Ok((values, header.columns))
 }
 
-/// Writes int16 codes as `<i2`, shape samples x channels.
-///
-/// # Errors
-/// A file that cannot be written.
+/// An array file of int16 codes as `<i2`, shape samples x channels.
 ///
 /// # Panics
 /// If the codes are not a whole number of samples: a programming error of the caller.
-pub fn write_i16(path: &Path, codes: &[i16], channels: usize) -> Result<()> {
-    write(path, codes, channels, "<i2")
+pub fn bytes_i16(codes: &[i16], channels: usize) -> Vec<u8> {
+    bytes(codes, channels, "<i2")
 }
 
-/// Writes a prediction as `<f4`, shape samples x channels.
-///
-/// # Errors
-/// A file that cannot be written.
+/// An array file of a prediction as `<f4`, shape samples x channels.
 ///
 /// # Panics
 /// If the values are not a whole number of samples: a programming error of the caller.
-pub fn write_f32(path: &Path, values: &[f32], channels: usize) -> Result<()> {
-    write(path, values, channels, "<f4")
+pub fn bytes_f32(values: &[f32], channels: usize) -> Vec<u8> {
+    bytes(values, channels, "<f4")
 }
 
-fn write<T: npyz::Serialize + Copy>(path: &Path, values: &[T], channels: usize, dtype: &str) -> Result<()> {
+fn bytes<T: npyz::Serialize + Copy>(values: &[T], channels: usize, dtype: &str) -> Vec<u8> {
     assert!(channels > 0 && values.len().is_multiple_of(channels), "whole samples");
     let shape = [(values.len() / channels) as u64, channels as u64];
     let mut bytes = Vec::with_capacity(size_of_val(values) + 128);
@@ -77,7 +80,8 @@ fn write<T: npyz::Serialize + Copy>(path: &Path, values: &[T], channels: usize, 
         writer.extend(values.iter().copied())?;
         writer.finish()
     })();
-    written.and_then(|()| std::fs::write(path, &bytes)).map_err(Error::file(path))
+    written.expect("memory takes every byte of an array of its type");
+    bytes
 }
 
 /// The parts of an npy header that matter here.
@@ -91,6 +95,10 @@ struct Header {
 impl Header {
     fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let refuse = |what: String| Error::invalid(path.display(), what);
+        // The library multiplies the shape before anyone can look at it.
+        if values_announced(bytes).is_none() {
+            return Err(refuse("announces more values than a file can hold".into()));
+        }
         let mut rest = bytes;
         let header = npyz::NpyHeader::from_reader(&mut rest)
             .map_err(|error| refuse(format!("is not a NumPy array file ({})", first_line(&error.to_string()))))?;
@@ -130,6 +138,18 @@ impl Header {
         let index = (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| column * self.rows + row));
         Ok(index.map(|i| values[i]).collect())
     }
+}
+
+/// Longest header that is looked at, bytes.
+const LONGEST_HEADER: usize = 65_536;
+
+/// Product of the numbers behind the header's word `shape`, 1 where there are none to be found; `None` beyond 64 bits.
+fn values_announced(bytes: &[u8]) -> Option<u64> {
+    let header = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST_HEADER)]);
+    let behind = header.split_once("shape").map_or("", |parts| parts.1);
+    let shape = behind.split([')', ']']).next().unwrap_or_default();
+    let numbers = shape.split(|c: char| !c.is_ascii_digit()).filter(|digits| !digits.is_empty());
+    numbers.map(|digits| digits.parse::<u64>().ok()).try_fold(1_u64, |product, number| product.checked_mul(number?))
 }
 
 fn first_line(text: &str) -> &str {

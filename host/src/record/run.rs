@@ -1,6 +1,8 @@
 //! One run: its codes, its tach edges and the declared conditions.
 
 use super::{CODE_MAX, Declaration, RunDeclaration, encode, npy, read_edges};
+use crate::budget::SHAFT;
+use crate::confined;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -20,7 +22,7 @@ pub struct Run {
 impl Run {
     /// Reads the files of one `[[run]]` table.
     pub(super) fn read(folder: &Path, run: &RunDeclaration, declaration: &Declaration) -> Result<Self> {
-        let path = folder.join(&run.signal);
+        let path = confined::inside(folder, &run.signal)?;
         let expected = declaration.acquisition.channels.len();
         let (codes, channels) = npy::read_i16(&path)?;
         if channels != expected {
@@ -28,7 +30,7 @@ impl Run {
             return Err(Error::invalid(path.display(), what));
         }
         let edges_s = match &run.tach {
-            Some(tach) => read_edges(&folder.join(tach))?,
+            Some(tach) => read_edges(&confined::inside(folder, tach)?)?,
             None => Vec::new(),
         };
         let result = Self {
@@ -46,6 +48,10 @@ impl Run {
                 let what = format!("edges from {first} s to {last} s do not belong to a run of {end} s");
                 return Err(Error::invalid(folder.join(tach).display(), what));
             }
+            let pulses = declaration.tach.as_ref().map_or(1, |tach| tach.pulses_per_rev);
+            let speed_hz = result.mean_speed_hz(pulses).unwrap_or(f64::INFINITY);
+            let remedy = "check the unit of the edge times and pulses_per_rev";
+            SHAFT.check(folder.join(tach).display(), speed_hz, remedy)?;
         }
         Ok(result)
     }
@@ -53,7 +59,7 @@ impl Run {
     /// A run from signals (one vector per channel, in the record's unit).
     ///
     /// # Errors
-    /// See [`encode`]: clipping, NaN, unequal lengths; and a channel count other than the declaration's.
+    /// See [`encode`]: clipping, NaN, unequal lengths; edges that do not ascend; and a channel count other than the declaration's.
     pub fn from_signals(
         run: RunDeclaration,
         acquisition: &super::Acquisition,
@@ -62,6 +68,11 @@ impl Run {
     ) -> Result<Self> {
         if signals.len() != acquisition.channels.len() {
             let what = format!("{} signals for {} named channels", signals.len(), acquisition.channels.len());
+            return Err(Error::invalid(&run.signal, what));
+        }
+        if let Some(i) = edges_s.windows(2).position(|w| w[0] >= w[1]) {
+            let what =
+                format!("tach edge {} at {} s does not come after the one at {} s", i + 1, edges_s[i + 1], edges_s[i]);
             return Err(Error::invalid(&run.signal, what));
         }
         let codes = encode(&run.signal, signals, acquisition.full_scale_m_s2)?;

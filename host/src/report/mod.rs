@@ -5,11 +5,9 @@
 //! common colour vision deficiency.
 
 pub mod plot;
+mod raster;
 
-use crate::{Error, Result};
-use serde::Serialize;
 use std::fmt::Write;
-use std::path::Path;
 
 /// A report under construction; methods chain.
 #[derive(Debug, Clone, Default)]
@@ -95,23 +93,12 @@ impl Report {
             env!("CARGO_PKG_VERSION"),
         )
     }
-
-    /// Writes the document.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        std::fs::write(path, self.html()).map_err(Error::file(path))
-    }
 }
 
-/// Writes any serialisable value as indented JSON with a final newline.
-///
-/// # Errors
-/// A file that cannot be written.
-pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(value).map_err(|error| Error::invalid(path.display(), error))?;
-    std::fs::write(path, text + "\n").map_err(Error::file(path))
+impl From<Report> for String {
+    fn from(report: Report) -> Self {
+        report.html()
+    }
 }
 
 /// Text made safe for HTML and SVG.

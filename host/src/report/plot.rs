@@ -326,28 +326,66 @@ pub fn heat_map(values: &[Vec<f64>], x: Range<f64>, y: Range<f64>, axes: Axes) -
             let corner = (x.start + c as f64 * dx, y.start + r as f64 * dy);
             Rectangle::new([corner, (corner.0 + dx, corner.1 + dy)], shade(value, &scale).filled())
         }))?;
-        let mut bar = ChartBuilder::on(&right)
-            .margin(8)
-            .margin_top(12)
-            .margin_bottom(52)
-            .y_label_area_size(58)
-            .build_cartesian_2d(0.0..1.0, scale.clone())?;
-        bar.configure_mesh()
-            .disable_x_mesh()
-            .disable_y_mesh()
-            .disable_x_axis()
-            .label_style(("sans-serif", 14, &INK))
-            .y_label_formatter(&|v| tick(*v))
-            .draw()?;
-        let step = (scale.end - scale.start) / 64.0;
-        bar.draw_series((0..64).map(|i| {
-            let from = scale.start + step * f64::from(i);
-            Rectangle::new([(0.0, from), (1.0, from + step)], shade(from + 0.5 * step, &scale).filled())
-        }))?;
-        Ok(())
+        scale_bar(&right, &scale)
     })?;
     // Without antialiasing neighbouring cells meet without seams.
     Ok(svg.replace("<rect ", "<rect shape-rendering=\"crispEdges\" "))
+}
+
+/// The colours of a map with their values.
+fn scale_bar(area: &Area, scale: &Range<f64>) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let mut bar = ChartBuilder::on(area)
+        .margin(8)
+        .margin_top(12)
+        .margin_bottom(52)
+        .y_label_area_size(58)
+        .build_cartesian_2d(0.0..1.0, scale.clone())?;
+    bar.configure_mesh()
+        .disable_x_mesh()
+        .disable_y_mesh()
+        .disable_x_axis()
+        .label_style(("sans-serif", 14, &INK))
+        .y_label_formatter(&|v| tick(*v))
+        .draw()?;
+    let step = (scale.end - scale.start) / 64.0;
+    bar.draw_series((0..64).map(|i| {
+        let from = scale.start + step * f64::from(i);
+        Rectangle::new([(0.0, from), (1.0, from + step)], shade(from + 0.5 * step, scale).filled())
+    }))?;
+    Ok(())
+}
+
+/// As [`heat_map`] for grids of any size: the cells are one embedded bitmap (no vector shapes), values below `scale` are shown as its start.
+///
+/// # Errors
+/// Rows of unequal length, or a picture that cannot be drawn.
+pub fn dense_map(values: &[Vec<f64>], x: Range<f64>, y: Range<f64>, scale: Range<f64>, axes: Axes) -> Result<String> {
+    let (rows, columns) = (values.len(), values.first().map_or(0, Vec::len));
+    if rows == 0 || columns == 0 || values.iter().any(|row| row.len() != columns) {
+        return Err(Error::impossible("picture", "a map needs equal rows"));
+    }
+    let mut place = None;
+    let svg = draw(440, |area| {
+        let (left, right) = area.split_horizontally(WIDTH - 110);
+        let chart = chart!(&left, x, y, axes, 12);
+        place = Some(chart.plotting_area().get_pixel_range());
+        scale_bar(&right, &scale)
+    })?;
+    let (across, down) = place.ok_or_else(|| Error::impossible("picture", "has no plotting area"))?;
+    let pixels = values.iter().rev().flatten().map(|value| {
+        let RGBColor(red, green, blue) = shade(*value, &scale);
+        [red, green, blue]
+    });
+    let image = format!(
+        "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
+         style=\"image-rendering:pixelated\" href=\"{}\"/>\n</svg>",
+        across.start,
+        down.start,
+        across.end - across.start,
+        down.end - down.start,
+        super::raster::data_uri(columns as u32, rows as u32, pixels)?
+    );
+    Ok(svg.replace("<rect ", "<rect shape-rendering=\"crispEdges\" ").replacen("</svg>", &image, 1))
 }
 
 /// White over blue to near black: lightness falls steadily, so it also reads in grey.

@@ -5,12 +5,16 @@
 //! padding. Source: Heinzel, Ruediger, Schilling, "Spectrum and spectral density estimation by the DFT"
 //! (2002), for windows, ENBW and scaling; Welch (1967) for averaging.
 
+mod bessel;
 mod line;
+mod noise;
 mod order;
 
+pub use bessel::bessel_i0;
 pub use line::{Line, line_near};
-pub(crate) use order::natural_spline;
+pub use noise::{noise_power, running_median};
 pub use order::{AngleMap, order_spectrum, resample_by_angle, synchronous_average};
+pub(crate) use order::{Kaiser, natural_spline};
 
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;

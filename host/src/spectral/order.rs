@@ -6,6 +6,7 @@
 //! dense as the samples, or it would alias: [`resample_by_angle`] only ever raises the rate, callers then
 //! look at the orders they want.
 
+use super::bessel_i0;
 use super::{Spectrum, Window, amplitude_spectrum};
 use std::f64::consts::PI;
 
@@ -37,6 +38,13 @@ impl AngleMap {
         })
     }
 
+    /// The same map in turns of a shaft that turns `ratio` times as fast and passes its angle 0 together with this one.
+    pub fn geared(mut self, ratio: f64) -> Self {
+        self.first_turn *= ratio;
+        self.pulses_per_rev /= ratio;
+        self
+    }
+
     /// Turns at the first and the last edge.
     pub fn range(&self) -> (f64, f64) {
         (self.first_turn, self.first_turn + (self.times.len() - 1) as f64 / self.pulses_per_rev)
@@ -58,6 +66,25 @@ impl AngleMap {
         }
         let v = 1.0 - u;
         v * self.times[i] + u * self.times[i + 1] + ((v * v * v - v) * m0 + (u * u * u - u) * m1) / 6.0
+    }
+
+    /// Turns of the shaft at `time_s`: the inverse of [`AngleMap::time_at`], to 1e-12 of a pulse.
+    pub fn turns_at(&self, time_s: f64) -> f64 {
+        let last = self.times.len() - 1;
+        let i = self.times.partition_point(|t| *t <= time_s).saturating_sub(1).min(last - 1);
+        let place = |position: f64| self.first_turn + position / self.pulses_per_rev;
+        // Newton's steps on a curve that is straight to a few per cent: each squares the error.
+        let mut position = i as f64 + (time_s - self.times[i]) / (self.times[i + 1] - self.times[i]);
+        for _ in 0..8 {
+            let step = 1e-4;
+            let slope = (self.time_at(place(position + step)) - self.time_at(place(position - step))) / (2.0 * step);
+            let change = (time_s - self.time_at(place(position))) / slope;
+            position += change;
+            if change.abs() < 1e-12 * (1.0 + position.abs()) {
+                break;
+            }
+        }
+        place(position)
     }
 
     /// Shaft speed, Hz, at the middle of each pulse interval.
@@ -139,27 +166,18 @@ fn whole_turns(signal: &[f64], rate_hz: f64, map: &AngleMap) -> Option<(Vec<f64>
 }
 
 /// Kaiser window, tabulated finely and read linearly (error below 1e-9).
-struct Kaiser {
+pub(crate) struct Kaiser {
     table: Vec<f64>,
 }
 
 impl Kaiser {
     const STEPS: usize = 1 << 15;
 
-    fn new() -> Self {
-        let bessel = |x: f64| {
-            let (mut term, mut sum, mut k) = (1.0, 1.0, 1.0);
-            while term > 1e-17 * sum {
-                term *= (0.5 * x / k) * (0.5 * x / k);
-                sum += term;
-                k += 1.0;
-            }
-            sum
-        };
+    pub(crate) fn new() -> Self {
         let table = (0..=Self::STEPS + 1)
             .map(|i| {
                 let r = (i as f64 / Self::STEPS as f64).min(1.0);
-                bessel(KAISER_BETA * (1.0 - r * r).sqrt()) / bessel(KAISER_BETA)
+                bessel_i0(KAISER_BETA * (1.0 - r * r).sqrt()) / bessel_i0(KAISER_BETA)
             })
             .collect();
         Self { table }
@@ -171,7 +189,8 @@ impl Kaiser {
         self.table[i] + (at - i as f64) * (self.table[i + 1] - self.table[i])
     }
 
-    fn interpolate(&self, signal: &[f64], position: f64) -> f64 {
+    /// Value of `signal` at a place between its samples; zero outside.
+    pub(crate) fn interpolate(&self, signal: &[f64], position: f64) -> f64 {
         let centre = position.floor();
         let u = position - centre;
         let centre = centre as isize;

@@ -5,8 +5,7 @@
 //! teeth close it early: contact begins where the gap equals the mesh deflection. The gap is exact here, from
 //! the position of the corner and the polar equation of the involute; kappa is its curvature.
 
-use super::geometry::{Geometry, involute};
-use crate::machine::Side;
+use crate::machine::{Geometry, Side, involute};
 
 /// Gap along the line of action, m, at `distance` base pitches outside the path on one side.
 ///

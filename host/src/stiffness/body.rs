@@ -6,8 +6,8 @@
 //! pair's compliance, and P grows with the square of the hub ratio: an unknown hub makes the figure a guess.
 //! Two loaded teeth on one body are not coupled here: double contact comes out a little stiff.
 
+use crate::machine::Geometry;
 use crate::machine::{Pair, RootAngle};
-use crate::stiffness::Geometry;
 
 /// Coefficients A to F of L*, M*, P*, Q*.
 const FIT: [[f64; 6]; 4] = [

@@ -4,7 +4,7 @@ use super::pair::PairModel;
 use super::ramp::engage;
 use super::table::{TABLE_TOLERANCE, Table};
 use crate::Result;
-use crate::machine::{EngagementKind, Machine, Side};
+use crate::machine::{EngagementKind, Geometry, Machine, Side};
 use crate::piecewise::PiecewisePolynomial;
 
 /// The curve of the pair that holds the cracked tooth, and which tooth it is.
@@ -54,6 +54,6 @@ impl Machine {
             return Ok(curve);
         };
         engagement.torque_n_m = torque_n_m.or(engagement.torque_n_m).or(self.nominal.map(|n| n.torque_n_m));
-        engage(&curve, &super::Geometry::new(&self.pair)?, &engagement)
+        engage(&curve, &Geometry::new(&self.pair)?, &engagement)
     }
 }

@@ -3,8 +3,8 @@
 //! Fitted to steel gears with solid or webbed blanks; per unit of face width. With hubs about a third of the root
 //! radius the energy method lands within a few per cent; more than a quarter off means an unusual blank or a fault.
 
+use crate::machine::Geometry;
 use crate::machine::Pair;
-use crate::stiffness::Geometry;
 
 /// Deviation of the mean mesh stiffness from method B beyond which something is unusual.
 pub const SPREAD: f64 = 0.25;

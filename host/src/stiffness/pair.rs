@@ -6,11 +6,10 @@
 //! degree misses 1e-9 of the largest value.
 
 use super::body::{BodyCompliance, body_compliance};
-use super::geometry::Geometry;
 use super::hertz::hertz_stiffness;
 use super::tooth::Tooth;
 use crate::Result;
-use crate::machine::Pair;
+use crate::machine::{Geometry, Pair};
 use crate::piecewise::PiecewisePolynomial;
 
 /// Degree of each piece: high enough for a whole contact zone, low enough for a well-conditioned power basis.

@@ -11,9 +11,8 @@
 //!   Outside the path the pair keeps the stiffness it has at the border (corner contact is not modelled).
 
 use super::approach::gap_m;
-use super::geometry::Geometry;
 use super::pair::fit_adaptive;
-use crate::machine::{Engagement, EngagementKind, Side};
+use crate::machine::{Engagement, EngagementKind, Geometry, Side};
 use crate::piecewise::PiecewisePolynomial;
 use crate::{Error, Result};
 

@@ -6,8 +6,9 @@
 //! least-squares polynomial reproduces. Pieces join continuously, at rows; real kinks and steps in the data
 //! therefore become knots by themselves.
 
+use crate::budget::{self, TABLE_ROWS};
 use crate::piecewise::PiecewisePolynomial;
-use crate::{Error, Result};
+use crate::{Error, Result, text};
 use nalgebra::{DMatrix, DVector};
 use std::path::Path;
 
@@ -17,6 +18,11 @@ pub const TABLE_TOLERANCE: f64 = 1e-6;
 const DEGREE: usize = 9;
 /// Longest piece in rows; bounds the cost of the search.
 const LONGEST: usize = 400;
+
+/// Longest path of contact, base pitches: a spur pair with high contact ratio has below three.
+const LONGEST_PATH: f64 = 10.0;
+/// Stiffest pair, N/m: a metre of steel face has about 1e10.
+const STIFFEST: f64 = 1e13;
 
 /// Rows of a stiffness table.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,16 +37,16 @@ impl Table {
     /// Reads a table file.
     ///
     /// # Errors
-    /// Names file and line of the first row that is not two finite numbers, descends, or is negative.
+    /// Names file and line of the first row that is not two finite numbers, descends, is negative, or is beyond any gear; too many rows.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-        Self::parse(&text, &path.display().to_string())
+        let content = budget::read_text(path)?;
+        Self::parse(&content, &path.display().to_string())
     }
 
     /// Reads a table from CSV text; `place` names it in errors.
-    pub fn parse(text: &str, place: &str) -> Result<Self> {
+    pub fn parse(content: &str, place: &str) -> Result<Self> {
         let mut table = Self { position: Vec::new(), stiffness_n_per_m: Vec::new() };
-        for (i, line) in text.lines().enumerate() {
+        for (i, line) in content.lines().enumerate() {
             let line = line.trim();
             if line.is_empty() || line.starts_with('#') {
                 continue;
@@ -52,10 +58,10 @@ impl Table {
                 continue;
             }
             let &[s, k] = numbers.as_slice() else {
-                return refuse(format!("expected two numbers (base pitches, N/m), found {line:?}"));
+                return refuse(format!("expected two numbers (base pitches, N/m), found {}", text::quoted(line)));
             };
             if cells.len() != 2 || !s.is_finite() || !k.is_finite() {
-                return refuse(format!("expected two finite numbers, found {line:?}"));
+                return refuse(format!("expected two finite numbers, found {}", text::quoted(line)));
             }
             if k < 0.0 {
                 return refuse(format!("a stiffness of {k} N/m is negative"));
@@ -65,8 +71,15 @@ impl Table {
                 Some(&before) if s <= before => return refuse(format!("position {s} does not come after {before}")),
                 _ => {}
             }
+            if s > LONGEST_PATH {
+                return refuse(format!("position {s}: no path of contact is longer than {LONGEST_PATH} base pitches"));
+            }
+            if k > STIFFEST {
+                return refuse(format!("a stiffness of {k:e} N/m is beyond that of any gear ({STIFFEST:e} N/m)"));
+            }
             table.position.push(s);
             table.stiffness_n_per_m.push(k);
+            TABLE_ROWS.check(place, table.position.len() as f64, "take every n-th row")?;
         }
         if table.position.len() < 4 {
             return Err(Error::invalid(

@@ -11,9 +11,8 @@
 //! equal to the closed forms in the roll angle (Yang and Lin; Tian 2004) where the root is the base circle.
 //! Integration by adaptive Gauss-Legendre quadrature to 1e-12.
 
-use super::geometry::{Geometry, involute};
 use super::quadrature::integrate;
-use crate::machine::{Pair, RootShape};
+use crate::machine::{Geometry, Pair, RootShape, involute};
 use crate::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
 

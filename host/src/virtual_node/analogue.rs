@@ -9,6 +9,7 @@
 //! The board then takes the signal as linear between its samples; [`crate::virtual_node`] records that error.
 //! Cost: 64 multiply-adds per value, 0.1 s per million values on one core.
 
+use crate::spectral::bessel_i0;
 use rayon::prelude::*;
 
 /// Taps on each side of an instant.
@@ -76,16 +77,4 @@ fn kernel(x: f64) -> f64 {
     let window = bessel_i0(BETA * (1.0 - edge * edge).sqrt()) / bessel_i0(BETA);
     let angle = std::f64::consts::PI * x;
     if x == 0.0 { 1.0 } else { window * angle.sin() / angle }
-}
-
-/// Modified Bessel function of order zero by its series, which converges fast for the small arguments here.
-fn bessel_i0(x: f64) -> f64 {
-    let quarter = x * x / 4.0;
-    let (mut term, mut sum, mut n) = (1.0, 1.0, 1.0);
-    while term > 1e-17 * sum {
-        term *= quarter / (n * n);
-        sum += term;
-        n += 1.0;
-    }
-    sum
 }

@@ -15,6 +15,9 @@ const COARSEST_TICKS: u32 = 25;
 /// Share of the image's range that the signal's peak takes.
 const PEAK_SHARE: f64 = 0.9;
 
+/// Most tach edges of a replay: 1 MiB of the board's memory.
+const MOST_EDGES: usize = 1 << 18;
+
 /// A signal to be replayed.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
@@ -46,11 +49,21 @@ impl Image {
     /// [`Error::Invalid`] for an empty, silent or undefined signal, or edges out of order.
     pub fn new(source: Source<'_>, config: &Configuration, adjust: impl FnOnce(Header) -> Header) -> Result<Self> {
         let refuse = |what: String| Error::invalid("signal for the node", what);
+        if !(source.rate_hz.is_finite() && source.rate_hz > 0.0) {
+            return Err(refuse(format!("a rate of {} Hz is not positive", source.rate_hz)));
+        }
         if source.samples.len() < 2 || source.samples.iter().any(|x| !x.is_finite()) {
             return Err(refuse("needs at least two samples, all finite".into()));
         }
         let length_s = (source.samples.len() - 1) as f64 / source.rate_hz;
         let edges = ticks(source.edges_s, length_s);
+        if edges.len() > MOST_EDGES {
+            let what = format!(
+                "{} tach edges, the board's memory has room for {MOST_EDGES}; shorten with --duration",
+                edges.len()
+            );
+            return Err(refuse(what));
+        }
         let room = (IMAGE_CAPACITY - image_bytes(MAX_CONFIGURATION, edges.len(), 0)) / 2;
         let clock = f64::from(TICKS_PER_SECOND);
         let needed = (length_s * clock / room as f64).ceil() as u32;
@@ -75,7 +88,11 @@ impl Image {
         replay::write(&header, config, &edges, &codes, &mut bytes).map_err(|e| {
             refuse(match e {
                 ReplayError::Edges => "tach edges do not ascend".into(),
-                other => format!("{other:?}"),
+                ReplayError::Header => format!(
+                    "full scale {full_scale:e} m/s2 or {} tach edges are beyond what the board's replay can hold",
+                    edges.len()
+                ),
+                other => format!("cannot be written ({other:?})"),
             })
         })?;
         Ok(Self {

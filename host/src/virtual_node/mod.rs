@@ -1,4 +1,6 @@
-//! A node that exists only here: the real firmware in QEMU, fed with a record as an analogue signal.
+//! A node that exists only here: the real firmware, fed with a record as an analogue signal.
+//!
+//! Two boards play it ([`board`]): [`an386`] in QEMU, and the [`emulated`] STM32F405 with the very image that is flashed.
 //!
 //! [`signal`] is a channel of a record or of a simulated machine, [`setup`] the configuration for it, [`analogue`]
 //! makes it fine enough to be sampled at any rate, [`image`] puts it with edges and configuration into a replay image,
@@ -6,10 +8,14 @@
 //! sent. [`reference`](mod@reference) is the same measurement in f64 from the signal itself; [`trial`] brings all of it
 //! together, [`summary`] says it in tables and [`report`] in pictures.
 
+pub mod an386;
 pub mod analogue;
+pub mod board;
+pub mod emulated;
 pub mod frames;
 pub mod image;
 pub mod profile;
+pub mod qemu;
 pub mod reference;
 pub mod report;
 pub mod setup;

@@ -4,11 +4,10 @@
 //! 1.2 to 1.6 cycles per instruction on code like this, and the QEMU board spends some 100 instructions per sample on
 //! imitating converter and DMA, which hardware does by itself: the figures bound the need from above.
 
-use super::image::Image;
 use super::signal::Signal;
 use super::simulation;
 use crate::Result;
-use crate::qemu::Qemu;
+use crate::virtual_node::qemu::Qemu;
 use meshband::config::Configuration;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -34,7 +33,7 @@ pub struct Pace {
 /// # Errors
 /// As [`super::trial::run`].
 pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu) -> Result<Vec<Pace>> {
-    let image = Image::new(signal.source(), config, |header| header)?;
+    let image = signal.image(config)?;
     let link = simulation::run(&image.bytes)?.link;
     let pace = |shift: u8| {
         let finished = Qemu { icount_shift: shift, ..qemu.clone() }.run(&image.bytes)?;

@@ -16,7 +16,7 @@ use crate::report::plot::{self, Axes, Label, Series};
 /// A picture that cannot be drawn.
 pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
     let title = format!("Node on {}", signal.title);
-    let subtitle = format!("{}: the firmware in QEMU against an f64 reference", signal.channel);
+    let subtitle = format!("{}: the firmware on a virtual board against an f64 reference", signal.channel);
     let worst = trial.worst_harmonics;
     let yes = |is: bool| if is { "yes" } else { "no" };
     let mut report = Report::new(&title, &subtitle)

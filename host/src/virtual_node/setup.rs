@@ -1,8 +1,8 @@
 //! The node's configuration for a signal: tooth counts, tach, rate policy.
 
-use super::image::TICKS_PER_SECOND;
 use super::signal::Signal;
 use crate::{Error, Result};
+use meshband::board::Timing;
 use meshband::config::{Configuration, GearPair, TachWheel};
 use meshband::rate_plan::RatePolicy;
 use meshband::units::Hertz;
@@ -33,6 +33,6 @@ pub fn configuration(signal: &Signal, forced_rate_hz: Option<f64>) -> Result<Con
         }
         config.policy = RatePolicy::Forced { rate: Hertz(rate as f32) };
     }
-    config.validate(TICKS_PER_SECOND).map_err(|error| Error::invalid("the node's configuration", error))?;
+    config.validate(Timing::AN386).map_err(|error| Error::invalid("the node's configuration", error))?;
     Ok(config)
 }

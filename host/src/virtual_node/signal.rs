@@ -6,8 +6,9 @@ use crate::dynamics::simulate::{Acquisition, simulate};
 use crate::dynamics::{Motion, Rig};
 use crate::machine::Machine;
 use crate::record::{Declaration, Record};
-use crate::virtual_node::image::Source;
+use crate::virtual_node::image::{Image, Source};
 use crate::{Error, Result};
+use meshband::config::Configuration;
 
 /// Unit of the amplitudes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -43,6 +44,8 @@ impl std::fmt::Display for Unit {
 pub struct Signal {
     /// Record or machine.
     pub title: String,
+    /// File it comes from, for messages.
+    pub place: String,
     /// Name of the channel.
     pub channel: String,
     /// Unit of the samples, taken for m/s2 by the node.
@@ -117,16 +120,16 @@ impl Signal {
         if tach.is_virtual() {
             notes.push("the tach is virtual: its edges come from the phase of the mesh line".into());
         }
-        let ratio = f64::from(teeth[1]) / f64::from(teeth[0]);
         Ok(Self {
             title: declaration.title().to_owned(),
+            place: record.folder.join(&run.declaration.signal).display().to_string(),
             channel: name,
             unit: declaration.acquisition.unit.clone().map_or(Unit::Acceleration, Unit::Other),
             samples,
             rate_hz,
             edges_s,
             pulses_per_turn: tach.pulses_per_rev,
-            pinion_per_tach: if tach.shaft == "gear" { ratio } else { 1.0 },
+            pinion_per_tach: tach.turns_per_pinion_turn(Some(teeth)).map_or(1.0, f64::recip),
             teeth,
             notes,
         })
@@ -148,6 +151,7 @@ impl Signal {
         let [first, second] = simulated.channels;
         Ok(Self {
             title: machine.title.clone(),
+            place: machine.title.clone(),
             channel: name.into(),
             unit: Unit::Acceleration,
             samples: if operation.channel == 0 { first } else { second },
@@ -163,6 +167,17 @@ impl Signal {
     /// Length, s.
     pub fn duration_s(&self) -> f64 {
         self.samples.len() as f64 / self.rate_hz
+    }
+
+    /// The replay image of this signal.
+    ///
+    /// # Errors
+    /// Those of [`Image::new`], with the file they concern.
+    pub fn image(&self, config: &Configuration) -> Result<Image> {
+        Image::new(self.source(), config, |header| header).map_err(|error| match error {
+            Error::Invalid { what, .. } => Error::invalid(format!("{}, channel {}", self.place, self.channel), what),
+            other => other,
+        })
     }
 
     /// For the replay image.

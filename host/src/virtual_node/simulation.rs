@@ -11,10 +11,10 @@
 
 use crate::{Error, Result};
 use meshband::config::Configuration;
+use meshband::identity::Identity;
 use meshband::message::Request;
 use meshband::node::Block;
 use meshband::replay::{BLOCK_SAMPLES, CodeDigest, LONGEST_PERIOD, Replay, START_TICK};
-use meshband::self_test::BootTest;
 use meshband::session::Session;
 use meshband::units::TicksPerSecond;
 
@@ -92,7 +92,6 @@ pub fn follow(image: &[u8], blocks: &[TakenBlock]) -> Result<Simulated> {
 struct Host<'a> {
     replay: Replay<'a>,
     session: Session,
-    test: BootTest,
     link: Vec<u8>,
     digest: CodeDigest,
     blocks: Vec<TakenBlock>,
@@ -108,11 +107,9 @@ impl<'a> Host<'a> {
             bytes => postcard::from_bytes(bytes).map_err(|e| refuse(format!("configuration: {e}")))?,
         };
         let clock = TicksPerSecond(replay.header().ticks_per_second);
-        let mut session = Session::new(config, clock).map_err(|e| refuse(format!("configuration: {e}")))?;
-        let test = BootTest::new(clock);
-        session.node_mut().set_self_test(test.result());
+        let session = Session::new(config, clock, Identity::HOST).map_err(|e| refuse(format!("configuration: {e}")))?;
         let digest = CodeDigest::new();
-        Ok(Self { replay, session, test, link: Vec::new(), digest, blocks: Vec::new(), edges: 0 })
+        Ok(Self { replay, session, link: Vec::new(), digest, blocks: Vec::new(), edges: 0 })
     }
 
     /// Edges before the block's end, then the block.
@@ -121,7 +118,6 @@ impl<'a> Host<'a> {
         self.replay.sample(block.first_tick, block.period, &mut codes);
         let end = block.end();
         while let Some(edge) = self.replay.edge(self.edges).filter(|&edge| edge < end + 1) {
-            self.test.on_edge();
             self.session.on_edge(START_TICK.wrapping_add(edge));
             self.edges += 1;
         }
@@ -130,9 +126,6 @@ impl<'a> Host<'a> {
         let TakenBlock { sequence, first_tick, period: period_ticks, overrun } = block;
         let block =
             Block { codes: &codes, first_tick: START_TICK.wrapping_add(first_tick), period_ticks, sequence, overrun };
-        if let Some(result) = self.test.on_block(&block, START_TICK.wrapping_add(end)) {
-            self.session.node_mut().set_self_test(result);
-        }
         self.session.on_block(block, &mut |frame| self.link.extend_from_slice(frame));
     }
 

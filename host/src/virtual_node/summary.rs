@@ -143,7 +143,7 @@ pub fn verdicts(trial: &Trial, signal: &Signal) -> Vec<(String, String)> {
         ("spectra".into(), format!("{} compared, {} not covered by the signal", trial.spectra.len(), trial.uncompared)),
         ("harmonics".into(), worst(trial.worst_harmonics)),
         ("sidebands of both shafts".into(), worst(trial.worst_sidebands)),
-        ("same bytes in QEMU and on the host".into(), yes(i.identical_to_host)),
+        ("same bytes on the board and on the host".into(), yes(i.identical_to_host)),
         ("same codes sampled".into(), yes(i.identical_codes)),
     ];
     if let Some(same) = i.identical_runs {

@@ -1,15 +1,13 @@
-//! A trial: the firmware in QEMU on a signal, the same code on the host, and every line against the f64 reference.
+//! A trial: the firmware on a virtual board and on a signal, the same code on the host, and every line against the f64 reference.
 
+use super::board::{Clock, Played, VirtualBoard};
 use super::frames::Received;
-use super::image::{Image, TICKS_PER_SECOND};
 use super::reference::{Reference, Shaft};
 use super::signal::Signal;
-use super::simulation::{self, Simulated, TakenBlock};
-use crate::qemu::Qemu;
 use crate::{Error, Result};
 use meshband::config::Configuration;
+use meshband::events::EventKind;
 use meshband::message::{LineOrigin, MeshBand, Message, Peaks, SpectralLine, Spectrum, Status};
-use meshband::replay::{BLOCK_SAMPLES, Replay, START_TICK};
 use meshband::tach::Validity;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -133,13 +131,13 @@ pub struct Worst {
 /// Whether everything arrived and agreed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Integrity {
-    /// QEMU's frames are those of the same code on the host on the same blocks, byte for byte.
+    /// The board's frames are those of the same code on the host on the same blocks, byte for byte.
     pub identical_to_host: bool,
-    /// These blocks are the ones of a processor that is never late; otherwise the host followed QEMU's log of them.
+    /// These blocks are the ones of a processor that is never late; otherwise the host followed the board's.
     pub on_schedule: bool,
-    /// The codes sampled in QEMU are those the host read from the image.
+    /// The codes sampled are those that the host took.
     pub identical_codes: bool,
-    /// All runs in QEMU sent the same bytes; `None` after a single run.
+    /// All runs sent the same bytes; `None` after a single run.
     pub identical_runs: Option<bool>,
     /// Blocks processed.
     pub blocks: u32,
@@ -153,14 +151,14 @@ pub struct Integrity {
     pub rate_changes: u32,
     /// Events by kind.
     pub events: BTreeMap<String, u32>,
-    /// Million instructions per second that QEMU granted.
+    /// Million instructions per second of the board's processor.
     pub mips: f64,
 }
 
 /// Result of a trial.
 #[derive(Debug, Clone, Serialize)]
 pub struct Trial {
-    /// Rate of the signal in the board's memory, Hz.
+    /// Rate of the signal at the board, Hz.
     pub signal_rate_hz: f64,
     /// Length replayed, s.
     pub duration_s: f64,
@@ -180,7 +178,7 @@ pub struct Trial {
     pub peak_resolution_hz: f64,
     /// Losses and identities.
     pub integrity: Integrity,
-    /// Wall-clock time of the run in QEMU, s.
+    /// Wall-clock time of the run, s.
     pub wall_time_s: f64,
     /// Converter rate of every block: start, s, and rate, Hz.
     #[serde(skip)]
@@ -190,40 +188,35 @@ pub struct Trial {
     pub samples: Vec<(f64, f64)>,
 }
 
-/// Runs the node on a signal, in QEMU `runs` times and once on the host, and compares.
+/// Refuses what an image of another version sends.
 ///
 /// # Errors
-/// A signal or configuration that the node refuses; QEMU or the firmware image absent, or a failed run.
-pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) -> Result<Trial> {
-    let scale = signal.unit.scale();
-    let image = Image::new(signal.source(), config, |header| header)?;
-    let planned = simulation::run(&image.bytes)?;
-    let mut finished = (0..runs.max(1)).into_par_iter().map(|_| qemu.run(&image.bytes)).collect::<Result<Vec<_>>>()?;
-    let first = finished.swap_remove(0);
-    let received = Received::decode(&first.link);
+/// [`Error::Tool`] where bytes came and no frame among them can be read.
+pub fn check_version(link: &[u8]) -> Result<()> {
+    let received = Received::decode(link);
     if received.packets.is_empty() && received.refused > 0 {
         let what = "its frames are of another version than this command: build it with `cargo xtask node-build`";
         return Err(Error::tool("firmware", what));
     }
-    let blocks = first.blocks()?;
-    let on_schedule = blocks == planned.blocks;
-    let simulated = if on_schedule { planned } else { simulation::follow(&image.bytes, &blocks)? };
+    Ok(())
+}
+
+/// Runs the node on a signal, `runs` times on the board and once on the host, and compares.
+///
+/// # Errors
+/// A signal or configuration that the node refuses; the image or what runs it absent, or a failed run.
+pub fn run(signal: &Signal, config: &Configuration, board: &impl VirtualBoard, runs: usize) -> Result<Trial> {
     let shaft = Shaft::new(signal).ok_or_else(|| Error::invalid("tach", "has fewer than two edges in the window"))?;
-    let comparison = Comparison { signal, shaft: &shaft, scale };
+    let played = board.play(signal, config, runs)?;
+    let scale = signal.unit.scale();
+    let received = Received::decode(&played.link);
+    let comparison = Comparison { signal, shaft: &shaft, scale, clock: played.clock };
     let all: Vec<&Spectrum> = received.spectra().collect();
     let spectra: Vec<SpectrumRow> = all.par_iter().filter_map(|s| comparison.spectrum(s)).collect();
-    let statistics = received.statistics().copied().unwrap_or_default();
-    let lost = statistics.blocks_lost.max(first.count("lost") + first.count("missed"));
-    let mut events = BTreeMap::new();
-    for message in received.messages() {
-        if let Message::Event(event) = message {
-            *events.entry(format!("{:?}", event.kind)).or_insert(0) += event.count;
-        }
-    }
     let last_peaks = received.peaks().last();
     Ok(Trial {
-        signal_rate_hz: image.signal_rate_hz,
-        duration_s: image.duration_s,
+        signal_rate_hz: played.signal_rate_hz,
+        duration_s: played.duration_s,
         rates: received.statuses().map(|s| comparison.rates(s)).collect(),
         uncompared: all.len() - spectra.len(),
         worst_harmonics: worst(&spectra, |line| line.sideband == 0),
@@ -231,41 +224,39 @@ pub fn run(signal: &Signal, config: &Configuration, qemu: &Qemu, runs: usize) ->
         spectra,
         peaks: last_peaks.map(|p| comparison.peaks(p)).unwrap_or_default(),
         peak_resolution_hz: last_peaks.map_or(0.0, |p| f64::from(p.tag.resolution_hz)),
-        integrity: Integrity {
-            identical_to_host: simulated.link == first.link,
-            on_schedule,
-            identical_codes: first.statistic("codes_crc") == Some(&format!("{:08x}", simulated.codes_crc)),
-            identical_runs: (runs > 1).then(|| finished.iter().all(|other| other.link == first.link)),
-            blocks: first.count("blocks"),
-            blocks_lost: lost,
-            edges_lost: first.count("edges_lost"),
-            frames_lost: received.lost + received.refused,
-            rate_changes: simulated.blocks.windows(2).filter(|w| w[0].period != w[1].period).count() as u32,
-            events,
-            mips: 1000.0 / f64::from(1u32 << qemu.icount_shift),
-        },
-        wall_time_s: first.wall_time.as_secs_f64(),
-        samples: last_block(&image, &simulated, scale)?,
-        blocks: block_rates(&simulated),
+        integrity: integrity(&played, &received),
+        wall_time_s: played.wall_time_s,
+        samples: played.samples.iter().map(|&(time_s, value)| (time_s, value / scale)).collect(),
+        blocks: played.rates,
     })
 }
 
-/// What the converter gave in the last block.
-fn last_block(image: &Image, simulated: &Simulated, scale: f64) -> Result<Vec<(f64, f64)>> {
-    let replay = Replay::parse(&image.bytes).map_err(|e| Error::invalid("replay image", format!("{e:?}")))?;
-    let Some(&TakenBlock { first_tick, period, .. }) = simulated.blocks.last() else { return Ok(Vec::new()) };
-    let mut codes = [0; BLOCK_SAMPLES];
-    replay.sample(first_tick, period, &mut codes);
-    let value = |code: u16| (f64::from(code) - 32_768.0) / 32_767.0 * image.full_scale_m_s2 / scale;
-    let time = |n: usize| (f64::from(first_tick) + f64::from(period) * n as f64) / f64::from(TICKS_PER_SECOND);
-    Ok(codes.iter().enumerate().map(|(n, &code)| (time(n), value(code))).collect())
-}
-
-fn block_rates(simulated: &Simulated) -> Vec<(f64, f64)> {
-    let clock = f64::from(TICKS_PER_SECOND);
-    let row =
-        |block: &TakenBlock| (f64::from(block.first_tick - block.period) / clock, clock / f64::from(block.period));
-    simulated.blocks.iter().map(row).collect()
+fn integrity(played: &Played, received: &Received) -> Integrity {
+    let mut events: BTreeMap<String, u32> = BTreeMap::new();
+    for message in received.messages() {
+        if let Message::Event(event) = message {
+            *events.entry(format!("{:?}", event.kind)).or_insert(0) += event.count;
+        }
+    }
+    // The node's own count comes with the closing statistics, or as events where a board sends none.
+    let noticed = received.statistics().map_or(0, |statistics| statistics.blocks_lost);
+    let told = received.messages().filter_map(|message| match message {
+        Message::Event(event) if event.kind == EventKind::BlocksLost => Some(event.detail),
+        _ => None,
+    });
+    Integrity {
+        identical_to_host: played.identical_to_host,
+        on_schedule: played.on_schedule,
+        identical_codes: played.identical_codes,
+        identical_runs: played.identical_runs,
+        blocks: played.blocks,
+        blocks_lost: noticed.max(played.blocks_lost).max(told.sum()),
+        edges_lost: played.edges_lost,
+        frames_lost: received.lost + received.refused,
+        rate_changes: played.rate_changes,
+        events,
+        mips: played.mips,
+    }
 }
 
 fn worst(spectra: &[SpectrumRow], wanted: impl Fn(&LineRow) -> bool) -> Worst {
@@ -275,11 +266,6 @@ fn worst(spectra: &[SpectrumRow], wanted: impl Fn(&LineRow) -> bool) -> Worst {
         frequency_error: worst.frequency_error.max(line.frequency_error.abs()),
         amplitude_error_db: worst.amplitude_error_db.max(line.amplitude_error_db.abs()),
     })
-}
-
-/// Seconds from the signal's start.
-fn seconds(tick: u64) -> f64 {
-    (tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND)
 }
 
 /// Lower quartile of the spectrum within 1.5 orders, the line itself left out.
@@ -296,11 +282,12 @@ struct Comparison<'a> {
     shaft: &'a Shaft,
     /// The node's m/s2 per unit of the signal shown.
     scale: f64,
+    clock: Clock,
 }
 
 impl Comparison<'_> {
     fn rates(&self, status: &Status) -> RateRow {
-        let time_s = seconds(status.tick);
+        let time_s = self.clock.seconds(status.tick);
         let edges = &self.signal.edges_s;
         let covered = edges.first().is_some_and(|&t| t <= time_s) && edges.last().is_some_and(|&t| t >= time_s);
         let flags = [
@@ -326,7 +313,7 @@ impl Comparison<'_> {
 
     fn spectrum(&self, spectrum: &Spectrum) -> Option<SpectrumRow> {
         let turns = f64::from(spectrum.turns);
-        let start_s = seconds(spectrum.tag.first_tick);
+        let start_s = self.clock.seconds(spectrum.tag.first_tick);
         let reference = Reference::over(self.signal, self.shaft, start_s, turns)?;
         let decibel = |a: f64, b: f64| 20.0 * (a / b).log10();
         let mut lines = Vec::new();

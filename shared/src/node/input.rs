@@ -19,7 +19,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         }
         let lost = self.next_sequence.map_or(0, |expected| block.sequence.wrapping_sub(expected));
         if lost != 0 {
-            self.statistics.blocks_lost = self.statistics.blocks_lost.saturating_add(lost);
+            self.totals.blocks_lost = self.totals.blocks_lost.saturating_add(lost);
             self.note(EventKind::BlocksLost, lost);
             broken = true;
         } else if self.next_sequence.is_some() && first.abs_diff(self.next_tick) > u64::from(period) {
@@ -29,7 +29,11 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.next_sequence = Some(block.sequence.wrapping_add(1));
         self.next_tick = first + u64::from(period) * block.codes.len() as u64;
         if broken {
+            // The wideband record's search is the longest turn there is: begun at every gap it would cause the next one.
+            // One that was cut short has not cost it yet.
+            let due = if self.wide_use == WideUse::Record { first } else { self.wide_due };
             self.restart_stream(first);
+            self.wide_due = due;
         } else if !self.stream.is_started() {
             self.stream.set_origin(first);
         }
@@ -110,6 +114,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     /// Filters at most [`CHUNK`] codes and takes what comes out.
     pub(super) fn take_chunk(&mut self, codes: &[u16]) {
+        let sensor = self.sensor();
         let Buffers { chain, wide: record, .. } = self.buffers.borrow_mut();
         let (wide_use, watch) = (self.wide_use, &mut self.bandwidth_watch);
         let (count, from) = (&mut self.wide_count, &mut self.wide_tick);
@@ -130,7 +135,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             }
         };
         let take_mesh = |samples: &[f32], tick: u64, period: u32| chain.push_samples(samples, tick as u32, period);
-        self.stream.push(codes, &self.config.sensor, take_wide, take_mesh);
+        self.stream.push(codes, &sensor, take_wide, take_mesh);
         if complete {
             self.stream.stop_wide();
             match core::mem::replace(&mut self.wide_use, WideUse::Idle) {

@@ -7,15 +7,15 @@ use crate::bandwidth_watch::BandwidthWatch;
 use crate::buffers::Buffers;
 use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
 use crate::events::EventKind;
+use crate::identity::VERSION;
 use crate::indicators::RunEnsemble;
 use crate::mesh_band;
-use crate::message::{Identity, Message, PROTOCOL, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status};
+use crate::message::{Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status, WIRE_SCHEMA};
 use crate::rate_plan::RatePlan;
 use crate::stream::WIDE_POINTS;
-use crate::tach::TachTracker;
 use crate::turn_marks::TurnMarks;
 use core::borrow::BorrowMut;
-use heapless::Vec;
+use heapless::{String, Vec};
 
 impl<B: BorrowMut<Buffers>> Node<B> {
     pub(super) fn post_status(&mut self, block: u32) {
@@ -49,7 +49,12 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// Next outgoing message; `None` when there is nothing to say. Call with the present tick, at least once per
     /// quarter of the counter's wrap.
     pub fn poll(&mut self, now_tick: u32) -> Option<Message> {
-        self.time.extend(now_tick);
+        self.poll_results(now_tick).or_else(|| self.next_snapshot().map(Message::Snapshot))
+    }
+
+    /// As [`Node::poll`], without waveforms.
+    pub fn poll_results(&mut self, now_tick: u32) -> Option<Message> {
+        self.extend(now_tick);
         if let Some(event) = self.events.take_unreported() {
             return Some(Message::Event(event));
         }
@@ -68,7 +73,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if core::mem::take(&mut self.send_statistics) {
             return Some(Message::Statistics(self.statistics()));
         }
-        self.next_snapshot().map(Message::Snapshot)
+        core::mem::take(&mut self.send_self_test).then_some(Message::SelfTest(self.self_test))
     }
 
     pub(super) fn next_snapshot(&mut self) -> Option<Snapshot> {
@@ -89,7 +94,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// Carries out a command.
     pub fn on_request(&mut self, request: Request) -> Reply {
         match request {
-            Request::Identify => Reply::Identity(self.identity()),
+            Request::Identify => Reply::Identity(self.identification()),
             Request::GetConfiguration => Reply::Configuration(self.config.clone()),
             Request::SetConfiguration(config) => self.configure(config),
             Request::CommitConfiguration => Reply::Committing,
@@ -134,11 +139,11 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     /// A new configuration starts tach and records anew; counters and events stay.
     pub(super) fn configure(&mut self, config: Configuration) -> Reply {
-        if let Err(error) = config.validate(self.clock.0) {
+        if let Err(error) = config.validate(self.plan.timing()) {
             return self.refuse(error);
         }
-        self.plan = RatePlan::new(self.clock, config.limits);
-        self.tach = TachTracker::new(config.tach, self.clock);
+        self.plan = RatePlan::new(self.plan.timing(), config.limits);
+        self.tach = self.tach.for_wheel(config.tach);
         self.tach_locked = false;
         self.pending = safe_grant(&config, &mut self.plan);
         self.safe_rate = true;
@@ -156,13 +161,27 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         Reply::Done
     }
 
-    pub(super) fn identity(&self) -> Identity {
-        Identity {
-            protocol: PROTOCOL,
-            schema: SCHEMA,
-            version: [0, 1, 0],
+    pub(super) fn identification(&self) -> Identification {
+        Identification {
+            wire_schema: WIRE_SCHEMA,
+            configuration_schema: SCHEMA,
+            version: VERSION,
+            build: beginning(self.identity.build),
+            board: beginning(self.identity.board),
+            unique_id: self.identity.unique_id,
             ticks_per_second: self.clock.0,
             self_test: self.self_test,
         }
     }
+}
+
+/// As much of a text as there is room for.
+fn beginning<const N: usize>(text: &str) -> String<N> {
+    let mut kept = String::new();
+    for letter in text.chars() {
+        if kept.push(letter).is_err() {
+            break;
+        }
+    }
+    kept
 }

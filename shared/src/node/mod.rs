@@ -16,20 +16,23 @@
 
 use crate::alarm::Alarm;
 use crate::bandwidth_watch::BandwidthWatch;
+use crate::board::Timing;
 use crate::buffers::{self, Buffers};
-use crate::config::{Configuration, ConfigurationError, MAX_ALARMS};
-use crate::events::{EVENT_KINDS, EventKind, EventLog};
+use crate::config::{Configuration, ConfigurationError, Gain, MAX_ALARMS, Sensor};
+use crate::events::{EventKind, EventLog};
+use crate::identity::Identity;
 use crate::indicators::RunEnsemble;
 use crate::mesh_band::{self, MeshPlan};
 use crate::message::{
     GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Spectrum, Statistics, Status, Tag,
 };
 use crate::rate_plan::{RateGrant, RatePlan};
+use crate::self_test;
 use crate::stream::{CHUNK, Stream};
 use crate::tach::{Speed, TachTracker};
 use crate::time::TickExtender;
 use crate::turn_marks::{Continuity, TurnMarks};
-use crate::units::TicksPerSecond;
+use crate::units::{Acceleration, TicksPerSecond};
 use core::borrow::BorrowMut;
 use serde::{Deserialize, Serialize};
 
@@ -73,6 +76,13 @@ pub struct Block<'a> {
     pub overrun: bool,
 }
 
+impl Block<'_> {
+    /// First tick behind the block: that of the next one's first sample.
+    pub fn end_tick(&self) -> u32 {
+        self.first_tick.wrapping_add(self.period_ticks.wrapping_mul(self.codes.len() as u32))
+    }
+}
+
 /// State of a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -86,6 +96,15 @@ pub enum State {
     Settling,
     /// Complete products. Left by loss of speed, a change of rate or lost samples.
     Measuring,
+}
+
+/// What the node counts itself.
+#[derive(Clone, Copy, Debug, Default)]
+struct Totals {
+    blocks: u32,
+    blocks_lost: u32,
+    samples: u64,
+    messages_dropped: u32,
 }
 
 /// What the wideband path does.
@@ -104,9 +123,14 @@ enum WideUse {
 pub struct Node<B = Buffers> {
     config: Configuration,
     clock: TicksPerSecond,
+    identity: Identity,
+    /// Gain in use, as the board says.
+    gain: Gain,
     self_test: SelfTest,
     state: State,
     time: TickExtender,
+    /// First instant the node was told of.
+    started: Option<u64>,
     tach: TachTracker,
     tach_locked: bool,
     plan: RatePlan,
@@ -136,7 +160,7 @@ pub struct Node<B = Buffers> {
     sideband_energy: [f32; 2],
     next_sequence: Option<u32>,
     next_tick: u64,
-    statistics: Statistics,
+    totals: Totals,
     events: EventLog,
     alarms: [Alarm; MAX_ALARMS],
     status_due: u64,
@@ -149,28 +173,38 @@ pub struct Node<B = Buffers> {
     snapshot_tag: Tag,
     snapshot_scale: f32,
     send_statistics: bool,
+    send_self_test: bool,
 }
 
 impl Node {
-    /// A node that waits for its tach, with its arrays inside (about 90 KiB). `clock` is the common time base of samples
-    /// and pulses.
-    pub fn new(config: Configuration, clock: TicksPerSecond) -> Result<Node, ConfigurationError> {
-        Node::with_buffers(config, clock, Buffers::ZERO)
+    /// A node that waits for its tach, with its arrays inside (about 90 KiB). `board` tells the common time
+    /// base of samples and pulses and what sampling is bound to.
+    pub fn new(config: Configuration, board: impl Into<Timing>) -> Result<Node, ConfigurationError> {
+        Node::with_buffers(config, board, Buffers::ZERO)
     }
 }
 
 impl<B: BorrowMut<Buffers>> Node<B> {
     /// A node with its arrays elsewhere: boards give a `&'static mut Buffers`.
-    pub fn with_buffers(config: Configuration, clock: TicksPerSecond, buffers: B) -> Result<Self, ConfigurationError> {
-        config.validate(clock.0)?;
-        let mut plan = RatePlan::new(clock, config.limits);
+    pub fn with_buffers(
+        config: Configuration,
+        board: impl Into<Timing>,
+        buffers: B,
+    ) -> Result<Self, ConfigurationError> {
+        let timing = board.into();
+        let clock = timing.clock;
+        config.validate(timing)?;
+        let mut plan = RatePlan::new(timing, config.limits);
         let grant = safe_grant(&config, &mut plan);
         let mut node = Self {
             tach: TachTracker::new(config.tach, clock),
             clock,
+            identity: Identity::HOST,
+            gain: Gain::X1,
             self_test: SelfTest::default(),
             state: State::WaitingForTach,
             time: TickExtender::new(0),
+            started: None,
             tach_locked: false,
             plan,
             pending: grant,
@@ -196,8 +230,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             sideband_energy: [0.0; 2],
             next_sequence: None,
             next_tick: 0,
-            statistics: Statistics::default(),
-            events: EventLog::default(),
+            totals: Totals::default(),
+            events: EventLog::new(clock),
             alarms: [Alarm::default(); MAX_ALARMS],
             status_due: 0,
             status: None,
@@ -209,6 +243,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             snapshot_tag: Tag::default(),
             snapshot_scale: 0.0,
             send_statistics: false,
+            send_self_test: false,
             config,
         };
         mesh_band::configure(&mut node.buffers.borrow_mut().chain, &node.config);
@@ -216,12 +251,57 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         Ok(node)
     }
 
-    /// Tells the node what the board's boot self-test found.
+    /// What the self-test has found so far.
     pub fn set_self_test(&mut self, result: SelfTest) {
-        self.self_test = result;
-        if result.failed != 0 {
+        let before = core::mem::replace(&mut self.self_test, result);
+        if result.failed & !before.failed != 0 {
             self.note(EventKind::SelfTestFailed, u32::from(result.failed));
         }
+    }
+
+    /// As [`Node::set_self_test`], and tells the host.
+    pub fn report_self_test(&mut self, result: SelfTest) {
+        self.set_self_test(result);
+        self.send_self_test = true;
+    }
+
+    /// What the self-test has found so far.
+    pub fn self_test(&self) -> SelfTest {
+        self.self_test
+    }
+
+    /// Whether the signal chain gives the recorded result ([`self_test::mathematics`]). The wideband record serves as work
+    /// space; one under way begins anew.
+    pub fn check_mathematics(&mut self) -> bool {
+        if self.wide_use == WideUse::Record {
+            self.wide_count = 0;
+        }
+        self_test::mathematics(&mut self.buffers.borrow_mut().wide) == self_test::MATHEMATICS_HASH
+    }
+
+    /// Tells the node on which board it runs.
+    pub fn set_identity(&mut self, identity: Identity) {
+        self.identity = identity;
+    }
+
+    /// The board's amplifier has another gain from the next block on: amplitudes are scaled with it, and records begin anew.
+    pub fn set_gain(&mut self, gain: Gain) {
+        if self.gain != gain {
+            self.gain = gain;
+            self.restart_stream(self.next_tick);
+        }
+    }
+
+    /// Gain that amplitudes are scaled with.
+    pub fn gain(&self) -> Gain {
+        self.gain
+    }
+
+    /// The sensor as it stands before the converter: its sensitivity with the gain in use.
+    fn sensor(&self) -> Sensor {
+        let Sensor { acceleration_per_code, zero_code } = self.config.sensor;
+        let acceleration_per_code = Acceleration(acceleration_per_code.0 / f32::from(self.gain.factor()));
+        Sensor { acceleration_per_code, zero_code }
     }
 
     /// Records an event of the board (over-capture, storage, watchdog...).
@@ -231,7 +311,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     /// A captured tach edge, in order of capture.
     pub fn on_tach_edge(&mut self, tick: u32) {
-        let instant = self.time.extend(tick);
+        let instant = self.extend(tick);
         self.tach.on_pulse(instant);
         let chain = &mut self.buffers.borrow_mut().chain;
         if self.marks.follow(&self.tach, |instant| chain.push_mark(instant as u32)) == Continuity::Broken {
@@ -257,7 +337,12 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     /// Speed of the pinion as known at a tick.
     pub fn speed(&self, tick: u32) -> Speed {
-        self.tach.speed(self.time.peek(tick))
+        self.speed_at(self.time.peek(tick))
+    }
+
+    /// Whether any alarm stands.
+    pub fn alarm_stands(&self) -> bool {
+        self.alarms.iter().any(Alarm::is_raised)
     }
 
     /// Configuration in force.
@@ -268,28 +353,29 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// Counters since start.
     pub fn statistics(&self) -> Statistics {
         let tach = self.tach.counters();
-        let mut events = [0; EVENT_KINDS];
-        events.copy_from_slice(self.events.counters());
         Statistics {
+            blocks: self.totals.blocks,
+            blocks_lost: self.totals.blocks_lost,
+            samples: self.totals.samples,
+            messages_dropped: self.totals.messages_dropped,
             pulses: tach.accepted,
             pulses_missed: tach.missed,
             pulses_spurious: tach.spurious,
             relocks: tach.relocks,
-            events,
-            ..self.statistics
+            events: self.events.counts(),
         }
     }
 
     /// Takes a block; cannot fail. Empty blocks only advance the sequence.
     pub fn on_block(&mut self, block: Block<'_>) {
         let period = block.period_ticks.max(1);
-        let first = self.time.extend(block.first_tick);
+        let first = self.extend(block.first_tick);
         self.check_continuity(&block, first, period);
         if self.state == State::Stopped || block.codes.is_empty() {
             return;
         }
-        self.statistics.blocks = self.statistics.blocks.wrapping_add(1);
-        self.statistics.samples += block.codes.len() as u64;
+        self.totals.blocks = self.totals.blocks.wrapping_add(1);
+        self.totals.samples += block.codes.len() as u64;
         self.follow_period(period, first, block.sequence);
         self.watch_input(block.codes);
         if !self.stream.wide_runs() {
@@ -309,6 +395,21 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     fn present_speed(&self) -> Speed {
-        self.tach.speed(self.next_tick.max(self.time.latest()))
+        self.speed_at(self.next_tick.max(self.time.latest()))
+    }
+
+    /// Before the first pulse the age counts from the start.
+    fn speed_at(&self, instant: u64) -> Speed {
+        let speed = self.tach.speed(instant);
+        let since_start = instant.saturating_sub(self.started.unwrap_or(instant));
+        Speed { age_s: speed.age_s.min(self.clock.seconds(since_start)), ..speed }
+    }
+
+    /// The instant of a tick; the first one is the start.
+    fn extend(&mut self, tick: u32) -> u64 {
+        if self.started.is_none() {
+            self.started = Some(self.time.begin(tick));
+        }
+        self.time.extend(tick)
     }
 }

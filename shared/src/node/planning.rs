@@ -15,7 +15,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.follow_tach(&speed);
         if self.hold > 0 {
             self.hold -= 1;
-            return;
+            // Turns that follow each other within the hold must not keep a node with a speed at the rate of one without.
+            if !(self.safe_rate && speed.validity == Validity::Locked) {
+                return;
+            }
         }
         let record_complete = core::mem::take(&mut self.record_complete);
         if let RatePolicy::Forced { rate } = self.config.policy {

@@ -162,7 +162,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     pub(super) fn count_dropped(&mut self, dropped: bool) {
         if dropped {
-            self.statistics.messages_dropped = self.statistics.messages_dropped.saturating_add(1);
+            self.totals.messages_dropped = self.totals.messages_dropped.saturating_add(1);
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use super::hidden::Kind;
 use crate::closed_loop::generate::{Scenario, record};
-use crate::closed_loop::input::Record;
+use crate::observation::input::Record;
 use crate::spectral::{Window, amplitude_spectrum};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;

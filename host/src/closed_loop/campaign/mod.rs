@@ -13,8 +13,8 @@ pub use score::{HEAD, Row, Scored, Summary, cells, summarise};
 
 use super::base_fit::TOLERANCES;
 use super::generate::{self, Scenario};
-use super::input::{self, Record};
 use super::{Options, close_loop};
+use crate::observation::input::{self, Record};
 use crate::terminal::Progress;
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
@@ -151,7 +151,8 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     for item in &todo {
         let result = one(plan, item, &machines)?;
         let line = serde_json::to_string(&result).map_err(|e| Error::invalid(&result.id, e))?;
-        writeln!(log, "{line}").map_err(Error::file(&plan.log))?;
+        // In one piece: what ends the program leaves whole lines.
+        log.write_all((line + "\n").as_bytes()).map_err(Error::file(&plan.log))?;
         scored.push(result);
         bar.step();
     }
@@ -216,6 +217,7 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         _ => None,
     };
     let held = &outcome.error.held_out_runs;
+    let held = [held.shaft_synchronous, held.whole_signal];
     Ok(Scored {
         id: item.id(),
         part: item.part.into(),
@@ -232,7 +234,8 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         surplus: outcome.effects.len().saturating_sub(hidden.len()),
         covered: strength.map(|s| s.0),
         estimate_over_truth: strength.map(|s| s.1),
-        held_out: [[held.before, held.after, held.noise_floor], held.whole_signal],
+        held_out: held.map(|s| [s.declared, s.corrected, s.noise_floor]),
+        calibrated: Some(held.map(|s| s.calibrated)),
         seconds: started.elapsed().as_secs_f64(),
     })
 }

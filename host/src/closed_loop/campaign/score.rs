@@ -38,8 +38,11 @@ pub struct Scored {
     pub covered: Option<bool>,
     /// Estimate over truth of the strength, where it can be compared.
     pub estimate_over_truth: Option<f64>,
-    /// Held-out NRMSE of the shaft-synchronous part and of the whole signal: before, after, noise floor.
+    /// Held-out NRMSE of the shaft-synchronous part and of the whole signal: declared, corrected, noise floor.
     pub held_out: [[f64; 3]; 2],
+    /// The same, calibrated; absent in logs of the former format.
+    #[serde(default)]
+    pub calibrated: Option<[f64; 2]>,
     /// Seconds.
     pub seconds: f64,
 }
@@ -101,12 +104,12 @@ pub struct Row {
     pub right_family: f64,
     /// Share with a wrong name.
     pub wrong: f64,
-    /// Share whose held-out error fell.
+    /// Share whose held-out error, corrected, is below the calibrated one (below the declared one where the log has no calibrated one).
     pub error_fell: f64,
-    /// Median of held-out error after over noise floor (shaft-synchronous; whole signal for fixed frequencies).
-    pub after_over_floor: f64,
-    /// Medians of the held-out NRMSE before and after.
-    pub before_after: [f64; 2],
+    /// Median of the corrected held-out error over the noise floor (shaft-synchronous; whole signal for fixed frequencies).
+    pub corrected_over_floor: f64,
+    /// Medians of the held-out NRMSE: declared, calibrated (not a number where the log has none), corrected.
+    pub stages: [f64; 3],
 }
 
 /// The campaign's tables.
@@ -124,8 +127,8 @@ pub struct Summary {
     pub leave_one_out: Vec<Row>,
     /// Two effects at once; one effect and a wrong parameter.
     pub two: Vec<Row>,
-    /// Held-out error after over floor, all single effects at twice the floor and above: named and not named, medians.
-    pub after_over_floor: [f64; 2],
+    /// Corrected held-out error over floor, all single effects at twice the floor and above: named and not named, medians.
+    pub corrected_over_floor: [f64; 2],
     /// Seconds per record, median and largest.
     pub seconds: [f64; 2],
 }
@@ -136,10 +139,20 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Error triple that fits the hidden effect: whole signal for what is not tied to the shafts.
-fn error(s: &Scored) -> [f64; 3] {
+/// Part of the signal that fits the hidden effect: 1, the whole, for what is not tied to the shafts.
+fn part_of(s: &Scored) -> usize {
     let free = ["mains-hum", "fixed-frequency-tone", "bearing-impacts", "load-fluctuation"];
-    s.held_out[usize::from(s.hidden.iter().any(|h| free.contains(&h.as_str()) || h.contains("modulation")))]
+    usize::from(s.hidden.iter().any(|h| free.contains(&h.as_str()) || h.contains("modulation")))
+}
+
+/// Declared, corrected, noise floor of that part.
+fn error(s: &Scored) -> [f64; 3] {
+    s.held_out[part_of(s)]
+}
+
+/// Calibrated error of that part.
+fn calibrated(s: &Scored) -> Option<f64> {
+    s.calibrated.map(|parts| parts[part_of(s)])
 }
 
 fn row(group: impl Into<String>, of: &[&Scored]) -> Row {
@@ -152,9 +165,13 @@ fn row(group: impl Into<String>, of: &[&Scored]) -> Row {
         named: share(&|s| !s.result.is_empty() && s.result.iter().all(|r| r == "named")),
         right_family: share(&|s| !s.result.is_empty() && s.result.iter().all(right)),
         wrong: share(&|s| s.wrong_names > 0),
-        error_fell: share(&|s| error(s)[1] < error(s)[0]),
-        after_over_floor: median(of.iter().map(|s| error(s)[1] / error(s)[2]).collect()),
-        before_after: [0, 1].map(|i| median(of.iter().map(|s| error(s)[i]).collect())),
+        error_fell: share(&|s| error(s)[1] < calibrated(s).unwrap_or(error(s)[0])),
+        corrected_over_floor: median(of.iter().map(|s| error(s)[1] / error(s)[2]).collect()),
+        stages: [
+            median(of.iter().map(|s| error(s)[0]).collect()),
+            median(of.iter().filter_map(|s| calibrated(s)).collect()),
+            median(of.iter().map(|s| error(s)[1]).collect()),
+        ],
     }
 }
 
@@ -203,14 +220,22 @@ pub fn summarise(all: &[Scored]) -> Summary {
         coverage: (compared.iter().filter(|c| **c).count() as f64 / compared.len().max(1) as f64, compared.len()),
         leave_one_out,
         two,
-        after_over_floor: [ratio(true), ratio(false)],
+        corrected_over_floor: [ratio(true), ratio(false)],
         seconds: [median(seconds.clone()), seconds.into_iter().fold(0.0, f64::max)],
     }
 }
 
 /// Head of [`cells`].
-pub const HEAD: [&str; 8] =
-    ["", "records", "found %", "named %", "right family %", "wrong name %", "after / floor", "held-out NRMSE"];
+pub const HEAD: [&str; 8] = [
+    "",
+    "records",
+    "found %",
+    "named %",
+    "right family %",
+    "wrong name %",
+    "corrected / floor",
+    "declared > calibrated > corrected",
+];
 
 /// A row as table cells.
 pub fn cells(r: &Row) -> Vec<String> {
@@ -222,8 +247,8 @@ pub fn cells(r: &Row) -> Vec<String> {
         percent(r.named),
         percent(r.right_family),
         percent(r.wrong),
-        format!("{:.3}", r.after_over_floor),
-        format!("{:.4} > {:.4}", r.before_after[0], r.before_after[1]),
+        format!("{:.3}", r.corrected_over_floor),
+        r.stages.map(|x| if x.is_finite() { format!("{x:.4}") } else { "-".into() }).join(" > "),
     ]
 }
 
@@ -254,9 +279,9 @@ impl Summary {
             rows.iter().for_each(|r| text += &line(&cells(r)));
             text += "\n";
         }
-        let [named, not_named] = self.after_over_floor;
+        let [named, not_named] = self.corrected_over_floor;
         text += &format!(
-            "Intervals that cover the truth: {:.1} % of {}. Held-out error after over noise floor, median at twice the floor and above: named {named:.3}, \
+            "Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over noise floor, median at twice the floor and above: named {named:.3}, \
              not named {not_named:.3}. Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
             100.0 * self.coverage.0,
             self.coverage.1,
@@ -276,11 +301,11 @@ impl Summary {
             }
         }
         text += &format!(
-            "intervals that cover the truth: {:.1} % of {}\nheld-out error after / floor, median: named {:.3}, not named {:.3}\nseconds per record: median {:.1}, largest {:.1}\n",
+            "intervals that cover the truth: {:.1} % of {}\nheld-out error corrected / floor, median: named {:.3}, not named {:.3}\nseconds per record: median {:.1}, largest {:.1}\n",
             100.0 * self.coverage.0,
             self.coverage.1,
-            self.after_over_floor[0],
-            self.after_over_floor[1],
+            self.corrected_over_floor[0],
+            self.corrected_over_floor[1],
             self.seconds[0],
             self.seconds[1]
         );

@@ -9,8 +9,8 @@ use super::Bench;
 use crate::closed_loop::candidate::{Candidate, Finite, Template};
 use crate::closed_loop::generate::{Effect, Point, response};
 use crate::closed_loop::least_squares::Data;
-use crate::closed_loop::spectrum::Bins;
 use crate::closed_loop::start::Start;
+use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -153,5 +153,5 @@ impl Bench<'_> {
 fn add(template: &mut Template, run: usize, channel: usize, bins: &[C], factor: f64) {
     let mut dense: Vec<C> = bins.iter().map(|x| x * factor).collect();
     template.runs[run][channel].iter().for_each(|&(b, t)| dense[b as usize] += t);
-    template.runs[run][channel] = crate::closed_loop::spectrum::sparse(&dense);
+    template.runs[run][channel] = crate::observation::spectrum::sparse(&dense);
 }

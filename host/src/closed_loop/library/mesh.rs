@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Tuning, quadrature};
-use crate::closed_loop::harmonic_model::{DOF, GEAR, PINION};
+use crate::model::harmonic_balance::{DOF, GEAR, PINION};
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 

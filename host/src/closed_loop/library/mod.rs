@@ -13,11 +13,11 @@ mod teeth;
 use super::base_fit::{Base, RunState};
 use super::candidate::Candidate;
 use super::detect::Found;
-use super::harmonic_model::{Comb, DOF, Line};
 use super::judge::Split;
 use super::least_squares::Data;
-use super::spectrum::Bins;
 use super::waveform::steady;
+use crate::model::harmonic_balance::{Comb, DOF, Line};
+use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::sync::OnceLock;
@@ -122,13 +122,13 @@ impl<'a> Bench<'a> {
                     let near = if own.is_some() { 0.05 * self.snapped() } else { 0.01 };
                     if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > near) {
                         done.push(seat);
-                        all.extend(order::at_order(self, seat, 200.0));
+                        all.extend(chosen_from(order::at_order(self, seat, 200.0), found));
                     }
                 }
             }
         }
         for found in frequencies {
-            all.extend(order::at_frequency(self, data, fit, *found));
+            all.extend(chosen_from(order::at_frequency(self, data, fit, *found), found));
         }
         all
     }
@@ -172,4 +172,10 @@ impl<'a> Bench<'a> {
             order
         }
     }
+}
+
+/// Candidates at a place that was chosen from all those scanned.
+fn chosen_from(mut candidates: Vec<Candidate>, found: &Found) -> Vec<Candidate> {
+    candidates.iter_mut().for_each(|c| c.scanned = found.places);
+    candidates
 }

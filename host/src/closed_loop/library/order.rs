@@ -5,9 +5,9 @@ use super::{Bench, Excitation};
 use crate::closed_loop::base_fit::RunState;
 use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, Tuning, quadrature};
 use crate::closed_loop::detect::Found;
-use crate::closed_loop::harmonic_model::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
 use crate::closed_loop::least_squares::Data;
-use crate::closed_loop::start::{Freedom, Hunting};
+use crate::machine::{Freedom, Hunting};
+use crate::model::harmonic_balance::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
@@ -219,7 +219,7 @@ pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> 
 /// A candidate of [`Tuning::Order`] at another order.
 pub fn moved(bench: &Bench<'_>, candidate: &Candidate, seat: usize, order: f64) -> Candidate {
     let mut all = seated(bench, seat..seat + 1, order, candidate.searched);
-    Candidate { name: candidate.name.clone(), claim: candidate.claim, ..all.remove(0) }
+    Candidate { name: candidate.name.clone(), claim: candidate.claim, scanned: candidate.scanned, ..all.remove(0) }
 }
 
 fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched: f64) -> Vec<Candidate> {

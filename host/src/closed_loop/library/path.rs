@@ -5,9 +5,9 @@
 
 use super::Bench;
 use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning};
-use crate::closed_loop::harmonic_model::Line;
 use crate::closed_loop::least_squares::Data;
-use crate::closed_loop::spectrum::{BAND_HZ, Bins, REACH, sparse};
+use crate::model::harmonic_balance::Line;
+use crate::observation::spectrum::{BAND_HZ, Bins, REACH, sparse};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;

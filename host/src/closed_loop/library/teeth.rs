@@ -7,11 +7,12 @@
 use super::Bench;
 use crate::closed_loop::base_fit::Base;
 use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
-use crate::closed_loop::harmonic_model::Line;
 use crate::closed_loop::judge::Split;
 use crate::closed_loop::least_squares::{Column, Data, normal};
-use crate::closed_loop::spectrum::sparse;
-use crate::closed_loop::start::{Hunting, Start, relative};
+use crate::closed_loop::start::{Start, relative};
+use crate::machine::Hunting;
+use crate::model::harmonic_balance::Line;
+use crate::observation::spectrum::sparse;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;

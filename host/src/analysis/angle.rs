@@ -1,0 +1,152 @@
+//! From tach edges to the pinion's angle, and to samples at equal angles for both shafts at once.
+//!
+//! Time over angle is a natural cubic spline through the (repaired) edges, whatever shaft they are of; the speed is never taken as
+//! constant. The grid has as many samples per pinion turn as also give a whole number per gear turn, so one reading of the signal serves
+//! the averages of both. It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
+//! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked at up to 80 % of the Nyquist
+//! frequency at the *fastest* turn, where the record holds them throughout. Limits: what the speed does within one pulse interval is
+//! smoothed; jitter of the edges goes into the angle as it is.
+
+use crate::budget::ANGLES;
+use crate::check::edges::{MOST_REPAIRED, Repair};
+use crate::record::{Run, Tach};
+use crate::spectral::{AngleMap, resample_by_angle};
+use crate::{Error, Result};
+use serde::Serialize;
+
+/// Samples that the kernel needs on each side.
+const KERNEL_REACH: f64 = 32.0;
+/// Density of the grid over that of the samples at the slowest turn.
+const DENSITY: f64 = 1.25;
+/// Share of the sampling rate up to which orders are looked at.
+const PASS_SHARE: f64 = 0.4;
+/// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
+const FEWEST_TURNS: f64 = 6.0;
+
+/// Speed of the pinion over a run, turn by turn, Hz.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SpeedRange {
+    /// Slowest turn.
+    pub slowest_hz: f64,
+    /// Turns over time.
+    pub mean_hz: f64,
+    /// Fastest turn.
+    pub fastest_hz: f64,
+}
+
+/// A run's angle and its grid.
+#[derive(Debug, Clone)]
+pub struct Angle {
+    /// Time over turns of the pinion.
+    pub map: AngleMap,
+    /// First turn of the grid, from the pinion's angle 0.
+    pub from_turn: f64,
+    /// Whole turns of the pinion on the grid.
+    pub turns: usize,
+    /// Samples per turn of the pinion and of the gear.
+    pub per_turn: [usize; 2],
+    /// Turns of the gear per turn of the pinion.
+    pub gear_order: f64,
+    /// Speed of the pinion.
+    pub speed: SpeedRange,
+    /// Highest order that the record holds at every speed of the run.
+    pub highest_order: f64,
+    /// What was done to the edges, in words; empty where nothing was.
+    pub repaired: String,
+}
+
+impl Angle {
+    /// The angle of `run`, whose `[tach]` is `tach`.
+    ///
+    /// # Errors
+    /// Edges that cannot be repaired, too few turns, more points than the budget; `place` names the run.
+    pub fn of(run: &Run, tach: &Tach, teeth: [u32; 2], place: &str) -> Result<Self> {
+        let gear_order = f64::from(teeth[0]) / f64::from(teeth[1]);
+        let repair = Repair::of(&run.edges_s);
+        if repair.changes() as f64 > MOST_REPAIRED * repair.edges_s.len() as f64 {
+            return Err(Error::invalid(place, "tach edges are too irregular to repair; `meshband check` says more"));
+        }
+        let first = f64::from(run.declaration.first_pulse_index) / f64::from(tach.pulses_per_rev);
+        let of_shaft = AngleMap::new(&repair.edges_s, tach.pulses_per_rev, first)
+            .ok_or_else(|| Error::invalid(place, "fewer than two tach edges"))?;
+        let map = match tach.turns_per_pinion_turn(Some(teeth)) {
+            Some(ratio) if ratio != 1.0 => of_shaft.geared(1.0 / ratio),
+            _ => of_shaft,
+        };
+        let margin = KERNEL_REACH / run.sample_rate_hz();
+        let (first, last) = map.range();
+        let from_turn = (first.max(map.turns_at(margin)) - 1e-9).ceil();
+        let turns = (last.min(map.turns_at(run.duration_s() - margin)) + 1e-9 - from_turn).floor().max(0.0);
+        if turns * gear_order.min(1.0) < FEWEST_TURNS {
+            let what = format!(
+                "{turns} whole turns of the pinion, {:.1} of the slower shaft; at least {FEWEST_TURNS} are needed",
+                turns * gear_order.min(1.0)
+            );
+            return Err(Error::invalid(place, what));
+        }
+        let speed = speed_range(&map, from_turn, turns as usize);
+        let per_turn = grid(DENSITY * run.sample_rate_hz() / speed.slowest_hz, teeth);
+        ANGLES.check(place, turns * per_turn[0] as f64, "cut the run into parts")?;
+        Ok(Self {
+            map,
+            from_turn,
+            turns: turns as usize,
+            per_turn,
+            gear_order,
+            speed,
+            highest_order: PASS_SHARE * run.sample_rate_hz() / speed.fastest_hz,
+            repaired: if repair.changes() > 0 { repair.words() } else { String::new() },
+        })
+    }
+
+    /// The signal on the grid: `turns x per_turn` samples.
+    pub fn resampled(&self, signal: &[f64], rate_hz: f64) -> Vec<f64> {
+        resample_by_angle(signal, rate_hz, &self.map, self.from_turn, self.turns, self.per_turn[0])
+    }
+
+    /// Order of the slower shaft.
+    pub fn slower_order(&self) -> f64 {
+        self.gear_order.min(1.0)
+    }
+
+    /// Times of the grid's ends, s.
+    pub fn time_range(&self) -> (f64, f64) {
+        (self.map.time_at(self.from_turn), self.map.time_at(self.from_turn + self.turns as f64))
+    }
+}
+
+fn speed_range(map: &AngleMap, from: f64, turns: usize) -> SpeedRange {
+    let time = |i: usize| map.time_at(from + i as f64);
+    let speeds = (0..turns).map(|i| 1.0 / (time(i + 1) - time(i)));
+    let (slowest_hz, fastest_hz) = speeds.fold((f64::INFINITY, 0.0_f64), |(l, h), s| (l.min(s), h.max(s)));
+    SpeedRange { slowest_hz, mean_hz: turns as f64 / (time(turns) - time(0)), fastest_hz }
+}
+
+/// At least `least` samples per pinion turn, whole numbers for both shafts, with small prime factors where they are free.
+fn grid(least: f64, teeth: [u32; 2]) -> [usize; 2] {
+    let divisor = greatest_common_divisor(teeth[0], teeth[1]);
+    let [pinion, gear] = teeth.map(|z| (z / divisor) as usize);
+    let mut step = (least / pinion as f64).ceil().max(1.0) as usize;
+    while !has_small_factors(step) {
+        step += 1;
+    }
+    [pinion * step, gear * step]
+}
+
+fn has_small_factors(mut n: usize) -> bool {
+    for factor in [2, 3, 5] {
+        while n.is_multiple_of(factor) {
+            n /= factor;
+        }
+    }
+    n == 1
+}
+
+fn greatest_common_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
+}
+
+/// Turns of the pinion after which the same teeth meet again.
+pub fn hunting_turns(teeth: [u32; 2]) -> usize {
+    (teeth[1] / greatest_common_divisor(teeth[0], teeth[1])) as usize
+}

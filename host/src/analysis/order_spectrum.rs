@@ -1,0 +1,54 @@
+//! The order spectrum of a channel: peak amplitudes over all whole turns, in the record's unit.
+
+use super::angle::Angle;
+use super::lines::WINDOW;
+use crate::spectral::{Spectrum, amplitude_spectrum};
+use serde::Serialize;
+
+/// Width of the window's main lobe at half amplitude, bins.
+const HALF_WIDTH_BINS: f64 = 2.72;
+/// Strongest lines listed.
+const STRONGEST: usize = 20;
+
+/// An order spectrum.
+#[derive(Debug, Clone, Serialize)]
+pub struct OrderSpectrum {
+    /// Window's name.
+    pub window: &'static str,
+    /// Turns of the pinion.
+    pub turns: usize,
+    /// Spacing of the bins, orders of the pinion.
+    pub bin_orders: f64,
+    /// Width of a line at half its amplitude, orders.
+    pub resolution_orders: f64,
+    /// Highest order that the record holds at every speed of the run.
+    pub highest_order: f64,
+    /// The strongest lines: order (to a bin), peak amplitude.
+    pub strongest: Vec<(f64, f64)>,
+    /// The amplitudes up to the highest order.
+    #[serde(skip)]
+    pub spectrum: Spectrum,
+}
+
+/// Of the samples on the grid of `angle`.
+pub fn order_spectrum(samples: &[f64], angle: &Angle) -> OrderSpectrum {
+    let mut spectrum = amplitude_spectrum(samples, angle.per_turn[0] as f64, WINDOW);
+    spectrum.values.truncate((angle.highest_order / spectrum.bin) as usize + 1);
+    OrderSpectrum {
+        window: "Blackman-Harris, 4 terms (equivalent noise bandwidth 2.0 bins)",
+        turns: angle.turns,
+        bin_orders: spectrum.bin,
+        resolution_orders: HALF_WIDTH_BINS * spectrum.bin,
+        highest_order: angle.highest_order,
+        strongest: strongest(&spectrum),
+        spectrum,
+    }
+}
+
+fn strongest(spectrum: &Spectrum) -> Vec<(f64, f64)> {
+    let values = &spectrum.values;
+    let is_peak = |&i: &usize| (1..=4).all(|d| values[i] >= values[i - d] && values[i] >= values[i + d]);
+    let mut peaks: Vec<usize> = (8..values.len().saturating_sub(4)).filter(is_peak).collect();
+    peaks.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    peaks.into_iter().take(STRONGEST).map(|i| (spectrum.frequency(i), values[i])).collect()
+}

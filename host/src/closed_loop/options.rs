@@ -1,0 +1,20 @@
+//! What a caller may choose about the loop.
+
+/// Options of the loop.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Seed of the split.
+    pub seed: u64,
+    /// Most effects looked for.
+    pub most: usize,
+    /// Progress on stderr.
+    pub progress: bool,
+    /// Library names withheld (for leave-one-out proof).
+    pub withheld: Vec<String>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { seed: 1, most: 5, progress: false, withheld: Vec::new() }
+    }
+}

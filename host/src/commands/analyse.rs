@@ -1,0 +1,33 @@
+//! `meshband analyse`: order spectrum and map, sidebands, averages, envelope and unexplained orders of a record.
+
+use super::results::Results;
+use clap::Args as ClapArgs;
+use meshband_host::Result;
+use meshband_host::analysis::{self, Choice, report, view};
+use meshband_host::output::show;
+use meshband_host::record::Record;
+use std::path::PathBuf;
+
+/// Arguments of `meshband analyse`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Record folder; needs tooth counts and a tach, real or virtual.
+    record: PathBuf,
+    /// Only this run, from 0.
+    #[arg(long, value_name = "N")]
+    run: Option<usize>,
+    /// Only this channel, from 0.
+    #[arg(long, value_name = "N")]
+    channel: Option<usize>,
+    #[command(flatten)]
+    results: Results,
+}
+
+/// Analyses, writes the files asked for, then shows the tables.
+pub fn run(args: Args) -> Result<()> {
+    let mut files = args.results.announce(&mut args.results.outputs([args.record.as_path()]))?;
+    let record = Record::read(&args.record)?;
+    let outcome = analysis::record(&record, Choice { run: args.run, channel: args.channel })?;
+    files.write(&outcome, || report::report(&outcome))?;
+    show(&view::text(&outcome))
+}

@@ -1,0 +1,393 @@
+//! A measured tachometer: from its signal or its edges to pulses that a record can hold.
+//!
+//! 1. `source`: which channel or file, and its edges (`edges`).
+//! 2. `pulses`: lost and doubled ones, repaired where that is unambiguous.
+//! 3. `wheel`: the places of several marks per turn, learned and taken out.
+//! 4. `mesh`: whether the mesh line agrees, where teeth are known.
+//!
+//! The jitter of the edges is estimated from what neighbouring edges do not share: differences of the times of orders two to six
+//! remove an ever less smooth course of the speed and keep independent errors; the order that leaves least is taken. A speed
+//! that changes faster than the pulses follow counts as jitter, so with one pulse per turn the figure is an upper bound.
+
+mod edges;
+mod mesh;
+mod pulses;
+mod source;
+mod wheel;
+
+pub use edges::Levels;
+pub use mesh::MeshCheck;
+pub use pulses::Place;
+pub use wheel::Wheel;
+
+use super::Reading;
+use super::grouped::Group;
+use crate::budget::SHAFT;
+use crate::record::Tach;
+use crate::{Error, Result};
+use pulses::Pulses;
+use serde::Serialize;
+use toml::Table;
+
+/// Share of pulses out of step above which a signal is no tachometer's.
+const MOST_IRREGULAR: f64 = 0.2;
+/// Fewest pulses whose intervals can be compared.
+const FEWEST: usize = 6;
+/// Ratio of speeds below which a shaft given by its ratio is the pinion's or the gear's.
+const SAME_SHAFT: f64 = 1e-9;
+/// Highest order of differences that the jitter is taken from.
+const DIFFERENCES: usize = 6;
+/// Places named in a remark.
+const NAMED: usize = 5;
+
+/// The shaft that carries the pick-up's marks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shaft {
+    /// The pinion's.
+    Pinion,
+    /// The gear's.
+    Gear,
+    /// Another one, with its turns per turn of the pinion.
+    Ratio(f64),
+}
+
+impl Shaft {
+    /// Turns per turn of the pinion.
+    fn ratio(self, teeth: [u32; 2]) -> f64 {
+        match self {
+            Shaft::Pinion => 1.0,
+            Shaft::Gear => f64::from(teeth[0]) / f64::from(teeth[1]),
+            Shaft::Ratio(ratio) => ratio,
+        }
+    }
+
+    /// For people.
+    pub fn name(self) -> String {
+        match self {
+            Shaft::Pinion => "the pinion".into(),
+            Shaft::Gear => "the gear".into(),
+            Shaft::Ratio(ratio) => format!("a shaft with {ratio} turns per turn of the pinion"),
+        }
+    }
+
+    /// The same shaft by its name, where the ratio is that of a named one.
+    fn named(self, teeth: Option<[u32; 2]>) -> Self {
+        let is = |shaft: Shaft, ratio: f64| {
+            let own = teeth.map(|teeth| shaft.ratio(teeth)).or((shaft == Shaft::Pinion).then_some(1.0));
+            own.is_some_and(|own| (ratio / own - 1.0).abs() < SAME_SHAFT)
+        };
+        match self {
+            Shaft::Ratio(ratio) if is(Shaft::Pinion, ratio) => Shaft::Pinion,
+            Shaft::Ratio(ratio) if is(Shaft::Gear, ratio) => Shaft::Gear,
+            other => other,
+        }
+    }
+}
+
+/// What the user says about the tachometer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TachOptions {
+    /// Number or name of a channel, or a file; several files: one per run.
+    pub sources: Vec<String>,
+    /// Pulses per turn.
+    pub pulses: u32,
+    /// Shaft of the marks.
+    pub shaft: Shaft,
+    /// Whether falling edges count; rising ones where nothing is said.
+    pub falling: Option<bool>,
+    /// Level at which edges are timed, in the signal's unit; half way between its plateaus where absent.
+    pub threshold: Option<f64>,
+}
+
+/// Speeds over one run, turns per second.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Speed {
+    /// Turns over time.
+    pub mean: f64,
+    /// Slowest whole turn.
+    pub least: f64,
+    /// Fastest whole turn.
+    pub most: f64,
+}
+
+/// What the pulses of one run are like.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TachFigures {
+    /// Channel or file.
+    pub source: String,
+    /// Levels of the signal; absent for edge times.
+    pub levels: Option<Levels>,
+    /// Pulses written.
+    pub pulses: usize,
+    /// Mark of the first pulse, counted from the mark at which angle 0 is.
+    pub first_pulse_index: u32,
+    /// Whether the wheel's marks told which of them that is, against run 0; absent for run 0 and for one pulse per turn, where the
+    /// mark is always the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_pulse_known: Option<bool>,
+    /// Speed of the tach's shaft.
+    pub shaft_speed_hz: Speed,
+    /// Speed of the pinion, where the ratio is known.
+    pub pinion_speed_hz: Option<Speed>,
+    /// Standard deviation of an edge time, s, after everything that was taken out.
+    pub jitter_s: f64,
+    /// Pulses put in.
+    pub lost: Vec<Place>,
+    /// Pulses taken out.
+    pub doubled: Vec<Place>,
+    /// Pulses out of step, left as they are.
+    pub irregular: Vec<Place>,
+    /// Whether no pulse can be missing or too many behind those.
+    pub count_is_sure: bool,
+    /// The wheel, with several pulses per turn and enough turns.
+    pub wheel: Option<Wheel>,
+    /// The mesh line beside the pulses, where teeth are known.
+    pub mesh: Option<MeshCheck>,
+}
+
+/// One run's pulses.
+pub(super) struct MeasuredTach {
+    pub edges_s: Vec<f64>,
+    pub figures: TachFigures,
+}
+
+/// Pulses of all runs; takes the tach's channel out of them.
+///
+/// # Errors
+/// Options out of range, a source that cannot be read ([`source`]), and pulses that no shaft makes.
+pub(super) fn measured(
+    options: &TachOptions,
+    runs: &mut [Group],
+    rate_hz: f64,
+    teeth: Option<[u32; 2]>,
+    reading: &Reading,
+) -> Result<Vec<MeasuredTach>> {
+    if !(1..=10_000).contains(&options.pulses) {
+        return Err(Error::invalid("--pulses", format!("{} is not within 1 to 10000 pulses per turn", options.pulses)));
+    }
+    if let Shaft::Ratio(ratio) = options.shaft
+        && !(0.001..=1000.0).contains(&ratio)
+    {
+        let what = format!("{ratio} is not within 0.001 to 1000 turns per turn of the pinion");
+        return Err(Error::invalid("--tach-shaft", what));
+    }
+    let shaft = options.shaft.named(teeth);
+    let found = source::take(options, runs, rate_hz, reading)?;
+    let mut made: Vec<MeasuredTach> = Vec::new();
+    for (run, found) in runs.iter().zip(found) {
+        let mut tach = one(&run.label, options.pulses, found)?;
+        let ratio = if shaft == Shaft::Pinion { Some(1.0) } else { teeth.map(|teeth| shaft.ratio(teeth)) };
+        let ratio = if let Shaft::Ratio(ratio) = shaft { Some(ratio) } else { ratio };
+        let speed = tach.figures.shaft_speed_hz;
+        tach.figures.pinion_speed_hz = ratio.map(|ratio| speed.over(ratio));
+        if let Some(first) = made.first().filter(|_| options.pulses > 1) {
+            let mark = tach
+                .figures
+                .wheel
+                .as_ref()
+                .zip(first.figures.wheel.as_ref())
+                .and_then(|(own, first)| own.mark_of(first));
+            tach.figures.first_pulse_known = Some(mark.is_some());
+            tach.figures.first_pulse_index = mark.map_or(0, |mark| mark as u32);
+        }
+        if let Some(teeth) = teeth {
+            let (channels, pulses) = (&run.channels, options.pulses);
+            let checked =
+                mesh::Checked { channels, rate_hz, times_s: &tach.sure_s, pulses, shaft, speed_hz: speed, teeth };
+            tach.figures.mesh = mesh::check(&run.label, &checked);
+        }
+        made.push(MeasuredTach { edges_s: tach.edges_s, figures: tach.figures });
+    }
+    Ok(made)
+}
+
+impl TachOptions {
+    /// `[tach]` of a record with these pulses.
+    pub(super) fn declaration(&self, teeth: Option<[u32; 2]>, jitter_s: f64) -> Tach {
+        let (shaft, turns_per_pinion_turn) = match self.shaft.named(teeth) {
+            Shaft::Pinion => ("pinion", None),
+            Shaft::Gear => ("gear", None),
+            Shaft::Ratio(ratio) => ("other", Some(ratio)),
+        };
+        Tach {
+            shaft: shaft.into(),
+            turns_per_pinion_turn,
+            pulses_per_rev: self.pulses,
+            jitter_s: Some(jitter_s),
+            source: Some("measured".into()),
+            other: Table::new(),
+        }
+    }
+
+    /// Pulses per turn and shaft, for people.
+    pub(super) fn described(&self) -> String {
+        let edges = if self.falling == Some(true) { "falling" } else { "rising" };
+        let pulses = plural(self.pulses as usize, "pulse");
+        format!("{} {pulses} per turn of {}, {edges} edges", self.pulses, self.shaft.name())
+    }
+}
+
+impl Speed {
+    /// The speed of a shaft that turns once for `ratio` turns of this one.
+    fn over(self, ratio: f64) -> Self {
+        Self { mean: self.mean / ratio, least: self.least / ratio, most: self.most / ratio }
+    }
+}
+
+/// One run's pulses before they are compared with anything.
+struct Single {
+    edges_s: Vec<f64>,
+    /// Those whose count is sure.
+    sure_s: Vec<f64>,
+    figures: TachFigures,
+}
+
+fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
+    let edges = found.edges_s.len();
+    let mut pulses = if edges < FEWEST {
+        Pulses { times_s: found.edges_s, measured: vec![true; edges], ..Pulses::default() }
+    } else {
+        pulses::counted(&found.edges_s, per_turn > 1)
+    };
+    if !in_step(&pulses, edges) {
+        let what = format!(
+            "{} of {edges} edges of {} follow no steady period: no tachometer's, or a threshold in its noise (--threshold)",
+            pulses.out_of_step(),
+            found.source
+        );
+        return Err(Error::invalid(label, what));
+    }
+    let marks = per_turn as usize;
+    let sure = pulses.longest_stretch();
+    let wheel = wheel::learn(&pulses.times_s[sure.clone()], &pulses.measured[sure.clone()], marks, sure.start);
+    if let Some(wheel) = wheel.as_ref().filter(|wheel| wheel.removed) {
+        let corrected = wheel.corrected(&pulses.times_s[sure.clone()], sure.start);
+        pulses.times_s[sure.clone()].copy_from_slice(&corrected);
+        pulses::fill(&mut pulses);
+    }
+    let sure_s = pulses.times_s[sure.clone()].to_vec();
+    let speed = speed(&pulses, marks);
+    SHAFT.check(label, speed.mean, "check --pulses and the rate")?;
+    let figures = TachFigures {
+        source: found.source,
+        levels: found.levels,
+        pulses: pulses.times_s.len(),
+        first_pulse_index: 0,
+        first_pulse_known: None,
+        shaft_speed_hz: speed,
+        pinion_speed_hz: None,
+        jitter_s: jitter_s(&sure_s, &pulses.measured[sure]),
+        lost: pulses.lost,
+        doubled: pulses.doubled,
+        irregular: pulses.irregular,
+        count_is_sure: pulses.breaks.is_empty(),
+        wheel,
+        mesh: None,
+    };
+    Ok(Single { edges_s: pulses.times_s, sure_s, figures })
+}
+
+/// Whether few enough of the edges are out of step for a shaft to have made them.
+fn in_step(pulses: &Pulses, edges: usize) -> bool {
+    pulses.out_of_step() as f64 <= MOST_IRREGULAR * edges as f64
+}
+
+/// Mean speed, and that of the slowest and the fastest whole turn whose pulses are counted.
+fn speed(pulses: &Pulses, marks: usize) -> Speed {
+    let times = &pulses.times_s;
+    let n = times.len();
+    let mean = (n - 1) as f64 / marks as f64 / (times[n - 1] - times[0]);
+    let mut breaks = pulses.breaks.iter().copied().peekable();
+    let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+    for k in 0..n.saturating_sub(marks) {
+        while breaks.next_if(|at| *at < k).is_some() {}
+        if breaks.peek().is_none_or(|at| *at >= k + marks) {
+            let turn = 1.0 / (times[k + marks] - times[k]);
+            (least, most) = (least.min(turn), most.max(turn));
+        }
+    }
+    if least > most { Speed { mean, least: mean, most: mean } } else { Speed { mean, least, most } }
+}
+
+/// Standard deviation of the independent errors of pulse times, s; 0 of too few to tell.
+fn jitter_s(times_s: &[f64], measured: &[bool]) -> f64 {
+    let mut differences = times_s.to_vec();
+    let mut norm = 1.0;
+    let mut least = f64::INFINITY;
+    for order in 1..=DIFFERENCES {
+        differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
+        // The sum of the squared binomial coefficients.
+        norm *= (4 * order - 2) as f64 / order as f64;
+        let whole = |(i, _): &(usize, &f64)| measured[*i..=*i + order].iter().all(|m| *m);
+        let mut sizes: Vec<f64> = differences.iter().enumerate().filter(whole).map(|(_, d)| d.abs()).collect();
+        if order < 2 || sizes.len() < 8 {
+            continue;
+        }
+        sizes.sort_by(f64::total_cmp);
+        // The median of a normal variable's size is 0.6745 standard deviations.
+        least = least.min(sizes[sizes.len() / 2] / 0.6745 / f64::sqrt(norm));
+    }
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// Whether a channel looks like a tachometer's: two levels, and edges in step.
+pub(super) fn looks_like_a_tach(signal: &[f64]) -> bool {
+    let edges = edges::hinted(signal);
+    edges.len() >= FEWEST && in_step(&pulses::counted(&edges, true), edges.len())
+}
+
+/// What the user should know of one run's pulses.
+pub(super) fn remarks(label: &str, options: &TachOptions, figures: &TachFigures) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let mut say = |what: String| remarks.push(format!("{label}: {what}"));
+    let odd = if figures.count_is_sure {
+        "out of step, left as measured; their count holds"
+    } else {
+        "out of step, left as measured; the angle behind may be off by whole pulses"
+    };
+    for (places, what) in
+        [(&figures.lost, "lost, put in"), (&figures.doubled, "doubled, taken out"), (&figures.irregular, odd)]
+    {
+        let count: usize = places.iter().map(|place| place.pulses).sum();
+        if count > 0 {
+            say(format!("{count} {} {what} ({})", plural(count, "pulse"), named(places)));
+        }
+    }
+    if options.pulses > 1 {
+        say(match &figures.wheel {
+            None => "too few turns to learn where the wheel's marks are".into(),
+            Some(wheel) if wheel.removed => format!(
+                "the wheel's marks are uneven by {:.3} % of the pitch (largest {:.3} %); taken out, {:.3} % remain",
+                wheel.irregularity_percent, wheel.largest_percent, wheel.remaining_percent
+            ),
+            Some(wheel) => format!(
+                "the wheel's marks are even within {:.3} % of the pitch",
+                wheel.remaining_percent.max(wheel.irregularity_percent)
+            ),
+        });
+    }
+    if figures.first_pulse_known == Some(false) {
+        say("which of the wheel's marks comes first is not known against the first run; angle 0 is another one here"
+            .into());
+    }
+    if let Some(mesh) = &figures.mesh {
+        say(mesh.sentence.clone());
+    }
+    remarks
+}
+
+/// The first places, for a remark.
+fn named(places: &[Place]) -> String {
+    let one = |place: &Place| match place.pulses {
+        1 => format!("{:.3} s", place.time_s),
+        n => format!("{n} at {:.3} s", place.time_s),
+    };
+    let list = places.iter().take(NAMED).map(one).collect::<Vec<_>>().join(", ");
+    let more = places.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more places") } else { String::new() };
+    format!("after {list}{more}")
+}
+
+fn plural(count: usize, what: &str) -> String {
+    if count == 1 { what.into() } else { format!("{what}s") }
+}

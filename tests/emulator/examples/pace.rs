@@ -1,0 +1,76 @@
+//! Which sampling rates the flashed image keeps up with, against cycles per instruction: the table of `docs/pace.md`.
+//!
+//! Every run is the image's heaviest ordinary work ([`flashed::load`]): the wideband path at the law's rate, mesh records, synchronous averages,
+//! edges timed for the law's check, waveforms asked for without end, at three speeds up to the highest. A rate is kept up with where no
+//! block is lost at any of them. From the converter's own limit downwards the first rate is printed that holds together with the two
+//! below it: a single one may hold by luck.
+//!
+//! The image must accept such rates (feature `rate-sweep`): `cargo xtask pace` builds it and runs this. Cost: some minutes of one core.
+
+#[path = "../tests/flashed/mod.rs"]
+mod flashed;
+
+use flashed::TICKS_PER_SECOND;
+use flashed::load::{Outcome, SPEEDS_HZ, configured_for, run};
+use meshband_emulator::elf::Image;
+use std::process::ExitCode;
+
+/// Cycles per instruction.
+const CYCLES: [f64; 7] = [1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5];
+/// Sample periods tried, ticks of 84 MHz: multiples of the converter's four, from the shortest that it follows.
+const PERIODS: [u32; 18] = [112, 124, 136, 148, 160, 172, 184, 192, 200, 208, 216, 224, 240, 260, 284, 312, 344, 380];
+/// Rates that must hold in a row.
+const IN_A_ROW: usize = 3;
+
+fn main() -> ExitCode {
+    let Some(image) = std::env::args_os().nth(1).and_then(|path| Image::read(path.as_ref()).ok()) else {
+        eprintln!("usage: pace IMAGE, the ELF file of the STM32F405 with the feature rate-sweep");
+        return ExitCode::from(2);
+    };
+    let [a, b, c] = SPEEDS_HZ;
+    println!(
+        "| cycles per instruction | keeps up with, kHz | load at {a:.0}, {b:.0}, {c:.0} turns/s | next rate tried, kHz | blocks lost there |"
+    );
+    println!("| --- | --- | --- | --- | --- |");
+    for cycles in CYCLES {
+        println!("{}", row(&image, cycles));
+    }
+    ExitCode::SUCCESS
+}
+
+fn row(image: &Image, cycles: f64) -> String {
+    let mut fails = String::from("the converter's limit | ");
+    let mut held: Vec<(f64, Vec<Outcome>)> = Vec::new();
+    for period in PERIODS {
+        let rate_hz = TICKS_PER_SECOND / f64::from(period);
+        let outcomes = at_all_speeds(image, rate_hz, cycles);
+        match outcomes.iter().find(|outcome| outcome.lost > 0) {
+            Some(outcome) => {
+                held.clear();
+                fails = format!("{:.1} | {} at {:.0} turns/s", rate_hz / 1e3, outcome.lost, outcome.speed_hz);
+            }
+            None => held.push((rate_hz, outcomes)),
+        }
+        if held.len() == IN_A_ROW {
+            break;
+        }
+    }
+    let Some((rate_hz, outcomes)) = held.first() else { return format!("| {cycles:.2} | none | | {fails} |") };
+    let loads: Vec<String> = outcomes.iter().rev().map(|outcome| format!("{:.0} %", 100.0 * outcome.load)).collect();
+    format!("| {cycles:.2} | {:.1} | {} | {fails} |", rate_hz / 1e3, loads.join(", "))
+}
+
+/// Fastest speed first; ends with the first at which a block is lost.
+fn at_all_speeds(image: &Image, rate_hz: f64, cycles: f64) -> Vec<Outcome> {
+    let mut outcomes = Vec::new();
+    for speed_hz in SPEEDS_HZ.into_iter().rev() {
+        let outcome = run(image, &configured_for(rate_hz), cycles, speed_hz);
+        // A configuration that the image refuses would be measured at the default's rate.
+        assert!((outcome.rate_hz / rate_hz - 1.0).abs() < 0.01, "{outcome:?} at {rate_hz} Hz");
+        outcomes.push(outcome);
+        if outcome.lost > 0 {
+            break;
+        }
+    }
+    outcomes
+}

@@ -1,0 +1,40 @@
+//! The flashed image keeps up at two cycles per instruction: no block is lost at the highest rate that a configuration may ask for, nor with
+//! the default one. How far it could go is in `docs/pace.md`.
+
+mod flashed;
+
+use flashed::load::{Outcome, SPEEDS_HZ, configured_for, run};
+use flashed::{configuration, image};
+use meshband::board::Timing;
+use meshband::config::Configuration;
+
+/// Cycles per instruction: the core's manual gives 1 to 2.5, most of them nearer to one.
+const CYCLES: f64 = 2.0;
+
+/// Asserts that nothing is lost, and that mesh bands were measured; gives the rate.
+fn assert_kept_up(test: &str, config: &Configuration) -> Option<f64> {
+    let image = image(test)?;
+    let mut highest_hz = 0.0_f64;
+    for speed_hz in SPEEDS_HZ {
+        let Outcome { lost, spectra, rate_hz, load, .. } = run(&image, config, CYCLES, speed_hz);
+        println!("{speed_hz} turns/s, {:.1} kHz: load {:.0} %, {lost} blocks lost", rate_hz / 1e3, 100.0 * load);
+        assert_eq!(lost, 0, "{speed_hz} turns/s");
+        assert!(spectra >= 3, "{spectra} spectra at {speed_hz} turns/s");
+        highest_hz = highest_hz.max(rate_hz);
+    }
+    Some(highest_hz)
+}
+
+#[test]
+fn regress_the_default_configuration_loses_no_block() {
+    assert_kept_up("default configuration", &configuration());
+}
+
+#[test]
+fn regress_the_highest_rate_that_is_accepted_loses_no_block() {
+    let accepted_hz = f64::from(Timing::STM32F405.highest_adc.0);
+    let mut config = configured_for(accepted_hz);
+    config.limits.highest_adc = Timing::STM32F405.highest_adc;
+    let Some(rate_hz) = assert_kept_up("highest rate", &config) else { return };
+    assert!((rate_hz / accepted_hz - 1.0).abs() < 0.01, "{rate_hz} Hz");
+}
