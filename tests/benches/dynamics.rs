@@ -3,7 +3,7 @@
 //! a peer; simulated time per iteration is 0.1 s, 0.01 s for the sampled channel. The clock is the thread's
 //! processor time, so that other programs on the machine do not count.
 
-#[path = "../tests/golden_pair/mod.rs"]
+#[path = "../tests/simulator/golden_pair.rs"]
 mod golden_pair;
 
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};

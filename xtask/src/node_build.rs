@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// One binary per board; the feature of the same name selects it.
 pub const BOARDS: [&str; 2] = ["an386", "stm32f405"];
 
-/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu_runner.rs`.
+/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu/qemu_runner.rs`.
 pub const IMAGES: [(&str, &str); 3] = [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405")];
 
 /// The board the limits are meant for.

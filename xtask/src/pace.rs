@@ -18,7 +18,7 @@ edges. A rate is kept up with where not one block is lost at any of the three sp
 
 const TAIL: &str = "
 The highest rate that a configuration may ask for (`Timing::STM32F405`) is 420 kHz: below what two cycles per instruction allow, and room for the
-octave plan's overlap of 5 % above twice 200 kHz. `tests/emulator/tests/flashed_pace.rs` holds the released image to it. A stored
+octave plan's overlap of 5 % above twice 200 kHz. `tests/emulator/tests/flashed/pace.rs` holds the released image to it. A stored
 configuration that asks for more is lowered to it.
 ";
 

@@ -3,7 +3,7 @@
 //! [`block_stamp`], [`filter`], [`period`] and [`reset`] know no register and serve every family whose timers are wired alike.
 //! The rest, behind the feature `f405`, are drivers: every driver takes a reference to a register block and does nothing
 //! but read and write it: no interrupt, no queue, no fixed address. The image hands in the chip's blocks, the tests
-//! (`tests/tests/stm32_registers.rs`, `stm32_timing.rs`) blocks of plain memory, and assert bit by bit what the reference manual asks for.
+//! (`tests/tests/board/stm32_registers.rs`, `stm32_timing.rs`) blocks of plain memory, and assert bit by bit what the reference manual asks for.
 //! That stands in for a board until one is at hand; it proves what is written, not what silicon makes of it.
 //!
 //! How the parts work together, all on one clock of 84 MHz:

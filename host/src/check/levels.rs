@@ -8,7 +8,7 @@ use super::finding::{Finding, Kind, Severity, channel_name, in_runs};
 const GRAVITY: std::ops::Range<f64> = 7.5..12.5;
 /// Logarithm of a run's level over the others' from which its torque is another run's, where one fits.
 const TORQUE_OFF: f64 = 0.25;
-/// The same where no other run's torque fits: the library's effects move single runs by up to 0.37 (`tests/tests/loop_wrong_records.rs`).
+/// The same where no other run's torque fits: the library's effects move single runs by up to 0.37 (`tests/tests/closed_loop/loop_wrong_records.rs`).
 const TORQUE_ODD: f64 = 0.5;
 /// Logarithm within which a level fits another run's torque.
 const TORQUE_FITS: f64 = 0.12;

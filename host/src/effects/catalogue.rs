@@ -70,7 +70,7 @@ pub fn markdown() -> String {
          On the command line an effect is `--effect name:key=value,key=value`; keys left out take the defaults below, and\n\
          `pinion-` or `gear-` before the name of an effect on one gear chooses the gear. Several effects add up; those of\n\
          the measuring chain act in the order given. Adding an effect takes one file in `host/src/effects/` and its line\n\
-         in the registry. Each signature below is what `tests/tests/effects.rs` checks. Pictures: machine\n\
+         in the registry. Each signature below is what `tests/tests/simulator/effects.rs` checks. Pictures: machine\n\
          `machines/19-48.toml`, pinion at 10 turns/s (mesh frequency 190 Hz), 15 N m, pinion channel.\n",
     );
     for entry in REGISTRY {

@@ -73,7 +73,7 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
             grid_us.iter().map(|t| format!("{t:.2}")).collect::<Vec<_>>().join(", ")
         ),
         judged(on_grid),
-        "cargo test -p meshband-tests --test law_study claim_quoted_bandwidths",
+        "cargo test -p meshband-tests --test simulator law_study::claim_quoted_bandwidths",
     );
     add(
         "highest-harmonic",

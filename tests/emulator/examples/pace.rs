@@ -1,17 +1,17 @@
 //! Which sampling rates the flashed image keeps up with, against cycles per instruction: the table of `docs/pace.md`.
 //!
-//! Every run is the image's heaviest ordinary work ([`flashed::load`]): the wideband path at the law's rate, mesh records, synchronous averages,
+//! Every run is the image's heaviest ordinary work ([`compared::load`]): the wideband path at the law's rate, mesh records, synchronous averages,
 //! edges timed for the law's check, waveforms asked for without end, at three speeds up to the highest. A rate is kept up with where no
 //! block is lost at any of them. From the converter's own limit downwards the first rate is printed that holds together with the two
 //! below it: a single one may hold by luck.
 //!
 //! The image must accept such rates (feature `rate-sweep`): `cargo xtask pace` builds it and runs this. Cost: some minutes of one core.
 
-#[path = "../tests/flashed/mod.rs"]
-mod flashed;
+#[path = "../tests/flashed/compared/mod.rs"]
+mod compared;
 
-use flashed::TICKS_PER_SECOND;
-use flashed::load::{Outcome, SPEEDS_HZ, configured_for, run};
+use compared::TICKS_PER_SECOND;
+use compared::load::{Outcome, SPEEDS_HZ, configured_for, run};
 use meshband_emulator::elf::Image;
 use std::process::ExitCode;
 

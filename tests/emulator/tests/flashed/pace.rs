@@ -1,10 +1,9 @@
 //! The flashed image keeps up at two cycles per instruction: no block is lost at the highest rate that a configuration may ask for, nor with
 //! the default one. How far it could go is in `docs/pace.md`.
 
-mod flashed;
-
-use flashed::load::{Outcome, SPEEDS_HZ, configured_for, run};
-use flashed::{configuration, image};
+use super::compared::configuration;
+use super::compared::load::{Outcome, SPEEDS_HZ, configured_for, run};
+use super::image::image;
 use meshband::board::Timing;
 use meshband::config::Configuration;
 

@@ -1,15 +1,13 @@
 //! What the released image does at its outputs, seen from outside: light, alarm output, sensor supply, bytes to the amplifier;
 //! and who it says it is.
 
-#[path = "common/node.rs"]
-mod node;
-
+use super::image::image;
+use super::spoken::Node;
 use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::{Configuration, FrontEnd, Gain, SensorSupply};
 use meshband::message::{Reply, Request};
 use meshband::rate_plan::RatePolicy;
 use meshband::units::Hertz;
-use node::{Node, image};
 use std::sync::Arc;
 
 const PORT_C: usize = 2;

@@ -1,10 +1,8 @@
 //! The flashed image with tach edges where they are hardest: around the ends of blocks, at the wraps of the counter, in storms.
 
-mod common;
-mod flashed;
-
-use common::TIM5;
-use flashed::{Node, STARTED_S, TICKS_PER_SECOND, configuration, image, machine, turns};
+use super::compared::{Node, STARTED_S, TICKS_PER_SECOND, configuration, machine, turns};
+use super::image::image;
+use super::registers::TIM5;
 use meshband::config::{Configuration, TachWheel};
 use meshband::events::EventKind;
 use meshband::rate_plan::RatePolicy;
@@ -28,7 +26,7 @@ fn edges_around_borders(node: &mut Node, speed_hz: f64) -> usize {
     let last = node.blocks.last().expect("samples").clone();
     let end_s = node.board.seconds();
     let border_s = border_seconds(node, last.last_tick());
-    let block_s = f64::from(last.period) * flashed::BLOCK as f64 / TICKS_PER_SECOND;
+    let block_s = f64::from(last.period) * super::compared::BLOCK as f64 / TICKS_PER_SECOND;
     let offsets: Vec<i32> = (0..PASSES).flat_map(|_| (0..=2 * SPAN / STEP).map(|n| n * STEP - SPAN)).collect();
     let blocks_per_turn = (1.0 / speed_hz / block_s).round();
     let first = ((end_s - border_s) / block_s).ceil() + 1.0;

@@ -1,10 +1,8 @@
 //! How the flashed image starts, and what it does when what it relies on fails: crystal, PLL, triggers, converter.
 
-mod common;
-mod flashed;
-
-use common::{DMA2, TIM2, stream};
-use flashed::{Node, STARTED_S, configuration, image, machine, turns};
+use super::compared::{Node, STARTED_S, configuration, machine, turns};
+use super::image::image;
+use super::registers::{DMA2, TIM2, stream};
 use meshband::message::{Message, Status};
 use meshband_emulator::elf::Image;
 use meshband_emulator::rcc::Oscillators;

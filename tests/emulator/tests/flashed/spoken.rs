@@ -8,8 +8,6 @@ use meshband::message::{Message, Reply, Request};
 use meshband_emulator::board::Board;
 use meshband_emulator::cpu::Snapshot;
 use meshband_emulator::elf::Image;
-use meshband_emulator::unicorn;
-use std::path::{Path, PathBuf};
 
 /// From power to a program that listens, s: oscillators, self-test of the mathematics, and blank sectors, which are read to
 /// their end.
@@ -28,24 +26,6 @@ pub struct Node {
     pub heard: Vec<Packet>,
     /// Frames that could not be read.
     pub unreadable: u32,
-}
-
-/// Path of the released image.
-pub fn image_path() -> PathBuf {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), |folder| workspace.join(folder));
-    target.join("thumbv7em-none-eabihf/firmware/stm32f405")
-}
-
-/// The image, or `None` after saying why the test is skipped.
-pub fn image(test: &str) -> Option<Image> {
-    let path = image_path();
-    if !unicorn::is_installed() || !path.is_file() {
-        println!("skipped {test}: Unicorn or the firmware image is absent (cargo xtask setup, cargo xtask node-build)");
-        return None;
-    }
-    Some(Image::read(&path).expect("an image"))
 }
 
 impl Node {

@@ -22,9 +22,9 @@ use std::cmp::Ordering;
 
 const CLOCK_HZ: u32 = 84_000_000;
 /// A store's first record, written by the firmware whose configurations had schema 1.
-const STORED_1: &[u8] = include_bytes!("../vectors/wire/stored-configuration-1.bin");
+const STORED_1: &[u8] = include_bytes!("../../vectors/wire/stored-configuration-1.bin");
 /// Identity, configuration, counters and a message of counters, as the firmware with protocol 2 sent them.
-const FRAMES_2: &[u8] = include_bytes!("../vectors/wire/frames-2.bin");
+const FRAMES_2: &[u8] = include_bytes!("../../vectors/wire/frames-2.bin");
 
 fn flash_with(record: &[u8]) -> MockFlash<4096, 4> {
     let mut flash = MockFlash::new(2, ChaCha8Rng::seed_from_u64(1));

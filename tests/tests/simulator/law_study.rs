@@ -25,7 +25,7 @@ static RIG: LazyLock<Machine> = LazyLock::new(|| {
 });
 static OUTCOME: LazyLock<Outcome> = LazyLock::new(|| outcome::run(&RIG, &|| ()).expect("the studies run"));
 static VECTORS: LazyLock<Value> =
-    LazyLock::new(|| serde_json::from_str(include_str!("../vectors/paper.json")).expect("valid JSON"));
+    LazyLock::new(|| serde_json::from_str(include_str!("../../vectors/paper.json")).expect("valid JSON"));
 
 fn numbers(v: &Value) -> Vec<f64> {
     v.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
@@ -296,7 +296,7 @@ fn theory_sampled_estimator_converges_to_the_polynomial_and_refuses_below_5_samp
 fn golden_node_constants_are_the_fitted_law() {
     let file = OUTCOME.laws.file(OUTCOME.check.relative_uncertainty());
     let source = rust_source(&file, "machines/paper-rig.toml").unwrap();
-    assert_eq!(source, include_str!("../../shared/src/law_data.rs"), "run `meshband law export` again");
+    assert_eq!(source, include_str!("../../../shared/src/law_data.rs"), "run `meshband law export` again");
     let node = meshband::law_data::law();
     assert_eq!(node, file.for_node().unwrap());
     assert_eq!(node.validate(), Ok(()));
@@ -309,7 +309,7 @@ fn golden_node_constants_are_the_fitted_law() {
 
 #[test]
 fn golden_validation_page_states_the_verdicts_of_this_code() {
-    let page = include_str!("../../docs/validation.md");
+    let page = include_str!("../../../docs/validation.md");
     for claim in claims(&OUTCOME) {
         let at = page.find(claim.sentence).unwrap_or_else(|| panic!("missing: {}", claim.sentence));
         let entry = page[at..].split("\n   - `").next().unwrap();

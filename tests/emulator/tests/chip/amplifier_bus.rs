@@ -1,8 +1,6 @@
 //! SPI2 after RM0090 section 28, and resets of peripherals after section 7.3.
 
-mod common;
-
-use common::*;
+use super::registers::*;
 use meshband_emulator::chip::Chip;
 use meshband_emulator::error::Refusal;
 

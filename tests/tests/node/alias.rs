@@ -3,7 +3,7 @@
 use meshband::alias::{Origin, explain, fold};
 
 fn spectra() -> Vec<serde_json::Value> {
-    let paper: serde_json::Value = serde_json::from_str(include_str!("../vectors/paper.json")).unwrap();
+    let paper: serde_json::Value = serde_json::from_str(include_str!("../../vectors/paper.json")).unwrap();
     paper["alias_lines_at_10_khz"].as_array().unwrap().clone()
 }
 

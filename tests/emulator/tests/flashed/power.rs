@@ -1,11 +1,9 @@
 //! The stored configuration of the released image: it survives restarts, new images and older firmware, and a power cut at
 //! every word and instruction leaves the old one or the new one.
 
-#[path = "common/node.rs"]
-mod node;
-#[path = "common/records.rs"]
-mod records;
-
+use super::image::image;
+use super::records::{SLOTS, put};
+use super::spoken::Node;
 use meshband::config::{Configuration, FrontEnd, GearPair, SCHEMA};
 use meshband::events::EventKind;
 use meshband::frame::Packet;
@@ -16,8 +14,6 @@ use meshband_emulator::cpu::Snapshot;
 use meshband_emulator::elf::Image;
 use meshband_emulator::flash::{DATA_START, START};
 use meshband_emulator::time::{NEVER, Time};
-use node::{Node, image};
-use records::{SLOTS, put};
 
 /// Units of time between two looks for a busy flash: a word keeps it busy for 16 us.
 const LOOK: Time = 336 * 5;

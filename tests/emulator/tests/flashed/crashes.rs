@@ -1,10 +1,7 @@
 //! Crashes of the released image: each is recorded, told after the restart, and several in a row lead to a safe start.
 
-#[path = "common/node.rs"]
-mod node;
-#[path = "common/records.rs"]
-mod records;
-
+use super::image::image;
+use super::spoken::Node;
 use meshband::config::{Configuration, GearPair};
 use meshband::events::EventKind;
 use meshband::rate_plan::RatePolicy;
@@ -12,7 +9,6 @@ use meshband::units::Hertz;
 use meshband_emulator::elf::Image;
 use meshband_emulator::rcc::cause;
 use meshband_emulator::unicorn::Register;
-use node::{Node, image};
 
 /// Kinds of the board's own events.
 const CRASH: u32 = 1;
@@ -49,7 +45,7 @@ fn running(image: &Image) -> Node {
     let mut node = Node::new(image);
     let mut bytes = [0; 512];
     let payload = postcard::to_slice(&stored(), &mut bytes).expect("fits").to_vec();
-    records::put(node.board.chip_mut(), 0, 0, &payload);
+    super::records::put(node.board.chip_mut(), 0, 0, &payload);
     node.start();
     assert_eq!(node.configuration(), stored());
     node

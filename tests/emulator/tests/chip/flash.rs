@@ -1,8 +1,6 @@
 //! Flash after RM0090 section 3: keys, programming, erasure, cache, power cuts.
 
-mod common;
-
-use common::*;
+use super::registers::*;
 use meshband_emulator::chip::Chip;
 use meshband_emulator::error::Refusal;
 

@@ -1,8 +1,6 @@
 //! Oscillators, PLL, gates and resets after RM0090 section 7, the watchdog after section 21.
 
-mod common;
-
-use common::*;
+use super::registers::*;
 use meshband_emulator::chip::Chip;
 use meshband_emulator::error::Refusal;
 use meshband_emulator::rcc::cause;

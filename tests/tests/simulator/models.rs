@@ -1,6 +1,6 @@
 //! Every model, damping and motion against solutions that share nothing with the Taylor solver.
 
-mod golden_pair;
+use super::golden_pair;
 
 use golden_pair::{Golden, companion, golden, golden_machine, number, vectors};
 use meshband_host::dynamics::assembly::{Damping, Model, Options as AssemblyOptions};
@@ -120,7 +120,7 @@ fn theory_a_soft_casing_adds_its_own_mode() {
 /// Reference numbers of SciPy's DOP853 at 1e-13 (`tests/compare/scipy_nonlinear.py`).
 fn nonlinear(case: &str) -> serde_json::Value {
     let all: serde_json::Value =
-        serde_json::from_str(include_str!("../vectors/dynamics-nonlinear.json")).expect("valid JSON");
+        serde_json::from_str(include_str!("../../vectors/dynamics-nonlinear.json")).expect("valid JSON");
     all[case].clone()
 }
 

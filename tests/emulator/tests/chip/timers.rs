@@ -1,8 +1,6 @@
 //! Timers after RM0090 section 18: counting, preload, triggers, captures with their filter and flags.
 
-mod common;
-
-use common::*;
+use super::registers::*;
 use meshband_emulator::chip::Chip;
 
 const CR1: u32 = 0x00;

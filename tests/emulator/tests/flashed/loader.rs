@@ -1,9 +1,7 @@
 //! How the flashed image starts from what other code leaves behind that jumps to it without a reset, as the ROM loader does after `:leave`.
 
-mod common;
-mod flashed;
-
-use flashed::{Node, STARTED_S, configuration, image, machine, turns};
+use super::compared::{Node, STARTED_S, configuration, machine, turns};
+use super::image::image;
 use meshband_emulator::unicorn::Register;
 
 /// Vector table offset register of the core.

@@ -15,10 +15,8 @@ use meshband::message::{Message, Request};
 use meshband_emulator::board::Board;
 use meshband_emulator::elf::Image;
 use meshband_emulator::flash::{DATA_START, START};
-use meshband_emulator::unicorn;
 use meshband_emulator::world::{Analogue, Border, Sampled};
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use host::Comparison;
@@ -70,18 +68,6 @@ pub struct Node {
     pub requests: Vec<Request>,
     open: Vec<Sampled>,
     borders: Vec<Border>,
-}
-
-/// The image, or `None` after saying why a test is skipped.
-pub fn image(test: &str) -> Option<Image> {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2)?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from);
-    let image = Image::read(&target.join("thumbv7em-none-eabihf/firmware/stm32f405"));
-    if let (true, Ok(image)) = (unicorn::is_installed(), image) {
-        return Some(image);
-    }
-    println!("skipped {test}: Unicorn or the firmware image is absent (cargo xtask setup, cargo xtask node-build)");
-    None
 }
 
 /// The default configuration with the gear pair of [`machine`].

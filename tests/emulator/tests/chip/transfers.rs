@@ -1,8 +1,6 @@
 //! Converter, DMA and UART after RM0090 sections 13, 10 and 30.
 
-mod common;
-
-use common::*;
+use super::registers::*;
 use meshband_emulator::chip::Chip;
 use meshband_emulator::error::Refusal;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Dynamics against independent numbers: golden vector, natural frequencies, records of another simulator.
 
-mod golden_pair;
+use super::golden_pair;
 
 use golden_pair::{Golden, companion, golden, golden_machine, number, vectors};
 use meshband_host::dynamics::assembly::{Damping, Model, Options as AssemblyOptions};

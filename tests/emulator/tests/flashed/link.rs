@@ -1,8 +1,7 @@
 //! The flashed image and its line: requests answered, waveforms whole, rates changed.
 
-mod flashed;
-
-use flashed::{Node, STARTED_S, configuration, image, machine, turns};
+use super::compared::{Node, STARTED_S, configuration, machine, turns};
+use super::image::image;
 use meshband::events::EventKind;
 use meshband::frame::Packet;
 use meshband::message::{Message, Reply, Request, Snapshot};

@@ -1,0 +1,16 @@
+//! The released image in the emulated board. Two views of it: [`compared`] holds every frame against the host's node, [`spoken`] talks to it.
+
+mod compared;
+mod crashes;
+mod image;
+mod link;
+mod loader;
+mod outputs;
+mod pace;
+mod power;
+mod records;
+#[path = "../chip/registers.rs"]
+mod registers;
+mod spoken;
+mod starts;
+mod tach;

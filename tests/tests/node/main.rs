@@ -1,0 +1,30 @@
+//! What the node computes (`meshband`), on the host: one program, so that its tests share two cores to the end.
+
+mod alarm_events;
+mod alarm_output;
+mod alias;
+mod backlog;
+mod decimate;
+mod fault_campaign;
+mod frame;
+mod golden_stages;
+mod indicators;
+mod link_pace;
+mod math;
+mod mesh_decimator;
+mod node_host;
+mod node_products;
+mod node_trials;
+mod order_chain;
+mod order_tsa;
+mod rate_plan;
+mod rise_time;
+mod safe_start;
+mod schema;
+mod self_test;
+mod spectral;
+mod spectrum;
+mod store;
+mod tach;
+mod window;
+mod zoom;
