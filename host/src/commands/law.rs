@@ -3,14 +3,17 @@
 use super::results::{Announced, Force, Results};
 use clap::{Args as ClapArgs, Subcommand};
 use meshband_host::law::derive::{Check, Laws, OPERATING_POINTS, check, derive};
+use meshband_host::law::domain::Domain;
 use meshband_host::law::operating::Bench;
 use meshband_host::law::outcome::{self, Outcome};
 use meshband_host::law::report::{
-    CHECK_HEAD, LAW_HEAD, check_rows, check_section, law_rows, law_section, study_report,
+    LAW_HEAD, check_head, check_rows, check_section, law_rows, law_section, study_report,
 };
+use meshband_host::law::learn::{self, Learned, Wanted};
 use meshband_host::law::{export, validation};
 use meshband_host::machine::Machine;
 use meshband_host::output::show;
+use meshband_host::record::Record;
 use meshband_host::report::Report;
 use meshband_host::terminal::{Progress, table};
 use meshband_host::{Result, say};
@@ -31,7 +34,9 @@ enum Action {
     /// Fits every form of the law; writes the tabulated one for a node.
     Fit(Fit),
     /// Compares every form with simulations at speeds that were not fitted.
-    Check(Common),
+    Check(CheckOnly),
+    /// Measures the law on a record of the machine itself: several speeds, or a run-up.
+    Learn(Learn),
     /// The law as the Rust constants that the node is built with.
     Export(Export),
 }
@@ -60,6 +65,44 @@ struct Fit {
     /// Writes the tabulated law here (law.toml), for a node.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    speeds: Speeds,
+}
+
+/// Which speeds a law is for.
+#[derive(ClapArgs)]
+struct Speeds {
+    /// Pinion speeds that the law is for, Hz; otherwise 1..25, reaching a quarter beyond the machine's nominal speed.
+    #[arg(long, value_name = "LOW..HIGH")]
+    speeds: Option<Domain>,
+}
+
+#[derive(ClapArgs)]
+struct CheckOnly {
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    speeds: Speeds,
+}
+
+#[derive(ClapArgs)]
+struct Learn {
+    /// Record folder; needs tooth counts and a tach, real or virtual.
+    record: PathBuf,
+    /// Channel, from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    channel: usize,
+    /// What is measured.
+    #[arg(long, value_enum, default_value = "auto")]
+    method: Wanted,
+    /// Machine file: the law is then named after it, and its simulated law stands beside.
+    #[arg(long, value_name = "FILE")]
+    machine: Option<PathBuf>,
+    /// Writes the law here (law.toml), for a node.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    results: Results,
 }
 
 #[derive(ClapArgs)]
@@ -79,6 +122,7 @@ pub fn run(args: Args) -> Result<()> {
         Action::Study(args) => study(&args),
         Action::Fit(args) => fit(&args),
         Action::Check(args) => check_only(&args),
+        Action::Learn(args) => learn(&args),
         Action::Export(args) => export_only(&args),
     }
 }
@@ -140,14 +184,17 @@ fn print_study(o: &Outcome) -> Result<()> {
 }
 
 fn print_check(check: &Check) -> Result<()> {
-    say!("{}", table(&CHECK_HEAD, &check_rows(check)))?;
+    let head = check_head(check);
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
+    say!("{}", table(&head, &check_rows(check)))?;
     say!(
-        "ring of earlier engagements: {:.2} % rms, {:.2} % at most; hides the edge at {} of {} speeds\n",
+        "ring of earlier engagements: {:.2} % rms, {:.2} % at most; hides the edge at {} of {} speeds",
         100.0 * check.ring_rms,
         100.0 * check.ring_worst,
         check.hidden,
         check.rows.len()
-    )
+    )?;
+    say!("{}\n", check.reliance())
 }
 
 #[derive(Serialize)]
@@ -157,11 +204,12 @@ struct Fitted<'a> {
 }
 
 /// Fits and checks a machine.
-fn fitted(path: &Path) -> Result<(Laws, Check)> {
+fn fitted(path: &Path, domain: Option<Domain>) -> Result<(Laws, Check)> {
     let machine = Machine::read(path)?;
+    let domain = domain.unwrap_or_else(|| Domain::of(&machine));
     let bench = Bench::new(&machine)?;
     let progress = Progress::new("law fit", OPERATING_POINTS);
-    let laws = derive(&machine, &bench, &|| progress.step())?;
+    let laws = derive(&machine, &bench, domain, &|| progress.step())?;
     let check = check(&laws, &bench, &|| progress.step())?;
     Ok((laws, check))
 }
@@ -178,7 +226,7 @@ fn fit(args: &Fit) -> Result<()> {
     let mut outputs = results.outputs([args.common.machine.as_path()]);
     let mut files = results.announce(&mut outputs)?;
     let node_law = outputs.optional(args.output.as_deref())?;
-    let (laws, check) = fitted(&args.common.machine)?;
+    let (laws, check) = fitted(&args.common.machine, args.speeds.speeds)?;
     write_common(&mut files, &laws, &check, "Bandwidth law: fit")?;
     if let Some(mut target) = node_law {
         let file = laws.file(check.relative_uncertainty());
@@ -186,26 +234,54 @@ fn fit(args: &Fit) -> Result<()> {
         target.write(file.to_toml())?;
     }
     say!(
-        "machine {}, hash {}, ramp {:?} of {:.4} mrad, 1 to 25 Hz",
+        "machine {}, hash {}, ramp {:?} of {:.4} mrad, {} to {} Hz",
         laws.machine,
         laws.machine_hash,
         laws.ramp,
-        1e3 * laws.ramp_width_rad
+        1e3 * laws.ramp_width_rad,
+        laws.domain.lowest_hz,
+        laws.domain.highest_hz
     )?;
     say!("{}", table(&LAW_HEAD, &law_rows(&laws)))?;
     print_check(&check)
 }
 
-fn check_only(args: &Common) -> Result<()> {
-    let mut files = args.results.announce(&mut args.results.outputs([args.machine.as_path()]))?;
-    let (laws, check) = fitted(&args.machine)?;
+fn check_only(args: &CheckOnly) -> Result<()> {
+    let Common { machine, results } = &args.common;
+    let mut files = results.announce(&mut results.outputs([machine.as_path()]))?;
+    let (laws, check) = fitted(machine, args.speeds.speeds)?;
     write_common(&mut files, &laws, &check, "Bandwidth law: check")?;
     print_check(&check)
 }
 
+fn learn(args: &Learn) -> Result<()> {
+    let inputs = std::iter::once(args.record.as_path()).chain(args.machine.as_deref());
+    let mut outputs = args.results.outputs(inputs);
+    let mut files = args.results.announce(&mut outputs)?;
+    let node_law = outputs.optional(args.output.as_deref())?;
+    let machine = args.machine.as_deref().map(Machine::read).transpose()?;
+    let record = Record::read(&args.record)?;
+    let learned = learn::learn(&record, args.channel, args.method)?;
+    let file = learned.file(machine.as_ref());
+    file.for_node()?;
+    let simulated = args.machine.as_deref().map(|path| fitted(path, learned_domain(&learned))).transpose()?;
+    let simulated = simulated.map(|(laws, check)| laws.file(check.relative_uncertainty()).law);
+    files.write(&learned, || learn::report::report(&learned, simulated.as_ref()))?;
+    if let Some(mut target) = node_law {
+        target.write(file.to_toml())?;
+    }
+    show(&learn::report::text(&learned, simulated.as_ref()))
+}
+
+/// The range in which the simulated law is compared: the learned one's where a law can be asked for over it.
+fn learned_domain(learned: &Learned) -> Option<Domain> {
+    let [lowest, highest] = [learned.knots.first()?.speed_hz, learned.knots.last()?.speed_hz];
+    format!("{lowest}..{highest}").parse().ok()
+}
+
 fn export_only(args: &Export) -> Result<()> {
     let target = args.permission.outputs([args.machine.as_path()]).optional(args.output.as_deref())?;
-    let (laws, check) = fitted(&args.machine)?;
+    let (laws, check) = fitted(&args.machine, Some(Domain::PAPER))?;
     let source = export::rust_source(&laws.file(check.relative_uncertainty()), &args.machine.display().to_string())?;
     match target {
         Some(mut file) => file.write(source),

@@ -7,6 +7,7 @@
 //! Where that scatter is small everywhere (at most `SMALL_RING`: short ramps, as the paper's) the table takes
 //! the middle between the edge alone and the edge on its ring, which is nearest to both.
 
+use super::domain::{Domain, RANDOM_SPEEDS};
 use super::edges::Edge;
 use super::file::LawFile;
 use super::fit::{Fit, fit, fit_quadratic_absolute, fit_table, start_values};
@@ -15,24 +16,17 @@ use super::operating::{Bench, Event};
 use super::point::Point;
 use crate::machine::{EngagementKind, Machine};
 use crate::{Error, Result};
-use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Speeds of the paper's table and of every law here, Hz.
-pub const DOMAIN_HZ: [f64; 2] = [1.0, 25.0];
-/// Speeds the paper checks its equation (10) at, Hz.
-pub const PAPER_CHECK_HZ: [f64; 3] = [8.0, 16.0, 22.0];
 /// Speeds from which the table's knots are chosen: log-spaced over the domain.
 pub(super) const FIT_SPEEDS: usize = 577;
 /// Relative error at which no more knots are added.
 pub(super) const KNOT_TOLERANCE: f64 = 2e-4;
 /// Largest scatter by the ring up to which the table takes the middle.
 const SMALL_RING: f64 = 0.01;
-/// Seed of the random held-out speeds.
-const SEED: u64 = 42;
-/// Random held-out speeds.
-const RANDOM_SPEEDS: usize = 50;
+/// Speeds to which the forms with coefficients are fitted: evenly spaced, in the paper's range the whole ones.
+const EVEN_SPEEDS: usize = 25;
 
 /// The fitted forms of a machine.
 #[derive(Debug, Clone, Serialize)]
@@ -47,6 +41,8 @@ pub struct Laws {
     pub ramp_width_rad: f64,
     /// Torque, N m.
     pub torque_n_m: f64,
+    /// Pinion speeds that it is made for.
+    pub domain: Domain,
     /// Bandwidths fitted.
     pub points: Vec<Point>,
     /// Quadratic (absolute errors, as the paper), root-sum-square, ramp-through-mode, tabulated.
@@ -56,6 +52,10 @@ pub struct Laws {
 /// How the forms do at speeds not fitted.
 #[derive(Debug, Clone, Serialize)]
 pub struct Check {
+    /// Speeds of the first three rows, Hz.
+    pub named_hz: [f64; 3],
+    /// Speed of [`FormCheck::beyond`], Hz.
+    pub beyond_hz: f64,
     /// One row per held-out speed.
     pub rows: Vec<CheckRow>,
     /// One entry per form.
@@ -87,14 +87,14 @@ pub struct CheckRow {
 pub struct FormCheck {
     /// Name of the form.
     pub form: &'static str,
-    /// At 8, 16 and 22 Hz, relative, against the full simulation.
-    pub at_8_16_22: Vec<f64>,
+    /// At [`Check::named_hz`], relative, against the full simulation.
+    pub at_named: Vec<f64>,
     /// Largest relative error against the edge alone over all held-out speeds.
     pub worst: f64,
     /// Largest relative error against the full simulation over all held-out speeds.
     pub worst_periodic: f64,
-    /// Relative error at 50 Hz, twice the highest fitted speed, against the edge alone.
-    pub at_50_hz: f64,
+    /// Relative error at twice the highest fitted speed, against the edge alone.
+    pub beyond: f64,
 }
 
 /// Bandwidth of an edge, Hz.
@@ -112,19 +112,6 @@ pub fn study_torque(machine: &Machine) -> Result<f64> {
         .and_then(|e| e.torque_n_m)
         .or(machine.nominal.map(|n| n.torque_n_m))
         .ok_or_else(|| Error::invalid("[nominal] torque_n_m", "missing: the law needs an operating point"))
-}
-
-/// `count` speeds over the domain in equal ratios, ends included.
-pub fn log_speeds(count: usize) -> Vec<f64> {
-    let ratio = (DOMAIN_HZ[1] / DOMAIN_HZ[0]).ln();
-    (0..count).map(|i| DOMAIN_HZ[0] * (ratio * i as f64 / (count - 1) as f64).exp()).collect()
-}
-
-/// The speeds of the check: the paper's three and fifty random ones, uniform over the domain.
-pub fn held_out_speeds() -> Vec<f64> {
-    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
-    let drawn = (0..RANDOM_SPEEDS).map(|_| random.random_range(DOMAIN_HZ[0]..DOMAIN_HZ[1]));
-    PAPER_CHECK_HZ.into_iter().chain(drawn).collect()
 }
 
 /// Bandwidth of the law's edge at a speed, Hz.
@@ -152,7 +139,7 @@ pub fn edge_alone(bench: &Bench, shaft_hz: f64, torque_n_m: f64) -> Result<Edge>
 ///
 /// # Errors
 /// What stops the simulation or a fit.
-pub fn derive(machine: &Machine, bench: &Bench, step: &(impl Fn() + Sync)) -> Result<Laws> {
+pub fn derive(machine: &Machine, bench: &Bench, domain: Domain, step: &(impl Fn() + Sync)) -> Result<Laws> {
     let torque_n_m = study_torque(machine)?;
     let at = |speeds: Vec<f64>| -> Result<Vec<Point>> {
         speeds
@@ -164,14 +151,14 @@ pub fn derive(machine: &Machine, bench: &Bench, step: &(impl Fn() + Sync)) -> Re
             })
             .collect()
     };
-    // The paper's table: whole speeds. The knots need finer ones around the knee.
-    let whole = at((1..=25).map(f64::from).collect())?;
-    let dense = middle(bench, torque_n_m, at(log_speeds(FIT_SPEEDS))?)?;
-    let [_, root_sum_square, ramp_through_mode] = start_values(&whole);
+    // The knots need finer speeds around the knee.
+    let even = at(domain.even_speeds(EVEN_SPEEDS))?;
+    let dense = middle(bench, torque_n_m, at(domain.log_speeds(FIT_SPEEDS))?)?;
+    let [_, root_sum_square, ramp_through_mode] = start_values(&even);
     let fits = vec![
-        fit_quadratic_absolute(&whole)?,
-        fit(root_sum_square, &whole)?,
-        fit(ramp_through_mode, &whole)?,
+        fit_quadratic_absolute(&even)?,
+        fit(root_sum_square, &even)?,
+        fit(ramp_through_mode, &even)?,
         fit_table(&dense, meshband::law::MAX_KNOTS, KNOT_TOLERANCE)?,
     ];
     let exit = bench.ramps().exit;
@@ -182,7 +169,8 @@ pub fn derive(machine: &Machine, bench: &Bench, step: &(impl Fn() + Sync)) -> Re
         ramp: machine.engagement.map_or(EngagementKind::None, |e| e.kind),
         ramp_width_rad: (exit[1] - exit[0]) / per_rad,
         torque_n_m,
-        points: whole,
+        domain,
+        points: even,
         fits,
     })
 }
@@ -202,14 +190,16 @@ fn middle(bench: &Bench, torque_n_m: f64, alone: Vec<Point>) -> Result<Vec<Point
 }
 
 /// Number of operating points [`derive()`] and [`check`] compute, for progress.
-pub const OPERATING_POINTS: u64 = 25 + FIT_SPEEDS as u64 + 3 + RANDOM_SPEEDS as u64;
+pub const OPERATING_POINTS: u64 = (EVEN_SPEEDS + FIT_SPEEDS + 3 + RANDOM_SPEEDS) as u64;
 
 /// Compares every form with simulations at speeds that were not fitted.
 ///
 /// # Errors
 /// What stops the simulation.
 pub fn check(laws: &Laws, bench: &Bench, step: &(impl Fn() + Sync)) -> Result<Check> {
-    let rows: Vec<CheckRow> = held_out_speeds()
+    let rows: Vec<CheckRow> = laws
+        .domain
+        .held_out_speeds()
         .into_par_iter()
         .map(|shaft_hz| {
             let alone = edge_alone(bench, shaft_hz, laws.torque_n_m)?;
@@ -223,7 +213,8 @@ pub fn check(laws: &Laws, bench: &Bench, step: &(impl Fn() + Sync)) -> Result<Ch
             })
         })
         .collect::<Result<_>>()?;
-    let far = edge_bandwidth_hz(bench, 50.0, laws.torque_n_m)?;
+    let beyond_hz = laws.domain.beyond_hz();
+    let beyond = edge_bandwidth_hz(bench, beyond_hz, laws.torque_n_m)?;
     let worst = |errors: &mut dyn Iterator<Item = f64>| errors.fold(0.0_f64, |w, e| w.max(e.abs()));
     let forms = laws
         .fits
@@ -233,15 +224,17 @@ pub fn check(laws: &Laws, bench: &Bench, step: &(impl Fn() + Sync)) -> Result<Ch
             let periodic = |r: &CheckRow| r.periodic_hz.map(|p| r.by_form_hz[i] / p - 1.0);
             FormCheck {
                 form: fit.law.name(),
-                at_8_16_22: rows.iter().take(3).map(|r| periodic(r).unwrap_or(f64::NAN)).collect(),
+                at_named: rows.iter().take(3).map(|r| periodic(r).unwrap_or(f64::NAN)).collect(),
                 worst: worst(&mut rows.iter().map(|r| r.by_form_hz[i] / r.bandwidth_hz - 1.0)),
                 worst_periodic: worst(&mut rows.iter().filter_map(periodic)),
-                at_50_hz: fit.law.bandwidth_hz(50.0) / far - 1.0,
+                beyond: fit.law.bandwidth_hz(beyond_hz) / beyond - 1.0,
             }
         })
         .collect();
     let ring: Vec<f64> = rows.iter().filter_map(|r| r.periodic_hz.map(|p| p / r.bandwidth_hz - 1.0)).collect();
     Ok(Check {
+        named_hz: laws.domain.named_speeds(),
+        beyond_hz,
         hidden: rows.iter().filter(|r| r.periodic_hz.is_none()).count(),
         ring_worst: worst(&mut ring.iter().copied()),
         ring_rms: (ring.iter().map(|e| e * e).sum::<f64>() / ring.len().max(1) as f64).sqrt(),
@@ -262,14 +255,37 @@ impl Laws {
             machine: self.machine.clone(),
             machine_hash: self.machine_hash.clone(),
             ramp: self.ramp,
-            domain_hz: DOMAIN_HZ,
+            measured: None,
+            domain_hz: [self.domain.lowest_hz, self.domain.highest_hz],
             relative_uncertainty: digits(relative_uncertainty),
             law: Law::Tabulated { knots },
         }
     }
 }
 
+/// Largest error with the ring up to which the law says what single edges do, and up to which it still sets rates.
+const RELIABLE: [f64; 2] = [0.02, 0.1];
+
 impl Check {
+    /// How far the tabulated law can be relied on, in one sentence, from its worst error with the ring.
+    pub fn reliance(&self) -> String {
+        let worst = self.forms.iter().find(|f| f.form == "tabulated").map_or(f64::INFINITY, |f| f.worst_periodic);
+        let off = format!("{:.1} %, the ring of earlier engagements included", 100.0 * worst);
+        match (self.hidden, worst) {
+            (0, worst) if worst <= RELIABLE[0] => {
+                format!("The tabulated law can be relied on for single edges: it is off by at most {off}.")
+            }
+            (0, worst) if worst <= RELIABLE[1] => {
+                format!("The tabulated law can be relied on for sampling rates, not for single edges: it is off by up to {off}.")
+            }
+            (hidden, _) => format!(
+                "The tabulated law does not predict single edges: they lie up to {off}, from it, and the ring hides them at {hidden} of {} speeds; \
+                 it is an average.",
+                self.rows.len()
+            ),
+        }
+    }
+
     /// Relative standard uncertainty of the tabulated law: its own error and the ring's scatter together.
     pub fn relative_uncertainty(&self) -> f64 {
         let table = self.forms.iter().find(|f| f.form == "tabulated").map_or(0.0, |f| f.worst);

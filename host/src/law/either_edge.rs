@@ -6,7 +6,8 @@
 //! whichever it is, so the take-up edge is then what its bandwidth must carry. Its domain is the longest stretch of speeds
 //! without a jump: at the lowest speeds ripples of the fastest mode are steeper than the ramp. Cost: about two seconds.
 
-use super::derive::{self, FIT_SPEEDS, KNOT_TOLERANCE, bandwidth_hz, held_out_speeds, log_speeds, study_torque};
+use super::derive::{self, FIT_SPEEDS, KNOT_TOLERANCE, bandwidth_hz, study_torque};
+use super::domain::Domain;
 use super::file::LawFile;
 use super::fit::fit_table;
 use super::forms::Law;
@@ -38,7 +39,7 @@ pub struct SameEdge {
 /// A machine without operating point, and where neither edge can be timed over a stretch of speeds on every machine.
 pub fn by_same_edge(machines: &[(&Machine, &Bench)], step: &(impl Fn() + Sync)) -> Result<SameEdge> {
     let own = |&(machine, bench): &(&Machine, &Bench)| -> Result<LawFile> {
-        let laws = derive::derive(machine, bench, step)?;
+        let laws = derive::derive(machine, bench, Domain::of(machine), step)?;
         Ok(laws.file(derive::check(&laws, bench, step)?.relative_uncertainty()))
     };
     let why = match machines.iter().map(own).collect::<Result<Vec<_>>>() {
@@ -53,7 +54,8 @@ pub fn by_same_edge(machines: &[(&Machine, &Bench)], step: &(impl Fn() + Sync)) 
 fn take_up(machine: &Machine, bench: &Bench) -> Result<LawFile> {
     let torque = study_torque(machine)?;
     let alone = |f: f64| Ok(bench.isolated(Event::Entry, f, torque)?.as_ref().map(bandwidth_hz));
-    let speeds = log_speeds(FIT_SPEEDS);
+    let domain = Domain::of(machine);
+    let speeds = domain.log_speeds(FIT_SPEEDS);
     let edges: Vec<Option<f64>> = speeds.par_iter().map(|&f| alone(f)).collect::<Result<_>>()?;
     let all: Vec<Point> = speeds
         .iter()
@@ -66,7 +68,8 @@ fn take_up(machine: &Machine, bench: &Bench) -> Result<LawFile> {
     let domain_hz = [points[0].shaft_hz, points[points.len() - 1].shaft_hz];
     let law = fit_table(points, meshband::law::MAX_KNOTS, KNOT_TOLERANCE)?.law;
     let inside = |f: &f64| (domain_hz[0]..=domain_hz[1]).contains(f);
-    let errors: Vec<[f64; 2]> = held_out_speeds()
+    let errors: Vec<[f64; 2]> = domain
+        .held_out_speeds()
         .into_par_iter()
         .filter(inside)
         .map(|f| {
@@ -84,6 +87,7 @@ fn take_up(machine: &Machine, bench: &Bench) -> Result<LawFile> {
         machine: machine.title.clone(),
         machine_hash: format!("{:#018x}", machine.hash()),
         ramp: machine.engagement.map_or(EngagementKind::None, |e| e.kind),
+        measured: None,
         domain_hz: domain_hz.map(digits),
         relative_uncertainty: digits(worst.hypot(ring).min(1.0)),
         law: Law::Tabulated { knots: knots.into_iter().map(|(f, b)| (digits(f), digits(b))).collect() },

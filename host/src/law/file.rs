@@ -22,6 +22,16 @@ use meshband::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+/// What a bandwidth measured on the machine itself is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measured {
+    /// 0.35 over the rise time of engagement edges, as in a simulated law.
+    Edges,
+    /// The frequency below which 99 % of the power locked to the shaft lies.
+    Occupied,
+}
+
 /// A law as it is kept in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -32,6 +42,9 @@ pub struct LawFile {
     pub machine_hash: String,
     /// Engagement of the machine, as in its declaration.
     pub ramp: EngagementKind,
+    /// What was measured, for a law that comes from a record of the machine; absent for a simulated one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Measured>,
     /// Lowest and highest pinion speed of the fit, Hz.
     pub domain_hz: [f64; 2],
     /// Relative standard uncertainty of the bandwidth inside the domain.
@@ -64,9 +77,14 @@ impl LawFile {
     /// The text of the file.
     pub fn to_toml(&self) -> String {
         let head = format!(
-            "# Bandwidth law of {}, B = 0.35 / t_r of the edge with which a pair gives off its load.\n\
+            "# Bandwidth law of {}, {}.\n\
              # Valid for this machine with this engagement ramp only; bandwidths in Hz over pinion speed in Hz.\n",
-            self.machine
+            self.machine.replace(char::is_control, " "),
+            match self.measured {
+                None => "B = 0.35 / t_r of the edge with which a pair gives off its load",
+                Some(Measured::Edges) => "measured: B = 0.35 / t_r of engagement edges",
+                Some(Measured::Occupied) => "measured: B holds 99 % of the power locked to the shaft",
+            }
         );
         head + &toml::to_string(self).expect("plain data")
     }
@@ -110,6 +128,7 @@ impl LawFile {
             highest: Hertz(self.domain_hz[1] as f32),
             machine_hash: self.hash()?,
             ramp: match self.ramp {
+                _ if self.measured.is_some() => RampDescription::Measured,
                 EngagementKind::Paper => RampDescription::PaperTable,
                 EngagementKind::TipRelief => RampDescription::TipRelief,
                 EngagementKind::Loaded => RampDescription::LoadedContact,

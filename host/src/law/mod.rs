@@ -1,10 +1,11 @@
 //! The bandwidth law: from simulated engagement edges to the numbers a node carries.
 //!
 //! `edges` defines what is timed, `operating` simulates it, `study` and `sampling` redo the paper's studies, `derive`
-//! fits and checks the law, `either_edge` takes the take-up edge where the other cannot be timed, `estimator` compares the node's sampled estimator, `file` and `export` hand the law on.
+//! fits and checks the law, `either_edge` takes the take-up edge where the other cannot be timed, `estimator` compares the node's sampled estimator, `file` and `export` hand the law on; `learn` measures one on a record.
 
 pub mod crack;
 pub mod derive;
+pub mod domain;
 pub mod edges;
 pub mod either_edge;
 pub mod estimator;
@@ -13,6 +14,7 @@ pub mod file;
 pub mod fit;
 pub mod forms;
 pub mod operating;
+pub mod learn;
 pub mod outcome;
 pub mod paper;
 pub mod point;

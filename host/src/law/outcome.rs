@@ -2,6 +2,7 @@
 //!
 //! The studies are independent and mostly parallel inside; together they take a few seconds on two cores.
 
+use super::domain::Domain;
 use super::derive::{Check, Laws, OPERATING_POINTS, check, derive, study_torque};
 use super::estimator::{Convergence, convergence};
 use super::operating::{Bench, Event};
@@ -78,7 +79,7 @@ pub fn run(machine: &Machine, step: &(impl Fn() + Sync)) -> Result<Outcome> {
     let shaft_hz = nominal.ok_or_else(|| Error::invalid("[nominal] speed_hz", "missing: the studies need a speed"))?;
     let bench = Bench::new(machine)?;
     let tabled = machine.pair.pair_stiffness.is_some() || machine.pair.total_stiffness.is_some();
-    let laws = derive(machine, &bench, step)?;
+    let laws = derive(machine, &bench, Domain::PAPER, step)?;
     let check = check(&laws, &bench, step)?;
     let calibration = study::calibrate(machine)?;
     step();

@@ -55,17 +55,23 @@ pub const LAW_HEAD: [&str; 4] = ["form", "coefficient", "value", "half width of 
 pub fn check_rows(check: &Check) -> Vec<Vec<String>> {
     let row = |f: &super::derive::FormCheck| {
         let mut row = vec![f.form.to_string()];
-        row.extend(f.at_8_16_22.iter().map(|&e| percent(e)));
+        row.extend(f.at_named.iter().map(|&e| percent(e)));
         row.extend([f.worst, f.worst_periodic].map(unsigned));
-        row.push(percent(f.at_50_hz));
+        row.push(percent(f.beyond));
         row
     };
     check.forms.iter().map(row).collect()
 }
 
 /// Head of [`check_rows`].
-pub const CHECK_HEAD: [&str; 7] =
-    ["form", "8 Hz", "16 Hz", "22 Hz", "worst, edge alone", "worst, with the ring", "at 50 Hz"];
+pub fn check_head(check: &Check) -> Vec<String> {
+    let at = |hz: &f64| format!("{} Hz", (100.0 * hz).round() / 100.0);
+    let mut head = vec!["form".to_string()];
+    head.extend(check.named_hz.iter().map(at));
+    head.extend(["worst, edge alone", "worst, with the ring"].map(String::from));
+    head.push(format!("at {}", at(&check.beyond_hz)));
+    head
+}
 
 fn sweep_rows(sweep: &Sweep) -> Vec<Vec<String>> {
     let row = |r: &Row| {
@@ -128,10 +134,13 @@ pub fn check_section(report: Report, check: &Check) -> Result<Report> {
         check.hidden,
         check.rows.len()
     );
+    let head = check_head(check);
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
     Ok(report
         .section("At speeds that were not fitted (Table 6)")
-        .picture(&picture, "Error of each form at 8, 16, 22 Hz and fifty random speeds.")
-        .table("Errors; 50 Hz is an extrapolation to twice the highest fitted speed.", &CHECK_HEAD, &check_rows(check))
+        .text(&check.reliance())
+        .picture(&picture, "Error of each form at three named and fifty random speeds.")
+        .table("Errors; the last column is an extrapolation to twice the highest fitted speed.", &head, &check_rows(check))
         .text(&ring))
 }
 

@@ -158,7 +158,7 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         study,
     );
     let quadratic = &o.check.forms[0];
-    let worst_three = quadratic.at_8_16_22.iter().map(|e| e.abs()).fold(0.0, f64::max);
+    let worst_three = quadratic.at_named.iter().map(|e| e.abs()).fold(0.0, f64::max);
     let three = |errors: &[f64]| errors.iter().map(|e| format!("{:+.2} %", percent(*e))).collect::<Vec<_>>().join(", ");
     add(
         "quadratic-8-16-22",
@@ -166,7 +166,7 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "At 8, 16 and 22 Hz the second-order equation and the simulation differ by less than 2 %.",
         format!(
             "On the recovered rig a parabola fitted as the paper does to 1-25 Hz is off by {}; fitted to 4-25 Hz, above the knee, by {}.",
-            three(&quadratic.at_8_16_22),
+            three(&quadratic.at_named),
             above_the_knee(o).map_or("-".into(), |errors| three(&errors))
         ),
         judged(worst_three < 0.02),
@@ -181,10 +181,10 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
             "Held-out speeds: the parabola is off by up to {:.0} % (low speeds), by {:.1} % at 50 Hz. The tabulated law stays within \
              {:.2} % of the edge alone, {:.2} % of the full simulation, {:.2} % at 50 Hz.",
             percent(quadratic.worst),
-            percent(quadratic.at_50_hz),
+            percent(quadratic.beyond),
             percent(table.worst),
             percent(table.worst_periodic),
-            percent(table.at_50_hz.abs())
+            percent(table.beyond.abs())
         ),
         judged(quadratic.worst < 0.02),
         "meshband law check machines/paper-rig.toml",
@@ -247,7 +247,7 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
 fn above_the_knee(o: &Outcome) -> Option<Vec<f64>> {
     let points: Vec<super::point::Point> = o.laws.points.iter().copied().filter(|p| p.shaft_hz >= 4.0).collect();
     let law = super::fit::fit_quadratic_absolute(&points).ok()?.law;
-    let rows = o.check.rows.iter().take(super::derive::PAPER_CHECK_HZ.len());
+    let rows = o.check.rows.iter().take(super::domain::PAPER_CHECK_HZ.len());
     rows.map(|r| Some(law.bandwidth_hz(r.shaft_hz) / r.periodic_hz? - 1.0)).collect()
 }
 
