@@ -67,6 +67,7 @@ fn law_text(machine_hash: u64) -> String {
         machine: "19-48".into(),
         machine_hash: format!("{machine_hash:#018x}"),
         ramp: EngagementKind::Loaded,
+        measured: None,
         domain_hz: [1.0, 25.0],
         relative_uncertainty: 0.02,
         law: Law::Quadratic { a: 0.0, b: 500.0, c: 0.0 },

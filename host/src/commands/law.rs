@@ -4,12 +4,12 @@ use super::results::{Announced, Force, Results};
 use clap::{Args as ClapArgs, Subcommand};
 use meshband_host::law::derive::{Check, Laws, OPERATING_POINTS, check, derive};
 use meshband_host::law::domain::Domain;
+use meshband_host::law::learn::{self, Learned, Wanted};
 use meshband_host::law::operating::Bench;
 use meshband_host::law::outcome::{self, Outcome};
 use meshband_host::law::report::{
     LAW_HEAD, check_head, check_rows, check_section, law_rows, law_section, study_report,
 };
-use meshband_host::law::learn::{self, Learned, Wanted};
 use meshband_host::law::{export, validation};
 use meshband_host::machine::Machine;
 use meshband_host::output::show;

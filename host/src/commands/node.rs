@@ -3,8 +3,10 @@
 use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband::config::Configuration;
+use meshband::law::Law;
 use meshband_emulator::board::CYCLES_PER_INSTRUCTION;
 use meshband_host::dynamics::simulate::Acquisition;
+use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
 use meshband_host::output::show;
 use meshband_host::record::Record;
@@ -61,6 +63,9 @@ pub struct Args {
     /// Machine: rate of the signal on the wire, Hz; its anti-alias filter is flat to 0.4 of it.
     #[arg(long, default_value_t = 204_800.0)]
     signal_rate: f64,
+    /// Law of the machine (law.toml of `law fit` or `law learn`); otherwise the one that the node is built with.
+    #[arg(long, value_name = "FILE")]
+    law: Option<PathBuf>,
     /// Forces the converter's rate, Hz, without decimation, whatever the law says: aliases are then real.
     #[arg(long)]
     rate: Option<f64>,
@@ -103,7 +108,9 @@ enum ShownUnit {
 
 /// Replays the signal, prints what the node reported, and compares its lines with the f64 reference.
 pub fn run(args: Args) -> Result<()> {
-    let mut files = args.results.announce(&mut args.results.outputs([args.input.as_path()]))?;
+    let inputs = std::iter::once(args.input.as_path()).chain(args.law.as_deref());
+    let mut files = args.results.announce(&mut args.results.outputs(inputs))?;
+    let law = args.law.as_deref().map(LawFile::read).transpose()?;
     let mut signal = if is_record(&args.input) { of_record(&args)? } else { of_machine(&args)? };
     if let Some(unit) = args.unit {
         if signal.unit != Unit::Acceleration {
@@ -114,7 +121,11 @@ pub fn run(args: Args) -> Result<()> {
             ShownUnit::Gravity => Unit::Gravity,
         };
     }
-    let config = configuration(&signal, args.rate)?;
+    let mut config = configuration(&signal, args.rate)?;
+    if let Some(file) = &law {
+        config.law = file.for_node()?;
+    }
+    signal.notes.extend(whose_law(&config.law, signal.machine_hash));
     let (trial, paces) = match args.board {
         BoardName::An386 => in_qemu(&args, &signal, &config)?,
         BoardName::Stm32f405 => (emulated(&args, &signal, &config)?, Vec::new()),
@@ -134,6 +145,18 @@ pub fn run(args: Args) -> Result<()> {
     }
     say!("")?;
     print_table(&summary::paces(&paces))
+}
+
+/// What must be said of a law that is not known to be the machine's own.
+fn whose_law(law: &Law, machine: Option<u64>) -> Option<String> {
+    let own = "--law FILE gives the node its own (`law fit`, `law learn`)";
+    match machine {
+        Some(hash) if hash == law.machine_hash => None,
+        Some(_) if law.machine_hash != 0 => {
+            Some(format!("the bandwidth law is another machine's: rates follow it, not this machine; {own}"))
+        }
+        _ => Some(format!("whether the bandwidth law is this machine's cannot be told; {own}")),
+    }
 }
 
 fn in_qemu(args: &Args, signal: &Signal, config: &Configuration) -> Result<(Trial, Vec<Pace>)> {

@@ -276,7 +276,9 @@ impl Check {
                 format!("The tabulated law can be relied on for single edges: it is off by at most {off}.")
             }
             (0, worst) if worst <= RELIABLE[1] => {
-                format!("The tabulated law can be relied on for sampling rates, not for single edges: it is off by up to {off}.")
+                format!(
+                    "The tabulated law can be relied on for sampling rates, not for single edges: it is off by up to {off}."
+                )
             }
             (hidden, _) => format!(
                 "The tabulated law does not predict single edges: they lie up to {off}, from it, and the ring hides them at {hidden} of {} speeds; \

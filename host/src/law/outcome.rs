@@ -2,8 +2,8 @@
 //!
 //! The studies are independent and mostly parallel inside; together they take a few seconds on two cores.
 
-use super::domain::Domain;
 use super::derive::{Check, Laws, OPERATING_POINTS, check, derive, study_torque};
+use super::domain::Domain;
 use super::estimator::{Convergence, convergence};
 use super::operating::{Bench, Event};
 use super::paper::{self, ImpliedMesh, UNKNOWN_LINES};

@@ -140,7 +140,11 @@ pub fn check_section(report: Report, check: &Check) -> Result<Report> {
         .section("At speeds that were not fitted (Table 6)")
         .text(&check.reliance())
         .picture(&picture, "Error of each form at three named and fifty random speeds.")
-        .table("Errors; the last column is an extrapolation to twice the highest fitted speed.", &head, &check_rows(check))
+        .table(
+            "Errors; the last column is an extrapolation to twice the highest fitted speed.",
+            &head,
+            &check_rows(check),
+        )
         .text(&ring))
 }
 

@@ -276,7 +276,9 @@ pub fn ramp_study(machine: &Machine, step: &(impl Fn() + Sync)) -> Result<Vec<Ra
         .map(|(name, engagement)| {
             let Ok(other) = with_engagement(machine, engagement) else { return Ok(None) };
             let bench = Bench::new(&other)?;
-            let Ok(laws) = super::derive::derive(&other, &bench, super::domain::Domain::PAPER, &|| ()) else { return Ok(None) };
+            let Ok(laws) = super::derive::derive(&other, &bench, super::domain::Domain::PAPER, &|| ()) else {
+                return Ok(None);
+            };
             let check = super::derive::check(&laws, &bench, &|| ())?;
             step();
             Ok(Some(RampStudy {

@@ -62,6 +62,8 @@ pub struct Signal {
     pub pinion_per_tach: f64,
     /// Teeth of pinion and gear.
     pub teeth: [u32; 2],
+    /// Fingerprint of the machine, where one is declared.
+    pub machine_hash: Option<u64>,
     /// What a reader should know: window taken, virtual tach.
     pub notes: Vec<String>,
 }
@@ -131,6 +133,7 @@ impl Signal {
             pulses_per_turn: tach.pulses_per_rev,
             pinion_per_tach: tach.turns_per_pinion_turn(Some(teeth)).map_or(1.0, f64::recip),
             teeth,
+            machine_hash: declaration.machine().ok().map(|machine| machine.hash()),
             notes,
         })
     }
@@ -160,6 +163,7 @@ impl Signal {
             pulses_per_turn: acquisition.pulses_per_turn,
             pinion_per_tach: 1.0,
             teeth: machine.pair.teeth,
+            machine_hash: Some(machine.hash()),
             notes: vec![format!("simulated: bending-torsional model at {} N m", operation.torque_n_m)],
         })
     }

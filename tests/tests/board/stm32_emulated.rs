@@ -125,6 +125,7 @@ fn ref_mesh_lines_of_a_record_on_the_emulated_board_are_those_of_the_f64_referen
         pulses_per_turn: 1,
         pinion_per_tach: 1.0,
         teeth: [TEETH.into(), 48],
+        machine_hash: None,
         notes: Vec::new(),
     };
     let config = meshband_host::virtual_node::setup::configuration(&record, None).expect("accepted");

@@ -42,6 +42,7 @@ fn law_file(folder: &Path) -> PathBuf {
         machine: machine.title.clone(),
         machine_hash: format!("{:#018x}", machine.hash()),
         ramp: EngagementKind::Loaded,
+        measured: None,
         domain_hz: [1.0, 25.0],
         relative_uncertainty: 0.02,
         law: meshband_host::law::forms::Law::Quadratic { a: 0.0, b: 500.0, c: 0.0 },

@@ -7,6 +7,7 @@ mod import;
 mod law;
 mod law_edges;
 mod law_fit;
+mod law_learn;
 mod law_study;
 mod law_table;
 mod measured;

@@ -99,9 +99,8 @@ fn mean(stretches: &[&Seen], left_out: usize) -> f64 {
 
 /// Relative standard uncertainty of a bandwidth read from the table: the knots' errors, and how well neighbours foretell each.
 pub fn relative_uncertainty(knots: &[Knot]) -> f64 {
-    let root_mean_square = |values: Vec<f64>| {
-        (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
-    };
+    let root_mean_square =
+        |values: Vec<f64>| (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt();
     let foretold = (1..knots.len().saturating_sub(1)).map(|i| {
         let others: Vec<(f64, f64)> =
             knots.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, k)| (k.speed_hz, k.bandwidth_hz)).collect();

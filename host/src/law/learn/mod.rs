@@ -110,7 +110,8 @@ pub fn learn(record: &Record, channel: usize, wanted: Wanted) -> Result<Learned>
     let (measured, reason) = chosen(wanted, &seen).map_err(|what| Error::invalid(&place, what))?;
     let knots = knots::knots(&seen, measured, &mut notes);
     if knots.len() < 2 {
-        let found = knots.first().map_or(String::new(), |k| format!(": {:.0} Hz at {:.2} turns/s", k.bandwidth_hz, k.speed_hz));
+        let found =
+            knots.first().map_or(String::new(), |k| format!(": {:.0} Hz at {:.2} turns/s", k.bandwidth_hz, k.speed_hz));
         let what = format!(
             "bandwidth could be measured at {} speed{found}; a law needs two, {:.0} % apart",
             knots.len(),
@@ -162,8 +163,7 @@ impl Learned {
     pub fn file(&self, machine: Option<&Machine>) -> LawFile {
         // Six digits are what a node's f32 holds.
         let digits = |x: f64| format!("{x:.5e}").parse::<f64>().expect("a number");
-        let knots: Vec<(f64, f64)> =
-            self.knots.iter().map(|k| (digits(k.speed_hz), digits(k.bandwidth_hz))).collect();
+        let knots: Vec<(f64, f64)> = self.knots.iter().map(|k| (digits(k.speed_hz), digits(k.bandwidth_hz))).collect();
         LawFile {
             machine: machine.map_or_else(|| self.title.clone(), |m| m.title.clone()),
             machine_hash: format!("{:#018x}", machine.map_or(0, Machine::hash)),

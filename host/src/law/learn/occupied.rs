@@ -61,24 +61,27 @@ pub fn locked_power(samples: &[f64], per_turn: usize, stretch: &Stretch, rate_hz
     LockedPower { power, scatter }
 }
 
-/// Occupied bandwidth of stretches of about the same speed.
+/// Occupied bandwidth of stretches of about the same speed: their lines are put together by frequency, since their last orders differ.
 pub fn occupied<'a>(stretches: impl Iterator<Item = (&'a LockedPower, f64)> + Clone) -> Occupied {
-    let orders = stretches.clone().map(|(p, _)| p.power.len()).min().unwrap_or(0);
-    let count = stretches.clone().count().max(1) as f64;
-    let speed_hz = stretches.clone().map(|(_, f)| f).sum::<f64>() / count;
+    let band_hz = stretches.clone().map(|(p, speed_hz)| p.power.len() as f64 * speed_hz).fold(f64::INFINITY, f64::min);
     let scatter: f64 = stretches.clone().map(|(p, _)| p.scatter).sum();
-    let mut sum = 0.0;
-    let running: Vec<f64> = (0..orders)
-        .map(|k| {
-            sum += stretches.clone().map(|(p, _)| p.power[k]).sum::<f64>();
-            sum
+    let mut lines: Vec<(f64, f64)> = stretches
+        .flat_map(|(p, speed_hz)| {
+            p.power.iter().zip(1..).map(move |(power, order)| (f64::from(order) * speed_hz, *power))
         })
+        .filter(|(hz, _)| *hz <= band_hz)
         .collect();
-    let total = running.iter().copied().fold(0.0, f64::max);
+    lines.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let running = lines.iter().scan(0.0, |sum, (hz, power)| {
+        *sum += power;
+        Some((*hz, *sum))
+    });
+    let total = running.clone().map(|(_, sum)| sum).fold(0.0, f64::max);
     if total <= LEAST_SIGNIFICANCE * scatter.sqrt() {
         return Occupied::Noise;
     }
-    let order = running.iter().position(|&p| p >= SHARE * total).map_or(orders, |k| k + 1);
-    let hz = order as f64 * speed_hz;
-    if order as f64 >= BOUND * orders as f64 { Occupied::AtLeast(hz) } else { Occupied::Measured(hz) }
+    match running.clone().find(|(_, sum)| *sum >= SHARE * total) {
+        Some((hz, _)) if hz < BOUND * band_hz => Occupied::Measured(hz),
+        _ => Occupied::AtLeast(band_hz),
+    }
 }

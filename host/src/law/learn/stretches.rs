@@ -5,7 +5,7 @@ use crate::analysis::angle::Angle;
 /// Fewest turns of the pinion in a stretch: two halves of two.
 pub const FEWEST_TURNS: usize = 4;
 /// Most turns; longer ones give no finer place, and several tell the scatter.
-const MOST_TURNS: usize = 16;
+const MOST_TURNS: usize = 8;
 /// Share by which a turn's speed may differ from that of the stretch's first.
 pub const LIKE: f64 = 0.03;
 
