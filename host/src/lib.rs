@@ -8,6 +8,7 @@ pub mod confined;
 pub mod dynamics;
 pub mod effects;
 pub mod error;
+pub mod field;
 pub mod import;
 pub mod law;
 pub mod link;

@@ -1,13 +1,15 @@
 //! `meshband simulate`: a record folder of a simulated machine, one run per pair of speed and torque.
 
+mod field;
+
 use super::results::Results;
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::budget::ALL_STEPS;
-use meshband_host::dynamics::Motion;
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::rig::{PARTS, Rig};
 use meshband_host::dynamics::simulate::{Acquisition, Simulated, run_seed, simulate, start_turn, start_turns};
 use meshband_host::dynamics::work::{check_edges, check_samples};
+use meshband_host::dynamics::{Effect, Motion};
 use meshband_host::machine::Hunting;
 use meshband_host::machine::Machine;
 use meshband_host::output::Content;
@@ -47,13 +49,13 @@ pub struct Args {
     #[arg(long)]
     duration: Option<f64>,
     /// Tach pulses per turn of the pinion.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, conflicts_with = "field")]
     pulses: u32,
     /// Standard deviation of tach edges, s.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, conflicts_with = "field")]
     jitter: f64,
     /// Standard deviation of white noise, m/s2.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, conflicts_with = "field")]
     noise: f64,
     /// Seed of the random streams.
     #[arg(long, default_value_t = 1)]
@@ -64,11 +66,31 @@ pub struct Args {
     /// Model: bending-torsional, bending-torsional-6 or casing.
     #[arg(long, default_value = "bending-torsional")]
     model: Model,
-    /// Record folder to write.
+    /// A record as owners have them: wander, housing channels, tachometer, noise from this TOML file (docs/records.md).
+    #[arg(long, value_name = "FILE", conflicts_with = "random_start")]
+    field: Option<PathBuf>,
+    /// With --field: writes a folder of an acquisition system's files instead of a record.
+    #[arg(long = "as", value_enum, value_name = "FORMAT", requires = "field")]
+    files: Option<Files>,
+    /// With --field: writes what nobody could measure (angle, paths, effects) as JSON.
+    #[arg(long, value_name = "FILE", requires = "field")]
+    truth: Option<PathBuf>,
+    /// Record folder (with --as: folder of files) to write.
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
     results: Results,
+}
+
+/// Formats of an acquisition system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Files {
+    /// 32-bit float WAV
+    Wav,
+    /// comma-separated text with a time column
+    Csv,
+    /// NumPy float32, samples x channels
+    Npy,
 }
 
 /// One run's conditions.
@@ -81,17 +103,14 @@ struct Point {
 
 /// Simulates the runs and writes the record.
 pub fn run(args: Args) -> Result<()> {
+    if args.field.is_some() {
+        return field::run(&args);
+    }
     let read = [Some(&args.machine), args.effects_file.as_ref()].into_iter().flatten().map(PathBuf::as_path);
     let mut outputs = args.results.outputs(read);
     let folder = outputs.folder(&args.output, Content::Record)?;
     let mut files = args.results.announce(&mut outputs)?;
-    let machine = Machine::read(&args.machine)?;
-    let mut rig = Rig::new(&machine, args.model, Damping::Declared)?;
-    let mut effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
-    if let Some(path) = &args.effects_file {
-        effects.extend(effects::read(path)?);
-    }
-    let torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
+    let Prepared { machine, mut rig, effects, torque_factor } = Prepared::of(&args)?;
     let (points, default_s) = points(&args, &machine)?;
     let duration_s = args.duration.unwrap_or(default_s);
     check_samples(args.rate, duration_s, points.len())?;
@@ -117,6 +136,27 @@ pub fn run(args: Args) -> Result<()> {
     }
     record(&args, &machine, &points, &results)?.write_to(folder)?;
     files.write(&json(&args, &points, &results), || report(&args, &machine, &points, &results))
+}
+
+/// Machine and effects that the options name.
+struct Prepared {
+    machine: Machine,
+    rig: Rig,
+    effects: Vec<Box<dyn Effect>>,
+    torque_factor: f64,
+}
+
+impl Prepared {
+    fn of(args: &Args) -> Result<Self> {
+        let machine = Machine::read(&args.machine)?;
+        let rig = Rig::new(&machine, args.model, Damping::Declared)?;
+        let mut effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
+        if let Some(path) = &args.effects_file {
+            effects.extend(effects::read(path)?);
+        }
+        let torque_factor = args.effects_file.as_deref().map_or(Ok(1.0), effects::read_torque_factor)?;
+        Ok(Self { machine, rig, effects, torque_factor })
+    }
 }
 
 /// The runs asked for, and their default length, s.
@@ -178,10 +218,14 @@ fn check_work(rig: &Rig, points: &[Point], args: &Args, duration_s: f64) -> Resu
 /// What a reader of the result must know.
 fn warning(simulated: &Simulated) -> Option<String> {
     let energy = &simulated.energy;
-    (energy.least_mesh_force_n < 0.0 && simulated.statistics.contact_events == 0).then(|| {
+    pull([energy.least_mesh_force_n, energy.least_at_s], simulated.statistics.contact_events)
+}
+
+/// That teeth would have to pull, from the least mesh force, N, and its time, s.
+fn pull([least_n, at_s]: [f64; 2], contact_events: u64) -> Option<String> {
+    (least_n < 0.0 && contact_events == 0).then(|| {
         format!(
-            "the mesh force falls to {:.3e} N at {:.4} s: teeth cannot pull; add `--effect backlash` for contact loss",
-            energy.least_mesh_force_n, energy.least_at_s
+            "the mesh force falls to {least_n:.3e} N at {at_s:.4} s: teeth cannot pull; add `--effect backlash` for contact loss"
         )
     })
 }

@@ -7,6 +7,7 @@ use super::energy::{Report, Watch};
 use super::excitation::{Effect, Facts};
 use super::kinematics::Motion;
 use super::mesh::{Mesh, MeshDamping};
+use super::quantity::Quantity;
 use super::sample::Sampler;
 use super::taylor::{Options, Solver, State, Statistics, Step};
 use crate::machine::{EngagementKind, Geometry, Load, MOST_TORQUE_N_M, Machine, Motor};
@@ -48,6 +49,17 @@ pub struct Rig {
 pub struct Sampled {
     /// Acceleration of both channels, m/s2.
     pub channels: [Vec<f64>; 2],
+    /// Cost.
+    pub statistics: Statistics,
+    /// Energy balance of the first mesh periods and least mesh force.
+    pub energy: Report,
+}
+
+/// Any quantities of a run with its cost and energy.
+#[derive(Debug, Clone)]
+pub struct Recorded {
+    /// One signal per quantity, in its unit.
+    pub signals: Vec<Vec<f64>>,
     /// Cost.
     pub statistics: Statistics,
     /// Energy balance of the first mesh periods and least mesh force.
@@ -227,18 +239,36 @@ impl Rig {
         rate_hz: f64,
         count: usize,
     ) -> Result<Sampled> {
+        let quantities = self.sensors()?.map(Quantity::Acceleration);
+        let Recorded { signals, statistics, energy } =
+            self.recorded(motion, input_torque_n_m, effects, (rate_hz, count), &quantities)?;
+        let channels = signals.try_into().map_err(|_| Error::impossible("simulation", "gives no two channels"))?;
+        Ok(Sampled { channels, statistics, energy })
+    }
+
+    /// Any quantities of a run at `index / rate_hz` for `count` samples, through the anti-alias filter as [`Rig::sampled`].
+    ///
+    /// # Errors
+    /// As [`Rig::run`].
+    pub fn recorded(
+        &self,
+        motion: &Motion,
+        input_torque_n_m: f64,
+        effects: &[Box<dyn Effect>],
+        (rate_hz, count): (f64, usize),
+        quantities: &[Quantity],
+    ) -> Result<Recorded> {
         if !(rate_hz.is_finite() && rate_hz > 0.0 && count > 0) {
             return Err(Error::invalid("sample rate", format!("{count} samples at {rate_hz} Hz is no record")));
         }
-        let sensors = self.sensors()?;
         self.work(motion, count as f64 / rate_hz).check_against(rate_hz)?;
         let filter = Decimator::new();
         let unfiltered = effects.iter().any(|e| e.unfiltered());
         let (first, end) = if unfiltered { (0, count as i64) } else { filter.span(count) };
         let fine_hz = if unfiltered { rate_hz } else { rate_hz * OVERSAMPLING as f64 };
         let mut sampler = Sampler::spanning(fine_hz, first, end);
-        let mut streams = [0, 1].map(|_| Stream::new(&filter, count));
-        let mut points = [0, 1].map(|_| Vec::new());
+        let mut streams: Vec<Stream> = quantities.iter().map(|_| Stream::new(&filter, count)).collect();
+        let mut points = vec![Vec::new(); quantities.len()];
         let force = &self.system.torque * input_torque_n_m;
         let mut watch = Watch::new(&self.system, &force);
         // The last sample must lie inside a step.
@@ -254,22 +284,28 @@ impl Rig {
                     told = parts;
                 }
             }
-            sampler.take(step, &sensors, |channel, _, values| {
-                if unfiltered {
-                    points[channel].extend_from_slice(values);
-                } else {
-                    streams[channel].push(values);
-                }
-            });
+            sampler.take_of(
+                step,
+                quantities.len(),
+                |i| quantities[i].series(step),
+                |channel, _, values| {
+                    if unfiltered {
+                        points[channel].extend_from_slice(values);
+                    } else {
+                        streams[channel].push(values);
+                    }
+                },
+            );
         })?;
-        let channels = if unfiltered { points } else { streams.map(Stream::finish) };
+        let channels: Vec<Vec<f64>> =
+            if unfiltered { points } else { streams.into_iter().map(Stream::finish).collect() };
         if let Some(short) = channels.iter().find(|c| c.len() != count) {
             let what = format!("{} of {count} samples lie within the run", short.len());
             return Err(Error::impossible("sample rate", what));
         }
         if channels.iter().flatten().any(|x| !x.is_finite()) {
-            return Err(Error::impossible("simulation", "gives accelerations beyond the range of numbers"));
+            return Err(Error::impossible("simulation", "gives values beyond the range of numbers"));
         }
-        Ok(Sampled { channels, statistics, energy: watch.report() })
+        Ok(Recorded { signals: channels, statistics, energy: watch.report() })
     }
 }

@@ -42,14 +42,25 @@ impl Sampler {
     }
 
     /// Hands every channel's samples that fall into `step` to `sink(channel, first index, values)`.
-    pub fn take(&mut self, step: &Step, channels: &[usize], mut sink: impl FnMut(usize, i64, &[f64])) {
+    pub fn take(&mut self, step: &Step, channels: &[usize], sink: impl FnMut(usize, i64, &[f64])) {
+        self.take_of(step, channels.len(), |channel| step.acceleration(channels[channel]), sink);
+    }
+
+    /// [`Sampler::take`] of any quantities, given as series over the step.
+    pub fn take_of(
+        &mut self,
+        step: &Step,
+        quantities: usize,
+        of: impl Fn(usize) -> Series,
+        mut sink: impl FnMut(usize, i64, &[f64]),
+    ) {
         let (count, first, spacing) = self.span(step);
         if count == 0 {
             return;
         }
         let mut values = [0.0; BLOCK];
-        for (channel, &coordinate) in channels.iter().enumerate() {
-            let series = step.acceleration(coordinate);
+        for channel in 0..quantities {
+            let series = of(channel);
             let mut done = 0;
             while done < count {
                 let n = BLOCK.min(count - done);

@@ -1,5 +1,6 @@
 //! A record of a simulated machine: signals, codes and tach edges, from a seed.
 
+use super::crossings::crossings;
 use super::energy::Report;
 use super::excitation::{Effect, Sampled};
 use super::kinematics::Motion;
@@ -136,27 +137,16 @@ pub fn start_turn(seed: u64, hunting: u32) -> u32 {
     rand::RngExt::random_range(&mut random, 0..hunting.max(1))
 }
 
-fn angle_turns(motion: &Motion, effects: &[Box<dyn Effect>], t: f64) -> f64 {
+/// Angle of the pinion at `t`, turns, with what effects add to it.
+pub fn angle_turns(motion: &Motion, effects: &[Box<dyn Effect>], t: f64) -> f64 {
     let mut turns = motion.turns(t, 1e-6);
     effects.iter().for_each(|e| e.turns(t, 1e-6, &mut turns));
     turns.coefficient(0)
 }
 
-/// Edge times within the run by bisection of the angle between samples, and the first pulse's number.
+/// Edge times within the run, and the first pulse's number.
 fn edges(turns: &[f64], a: &Acquisition, angle: &impl Fn(f64) -> f64) -> (i64, Vec<f64>) {
     let pulses = f64::from(a.pulses_per_turn);
     let first = (turns[0] * pulses).ceil() as i64;
-    let (mut next, mut times) = (first, Vec::new());
-    for (i, &angle_now) in turns.iter().enumerate().skip(1) {
-        while angle_now * pulses >= next as f64 {
-            let (mut low, mut high) = ((i - 1) as f64 / a.rate_hz, i as f64 / a.rate_hz);
-            for _ in 0..60 {
-                let middle = 0.5 * (low + high);
-                if angle(middle) * pulses >= next as f64 { high = middle } else { low = middle }
-            }
-            times.push(high);
-            next += 1;
-        }
-    }
-    (first, times)
+    (first, crossings(turns, a.rate_hz, angle, (first..).map(|pulse| pulse as f64 / pulses)))
 }

@@ -12,7 +12,12 @@ pub enum Content {
     Record,
     /// Predictions: float32 arrays and nothing else.
     Predictions,
+    /// Files of an acquisition system as `meshband simulate --as` writes them: `runNN` with one of its endings.
+    Recordings,
 }
+
+/// Endings of recordings.
+const RECORDINGS: [&str; 3] = ["wav", "csv", "npy"];
 
 /// Start of a NumPy file with float32 values as [`crate::record::npy::bytes_f32`] writes it.
 const FLOAT32: &[u8] = b"'descr': '<f4'";
@@ -53,7 +58,10 @@ pub(super) fn replaceable(folder: &Path, content: Content) -> Result<()> {
         Content::Predictions if folder.join("record.toml").symlink_metadata().is_ok() => {
             return Err(Error::invalid(folder.display(), "is a record; predictions need a folder of their own"));
         }
-        Content::Predictions => Vec::new(),
+        Content::Recordings if folder.join("record.toml").symlink_metadata().is_ok() => {
+            return Err(Error::invalid(folder.display(), "is a record; recordings need a folder of their own"));
+        }
+        Content::Predictions | Content::Recordings => Vec::new(),
     };
     for entry in std::fs::read_dir(folder).map_err(Error::file(folder))? {
         let entry = entry.map_err(Error::file(folder))?;
@@ -61,6 +69,7 @@ pub(super) fn replaceable(folder: &Path, content: Content) -> Result<()> {
         let found = path.symlink_metadata().map_err(Error::file(&path))?;
         let ours = match content {
             Content::Record => declared.contains(&name),
+            Content::Recordings => is_recording(&name),
             Content::Predictions => name.extension().is_some_and(|e| e == "npy") && is_float32(&path),
         };
         if !found.is_file() || !ours {
@@ -71,6 +80,12 @@ pub(super) fn replaceable(folder: &Path, content: Content) -> Result<()> {
         }
     }
     Ok(())
+}
+
+fn is_recording(name: &Path) -> bool {
+    let number = name.file_stem().and_then(|stem| stem.to_str()?.strip_prefix("run"));
+    number.is_some_and(|digits| digits.len() >= 2 && digits.bytes().all(|b| b.is_ascii_digit()))
+        && name.extension().is_some_and(|e| RECORDINGS.iter().any(|own| e == *own))
 }
 
 fn is_float32(path: &Path) -> bool {
