@@ -18,6 +18,7 @@ pub mod model;
 pub mod observation;
 pub mod output;
 pub mod piecewise;
+pub mod pulses;
 pub mod record;
 pub mod report;
 pub mod spectral;

@@ -8,7 +8,7 @@
 //! smoothed; jitter of the edges goes into the angle as it is.
 
 use crate::budget::ANGLES;
-use crate::check::edges::{MOST_REPAIRED, Repair};
+use crate::check::edges::Repair;
 use crate::record::{Run, Tach};
 use crate::spectral::{AngleMap, resample_by_angle};
 use crate::{Error, Result};
@@ -62,8 +62,8 @@ impl Angle {
     /// Edges that cannot be repaired, too few turns, more points than the budget; `place` names the run.
     pub fn of(run: &Run, tach: &Tach, teeth: [u32; 2], place: &str) -> Result<Self> {
         let gear_order = f64::from(teeth[0]) / f64::from(teeth[1]);
-        let repair = Repair::of(&run.edges_s);
-        if repair.changes() as f64 > MOST_REPAIRED * repair.edges_s.len() as f64 {
+        let repair = Repair::of(&run.edges_s, tach.pulses_per_rev);
+        if repair.is_beyond() {
             return Err(Error::invalid(place, "tach edges are too irregular to repair; `meshband check` says more"));
         }
         let first = f64::from(run.declaration.first_pulse_index) / f64::from(tach.pulses_per_rev);

@@ -248,10 +248,7 @@ fn analysed(
     names: &[String],
     ensembles: &mut [[RunEnsemble; 2]],
 ) -> RunOutcome {
-    let moves = |c: usize| {
-        let codes = run.channel_codes(c);
-        codes.iter().any(|code| *code != codes[0])
-    };
+    let moves = |c: usize| run.moves(c);
     let outcomes = channels
         .par_iter()
         .zip(ensembles)

@@ -1,32 +1,30 @@
 //! Rules on the tach edges: lost and doubled edges, speeds that cannot be.
 //!
-//! The node's tracker bridges a lost edge and rejects a doubled one; the same is done here on the whole run. Limit: an edge lost at
-//! either end of a run cannot be seen, and does no harm to the angle but by whole turns where there is one pulse per turn.
+//! The node's tracker bridges a lost edge and rejects a doubled one; on the whole run [`crate::pulses`] does the same, with more
+//! behind an edge to judge it by. Limit: an edge lost at either end of a run cannot be seen, and does no harm to the angle but by whole turns
+//! where there is one pulse per turn.
 
 use super::Checked;
 use super::finding::{Finding, Kind, Severity};
 use crate::observation::spectrum::BAND_HZ;
+use crate::pulses::{Place, counted};
 
-/// Departure from a whole number of intervals up to which edges count as lost, in intervals; a speed that sways stays below.
-const NEAR_WHOLE: f64 = 0.12;
-/// Interval, as a share of the usual one, below which an edge is one too many.
-const TOO_SHORT: f64 = 0.5;
 /// Share of edges up to which they are repaired.
-pub(crate) const MOST_REPAIRED: f64 = 0.2;
-/// Intervals on each side of one that say what is usual there.
-const NEAR_BY: usize = 10;
+const MOST_REPAIRED: f64 = 0.2;
+/// Fewer edges than this say nothing about what is usual.
+const FEWEST: usize = 6;
 
 /// Applies the rules on edges and repairs them.
 pub fn check(checked: &mut Checked) {
     speeds(checked);
     let (mut repaired, mut beyond, mut words) = (Vec::new(), Vec::new(), Vec::new());
     for r in 0..checked.record.runs.len() {
-        let repair = Repair::of(&checked.record.runs[r].edges_s);
-        if repair.changes() == 0 {
+        let repair = Repair::of(&checked.record.runs[r].edges_s, checked.record.pulses_per_rev);
+        if repair.is_beyond() {
+            beyond.push(r);
             continue;
         }
-        if repair.changes() as f64 > MOST_REPAIRED * repair.edges_s.len() as f64 {
-            beyond.push(r);
+        if repair.changes() == 0 {
             continue;
         }
         words.push(format!("run {} {}", checked.runs[r], repair.words()));
@@ -65,70 +63,42 @@ fn speeds(checked: &mut Checked) {
 pub(crate) struct Repair {
     pub(crate) edges_s: Vec<f64>,
     added: Vec<f64>,
-    removed: Vec<f64>,
+    removed: Vec<Place>,
+    out_of_step: usize,
 }
 
 impl Repair {
-    /// Repairs at least two edges; what is usual is taken from the intervals near by, so that a run-up passes.
-    pub(crate) fn of(edges: &[f64]) -> Self {
-        let usual = usual_intervals(edges);
-        let mut repair = Self { edges_s: vec![edges[0]], added: Vec::new(), removed: Vec::new() };
-        let mut next = 1;
-        while next < edges.len() {
-            let (last, edge, usual) = (repair.edges_s[repair.edges_s.len() - 1], edges[next], usual[next - 1]);
-            let count = (edge - last) / usual;
-            if count < TOO_SHORT {
-                // Of two edges close together the one that is in time with the others stays.
-                let before = repair.edges_s.len().checked_sub(2).map(|i| repair.edges_s[i]);
-                let off = |at: f64| match (before, edges.get(next + 1)) {
-                    (Some(before), _) => (at - before - usual).abs(),
-                    (None, Some(after)) => (after - at - usual).abs(),
-                    (None, None) => 0.0,
-                };
-                if off(edge) < off(last) {
-                    repair.removed.push(last);
-                    repair.edges_s.pop();
-                    repair.edges_s.push(edge);
-                } else {
-                    repair.removed.push(edge);
-                }
-            } else {
-                let whole = count.round();
-                if whole >= 2.0 && (count - whole).abs() < NEAR_WHOLE * whole {
-                    let step = (edge - last) / whole;
-                    let lost = (1..whole as usize).map(|i| last + i as f64 * step);
-                    repair.added.extend(lost.clone());
-                    repair.edges_s.extend(lost);
-                }
-                repair.edges_s.push(edge);
-            }
-            next += 1;
+    /// Repairs at least one edge of a shaft with `pulses_per_rev` pulses; what is usual is taken from the intervals near by, so that a run-up
+    /// passes.
+    pub(crate) fn of(edges: &[f64], pulses_per_rev: u32) -> Self {
+        if edges.len() < FEWEST {
+            return Self { edges_s: edges.to_vec(), added: Vec::new(), removed: Vec::new(), out_of_step: 0 };
         }
-        repair
+        let pulses = counted(edges, pulses_per_rev > 1);
+        let put_in = pulses.times_s.iter().zip(&pulses.measured).filter(|(_, measured)| !**measured);
+        let added = put_in.map(|(t, _)| *t).collect();
+        let out_of_step = pulses.out_of_step();
+        Self { edges_s: pulses.times_s, added, removed: pulses.doubled, out_of_step }
     }
 
     pub(crate) fn changes(&self) -> usize {
-        self.added.len() + self.removed.len()
+        self.added.len() + self.removed.iter().map(|place| place.pulses).sum::<usize>()
+    }
+
+    /// Whether too many edges were changed or fit nowhere.
+    pub(crate) fn is_beyond(&self) -> bool {
+        (self.changes() + self.out_of_step) as f64 > MOST_REPAIRED * self.edges_s.len() as f64
     }
 
     pub(crate) fn words(&self) -> String {
         let mut words = Vec::new();
-        for (edges, what) in [(&self.added, "lost"), (&self.removed, "too many")] {
-            if let Some(first) = edges.first() {
-                words.push(format!("{} {what} (at {first:.4} s)", edges.len()));
-            }
+        if let Some(first) = self.added.first() {
+            words.push(format!("{} lost (at {first:.4} s)", self.added.len()));
+        }
+        if let Some(first) = self.removed.first() {
+            let count: usize = self.removed.iter().map(|place| place.pulses).sum();
+            words.push(format!("{count} too many (behind {:.4} s)", first.time_s));
         }
         words.join(", ")
     }
-}
-
-/// Median interval about each interval.
-fn usual_intervals(edges: &[f64]) -> Vec<f64> {
-    let intervals: Vec<f64> = edges.windows(2).map(|w| w[1] - w[0]).collect();
-    let about = |i: usize| {
-        let mut near = intervals[i.saturating_sub(NEAR_BY)..(i + NEAR_BY + 1).min(intervals.len())].to_vec();
-        let middle = near.len() / 2;
-        *near.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    (0..intervals.len()).map(about).collect()
 }

@@ -4,19 +4,20 @@ mod tach;
 
 use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
-use meshband_host::import::{ImportOptions, ImportSummary, Reading, TachChoice, Unit, import};
+use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachChoice, Unit};
+use meshband_host::machine::Machine;
 use meshband_host::output::{Content, show};
 use meshband_host::record::{Record, Run};
 use meshband_host::report::plot::{Axes, Label, Series};
 use meshband_host::report::{Report, plot};
 use meshband_host::spectral::{Window, amplitude_spectrum};
 use meshband_host::{Error, Result, say, terminal};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `meshband import`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// MATLAB v5, csv, csv.gz, wav, npy or uff58 files; of equal length: channels of one run.
+    /// MATLAB, HDF5, TDMS, csv, csv.gz, wav, FLAC, npy or uff58 files; of equal length: channels of one run.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Folder of the new record.
@@ -37,9 +38,9 @@ pub struct Args {
     /// Tooth counts of pinion and gear, as 23,46.
     #[arg(long, value_delimiter = ',')]
     teeth: Option<Vec<u32>>,
-    /// Mesh frequency as far as known, Hz (within 3 %); searched for otherwise.
-    #[arg(long)]
-    mesh: Option<f64>,
+    /// Mesh frequency as far as known, Hz (within 3 %); searched for otherwise. FROM,TO: it changes within that range.
+    #[arg(long, value_delimiter = ',', num_args = 1)]
+    mesh: Vec<f64>,
     /// Unit of the source; one for all channels, or one for each, separated by commas.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "m/s2")]
     unit: Vec<SourceUnit>,
@@ -52,6 +53,18 @@ pub struct Args {
     /// Value of the largest code, in the record's unit; 10 % over the peak otherwise.
     #[arg(long)]
     full_scale: Option<f64>,
+    /// What the largest number of an integer file stands for, in --unit: one, one per channel, or a csv file with one row per channel.
+    #[arg(long, value_name = "VALUES|FILE")]
+    source_full_scale: Option<String>,
+    /// Keep samples as float32 values instead of 16-bit codes of one full scale.
+    #[arg(long)]
+    float: bool,
+    /// Torque at the pinion's shaft, N m; one for all runs, or one for each, separated by commas.
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
+    torque: Vec<f64>,
+    /// Machine file: the record then declares the whole machine, its tooth counts included.
+    #[arg(long, value_name = "FILE")]
+    machine: Option<PathBuf>,
     /// Make every file a run of its own.
     #[arg(long)]
     runs: bool,
@@ -106,6 +119,14 @@ pub fn run(args: Args) -> Result<()> {
     {
         return Err(Error::invalid("--teeth", format!("{},{} are not tooth counts (5 to 1000)", teeth[0], teeth[1])));
     }
+    let machine = args.machine.as_deref().map(Machine::read).transpose()?;
+    let teeth = import::teeth(machine.as_ref(), teeth)?;
+    let (mesh_guess_hz, mesh_range_hz) = match args.mesh[..] {
+        [] => (None, None),
+        [guess] => (Some(guess), None),
+        [from, to] => (None, Some([from, to])),
+        _ => return Err(Error::invalid("--mesh", "needs one frequency, or a range as 350,720")),
+    };
     let measured = args.tach.options()?;
     let name = args.output.file_name().map_or_else(|| "import".into(), |name| name.to_string_lossy().into_owned());
     let options = ImportOptions {
@@ -117,10 +138,15 @@ pub fn run(args: Args) -> Result<()> {
         rate_hz: args.rate,
         override_rate: args.override_rate,
         teeth,
-        mesh_guess_hz: args.mesh,
+        mesh_guess_hz,
+        mesh_range_hz,
         units: units(&args.unit, &args.volt_per_g)?,
         channel_names: args.channel_names,
         full_scale: args.full_scale,
+        source_full_scale: args.source_full_scale.as_deref().map_or(Ok(Vec::new()), full_scales)?,
+        float: args.float,
+        torques_n_m: args.torque,
+        machine,
         files_are_runs: args.runs,
         tach: match measured {
             Some(tach) => TachChoice::Measured(tach),
@@ -129,14 +155,23 @@ pub fn run(args: Args) -> Result<()> {
         },
         remove_mean: args.remove_mean,
     };
-    let tach_files = args.tach.files();
-    let mut outputs = args.results.outputs(args.files.iter().chain(&tach_files).map(PathBuf::as_path));
+    let mut read = args.files.clone();
+    read.extend(args.tach.files());
+    read.extend(args.machine.iter().cloned());
+    read.extend(args.source_full_scale.iter().map(PathBuf::from).filter(|path| path.is_file()));
+    let mut outputs = args.results.outputs(read.iter().map(PathBuf::as_path));
     let folder = outputs.folder(&args.output, Content::Record)?;
     let mut files = args.results.announce(&mut outputs)?;
-    let (record, summary) = import(&args.files, &options)?;
+    let (record, summary) = import::import(&args.files, &options)?;
     record.write_to(folder)?;
     files.write(&summary, || report(&options.title, &record, &summary))?;
     print(&summary)
+}
+
+/// Full scales from a list, or from a file of that name.
+fn full_scales(text: &str) -> Result<Vec<f64>> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers.map_or_else(|| import::read_full_scales(Path::new(text)), Ok)
 }
 
 /// One unit for all channels, or one for each: as many as units or sensitivities are given.
@@ -204,7 +239,9 @@ fn print(summary: &ImportSummary) -> Result<()> {
         summary.full_scale,
         summary.unit
     )?;
-    show(&terminal::table(&["channel", "over quantisation, dB"], &rows))?;
+    if !rows.is_empty() {
+        show(&terminal::table(&["channel", "over quantisation, dB"], &rows))?;
+    }
     if !summary.tach.is_empty() {
         say!("\nvirtual tach from the mesh line's phase (tooth index and angle 0 are unknown)")?;
         show(&terminal::table(&TACH_HEAD, &tach_rows(summary)))?;

@@ -55,7 +55,7 @@ pub(super) fn read(path: &Path, content: &str, stem: &str, reading: &Reading) ->
         _ if width == 1 => vec![stem.to_string()],
         _ => (0..width).map(|c| format!("{stem} {c}")).collect(),
     };
-    let columns = Columns { names, channels: rows.channels, rate_hz: None, remarks: rows.remarks };
+    let columns = Columns { names, channels: rows.channels, rate_hz: None, remarks: rows.remarks, largest: None };
     if reading.no_time { Ok(columns) } else { time_axis::take(path, columns, &[0]) }
 }
 

@@ -4,10 +4,9 @@
 //! elements, both byte orders. Not read: structures, cells, sparse and complex arrays (skipped, with a remark).
 //!
 //! Some exporters store every variable twice, zeros first and data second (matio 1.5.2 as used by at least
-//! one bench system). The *last* variable of a name that is not all zeros therefore wins.
-//!
-//! A single number called `fs`, `Fs`, `sample_rate` or the like is the sampling rate in Hz.
+//! one bench system). The *last* variable of a name that is not all zeros therefore wins ([`super::variables`]).
 
+use super::variables::{Variable, columns};
 use super::{Columns, Reading, time_axis};
 use crate::budget::{self, VALUES};
 use crate::{Error, Result, text};
@@ -16,18 +15,6 @@ use std::path::Path;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
-/// What a sampling rate is called, letters only.
-const RATE_NAMES: [&str; 8] =
-    ["fs", "fsamp", "fshz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sampleratehz"];
-/// Variables left out that are named in a remark.
-const LISTED: usize = 10;
-
-struct Variable {
-    name: String,
-    rows: usize,
-    columns: usize,
-    values: Vec<f64>,
-}
 
 /// Reads all numeric vectors of the longest length as channels, but a time vector, which gives the rate.
 pub(super) fn read(path: &Path, bytes: &[u8], stem: &str, reading: &Reading) -> Result<Columns> {
@@ -73,83 +60,6 @@ pub(super) fn read(path: &Path, bytes: &[u8], stem: &str, reading: &Reading) -> 
     }
     let all: Vec<usize> = (0..columns.channels.len()).collect();
     time_axis::take(path, columns, &all)
-}
-
-/// Keeps the last non-zero variable of each name and takes those of the longest length as channels.
-fn columns(path: &Path, variables: Vec<Variable>, skipped: usize, stem: &str) -> Result<Columns> {
-    let mut remarks = Vec::new();
-    let mut kept: Vec<Variable> = Vec::new();
-    for variable in variables {
-        let zero = variable.values.iter().all(|&x| x == 0.0);
-        match kept.iter_mut().find(|other| other.name == variable.name) {
-            Some(other) => {
-                remarks.push(format!(
-                    "variable {} is stored more than once; the last that is not zero is used",
-                    other.name
-                ));
-                if !zero {
-                    *other = variable;
-                }
-            }
-            None => kept.push(variable),
-        }
-    }
-    if skipped > 0 {
-        remarks.push(format!("{skipped} variables that are no real numeric arrays were skipped"));
-    }
-    let rate_hz = take_rate(path, &mut kept, &mut remarks)?;
-    let longest = kept.iter().map(|v| v.rows.max(v.columns)).max().unwrap_or(0);
-    let (mut names, mut channels, mut small) = (Vec::new(), Vec::new(), Vec::new());
-    for variable in kept {
-        let (rows, columns) = (variable.rows, variable.columns);
-        if rows.max(columns) != longest || longest < 2 {
-            small.push(variable.name);
-            continue;
-        }
-        // Time runs along the longer side; arrays are stored column by column.
-        let count = rows.min(columns);
-        for c in 0..count {
-            names.push(if count == 1 {
-                format!("{stem} {}", variable.name)
-            } else {
-                format!("{stem} {} {c}", variable.name)
-            });
-            channels.push(if rows >= columns {
-                variable.values[c * rows..(c + 1) * rows].to_vec()
-            } else {
-                variable.values.iter().skip(c).step_by(rows).copied().collect()
-            });
-        }
-    }
-    if channels.is_empty() {
-        return Err(Error::invalid(path.display(), "holds no real numeric array"));
-    }
-    if channels.iter().flatten().all(|&x| x == 0.0) {
-        return Err(Error::invalid(path.display(), "every array is zero"));
-    }
-    if !small.is_empty() {
-        let more = if small.len() > LISTED { format!(" and {} more", small.len() - LISTED) } else { String::new() };
-        small.truncate(LISTED);
-        remarks.push(format!("shorter variables are not channels: {}{more}", small.join(", ")));
-    }
-    Ok(Columns { names, channels, rate_hz, remarks })
-}
-
-/// Takes the scalar that is called a sampling rate out of the variables.
-fn take_rate(path: &Path, kept: &mut Vec<Variable>, remarks: &mut Vec<String>) -> Result<Option<f64>> {
-    let called = |name: &str| {
-        let letters: String = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
-        RATE_NAMES.contains(&letters.as_str())
-    };
-    let Some(at) = kept.iter().position(|v| v.values.len() == 1 && called(&v.name)) else { return Ok(None) };
-    let variable = kept.remove(at);
-    let rate_hz = variable.values[0];
-    if !(rate_hz.is_finite() && rate_hz >= 1.0) {
-        let what = format!("variable {} is {rate_hz}, no sampling rate in Hz", text::quoted(&variable.name));
-        return Err(Error::invalid(path.display(), what));
-    }
-    remarks.push(format!("variable {} is the sampling rate, {rate_hz} Hz", variable.name));
-    Ok(Some(rate_hz))
 }
 
 /// A numeric array as it is stored.

@@ -5,18 +5,25 @@
 //! ending second. What a file does not state (rate, unit, teeth) is the user's to state; nothing is guessed
 //! silently.
 
+mod declared;
 mod delimited;
+mod flac;
+mod follow;
 mod grouped;
+mod hdf5;
 mod mat;
 mod mesh_line;
 mod quantisation;
 mod record;
 pub mod tach;
+mod tdms;
 mod time_axis;
 mod uff58;
+mod variables;
 pub mod virtual_tach;
 mod wav;
 
+pub use declared::{read_full_scales, teeth};
 pub use record::{ImportOptions, ImportSummary, TachChoice, Unit, import};
 
 use crate::record::npy;
@@ -42,6 +49,8 @@ pub struct Columns {
     pub channels: Vec<Vec<f64>>,
     /// Sampling rate, Hz, where the file states one.
     pub rate_hz: Option<f64>,
+    /// The largest number that a source of integers can hold, in the channels' numbers; `None` for values.
+    pub largest: Option<f64>,
     /// What the reader did that the user should know (skipped variables, dropped columns).
     pub remarks: Vec<String>,
 }
@@ -67,7 +76,7 @@ impl Columns {
     }
 }
 
-/// Reads one measurement file: MATLAB v5, csv, csv.gz, wav, npy, or universal file dataset 58.
+/// Reads one measurement file: MATLAB v5 or v7.3, HDF5, TDMS, csv, csv.gz, wav, FLAC, npy, or universal file dataset 58.
 ///
 /// # Errors
 /// A missing file, an unknown format, or content that is broken or beyond the [`budget`]; one line with file and place.
@@ -88,20 +97,26 @@ pub fn read_as(path: &Path, reading: &Reading) -> Result<Columns> {
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let stem = name.split('.').next().unwrap_or("signal").to_string();
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e) || name.ends_with(&format!("{e}.gz")));
-    let columns = if bytes.starts_with(b"MATLAB 5.0") {
+    let columns = if hdf5::looks_like(&bytes) {
+        hdf5::read(path, bytes, &stem, reading)?
+    } else if bytes.starts_with(b"MATLAB 5.0") {
         mat::read(path, &bytes, &stem, reading)?
     } else if bytes.starts_with(b"\x93NUMPY") {
         numpy(path, &bytes, &stem, reading)?
     } else if bytes.starts_with(b"RIFF") {
         wav::read(path, &bytes, &stem)?
-    } else if bytes.get(124..128) == Some(b"\0\x02IM") || bytes.starts_with(b"\x89HDF") {
-        return Err(Error::invalid(path.display(), "is a MATLAB 7.3 (HDF5) file; save it with -v6 or -v7"));
+    } else if bytes.starts_with(b"TDSm") {
+        tdms::read(path, &bytes)?
+    } else if bytes.starts_with(b"fLaC") {
+        flac::read(path, &bytes, &stem)?
+    } else if bytes.get(124..128) == Some(b"\0\x02IM") {
+        return Err(Error::invalid(path.display(), "is a MATLAB 7.3 (HDF5) file that has lost its HDF5 part"));
     } else if ends(&[".uff", ".unv", ".uf", ".58"]) || uff58::looks_like(&bytes) {
-        uff58::read(path, &utf8(path, bytes)?)?
+        uff58::read(path, &bytes)?
     } else if ends(&[".csv", ".txt", ".tsv", ".dat"]) {
         delimited::read(path, &utf8(path, bytes)?, &stem, reading)?
     } else {
-        return Err(Error::invalid(path.display(), "is not mat (v5), csv, csv.gz, wav, npy or uff58"));
+        return Err(Error::invalid(path.display(), "is not mat, HDF5, TDMS, csv, csv.gz, wav, FLAC, npy or uff58"));
     };
     columns.checked(path)
 }
@@ -118,7 +133,7 @@ fn numpy(path: &Path, bytes: &[u8], stem: &str, reading: &Reading) -> Result<Col
         (0..columns).map(|c| values.iter().skip(c).step_by(columns).copied().collect()).collect()
     };
     let names = (0..channels.len()).map(|c| format!("{stem}-{c}")).collect();
-    let columns = Columns { names, channels, rate_hz: None, remarks };
+    let columns = Columns { names, channels, rate_hz: None, remarks, largest: npy::largest(bytes) };
     if reading.no_time { Ok(columns) } else { time_axis::take(path, columns, &[0]) }
 }
 

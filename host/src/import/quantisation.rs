@@ -66,7 +66,7 @@ pub(super) fn judge(
     };
     let what = format!(
         "channel {name}: at full scale {full_scale:.3e} its typical level of {level:.3e} takes {steps:.1e} code steps ({snr_db:.0} dB over \
-         quantisation); {why}"
+         quantisation); {why}, or keep float samples with --float"
     );
     if snr_db < USELESS_DB { Err(Error::invalid(label, what)) } else { Ok(Some(format!("{label}: {what}"))) }
 }

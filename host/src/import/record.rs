@@ -2,10 +2,11 @@
 
 use super::grouped::{Group, grouped, rate, short};
 use super::tach::{self, TachFigures, TachOptions};
-use super::virtual_tach::{Options, Quality, virtual_tach};
-use super::{Columns, Reading, quantisation, read_as};
+use super::virtual_tach::{Options, Quality, followed, virtual_tach};
+use super::{Columns, Reading, declared, quantisation, read_as};
 use crate::budget::VALUES;
-use crate::record::{Acquisition, Declaration, Record, Run, RunDeclaration, Tach, suggested_full_scale};
+use crate::machine::Machine;
+use crate::record::{Acquisition, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -66,18 +67,54 @@ pub struct ImportOptions {
     pub teeth: Option<[u32; 2]>,
     /// Mesh frequency as far as known, Hz.
     pub mesh_guess_hz: Option<f64>,
+    /// Range that the mesh frequency stays within where it changes much (a run-up), Hz; the speed is then followed.
+    pub mesh_range_hz: Option<[f64; 2]>,
     /// Units of the source: one for all channels, or one for each, which must then come to the same unit in the record.
     pub units: Vec<Unit>,
     /// Channel names instead of those of the files.
     pub channel_names: Option<Vec<String>>,
     /// Full scale in the record's unit; 10 % over the peak where absent.
     pub full_scale: Option<f64>,
+    /// What the largest number of a source of integers stands for, in the source's unit: one, or one for each channel; empty: the
+    /// source's numbers are values.
+    pub source_full_scale: Vec<f64>,
+    /// Samples are kept as float32 values instead of codes of one full scale.
+    pub float: bool,
+    /// Torques at the pinion's shaft, N m: one, or one for each run; empty where unknown.
+    pub torques_n_m: Vec<f64>,
+    /// The machine, where it is known.
+    pub machine: Option<Machine>,
     /// Each file is a run of its own instead of channels of one run.
     pub files_are_runs: bool,
     /// Where the pulses come from.
     pub tach: TachChoice,
     /// Remove each channel's mean (volts with an offset would waste codes).
     pub remove_mean: bool,
+}
+
+impl Default for ImportOptions {
+    /// One run of one file in m/s2, without a tachometer.
+    fn default() -> Self {
+        Self {
+            title: "import".into(),
+            reading: Reading::default(),
+            rate_hz: None,
+            override_rate: false,
+            teeth: None,
+            mesh_guess_hz: None,
+            mesh_range_hz: None,
+            units: vec![Unit::MetrePerSecondSquared],
+            channel_names: None,
+            full_scale: None,
+            source_full_scale: Vec::new(),
+            float: false,
+            torques_n_m: Vec::new(),
+            machine: None,
+            files_are_runs: false,
+            tach: TachChoice::None,
+            remove_mean: false,
+        }
+    }
 }
 
 /// What an import did, for printing.
@@ -95,7 +132,7 @@ pub struct ImportSummary {
     pub full_scale: f64,
     /// Unit of the record.
     pub unit: String,
-    /// Typical level over quantisation noise per channel, the worst of the runs, dB.
+    /// Typical level over quantisation noise per channel, the worst of the runs, dB; empty for float samples.
     pub quantisation_snr_db: Vec<f64>,
     /// Virtual tach of each run; empty without.
     pub tach: Vec<Quality>,
@@ -114,7 +151,8 @@ pub struct ImportSummary {
 /// Unreadable files, files that do not fit together, a missing rate, clipping at the chosen full scale, no
 /// trustworthy mesh line where a virtual tach is wanted, or a tachometer that cannot be read as one.
 pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, ImportSummary)> {
-    let sources = read_all(files, options)?;
+    let mut sources = read_all(files, options)?;
+    declared::shares(files, &mut sources, options)?;
     let mut remarks: Vec<String> = Vec::new();
     let rate_hz = rate(files, &sources, options, &mut remarks)?;
     if let Some(full_scale) = options.full_scale.filter(|x| !(x.is_finite() && *x > 0.0)) {
@@ -132,17 +170,21 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         }
     };
     let names = channel_names(&runs[0], options.channel_names.as_deref())?;
+    declared::scaled(&mut runs, options)?;
     let unit = convert(&mut runs, options)?;
     let full_scale = options
         .full_scale
         .unwrap_or_else(|| runs.iter().map(|run| suggested_full_scale(&run.channels)).fold(0.0, f64::max));
-    let quantisation_snr_db =
-        quantisation_snr_db(&runs, &names, full_scale, options.full_scale.is_some(), &mut remarks)?;
+    let quantisation_snr_db = if options.float {
+        Vec::new()
+    } else {
+        quantisation_snr_db(&runs, &names, full_scale, options.full_scale.is_some(), &mut remarks)?
+    };
     let acquisition = Acquisition {
         sample_rate_hz: rate_hz,
         channels: names.clone(),
         full_scale_m_s2: full_scale,
-        code_bits: 16,
+        code_bits: if options.float { FLOAT_BITS } else { 16 },
         unit: unit.clone(),
         other: Table::new(),
     };
@@ -166,9 +208,9 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         },
         remarks,
     };
-    let mut declaration = Declaration::of_import(&options.title, options.teeth, acquisition, tach);
+    let (mut declaration, folder) = declared::declaration(options, acquisition, tach)?;
     declaration.runs = made.iter().map(|run| run.declaration.clone()).collect();
-    Ok((Record { folder: PathBuf::from("."), declaration, runs: made }, summary))
+    Ok((Record { folder, declaration, runs: made }, summary))
 }
 
 fn read_all(files: &[PathBuf], options: &ImportOptions) -> Result<Vec<Columns>> {
@@ -242,7 +284,8 @@ fn made(
     let (mut made, mut quality, mut figures) = (Vec::new(), Vec::new(), Vec::new());
     let mut measured = measured.into_iter();
     for (i, run) in runs.iter().enumerate() {
-        let mut declaration = RunDeclaration::numbered(i, options.tach != TachChoice::None, None);
+        let mut declaration =
+            RunDeclaration::numbered(i, options.tach != TachChoice::None, declared::torque(options, i, runs.len())?);
         declaration.other.insert("source".into(), run.label.clone().into());
         let mut edges = Vec::new();
         if let Some(tach) = measured.next() {
@@ -325,6 +368,9 @@ fn run_tach(
     }
     if teeth.iter().any(|z| !(5..=1000).contains(z)) {
         return Err(Error::invalid("--teeth", format!("{},{} are not tooth counts (5 to 1000)", teeth[0], teeth[1])));
+    }
+    if let Some(range_hz) = options.mesh_range_hz {
+        return followed(label, channels, rate_hz, teeth, range_hz);
     }
     virtual_tach(label, channels, rate_hz, &Options { teeth, mesh_guess_hz: options.mesh_guess_hz })
 }

@@ -8,6 +8,11 @@
 //! 3. The phase noise of each candidate follows from the noise between the sidebands; the candidate with the least
 //!    jitter in time wins. Its unwrapped phase / (2 pi harmonic teeth) is the pinion's angle.
 //!
+//! Where the speed wanders too far for that, and a rough mesh frequency or its range is given, the frequency is followed first
+//! ([`follow`](super::follow)), and the same is done on the signal read at equal angles of that course. There the structure turns the
+//! phase of every line as it moves through resonances: the angle is the mean of all steady lines, each weighted by how far it
+//! keeps to their median.
+//!
 //! What it cannot know: which tooth is which, and angle 0 (turn numbers start at an arbitrary angle). The pulses
 //! follow the mesh line, so they are blind to anything that shifts its phase (torque, resonance crossing).
 //! The first and last half window are extrapolated. Cost: about half a second per channel and ten seconds of signal.
@@ -19,6 +24,7 @@ use rustfft::num_complex::Complex;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
+use super::follow::follow;
 use super::mesh_line::{self, Comb};
 
 /// Harmonics tried.
@@ -31,6 +37,11 @@ const POINTS_PER_WINDOW: f64 = 32.0;
 const LEAST_LINE_SNR_DB: f64 = 10.0;
 /// Least comb excess, dB per line, that counts as a mesh comb: found near a guess, and by search over the band.
 const LEAST_COMB_DB: [f64; 2] = [3.0, 6.0];
+
+/// What a mesh frequency that is known to 3 % may do in a record, share of it, before it needs a range.
+const WANDER: f64 = 0.08;
+/// Fewest lines of which the mean is better than the best.
+const FEWEST_LINES: usize = 3;
 
 /// What to look for.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,6 +92,9 @@ pub struct Quality {
     pub comb_db: f64,
     /// Pulses at either end that are extrapolated.
     pub extrapolated_pulses: usize,
+    /// Lines whose mean gave the angle where the speed had to be followed; absent where one line was steady enough.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub followed_lines: Option<usize>,
 }
 
 /// One channel's line at one harmonic, mixed down.
@@ -95,9 +109,54 @@ struct Candidate {
 
 /// Makes pinion pulses from the mesh line of `channels` sampled at `rate_hz`.
 ///
+/// A speed that wanders is followed where a guess is given.
+///
 /// # Errors
 /// No comb at these teeth, a line too weak to carry a phase, or a record shorter than three filter windows.
 pub fn virtual_tach(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options) -> Result<VirtualTach> {
+    match (steady(place, channels, rate_hz, options, false), options.mesh_guess_hz) {
+        (Err(refusal @ Error::Impossible { .. }), Some(guess_hz)) => {
+            let range_hz = [(1.0 - WANDER) * guess_hz, (1.0 + WANDER) * guess_hz];
+            followed(place, channels, rate_hz, options.teeth, range_hz).map_err(|_| refusal)
+        }
+        (made, _) => made,
+    }
+}
+
+/// [`virtual_tach`] of a mesh frequency that changes within `range_hz` (a run-up, a strong wander).
+///
+/// # Errors
+/// As [`virtual_tach`]; a range that is none or cannot be seen at this rate.
+pub fn followed(
+    place: &str,
+    channels: &[Vec<f64>],
+    rate_hz: f64,
+    teeth: [u32; 2],
+    range_hz: [f64; 2],
+) -> Result<VirtualTach> {
+    let [low, high] = range_hz;
+    if !(low > 0.0 && high > low && high < 0.4 * rate_hz) {
+        let what = format!("a mesh line from {low:.1} to {high:.1} Hz cannot be followed at {rate_hz} Hz");
+        return Err(Error::invalid(place, what));
+    }
+    let course = follow(place, channels, rate_hz, teeth[0], range_hz)?;
+    let options = Options { teeth, mesh_guess_hz: Some(course.mesh_hz) };
+    let mut made = steady(place, &course.channels, course.rate_hz, &options, true)?;
+    made.edges_s.iter_mut().for_each(|t| *t = course.time_s(*t));
+    let end_s = channels[0].len() as f64 / rate_hz;
+    made.edges_s.retain(|t| (0.0..end_s).contains(t));
+    let intervals = made.edges_s.windows(2).map(|w| 60.0 / (w[1] - w[0])).collect::<Vec<_>>();
+    if intervals.len() < 2 || intervals.iter().any(|speed| !(speed.is_finite() && *speed > 0.0)) {
+        return Err(Error::impossible(place, "no trustworthy mesh line: the angle it gives turns back"));
+    }
+    made.quality.speed_std_rpm = standard_deviation(&intervals);
+    made.quality.speed_hz = intervals.len() as f64 / (made.edges_s[intervals.len()] - made.edges_s[0]);
+    made.quality.mesh_hz = made.quality.speed_hz * f64::from(teeth[0]);
+    Ok(made)
+}
+
+/// Pulses of a mesh line that keeps within the filter; from the mean of all lines where `fused`.
+fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, fused: bool) -> Result<VirtualTach> {
     let comb = mesh_line::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
     let least_comb_db = LEAST_COMB_DB[usize::from(options.mesh_guess_hz.is_none())];
     if comb.excess_db < least_comb_db {
@@ -127,7 +186,41 @@ pub fn virtual_tach(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &
         );
         return Err(Error::impossible(place, what));
     }
-    Ok(geometry.pulses(best, candidates.get(1), &comb))
+    let mut made = geometry.pulses(best, candidates.get(1), &comb);
+    if fused {
+        let lines: Vec<&Candidate> = candidates.iter().filter(|c| 10.0 * c.snr.log10() >= LEAST_LINE_SNR_DB).collect();
+        made.quality.followed_lines = Some(lines.len());
+        if lines.len() >= FEWEST_LINES {
+            made.edges_s = geometry.edges(&consensus(&lines));
+        }
+    }
+    Ok(made)
+}
+
+/// Mesh cycles by all lines: their mean, each weighted by how far it keeps to the median of all.
+fn consensus(lines: &[&Candidate]) -> Vec<f64> {
+    let count = lines[0].cycles.len();
+    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count as f64;
+    // Where a line's cycles begin depends on the structure: only changes are compared.
+    let aligned: Vec<Vec<f64>> = lines
+        .iter()
+        .map(|line| {
+            let off = mean(&mut line.cycles.iter().zip(&lines[0].cycles).map(|(a, b)| a - b));
+            line.cycles.iter().map(|c| c - off).collect()
+        })
+        .collect();
+    let median = |i: usize| {
+        let mut values: Vec<f64> = aligned.iter().map(|line| line[i]).collect();
+        values.sort_by(f64::total_cmp);
+        0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
+    };
+    let middle: Vec<f64> = (0..count).map(median).collect();
+    let weights: Vec<f64> = aligned
+        .iter()
+        .map(|line| 1.0 / mean(&mut line.iter().zip(&middle).map(|(a, b)| (a - b).powi(2))).max(1e-12))
+        .collect();
+    let sum: f64 = weights.iter().sum();
+    (0..count).map(|i| aligned.iter().zip(&weights).map(|(line, w)| w / sum * line[i]).sum()).collect()
 }
 
 /// Filter and time grid shared by all candidates.
@@ -233,7 +326,7 @@ impl Geometry {
     }
 
     fn pulses(&self, best: &Candidate, second: Option<&Candidate>, comb: &Comb) -> VirtualTach {
-        let edges_s = self.edges(best);
+        let edges_s = self.edges(&best.cycles);
         let cross_check_s = second.map(|second| {
             let difference: Vec<f64> =
                 best.cycles.iter().zip(&second.cycles).map(|(a, b)| (a - b) / self.mesh_hz).collect();
@@ -258,13 +351,14 @@ impl Geometry {
             mesh_over_pinion_line: comb.pinion_line_hz.map(|hz| comb.mesh_hz / hz),
             comb_db: comb.excess_db,
             extrapolated_pulses: edges_s.len() - measured.len(),
+            followed_lines: None,
         };
         VirtualTach { edges_s, quality }
     }
 
     /// Times of whole pinion turns inside the record.
-    fn edges(&self, candidate: &Candidate) -> Vec<f64> {
-        let turns: Vec<f64> = candidate.cycles.iter().map(|c| c / f64::from(self.teeth[0])).collect();
+    fn edges(&self, cycles: &[f64]) -> Vec<f64> {
+        let turns: Vec<f64> = cycles.iter().map(|c| c / f64::from(self.teeth[0])).collect();
         let last = turns.len() - 1;
         // Beyond the windows: the mean speed over the nearest window length.
         let reach = (POINTS_PER_WINDOW as usize).min(last);

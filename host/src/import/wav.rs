@@ -25,5 +25,6 @@ pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Columns> {
         hound::SampleFormat::Int => vec!["integer WAV samples are scaled to +-1 of full scale".to_string()],
         hound::SampleFormat::Float => Vec::new(),
     };
-    Ok(Columns { names, channels, rate_hz: Some(f64::from(spec.sample_rate)), remarks })
+    let largest = (spec.sample_format == hound::SampleFormat::Int).then_some(1.0);
+    Ok(Columns { names, channels, rate_hz: Some(f64::from(spec.sample_rate)), remarks, largest })
 }

@@ -55,7 +55,7 @@ pub struct Acquisition {
     pub channels: Vec<String>,
     /// Value of code 32767, m/s2 (or in `unit` where that is given).
     pub full_scale_m_s2: f64,
-    /// Bits of the codes; only 16 exists.
+    /// Bits of the samples: 16 for codes, 32 for float values in the record's unit.
     #[serde(default = "sixteen")]
     pub code_bits: u32,
     /// Unit of the channels where it is not m/s2: "V", or "unknown" for sources that state none.
@@ -65,6 +65,9 @@ pub struct Acquisition {
     #[serde(flatten)]
     pub other: Table,
 }
+
+/// `code_bits` of float samples.
+pub const FLOAT_BITS: u32 = 32;
 
 fn sixteen() -> u32 {
     16
@@ -286,8 +289,11 @@ impl Declaration {
         if a.channels.is_empty() {
             return refuse("[acquisition] channels", "names no channel".into());
         }
-        if a.code_bits != 16 {
-            return refuse("[acquisition] code_bits", format!("{} is not supported, only 16", a.code_bits));
+        if ![16, FLOAT_BITS].contains(&a.code_bits) {
+            return refuse(
+                "[acquisition] code_bits",
+                format!("{} is not supported, only 16 and 32 (float)", a.code_bits),
+            );
         }
         if let Some(tach) = &self.tach {
             self.check_shaft(tach)?;

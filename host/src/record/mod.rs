@@ -1,11 +1,11 @@
 //! Record folders: what was measured (or simulated) together with what its owner declares about the machine.
 //!
-//! A record is a folder with `record.toml`, one `runNN.npy` of int16 codes (samples x channels) and one
+//! A record is a folder with `record.toml`, one `runNN.npy` of int16 codes or float32 values (samples x channels) and one
 //! `runNN.tach.csv` of edge times (s from the run's first sample) per run; `docs/records.md` has every key. Files that a
 //! record names lie in its folder.
 //! Reading checks everything that later code relies on, so that a [`Record`] in memory is sound: known
 //! channel count, finite numbers, strictly ascending edges, sensible tooth counts. Each refusal is one line
-//! with file, table and key. A whole record is held in memory as codes (2 bytes per value).
+//! with file, table and key. A whole record is held in memory as it is stored (2 or 4 bytes per value).
 
 mod codes;
 mod declaration;
@@ -14,7 +14,7 @@ mod run;
 mod tach;
 
 pub use codes::{CODE_MAX, encode, suggested_full_scale};
-pub use declaration::{Acquisition, Declaration, RunDeclaration, Tach};
+pub use declaration::{Acquisition, Declaration, FLOAT_BITS, RunDeclaration, Tach};
 pub use run::Run;
 pub use tach::{edges_text, read_edges};
 
@@ -96,7 +96,7 @@ impl Record {
             folder.write(name, bytes)?;
         }
         for run in &self.runs {
-            folder.write(&run.declaration.signal, npy::bytes_i16(run.codes(), run.channels()))?;
+            folder.write(&run.declaration.signal, run.npy_bytes())?;
             if let Some(tach) = &run.declaration.tach {
                 folder.write(tach, edges_text(&run.edges_s))?;
             }

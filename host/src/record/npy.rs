@@ -25,12 +25,37 @@ pub fn read_i16(path: &Path) -> Result<(Vec<i16>, usize)> {
     Ok((values, header.columns))
 }
 
+/// Reads little-endian float32 values; returns them interleaved (samples x channels) with the channel count.
+///
+/// # Errors
+/// As [`read_i16`].
+pub fn read_f32(path: &Path) -> Result<(Vec<f32>, usize)> {
+    let bytes = budget::read(path)?;
+    let header = Header::parse(path, &bytes)?;
+    if header.dtype != "<f4" {
+        let what = format!("dtype is {}, a record of code_bits = 32 needs little-endian float32 '<f4'", header.dtype);
+        return Err(Error::invalid(path.display(), what));
+    }
+    let values = header.values::<f32>(path, &bytes)?;
+    Ok((values, header.columns))
+}
+
 /// Reads float32, float64 or an integer type as f64; returns the values (rows x columns) and the column count.
 ///
 /// # Errors
 /// As [`read_i16`], but for the dtype: any of f4, f8, i2, i4, i8, u1, u2, little- or big-endian.
 pub fn read_f64(path: &Path) -> Result<(Vec<f64>, usize)> {
     parse_f64(path, &budget::read(path)?)
+}
+
+/// The largest number of a file's integer type; `None` for floats, and where the type cannot be told.
+pub fn largest(bytes: &[u8]) -> Option<f64> {
+    let header = Header::parse(Path::new("npy"), bytes).ok()?;
+    match &header.dtype[1..] {
+        "i2" => Some(f64::from(i16::MAX)),
+        "i4" => Some(f64::from(i32::MAX)),
+        _ => None,
+    }
 }
 
 /// [`read_f64`] of bytes at hand; `path` names them in errors.

@@ -1,9 +1,10 @@
-//! One run: its codes, its tach edges and the declared conditions.
+//! One run: its samples, its tach edges and the declared conditions.
 
-use super::{CODE_MAX, Declaration, RunDeclaration, encode, npy, read_edges};
+use super::{CODE_MAX, Declaration, FLOAT_BITS, RunDeclaration, encode, npy, read_edges};
 use crate::budget::SHAFT;
 use crate::confined;
 use crate::{Error, Result};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// One run in memory.
@@ -13,10 +14,53 @@ pub struct Run {
     pub declaration: RunDeclaration,
     /// Tach edge times, s from the first sample, strictly ascending; empty where the run has no tach.
     pub edges_s: Vec<f64>,
-    codes: Vec<i16>,
+    samples: Samples,
     channels: usize,
     full_scale: f64,
     sample_rate_hz: f64,
+}
+
+/// Interleaved samples as the record holds them.
+#[derive(Debug, Clone, PartialEq)]
+enum Samples {
+    /// Codes of the full scale.
+    Codes(Vec<i16>),
+    /// Values in the record's unit.
+    Values(Vec<f32>),
+}
+
+impl Samples {
+    fn read(path: &Path, bits: u32) -> Result<(Self, usize)> {
+        if bits != FLOAT_BITS {
+            let (codes, channels) = npy::read_i16(path)?;
+            return Ok((Self::Codes(codes), channels));
+        }
+        let (values, channels) = npy::read_f32(path)?;
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            return Err(Error::invalid(
+                path.display(),
+                format!("sample {}, channel {} is {}", i / channels, i % channels, values[i]),
+            ));
+        }
+        Ok((Self::Values(values), channels))
+    }
+
+    /// Of signals, refused where [`encode`] refuses.
+    fn of(place: &str, signals: &[Vec<f64>], full_scale: f64, bits: u32) -> Result<Self> {
+        let codes = encode(place, signals, full_scale)?;
+        if bits != FLOAT_BITS {
+            return Ok(Self::Codes(codes));
+        }
+        let row = |i: usize| signals.iter().map(move |signal| signal[i] as f32);
+        Ok(Self::Values((0..signals[0].len()).flat_map(row).collect()))
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Codes(codes) => codes.len(),
+            Self::Values(values) => values.len(),
+        }
+    }
 }
 
 impl Run {
@@ -24,7 +68,7 @@ impl Run {
     pub(super) fn read(folder: &Path, run: &RunDeclaration, declaration: &Declaration) -> Result<Self> {
         let path = confined::inside(folder, &run.signal)?;
         let expected = declaration.acquisition.channels.len();
-        let (codes, channels) = npy::read_i16(&path)?;
+        let (samples, channels) = Samples::read(&path, declaration.acquisition.code_bits)?;
         if channels != expected {
             let what = format!("has {channels} channels, record.toml [acquisition] channels names {expected}");
             return Err(Error::invalid(path.display(), what));
@@ -36,7 +80,7 @@ impl Run {
         let result = Self {
             declaration: run.clone(),
             edges_s,
-            codes,
+            samples,
             channels,
             full_scale: declaration.acquisition.full_scale_m_s2,
             sample_rate_hz: declaration.acquisition.sample_rate_hz,
@@ -75,20 +119,45 @@ impl Run {
                 format!("tach edge {} at {} s does not come after the one at {} s", i + 1, edges_s[i + 1], edges_s[i]);
             return Err(Error::invalid(&run.signal, what));
         }
-        let codes = encode(&run.signal, signals, acquisition.full_scale_m_s2)?;
+        let (full_scale, bits) = (acquisition.full_scale_m_s2, acquisition.code_bits);
+        let samples = Samples::of(&run.signal, signals, full_scale, bits)?;
         Ok(Self {
             declaration: run,
             edges_s,
-            codes,
+            samples,
             channels: signals.len(),
             full_scale: acquisition.full_scale_m_s2,
             sample_rate_hz: acquisition.sample_rate_hz,
         })
     }
 
-    /// Interleaved codes, samples x channels.
-    pub fn codes(&self) -> &[i16] {
-        &self.codes
+    /// Interleaved codes, samples x channels; of float samples those that they would have at the declared full scale.
+    pub fn codes(&self) -> Cow<'_, [i16]> {
+        match &self.samples {
+            Samples::Codes(codes) => Cow::Borrowed(codes),
+            Samples::Values(values) => Cow::Owned(values.iter().map(|x| self.code(*x)).collect()),
+        }
+    }
+
+    fn code(&self, value: f32) -> i16 {
+        (f64::from(value) / self.full_scale * CODE_MAX).round().clamp(-CODE_MAX, CODE_MAX) as i16
+    }
+
+    /// The file of the samples.
+    pub(super) fn npy_bytes(&self) -> Vec<u8> {
+        match &self.samples {
+            Samples::Codes(codes) => npy::bytes_i16(codes, self.channels),
+            Samples::Values(values) => npy::bytes_f32(values, self.channels),
+        }
+    }
+
+    /// Whether any two samples of a channel differ.
+    ///
+    /// # Panics
+    /// If `channel` is not below [`Run::channels`].
+    pub fn moves(&self, channel: usize) -> bool {
+        let signal = self.signal_m_s2(channel);
+        signal.iter().any(|x| *x != signal[0])
     }
 
     /// Number of channels.
@@ -98,7 +167,7 @@ impl Run {
 
     /// Number of samples per channel.
     pub fn samples(&self) -> usize {
-        self.codes.len() / self.channels
+        self.samples.len() / self.channels
     }
 
     /// Sampling rate, Hz.
@@ -122,7 +191,12 @@ impl Run {
     /// If `channel` is not below [`Run::channels`].
     pub fn channel_codes(&self, channel: usize) -> Vec<i16> {
         assert!(channel < self.channels, "channel {channel} of {}", self.channels);
-        self.codes.iter().skip(channel).step_by(self.channels).copied().collect()
+        match &self.samples {
+            Samples::Codes(codes) => codes.iter().skip(channel).step_by(self.channels).copied().collect(),
+            Samples::Values(values) => {
+                values.iter().skip(channel).step_by(self.channels).map(|x| self.code(*x)).collect()
+            }
+        }
     }
 
     /// Acceleration of one channel, m/s2 (or the unit named in `[acquisition]` `unit`).
@@ -131,8 +205,15 @@ impl Run {
     /// If `channel` is not below [`Run::channels`].
     pub fn signal_m_s2(&self, channel: usize) -> Vec<f64> {
         assert!(channel < self.channels, "channel {channel} of {}", self.channels);
-        let codes = self.codes.iter().skip(channel).step_by(self.channels);
-        codes.map(|&code| f64::from(code) / CODE_MAX * self.full_scale).collect()
+        match &self.samples {
+            Samples::Codes(codes) => {
+                let codes = codes.iter().skip(channel).step_by(self.channels);
+                codes.map(|&code| f64::from(code) / CODE_MAX * self.full_scale).collect()
+            }
+            Samples::Values(values) => {
+                values.iter().skip(channel).step_by(self.channels).map(|x| f64::from(*x)).collect()
+            }
+        }
     }
 
     /// Mean speed of the tach shaft over all edges, Hz; `None` without edges.

@@ -37,6 +37,7 @@ fn imported(files: &[PathBuf], teeth: [u32; 2], rate_hz: f64, unit: SourceUnit) 
         files_are_runs: false,
         tach: TachChoice::Virtual,
         remove_mean: false,
+        ..ImportOptions::default()
     };
     import(files, &options).expect("readable files").0
 }

@@ -249,6 +249,7 @@ fn options(title: &str) -> ImportOptions {
         files_are_runs: false,
         tach: TachChoice::Virtual,
         remove_mean: false,
+        ..ImportOptions::default()
     }
 }
 

@@ -1,7 +1,7 @@
 //! A measured tachometer: from its signal or its edges to pulses that a record can hold.
 //!
 //! 1. `source`: which channel or file, and its edges (`edges`).
-//! 2. `pulses`: lost and doubled ones, repaired where that is unambiguous.
+//! 2. [`crate::pulses`]: lost and doubled ones, repaired where that is unambiguous.
 //! 3. `wheel`: the places of several marks per turn, learned and taken out.
 //! 4. `mesh`: whether the mesh line agrees, where teeth are known.
 //!
@@ -11,21 +11,20 @@
 
 mod edges;
 mod mesh;
-mod pulses;
 mod source;
 mod wheel;
 
+pub use crate::pulses::Place;
 pub use edges::Levels;
 pub use mesh::MeshCheck;
-pub use pulses::Place;
 pub use wheel::Wheel;
 
 use super::Reading;
 use super::grouped::Group;
 use crate::budget::SHAFT;
+use crate::pulses::{self, Pulses};
 use crate::record::Tach;
 use crate::{Error, Result};
-use pulses::Pulses;
 use serde::Serialize;
 use toml::Table;
 

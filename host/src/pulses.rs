@@ -6,6 +6,8 @@
 //! where the speed is steady and the number of periods cannot be another one; a pulse put in lies on the cubic through
 //! its neighbours. Everything else is left as it is and said: behind such a place the count of pulses, and with it the angle, may be off.
 //!
+//! What a record holds is read in the same way as what is imported: this is the one place of it.
+//!
 //! Limits: a pulse lost or doubled before the first or behind the last that counts is not seen; two faults that make up for each other in
 //! one period (a pulse moved to a place where it could be) are a moved pulse, left in place.
 
@@ -40,7 +42,7 @@ pub struct Place {
 
 /// Pulses in order, repaired where that is unambiguous.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Pulses {
+pub struct Pulses {
     /// Times, s, ascending.
     pub times_s: Vec<f64>,
     /// Whether the pulse was measured, or put in.
@@ -55,8 +57,11 @@ pub(super) struct Pulses {
     pub breaks: Vec<usize>,
 }
 
-/// Counts the pulses of edges at `edges_s`, of a wheel with one mark or with several.
-pub(super) fn counted(edges_s: &[f64], several_marks: bool) -> Pulses {
+/// Counts the pulses of at least one edge at `edges_s` (s, ascending), of a wheel with one mark or with several.
+///
+/// # Panics
+/// Without any edge.
+pub fn counted(edges_s: &[f64], several_marks: bool) -> Pulses {
     let n = edges_s.len();
     let Some(start) = (0..n.saturating_sub(2)).find(|&i| is_regular(edges_s, i, several_marks)) else {
         let irregular = vec![Place { time_s: edges_s[0], pulses: n }];
@@ -280,7 +285,7 @@ impl<'a> Walk<'a> {
 }
 
 /// Puts the pulses that were not measured on the cubic through the two measured ones at either side.
-pub(super) fn fill(pulses: &mut Pulses) {
+pub fn fill(pulses: &mut Pulses) {
     let measured: Vec<usize> = (0..pulses.times_s.len()).filter(|&i| pulses.measured[i]).collect();
     for gap in measured.windows(2).enumerate().filter(|(_, pair)| pair[1] > pair[0] + 1) {
         let (position, pair) = gap;

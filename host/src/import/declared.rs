@@ -1,0 +1,124 @@
+//! What the owner declares beside the files: what a source's largest number stands for, torques, the machine.
+
+use super::grouped::Group;
+use super::{Columns, ImportOptions};
+use crate::machine::Machine;
+use crate::record::{Acquisition, Declaration, Tach};
+use crate::{Error, Result, budget, text};
+use std::path::{Path, PathBuf};
+
+/// Reads full scales from a csv file: one row per channel, the value in the last cell; a first row without a number is a header.
+///
+/// # Errors
+/// An unreadable file, a cell that is no positive number, no row at all.
+pub fn read_full_scales(path: &Path) -> Result<Vec<f64>> {
+    let content = budget::read_text(path)?;
+    let mut scales = Vec::new();
+    for (i, line) in content.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let cell = line.rsplit([',', ';', '\t']).next().unwrap_or_default().trim();
+        match cell.parse::<f64>() {
+            Ok(scale) if scale.is_finite() && scale > 0.0 => scales.push(scale),
+            Err(_) if i == 0 => {}
+            _ => {
+                let what = format!("{} is no positive full scale", text::quoted(cell));
+                return Err(Error::invalid(format!("{}:{}", path.display(), i + 1), what));
+            }
+        }
+    }
+    if scales.is_empty() {
+        return Err(Error::invalid(path.display(), "holds no full scale"));
+    }
+    Ok(scales)
+}
+
+/// Turns integers into shares of their largest number, where full scales are declared.
+///
+/// # Errors
+/// A source of floats, which states its own values.
+pub(super) fn shares(files: &[PathBuf], sources: &mut [Columns], options: &ImportOptions) -> Result<()> {
+    if options.source_full_scale.is_empty() {
+        return Ok(());
+    }
+    for (file, source) in files.iter().zip(sources) {
+        let Some(largest) = source.largest else {
+            let what = format!("{} holds no integers of a known range, its numbers are values", file.display());
+            return Err(Error::invalid("--source-full-scale", what));
+        };
+        source.channels.iter_mut().flatten().for_each(|x| *x /= largest);
+    }
+    Ok(())
+}
+
+/// Turns shares into the source's unit, every channel by its own full scale.
+///
+/// # Errors
+/// Neither one full scale nor one for each channel.
+pub(super) fn scaled(runs: &mut [Group], options: &ImportOptions) -> Result<()> {
+    let (scales, channels) = (&options.source_full_scale, runs[0].channels.len());
+    if scales.is_empty() {
+        return Ok(());
+    }
+    if ![1, channels].contains(&scales.len()) {
+        let what = format!("{} values for {channels} channels (without the tachometer)", scales.len());
+        return Err(Error::invalid("--source-full-scale", what));
+    }
+    if let Some(scale) = scales.iter().find(|scale| !(scale.is_finite() && **scale > 0.0)) {
+        return Err(Error::invalid("--source-full-scale", format!("{scale} is not a positive number")));
+    }
+    for (c, channel) in runs.iter_mut().flat_map(|run| run.channels.iter_mut().enumerate()) {
+        channel.iter_mut().for_each(|x| *x *= scales[c % scales.len()]);
+    }
+    Ok(())
+}
+
+/// Torque of run `run` of `runs`.
+///
+/// # Errors
+/// Neither one torque nor one for each run, and one that is no number.
+pub(super) fn torque(options: &ImportOptions, run: usize, runs: usize) -> Result<Option<f64>> {
+    let torques = &options.torques_n_m;
+    if torques.is_empty() {
+        return Ok(None);
+    }
+    if ![1, runs].contains(&torques.len()) {
+        return Err(Error::invalid("--torque", format!("{} values for {runs} runs", torques.len())));
+    }
+    let torque = torques[run % torques.len()];
+    if !torque.is_finite() {
+        return Err(Error::invalid("--torque", format!("{torque} N m is not a finite number")));
+    }
+    Ok(Some(torque))
+}
+
+/// The record's declaration: the whole machine where it is declared, else the tooth counts.
+///
+/// # Errors
+/// As [`Declaration::of_machine`].
+pub(super) fn declaration(
+    options: &ImportOptions,
+    acquisition: Acquisition,
+    tach: Option<Tach>,
+) -> Result<(Declaration, PathBuf)> {
+    match &options.machine {
+        Some(machine) => {
+            let mut declaration = Declaration::of_machine(machine, acquisition, tach)?;
+            declaration.rest.insert("title".into(), options.title.clone().into());
+            Ok((declaration, machine.folder.clone()))
+        }
+        None => Ok((Declaration::of_import(&options.title, options.teeth, acquisition, tach), PathBuf::from("."))),
+    }
+}
+
+/// Tooth counts: those of the machine, which must not contradict those given.
+///
+/// # Errors
+/// Two pairs of counts that differ.
+pub fn teeth(machine: Option<&Machine>, given: Option<[u32; 2]>) -> Result<Option<[u32; 2]>> {
+    match (machine.map(|machine| machine.pair.teeth), given) {
+        (Some(own), Some(given)) if own != given => {
+            let what = format!("{},{} are not those of the machine, {},{}", given[0], given[1], own[0], own[1]);
+            Err(Error::invalid("--teeth", what))
+        }
+        (own, given) => Ok(own.or(given)),
+    }
+}
