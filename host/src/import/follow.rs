@@ -9,6 +9,7 @@
 //! The result is rough (a few tenths of a per cent); the signal read at the angle it gives is steady enough for longer slices, and then for the
 //! phase of the lines. Cost: one transform of some ten thousand points per slice and channel.
 
+use crate::budget::VALUES;
 use crate::spectral::{AngleMap, Window, resample_by_angle};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -76,6 +77,8 @@ pub(super) fn follow(
     for (turns, step) in PASSES {
         let (seen, seen_hz) = known.as_ref().map_or((channels, rate_hz), |f| (&f.channels[..], f.rate_hz));
         let slices = Slices::new(place, seen, seen_hz, turns * teeth / range_hz[0])?;
+        let places = slices.count as f64 * ((range_hz[1] / range_hz[0]).ln() / step).ceil();
+        VALUES.check(place, places, "narrow the range of --mesh, or cut the record into parts")?;
         let course = slices.course(seen, range_hz, step);
         let duration_s = seen[0].len() as f64 / seen_hz;
         let mut edges_s = even_turns(&course, duration_s, teeth);
@@ -187,7 +190,7 @@ fn excess_db(
     let mut spectrum = plan.make_output_vec();
     plan.process(&mut signal, &mut spectrum).expect("matching lengths");
     let power: Vec<f64> = spectrum.iter().map(|z| z.norm_sqr().max(f64::MIN_POSITIVE)).collect();
-    let reach = (FLOOR_REACH * mesh_bins) as usize;
+    let reach = ((FLOOR_REACH * mesh_bins) as usize).max(4);
     let hop = (reach / 2).max(1);
     let floors: Vec<f64> = (0..=power.len() / hop)
         .map(|i| {
@@ -196,8 +199,9 @@ fn excess_db(
             *near.select_nth_unstable_by(middle, f64::total_cmp).1
         })
         .collect();
-    let over =
-        |(i, power): (usize, &f64)| (10.0 * (power / floors[(i + hop / 2) / hop]).log10()).clamp(LEAST_DB, CAP_DB);
+    let over = |(i, power): (usize, &f64)| {
+        (10.0 * (power / floors[((i + hop / 2) / hop).min(floors.len() - 1)]).log10()).clamp(LEAST_DB, CAP_DB)
+    };
     power.iter().enumerate().map(over).collect()
 }
 

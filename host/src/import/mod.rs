@@ -11,6 +11,7 @@ mod flac;
 mod follow;
 mod grouped;
 mod hdf5;
+mod lines;
 mod mat;
 mod mesh_line;
 mod quantisation;

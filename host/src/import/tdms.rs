@@ -115,7 +115,7 @@ impl File {
                 u32::MAX => {}
                 0 if object.index.is_some() => {}
                 0 => return broken("is a damaged TDMS file: an object repeats an index that it never had"),
-                0x6912_0000 | 0x6913_0000 | 0x126A => {
+                0x1269 | 0x126A => {
                     return broken("holds DAQmx raw data, which is not read: let the logger write scaled values");
                 }
                 _ => object.index = Some(meta.index()?),

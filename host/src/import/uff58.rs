@@ -35,7 +35,11 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Columns> {
             head if head.starts_with("58b") => {
                 let head_lines =
                     (1..HEADER_LINES).map_while(|_| lines.next(path).transpose()).collect::<Result<Vec<_>>>()?;
-                Some(binary(head, &head_lines, &mut lines))
+                let found = binary(head, &head_lines, &mut lines);
+                if found.is_ok() {
+                    lines.to_end(path, start)?;
+                }
+                Some(found)
             }
             _ => {
                 lines.to_end(path, start)?;

@@ -9,9 +9,8 @@
 //!    jitter in time wins. Its unwrapped phase / (2 pi harmonic teeth) is the pinion's angle.
 //!
 //! Where the speed wanders too far for that, and a rough mesh frequency or its range is given, the frequency is followed first
-//! ([`follow`](super::follow)), and the same is done on the signal read at equal angles of that course. There the structure turns the
-//! phase of every line as it moves through resonances: the angle is the mean of all steady lines, each weighted by how far it
-//! keeps to their median.
+//! (`follow`), and the same is done on the signal read at equal angles of that course, with all lines together (`lines`) instead of
+//! the best: each is turned and weakened as it moves through resonances.
 //!
 //! What it cannot know: which tooth is which, and angle 0 (turn numbers start at an arbitrary angle). The pulses
 //! follow the mesh line, so they are blind to anything that shifts its phase (torque, resonance crossing).
@@ -25,6 +24,7 @@ use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
 use super::follow::follow;
+use super::lines::{Line, together};
 use super::mesh_line::{self, Comb};
 
 /// Harmonics tried.
@@ -40,8 +40,6 @@ const LEAST_COMB_DB: [f64; 2] = [3.0, 6.0];
 
 /// What a mesh frequency that is known to 3 % may do in a record, share of it, before it needs a range.
 const WANDER: f64 = 0.08;
-/// Fewest lines of which the mean is better than the best.
-const FEWEST_LINES: usize = 3;
 
 /// What to look for.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,7 +90,7 @@ pub struct Quality {
     pub comb_db: f64,
     /// Pulses at either end that are extrapolated.
     pub extrapolated_pulses: usize,
-    /// Lines whose mean gave the angle where the speed had to be followed; absent where one line was steady enough.
+    /// Lines that gave the angle together where the speed had to be followed; absent where one line was steady enough.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub followed_lines: Option<usize>,
 }
@@ -155,7 +153,7 @@ pub fn followed(
     Ok(made)
 }
 
-/// Pulses of a mesh line that keeps within the filter; from the mean of all lines where `fused`.
+/// Pulses of a mesh line that keeps within the filter; from all lines together where `fused`.
 fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, fused: bool) -> Result<VirtualTach> {
     let comb = mesh_line::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
     let least_comb_db = LEAST_COMB_DB[usize::from(options.mesh_guess_hz.is_none())];
@@ -167,60 +165,23 @@ fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, f
         return Err(Error::impossible(place, what));
     }
     let geometry = Geometry::new(place, channels, rate_hz, &comb, options.teeth)?;
-    let mut candidates: Vec<Candidate> = (0..channels.len())
+    let lines: Vec<Line> = (0..channels.len())
         .flat_map(|channel| (1..=HARMONICS).map(move |harmonic| (channel, harmonic)))
         .collect::<Vec<_>>()
         .into_par_iter()
-        .filter_map(|(channel, harmonic)| geometry.candidate(channel, harmonic, &channels[channel]))
+        .filter_map(|(channel, harmonic)| geometry.line(channel, harmonic, &channels[channel]))
         .collect();
+    if fused {
+        return geometry.fused(place, &lines, &comb);
+    }
+    let mut candidates: Vec<Candidate> = lines.iter().filter_map(|line| geometry.candidate(line)).collect();
     candidates.sort_by(|a, b| a.jitter_s.total_cmp(&b.jitter_s));
     let Some(best) = candidates.first() else {
         let what = format!("no trustworthy mesh line: nothing at {:.2} Hz keeps a steady phase", comb.mesh_hz);
         return Err(Error::impossible(place, what));
     };
-    let snr_db = 10.0 * best.snr.log10();
-    if snr_db < LEAST_LINE_SNR_DB {
-        let what = format!(
-            "no trustworthy mesh line: the best one, harmonic {} of {:.2} Hz, is {snr_db:.1} dB over its noise (needs {LEAST_LINE_SNR_DB})",
-            best.harmonic, comb.mesh_hz
-        );
-        return Err(Error::impossible(place, what));
-    }
-    let mut made = geometry.pulses(best, candidates.get(1), &comb);
-    if fused {
-        let lines: Vec<&Candidate> = candidates.iter().filter(|c| 10.0 * c.snr.log10() >= LEAST_LINE_SNR_DB).collect();
-        made.quality.followed_lines = Some(lines.len());
-        if lines.len() >= FEWEST_LINES {
-            made.edges_s = geometry.edges(&consensus(&lines));
-        }
-    }
-    Ok(made)
-}
-
-/// Mesh cycles by all lines: their mean, each weighted by how far it keeps to the median of all.
-fn consensus(lines: &[&Candidate]) -> Vec<f64> {
-    let count = lines[0].cycles.len();
-    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count as f64;
-    // Where a line's cycles begin depends on the structure: only changes are compared.
-    let aligned: Vec<Vec<f64>> = lines
-        .iter()
-        .map(|line| {
-            let off = mean(&mut line.cycles.iter().zip(&lines[0].cycles).map(|(a, b)| a - b));
-            line.cycles.iter().map(|c| c - off).collect()
-        })
-        .collect();
-    let median = |i: usize| {
-        let mut values: Vec<f64> = aligned.iter().map(|line| line[i]).collect();
-        values.sort_by(f64::total_cmp);
-        0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
-    };
-    let middle: Vec<f64> = (0..count).map(median).collect();
-    let weights: Vec<f64> = aligned
-        .iter()
-        .map(|line| 1.0 / mean(&mut line.iter().zip(&middle).map(|(a, b)| (a - b).powi(2))).max(1e-12))
-        .collect();
-    let sum: f64 = weights.iter().sum();
-    (0..count).map(|i| aligned.iter().zip(&weights).map(|(line, w)| w / sum * line[i]).sum()).collect()
+    geometry.check_snr(place, best)?;
+    Ok(geometry.pulses(best, candidates.get(1), &comb))
 }
 
 /// Filter and time grid shared by all candidates.
@@ -263,15 +224,27 @@ impl Geometry {
         (0.5 * self.window.len() as f64 + i * self.hop as f64) / self.rate_hz
     }
 
-    /// Mixes one harmonic down; `None` where its phase cannot be followed.
-    fn candidate(&self, channel: usize, harmonic: u32, signal: &[f64]) -> Option<Candidate> {
+    /// Mixes one harmonic down; `None` above the band.
+    fn line(&self, channel: usize, harmonic: u32, signal: &[f64]) -> Option<Line> {
         let line_hz = f64::from(harmonic) * self.mesh_hz;
         if line_hz > 0.45 * self.rate_hz {
             return None;
         }
         let baseband = self.mixed_down(signal, line_hz / self.rate_hz);
+        // Baseband amplitude is half the line's; noise of density N (one-sided) gives N/2 times the window's
+        // noise bandwidth, half of it in quadrature.
+        let bandwidth_hz = self.window.iter().map(|w| w * w).sum::<f64>() * self.rate_hz;
+        let noise = 0.5 * self.noise_density(signal, line_hz) * bandwidth_hz;
+        Some(Line { channel, harmonic, baseband, noise })
+    }
+
+    /// What one line alone gives; `None` where its phase cannot be followed.
+    fn candidate(&self, line: &Line) -> Option<Candidate> {
+        let Line { channel, harmonic, baseband, .. } = line;
+        let (channel, harmonic) = (*channel, *harmonic);
+        let line_hz = f64::from(harmonic) * self.mesh_hz;
         let mut phases: Vec<f64> = Vec::with_capacity(baseband.len());
-        for z in &baseband {
+        for z in baseband {
             let phase = z.arg();
             let before = phases.last().copied().unwrap_or(phase);
             let step = (phase - before + PI).rem_euclid(TAU) - PI;
@@ -282,16 +255,11 @@ impl Geometry {
             phases.push(before + step);
         }
         let mut sizes: Vec<f64> = baseband.iter().map(|z| z.norm()).collect();
-        let power = sizes.iter().map(|a| a * a).sum::<f64>() / sizes.len() as f64;
         sizes.sort_by(f64::total_cmp);
         if sizes[0] < 0.1 * sizes[sizes.len() / 2] {
             return None;
         }
-        // Baseband amplitude is half the line's; noise of density N (one-sided) gives N/2 times the window's
-        // noise bandwidth, half of it in quadrature.
-        let bandwidth_hz = self.window.iter().map(|w| w * w).sum::<f64>() * self.rate_hz;
-        let noise = 0.5 * self.noise_density(signal, line_hz) * bandwidth_hz;
-        let snr = power / noise.max(f64::MIN_POSITIVE);
+        let snr = line.snr();
         let phase_noise = (0.5 / snr).sqrt();
         let cycles = phases
             .iter()
@@ -299,6 +267,39 @@ impl Geometry {
             .map(|(i, phase)| (line_hz * self.time(i as f64) + phase / TAU) / f64::from(harmonic))
             .collect();
         Some(Candidate { channel, harmonic, snr, jitter_s: phase_noise / (TAU * line_hz), cycles })
+    }
+
+    /// Refuses a line whose noise would make its phase slip.
+    fn check_snr(&self, place: &str, best: &Candidate) -> Result<()> {
+        let snr_db = 10.0 * best.snr.log10();
+        if snr_db >= LEAST_LINE_SNR_DB {
+            return Ok(());
+        }
+        let what = format!(
+            "no trustworthy mesh line: the best one, harmonic {} of {:.2} Hz, is {snr_db:.1} dB over its noise (needs {LEAST_LINE_SNR_DB})",
+            best.harmonic, self.mesh_hz
+        );
+        Err(Error::impossible(place, what))
+    }
+
+    /// Pulses of all lines together; the figures are those of the strongest one.
+    fn fused(&self, place: &str, lines: &[Line], comb: &Comb) -> Result<VirtualTach> {
+        let strongest = lines.iter().max_by(|a, b| a.snr().total_cmp(&b.snr()));
+        let (Some(strongest), Some((beside, _))) = (strongest, together(lines)) else {
+            let what = format!(
+                "no trustworthy mesh line: for more than a twentieth of the time nothing at {:.2} Hz or its harmonics stands over the noise",
+                comb.mesh_hz
+            );
+            return Err(Error::impossible(place, what));
+        };
+        let cycles = beside.iter().enumerate().map(|(i, b)| self.mesh_hz * self.time(i as f64) + b).collect();
+        let (channel, harmonic, snr) = (strongest.channel, strongest.harmonic, strongest.snr());
+        let jitter_s = (0.5 / snr).sqrt() / (TAU * self.mesh_hz * f64::from(harmonic));
+        let made = Candidate { channel, harmonic, snr, jitter_s, cycles };
+        self.check_snr(place, &made)?;
+        let mut tach = self.pulses(&made, None, comb);
+        tach.quality.followed_lines = Some(lines.len());
+        Ok(tach)
     }
 
     /// Window-weighted mean of `signal exp(-i w t)` at every point.
