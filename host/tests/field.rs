@@ -97,13 +97,15 @@ fn theory_a_wheel_of_60_uneven_marks_is_known_and_its_angle_is_the_pinions() {
 fn theory_a_virtual_tach_follows_three_per_cent_of_wander_and_agrees_with_the_wheel() {
     let folder = folder("field-wander");
     let field = "[wander]\nshare = 0.03\nband_hz = [0.05, 0.5]\n[tach]\nshaft = 'gear'\npulses = 1\nrise_s = 1e-4";
-    let (file, truth) = recording(&folder, field, &["--speed", "21", "--duration", "20"]);
+    let options = ["--speed", "21", "--duration", "20", "--force"];
+    let (file, truth) = recording(&folder, field, &options);
     imported(&folder, &file, &["--tach", "4", "--tach-shaft", "gear"]);
     let [angle, speed, _] = departure(&folder.join("record"), &truth, 0.5);
     println!("wheel on the gear: angle within {angle:.6} turns, mean speed within {speed:.1e}");
     assert!(angle < 0.01 && speed < 2e-4, "{angle} {speed}");
-    let names = ["--channel-names", "a,b,c,d", "--mesh", "425"];
-    let summary = imported(&folder, &file, &names);
+    // The same motion and housing without the wheel, whose voltage would be the best mesh line of all.
+    let (file, truth) = recording(&folder, "[wander]\nshare = 0.03\nband_hz = [0.05, 0.5]", &options);
+    let summary = imported(&folder, &file, &["--mesh", "425"]);
     let lines = summary["tach"][0]["followed_lines"].as_u64().expect("followed");
     let [angle, speed, single] = departure(&folder.join("record"), &truth, 1.0);
     println!(
@@ -116,14 +118,14 @@ fn theory_a_virtual_tach_follows_three_per_cent_of_wander_and_agrees_with_the_wh
 fn theory_a_virtual_tach_follows_a_run_up_to_twice_the_speed_within_a_range() {
     let folder = folder("field-run-up");
     let field = "[wander]\nshare = 0.005";
-    let (file, truth) = recording(&folder, field, &["--run-up", "15,30,15"]);
+    let (file, truth) = recording(&folder, field, &["--run-up", "15,30,10"]);
     let summary = imported(&folder, &file, &["--mesh", "270,660"]);
     let [angle, speed, single] = departure(&folder.join("record"), &truth, 1.0);
     println!(
         "run-up: angle within {angle:.6} turns, mean speed {speed:.1e}, single turns {single:.1e}, {}",
         summary["tach"][0]
     );
-    assert!(angle < 0.03 && speed < 2e-4, "{angle} {speed}");
+    assert!(angle < 0.01 && speed < 2e-4, "{angle} {speed}");
 }
 
 #[test]

@@ -235,7 +235,7 @@ impl Geometry {
         // noise bandwidth, half of it in quadrature.
         let bandwidth_hz = self.window.iter().map(|w| w * w).sum::<f64>() * self.rate_hz;
         let noise = 0.5 * self.noise_density(signal, line_hz) * bandwidth_hz;
-        Some(Line { channel, harmonic, baseband, noise })
+        Some(Line::new(channel, harmonic, baseband, noise))
     }
 
     /// What one line alone gives; `None` where its phase cannot be followed.
