@@ -34,6 +34,8 @@ pub const STEPS: Limit = Limit { most: 2e8, unit: "integration steps" };
 pub const ALL_STEPS: Limit = Limit { most: 1e9, unit: "integration steps" };
 /// Points of one channel at equal angles; about 1 GiB with all that is computed from them.
 pub const ANGLES: Limit = Limit { most: 8e6, unit: "points at equal angles" };
+/// Points at equal angles of all channels and runs that the kinematic loop takes; about 2 GiB with its copies.
+pub const GRID: Limit = Limit { most: 3.2e7, unit: "points at equal angles, all channels" };
 /// Rows of a stiffness table.
 pub const TABLE_ROWS: Limit = Limit { most: 20_000.0, unit: "rows" };
 /// Fastest shaft, turns per second: 60 000 rpm.

@@ -10,6 +10,7 @@ pub mod effects;
 pub mod error;
 pub mod field;
 pub mod import;
+pub mod kinematic;
 pub mod law;
 pub mod link;
 pub mod machine;

@@ -158,6 +158,15 @@ pub fn envelope(rest: &[f64], rate_hz: f64, angle: &Angle) -> Envelope {
     let scored: Vec<Band> = tried.par_iter().map(|&(low, high)| bands.scored(low, high)).collect();
     let best = scored.iter().copied().max_by(|a, b| a.score.total_cmp(&b.score));
     let band = best.expect("at least one band is tried");
+    Envelope { bands_tried: tried.len(), ..of_band(&bands, band, angle) }
+}
+
+/// The envelope of `rest` in a band that was chosen elsewhere.
+pub fn in_band(rest: &[f64], rate_hz: f64, angle: &Angle, band: Band) -> Envelope {
+    of_band(&Bands::new(rest, rate_hz, angle), band, angle)
+}
+
+fn of_band(bands: &Bands, band: Band, angle: &Angle) -> Envelope {
     let (squared, rate) = bands.squared_envelope(band.low_hz, band.high_hz);
     let inside = bands.within(&squared);
     let mean = inside.iter().sum::<f64>() / inside.len().max(1) as f64;
@@ -170,5 +179,5 @@ pub fn envelope(rest: &[f64], rate_hz: f64, angle: &Angle) -> Envelope {
     let levels = search::levels(&samples, per_turn, angle.slower_order(), &range);
     let mut lines = search::lines(&levels, &range);
     lines.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
-    Envelope { band, bands_tried: tried.len(), rms: (0.5 * mean).sqrt(), highest_order, lines, levels }
+    Envelope { band, bands_tried: 1, rms: (0.5 * mean).sqrt(), highest_order, lines, levels }
 }

@@ -1,7 +1,7 @@
 //! `meshband loop`: what a record's declared machine lacks, and the held-out error as declared, calibrated and corrected.
 
 use super::results::{Announced, Results};
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::check::{self, Findings};
 use meshband_host::closed_loop::Outcome;
 use meshband_host::closed_loop::apply::{Applied, Correction};
@@ -10,11 +10,12 @@ use meshband_host::closed_loop::node_check::{HEADS, NodeCheck, node_check};
 use meshband_host::closed_loop::replay::{Replay, replay};
 use meshband_host::closed_loop::report::{self, report};
 use meshband_host::closed_loop::{Options, close_loop};
+use meshband_host::kinematic::preflight::{self, Preflight};
 use meshband_host::observation::input;
 use meshband_host::output::show;
 use meshband_host::record::Record;
 use meshband_host::report::Report;
-use meshband_host::{Error, Result, say, terminal};
+use meshband_host::{Error, Result, kinematic, say, terminal};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -28,9 +29,30 @@ pub struct Args {
     /// Writes the corrected machine, its effects and its law beside this machine file, and compares a virtual node before and after.
     #[arg(long)]
     apply: Option<PathBuf>,
-    /// Seed of the split into fit, selection and held-out runs.
+    /// Level to run at; the highest that the record allows where none is given.
+    #[arg(long, value_enum)]
+    level: Option<Level>,
+    /// Seed of the split into fit, selection and held-out runs (dynamic level).
     #[arg(long, default_value_t = 1)]
     seed: u64,
+}
+
+/// What the loop may rest on.
+#[derive(Clone, Copy, ValueEnum)]
+enum Level {
+    /// Tooth counts and a speed reference: lines behind an unknown path.
+    Kinematic,
+    /// The declared machine's equations.
+    Dynamic,
+}
+
+impl From<Level> for preflight::Level {
+    fn from(level: Level) -> Self {
+        match level {
+            Level::Kinematic => Self::Kinematic,
+            Level::Dynamic => Self::Dynamic,
+        }
+    }
 }
 
 /// The outcome with what came of `--apply`.
@@ -53,6 +75,11 @@ pub fn run(args: Args) -> Result<()> {
     let mut outputs = args.results.outputs(read);
     let mut written = args.results.announce(&mut outputs)?;
     let files = Record::read(&args.record)?;
+    let preflight = Preflight::of(&files);
+    let place = files.folder.join("record.toml").display().to_string();
+    if preflight.level(args.level.map(Into::into), &place)? == preflight::Level::Kinematic {
+        return run_kinematic(&args, &files, &preflight, &mut written);
+    }
     let record = input::view(&files)?;
     let correction = args.apply.as_ref().map(|path| Correction::announce(path, &files, &mut outputs)).transpose()?;
     refuse_unusable(&record, &mut written)?;
@@ -78,6 +105,20 @@ pub fn run(args: Args) -> Result<()> {
         HEADS.iter().zip(check.rows()).try_for_each(|(head, rows)| show(&terminal::table(head, &rows)))?;
     }
     made.failed.map_or(Ok(()), Err)
+}
+
+/// The kinematic level: families of lines in what the mesh leaves.
+fn run_kinematic(args: &Args, record: &Record, preflight: &Preflight, written: &mut Announced) -> Result<()> {
+    if args.apply.is_some() {
+        let what = format!("corrects a machine, which the kinematic level has not; missing: {}", preflight.for_dynamic.join("; "));
+        return Err(Error::invalid("--apply", what));
+    }
+    let mut outcome = kinematic::run(record, preflight)?;
+    if let Some(name) = args.record.file_name() {
+        outcome.record = name.to_string_lossy().into_owned();
+    }
+    written.write(&outcome, || kinematic::report::report(&outcome))?;
+    show(&kinematic::view::text(&outcome))
 }
 
 /// What came of `--apply`.

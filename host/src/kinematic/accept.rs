@@ -1,0 +1,114 @@
+//! The one gate: whether a family may be adopted, and why not.
+//!
+//! Three conditions. *Evidence*: the Bayes factor with the prior of `evidence`, divided by the number of alternatives it was chosen from, exceeds exp(5).
+//! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way in this very record, where skirts, swings and
+//! everything else that no model foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half, and the
+//! probability so found, times the families of the library, must be below 1 %. *Held out* (`errors`): the part not used must gain. Limit: 48 moved copies
+//! say nothing themselves about one in a hundred; the tail's form is an assumption.
+
+use super::candidate::{Candidate, Field, Score, score};
+use serde::Serialize;
+
+/// Least logarithm of the Bayes factor after the choice.
+const LEAST: f64 = 5.0;
+/// Moved copies.
+pub const COPIES: usize = 48;
+/// Range of their displacement, share of the spacing.
+const MOVED: (f64, f64) = (0.01, 0.06);
+/// Families of the library: trials of the whole search.
+pub const FAMILIES: f64 = 14.0;
+/// Largest probability of a false family in the search.
+pub const FALSE_ALARM: f64 = 0.01;
+
+/// What the moved copies say.
+#[derive(Debug, Clone, Serialize)]
+pub struct Surrogates {
+    /// Copies scored.
+    pub copies: usize,
+    /// Copies that score as high.
+    pub as_high: usize,
+    /// Highest of them.
+    pub highest: f64,
+    /// Their median.
+    pub median: f64,
+    /// Mean excess of the upper half over it.
+    pub slope: f64,
+    /// Probability of such a score by chance, times the families of the library.
+    pub false_alarm: f64,
+}
+
+impl Surrogates {
+    /// From the scores of moved copies and that of the family itself.
+    pub fn of(mut copies: Vec<f64>, own: f64) -> Self {
+        copies.retain(|score| score.is_finite());
+        copies.sort_by(f64::total_cmp);
+        let median = copies.get(copies.len() / 2).copied().unwrap_or(0.0);
+        let upper = &copies[copies.len() / 2..];
+        let slope = (upper.iter().map(|s| s - median).sum::<f64>() / upper.len().max(1) as f64).max(1.0);
+        let mut result = Self {
+            copies: copies.len(),
+            as_high: copies.iter().filter(|s| **s >= own).count(),
+            highest: copies.last().copied().unwrap_or(f64::NEG_INFINITY),
+            median,
+            slope,
+            false_alarm: 1.0,
+        };
+        result.false_alarm = result.chance(own);
+        result
+    }
+
+    fn chance(&self, own: f64) -> f64 {
+        let tail = 0.5 * (-(own - self.median) / self.slope).exp();
+        let counted = self.as_high as f64 / self.copies.max(1) as f64;
+        (FAMILIES * tail.max(counted)).min(1.0)
+    }
+
+    /// Least score that passes this condition.
+    pub fn needed(&self) -> f64 {
+        self.highest.max(self.median + self.slope * (0.5 * FAMILIES / FALSE_ALARM).ln())
+    }
+}
+
+/// The gate's answer.
+#[derive(Debug, Clone)]
+pub struct Verdict {
+    /// Score of the family itself.
+    pub score: Score,
+    /// The same less the logarithm of the alternatives.
+    pub ln_bayes: f64,
+    /// What the moved copies say.
+    pub surrogates: Surrogates,
+    /// Why it is refused.
+    pub refused: Option<String>,
+}
+
+/// Displacements of the copies: both ways, 1 to 6 % of the spacing.
+pub fn displacements() -> impl Iterator<Item = f64> {
+    (0..COPIES).map(|i| {
+        let share = MOVED.0 + (MOVED.1 - MOVED.0) * (i / 2) as f64 / (COPIES / 2 - 1) as f64;
+        if i % 2 == 0 { share } else { -share }
+    })
+}
+
+/// Least score of a candidate with so many alternatives.
+pub fn needed(surrogates: &Surrogates, alternatives: f64) -> f64 {
+    surrogates.needed().max(LEAST + alternatives.max(1.0).ln())
+}
+
+/// Judges a candidate on the fitted part.
+pub fn judge(candidate: &Candidate, field: &Field) -> Verdict {
+    let own = score(candidate, field, 0.0);
+    let copies = displacements().map(|moved| score(candidate, field, moved).ln_bayes).collect();
+    let surrogates = Surrogates::of(copies, own.ln_bayes);
+    let ln_bayes = own.ln_bayes - candidate.alternatives.max(1.0).ln();
+    let refused = if ln_bayes <= LEAST {
+        Some(format!("evidence {ln_bayes:.1} nats of {LEAST:.0} after {:.0} alternatives", candidate.alternatives))
+    } else if surrogates.as_high > 0 {
+        Some(format!("{} of {} moved copies are as strong", surrogates.as_high, surrogates.copies))
+    } else if surrogates.false_alarm > FALSE_ALARM {
+        Some(format!("moved copies come near it: false-alarm rate {:.1e}", surrogates.false_alarm))
+    } else {
+        None
+    };
+    Verdict { score: own, ln_bayes, surrogates, refused }
+}

@@ -1,0 +1,195 @@
+//! A structured family of lines: where its lines are, what it would be called, and how strong the record speaks for it.
+//!
+//! A candidate is scored on every channel searched and every run; a family that follows neither shaft exactly is read at the resolution
+//! that speaks most for it (its lines are smeared), which costs the logarithm of the choices. The same score at moved places is the null.
+
+use super::evidence::{Reading, of_family};
+use super::spectra::Spectra;
+use crate::analysis::lines::LOBE_BINS;
+
+/// Where a family is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Domain {
+    /// Order spectrum of the residual.
+    Orders,
+    /// Order spectrum of the squared envelope of an impulsive band.
+    Envelope,
+    /// Spectrum over frequency, "orders" being hertz.
+    Frequency,
+}
+
+/// One line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// Order of the pinion (or Hz).
+    pub order: f64,
+    /// What it moves by where the family's spacing moves by its whole: the spacing times its number.
+    pub spacing: f64,
+    /// In words: "2 mesh - 1 gear".
+    pub label: String,
+}
+
+/// Which family of the library.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Sidebands of a shaft about the mesh harmonics.
+    Modulation(Shaft),
+    /// Low orders of a shaft.
+    ShaftOrders(Shaft),
+    /// One tooth of a gear.
+    SingleTooth(Shaft),
+    /// Whole orders of a shaft, many of them, at no single tooth.
+    Pattern(Shaft),
+    /// One whole order that is no mesh harmonic.
+    Ghost,
+    /// Harmonics of an order of neither shaft.
+    Passage,
+    /// The same modulated by a shaft.
+    ModulatedPassage(Shaft),
+    /// Sidebands at an order of neither shaft about the mesh.
+    AboutMesh,
+    /// A line at a frequency.
+    FixedFrequency,
+    /// Folded mesh harmonics.
+    Alias,
+    /// Samples at the end of the range.
+    Clipping,
+    /// Strength or speed of everything swings slowly.
+    Swing,
+}
+
+/// A shaft.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shaft {
+    /// Of the pinion.
+    Pinion,
+    /// Of the gear.
+    Gear,
+}
+
+impl Shaft {
+    /// Both.
+    pub const BOTH: [Shaft; 2] = [Shaft::Pinion, Shaft::Gear];
+
+    /// "pinion" or "gear".
+    pub fn word(self) -> &'static str {
+        ["pinion", "gear"][self as usize]
+    }
+}
+
+/// A family that may be adopted.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Which.
+    pub kind: Kind,
+    /// Base order (or frequency).
+    pub base: f64,
+    /// Where it is read.
+    pub domain: Domain,
+    /// Its lines.
+    pub places: Vec<Place>,
+    /// Whether phases follow a shaft, so that the waveform can be predicted.
+    pub locked: bool,
+    /// Places and shapes that it was chosen from.
+    pub alternatives: f64,
+}
+
+/// How strongly the record speaks for a candidate.
+#[derive(Debug, Clone, Default)]
+pub struct Score {
+    /// Logarithm of the Bayes factor against no line, after the choice of the level.
+    pub ln_bayes: f64,
+    /// Level it was read at.
+    pub level: usize,
+    /// For each place: logarithm of the Bayes factor, all channels and runs.
+    pub of_places: Vec<f64>,
+    /// Places that were looked at, all channels and runs.
+    pub readings: usize,
+}
+
+/// Orders spoken for.
+#[derive(Debug, Clone, Default)]
+pub struct Taken {
+    orders: Vec<f64>,
+}
+
+impl Taken {
+    /// Adds orders.
+    pub fn extend(&mut self, orders: impl IntoIterator<Item = f64>) {
+        self.orders.extend(orders);
+        self.orders.sort_by(f64::total_cmp);
+    }
+
+    /// Whether one lies within `half` of `order`.
+    pub fn near(&self, order: f64, half: f64) -> bool {
+        let after = self.orders.partition_point(|o| *o < order - half);
+        self.orders.get(after).is_some_and(|o| *o <= order + half)
+    }
+}
+
+/// What scoring needs.
+pub struct Field<'a> {
+    /// Spectra of the candidate's domain.
+    pub spectra: &'a Spectra,
+    /// Orders of adopted families and of the mesh.
+    pub taken: &'a Taken,
+    /// Channels read.
+    pub channels: std::ops::Range<usize>,
+}
+
+/// Score with every place moved by `moved`, relative to its spacing; 0 is the candidate itself.
+pub fn score(candidate: &Candidate, field: &Field, moved: f64) -> Score {
+    let depth = if candidate.locked { 1 } else { field.spectra.depth().max(1) };
+    (0..depth)
+        .map(|level| at_level(candidate, field, moved, level, &|_, _, reading| reading))
+        .map(|score| Score { ln_bayes: score.ln_bayes - (depth as f64).ln(), ..score })
+        .max_by(|a, b| a.ln_bayes.total_cmp(&b.ln_bayes))
+        .unwrap_or_default()
+}
+
+/// Place of a line where the spacing is moved: by the share of it, at least beyond the main lobe, never as far as the next line.
+pub fn moved_order(place: &Place, moved: f64, bin: f64) -> f64 {
+    if moved == 0.0 {
+        return place.order;
+    }
+    let least = (LOBE_BINS + 1.0 + 200.0 * moved.abs()) * bin;
+    place.order + moved.signum() * (moved.abs() * place.spacing.abs()).max(least)
+}
+
+/// Score at one level; `change` may alter a reading (an injected line).
+pub fn at_level(
+    candidate: &Candidate,
+    field: &Field,
+    moved: f64,
+    level: usize,
+    change: &dyn Fn(&Place, (usize, usize), Reading) -> Reading,
+) -> Score {
+    let spectra = field.spectra;
+    let bin = spectra.bin(level);
+    let reach = usize::from(!candidate.locked);
+    let mut score = Score { level, ..Score::default() };
+    let mut all = Vec::new();
+    for place in &candidate.places {
+        let order = moved_order(place, moved, bin);
+        let mut sum = 0.0;
+        if !field.taken.near(order, LOBE_BINS * bin) {
+            for run in 0..spectra.levels.len() {
+                for channel in field.channels.clone() {
+                    let Some(reading) = spectra.reading(run, channel, level, order, reach) else { continue };
+                    // The highest of neighbouring bins has had two more chances.
+                    let choices = (1.0 + 2.0 * reach as f64).ln();
+                    let ln = change(place, (run, channel), reading).ln_bayes() - choices;
+                    sum += ln;
+                    all.push(ln);
+                }
+            }
+        }
+        score.of_places.push(sum);
+    }
+    score.readings = all.len();
+    score.ln_bayes = if all.is_empty() { f64::NEG_INFINITY } else { of_family(&all) };
+    score
+}

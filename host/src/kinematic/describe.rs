@@ -1,0 +1,279 @@
+//! From families, errors and limits to the answer: values, headline, what is left.
+
+use super::accept::{FALSE_ALARM, Verdict};
+use super::baseline::{Baseline, Grids};
+use super::candidate::{Candidate, Domain, Kind};
+use super::errors::{Corrected, Errors, Worth};
+use super::families::bearing::Bearing;
+use super::naming;
+use super::outcome::{
+    BearingRead, Effect, ErrorTable, Evidence, Judged, Limit, Outcome, Picture, SplitUsed, Unexplained, Value,
+};
+use super::preflight::Preflight;
+use super::residual::Views;
+use super::scene::Scene;
+use super::search::{self, Adopted, Search};
+use crate::analysis::lines::WINDOW;
+use crate::spectral::amplitude_spectrum;
+use std::collections::BTreeMap;
+
+/// Lines listed of a family.
+const LINES: usize = 24;
+/// Mesh harmonics that the pictures reach to.
+const PICTURED: f64 = 6.5;
+
+/// What the answer is made of.
+pub struct Parts<'a> {
+    /// The record.
+    pub scene: &'a Scene,
+    /// Declared and calibrated model.
+    pub baseline: &'a Baseline,
+    /// Fitted turns.
+    pub views: &'a Views,
+    /// Corrected model.
+    pub corrected: &'a Corrected,
+    /// The search.
+    pub search: &'a Search,
+}
+
+type Judgement<'a> = (&'a Adopted, Worth);
+
+/// The answer.
+pub fn outcome(
+    parts: &Parts,
+    kept: &[Judgement],
+    vetoed: &[Judgement],
+    errors: Errors,
+    limits: Vec<Limit>,
+    preflight: &Preflight,
+) -> Outcome {
+    let scene = parts.scene;
+    let adopted: Vec<Adopted> = kept.iter().map(|(a, _)| (*a).clone()).collect();
+    let bearing = search::bearing(&adopted, scene);
+    let bases = search::bases(&adopted);
+    let read_from = bearing.as_ref().map(|b| (b, bases.as_slice()));
+    let effects: Vec<Effect> = kept.iter().map(|(a, worth)| effect(parts, a, worth, read_from)).collect();
+    let mut surrogates: Vec<Judged> = parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict)).collect();
+    for (judged, adopted) in surrogates.iter_mut().zip(&parts.search.adopted) {
+        judged.refused = veto(adopted, vetoed);
+    }
+    surrogates.extend(parts.search.refused.iter().map(|(c, v)| judged(c, v)));
+    let [declared, calibrated] = parts.baseline.unknowns;
+    Outcome {
+        record: scene.title.clone(),
+        headline: headline(&effects, bearing.as_ref(), &errors),
+        level: "kinematic",
+        to_raise_the_level: preflight.for_dynamic.clone(),
+        notes: scene.notes.clone(),
+        unit: scene.unit.clone(),
+        split: split(scene),
+        held_out: errors.held_out,
+        unknowns: [declared, calibrated, calibrated + parts.corrected.unknowns],
+        speed_functions: parts.baseline.bases.iter().map(super::basis::Basis::len).collect(),
+        unexplained: unexplained(&errors),
+        error: ErrorTable { metric: METRIC.into(), errors },
+        effects,
+        bearing: bearing.map(|b| read(&b, &adopted)),
+        limits,
+        surrogates,
+        candidates_tried: parts.search.tried,
+        false_alarm: FALSE_ALARM,
+        pictures: pictures(parts),
+    }
+}
+
+const METRIC: &str = "fit, held_out: nrmse of the waveform below the highest order held, root of the residual's share of the power meaned over \
+     channels; held_out_power: unexplained share of the power, with what slips predicted as power at its lines";
+
+fn veto(adopted: &Adopted, vetoed: &[Judgement]) -> Option<String> {
+    let own = vetoed.iter().find(|(a, _)| std::ptr::eq(*a, adopted));
+    own.map(|(_, w)| format!("held-out turns do not gain ({:.2e} of the power, {:.1} nats)", w.gain, w.ln_bayes))
+}
+
+/// Name of a family in lists.
+fn words(candidate: &Candidate) -> String {
+    let base = candidate.base;
+    let of_domain = match candidate.domain {
+        Domain::Envelope => " in the envelope",
+        _ => "",
+    };
+    let name = match candidate.kind {
+        Kind::Modulation(shaft) => format!("modulation of the mesh by the {}'s shaft", shaft.word()),
+        Kind::ShaftOrders(shaft) => format!("orders of the {}'s shaft", shaft.word()),
+        Kind::SingleTooth(shaft) => format!("one tooth of the {}", shaft.word()),
+        Kind::Pattern(shaft) => format!("pattern over the teeth of the {}", shaft.word()),
+        Kind::Ghost => format!("ghost order {base:.4}"),
+        Kind::Passage => format!("harmonics of order {base:.4}"),
+        Kind::ModulatedPassage(shaft) => format!("harmonics of order {base:.4} modulated by the {}'s shaft", shaft.word()),
+        Kind::AboutMesh => format!("order {base:.4} about the mesh"),
+        Kind::FixedFrequency => format!("line at {base:.3} Hz"),
+        Kind::Alias => "folded mesh harmonics".into(),
+        Kind::Clipping => "clipping".into(),
+        Kind::Swing => "slow swing".into(),
+    };
+    name + of_domain
+}
+
+fn judged(candidate: &Candidate, verdict: &Verdict) -> Judged {
+    Judged {
+        family: words(candidate),
+        base: candidate.base,
+        ln_bayes: verdict.ln_bayes,
+        refused: verdict.refused.clone(),
+        surrogates: verdict.surrogates.clone(),
+    }
+}
+
+fn effect(parts: &Parts, adopted: &Adopted, worth: &Worth, bearing: Option<(&Bearing, &[f64])>) -> Effect {
+    let (candidate, verdict) = (&adopted.candidate, &adopted.verdict);
+    let part = bearing.and_then(|(b, bases)| {
+        let own = bases.iter().position(|base| *base == candidate.base)?;
+        b.parts.iter().find(|p| p.0 == own).map(|p| (b, p.1))
+    });
+    let naming = naming::name(adopted, part, parts.scene);
+    let is_frequency = candidate.domain == Domain::Frequency;
+    let mut lines: Vec<(f64, (String, f64))> = candidate
+        .places
+        .iter()
+        .zip(&verdict.score.of_places)
+        .filter(|(_, ln)| **ln > 0.0)
+        .map(|(p, ln)| (*ln, (p.label.clone(), p.order)))
+        .collect();
+    lines.sort_by(|a, b| b.0.total_cmp(&a.0));
+    Effect {
+        verdict: naming.verdict.into(),
+        name: naming.name,
+        family: naming.family.into(),
+        shaft: naming.shaft.into(),
+        order_of_pinion: (!is_frequency).then_some(candidate.base),
+        frequency_hz: is_frequency.then_some(candidate.base),
+        parameters: parameters(parts, adopted),
+        evidence: Evidence {
+            held_out_gain: worth.gain,
+            held_out_ln_bayes: worth.ln_bayes,
+            p_value: verdict.surrogates.false_alarm,
+            ln_bayes: verdict.ln_bayes,
+            surrogates: Some(verdict.surrogates.clone()),
+            domain: Some(candidate.domain),
+            ..Evidence::default()
+        },
+        predicts: if candidate.locked { "waveform" } else { "power" },
+        remark: naming.remark.map(str::to_owned),
+        lines: lines.into_iter().take(LINES).map(|(_, line)| line).collect(),
+    }
+}
+
+/// The strongest line over all channels: amplitude with its interval, and as a share of the mesh line beside it.
+fn parameters(parts: &Parts, adopted: &Adopted) -> BTreeMap<String, Value> {
+    let mut values = BTreeMap::new();
+    let candidate = &adopted.candidate;
+    if let Some(pulse) = adopted.pulse {
+        let tooth = pulse.tooth as f64;
+        values.insert("tooth".into(), Value { value: tooth, ci95: [tooth - 1.0, tooth + 1.0], unit: "from angle 0".into() });
+    }
+    if candidate.domain != Domain::Orders {
+        return values;
+    }
+    let level = adopted.verdict.score.level;
+    let mut strongest: Option<(f64, f64, f64)> = None;
+    for r in 0..parts.scene.runs.len() {
+        for c in 0..parts.scene.channels.len() {
+            for (place, _) in candidate.places.iter().zip(&adopted.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0) {
+                let amplitude = (2.0 * parts.views.orders.excess(r, c, level, place.order, 3).max(0.0)).sqrt();
+                let mesh = parts.baseline.nearest_mesh(parts.scene, r, c, place.order);
+                if strongest.is_none_or(|(a, _, _)| amplitude > a) {
+                    let floor = parts.views.orders.levels[r][c][0].floor_amplitude(place.order);
+                    strongest = Some((amplitude, mesh, floor));
+                }
+            }
+        }
+    }
+    let Some((amplitude, mesh, floor)) = strongest else { return values };
+    let half = 1.96 * floor;
+    let unit = parts.scene.unit.clone();
+    values.insert("strongest_line".into(), Value { value: amplitude, ci95: [(amplitude - half).max(0.0), amplitude + half], unit });
+    if mesh > 0.0 {
+        let share = |a: f64| (a / mesh).max(0.0);
+        let value = Value { value: share(amplitude), ci95: [share(amplitude - half), share(amplitude + half)], unit: "of the mesh line beside it".into() };
+        values.insert("strongest_line_share".into(), value);
+    }
+    values
+}
+
+fn read(bearing: &Bearing, adopted: &[Adopted]) -> BearingRead {
+    let bases = search::bases(adopted);
+    BearingRead {
+        shaft: bearing.shaft.word(),
+        elements: bearing.elements,
+        ratio: bearing.ratio,
+        parts: bearing.parts.iter().map(|(i, part, _)| (bases[*i], part.word())).collect(),
+        worst: bearing.worst,
+    }
+}
+
+fn headline(effects: &[Effect], bearing: Option<&Bearing>, errors: &Errors) -> String {
+    let mut found: Vec<String> = effects.iter().map(|e| format!("{}: {}", e.verdict, e.name)).collect();
+    if let Some(b) = bearing {
+        let ratio = b.ratio;
+        found.push(format!("one bearing on the {}'s shaft, {} elements, ratio {ratio:.3}", b.shaft.word(), b.elements));
+    }
+    let found = if found.is_empty() { "nothing beyond the mesh".to_owned() } else { found.join("; ") };
+    let held = errors.held_out;
+    format!(
+        "{found}; held-out error {:.4} declared, {:.4} calibrated, {:.4} corrected, noise {:.4}",
+        held.declared, held.calibrated, held.corrected, held.noise_floor
+    )
+}
+
+fn split(scene: &Scene) -> SplitUsed {
+    let blocks = scene.runs.iter().map(|run| run.split.held_out.len()).max().unwrap_or(0);
+    let channels = if scene.searched < scene.channels.len() { "; every second channel" } else { "" };
+    let kind = match blocks {
+        0 => "nothing held out in time: too short".to_owned(),
+        n => format!("a quarter of the turns of every run, {n} block{} inside it, gaps on both sides{channels}", if n > 1 { "s" } else { "" }),
+    };
+    SplitUsed {
+        kind,
+        runs: scene.runs.iter().map(|run| (run.index, run.split.clone())).collect(),
+        searched_channels: scene.channels[..scene.searched].iter().map(|c| c.index).collect(),
+        held_out_channels: scene.channels[scene.searched..].iter().map(|c| c.index).collect(),
+    }
+}
+
+fn unexplained(errors: &Errors) -> Vec<Unexplained> {
+    let power = errors.held_out_power;
+    let mut all = vec![Unexplained {
+        description: "broadband floor between lines, held-out turns".into(),
+        variance_share: power.noise_floor.min(power.corrected),
+    }];
+    if power.corrected > power.noise_floor {
+        all.push(Unexplained {
+            description: "above the floor, neither mesh nor a family found, held-out turns".into(),
+            variance_share: power.corrected - power.noise_floor,
+        });
+    }
+    all
+}
+
+fn pictures(parts: &Parts) -> Vec<Picture> {
+    let scene = parts.scene;
+    let top = (PICTURED * scene.mesh_order()).min(scene.highest_order);
+    let Some(run) = scene.runs.first() else { return Vec::new() };
+    let amplitudes = |grids: &Grids, c: usize| spectrum(&grids[0][c], run.angle.per_turn[0], top);
+    let picture = |c: usize| Picture {
+        place: (run.index, scene.channels[c].index),
+        name: scene.channels[c].name.clone(),
+        spectra: [
+            spectrum(&run.samples[c], run.angle.per_turn[0], top),
+            amplitudes(&parts.baseline.calibrated, c),
+            amplitudes(&parts.corrected.residual, c),
+        ],
+    };
+    (0..scene.channels.len()).map(picture).collect()
+}
+
+fn spectrum(samples: &[f64], per_turn: usize, top: f64) -> Vec<(f64, f64)> {
+    let spectrum = amplitude_spectrum(samples, per_turn as f64, WINDOW);
+    let points = spectrum.values.iter().enumerate().map(|(i, a)| (spectrum.frequency(i), *a));
+    points.skip(4).take_while(|(order, _)| *order <= top).collect()
+}

@@ -1,0 +1,238 @@
+//! Errors in three stages on the fitted and on the held-out turns, and what every family is worth on the latter.
+//!
+//! *Waveform*: mesh lines and locked families, amplitudes and phases fitted on one part, predict the other; the normalised RMS error is the root of the
+//! residual's share of the power, meaned over channels (a loud channel does not decide). *Power*: a family that slips cannot predict a phase; it
+//! predicts the power at its lines. What it predicted and found is subtracted from the unexplained share, never more than it predicted.
+//! Everything is below the highest order that the record holds at every speed. The noise floor is that of the fitted turns, between lines.
+
+use super::amplitudes::{FittedLine, Weighted};
+use super::baseline::{Baseline, Grids};
+use super::candidate::{Domain, Taken, score};
+use super::evidence::Reading;
+use super::residual::Views;
+use super::scene::Scene;
+use super::search::{Adopted, field};
+use super::split::{Split, Stretch};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Bins on each side of a slipping line whose power is its own.
+const LINE_BINS: usize = 3;
+
+/// One part in three stages.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Stages {
+    /// Constant amplitudes of the mesh lines.
+    pub declared: f64,
+    /// Amplitudes that move with the speed.
+    pub calibrated: f64,
+    /// With the families found.
+    pub corrected: f64,
+    /// Share that the floor between lines leaves.
+    pub noise_floor: f64,
+}
+
+/// Of one channel.
+#[derive(Debug, Clone, Serialize)]
+pub struct ChannelError {
+    /// Index in the record.
+    pub channel: usize,
+    /// Whether families were searched on it.
+    pub searched: bool,
+    /// Waveform, held-out turns.
+    pub waveform: Stages,
+    /// Unexplained share of the power, held-out turns, with what slips predicted as power.
+    pub unexplained_share: f64,
+}
+
+/// All errors.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Errors {
+    /// Waveform on the fitted turns.
+    pub fit: Stages,
+    /// Waveform on the held-out turns.
+    pub held_out: Stages,
+    /// Unexplained share of the power on the held-out turns, with what slips predicted as power.
+    pub held_out_power: Stages,
+    /// Channel by channel.
+    pub per_channel: Vec<ChannelError>,
+}
+
+/// What a family is worth on the turns not used.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Worth {
+    /// Fall of the unexplained share of power: waveform where it is locked, power where it slips.
+    pub gain: f64,
+    /// Logarithm of the Bayes factor of its lines there.
+    pub ln_bayes: f64,
+}
+
+/// The corrected model: lines of the locked families by run and channel.
+pub struct Corrected {
+    /// What is left by run and channel.
+    pub residual: Grids,
+    /// Fitted lines by run and channel.
+    pub lines: Vec<Vec<Vec<FittedLine>>>,
+    /// Real unknowns of all families.
+    pub unknowns: usize,
+}
+
+/// Fits the locked families' lines on the fitted turns; a line takes part in a channel where its own evidence is positive.
+pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Adopted]) -> Corrected {
+    let mut corrected = Corrected { residual: baseline.calibrated.clone(), lines: Vec::new(), unknowns: 0 };
+    for (r, run) in scene.runs.iter().enumerate() {
+        let weighted = Weighted::new(run);
+        let basis = &baseline.bases[r];
+        let lines: Vec<Vec<FittedLine>> = corrected.residual[r]
+            .par_iter_mut()
+            .enumerate()
+            .map(|(c, samples)| weighted.fit(samples, &standing(adopted, views, r, c), basis))
+            .collect();
+        corrected.unknowns += 2 * basis.len() * lines.iter().map(Vec::len).sum::<usize>();
+        corrected.lines.push(lines);
+    }
+    corrected
+}
+
+/// Orders of the locked families' lines that stand in a channel.
+fn standing(adopted: &[&Adopted], views: &Views, run: usize, channel: usize) -> Vec<f64> {
+    let stands = |order: &f64| {
+        let reading = views.orders.reading(run, channel, 0, *order, 0);
+        reading.map_or(f64::NEG_INFINITY, Reading::ln_bayes) > 0.0
+    };
+    let locked = adopted.iter().filter(|a| a.candidate.locked);
+    let mut orders: Vec<f64> = locked.flat_map(|a| a.candidate.places.iter().map(|p| p.order)).filter(stands).collect();
+    orders.sort_by(f64::total_cmp);
+    orders.dedup_by(|a, b| *a - *b < 1e-9);
+    orders
+}
+
+fn fitted(split: &Split) -> &[Stretch] {
+    &split.fit
+}
+
+fn held_out(split: &Split) -> &[Stretch] {
+    &split.held_out
+}
+
+/// Mean square of samples on some stretches.
+fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for stretch in stretches {
+        let part = &samples[stretch.samples(per_turn)];
+        sum += part.iter().map(|x| x * x).sum::<f64>();
+        count += part.len();
+    }
+    sum / count.max(1) as f64
+}
+
+/// Residual's share of the power by run and channel.
+fn shares(scene: &Scene, residual: &Grids, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {
+    let share = |r: usize, c: usize| {
+        let run = &scene.runs[r];
+        let (per_turn, stretches) = (run.angle.per_turn[0], stretches(&run.split));
+        power(&residual[r][c], per_turn, stretches) / power(&run.samples[c], per_turn, stretches).max(f64::MIN_POSITIVE)
+    };
+    (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| share(r, c)).collect()).collect()
+}
+
+fn floors(scene: &Scene, views: &Views, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {
+    let floor = |r: usize, c: usize| {
+        let run = &scene.runs[r];
+        let total = power(&run.samples[c], run.angle.per_turn[0], stretches(&run.split));
+        views.orders.floor_power(r, c) / total.max(f64::MIN_POSITIVE)
+    };
+    (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| floor(r, c)).collect()).collect()
+}
+
+fn mean(shares: &[Vec<f64>], channels: std::ops::Range<usize>) -> f64 {
+    let all: Vec<f64> = shares.iter().flat_map(|run| run[channels.clone()].iter().copied()).collect();
+    all.iter().sum::<f64>() / all.len().max(1) as f64
+}
+
+/// All errors with the families adopted.
+pub fn errors(scene: &Scene, baseline: &Baseline, corrected: &Corrected, views: [&Views; 2], adopted: &[&Adopted]) -> Errors {
+    let all = 0..scene.channels.len();
+    let waveform = |stretches: fn(&Split) -> &[Stretch], channels: std::ops::Range<usize>| Stages {
+        declared: mean(&shares(scene, &baseline.declared, stretches), channels.clone()).sqrt(),
+        calibrated: mean(&shares(scene, &baseline.calibrated, stretches), channels.clone()).sqrt(),
+        corrected: mean(&shares(scene, &corrected.residual, stretches), channels.clone()).sqrt(),
+        noise_floor: mean(&floors(scene, views[0], stretches), channels).sqrt(),
+    };
+    let predicted = slipping_share(scene, views, adopted);
+    let held = waveform(held_out, all.clone());
+    let square = |x: f64| x * x;
+    let per_channel = all
+        .clone()
+        .map(|c| {
+            let waveform = waveform(held_out, c..c + 1);
+            ChannelError {
+                channel: scene.channels[c].index,
+                searched: c < scene.searched,
+                unexplained_share: (square(waveform.corrected) - mean(&predicted, c..c + 1)).max(0.0),
+                waveform,
+            }
+        })
+        .collect();
+    Errors {
+        fit: waveform(fitted, all.clone()),
+        held_out_power: Stages {
+            declared: square(held.declared),
+            calibrated: square(held.calibrated),
+            corrected: (square(held.corrected) - mean(&predicted, all)).max(0.0),
+            noise_floor: square(held.noise_floor),
+        },
+        held_out: held,
+        per_channel,
+    }
+}
+
+/// Share of the held-out power that slipping families predicted and that was there, by run and channel.
+fn slipping_share(scene: &Scene, [fit, held]: [&Views; 2], adopted: &[&Adopted]) -> Vec<Vec<f64>> {
+    let slipping: Vec<&&Adopted> =
+        adopted.iter().filter(|a| !a.candidate.locked && a.candidate.domain == Domain::Orders).collect();
+    let explained = |r: usize, c: usize| -> f64 {
+        let run = &scene.runs[r];
+        let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
+        let line = |order: f64, wanted: usize| {
+            let level = |views: &Views| wanted.min(views.orders.levels[r][c].len().saturating_sub(1));
+            let predicted = fit.orders.excess(r, c, level(fit), order, LINE_BINS);
+            predicted.min(held.orders.excess(r, c, level(held), order, LINE_BINS)).max(0.0)
+        };
+        let of = |a: &&&Adopted| -> f64 {
+            let level = a.verdict.score.level;
+            let stands = a.candidate.places.iter().zip(&a.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+            stands.map(|(place, _)| line(place.order, level)).sum()
+        };
+        slipping.iter().map(of).sum::<f64>() / total.max(f64::MIN_POSITIVE)
+    };
+    (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| explained(r, c)).collect()).collect()
+}
+
+/// What each family is worth on the held-out turns when added last.
+pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
+    let all = 0..scene.channels.len();
+    let share = |families: &[&Adopted]| {
+        let residual = correct(scene, baseline, views[0], families).residual;
+        mean(&shares(scene, &residual, held_out), all.clone())
+    };
+    let with = share(adopted);
+    let nothing: [Taken; 3] = Default::default();
+    let worth = |i: usize| {
+        let own = adopted[i];
+        let field = field(views[1], &nothing, own.candidate.domain, 0..scene.searched);
+        let ln_bayes = score(&own.candidate, &field, 0.0).ln_bayes;
+        if !own.candidate.locked {
+            return Worth { gain: mean(&slipping_share(scene, views, &[own]), all.clone()), ln_bayes };
+        }
+        let others: Vec<&Adopted> = (0..adopted.len()).filter(|j| *j != i).map(|j| adopted[j]).collect();
+        Worth { gain: share(&others) - with, ln_bayes }
+    };
+    (0..adopted.len()).map(worth).collect()
+}
+
+/// The veto: whether a family holds on the turns not used. What is seen in an envelope or over frequency predicts no share of the waveform.
+pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
+    let predicts = worth.gain > 0.0 || adopted.candidate.domain != Domain::Orders;
+    predicts && worth.ln_bayes > 0.0
+}

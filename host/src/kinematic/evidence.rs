@@ -1,0 +1,94 @@
+//! Evidence of a family of lines: every free amplitude pays for itself.
+//!
+//! A place of a family is a line of unknown complex amplitude or no line. Power over floor there, `y`, is the mean of `K` spectra: Gamma(K) about 1
+//! without a line, about `1 + s` with one whose complex amplitude is normal with `s` times the floor's variance. Prior, written down: `s` is log-uniform on
+//! 0.3 to 3e5 (steps of a factor of 10^0.5); a share `q` of the family's places carries a line, `q` one of 1, 1/2, 1/4, ... 1/64 with equal weight. Both
+//! are summed over, so the logarithm of the Bayes factor against "no line anywhere" is exact for this prior (what Laplace's method would
+//! approximate): a place without a line costs, a family of many places pays for all. Limit: places and channels are counted as
+//! independent, and the floor as known; that is why a family must also stand out of its own shifted copies (`accept`).
+
+/// Logarithms of the signal-to-noise ratios summed over: steps of half a decade.
+const STEPS: usize = 13;
+/// Lowest ratio.
+const LOWEST: f64 = 0.3;
+/// Halvings of the share of places that carry a line.
+const HALVINGS: i32 = 6;
+
+/// Power over the floor at one place, mean of so many spectra.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// Power over the floor.
+    pub ratio: f64,
+    /// Spectra averaged.
+    pub averages: f64,
+}
+
+impl Reading {
+    /// Logarithm of the Bayes factor of a line here against none.
+    pub fn ln_bayes(self) -> f64 {
+        let term = |i: usize| {
+            let s = LOWEST * 10.0_f64.powf(0.5 * i as f64);
+            self.averages * (self.ratio * s / (1.0 + s) - s.ln_1p())
+        };
+        let terms: [f64; STEPS] = std::array::from_fn(term);
+        ln_sum(terms.into_iter()) - (STEPS as f64).ln()
+    }
+}
+
+/// Logarithm of a sum of exponentials.
+pub fn ln_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
+    let highest = terms.clone().fold(f64::NEG_INFINITY, f64::max);
+    if highest == f64::NEG_INFINITY { highest } else { highest + terms.map(|t| (t - highest).exp()).sum::<f64>().ln() }
+}
+
+/// Logarithm of the Bayes factor of a family from those of its places.
+pub fn of_family(places: &[f64]) -> f64 {
+    let with_share = |halvings: i32| {
+        let share = 0.5_f64.powi(halvings);
+        places.iter().map(|ln| mixed(share, *ln)).sum::<f64>()
+    };
+    ln_sum((0..=HALVINGS).map(with_share)) - f64::from(HALVINGS + 1).ln()
+}
+
+/// Logarithm of `1 - share + share * exp(ln)`.
+fn mixed(share: f64, ln: f64) -> f64 {
+    if share >= 1.0 {
+        return ln;
+    }
+    let (a, b) = ((1.0 - share).ln(), share.ln() + ln);
+    a.max(b) + (-(a - b).abs()).exp().ln_1p()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::{Distribution, Exp1};
+
+    #[test]
+    fn theory_noise_pays_and_the_mean_bayes_factor_of_noise_is_one() {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut draw = || Reading { ratio: Exp1.sample(&mut random), averages: 1.0 }.ln_bayes();
+        let count = 200_000;
+        let mean = (0..count).map(|_| draw().exp().min(1e4)).sum::<f64>() / f64::from(count);
+        assert!((mean - 1.0).abs() < 0.2, "{mean}");
+        let mut wrong = 0;
+        for _ in 0..2000 {
+            let places: Vec<f64> = (0..60).map(|_| draw()).collect();
+            wrong += i32::from(of_family(&places) > 5.0);
+        }
+        // A Bayes factor of exp(5) by chance: less than exp(-5) of the families.
+        assert!(wrong <= 16, "{wrong} of 2000");
+    }
+
+    #[test]
+    fn theory_a_line_of_known_strength_wins_and_many_empty_places_cost() {
+        let strong = Reading { ratio: 40.0, averages: 1.0 }.ln_bayes();
+        assert!((30.0..40.0).contains(&strong), "{strong}");
+        let empty = Reading { ratio: 0.7, averages: 1.0 }.ln_bayes();
+        let few = of_family(&[strong, strong]);
+        let many = of_family(&[vec![strong, strong], vec![empty; 400]].concat());
+        assert!(few > many + 5.0 && many > 20.0, "{few} {many}");
+    }
+}

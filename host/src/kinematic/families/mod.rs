@@ -1,0 +1,55 @@
+//! The library of the kinematic level: one file per family, each giving candidates for what a record may hold.
+//!
+//! A family states its lines, what it is called, and what decides between it and its neighbours. Adding one takes a file here and a line in [`all`].
+
+pub mod bearing;
+pub mod fixed_frequency;
+pub mod ghost;
+pub mod modulation;
+pub mod passage;
+pub mod shaft_orders;
+pub mod tooth;
+
+use super::candidate::{Candidate, Taken};
+use super::scene::Scene;
+use super::spectra::Spectra;
+
+/// What families are found from.
+pub struct Context<'a> {
+    /// The record.
+    pub scene: &'a Scene,
+    /// Order spectra of the calibrated residual on the fitted turns.
+    pub orders: &'a Spectra,
+    /// Spectra of squared envelopes of what is locked to neither shaft.
+    pub envelope: &'a Spectra,
+    /// Spectra over frequency of the same stretches.
+    pub frequency: &'a Spectra,
+    /// Orders spoken for, of each of the three.
+    pub taken: &'a [Taken; 3],
+}
+
+impl Context<'_> {
+    /// Whether an order lies on a mesh harmonic or beside it.
+    pub fn on_mesh(&self, order: f64) -> bool {
+        let z = self.scene.mesh_order();
+        let k = (order / z).round();
+        k >= 1.0 && (order - k * z).abs() <= self.scene.resolution()
+    }
+
+    /// Whether an order is a whole one of the pinion.
+    pub fn on_pinion(&self, order: f64) -> bool {
+        (order - order.round()).abs() <= self.scene.resolution()
+    }
+}
+
+/// Every candidate of every family.
+pub fn all(context: &Context) -> Vec<Candidate> {
+    let mut candidates = Vec::new();
+    candidates.extend(modulation::candidates(context));
+    candidates.extend(shaft_orders::candidates(context));
+    candidates.extend(tooth::candidates(context));
+    candidates.extend(ghost::candidates(context));
+    candidates.extend(passage::candidates(context));
+    candidates.extend(fixed_frequency::candidates(context));
+    candidates
+}

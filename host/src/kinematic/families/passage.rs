@@ -1,0 +1,151 @@
+//! Orders of neither shaft: harmonics of a base, the same modulated by a shaft, or sidebands at the base about the mesh.
+//!
+//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from the squared envelope. Each is then
+//! scored as every shape in both, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs);
+//! `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape and spectrum.
+
+use super::Context;
+use crate::analysis::explained::Explained;
+use crate::analysis::families::{self, Orders};
+use crate::analysis::search::{self, Line, Range};
+use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
+use crate::kinematic::spectra::Spectra;
+
+/// Families of one channel whose bases are tried.
+const FAMILIES: usize = 8;
+/// Harmonics of a base alone, modulated, and about the mesh.
+const HARMONICS: (usize, usize, usize) = (8, 6, 4);
+/// Sidebands of a shaft.
+const SIDEBANDS: i32 = 2;
+/// Mesh harmonics.
+const MESH: usize = 6;
+/// Multiples of the base that a line may be.
+const MULTIPLES: usize = 4;
+/// Relative distance of bases that are one.
+const SAME: f64 = 1e-3;
+/// Trial bases about a base: steps of this share.
+const FINE: f64 = 2.5e-4;
+const FINE_STEPS: i32 = 4;
+
+/// Every base in every shape.
+pub fn candidates(context: &Context) -> Vec<Candidate> {
+    let bases = bases(context);
+    let shapes = |base: f64| {
+        let mut all = vec![harmonics(context, base, Domain::Orders), harmonics(context, base, Domain::Envelope)];
+        for shaft in Shaft::BOTH {
+            all.extend([Domain::Orders, Domain::Envelope].map(|domain| modulated(context, base, shaft, domain)));
+        }
+        all.push(about_mesh(context, base));
+        all
+    };
+    let all: Vec<Candidate> = bases.into_iter().flat_map(shapes).filter(|c| c.places.len() > 1).collect();
+    let alternatives = all.len() as f64;
+    all.into_iter().map(|c| Candidate { alternatives, ..c }).collect()
+}
+
+/// The same family with its base moved a little: slip is not known.
+pub fn refinements(context: &Context, candidate: &Candidate) -> Vec<Candidate> {
+    let build = |base: f64| match candidate.kind {
+        Kind::Passage => Some(harmonics(context, base, candidate.domain)),
+        Kind::ModulatedPassage(shaft) => Some(modulated(context, base, shaft, candidate.domain)),
+        Kind::AboutMesh => Some(about_mesh(context, base)),
+        _ => None,
+    };
+    (-FINE_STEPS..=FINE_STEPS)
+        .filter_map(|i| build(candidate.base * (1.0 + FINE * f64::from(i))))
+        .map(|c| Candidate { alternatives: candidate.alternatives * f64::from(2 * FINE_STEPS + 1), ..c })
+        .collect()
+}
+
+fn bases(context: &Context) -> Vec<f64> {
+    let mut bases: Vec<f64> = Vec::new();
+    let scene = context.scene;
+    for (spectra, taken, mesh) in [(context.orders, 0, true), (context.envelope, 1, false)] {
+        for (run, channels) in scene.runs.iter().zip(&spectra.levels) {
+            let explained = Explained::new(scene.teeth[0], &run.angle, spectra.highest);
+            let known = |order: f64, half: f64| {
+                let own = if mesh { explained.at(order, half) } else { explained.of_shafts(order, half) };
+                own || context.taken[taken].near(order, half)
+            };
+            let orders = Orders {
+                teeth: scene.mesh_order(),
+                gear_order: scene.gear_order,
+                lowest: spectra.lowest,
+                highest: spectra.highest,
+                mesh,
+            };
+            for levels in &channels[..scene.searched] {
+                let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
+                let lines: Vec<Line> = search::lines(levels, &range);
+                let found = families::group(&lines, &orders, &known);
+                bases.extend(found.iter().take(FAMILIES).map(|f| f.base_order));
+            }
+        }
+    }
+    let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
+    distinct(parts, context.orders.lowest.max(2.0 * scene.resolution()))
+}
+
+fn distinct(mut bases: Vec<f64>, lowest: f64) -> Vec<f64> {
+    bases.retain(|base| *base > lowest);
+    bases.sort_by(f64::total_cmp);
+    bases.dedup_by(|a, b| *a - *b < SAME * *b);
+    bases
+}
+
+fn spectra<'a>(context: &'a Context, domain: Domain) -> &'a Spectra {
+    if domain == Domain::Envelope { context.envelope } else { context.orders }
+}
+
+fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Vec<Place>) -> Candidate {
+    let spectra = spectra(context, domain);
+    let fits = |p: &Place| p.order > spectra.lowest && p.order < spectra.highest;
+    // On a shaft's order nothing can be told from the shaft.
+    let of_shaft = |order: f64| {
+        let own = context.scene.gear_order;
+        let half = context.scene.resolution();
+        (order - order.round()).abs() <= half || (order - (order / own).round() * own).abs() <= half.min(0.2 * own)
+    };
+    places.retain(|p| fits(p) && !of_shaft(p.order));
+    Candidate { kind, base, domain, places, locked: false, alternatives: 1.0 }
+}
+
+/// `j o`.
+pub fn harmonics(context: &Context, base: f64, domain: Domain) -> Candidate {
+    let place = |j: usize| Place { order: j as f64 * base, spacing: j as f64 * base, label: format!("{j} o") };
+    make(context, Kind::Passage, base, domain, (1..=HARMONICS.0).map(place).collect())
+}
+
+/// `j o +- n o_s`.
+pub fn modulated(context: &Context, base: f64, shaft: Shaft, domain: Domain) -> Candidate {
+    let own = context.scene.shaft_order(shaft as usize);
+    let mut places = Vec::new();
+    for j in 1..=HARMONICS.1 {
+        for n in -SIDEBANDS..=SIDEBANDS {
+            let order = j as f64 * base + f64::from(n) * own;
+            let label = match n {
+                0 => format!("{j} o"),
+                n => format!("{j} o {} {} {}", if n < 0 { "-" } else { "+" }, n.abs(), shaft.word()),
+            };
+            places.push(Place { order, spacing: j as f64 * base, label });
+        }
+    }
+    make(context, Kind::ModulatedPassage(shaft), base, domain, places)
+}
+
+/// `k z1 +- j o` and `j o`.
+pub fn about_mesh(context: &Context, base: f64) -> Candidate {
+    let z = context.scene.mesh_order();
+    let mut places = Vec::new();
+    for j in (1..=HARMONICS.2).filter(|j| *j as f64 * base < 0.5 * z) {
+        let spacing = j as f64 * base;
+        places.push(Place { order: spacing, spacing, label: format!("{j} o") });
+        for k in 1..=MESH {
+            for (side, sign) in [(-1.0, "-"), (1.0, "+")] {
+                let label = format!("{k} mesh {sign} {j} o");
+                places.push(Place { order: k as f64 * z + side * spacing, spacing, label });
+            }
+        }
+    }
+    make(context, Kind::AboutMesh, base, Domain::Orders, places)
+}

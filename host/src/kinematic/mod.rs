@@ -1,0 +1,70 @@
+//! The loop on measured records: what tooth counts and a speed reference say, without a machine's equations.
+//!
+//! 1. [`preflight`]: which level a record allows, and what is missing for the next.
+//! 2. [`scene`], [`split`]: every channel at equal angles, a quarter of the turns held out, and every second of many channels.
+//! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated).
+//! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]).
+//! 5. [`errors`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto.
+//! 6. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
+//!
+//! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
+
+pub mod accept;
+pub mod amplitudes;
+pub mod baseline;
+pub mod basis;
+pub mod candidate;
+pub mod describe;
+pub mod errors;
+pub mod evidence;
+pub mod families;
+pub mod limits;
+pub mod naming;
+pub mod outcome;
+pub mod preflight;
+pub mod report;
+pub mod residual;
+pub mod scene;
+pub mod search;
+pub mod spectra;
+pub mod split;
+pub mod view;
+
+use crate::record::Record;
+use crate::{Error, Result};
+use baseline::Baseline;
+use outcome::Outcome;
+use preflight::Preflight;
+use scene::Scene;
+use search::Adopted;
+
+/// Runs the kinematic level on a record.
+///
+/// # Errors
+/// A record without tooth counts, tach or enough turns; more points than the budget.
+pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
+    let place = record.folder.join("record.toml");
+    let missing = || Error::invalid(place.display(), "has no tooth counts");
+    let teeth = record.declaration.teeth().ok_or_else(missing)?;
+    let scene = Scene::of(record, record.require_tach()?, teeth)?;
+    let baseline = Baseline::of(&scene);
+    let fit = residual::views(&scene, &baseline, |split| &split.fit, None);
+    let found = search::search(&scene, &fit);
+    let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
+    let held = if held_out {
+        residual::views(&scene, &baseline, |split| &split.held_out, Some(&fit.bands))
+    } else {
+        residual::views(&scene, &baseline, |split| &split.fit, Some(&fit.bands))
+    };
+    let views = [&fit, &held];
+    let all: Vec<&Adopted> = found.adopted.iter().collect();
+    let worths = errors::worths(&scene, &baseline, views, &all);
+    let (kept, vetoed): (Vec<_>, Vec<_>) =
+        all.into_iter().zip(worths).partition(|(a, worth)| !held_out || errors::holds(a, worth));
+    let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
+    let corrected = errors::correct(&scene, &baseline, &fit, &adopted);
+    let errors = errors::errors(&scene, &baseline, &corrected, views, &adopted);
+    let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
+    let parts = describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
+    Ok(describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight))
+}

@@ -1,0 +1,134 @@
+//! At which level the loop can run on a record, and what it lacks for the next: everything at once.
+//!
+//! *Dynamic* needs what the declared machine's forward model takes ([`crate::observation::input`]): the machine with its pair stiffness, two channels on the bodies in
+//! acceleration, a tach on the pinion whose angle 0 is the machine's, torques, three speeds. *Kinematic* needs tooth counts, some tach and enough turns. A
+//! record that lacks a machine's table names it here; one that declares it wrongly is refused by who reads it.
+
+use crate::record::Record;
+use crate::{Error, Result};
+use serde::Serialize;
+
+/// Speeds that the dynamic level needs.
+const SPEEDS: usize = 3;
+/// Relative distance of mean speeds that are two.
+const APART: f64 = 0.02;
+/// Units of acceleration.
+const ACCELERATION: [&str; 4] = ["m/s2", "m/s^2", "m/s\u{b2}", "g"];
+
+/// A level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Level {
+    /// Lines at known orders behind an unknown path.
+    Kinematic,
+    /// The declared machine's equations.
+    Dynamic,
+}
+
+/// What is missing for each level.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Preflight {
+    /// For the kinematic level.
+    pub for_kinematic: Vec<String>,
+    /// For the dynamic level, beyond those.
+    pub for_dynamic: Vec<String>,
+}
+
+impl Preflight {
+    /// Looks at a record.
+    pub fn of(record: &Record) -> Self {
+        let mut preflight = Self::default();
+        preflight.kinematic(record);
+        preflight.tach(record);
+        preflight.machine(record);
+        preflight.runs(record);
+        preflight
+    }
+
+    /// The level to run at: the one asked for, or the highest that the record allows.
+    ///
+    /// # Errors
+    /// One line with everything that is missing.
+    pub fn level(&self, wanted: Option<Level>, place: &str) -> Result<Level> {
+        let list = |missing: &[String]| missing.join("; ");
+        if wanted != Some(Level::Dynamic) && !self.for_kinematic.is_empty() {
+            let what = format!("neither level is possible, missing: {}", list(&self.for_kinematic));
+            return Err(Error::invalid(place, what));
+        }
+        match wanted {
+            Some(Level::Dynamic) if !self.for_dynamic.is_empty() || !self.for_kinematic.is_empty() => {
+                let all = [self.for_kinematic.clone(), self.for_dynamic.clone()].concat();
+                Err(Error::invalid(place, format!("the dynamic level is not possible, missing: {}", list(&all))))
+            }
+            Some(level) => Ok(level),
+            None if self.for_dynamic.is_empty() => Ok(Level::Dynamic),
+            None => Ok(Level::Kinematic),
+        }
+    }
+
+    fn kinematic(&mut self, record: &Record) {
+        let missing = &mut self.for_kinematic;
+        if record.declaration.teeth().is_none() {
+            missing.push("tooth counts ([pair] teeth, `import --teeth`)".into());
+        }
+        let with_edges = record.runs.iter().filter(|run| run.edges_s.len() >= 3).count();
+        if record.declaration.tach.is_none() || with_edges == 0 {
+            missing.push("a speed reference ([tach]; `import --tach`, or `import --teeth` for a virtual one)".into());
+        }
+        if record.runs.is_empty() {
+            missing.push("runs ([[run]])".into());
+        }
+    }
+
+    fn tach(&mut self, record: &Record) {
+        let missing = &mut self.for_dynamic;
+        let Some(tach) = &record.declaration.tach else { return };
+        match tach.source.as_deref() {
+            Some("virtual") => missing.push("a real tachometer (this one is virtual, its angle 0 unknown)".into()),
+            Some("measured") => {
+                missing.push("where the tachometer's angle 0 lies against the teeth (tach.source is \"measured\")".into());
+            }
+            _ => {}
+        }
+        if tach.shaft != "pinion" {
+            missing.push(format!("the tachometer on the pinion's shaft (it is on '{}')", crate::text::name(&tach.shaft)));
+        }
+    }
+
+    fn machine(&mut self, record: &Record) {
+        let missing = &mut self.for_dynamic;
+        if !record.declaration.has_machine() {
+            missing.push("the machine: geometry of the [pair], masses and stiffnesses of the [shafts]".into());
+        }
+        if record.declaration.stiffness_tables().is_empty() {
+            missing.push("stiffness of a tooth pair ([pair] pair_stiffness)".into());
+        }
+        let acquisition = &record.declaration.acquisition;
+        if acquisition.channels.len() != 2 {
+            let count = acquisition.channels.len();
+            missing.push(format!("exactly two channels, on pinion and gear body along the line of action (there are {count})"));
+        }
+        if let Some(unit) = acquisition.unit.as_deref().filter(|unit| !ACCELERATION.contains(unit)) {
+            missing.push(format!("acceleration in m/s2 or g (the unit is '{}')", crate::text::name(unit)));
+        }
+    }
+
+    fn runs(&mut self, record: &Record) {
+        let missing = &mut self.for_dynamic;
+        let unknown: Vec<String> = (0..record.runs.len())
+            .filter(|&i| record.declaration.runs.get(i).is_none_or(|run| run.input_torque_n_m.is_none()))
+            .map(|i| i.to_string())
+            .collect();
+        if !unknown.is_empty() {
+            missing.push(format!("the torque of run{} {}", if unknown.len() > 1 { "s" } else { "" }, unknown.join(", ")));
+        }
+        let pulses = record.declaration.tach.as_ref().map_or(1, |tach| tach.pulses_per_rev);
+        let mut speeds: Vec<f64> = record.runs.iter().filter_map(|run| run.mean_speed_hz(pulses)).collect();
+        speeds.sort_by(f64::total_cmp);
+        let apart = |w: &&[f64]| w[1] > w[0] * (1.0 + APART);
+        let count = speeds.len().min(1) + speeds.windows(2).filter(apart).count();
+        if count < SPEEDS {
+            missing.push(format!("runs at {SPEEDS} speeds (there {} {count})", if count == 1 { "is" } else { "are" }));
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Spectra of what the calibrated model leaves: over orders, over frequency, and of its squared envelope.
+//!
+//! Three views of the same stretches. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
+//! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too.
+
+use super::baseline::Baseline;
+use super::families::tooth::piece;
+use super::scene::{Scene, SceneRun};
+use super::spectra::{Spectra, mean};
+use super::split::{Split, Stretch};
+use crate::analysis::average::locked_part;
+use crate::analysis::envelope::{self, Band, not_locked};
+use crate::analysis::search::{self, Level, Range};
+use rayon::prelude::*;
+
+/// Lowest frequency looked at, Hz: below it sensors drift.
+const LOWEST_HZ: f64 = 5.0;
+/// Share of the sampling rate up to which frequencies are looked at.
+const PASS_SHARE: f64 = 0.4;
+
+/// The three views, and the bands of the envelopes.
+pub struct Views {
+    /// Over orders.
+    pub orders: Spectra,
+    /// Of squared envelopes.
+    pub envelope: Spectra,
+    /// Over frequency.
+    pub frequency: Spectra,
+    /// Band of each run's and channel's envelope.
+    pub bands: Vec<Vec<Band>>,
+}
+
+/// Views of the stretches that `stretches` chooses; `bands` of an earlier view, or `None` to choose them.
+pub fn views(
+    scene: &Scene,
+    baseline: &Baseline,
+    stretches: impl Fn(&Split) -> &[Stretch] + Sync,
+    bands: Option<&Vec<Vec<Band>>>,
+) -> Views {
+    let orders = Spectra::over_orders(scene, &baseline.calibrated, |r| stretches(&scene.runs[r].split).to_vec());
+    let of_channel = |r: usize, c: usize| {
+        let run = &scene.runs[r];
+        let given = bands.map(|bands| bands[r][c]);
+        of_channel(run, &run.samples[c], &baseline.calibrated[r][c], &run.signals[c], stretches(&run.split), given)
+    };
+    let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())
+        .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())
+        .collect();
+    let highest = all.iter().flatten().map(|v| v.highest_order).fold(f64::INFINITY, f64::min);
+    let slowest = scene.runs.iter().map(|run| run.rate_hz).fold(f64::INFINITY, f64::min);
+    let split = |of: fn(&ChannelViews) -> &Vec<Level>| -> Vec<Vec<Vec<Level>>> {
+        all.iter().map(|run| run.iter().map(|v| of(v).clone()).collect()).collect()
+    };
+    Views {
+        envelope: Spectra { levels: split(|v| &v.envelope), lowest: orders.lowest, highest },
+        frequency: Spectra { levels: split(|v| &v.frequency), lowest: LOWEST_HZ, highest: PASS_SHARE * slowest },
+        bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
+        orders,
+    }
+}
+
+struct ChannelViews {
+    envelope: Vec<Level>,
+    frequency: Vec<Level>,
+    band: Band,
+    highest_order: f64,
+}
+
+fn of_channel(
+    run: &SceneRun,
+    samples: &[f64],
+    calibrated: &[f64],
+    signal: &[f64],
+    stretches: &[Stretch],
+    given: Option<Band>,
+) -> ChannelViews {
+    let per_turn = run.angle.per_turn[0];
+    let mut known: Vec<f64> = samples.iter().zip(calibrated).map(|(x, rest)| x - rest).collect();
+    let frequency = over_frequency(run, &not_locked(signal, run.rate_hz, &known, &run.angle), stretches);
+    for stretch in stretches {
+        let range = stretch.samples(per_turn);
+        let locked = locked_part(&calibrated[range.clone()], &piece(&run.angle, *stretch));
+        known[range].iter_mut().zip(locked).for_each(|(k, l)| *k += l);
+    }
+    let rest = not_locked(signal, run.rate_hz, &known, &run.angle);
+    let mut band = given;
+    let mut highest_order = f64::INFINITY;
+    let envelopes: Vec<Vec<Level>> = stretches
+        .iter()
+        .map(|stretch| {
+            let angle = piece(&run.angle, *stretch);
+            let own = match band {
+                Some(band) => envelope::in_band(&rest, run.rate_hz, &angle, band),
+                None => envelope::envelope(&rest, run.rate_hz, &angle),
+            };
+            band = Some(own.band);
+            highest_order = own.highest_order;
+            own.levels
+        })
+        .collect();
+    let none = Band { low_hz: 0.0, high_hz: 0.0, kurtosis: 0.0, score: 0.0 };
+    ChannelViews { envelope: mean(envelopes.into_iter()), frequency, band: band.unwrap_or(none), highest_order }
+}
+
+fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Level> {
+    let first = |s: &Stretch| {
+        let time = run.angle.map.time_at(run.angle.from_turn + s.from as f64);
+        ((time * run.rate_hz).max(0.0) as usize).min(rest.len())
+    };
+    let length = |s: &Stretch| {
+        let end = Stretch { from: s.from + s.turns, turns: 0 };
+        first(&end) - first(s)
+    };
+    // As many whole seconds as the shortest stretch has; a second is the "turn" of the search.
+    let second = (run.rate_hz.round() as usize).max(1);
+    let samples = stretches.iter().map(length).min().unwrap_or(0);
+    let per_turn = if samples >= second { second } else { samples.max(1) };
+    let range = Range { lowest: LOWEST_HZ, highest: PASS_SHARE * run.rate_hz, known: &|_, _| false };
+    let scale = run.rate_hz / per_turn as f64;
+    let levels = |s: &Stretch| {
+        let part = &rest[first(s)..(first(s) + samples).min(rest.len())];
+        let mut levels = search::levels(part, per_turn, run.angle.speed.slowest_hz, &range);
+        levels.iter_mut().for_each(|level| level.density.bin *= scale);
+        levels
+    };
+    mean(stretches.iter().map(levels))
+}

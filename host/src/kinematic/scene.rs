@@ -1,0 +1,176 @@
+//! What the kinematic level sees of a record: every channel at equal angles, and which turns are whose.
+//!
+//! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a run without enough turns. Cost: eight bytes
+//! per point at equal angles and channel, a few copies of it while the loop works ([`GRID`]).
+
+use super::split::Split;
+use crate::analysis::angle::Angle;
+use crate::budget::GRID;
+use crate::record::{Record, Run, Tach};
+use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// A channel that is used.
+#[derive(Debug, Clone)]
+pub struct Channel {
+    /// Index in the record, from 0.
+    pub index: usize,
+    /// Name.
+    pub name: String,
+}
+
+/// A run with its channels.
+#[derive(Debug, Clone)]
+pub struct SceneRun {
+    /// Index in the record, from 0.
+    pub index: usize,
+    /// Angle and grid.
+    pub angle: Angle,
+    /// Sampling rate, Hz.
+    pub rate_hz: f64,
+    /// Which turns are fitted.
+    pub split: Split,
+    /// Speed of the pinion in each turn of the grid, Hz.
+    pub speeds_hz: Vec<f64>,
+    /// Samples over time, channel by channel, record's unit.
+    pub signals: Vec<Vec<f64>>,
+    /// Samples at equal angles less their mean, channel by channel.
+    pub samples: Vec<Vec<f64>>,
+    /// Samples at the ends of the code range, channel by channel.
+    pub at_limit: Vec<usize>,
+}
+
+/// The record.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Title of the record.
+    pub title: String,
+    /// Unit of the channels.
+    pub unit: String,
+    /// Teeth of pinion and gear.
+    pub teeth: [u32; 2],
+    /// Turns of the gear per turn of the pinion.
+    pub gear_order: f64,
+    /// Channels used, those that families are searched on first.
+    pub channels: Vec<Channel>,
+    /// Channels that families are searched on; the rest are held out.
+    pub searched: usize,
+    /// Runs used.
+    pub runs: Vec<SceneRun>,
+    /// Highest order that every run holds.
+    pub highest_order: f64,
+    /// What was left out, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// Channels from which every second one is held out.
+const MANY_CHANNELS: usize = 4;
+
+impl Scene {
+    /// Of a record with tach and tooth counts.
+    ///
+    /// # Errors
+    /// No run with enough turns, no channel that moves, more points than the budget.
+    pub fn of(record: &Record, tach: &Tach, teeth: [u32; 2]) -> Result<Self> {
+        let acquisition = &record.declaration.acquisition;
+        let (mut runs, mut notes, mut refused) = (Vec::new(), Vec::new(), None);
+        let (order, searched) = channels(record, &mut notes)?;
+        for (index, run) in record.runs.iter().enumerate() {
+            match Angle::of(run, tach, teeth, &format!("run {index}")) {
+                Ok(angle) => runs.push((index, run, angle)),
+                Err(error) => {
+                    notes.push(format!("left out: {error}"));
+                    refused.get_or_insert(error);
+                }
+            }
+        }
+        if let (true, Some(error)) = (runs.is_empty(), refused) {
+            return Err(error);
+        }
+        let points: f64 = runs.iter().map(|(_, _, a)| (a.turns * a.per_turn[0] * order.len()) as f64).sum();
+        GRID.check(record.folder.display(), points, "cut the runs or leave channels out at import")?;
+        let runs: Vec<SceneRun> = runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order)).collect();
+        if let Some(run) = runs.iter().find(|run| run.split.held_out.is_empty()) {
+            notes.push(format!("run {} is too short to hold a stretch of it out", run.index));
+        }
+        Ok(Self {
+            title: record.declaration.title().to_owned(),
+            unit: acquisition.unit.clone().unwrap_or_else(|| "m/s2".into()),
+            teeth,
+            gear_order: f64::from(teeth[0]) / f64::from(teeth[1]),
+            channels: order.iter().map(|&index| Channel { index, name: acquisition.channels[index].clone() }).collect(),
+            searched,
+            highest_order: runs.iter().map(|run| run.angle.highest_order).fold(f64::INFINITY, f64::min),
+            runs,
+            notes,
+        })
+    }
+
+    /// Teeth of the pinion: the mesh's order.
+    pub fn mesh_order(&self) -> f64 {
+        f64::from(self.teeth[0])
+    }
+
+    /// Order of a shaft: 0 is the pinion's, 1 the gear's.
+    pub fn shaft_order(&self, shaft: usize) -> f64 {
+        [1.0, self.gear_order][shaft]
+    }
+
+    /// Orders between lines that a fit stretch keeps apart: the main lobes' width.
+    pub fn resolution(&self) -> f64 {
+        let turns = self.runs.iter().flat_map(|run| &run.split.fit).map(|s| s.turns).min().unwrap_or(1);
+        crate::analysis::lines::LOBE_BINS / turns as f64
+    }
+}
+
+/// Channels that move: those to search on (every second of four or more), then the others.
+fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usize)> {
+    let names = &record.declaration.acquisition.channels;
+    let moves = |c: usize| {
+        record.runs.iter().all(|run| {
+            let mut codes = run.codes().iter().skip(c).step_by(run.channels());
+            let first = codes.next();
+            codes.any(|code| Some(code) != first)
+        })
+    };
+    let (moving, still): (Vec<usize>, Vec<usize>) = (0..names.len()).partition(|&c| moves(c));
+    notes.extend(still.iter().map(|&c| format!("channel {c} ({}) does not move and is left out", crate::text::name(&names[c]))));
+    if moving.is_empty() {
+        return Err(Error::invalid(record.folder.display(), "no vibration in the record: no channel moves"));
+    }
+    if moving.len() < MANY_CHANNELS {
+        return Ok((moving.clone(), moving.len()));
+    }
+    let searched: Vec<usize> = moving.iter().copied().step_by(2).collect();
+    let others: Vec<usize> = moving.iter().copied().skip(1).step_by(2).collect();
+    let count = searched.len();
+    Ok(([searched, others].concat(), count))
+}
+
+fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize]) -> SceneRun {
+    let rate_hz = run.sample_rate_hz();
+    let signals: Vec<Vec<f64>> = channels.iter().map(|&c| run.signal_m_s2(c)).collect();
+    let samples = signals.par_iter().map(|signal| without_mean(angle.resampled(signal, rate_hz))).collect();
+    let time = |turn: usize| angle.map.time_at(angle.from_turn + turn as f64);
+    let at_limit = |&c: &usize| {
+        let codes = run.channel_codes(c);
+        let (low, high) = (codes.iter().min().copied(), codes.iter().max().copied());
+        codes.windows(2).filter(|w| w[0] == w[1] && (Some(w[0]) == low || Some(w[0]) == high)).count()
+    };
+    SceneRun {
+        index,
+        rate_hz,
+        split: Split::new(angle.turns, angle.slower_order(), angle.speed.fastest_hz / angle.speed.slowest_hz),
+        speeds_hz: (0..angle.turns).map(|i| 1.0 / (time(i + 1) - time(i))).collect(),
+        at_limit: channels.iter().map(at_limit).collect(),
+        signals,
+        samples,
+        angle,
+    }
+}
+
+fn without_mean(mut samples: Vec<f64>) -> Vec<f64> {
+    let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
+    samples.iter_mut().for_each(|x| *x -= mean);
+    samples
+}

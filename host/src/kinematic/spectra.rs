@@ -1,0 +1,112 @@
+//! Spectra of a residual on some stretches, by run and channel, with their floors: what families are read from.
+//!
+//! Levels (whole stretch, quarters, sixteenths) and floors are the analysis' ([`search::levels`]); stretches of one length are averaged. The
+//! floor is a median of quiet bins between lines of the same stretches, so it is no part of what is judged. Orders or frequencies: the
+//! same code, with "order" in hertz.
+
+use super::evidence::Reading;
+use super::scene::Scene;
+use super::split::Stretch;
+use crate::analysis::explained::Explained;
+use crate::analysis::search::{self, Level, Range};
+use rayon::prelude::*;
+
+/// Spectra by run and channel, finest first.
+#[derive(Debug, Clone)]
+pub struct Spectra {
+    /// Levels of every run and channel.
+    pub levels: Vec<Vec<Vec<Level>>>,
+    /// Lowest order looked at.
+    pub lowest: f64,
+    /// Highest order looked at.
+    pub highest: f64,
+}
+
+/// Share of the slower shaft's order that is the lowest looked at.
+const LOWEST: f64 = 0.25;
+
+impl Spectra {
+    /// Of samples at equal angles by run and channel, on the stretches that `stretches` chooses.
+    pub fn over_orders(
+        scene: &Scene,
+        grids: &[Vec<Vec<f64>>],
+        stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
+    ) -> Self {
+        let lowest = LOWEST * scene.gear_order.min(1.0);
+        let highest = scene.highest_order;
+        let of_run = |r: usize| -> Vec<Vec<Level>> {
+            let angle = &scene.runs[r].angle;
+            let explained = Explained::new(scene.teeth[0], angle, highest);
+            let known = |order: f64, half: f64| explained.at(order, half);
+            let range = Range { lowest, highest, known: &known };
+            let of_stretch = |samples: &[f64], s: Stretch| {
+                search::levels(&samples[s.samples(angle.per_turn[0])], angle.per_turn[0], angle.slower_order(), &range)
+            };
+            grids[r].iter().map(|samples| mean(stretches(r).into_iter().map(|s| of_stretch(samples, s)))).collect()
+        };
+        let levels = (0..scene.runs.len()).into_par_iter().map(of_run).collect();
+        Self { levels, lowest, highest }
+    }
+
+    /// Power over floor of the highest bin within `reach` bins of `order` at one level.
+    pub fn reading(&self, run: usize, channel: usize, level: usize, order: f64, reach: usize) -> Option<Reading> {
+        if order < self.lowest || order > self.highest {
+            return None;
+        }
+        let level = self.levels[run][channel].get(level)?;
+        let centre = (order / level.density.bin).round() as usize;
+        let last = (centre + reach).min(level.floor.len().checked_sub(1)?);
+        let raised = 1.0 + 2.0 * level.floor_error;
+        let ratio = (centre.saturating_sub(reach)..=last)
+            .map(|i| level.density.values[i] / (level.floor[i] * raised).max(f64::MIN_POSITIVE))
+            .fold(0.0, f64::max);
+        Some(Reading { ratio, averages: level.averages as f64 })
+    }
+
+    /// Width of a bin, orders, at one level of the first run and channel.
+    pub fn bin(&self, level: usize) -> f64 {
+        let levels = self.levels.first().and_then(|run| run.first());
+        levels.and_then(|levels| levels.get(level).or(levels.last())).map_or(1.0, |level| level.density.bin)
+    }
+
+    /// Levels that every run and channel has.
+    pub fn depth(&self) -> usize {
+        self.levels.iter().flatten().map(Vec::len).min().unwrap_or(0)
+    }
+
+    /// Mean square of the floor up to the highest order.
+    pub fn floor_power(&self, run: usize, channel: usize) -> f64 {
+        let Some(level) = self.levels[run][channel].first() else { return 0.0 };
+        let last = ((self.highest / level.density.bin) as usize).min(level.floor.len());
+        level.floor[..last].iter().sum::<f64>() * level.density.bin
+    }
+
+    /// Mean square above the floor within `bins` of an order; may be negative by chance.
+    pub fn excess(&self, run: usize, channel: usize, level: usize, order: f64, bins: usize) -> f64 {
+        let Some(level) = self.levels[run][channel].get(level) else { return 0.0 };
+        let centre = (order / level.density.bin).round() as usize;
+        let range = centre.saturating_sub(bins)..(centre + bins + 1).min(level.floor.len());
+        range.map(|i| (level.density.values[i] - level.floor[i]) * level.density.bin).sum()
+    }
+}
+
+/// Levels of several stretches of one length as one.
+pub fn mean(stretches: impl Iterator<Item = Vec<Level>>) -> Vec<Level> {
+    let all: Vec<Vec<Level>> = stretches.collect();
+    let Some(first) = all.first() else { return Vec::new() };
+    let count = all.len() as f64;
+    let average = |l: usize, of: fn(&Level) -> &Vec<f64>| -> Vec<f64> {
+        let length = all.iter().map(|levels| of(&levels[l]).len()).min().unwrap_or(0);
+        (0..length).map(|i| all.iter().map(|levels| of(&levels[l])[i]).sum::<f64>() / count).collect()
+    };
+    (0..first.len())
+        .map(|l| {
+            let mut level = first[l].clone();
+            level.density.values = average(l, |level| &level.density.values);
+            level.floor = average(l, |level| &level.floor);
+            level.averages *= all.len();
+            level.floor_error /= count.sqrt();
+            level
+        })
+        .collect()
+}

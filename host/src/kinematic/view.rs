@@ -1,0 +1,134 @@
+//! The answer in words: level and headline first, then errors, families, limits, what is left.
+
+use super::outcome::{Effect, Outcome};
+use crate::terminal;
+
+/// Lines shown of a family, limits shown.
+const LINES: usize = 8;
+
+/// Head and rows of a table.
+pub type Table = (Vec<&'static str>, Vec<Vec<String>>);
+
+/// The whole answer.
+pub fn text(outcome: &Outcome) -> String {
+    let mut out = format!("kinematic level: {}\n", outcome.headline);
+    if !outcome.to_raise_the_level.is_empty() {
+        out += &format!("for the dynamic level: {}\n", outcome.to_raise_the_level.join("; "));
+    }
+    for note in &outcome.notes {
+        out += &format!("note: {note}\n");
+    }
+    out += &format!("split: {}\n", outcome.split.kind);
+    out += &shown(errors(outcome));
+    if outcome.error.errors.per_channel.len() > 1 {
+        out += &shown(channels(outcome));
+    }
+    for effect in &outcome.effects {
+        out += &of_effect(effect);
+    }
+    if let Some(bearing) = &outcome.bearing {
+        let parts: Vec<String> = bearing.parts.iter().map(|(order, part)| format!("{order:.4} {part}")).collect();
+        out += &format!(
+            "bearing on the {}'s shaft: {} elements, ratio {:.4}; {}; worst distance {:.2} %\n",
+            bearing.shaft,
+            bearing.elements,
+            bearing.ratio,
+            parts.join(", "),
+            100.0 * bearing.worst
+        );
+    }
+    out += &format!(
+        "search: {} candidates; probability of any false family {:.2}\n",
+        outcome.candidates_tried, outcome.false_alarm
+    );
+    out += &shown(judged(outcome));
+    out += &shown(limits(outcome));
+    for left in &outcome.unexplained {
+        out += &format!("unexplained: {} ({:.2} % of the variance)\n", left.description, 100.0 * left.variance_share);
+    }
+    out
+}
+
+fn shown((head, rows): Table) -> String {
+    if rows.is_empty() { String::new() } else { terminal::table(&head, &rows) }
+}
+
+/// Errors in three stages.
+pub fn errors(outcome: &Outcome) -> Table {
+    let e = &outcome.error.errors;
+    let row = |name: &str, s: &super::errors::Stages| {
+        let figures = [s.declared, s.calibrated, s.corrected, s.noise_floor].map(|x| format!("{x:.4}"));
+        [vec![name.to_owned()], figures.to_vec()].concat()
+    };
+    let rows = vec![
+        row("waveform, fitted", &e.fit),
+        row("waveform, held out", &e.held_out),
+        row("share of power, held out", &e.held_out_power),
+    ];
+    (vec!["error", "declared", "calibrated", "corrected", "noise floor"], rows)
+}
+
+/// Channel by channel.
+pub fn channels(outcome: &Outcome) -> Table {
+    let row = |c: &super::errors::ChannelError| {
+        let w = c.waveform;
+        let mut row = vec![c.channel.to_string(), if c.searched { "searched" } else { "held out" }.to_owned()];
+        row.extend([w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(|x| format!("{x:.4}")));
+        row
+    };
+    let rows = outcome.error.errors.per_channel.iter().map(row).collect();
+    (vec!["channel", "", "declared", "calibrated", "corrected", "noise floor", "unexplained share of power"], rows)
+}
+
+fn of_effect(effect: &Effect) -> String {
+    let seat = match (effect.order_of_pinion, effect.frequency_hz) {
+        (Some(order), _) => format!("order {order:.4}"),
+        (_, Some(hz)) => format!("{hz:.3} Hz"),
+        _ => String::new(),
+    };
+    let v = &effect.evidence;
+    let mut out = format!("{}: {} [{}, {}] {seat}\n", effect.verdict, effect.name, effect.family, effect.shaft);
+    out += &format!(
+        "    evidence {:.1} nats, chance {:.1e}, held out {:.1} nats and {:.2} % of the power as {}\n",
+        v.ln_bayes,
+        v.p_value,
+        v.held_out_ln_bayes,
+        100.0 * v.held_out_gain,
+        effect.predicts
+    );
+    for (name, value) in &effect.parameters {
+        out += &format!("    {name} {:.4} ({:.4} to {:.4}) {}\n", value.value, value.ci95[0], value.ci95[1], value.unit);
+    }
+    let lines: Vec<String> =
+        effect.lines.iter().take(LINES).map(|(label, order)| format!("{label} at {order:.3}")).collect();
+    out += &format!("    {} lines: {}\n", effect.lines.len(), lines.join(", "));
+    if let Some(remark) = &effect.remark {
+        out += &format!("    {remark}\n");
+    }
+    out
+}
+
+/// Families judged, with why they were refused.
+pub fn judged(outcome: &Outcome) -> Table {
+    let row = |j: &super::outcome::Judged| {
+        vec![
+            j.family.clone(),
+            format!("{:.1}", j.ln_bayes),
+            format!("{:.1}", j.surrogates.highest),
+            format!("{:.1e}", j.surrogates.false_alarm),
+            j.refused.clone().unwrap_or_else(|| "adopted".into()),
+        ]
+    };
+    let rows = outcome.surrogates.iter().map(row).collect();
+    (vec!["family judged", "nats", "best moved copy", "chance", "verdict"], rows)
+}
+
+/// What would have been found.
+pub fn limits(outcome: &Outcome) -> Table {
+    let percent = |x: Option<f64>| x.map_or("not below 6.5 times".into(), |x| format!("{:.3} %", 100.0 * x));
+    let row = |l: &super::outcome::Limit| {
+        vec![l.family.clone(), percent(l.found_in_half), percent(l.found_in_90_percent), l.unit.clone()]
+    };
+    let rows = outcome.limits.iter().map(row).collect();
+    (vec!["not found; would have been, from", "in half", "in 90 %", "strength of each line"], rows)
+}
