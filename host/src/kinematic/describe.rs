@@ -5,6 +5,7 @@ use super::baseline::{Baseline, Grids};
 use super::candidate::{Candidate, Domain, Kind};
 use super::errors::{Corrected, Errors, Worth};
 use super::families::bearing::Bearing;
+use super::families::clipping;
 use super::naming;
 use super::outcome::{
     BearingRead, Effect, ErrorTable, Evidence, Judged, Limit, Outcome, Picture, SplitUsed, Unexplained, Value,
@@ -53,6 +54,7 @@ pub fn outcome(
     let bases = search::bases(&adopted);
     let read_from = bearing.as_ref().map(|b| (b, bases.as_slice()));
     let effects: Vec<Effect> = kept.iter().map(|(a, worth)| effect(parts, a, worth, read_from)).collect();
+    let effects = [effects, clipped(scene)].concat();
     let mut surrogates: Vec<Judged> = parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict)).collect();
     for (judged, adopted) in surrogates.iter_mut().zip(&parts.search.adopted) {
         judged.refused = veto(adopted, vetoed);
@@ -88,6 +90,24 @@ const METRIC: &str = "fit, held_out: nrmse of the waveform below the highest ord
 fn veto(adopted: &Adopted, vetoed: &[Judgement]) -> Option<String> {
     let own = vetoed.iter().find(|(a, _)| std::ptr::eq(*a, adopted));
     own.map(|(_, w)| format!("held-out turns do not gain ({:.2e} of the power, {:.1} nats)", w.gain, w.ln_bayes))
+}
+
+/// Channels that stand still at the end of their range.
+fn clipped(scene: &Scene) -> Vec<Effect> {
+    let channels = clipping::limited(scene);
+    if channels.is_empty() {
+        return Vec::new();
+    }
+    let list: Vec<String> = channels.iter().map(|(channel, pairs)| format!("channel {channel} ({pairs} samples)")).collect();
+    vec![Effect {
+        verdict: "named".into(),
+        name: "clipping".into(),
+        family: "other".into(),
+        shaft: "none".into(),
+        predicts: "nothing",
+        remark: Some(format!("stands still at the end of its range: {}", list.join(", "))),
+        ..Effect::default()
+    }]
 }
 
 /// Name of a family in lists.

@@ -19,6 +19,7 @@ pub mod errors;
 pub mod evidence;
 pub mod families;
 pub mod limits;
+pub mod mesh_place;
 pub mod naming;
 pub mod outcome;
 pub mod preflight;
@@ -49,7 +50,8 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let scene = Scene::of(record, record.require_tach()?, teeth)?;
     let baseline = Baseline::of(&scene);
     let fit = residual::views(&scene, &baseline, |split| &split.fit, None);
-    let found = search::search(&scene, &fit);
+    let misplaced = mesh_place::finding(&scene);
+    let found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
         residual::views(&scene, &baseline, |split| &split.held_out, Some(&fit.bands))
@@ -66,5 +68,9 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let errors = errors::errors(&scene, &baseline, &corrected, views, &adopted);
     let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
     let parts = describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
-    Ok(describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight))
+    let outcome = describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight);
+    Ok(match misplaced {
+        Some(finding) => outcome.abstaining(finding),
+        None => outcome,
+    })
 }

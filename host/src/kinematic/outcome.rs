@@ -51,6 +51,16 @@ pub struct Outcome {
     pub pictures: Vec<Picture>,
 }
 
+impl Outcome {
+    /// The same where the record contradicts what every family rests on: nothing is named, no limit stands.
+    pub fn abstaining(mut self, finding: String) -> Self {
+        self.headline = format!("abstained: {finding}; {}", self.headline.replace("nothing beyond the mesh; ", ""));
+        self.limits.clear();
+        self.notes.insert(0, finding);
+        self
+    }
+}
+
 /// The error table of the loop's JSON.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct ErrorTable {

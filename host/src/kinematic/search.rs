@@ -42,9 +42,14 @@ pub fn index(domain: Domain) -> usize {
     domain as usize
 }
 
+/// A search that was not made.
+pub fn nothing(scene: &Scene, views: &Views) -> Search {
+    Search { adopted: Vec::new(), refused: Vec::new(), taken: mesh_taken(scene, views), tried: 0 }
+}
+
 /// Searches on the fitted part of the searched channels.
 pub fn search(scene: &Scene, views: &Views) -> Search {
-    let mut search = Search { adopted: Vec::new(), refused: Vec::new(), taken: mesh_taken(scene, views), tried: 0 };
+    let mut search = nothing(scene, views);
     while search.adopted.len() < MOST {
         let Some(found) = search.round(scene, views) else { break };
         search.take(scene, views, found);

@@ -3,11 +3,13 @@
 //! A family states its lines, what it is called, and what decides between it and its neighbours. Adding one takes a file here and a line in [`all`].
 
 pub mod bearing;
+pub mod clipping;
 pub mod fixed_frequency;
 pub mod ghost;
 pub mod modulation;
 pub mod passage;
 pub mod shaft_orders;
+pub mod swing;
 pub mod tooth;
 
 use super::candidate::{Candidate, Taken};
@@ -50,6 +52,7 @@ pub fn all(context: &Context) -> Vec<Candidate> {
     candidates.extend(tooth::candidates(context));
     candidates.extend(ghost::candidates(context));
     candidates.extend(passage::candidates(context));
+    candidates.extend(swing::candidates(context));
     candidates.extend(fixed_frequency::candidates(context));
     candidates
 }
