@@ -110,7 +110,10 @@ pub fn run(args: Args) -> Result<()> {
 /// The kinematic level: families of lines in what the mesh leaves.
 fn run_kinematic(args: &Args, record: &Record, preflight: &Preflight, written: &mut Announced) -> Result<()> {
     if args.apply.is_some() {
-        let what = format!("corrects a machine, which the kinematic level has not; missing: {}", preflight.for_dynamic.join("; "));
+        let what = format!(
+            "corrects a machine, which the kinematic level has not; missing: {}",
+            preflight.for_dynamic.join("; ")
+        );
         return Err(Error::invalid("--apply", what));
     }
     let mut outcome = kinematic::run(record, preflight)?;

@@ -3,7 +3,7 @@
 //! Three conditions. *Evidence*: the Bayes factor with the prior of `evidence`, divided by the number of alternatives it was chosen from, exceeds exp(5).
 //! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way in this very record, where skirts, swings and
 //! everything else that no model foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half, and the
-//! probability so found, times the families of the library, must be below 1 %. *Held out* (`errors`): the part not used must gain. Limit: 48 moved copies
+//! probability so found, times the families of the library, must be below 1 %; and it is three times the highest (set on generated run-ups, where weaker ones were false). *Held out* (`errors`): the part not used must gain. Limit: 48 moved copies
 //! say nothing themselves about one in a hundred; the tail's form is an assumption.
 
 use super::candidate::{Candidate, Field, Score, score};
@@ -13,6 +13,10 @@ use serde::Serialize;
 const LEAST: f64 = 5.0;
 /// Moved copies.
 pub const COPIES: usize = 48;
+/// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its power, and only their ratio means anything.
+const OVER_COPIES: f64 = 3.0;
+/// Copies that must have found a place.
+const FEWEST_COPIES: usize = 40;
 /// Range of their displacement, share of the spacing.
 const MOVED: (f64, f64) = (0.01, 0.06);
 /// Families of the library: trials of the whole search.
@@ -65,7 +69,7 @@ impl Surrogates {
 
     /// Least score that passes this condition.
     pub fn needed(&self) -> f64 {
-        self.highest.max(self.median + self.slope * (0.5 * FAMILIES / FALSE_ALARM).ln())
+        (OVER_COPIES * self.highest).max(self.median + self.slope * (0.5 * FAMILIES / FALSE_ALARM).ln())
     }
 }
 
@@ -103,8 +107,13 @@ pub fn judge(candidate: &Candidate, field: &Field) -> Verdict {
     let ln_bayes = own.ln_bayes - candidate.alternatives.max(1.0).ln();
     let refused = if ln_bayes <= LEAST {
         Some(format!("evidence {ln_bayes:.1} nats of {LEAST:.0} after {:.0} alternatives", candidate.alternatives))
+    } else if surrogates.copies < FEWEST_COPIES {
+        Some(format!("only {} moved copies find a place to compare with", surrogates.copies))
     } else if surrogates.as_high > 0 {
         Some(format!("{} of {} moved copies are as strong", surrogates.as_high, surrogates.copies))
+    } else if own.ln_bayes < OVER_COPIES * surrogates.highest {
+        let (own, highest) = (own.ln_bayes, surrogates.highest);
+        Some(format!("{own:.0} nats are not {OVER_COPIES:.0} times the best moved copy's {highest:.0}"))
     } else if surrogates.false_alarm > FALSE_ALARM {
         Some(format!("moved copies come near it: false-alarm rate {:.1e}", surrogates.false_alarm))
     } else {

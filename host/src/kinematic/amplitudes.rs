@@ -44,7 +44,8 @@ impl<'a> Weighted<'a> {
         let per_turn = run.angle.per_turn[0];
         let stretches: Vec<(Stretch, Vec<f64>)> =
             stretches.iter().map(|s| (*s, WINDOW.weights(s.turns * per_turn))).collect();
-        let turns = || stretches.iter().flat_map(|(s, weights)| (s.from..s.from + s.turns).zip(weights.chunks(per_turn)));
+        let turns =
+            || stretches.iter().flat_map(|(s, weights)| (s.from..s.from + s.turns).zip(weights.chunks(per_turn)));
         let speeds_hz = turns().map(|(turn, _)| run.speeds_hz[turn]).collect();
         let weight_of_turn = turns().map(|(_, w)| w.iter().sum()).collect();
         Self { run, per_turn, speeds_hz, weight_of_turn, stretches }
@@ -100,12 +101,20 @@ impl<'a> Weighted<'a> {
 pub fn subtract(samples: &mut [f64], run: &SceneRun, line: &FittedLine, basis: &Basis) {
     let per_turn = run.angle.per_turn[0];
     let step = Complex64::from_polar(1.0, TAU * line.order / per_turn as f64);
+    let speeds = &run.speeds_hz;
+    // At the border of two turns; within a turn the amplitude goes straight on, or its steps would be lines of the pinion's shaft.
+    let at_border = |turn: usize| {
+        let (before, after) = (turn.saturating_sub(1), turn.min(speeds.len() - 1));
+        basis.value(&line.coefficients, 0.5 * (speeds[before] + speeds[after]))
+    };
     for (turn, values) in samples.chunks_mut(per_turn).enumerate() {
-        let amplitude = basis.value(&line.coefficients, run.speeds_hz[turn]);
-        let mut rotating = amplitude * Complex64::from_polar(1.0, TAU * (line.order * turn as f64).fract());
+        let mut amplitude = at_border(turn);
+        let change = (at_border(turn + 1) - amplitude) / per_turn as f64;
+        let mut rotating = Complex64::from_polar(1.0, TAU * (line.order * turn as f64).fract());
         for x in values {
-            *x -= rotating.re;
+            *x -= (amplitude * rotating).re;
             rotating *= step;
+            amplitude += change;
         }
     }
 }

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 
 /// Numbers of functions tried.
-const FUNCTIONS: [usize; 7] = [1, 2, 3, 4, 6, 9, 13];
+const FUNCTIONS: [usize; 11] = [1, 2, 3, 4, 6, 9, 13, 19, 28, 40, 60];
 /// Fitted turns per function at least.
-const TURNS_PER_FUNCTION: usize = 10;
+const TURNS_PER_FUNCTION: usize = 3;
 
 /// Samples by run and channel.
 pub type Grids = Vec<Vec<Vec<f64>>>;
@@ -75,9 +75,9 @@ impl Baseline {
     pub fn nearest_mesh(&self, scene: &Scene, run: usize, channel: usize, order: f64) -> f64 {
         let lines = &self.lines[run][channel];
         let k = ((order / scene.mesh_order()).round().max(1.0) as usize).min(lines.len());
-        lines.get(k.wrapping_sub(1)).map_or(0.0, |line| {
-            self.bases[run].value(&line.coefficients, scene.runs[run].angle.speed.mean_hz).norm()
-        })
+        lines
+            .get(k.wrapping_sub(1))
+            .map_or(0.0, |line| self.bases[run].value(&line.coefficients, scene.runs[run].angle.speed.mean_hz).norm())
     }
 
     /// Largest mean amplitude of a mesh line in a run and channel.
@@ -105,12 +105,17 @@ fn chosen(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Basis {
         .flat_map_iter(|samples| orders.iter().map(move |&order| (samples, order)))
         .map(|(samples, order)| weighted.sums(samples, order))
         .collect();
+    // Over whole turns of the gear its sidebands cancel: they are no course of the mesh line.
+    let block = (1.0 / run.angle.slower_order()).round().max(1.0) as usize;
+    let effective = effective / block as f64;
     let misfit = |basis: &Basis, sums: &[Complex64]| {
         let fit = basis.fit(speeds, weights, sums);
-        let left = speeds.iter().zip(weights).zip(sums).map(|((s, w), sum)| {
-            (sum - basis.value(&fit, *s) * *w).norm_sqr() / w.max(f64::MIN_POSITIVE)
-        });
-        left.sum::<f64>() / total
+        let left: Vec<Complex64> =
+            speeds.iter().zip(weights).zip(sums).map(|((s, w), sum)| sum - basis.value(&fit, *s) * *w).collect();
+        let of_block = |(left, weights): (&[Complex64], &[f64])| {
+            left.iter().sum::<Complex64>().norm_sqr() / weights.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+        };
+        left.chunks(block).zip(weights.chunks(block)).map(of_block).sum::<f64>() / total
     };
     let criterion = |basis: &Basis| {
         let gain: f64 = lines.iter().map(|sums| effective * misfit(basis, sums).max(f64::MIN_POSITIVE).ln()).sum();

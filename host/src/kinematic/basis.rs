@@ -72,9 +72,9 @@ impl Basis {
             }
         }
         let scale = matrix.trace() / n as f64;
-        for i in 1..n.saturating_sub(1) {
-            for (a, u) in [(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)] {
-                for (b, v) in [(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)] {
+        for nodes in self.nodes_hz.windows(3).enumerate().map(|(i, x)| bend(i, x)) {
+            for (a, u) in nodes {
+                for (b, v) in nodes {
                     matrix[(a, b)] += STRAIGHT * scale * u * v;
                 }
             }
@@ -87,6 +87,12 @@ impl Basis {
     }
 }
 
+/// Index and weight of three neighbouring nodes in the departure of the middle one from the straight line through the others.
+fn bend(first: usize, nodes_hz: &[f64]) -> [(usize, f64); 3] {
+    let (left, right) = (nodes_hz[1] - nodes_hz[0], nodes_hz[2] - nodes_hz[1]);
+    [(first, right / (left + right)), (first + 1, -1.0), (first + 2, left / (left + right))]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,7 +100,8 @@ mod tests {
     #[test]
     fn theory_a_straight_course_is_fitted_and_carried_across_a_gap() {
         let truth = |s: f64| Complex64::new(2.0 * s - 3.0, 1.0 - s);
-        let speeds: Vec<f64> = (0..200).map(|i| 10.0 + 0.05 * f64::from(i)).filter(|s| !(14.0..16.0).contains(s)).collect();
+        let speeds: Vec<f64> =
+            (0..200).map(|i| 10.0 + 0.05 * f64::from(i)).filter(|s| !(14.0..16.0).contains(s)).collect();
         for count in [2, 3, 6] {
             let basis = Basis::of_speeds(&speeds, count);
             let values: Vec<Complex64> = speeds.iter().map(|s| truth(*s)).collect();

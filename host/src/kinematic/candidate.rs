@@ -130,6 +130,9 @@ impl Taken {
     }
 }
 
+/// Share of a line's order (without the mesh's) over which slip smears it.
+const WIDEST_SMEAR: f64 = 0.01;
+
 /// What scoring needs.
 pub struct Field<'a> {
     /// Spectra of the candidate's domain.
@@ -168,14 +171,16 @@ pub fn at_level(
     change: &dyn Fn(&Place, (usize, usize), Reading) -> Reading,
 ) -> Score {
     let spectra = field.spectra;
-    let bin = spectra.bin(level);
+    let bins: Vec<f64> = (0..=level).map(|l| spectra.bin(l)).collect();
     let reach = usize::from(!candidate.locked);
     let mut score = Score { level, ..Score::default() };
     let mut all = Vec::new();
     for place in &candidate.places {
-        let order = moved_order(place, moved, bin);
+        // Slip smears in proportion: no line is read more coarsely than its own smear could be.
+        let level = (0..=level).rev().find(|l| bins[*l] <= WIDEST_SMEAR * place.spacing.abs()).unwrap_or(0);
+        let order = moved_order(place, moved, bins[level]);
         let mut sum = 0.0;
-        if !field.taken.near(order, LOBE_BINS * bin) {
+        if !field.taken.near(order, LOBE_BINS * bins[level]) {
             for run in 0..spectra.levels.len() {
                 for channel in field.channels.clone() {
                     let Some(reading) = spectra.reading(run, channel, level, order, reach) else { continue };

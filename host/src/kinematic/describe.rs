@@ -98,7 +98,8 @@ fn clipped(scene: &Scene) -> Vec<Effect> {
     if channels.is_empty() {
         return Vec::new();
     }
-    let list: Vec<String> = channels.iter().map(|(channel, pairs)| format!("channel {channel} ({pairs} samples)")).collect();
+    let list: Vec<String> =
+        channels.iter().map(|(channel, pairs)| format!("channel {channel} ({pairs} samples)")).collect();
     vec![Effect {
         verdict: "named".into(),
         name: "clipping".into(),
@@ -124,7 +125,9 @@ fn words(candidate: &Candidate) -> String {
         Kind::Pattern(shaft) => format!("pattern over the teeth of the {}", shaft.word()),
         Kind::Ghost => format!("ghost order {base:.4}"),
         Kind::Passage => format!("harmonics of order {base:.4}"),
-        Kind::ModulatedPassage(shaft) => format!("harmonics of order {base:.4} modulated by the {}'s shaft", shaft.word()),
+        Kind::ModulatedPassage(shaft) => {
+            format!("harmonics of order {base:.4} modulated by the {}'s shaft", shaft.word())
+        }
         Kind::AboutMesh => format!("order {base:.4} about the mesh"),
         Kind::FixedFrequency => format!("line at {base:.3} Hz"),
         Kind::Alias => "folded mesh harmonics".into(),
@@ -189,7 +192,10 @@ fn parameters(parts: &Parts, adopted: &Adopted) -> BTreeMap<String, Value> {
     let candidate = &adopted.candidate;
     if let Some(pulse) = adopted.pulse {
         let tooth = pulse.tooth as f64;
-        values.insert("tooth".into(), Value { value: tooth, ci95: [tooth - 1.0, tooth + 1.0], unit: "from angle 0".into() });
+        values.insert(
+            "tooth".into(),
+            Value { value: tooth, ci95: [tooth - 1.0, tooth + 1.0], unit: "from angle 0".into() },
+        );
     }
     if candidate.domain != Domain::Orders {
         return values;
@@ -198,7 +204,8 @@ fn parameters(parts: &Parts, adopted: &Adopted) -> BTreeMap<String, Value> {
     let mut strongest: Option<(f64, f64, f64)> = None;
     for r in 0..parts.scene.runs.len() {
         for c in 0..parts.scene.channels.len() {
-            for (place, _) in candidate.places.iter().zip(&adopted.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0) {
+            for (place, _) in candidate.places.iter().zip(&adopted.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0)
+            {
                 let amplitude = (2.0 * parts.views.orders.excess(r, c, level, place.order, 3).max(0.0)).sqrt();
                 let mesh = parts.baseline.nearest_mesh(parts.scene, r, c, place.order);
                 if strongest.is_none_or(|(a, _, _)| amplitude > a) {
@@ -211,10 +218,17 @@ fn parameters(parts: &Parts, adopted: &Adopted) -> BTreeMap<String, Value> {
     let Some((amplitude, mesh, floor)) = strongest else { return values };
     let half = 1.96 * floor;
     let unit = parts.scene.unit.clone();
-    values.insert("strongest_line".into(), Value { value: amplitude, ci95: [(amplitude - half).max(0.0), amplitude + half], unit });
+    values.insert(
+        "strongest_line".into(),
+        Value { value: amplitude, ci95: [(amplitude - half).max(0.0), amplitude + half], unit },
+    );
     if mesh > 0.0 {
         let share = |a: f64| (a / mesh).max(0.0);
-        let value = Value { value: share(amplitude), ci95: [share(amplitude - half), share(amplitude + half)], unit: "of the mesh line beside it".into() };
+        let value = Value {
+            value: share(amplitude),
+            ci95: [share(amplitude - half), share(amplitude + half)],
+            unit: "of the mesh line beside it".into(),
+        };
         values.insert("strongest_line_share".into(), value);
     }
     values
@@ -250,7 +264,10 @@ fn split(scene: &Scene) -> SplitUsed {
     let channels = if scene.searched < scene.channels.len() { "; every second channel" } else { "" };
     let kind = match blocks {
         0 => "nothing held out in time: too short".to_owned(),
-        n => format!("a quarter of the turns of every run, {n} block{} inside it, gaps on both sides{channels}", if n > 1 { "s" } else { "" }),
+        n => format!(
+            "a quarter of the turns of every run, {n} block{} inside it, gaps on both sides{channels}",
+            if n > 1 { "s" } else { "" }
+        ),
     };
     SplitUsed {
         kind,

@@ -12,12 +12,15 @@ use super::evidence::Reading;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::{Adopted, field};
+use super::spectra::Spectra;
 use super::split::{Split, Stretch};
 use rayon::prelude::*;
 use serde::Serialize;
 
 /// Bins on each side of a slipping line whose power is its own.
 const LINE_BINS: usize = 3;
+/// Most lines of a family fitted in a channel.
+const MOST_LINES: usize = 150;
 
 /// One part in three stages.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
@@ -77,34 +80,40 @@ pub struct Corrected {
     pub unknowns: usize,
 }
 
-/// Fits the locked families' lines on the fitted turns; a line takes part in a channel where its own evidence is positive.
-pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Adopted]) -> Corrected {
-    let mut corrected = Corrected { residual: baseline.calibrated.clone(), lines: Vec::new(), unknowns: 0 };
-    for (r, run) in scene.runs.iter().enumerate() {
-        let weighted = Weighted::new(run);
-        let basis = &baseline.bases[r];
-        let lines: Vec<Vec<FittedLine>> = corrected.residual[r]
-            .par_iter_mut()
-            .enumerate()
-            .map(|(c, samples)| weighted.fit(samples, &standing(adopted, views, r, c), basis))
-            .collect();
-        corrected.unknowns += 2 * basis.len() * lines.iter().map(Vec::len).sum::<usize>();
-        corrected.lines.push(lines);
+/// Fits the locked families' lines on the fitted turns, one family after the other; a line takes part in a channel where its own evidence is
+/// positive. With the result comes the unexplained share of the held-out power after each family.
+pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Adopted]) -> (Corrected, Vec<f64>) {
+    let empty = scene.runs.iter().map(|_| vec![Vec::new(); scene.channels.len()]).collect();
+    let mut corrected = Corrected { residual: baseline.calibrated.clone(), lines: empty, unknowns: 0 };
+    let all = 0..scene.channels.len();
+    let weighted: Vec<Weighted> = scene.runs.iter().map(Weighted::new).collect();
+    let mut after = Vec::new();
+    for own in adopted {
+        if own.candidate.locked {
+            for (r, weighted) in weighted.iter().enumerate() {
+                let basis = &baseline.bases[r];
+                let fit =
+                    |(c, samples): (usize, &mut Vec<f64>)| weighted.fit(samples, &standing(own, views, r, c), basis);
+                let lines: Vec<Vec<FittedLine>> = corrected.residual[r].par_iter_mut().enumerate().map(fit).collect();
+                corrected.unknowns += 2 * basis.len() * lines.iter().map(Vec::len).sum::<usize>();
+                corrected.lines[r].iter_mut().zip(lines).for_each(|(all, new)| all.extend(new));
+            }
+        }
+        after.push(mean(&shares(scene, &corrected.residual, held_out), all.clone()));
     }
-    corrected
+    (corrected, after)
 }
 
-/// Orders of the locked families' lines that stand in a channel.
-fn standing(adopted: &[&Adopted], views: &Views, run: usize, channel: usize) -> Vec<f64> {
-    let stands = |order: &f64| {
-        let reading = views.orders.reading(run, channel, 0, *order, 0);
-        reading.map_or(f64::NEG_INFINITY, Reading::ln_bayes) > 0.0
+/// Orders of a locked family's lines that stand in a channel, the strongest of them.
+fn standing(adopted: &Adopted, views: &Views, run: usize, channel: usize) -> Vec<f64> {
+    let strength = |order: f64| {
+        let reading = views.orders.reading(run, channel, 0, order, 0);
+        (reading.map_or(f64::NEG_INFINITY, Reading::ln_bayes), order)
     };
-    let locked = adopted.iter().filter(|a| a.candidate.locked);
-    let mut orders: Vec<f64> = locked.flat_map(|a| a.candidate.places.iter().map(|p| p.order)).filter(stands).collect();
-    orders.sort_by(f64::total_cmp);
-    orders.dedup_by(|a, b| *a - *b < 1e-9);
-    orders
+    let mut orders: Vec<(f64, f64)> = adopted.candidate.places.iter().map(|p| strength(p.order)).collect();
+    orders.retain(|(ln, _)| *ln > 0.0);
+    orders.sort_by(|a, b| b.0.total_cmp(&a.0));
+    orders.into_iter().take(MOST_LINES).map(|(_, order)| order).collect()
 }
 
 fn fitted(split: &Split) -> &[Stretch] {
@@ -151,7 +160,13 @@ fn mean(shares: &[Vec<f64>], channels: std::ops::Range<usize>) -> f64 {
 }
 
 /// All errors with the families adopted.
-pub fn errors(scene: &Scene, baseline: &Baseline, corrected: &Corrected, views: [&Views; 2], adopted: &[&Adopted]) -> Errors {
+pub fn errors(
+    scene: &Scene,
+    baseline: &Baseline,
+    corrected: &Corrected,
+    views: [&Views; 2],
+    adopted: &[&Adopted],
+) -> Errors {
     let all = 0..scene.channels.len();
     let waveform = |stretches: fn(&Split) -> &[Stretch], channels: std::ops::Range<usize>| Stages {
         declared: mean(&shares(scene, &baseline.declared, stretches), channels.clone()).sqrt(),
@@ -190,33 +205,31 @@ pub fn errors(scene: &Scene, baseline: &Baseline, corrected: &Corrected, views: 
 /// Share of the held-out power that slipping families predicted and that was there, by run and channel.
 fn slipping_share(scene: &Scene, [fit, held]: [&Views; 2], adopted: &[&Adopted]) -> Vec<Vec<f64>> {
     let slipping: Vec<&&Adopted> =
-        adopted.iter().filter(|a| !a.candidate.locked && a.candidate.domain == Domain::Orders).collect();
+        adopted.iter().filter(|a| !a.candidate.locked && a.candidate.domain != Domain::Envelope).collect();
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
-        let line = |order: f64, wanted: usize| {
-            let level = |views: &Views| wanted.min(views.orders.levels[r][c].len().saturating_sub(1));
-            let predicted = fit.orders.excess(r, c, level(fit), order, LINE_BINS);
-            predicted.min(held.orders.excess(r, c, level(held), order, LINE_BINS)).max(0.0)
-        };
         let of = |a: &&&Adopted| -> f64 {
-            let level = a.verdict.score.level;
+            let wanted = a.verdict.score.level;
+            let [fit, held] = [fit, held].map(|views| views.of(a.candidate.domain));
+            let line = |order: f64| {
+                let level = |spectra: &Spectra| wanted.min(spectra.levels[r][c].len().saturating_sub(1));
+                let predicted = fit.excess(r, c, level(fit), order, LINE_BINS);
+                predicted.min(held.excess(r, c, level(held), order, LINE_BINS)).max(0.0)
+            };
             let stands = a.candidate.places.iter().zip(&a.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
-            stands.map(|(place, _)| line(place.order, level)).sum()
+            stands.map(|(place, _)| line(place.order)).sum()
         };
         slipping.iter().map(of).sum::<f64>() / total.max(f64::MIN_POSITIVE)
     };
     (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| explained(r, c)).collect()).collect()
 }
 
-/// What each family is worth on the held-out turns when added last.
+/// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
 pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
     let all = 0..scene.channels.len();
-    let share = |families: &[&Adopted]| {
-        let residual = correct(scene, baseline, views[0], families).residual;
-        mean(&shares(scene, &residual, held_out), all.clone())
-    };
-    let with = share(adopted);
+    let before = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
+    let after = correct(scene, baseline, views[0], adopted).1;
     let nothing: [Taken; 3] = Default::default();
     let worth = |i: usize| {
         let own = adopted[i];
@@ -225,14 +238,13 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         if !own.candidate.locked {
             return Worth { gain: mean(&slipping_share(scene, views, &[own]), all.clone()), ln_bayes };
         }
-        let others: Vec<&Adopted> = (0..adopted.len()).filter(|j| *j != i).map(|j| adopted[j]).collect();
-        Worth { gain: share(&others) - with, ln_bayes }
+        Worth { gain: if i == 0 { before } else { after[i - 1] } - after[i], ln_bayes }
     };
     (0..adopted.len()).map(worth).collect()
 }
 
-/// The veto: whether a family holds on the turns not used. What is seen in an envelope or over frequency predicts no share of the waveform.
+/// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
-    let predicts = worth.gain > 0.0 || adopted.candidate.domain != Domain::Orders;
+    let predicts = worth.gain > 0.0 || adopted.candidate.domain == Domain::Envelope;
     predicts && worth.ln_bayes > 0.0
 }

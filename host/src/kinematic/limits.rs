@@ -29,7 +29,7 @@ const SEED: u64 = 16;
 
 /// Limits of every family of the library that was not adopted.
 pub fn limits(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search, adopted: &[&Adopted]) -> Vec<Limit> {
-    let context = context(scene, views, &found.taken);
+    let context = context(scene, views, &found.taken, &found.feet);
     let is_found = |kind: Kind| adopted.iter().any(|a| a.candidate.kind == kind);
     let library = library(&context);
     let missing = library.into_iter().filter(|(_, c)| !is_found(c.kind));
@@ -41,9 +41,15 @@ fn library(context: &Context) -> Vec<(String, Candidate)> {
     let mut all = Vec::new();
     for shaft in Shaft::BOTH {
         let word = shaft.word();
-        all.push((format!("modulation of the mesh by the {word}'s shaft, first sidebands"), modulation::candidate(context, shaft, 1)));
+        all.push((
+            format!("modulation of the mesh by the {word}'s shaft, first sidebands"),
+            modulation::candidate(context, shaft, 1),
+        ));
         all.push((format!("first order of the {word}'s shaft"), shaft_orders::candidate(context, shaft, 1)));
-        all.push((format!("pulse once per turn of the {word} (all its orders alike)"), tooth::candidate(context, shaft)));
+        all.push((
+            format!("pulse once per turn of the {word} (all its orders alike)"),
+            tooth::candidate(context, shaft),
+        ));
     }
     let ghosts = ghost::candidates(context);
     if !ghosts.is_empty() {
@@ -63,7 +69,14 @@ fn library(context: &Context) -> Vec<(String, Candidate)> {
     all
 }
 
-fn limit(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search, family: &str, candidate: &Candidate) -> Limit {
+fn limit(
+    scene: &Scene,
+    baseline: &Baseline,
+    views: &Views,
+    found: &Search,
+    family: &str,
+    candidate: &Candidate,
+) -> Limit {
     let field = field(views, &found.taken, candidate.domain, 0..scene.searched);
     let copies = accept::displacements().map(|moved| score(candidate, &field, moved).ln_bayes).collect();
     let surrogates = Surrogates::of(copies, 0.0);
@@ -119,7 +132,13 @@ fn injected(reading: Reading, signal: f64, phase: f64) -> Reading {
 type Inject<'a> = dyn Fn(usize, usize, usize, f64, Reading) -> Reading + 'a;
 
 /// The weakest strength from which on the gate's threshold is passed at a displacement.
-fn weakest(candidate: &Candidate, field: &super::candidate::Field, moved: f64, needed: f64, inject: &Inject) -> Option<f64> {
+fn weakest(
+    candidate: &Candidate,
+    field: &super::candidate::Field,
+    moved: f64,
+    needed: f64,
+    inject: &Inject,
+) -> Option<f64> {
     let passes = |step: i32| {
         let a = WEAKEST * 2.0_f64.powf(0.25 * f64::from(step));
         let change = |place: &Place, (run, channel): (usize, usize), reading: Reading| {

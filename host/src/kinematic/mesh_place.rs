@@ -40,7 +40,8 @@ pub fn finding(scene: &Scene) -> Option<String> {
             format!("the mesh stands at {:.4} of teeth x speed: tach or sampling clock is off", by_clock.0 / z)
         });
     }
-    (declared < LEAST).then(|| format!("no mesh line stands at {z:.0} x speed or near it: tach, teeth or channels are wrong"))
+    (declared < LEAST)
+        .then(|| format!("no mesh line stands at {z:.0} x speed or near it: tach, teeth or channels are wrong"))
 }
 
 /// Whether the declared comb stands so well that a stronger neighbour is its sideband.

@@ -64,10 +64,11 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let (kept, vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || errors::holds(a, worth));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
-    let corrected = errors::correct(&scene, &baseline, &fit, &adopted);
+    let (corrected, _) = errors::correct(&scene, &baseline, &fit, &adopted);
     let errors = errors::errors(&scene, &baseline, &corrected, views, &adopted);
     let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
-    let parts = describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
+    let parts =
+        describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
     let outcome = describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight);
     Ok(match misplaced {
         Some(finding) => outcome.abstaining(finding),

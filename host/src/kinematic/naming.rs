@@ -1,6 +1,6 @@
 //! What an adopted family is called: a name only where nothing else of the library has the same lines behind an unknown path.
 
-use super::candidate::{Domain, Kind, Shaft};
+use super::candidate::{Domain, Kind, Place, Shaft};
 use super::families::bearing::{Bearing, Part};
 use super::families::fixed_frequency::supply_hz;
 use super::scene::Scene;
@@ -10,6 +10,8 @@ use super::search::Adopted;
 const PASSAGES: (f64, f64) = (2.38, 20.0);
 /// Harmonics of a base that stand in the envelope of an impulsive band, from which it is impacts.
 const IMPACTS: usize = 3;
+/// Harmonics of a base that stand themselves between their sidebands.
+const CARRIERS: usize = 2;
 
 /// Verdict and words.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,29 +42,49 @@ fn naming(
 pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, scene: &Scene) -> Naming {
     let candidate = &adopted.candidate;
     if let Some((bearing, part)) = part {
-        let remark = "two bases agree on one number of elements and one ratio; whether it is damage is not said by that";
+        let remark =
+            "two bases agree on one number of elements and one ratio; whether it is damage is not said by that";
         let name = format!("bearing of the {}'s shaft: {}", bearing.shaft.word(), part.word());
         return naming("named", name, "non-integer-order", bearing.shaft.word(), Some(remark));
     }
     match candidate.kind {
         Kind::Modulation(shaft) => {
             let word = shaft.word();
-            let remark = "the same lines behind an unknown path: a second sensor on the shaft or a torque signal would decide";
+            let remark =
+                "the same lines behind an unknown path: a second sensor on the shaft or a torque signal would decide";
             naming("ambiguous", format!("{word}-eccentricity or {word}-pitch-error"), "sideband", word, Some(remark))
         }
         Kind::ShaftOrders(shaft) => {
             let word = shaft.word();
             let name = format!("{word}-imbalance or coupling-misalignment or {word}-eccentricity");
-            naming("ambiguous", name, "shaft-order", word, Some("several speeds would decide: imbalance grows with their square"))
+            naming(
+                "ambiguous",
+                name,
+                "shaft-order",
+                word,
+                Some("several speeds would decide: imbalance grows with their square"),
+            )
         }
         Kind::SingleTooth(shaft) => {
             let word = shaft.word();
             let name = format!("{word}-tooth-crack or {word}-pitch-error");
-            naming("ambiguous", name, "impulsive", word, Some("one tooth; several torques would decide: a crack's pulse grows with the torque"))
+            naming(
+                "ambiguous",
+                name,
+                "impulsive",
+                word,
+                Some("one tooth; several torques would decide: a crack's pulse grows with the torque"),
+            )
         }
         Kind::Pattern(shaft) => {
             let word = shaft.word();
-            naming("ambiguous", format!("{word}-pitch-error or {word}-profile-error"), "shaft-order", word, Some("many teeth, no single one"))
+            naming(
+                "ambiguous",
+                format!("{word}-pitch-error or {word}-profile-error"),
+                "shaft-order",
+                word,
+                Some("many teeth, no single one"),
+            )
         }
         Kind::Ghost => {
             let shaft = if (candidate.base - candidate.base.round()).abs() < 1e-6 { "pinion" } else { "gear" };
@@ -93,25 +115,36 @@ fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
     let family = "non-integer-order";
     let order = format!("unexplained order {:.4}", candidate.base);
     let of_bearings = shafts(candidate.base, scene);
+    let stands = |(_, ln): &(&Place, &f64)| **ln > 0.0;
+    let places = candidate.places.iter().zip(&adopted.verdict.score.of_places).filter(stands);
+    let carriers = places.filter(|(place, _)| place.label.ends_with(" o")).count();
     let standing = adopted.verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     match candidate.kind {
-        Kind::ModulatedPassage(shaft) if of_bearings.contains(&shaft) => {
+        Kind::ModulatedPassage(shaft) if of_bearings.contains(&shaft) && carriers >= CARRIERS => {
             let word = shaft.word();
             let name = format!("bearing-impacts, inner ring of the {word}'s shaft");
             naming("named", name, family, word, Some("modulated by the shaft that it turns with"))
         }
         Kind::Passage if candidate.domain == Domain::Envelope && standing >= IMPACTS && !of_bearings.is_empty() => {
             let shaft = if let [one] = of_bearings.as_slice() { one.word() } else { "none" };
-            naming("named", "bearing-impacts", family, shaft, Some("harmonics in an impulsive band, not modulated by a shaft"))
+            naming(
+                "named",
+                "bearing-impacts",
+                family,
+                shaft,
+                Some("harmonics in an impulsive band, not modulated by a shaft"),
+            )
         }
         Kind::AboutMesh if !of_bearings.is_empty() => {
             let name = format!("bearing-stiffness-modulation or {order}");
             naming("ambiguous", name, family, "none", Some("a second order of the same bearing would decide"))
         }
-        Kind::Passage | Kind::ModulatedPassage(_) if !of_bearings.is_empty() && standing > 1 => {
-            let remark = "one base fits some bearing always; a second order of the same bearing would decide";
-            naming("ambiguous", format!("bearing-impacts or {order}"), family, "none", Some(remark))
+        _ if of_bearings.is_empty() => {
+            naming("generic", order, family, "none", Some("no ordinary bearing of either shaft has it"))
         }
-        _ => naming("generic", order, family, "none", Some("fits no bearing of either shaft with ordinary elements")),
+        _ => {
+            let remark = "one base fits some bearing always; a second order of the same bearing would decide";
+            naming("generic", order, family, "none", Some(remark))
+        }
     }
 }

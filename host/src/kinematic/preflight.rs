@@ -86,12 +86,14 @@ impl Preflight {
         match tach.source.as_deref() {
             Some("virtual") => missing.push("a real tachometer (this one is virtual, its angle 0 unknown)".into()),
             Some("measured") => {
-                missing.push("where the tachometer's angle 0 lies against the teeth (tach.source is \"measured\")".into());
+                missing
+                    .push("where the tachometer's angle 0 lies against the teeth (tach.source is \"measured\")".into());
             }
             _ => {}
         }
         if tach.shaft != "pinion" {
-            missing.push(format!("the tachometer on the pinion's shaft (it is on '{}')", crate::text::name(&tach.shaft)));
+            missing
+                .push(format!("the tachometer on the pinion's shaft (it is on '{}')", crate::text::name(&tach.shaft)));
         }
     }
 
@@ -106,7 +108,9 @@ impl Preflight {
         let acquisition = &record.declaration.acquisition;
         if acquisition.channels.len() != 2 {
             let count = acquisition.channels.len();
-            missing.push(format!("exactly two channels, on pinion and gear body along the line of action (there are {count})"));
+            missing.push(format!(
+                "exactly two channels, on pinion and gear body along the line of action (there are {count})"
+            ));
         }
         if let Some(unit) = acquisition.unit.as_deref().filter(|unit| !ACCELERATION.contains(unit)) {
             missing.push(format!("acceleration in m/s2 or g (the unit is '{}')", crate::text::name(unit)));
@@ -120,7 +124,11 @@ impl Preflight {
             .map(|i| i.to_string())
             .collect();
         if !unknown.is_empty() {
-            missing.push(format!("the torque of run{} {}", if unknown.len() > 1 { "s" } else { "" }, unknown.join(", ")));
+            missing.push(format!(
+                "the torque of run{} {}",
+                if unknown.len() > 1 { "s" } else { "" },
+                unknown.join(", ")
+            ));
         }
         let pulses = record.declaration.tach.as_ref().map_or(1, |tach| tach.pulses_per_rev);
         let mut speeds: Vec<f64> = record.runs.iter().filter_map(|run| run.mean_speed_hz(pulses)).collect();

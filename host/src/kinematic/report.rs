@@ -19,19 +19,23 @@ const SPAN_DB: f64 = 90.0;
 /// A picture that cannot be drawn.
 pub fn report(outcome: &Outcome) -> Result<Report> {
     let held = outcome.held_out;
-    let mut page = Report::new(&format!("Closed loop: {}", outcome.record), &format!("Kinematic level. {}", outcome.headline))
-        .figure("held-out error, declared", format!("{:.4}", held.declared))
-        .figure("calibrated", format!("{:.4}", held.calibrated))
-        .figure("corrected", format!("{:.4}", held.corrected))
-        .figure("noise floor", format!("{:.4}", held.noise_floor))
-        .figure("families", outcome.effects.len());
+    let mut page =
+        Report::new(&format!("Closed loop: {}", outcome.record), &format!("Kinematic level. {}", outcome.headline))
+            .figure("held-out error, declared", format!("{:.4}", held.declared))
+            .figure("calibrated", format!("{:.4}", held.calibrated))
+            .figure("corrected", format!("{:.4}", held.corrected))
+            .figure("noise floor", format!("{:.4}", held.noise_floor))
+            .figure("families", outcome.effects.len());
     for note in &outcome.notes {
         page = page.note(note);
     }
     if !outcome.to_raise_the_level.is_empty() {
-        page = page.note(&format!("For the dynamic level this record lacks: {}.", outcome.to_raise_the_level.join("; ")));
+        page =
+            page.note(&format!("For the dynamic level this record lacks: {}.", outcome.to_raise_the_level.join("; ")));
     }
-    page = page.section("Error in three stages").text(&format!("Split: {}. {}.", outcome.split.kind, outcome.error.metric));
+    page = page
+        .section("Error in three stages")
+        .text(&format!("Split: {}. {}.", outcome.split.kind, outcome.error.metric));
     page = table(page, "", view::errors(outcome));
     page = table(page, "Held-out turns, channel by channel.", view::channels(outcome));
     page = page.section("Spectra before and after");
@@ -48,7 +52,11 @@ pub fn report(outcome: &Outcome) -> Result<Report> {
     page = page.section("Families judged").text("Logarithm of the Bayes factor after the choice, the highest of the same search with the spacing moved by 1 to 6 %, and the probability of such a score by chance in the whole search.");
     page = table(page, "", view::judged(outcome));
     page = page.section("What would have been found");
-    page = table(page, "Strength of each line of a family, found in half and in nine of ten places of this record.", view::limits(outcome));
+    page = table(
+        page,
+        "Strength of each line of a family, found in half and in nine of ten places of this record.",
+        view::limits(outcome),
+    );
     page = page.section("What stays unexplained");
     for left in &outcome.unexplained {
         page = page.text(&format!("{}: {:.2} % of the variance.", left.description, 100.0 * left.variance_share));
@@ -72,7 +80,10 @@ fn drawn(page: Report, picture: &Picture, outcome: &Outcome) -> Result<Report> {
     let y = format!("amplitude, dB re 1 {}", crate::text::name(&outcome.unit));
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let (run, channel) = picture.place;
-    let caption = format!("Run {run}, channel {channel} ({}), all turns; strongest lines of the families marked.", crate::text::name(&picture.name));
+    let caption = format!(
+        "Run {run}, channel {channel} ({}), all turns; strongest lines of the families marked.",
+        crate::text::name(&picture.name)
+    );
     Ok(page.picture(&svg, &caption))
 }
 
@@ -84,7 +95,10 @@ fn family(page: Report, effect: &Effect) -> Report {
         vec!["frequency, Hz".into(), effect.frequency_hz.map_or("-".into(), |f| format!("{f:.3}"))],
         vec!["evidence, nats".into(), format!("{:.1}", v.ln_bayes)],
         vec!["chance in the whole search".into(), format!("{:.1e}", v.p_value)],
-        vec![format!("held-out gain as {}, % of the power", effect.predicts), format!("{:.3}", 100.0 * v.held_out_gain)],
+        vec![
+            format!("held-out gain as {}, % of the power", effect.predicts),
+            format!("{:.3}", 100.0 * v.held_out_gain),
+        ],
         vec!["evidence on the held-out turns, nats".into(), format!("{:.1}", v.held_out_ln_bayes)],
     ];
     for (name, p) in &effect.parameters {

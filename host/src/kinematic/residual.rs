@@ -4,6 +4,7 @@
 //! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too.
 
 use super::baseline::Baseline;
+use super::candidate::Domain;
 use super::families::tooth::piece;
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, mean};
@@ -28,6 +29,17 @@ pub struct Views {
     pub frequency: Spectra,
     /// Band of each run's and channel's envelope.
     pub bands: Vec<Vec<Band>>,
+}
+
+impl Views {
+    /// The view of a domain.
+    pub fn of(&self, domain: Domain) -> &Spectra {
+        match domain {
+            Domain::Orders => &self.orders,
+            Domain::Envelope => &self.envelope,
+            Domain::Frequency => &self.frequency,
+        }
+    }
 }
 
 /// Views of the stretches that `stretches` chooses; `bands` of an earlier view, or `None` to choose them.

@@ -134,7 +134,9 @@ fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usi
         })
     };
     let (moving, still): (Vec<usize>, Vec<usize>) = (0..names.len()).partition(|&c| moves(c));
-    notes.extend(still.iter().map(|&c| format!("channel {c} ({}) does not move and is left out", crate::text::name(&names[c]))));
+    notes.extend(
+        still.iter().map(|&c| format!("channel {c} ({}) does not move and is left out", crate::text::name(&names[c]))),
+    );
     if moving.is_empty() {
         return Err(Error::invalid(record.folder.display(), "no vibration in the record: no channel moves"));
     }

@@ -1,11 +1,14 @@
 //! Families one after the other: the strongest that the gate lets pass, then the rest without its lines.
 
 use super::accept::{self, Verdict};
-use super::candidate::{Candidate, Domain, Field, Kind, Taken, score};
-use super::families::{self, Context, bearing, passage, tooth};
+use super::candidate::{Candidate, Domain, Field, Kind, Place, Taken, score};
+use super::families::{self, Context, bearing, modulation, passage, tooth};
 use super::residual::Views;
-use super::scene::Scene;
+use super::scene::{Scene, SceneRun};
 use crate::analysis::lines::LOBE_BINS;
+use crate::analysis::search::Level;
+use crate::analysis::skirts::Skirts;
+use rayon::prelude::*;
 
 /// Most families adopted.
 const MOST: usize = 8;
@@ -13,6 +16,14 @@ const MOST: usize = 8;
 const JUDGED: usize = 6;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
+/// Sidebands of an adopted modulation that are its own, on each side.
+const SIDES: i32 = 8;
+/// Power of a line over frequency against over orders from which it stands at a frequency: less where the speed sweeps it over few bins.
+const SHARPER: f64 = 1.3;
+/// Logarithm of the Bayes factor from which one line alone is an order of its own.
+const LEAST_ALONE: f64 = 20.0;
+/// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
+const BESIDE_THE_MESH: f64 = 0.5;
 
 /// A family adopted on the fitted part.
 #[derive(Debug, Clone)]
@@ -35,6 +46,8 @@ pub struct Search {
     pub taken: [Taken; 3],
     /// Candidates scored.
     pub tried: usize,
+    /// Feet of the pair's lines.
+    pub feet: Vec<Skirts>,
 }
 
 /// Index of a domain among the three views.
@@ -44,7 +57,17 @@ pub fn index(domain: Domain) -> usize {
 
 /// A search that was not made.
 pub fn nothing(scene: &Scene, views: &Views) -> Search {
-    Search { adopted: Vec::new(), refused: Vec::new(), taken: mesh_taken(scene, views), tried: 0 }
+    let feet = |(run, channels): (&SceneRun, &Vec<Vec<Level>>)| -> Vec<Skirts> {
+        let levels = channels[..scene.searched].iter().filter_map(|levels| levels.first());
+        levels.map(|level| Skirts::of(level, &run.angle, scene.teeth[0], scene.highest_order)).collect()
+    };
+    Search {
+        adopted: Vec::new(),
+        refused: Vec::new(),
+        taken: mesh_taken(scene, views),
+        tried: 0,
+        feet: scene.runs.iter().zip(&views.orders.levels).flat_map(feet).collect(),
+    }
 }
 
 /// Searches on the fitted part of the searched channels.
@@ -58,18 +81,18 @@ pub fn search(scene: &Scene, views: &Views) -> Search {
 }
 
 /// The views with what is taken, as one family of them is read.
-pub fn field<'a>(views: &'a Views, taken: &'a [Taken; 3], domain: Domain, channels: std::ops::Range<usize>) -> Field<'a> {
-    let spectra = match domain {
-        Domain::Orders => &views.orders,
-        Domain::Envelope => &views.envelope,
-        Domain::Frequency => &views.frequency,
-    };
-    Field { spectra, taken: &taken[index(domain)], channels }
+pub fn field<'a>(
+    views: &'a Views,
+    taken: &'a [Taken; 3],
+    domain: Domain,
+    channels: std::ops::Range<usize>,
+) -> Field<'a> {
+    Field { spectra: views.of(domain), taken: &taken[index(domain)], channels }
 }
 
 /// Context of the families.
-pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 3]) -> Context<'a> {
-    Context { scene, orders: &views.orders, envelope: &views.envelope, frequency: &views.frequency, taken }
+pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 3], feet: &'a [Skirts]) -> Context<'a> {
+    Context { scene, orders: &views.orders, envelope: &views.envelope, frequency: &views.frequency, taken, feet }
 }
 
 /// The mesh itself is spoken for; in an envelope the shafts' orders are.
@@ -97,7 +120,7 @@ fn take_frequencies(taken: &mut Taken, scene: &Scene, views: &Views, order: f64)
 
 impl Search {
     fn round(&mut self, scene: &Scene, views: &Views) -> Option<Adopted> {
-        let context = context(scene, views, &self.taken);
+        let context = context(scene, views, &self.taken, &self.feet);
         let candidates: Vec<Candidate> =
             families::all(&context).into_iter().filter(|c| !self.is_known(c, scene)).collect();
         self.tried += candidates.len();
@@ -105,7 +128,7 @@ impl Search {
             let field = field(views, &self.taken, c.domain, 0..scene.searched);
             score(c, &field, 0.0).ln_bayes - c.alternatives.max(1.0).ln()
         };
-        let mut ranked: Vec<(f64, Candidate)> = candidates.into_iter().map(|c| (strength(&c), c)).collect();
+        let mut ranked: Vec<(f64, Candidate)> = candidates.into_par_iter().map(|c| (strength(&c), c)).collect();
         ranked.retain(|(s, _)| *s > 0.0);
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut refused = Vec::new();
@@ -115,19 +138,31 @@ impl Search {
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
             let candidate = best.map_or(candidate, |(_, c)| c);
             let field = field(views, &self.taken, candidate.domain, 0..scene.searched);
-            let verdict = accept::judge(&candidate, &field);
+            let mut verdict = accept::judge(&candidate, &field);
+            if verdict.refused.is_none() {
+                verdict.refused = unsound(&candidate, &verdict, scene, views);
+            }
             if verdict.refused.is_none() {
                 found = Some((candidate, verdict));
                 break;
             }
             refused.push((candidate, verdict));
         }
+        found = found.map(|found| simpler(found, &context, views, &self.taken));
         for (candidate, verdict) in refused {
             if self.refused.iter().all(|(c, _)| c.kind != candidate.kind) {
                 self.refused.push((candidate, verdict));
             }
         }
         let (mut candidate, verdict) = found?;
+        let mut verdict = verdict;
+        if let Some((higher, judged)) = higher_base(&candidate, &verdict, &context, views, &self.taken) {
+            (candidate, verdict) = (higher, judged);
+        }
+        if is_base(&candidate) {
+            let standing: Vec<bool> = verdict.score.of_places.iter().map(|ln| *ln > 0.0).collect();
+            candidate = passage::placed(&context, &candidate, &standing, scene.searched);
+        }
         let pulse = match candidate.kind {
             Kind::Pattern(shaft) => tooth::is_single(scene, shaft),
             _ => None,
@@ -147,30 +182,149 @@ impl Search {
                 (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_)), b) => a == b,
                 _ => false,
             };
-            same_shaft_kind || (is_base(candidate) && is_base(&own.candidate) && derived(candidate.base, own.candidate.base, scene))
+            same_shaft_kind
+                || (is_base(candidate) && is_base(&own.candidate) && derived(candidate.base, own.candidate.base, scene))
         })
     }
 
     fn take(&mut self, scene: &Scene, views: &Views, found: Adopted) {
         let candidate = &found.candidate;
         let own = index(candidate.domain);
-        let bin = field(views, &self.taken, candidate.domain, 0..1).spectra.bin(found.verdict.score.level);
-        let width = LOBE_BINS * bin;
+        let spectra = views.of(candidate.domain);
+        let steps = if candidate.locked { 0 } else { (spectra.bin(found.verdict.score.level) / spectra.bin(0)) as i32 };
         for (place, ln) in candidate.places.iter().zip(&found.verdict.score.of_places) {
             if *ln <= 0.0 {
                 continue;
             }
-            let fine = field(views, &self.taken, candidate.domain, 0..1).spectra.bin(0);
-            let steps = if candidate.locked { 0 } else { (width / fine / LOBE_BINS) as i32 };
-            self.taken[own].extend((-steps..=steps).map(|i| place.order + f64::from(i) * fine * LOBE_BINS));
+            self.taken[own].extend((-steps..=steps).map(|i| place.order + f64::from(i) * spectra.bin(0) * LOBE_BINS));
             match candidate.domain {
                 Domain::Orders => take_frequencies(&mut self.taken[2], scene, views, place.order),
                 Domain::Frequency => take_orders(&mut self.taken[0], scene, views, place.order),
                 Domain::Envelope => {}
             }
         }
+        self.take_relatives(scene, views, candidate);
         self.adopted.push(found);
     }
+
+    /// Lines that come with a family though they are not listed: orders it shares with the other shaft, and its base in the other spectra.
+    fn take_relatives(&mut self, scene: &Scene, views: &Views, candidate: &Candidate) {
+        let z = scene.mesh_order();
+        let mesh = (scene.highest_order / z) as i32;
+        match candidate.kind {
+            Kind::SingleTooth(shaft) | Kind::Pattern(shaft) => {
+                let own = scene.shaft_order(shaft as usize);
+                self.taken[0].extend((1..=(scene.highest_order / own) as usize).map(|n| n as f64 * own));
+            }
+            Kind::Modulation(shaft) => {
+                let own = scene.shaft_order(shaft as usize);
+                let beside = |k: i32| (-SIDES..=SIDES).map(move |n| f64::from(k) * z + f64::from(n) * own);
+                self.taken[0].extend((1..=mesh).flat_map(beside));
+            }
+            _ if is_base(candidate) || candidate.kind == Kind::Swing => {
+                let orders: Vec<f64> = relatives(candidate.base, scene).collect();
+                orders.iter().for_each(|&order| take_frequencies(&mut self.taken[2], scene, views, order));
+                self.taken[1].extend(orders.iter().copied());
+                self.taken[0].extend(orders);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Multiples of a base with sidebands of both shafts, alone and about the first mesh harmonics.
+fn relatives(base: f64, scene: &Scene) -> impl Iterator<Item = f64> {
+    let (z, gear) = (scene.mesh_order(), scene.gear_order);
+    let sidebands = move |order: f64| [0.0, 1.0, -1.0, gear, -gear].map(|own| (order + own).abs());
+    let about =
+        move |j: i32| (0..=6).flat_map(move |k| [1.0, -1.0].map(|side| f64::from(k) * z + side * f64::from(j) * base));
+    (1..=5).flat_map(about).flat_map(sidebands).filter(|order| *order > 0.0)
+}
+
+/// The same family with a higher base, where only multiples of one number stand.
+fn higher_base(
+    candidate: &Candidate,
+    verdict: &Verdict,
+    context: &Context,
+    views: &Views,
+    taken: &[Taken; 3],
+) -> Option<(Candidate, Verdict)> {
+    let numbers = standing_harmonics(candidate, verdict);
+    let divisor = (2..=numbers.first().copied()?).rev().find(|d| numbers.iter().all(|n| n % d == 0))?;
+    let higher = passage::with_base(context, candidate, divisor as f64 * candidate.base)?;
+    let verdict = accept::judge(&higher, &field(views, taken, higher.domain, 0..context.scene.searched));
+    verdict.refused.is_none().then_some((higher, verdict))
+}
+
+/// Numbers of the harmonics of the base that stand, ascending.
+fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> {
+    if !is_base(candidate) {
+        return Vec::new();
+    }
+    let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+    let mut numbers: Vec<u64> = standing.map(|(p, _)| (p.spacing / candidate.base).abs().round() as u64).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
+/// A pattern over all teeth whose power lies next to the mesh is a modulation, where that passes the gate as well.
+fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &[Taken; 3]) -> (Candidate, Verdict) {
+    let Kind::Pattern(shaft) = found.0.kind else { return found };
+    let scene = context.scene;
+    let power = |candidate: &Candidate| -> f64 {
+        let of = |r: usize, c: usize| -> f64 {
+            let line = |p: &Place| views.orders.excess(r, c, 0, p.order, 2).max(0.0);
+            candidate.places.iter().map(line).sum::<f64>() / views.orders.floor_power(r, c).max(f64::MIN_POSITIVE)
+        };
+        (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c))).map(|(r, c)| of(r, c)).sum()
+    };
+    let field = field(views, taken, Domain::Orders, 0..scene.searched);
+    let whole = power(&found.0);
+    let shapes = [1, 2, 3].map(|most| modulation::candidate(context, shaft, most));
+    let simpler = shapes.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
+    let judged = simpler.map(|shape| (accept::judge(&shape, &field), shape));
+    match judged {
+        Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),
+        _ => found,
+    }
+}
+
+/// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over frequency is none.
+fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<String> {
+    let stands = |p: &(&Place, &f64)| *p.1 > 0.0;
+    let standing: Vec<(&Place, &f64)> = candidate.places.iter().zip(&verdict.score.of_places).filter(stands).collect();
+    if is_base(candidate) {
+        let harmonics = standing_harmonics(candidate, verdict);
+        let alone = candidate.kind == Kind::Passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
+        if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
+            return Some(format!("one harmonic only, {} lines", standing.len()));
+        }
+        if standing.len() < 2 && !alone {
+            return Some("one line only".into());
+        }
+    }
+    if candidate.domain == Domain::Frequency && !is_sharper_over_frequency(candidate.base, scene, views) {
+        return Some("stands no higher over frequency than over orders".into());
+    }
+    None
+}
+
+/// Whether a line has more power in its bins over frequency than any that its smear would cover over orders.
+fn is_sharper_over_frequency(hz: f64, scene: &Scene, views: &Views) -> bool {
+    let own = |r: usize, c: usize| views.frequency.excess(r, c, 0, hz, 1);
+    let smear = |r: usize, c: usize| {
+        let speed = scene.runs[r].angle.speed;
+        let bin = views.orders.bin(0);
+        let (low, high) = (hz / speed.fastest_hz, hz / speed.slowest_hz);
+        (0..=((high - low) / bin) as usize)
+            .map(|i| views.orders.excess(r, c, 0, low + i as f64 * bin, 1))
+            .fold(0.0, f64::max)
+    };
+    let places = (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c)));
+    let (over_frequency, over_orders) =
+        places.fold((0.0, 0.0), |(f, o), (r, c)| (f + own(r, c).max(0.0), o + smear(r, c)));
+    over_frequency > SHARPER * over_orders
 }
 
 fn take_orders(taken: &mut Taken, scene: &Scene, views: &Views, hz: f64) {

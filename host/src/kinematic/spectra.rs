@@ -22,6 +22,8 @@ pub struct Spectra {
     pub highest: f64,
 }
 
+/// Bins over which a median of the noise is taken.
+const STRETCH_BINS: usize = 64;
 /// Share of the slower shaft's order that is the lowest looked at.
 const LOWEST: f64 = 0.25;
 
@@ -74,11 +76,21 @@ impl Spectra {
         self.levels.iter().flatten().map(Vec::len).min().unwrap_or(0)
     }
 
-    /// Mean square of the floor up to the highest order.
+    /// Mean square of the noise up to the highest order: medians of short stretches of bins, so that lines weigh little. (The search's
+    /// floor is on the safe side, the highest of three medians; it would say too much.)
     pub fn floor_power(&self, run: usize, channel: usize) -> f64 {
         let Some(level) = self.levels[run][channel].first() else { return 0.0 };
-        let last = ((self.highest / level.density.bin) as usize).min(level.floor.len());
-        level.floor[..last].iter().sum::<f64>() * level.density.bin
+        let last = ((self.highest / level.density.bin) as usize).min(level.density.values.len());
+        let k = level.averages.max(1) as f64;
+        // Wilson and Hilferty's median of a Gamma variable over its mean.
+        let median_over_mean = (1.0 - 1.0 / (9.0 * k)).powi(3);
+        let stretch = |bins: &[f64]| {
+            let mut sorted = bins.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            sorted[sorted.len() / 2] * bins.len() as f64
+        };
+        level.density.values[..last].chunks(STRETCH_BINS).map(stretch).sum::<f64>() / median_over_mean
+            * level.density.bin
     }
 
     /// Mean square above the floor within `bins` of an order; may be negative by chance.

@@ -2,7 +2,7 @@
 //!
 //! Blocks of whole pinion turns, about a quarter of them held out, inside the run so that whatever moves with the speed is interpolated, a
 //! gap of a few turns on either side of each so that no filter or window reaches across. One block where the speed is steady (long stretches
-//! resolve close lines), three where it is not (a block in the middle of a run-up would leave a whole range of speeds unseen). Limit: a stretch of the same
+//! resolve close lines), two to six where it is not (a block in the middle of a run-up would leave a whole range of speeds unseen). Limit: a stretch of the same
 //! run shares its load and temperature with the rest; it is no second measurement.
 
 use serde::Serialize;
@@ -11,8 +11,10 @@ use serde::Serialize;
 const SHARE: f64 = 0.25;
 /// Fastest over slowest turn from which one block is too much at once.
 const MOVES: f64 = 1.1;
-/// Blocks then.
-const BLOCKS: usize = 3;
+/// Most blocks then.
+const BLOCKS: usize = 6;
+/// Turns of the slower shaft that a fitted stretch keeps then: its sidebands must not touch.
+const LEAST_STRETCH: f64 = 14.0;
 /// Turns of the slower shaft in a gap.
 const GAP: f64 = 1.0;
 /// Turns of the slower shaft below which nothing can be held out.
@@ -51,10 +53,15 @@ impl Split {
         if turns as f64 * slower_order < FEWEST_TURNS {
             return Self { fit: vec![Stretch { from: 0, turns }], ..Self::default() };
         }
-        let blocks = if fastest_over_slowest > MOVES { BLOCKS } else { 1 };
         let gap = (GAP / slower_order).ceil() as usize;
-        let held = ((SHARE * turns as f64) as usize / blocks).max(1);
-        let fit = turns.saturating_sub(blocks * (held + 2 * gap)) / (blocks + 1);
+        let lengths = |blocks: usize| {
+            let held = ((SHARE * turns as f64) as usize / blocks).max(1);
+            (held, turns.saturating_sub(blocks * (held + 2 * gap)) / (blocks + 1))
+        };
+        let is_long = |blocks: &usize| lengths(*blocks).1 as f64 * slower_order >= LEAST_STRETCH;
+        let moving = (2..=BLOCKS).rev().find(is_long).unwrap_or(1);
+        let blocks = if fastest_over_slowest > MOVES { moving } else { 1 };
+        let (held, fit) = lengths(blocks);
         let mut split = Self { gap_turns: gap, ..Self::default() };
         let mut from = 0;
         for block in 0..=blocks {

@@ -73,7 +73,9 @@ pub fn channels(outcome: &Outcome) -> Table {
     let row = |c: &super::errors::ChannelError| {
         let w = c.waveform;
         let mut row = vec![c.channel.to_string(), if c.searched { "searched" } else { "held out" }.to_owned()];
-        row.extend([w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(|x| format!("{x:.4}")));
+        row.extend(
+            [w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(|x| format!("{x:.4}")),
+        );
         row
     };
     let rows = outcome.error.errors.per_channel.iter().map(row).collect();
@@ -93,11 +95,12 @@ fn of_effect(effect: &Effect) -> String {
         v.ln_bayes,
         v.p_value,
         v.held_out_ln_bayes,
-        100.0 * v.held_out_gain,
+        100.0 * v.held_out_gain + 0.0,
         effect.predicts
     );
     for (name, value) in &effect.parameters {
-        out += &format!("    {name} {:.4} ({:.4} to {:.4}) {}\n", value.value, value.ci95[0], value.ci95[1], value.unit);
+        out +=
+            &format!("    {name} {:.4} ({:.4} to {:.4}) {}\n", value.value, value.ci95[0], value.ci95[1], value.unit);
     }
     let lines: Vec<String> =
         effect.lines.iter().take(LINES).map(|(label, order)| format!("{label} at {order:.3}")).collect();

@@ -153,7 +153,12 @@ impl Bench {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let nyquist = 0.5 * self.rate_hz;
         let modes: Vec<(f64, f64)> = (0..6)
-            .map(|i| (nyquist * (0.08 + 0.13 * f64::from(i) + 0.1 * random.random::<f64>()), random.random_range(0.015..0.05)))
+            .map(|i| {
+                (
+                    nyquist * (0.08 + 0.13 * f64::from(i) + 0.1 * random.random::<f64>()),
+                    random.random_range(0.015..0.05),
+                )
+            })
             .collect();
         let strikes: Vec<(f64, f64)> = impacts.iter().flat_map(|i| self.strikes(i, &turns, &mut random)).collect();
         let all = [self.mesh(), lines.to_vec()].concat();
@@ -223,7 +228,8 @@ impl Bench {
             source: Some("measured".into()),
             other: Default::default(),
         };
-        let run = Run::from_signals(RunDeclaration::numbered(0, true, None), &acquisition, &signals, edges).expect("a sound run");
+        let run = Run::from_signals(RunDeclaration::numbered(0, true, None), &acquisition, &signals, edges)
+            .expect("a sound run");
         let mut declared = Declaration::of_import("bench", Some(self.teeth), acquisition, Some(tach));
         declared.runs = vec![run.declaration.clone()];
         Record { folder: "bench".into(), declaration: declared, runs: vec![run] }
@@ -245,5 +251,33 @@ fn coloured(signal: &mut [f64], level: f64, random: &mut ChaCha8Rng) {
             value += next;
         }
         *x += 0.7 * level * value;
+    }
+}
+
+impl Bench {
+    /// The record with lines added to each channel's own signal, past every path.
+    pub fn injected(&self, record: &Record, lines: &[Vec<Line>]) -> Record {
+        let turns = self.turns();
+        let signals: Vec<Vec<f64>> = lines
+            .iter()
+            .enumerate()
+            .map(|(c, lines)| {
+                let mut signal = record.runs[0].signal_m_s2(c);
+                for line in lines {
+                    let value = |turn: &f64| line.amplitude * (TAU * line.order * turn + line.phase).cos();
+                    signal.iter_mut().zip(&turns).for_each(|(x, turn)| *x += value(turn));
+                }
+                signal
+            })
+            .collect();
+        self.written(signals, &turns)
+    }
+
+    /// The record with one channel limited at a share of its peak.
+    pub fn limited(&self, record: &Record, channel: usize, share: f64) -> Record {
+        let mut signals: Vec<Vec<f64>> = (0..self.channels).map(|c| record.runs[0].signal_m_s2(c)).collect();
+        let top = share * signals[channel].iter().fold(0.0_f64, |top, x| top.max(x.abs()));
+        signals[channel].iter_mut().for_each(|x| *x = x.clamp(-top, top));
+        self.written(signals, &self.turns())
     }
 }

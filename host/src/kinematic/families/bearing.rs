@@ -7,13 +7,13 @@
 use crate::kinematic::candidate::Shaft;
 
 /// Rolling elements of ordinary bearings.
-const ELEMENTS: std::ops::RangeInclusive<u32> = 6..=30;
+const ELEMENTS: std::ops::RangeInclusive<u32> = 7..=24;
 /// Ratio of element to pitch diameter times the cosine of the contact angle.
-const RATIOS: (f64, f64) = (0.08, 0.40);
-/// Relative distance within which a base fits.
-const FITS: f64 = 2e-3;
-/// Multiples of a bearing's order that a base may be.
-const MULTIPLES: std::ops::RangeInclusive<u32> = 1..=4;
+const RATIOS: (f64, f64) = (0.12, 0.36);
+/// Relative distance within which a base fits: with twice that, some bearing would fit any two bases.
+const FITS: f64 = 5e-4;
+/// Multiples of the cage's order that a base may be.
+const MULTIPLES: std::ops::RangeInclusive<u32> = 1..=3;
 
 /// What of a bearing a base is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,7 +121,8 @@ fn explained(bases: &[f64], own: f64, shaft: Shaft, elements: u32, ratio: f64, f
     }
     let mut bearing = Bearing { shaft, elements, ratio, parts: Vec::new(), worst: 0.0, others: 0 };
     for (i, base) in bases.iter().enumerate() {
-        let off = |part: Part, multiple: u32| (base / own / f64::from(multiple) / part.order(elements, ratio) - 1.0).abs();
+        let off =
+            |part: Part, multiple: u32| (base / own / f64::from(multiple) / part.order(elements, ratio) - 1.0).abs();
         let fits = Part::ALL
             .into_iter()
             .flat_map(|part| MULTIPLES.filter(move |m| *m == 1 || part == Part::Cage).map(move |m| (part, m)))

@@ -15,6 +15,7 @@ pub mod tooth;
 use super::candidate::{Candidate, Taken};
 use super::scene::Scene;
 use super::spectra::Spectra;
+use crate::analysis::skirts::Skirts;
 
 /// What families are found from.
 pub struct Context<'a> {
@@ -28,6 +29,8 @@ pub struct Context<'a> {
     pub frequency: &'a Spectra,
     /// Orders spoken for, of each of the three.
     pub taken: &'a [Taken; 3],
+    /// Feet of the mesh lines and their neighbours in the channels searched: what swings there is no order of its own.
+    pub feet: &'a [Skirts],
 }
 
 impl Context<'_> {
@@ -36,6 +39,11 @@ impl Context<'_> {
         let z = self.scene.mesh_order();
         let k = (order / z).round();
         k >= 1.0 && (order - k * z).abs() <= self.scene.resolution()
+    }
+
+    /// Whether an order lies at the foot of a line of the pair.
+    pub fn at_foot(&self, order: f64) -> bool {
+        self.feet.iter().any(|feet| feet.at(order, self.orders.bin(0)))
     }
 
     /// Whether an order is a whole one of the pinion.

@@ -30,7 +30,7 @@ pub fn candidate(context: &Context, shaft: Shaft, most: usize) -> Candidate {
                 }
                 let sign = if side < 0.0 { "-" } else { "+" };
                 let label = format!("{k} mesh {sign} {n} {}", shaft.word());
-                places.push(Place { order, spacing: n as f64 * own, label });
+                places.push(Place { order, spacing: side * n as f64 * own, label });
             }
         }
     }

@@ -7,14 +7,14 @@
 use super::Context;
 use crate::analysis::explained::Explained;
 use crate::analysis::families::{self, Orders};
-use crate::analysis::search::{self, Line, Range};
+use crate::analysis::search::{self, Level, Line, Range};
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
 use crate::kinematic::spectra::Spectra;
 
 /// Families of one channel whose bases are tried.
 const FAMILIES: usize = 8;
 /// Harmonics of a base alone, modulated, and about the mesh.
-const HARMONICS: (usize, usize, usize) = (8, 6, 4);
+const HARMONICS: (usize, usize, usize) = (8, 6, 8);
 /// Sidebands of a shaft.
 const SIDEBANDS: i32 = 2;
 /// Mesh harmonics.
@@ -26,6 +26,9 @@ const SAME: f64 = 1e-3;
 /// Trial bases about a base: steps of this share.
 const FINE: f64 = 2.5e-4;
 const FINE_STEPS: i32 = 4;
+/// Bins within which a peak places the base, and the most that a peak's power over the floor weighs.
+const PLACING_BINS: f64 = 3.0;
+const MOST_WEIGHT: f64 = 1e4;
 
 /// Every base in every shape.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
@@ -45,16 +48,60 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
 
 /// The same family with its base moved a little: slip is not known.
 pub fn refinements(context: &Context, candidate: &Candidate) -> Vec<Candidate> {
-    let build = |base: f64| match candidate.kind {
-        Kind::Passage => Some(harmonics(context, base, candidate.domain)),
-        Kind::ModulatedPassage(shaft) => Some(modulated(context, base, shaft, candidate.domain)),
-        Kind::AboutMesh => Some(about_mesh(context, base)),
-        _ => None,
-    };
     (-FINE_STEPS..=FINE_STEPS)
-        .filter_map(|i| build(candidate.base * (1.0 + FINE * f64::from(i))))
+        .filter_map(|i| with_base(context, candidate, candidate.base * (1.0 + FINE * f64::from(i))))
         .map(|c| Candidate { alternatives: candidate.alternatives * f64::from(2 * FINE_STEPS + 1), ..c })
         .collect()
+}
+
+/// A family of the same shape with another base; none where its kind has no base.
+pub fn with_base(context: &Context, candidate: &Candidate, base: f64) -> Option<Candidate> {
+    let other = match candidate.kind {
+        Kind::Passage => harmonics(context, base, candidate.domain),
+        Kind::ModulatedPassage(shaft) => modulated(context, base, shaft, candidate.domain),
+        Kind::AboutMesh => about_mesh(context, base),
+        _ => return None,
+    };
+    Some(Candidate { alternatives: candidate.alternatives, ..other })
+}
+
+/// The family with its base placed as finely as the spectra resolve: least squares of the peaks at its standing places, by power, twice.
+pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], channels: usize) -> Candidate {
+    let spectra = spectra(context, candidate.domain);
+    let mut base = candidate.base;
+    for reach in [PLACING_BINS, 0.5 * PLACING_BINS] {
+        let (mut up, mut down) = (0.0, 0.0);
+        for (place, _) in candidate.places.iter().zip(standing).filter(|(_, stands)| **stands) {
+            let multiple = place.spacing / candidate.base;
+            let order = place.order + place.spacing * (base / candidate.base - 1.0);
+            for (r, c) in (0..spectra.levels.len()).flat_map(|r| (0..channels).map(move |c| (r, c))) {
+                let Some((peak, ratio)) = peak(&spectra.levels[r][c][0], order, reach) else { continue };
+                let weight = ratio.min(MOST_WEIGHT);
+                up += weight * multiple * (peak - order);
+                down += weight * multiple * multiple;
+            }
+        }
+        base += if down > 0.0 { up / down } else { 0.0 };
+    }
+    let places = candidate.places.iter().map(|place| {
+        let order = place.order + place.spacing * (base / candidate.base - 1.0);
+        Place { order, spacing: place.spacing * base / candidate.base, label: place.label.clone() }
+    });
+    Candidate { base, places: places.collect(), ..candidate.clone() }
+}
+
+/// Order and power over floor of the highest bin within `reach` bins, to a fraction of a bin; none at the edge of the reach.
+fn peak(level: &Level, order: f64, reach: f64) -> Option<(f64, f64)> {
+    let values = &level.density.values;
+    let centre = order / level.density.bin;
+    let range = (centre - reach).ceil().max(1.0) as usize
+        ..=((centre + reach).floor() as usize).min(values.len().checked_sub(2)?);
+    let top = range.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+    let [left, middle, right] = [top - 1, top, top + 1].map(|i| values[i].max(f64::MIN_POSITIVE).ln());
+    let bend = left - 2.0 * middle + right;
+    let is_peak = middle >= left && middle >= right && bend < 0.0;
+    let ratio = values[top] / level.floor[top].max(f64::MIN_POSITIVE);
+    is_peak.then(|| ((top as f64 + 0.5 * (left - right) / bend) * level.density.bin, ratio))
 }
 
 fn bases(context: &Context) -> Vec<f64> {
@@ -65,7 +112,7 @@ fn bases(context: &Context) -> Vec<f64> {
             let explained = Explained::new(scene.teeth[0], &run.angle, spectra.highest);
             let known = |order: f64, half: f64| {
                 let own = if mesh { explained.at(order, half) } else { explained.of_shafts(order, half) };
-                own || context.taken[taken].near(order, half)
+                own || context.taken[taken].near(order, half) || (mesh && context.at_foot(order))
             };
             let orders = Orders {
                 teeth: scene.mesh_order(),
@@ -106,7 +153,8 @@ fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Ve
         let half = context.scene.resolution();
         (order - order.round()).abs() <= half || (order - (order / own).round() * own).abs() <= half.min(0.2 * own)
     };
-    places.retain(|p| fits(p) && !of_shaft(p.order));
+    let at_foot = |p: &Place| domain == Domain::Orders && context.at_foot(p.order);
+    places.retain(|p| fits(p) && !of_shaft(p.order) && !at_foot(p));
     Candidate { kind, base, domain, places, locked: false, alternatives: 1.0 }
 }
 
@@ -143,7 +191,7 @@ pub fn about_mesh(context: &Context, base: f64) -> Candidate {
         for k in 1..=MESH {
             for (side, sign) in [(-1.0, "-"), (1.0, "+")] {
                 let label = format!("{k} mesh {sign} {j} o");
-                places.push(Place { order: k as f64 * z + side * spacing, spacing, label });
+                places.push(Place { order: k as f64 * z + side * spacing, spacing: side * spacing, label });
             }
         }
     }

@@ -20,14 +20,10 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
 /// Orders of one shaft up to number `most`.
 pub fn candidate(context: &Context, shaft: Shaft, most: usize) -> Candidate {
     let own = context.scene.shaft_order(shaft as usize);
-    let place = |n: usize| Place {
-        order: n as f64 * own,
-        spacing: n as f64 * own,
-        label: format!("{n} {}", shaft.word()),
-    };
-    let fits = |p: &Place| {
-        p.order < LOW * context.scene.mesh_order() && !(shaft == Shaft::Gear && context.on_pinion(p.order))
-    };
+    let place =
+        |n: usize| Place { order: n as f64 * own, spacing: n as f64 * own, label: format!("{n} {}", shaft.word()) };
+    let fits =
+        |p: &Place| p.order < LOW * context.scene.mesh_order() && !(shaft == Shaft::Gear && context.on_pinion(p.order));
     Candidate {
         kind: Kind::ShaftOrders(shaft),
         base: own,

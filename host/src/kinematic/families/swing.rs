@@ -6,6 +6,7 @@
 
 use super::Context;
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place};
+use crate::kinematic::scene::SceneRun;
 
 /// Mesh harmonics.
 const MESH: usize = 8;
@@ -14,8 +15,15 @@ const STEP: f64 = 0.125;
 /// Least and largest distance: main lobes, share of the slower shaft's order.
 const RANGE: (f64, f64) = (1.25, 0.85);
 
-/// Every slow distance.
+/// Fastest over slowest turn from which every mesh line swings by itself, through the path's resonances.
+const MOVES: f64 = 1.1;
+
+/// Every slow distance; none in a run-up, where the mesh lines' own course looks alike.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
+    let moves = |run: &SceneRun| run.angle.speed.fastest_hz > MOVES * run.angle.speed.slowest_hz;
+    if context.scene.runs.iter().any(moves) {
+        return Vec::new();
+    }
     let lobe = context.scene.resolution();
     let highest = RANGE.1 * context.scene.gear_order.min(1.0);
     let steps = ((highest - RANGE.0 * lobe) / (STEP * lobe)).max(0.0) as usize;
@@ -29,7 +37,11 @@ pub fn candidate(context: &Context, base: f64) -> Candidate {
     let mut places = Vec::new();
     for k in 1..=MESH.min((context.scene.highest_order / z) as usize) {
         for (side, sign) in [(-1.0, "-"), (1.0, "+")] {
-            places.push(Place { order: k as f64 * z + side * base, spacing: base, label: format!("{k} mesh {sign} swing") });
+            places.push(Place {
+                order: k as f64 * z + side * base,
+                spacing: side * base,
+                label: format!("{k} mesh {sign} swing"),
+            });
         }
     }
     Candidate { kind: Kind::Swing, base, domain: Domain::Orders, places, locked: false, alternatives: 1.0 }
