@@ -131,11 +131,11 @@ fn fault_a_wrong_tach_or_tooth_count_is_said_and_nothing_named() {
 
 #[test]
 fn theory_nothing_is_added_to_forty_nulls_with_wander_runs_up_and_coloured_noise() {
-    for seed in 200..240 {
+    for seed in 200..240_u32 {
         let run_up = if seed % 4 == 0 { 1.5 } else { 1.0 };
         let wander = 0.002 * f64::from(seed % 5);
         let noise = [0.05, 0.2, 0.5][seed as usize % 3];
-        let outcome = loop_of(&Bench { seed: seed.into(), run_up, wander, noise, ..SMALL }, &[], &[]);
+        let outcome = loop_of(&Bench { seed: u64::from(seed), run_up, wander, noise, ..SMALL }, &[], &[]);
         assert!(outcome.effects.is_empty(), "seed {seed}: {}", view::text(&outcome));
     }
 }
