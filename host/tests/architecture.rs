@@ -204,6 +204,41 @@ fn theory_files_of_the_crate_import_each_other_in_no_circle() {
     assert!(found.is_none(), "files in a circle:\n{}", found.unwrap_or_default());
 }
 
+/// Names of the constants that a file declares, and whether each is visible elsewhere.
+fn constants(code: &str) -> Vec<(String, bool)> {
+    let declared = code.lines().filter_map(|line| {
+        let public = line.starts_with("pub");
+        let rest = line.split_once("const ")?.1;
+        let name = rest.split_once(':')?.0;
+        line.starts_with("const ").then_some(()).or(public.then_some(()))?;
+        Some((name.trim().to_string(), public))
+    });
+    declared.collect()
+}
+
+/// The words of a source.
+fn words(code: &str) -> BTreeSet<&str> {
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect()
+}
+
+#[test]
+fn theory_one_gate_of_the_loop_decides_what_is_adopted() {
+    let all = sources();
+    let gate: Module = ["closed_loop", "accept"].map(String::from).to_vec();
+    let thresholds = constants(&all[&gate]);
+    assert!(thresholds.len() > 15 && thresholds.iter().any(|(name, _)| name == "LARGEST_P"), "{thresholds:?}");
+    assert!(thresholds.iter().all(|(_, public)| !public), "a threshold of the gate is nobody else's: {thresholds:?}");
+    for (module, code) in all.iter().filter(|(module, _)| **module != gate) {
+        // `Adopted` keeps its list private: the compiler holds that nobody else lengthens or shortens it.
+        assert!(!code.contains("Refusal::"), "{} makes a refusal", module.join("/"));
+        if module[0] == "closed_loop" {
+            let words = words(code);
+            let taken: Vec<_> = thresholds.iter().filter(|(name, _)| words.contains(name.as_str())).collect();
+            assert!(taken.is_empty(), "{} has a threshold of the gate: {taken:?}", module.join("/"));
+        }
+    }
+}
+
 #[test]
 fn theory_a_circle_is_found_and_shown() {
     let module = |name: &str| vec![name.to_string()];

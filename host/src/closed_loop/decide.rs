@@ -10,9 +10,9 @@
 //! Held-out runs take no part in any fit or choice between candidates, but for their own start ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
 //! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
 
+use super::accept::{self, Adopted};
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;
-use super::criteria::LARGEST_P;
 use super::impulsive::impacts;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
@@ -29,15 +29,6 @@ use crate::check;
 use crate::observation::input::Record;
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
-
-/// Power over local noise left by a search from which it pays to search again from the declaration.
-const MOST_OVER_NOISE: f64 = 1.3;
-/// And power left as a share of what the declaration leaves.
-const LARGEST_REST: f64 = 0.1;
-/// Share by which the order of impacts wanders.
-const SLIP: f64 = 0.005;
-/// A term that leaves more of the power at its own lines than this explains nothing.
-const MOST_LEFT: f64 = 0.5;
 
 /// Groups runs by speed; one inner speed is held out, another selects, the rest fit.
 fn split(base: &Base, seed: u64) -> Result<Split> {
@@ -127,8 +118,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let rounds = if whole.is_empty() { options.most } else { 0 };
     let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
     let mut explained = explain(base, &split, options, rounds, 0, &plain, &say);
-    let much = explained.power > (MOST_OVER_NOISE * explained.noise).max(LARGEST_REST * at_first);
-    if rounds > 0 && fitted && much {
+    if rounds > 0 && fitted && accept::search_again(explained.power, explained.noise, at_first) {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
         let again = explain(Base::new(record), &split, options, rounds, explained.tried, &plain, &say);
@@ -140,16 +130,12 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     }
     say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
     let Explained { base, found, tried, .. } = explained;
-    let Found { mut accepted, pool, mut refused, strongest, data } = found;
+    let Found { mut accepted, pool, strongest, data } = found;
     say("verdicts");
     let mut effects = verdicts(&base, &data, &split, &accepted, &pool, tried);
     // Next to the others and with the final weights a term must still stand.
-    let stands = |e: &Effect| {
-        e.evidence.left_at_its_lines < MOST_LEFT && e.evidence.chance.is_some_and(|p| p.value() < LARGEST_P)
-    };
-    let mut keep = effects.iter().map(stands).collect::<Vec<_>>().into_iter();
-    accepted.retain(|_| keep.next().unwrap_or(true));
-    effects.retain(stands);
+    let figures: Vec<_> = effects.iter().map(|e| (e.evidence.left_at_its_lines, e.evidence.chance)).collect();
+    keep(&mut effects, &accepted.stand(&figures));
     if whole.is_empty() {
         let hammering = |accepted: &[Candidate]| {
             let terms: Vec<&Candidate> = accepted.iter().collect();
@@ -157,12 +143,12 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
             impacts(&base, &rest, &split)
         };
         let mut found = hammering(&accepted);
-        let of_impacts: Vec<bool> = accepted.iter().map(|t| found.as_ref().is_some_and(|e| is_line_of(t, e))).collect();
-        if of_impacts.contains(&true) {
-            let (mut terms, mut verdicts) = (of_impacts.iter(), of_impacts.iter());
-            accepted.retain(|_| !terms.next().unwrap_or(&false));
-            effects.retain(|_| !verdicts.next().unwrap_or(&false));
-            found = hammering(&accepted).or(found);
+        if let Some(order) = found.as_ref().filter(|e| e.verdict == "named").and_then(|e| e.order_of_pinion) {
+            let stay = accepted.give_to_impacts(order, |t| matches!(t.start, Start::Phases(_)));
+            if stay.contains(&false) {
+                keep(&mut effects, &stay);
+                found = hammering(&accepted).or(found);
+            }
         }
         whole.extend(found.filter(|e| effects.is_empty() || e.verdict == "named"));
         describe_withheld(&mut whole, &options.withheld);
@@ -178,22 +164,18 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     if whole.is_empty() && effects.is_empty() {
         effects.extend(remainder(&base, &corrected(&base, &data, &joint(&base, &data, &seen, &[]).x, &[]), &seen));
     }
-    for term in &accepted {
-        refused.remove(&term.name);
-    }
     let calibrated = (distorted || !accepted.is_empty()).then_some(calibrated);
-    let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects, refused);
+    let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects);
     outcome.candidates_tried = tried;
     outcome.effects.extend(whole);
     say("done");
     Ok(outcome)
 }
 
-/// Whether a term at an order of neither shaft is one of the lines that named impacts have at every multiple of their order.
-fn is_line_of(term: &Candidate, impacts: &Effect) -> bool {
-    let (Some(order), Some(at)) = (term.order, impacts.order_of_pinion) else { return false };
-    let slips = matches!(term.start, Start::Phases(_));
-    slips && impacts.verdict == "named" && (order - (order / at).round() * at).abs() < SLIP * order
+/// Keeps what stays.
+fn keep(effects: &mut Vec<Effect>, stay: &[bool]) {
+    let mut stay = stay.iter();
+    effects.retain(|_| *stay.next().unwrap_or(&true));
 }
 
 /// Takes the names of effects that are found outside the library.
@@ -258,28 +240,18 @@ fn explain(
 fn much_is_there(base: &Base, data: &Data, runs: &[usize]) -> bool {
     let rest = corrected(base, data, &joint(base, data, runs, &[]).x, &[]).residual;
     let (power, noise) = power_and_noise(base, &rest, runs);
-    power > MOST_OVER_NOISE * noise
+    accept::much_is_there(power, noise)
 }
 
-/// Drops terms that do not lower the whitened error of the held-out runs, predicted from the others.
-fn confirm(base: &Base, data: &Data, split: &Split, accepted: &mut Vec<Candidate>) {
+/// Asks the held-out runs, predicted from the others, whether every term lowers their whitened error.
+fn confirm(base: &Base, data: &Data, split: &Split, accepted: &mut Adopted) {
     let seen = split.seen();
     // The held-out runs' own angle offsets and speeds, with the tachometer's uncertainty as prior, are fitted last: they are no part of a term.
     let own = base.columns().split_off(TOLERANCES.len());
-    let error = |terms: &[&Candidate]| {
+    accepted.confirm(|terms| {
         let mut x = joint(base, data, &seen, terms).x;
         x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
         let rest = corrected(base, data, &x, terms);
         chi_square(&rest, &split.held_out) - solve(&normal(&rest, &split.held_out, &own)).gain
-    };
-    let mut i = 0;
-    while i < accepted.len() {
-        let with: Vec<&Candidate> = accepted.iter().collect();
-        let without: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
-        if error(&without) > error(&with) {
-            i += 1;
-        } else {
-            accepted.remove(i);
-        }
-    }
+    });
 }

@@ -5,6 +5,7 @@
 //! An order scan sums fundamental and second harmonic over the fit runs (capped), with Bonferroni over orders, bands and channels, and
 //! the winner must stand alone in the selection runs. Source: Randall and Antoni's envelope analysis; limits: order from 0.2 to 40.
 
+use super::accept;
 use super::base_fit::Base;
 use super::judge::Split;
 use super::least_squares::Data;
@@ -122,7 +123,7 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     let (sum, alone, order, channel, band) = best;
     let chance = Probability::gamma_above(sum, 2.0 * split.fit.len() as f64).among(tests.ln());
     let confirmed = Probability::gamma_above(alone, 2.0 * split.select.len() as f64);
-    if chance.value() > 1e-4 || confirmed.value() > 1e-3 {
+    if !accept::impacts_are_there(chance, confirmed) {
         return None;
     }
     // Resolution of the scan, or the wander of a slipping order.

@@ -1,13 +1,13 @@
 //! Scores of candidates next to the nuisances and the accepted terms.
 //!
-//! Score: whitened likelihood gain over fit and selection runs, less [`PER_UNKNOWN`] per unknown and twice the logarithm of the
-//! search. Whether one law serves all runs is asked by giving the term values of its own on the selection runs: what that gains must be a
+//! Score: whitened likelihood gain over fit and selection runs, less a penalty per unknown and twice the logarithm of the
+//! search ([`accept`]). Whether one law serves all runs is asked by giving the term values of its own on the selection runs: what that gains must be a
 //! small share. (To predict the selection runs from the fit runs alone is no fair test: declared parameters within tolerance hide
 //! much of an effect, and a line may stand in few runs.) Fixed frequencies, whose phase is free in every run, must predict those runs.
 
+use super::accept::{self, Figures};
 use super::base_fit::Base;
 use super::candidate::Candidate;
-use super::criteria::{LARGEST_P, LEAST_SCORE, PER_UNKNOWN};
 use super::frame::{Border, Frame};
 use super::least_squares::{Column, Data, normal, subtract};
 use super::probability::Probability;
@@ -15,13 +15,6 @@ use super::start::{self, Products, Start};
 use crate::machine::{Freedom, Hunting};
 use rustfft::num_complex::Complex64 as C;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Least gain on the selection runs.
-const LEAST_SELECT_GAIN: f64 = 6.0;
-/// Largest share of its gain that a term may still gain with other values on the selection runs.
-const LARGEST_APART: f64 = 0.35;
-/// Least share of its predicted power that a term must explain on the selection runs.
-const LEAST_SELECT_SHARE: f64 = 0.4;
 
 /// Runs by use.
 pub struct Split {
@@ -69,16 +62,18 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Whether the term earns its place among `tests` candidates. A further term next to others must predict the selection runs as well: what
-    /// the others' templates leave would pass for it.
-    pub fn passes(&self, tests: f64, further: bool) -> bool {
-        let predicts = self.select_gain > LEAST_SELECT_GAIN
-            && self.select_gain > LEAST_SELECT_SHARE * self.select_promise.min(self.gain);
-        let unknowns = self.candidate.templates.len() as f64;
-        let one_law = self.candidate.phase_free
-            || self.apart_gain < LARGEST_APART * self.gain + unknowns + 4.0 * (2.0 * unknowns).sqrt();
-        let must_predict = self.candidate.phase_free || further;
-        one_law && (predicts || !must_predict) && self.score > LEAST_SCORE && self.chance(tests).value() < LARGEST_P
+    /// What the gate asks, among `tests` candidates.
+    pub fn figures(&self, tests: f64) -> Figures {
+        Figures {
+            score: self.score,
+            gain: self.gain,
+            select_gain: self.select_gain,
+            select_promise: self.select_promise,
+            apart_gain: self.apart_gain,
+            templates: self.candidate.templates.len(),
+            phase_free: self.candidate.phase_free,
+            chance: self.chance(tests),
+        }
     }
 
     /// Probability of such a gain by chance, after Bonferroni over all `tests` of the search, the places that the candidate's own was chosen
@@ -308,7 +303,7 @@ impl<'a> Judge<'a> {
         let further_runs = (self.seen.len() - 1) as f64;
         let start_nats = start.nats_per_run(self.hunting) * further_runs;
         let unknowns = unknowns(candidate, self.seen.len()) + start.unknowns_per_run() * further_runs;
-        let score = gain - PER_UNKNOWN * unknowns - 2.0 * (candidate.searched.ln() + start_nats);
+        let score = accept::score(gain, unknowns, candidate.searched.ln() + start_nats);
         Scores { score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns }
     }
 }

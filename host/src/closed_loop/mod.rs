@@ -9,6 +9,7 @@
 
 #![allow(clippy::needless_range_loop, clippy::type_complexity, reason = "indices run over parallel spectra")]
 
+pub mod accept;
 pub mod apply;
 pub mod bands;
 pub mod base_fit;
@@ -16,7 +17,6 @@ pub mod campaign;
 pub mod candidate;
 pub mod carry;
 pub mod combs;
-pub mod criteria;
 pub mod decide;
 pub mod detect;
 pub mod frame;

@@ -1,5 +1,6 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
+use super::accept::Refused;
 use super::candidate::{Parameter, Tuning};
 use super::probability::Probability;
 use super::start::Start;
@@ -217,8 +218,8 @@ pub struct Outcome {
     pub runs_used: Vec<usize>,
     /// Scores given in the search (candidates, with their shapes, strengths and starts of runs): the trials that probabilities are corrected for.
     pub candidates_tried: usize,
-    /// Candidates considered and refused, with score.
-    pub refused: Vec<(String, f64)>,
+    /// Explanations considered and refused, with their best score and the gate's reason.
+    pub refused: Vec<Refused>,
     /// Accepted terms as fitted, in the order of the first effects. Not written to JSON.
     #[serde(skip)]
     pub terms: Vec<Term>,

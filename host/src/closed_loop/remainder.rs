@@ -1,9 +1,10 @@
 //! What stands above the noise although nothing that was tried fits it: said, with its place, rather than passed over in silence.
 //!
 //! The residual's power next to the declared parameters is compared with that of the local noise. Records with nothing hidden leave 0.98 to 1.03
-//! times their noise (`meshband prove --null 12 --seconds 1 --verbose`, seeds 94 and 95), so `LEAST` is far outside chance. Limit: a machine that is declared badly leaves
+//! times their noise (`meshband prove --null 12 --seconds 1 --verbose`, seeds 94 and 95), so the gate's threshold ([`accept`]) is far outside chance. Limit: a machine that is declared badly leaves
 //! a remainder as well; the verdict says that something is missing, not what.
 
+use super::accept;
 use super::base_fit::Base;
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence};
@@ -11,8 +12,6 @@ use super::probability::Probability;
 use crate::observation::spectrum::Bins;
 use crate::spectral::noise_power;
 
-/// Residual power over noise from which something is missing.
-const LEAST: f64 = 1.15;
 /// Bound of its probability by chance: none of 200 records with nothing hidden reached it (rule of three).
 const CHANCE: f64 = 0.015;
 
@@ -57,7 +56,7 @@ fn by_place(base: &Base, rest: &Data, runs: &[usize]) -> ([f64; 3], f64) {
 pub fn remainder(base: &Base, rest: &Data, runs: &[usize]) -> Option<Effect> {
     let (beyond, noise) = by_place(base, rest, runs);
     let over = 1.0 + beyond.iter().sum::<f64>() / noise;
-    if over < LEAST {
+    if !accept::remainder_is_there(over) {
         return None;
     }
     let largest = (0..3).max_by(|&a, &b| beyond[a].total_cmp(&beyond[b])).unwrap_or(2);

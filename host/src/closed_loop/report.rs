@@ -196,18 +196,11 @@ fn levels(report: Report, outcome: &Outcome, replay: &Replay) -> Report {
 
 fn refused(report: Report, outcome: &Outcome) -> Report {
     let mut refused = outcome.refused.clone();
-    refused.sort_by(|a, b| b.1.total_cmp(&a.1));
+    refused.sort_by(|a, b| b.score.total_cmp(&a.score));
     let rows: Vec<Vec<String>> = refused
-        .iter()
+        .into_iter()
         .take(25)
-        .map(|(name, score)| {
-            let why = if *score > 0.0 {
-                "below the accepted one, or not confirmed on the selection runs"
-            } else {
-                "does not pay for its unknowns"
-            };
-            vec![name.clone(), format!("{score:.1}"), why.into()]
-        })
+        .map(|refused| vec![refused.name, format!("{:.1}", refused.score), refused.reason])
         .collect();
     let changes: Vec<Vec<String>> = outcome
         .declared_parameter_changes

@@ -1,12 +1,12 @@
 //! The search of the library: effects added strongest first, each judged next to those already there.
 //!
-//! The residual's weights are renewed after every accepted term. Each further term must bring a stated share of what the strongest
-//! one brought: a template that is right to a few percent leaves a few percent, which is no second effect.
+//! The residual's weights are renewed after every adopted term. Whether a term is adopted, and what keeps its place next to a newer one, is
+//! the gate's to decide ([`accept`]).
 
+use super::accept::{self, Adopted, Refusals};
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
 use super::combs::combs;
-use super::criteria::{LARGEST_P, LEAST_SCORE};
 use super::detect;
 use super::judge::{Judge, Judged, Split, corrected, joint};
 use super::least_squares::Data;
@@ -19,29 +19,22 @@ use super::strength::{STRONG_SCORE, Strengths, at_their_strength, refuted_by_tac
 use super::together::{together, unknowns};
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
-/// A further term must gain this share of the largest gain so far.
-const LEAST_SHARE: f64 = 0.01;
 /// Most times that the declared parameters are centred again with effects in the fit.
 const MOST_CENTRED: usize = 2;
 /// Second-order error of a move of the declared parameters from which it pays to centre again.
 const LEAST_DEPARTURE: f64 = 3.0;
 /// Share of the power beyond noise that a strong term leaves from which another strong effect is looked for before parameters move.
 const MUCH: f64 = 0.2;
-/// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10 beyond the penalties).
-const NAME_MARGIN: f64 = 4.6;
-/// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
-const TABLE_MARGIN: f64 = 0.03;
+/// Candidates of every round whose refusal is noted.
+const MOST_NOTED: usize = 30;
 
 /// What a search found.
 pub struct Found {
-    /// Terms, strongest first.
-    pub accepted: Vec<Candidate>,
+    /// Terms, strongest first, and what was refused.
+    pub accepted: Adopted,
     /// The best of everything that scored: rivals of the terms.
     pub pool: Vec<Candidate>,
-    /// Best score of every name considered.
-    pub refused: BTreeMap<String, f64>,
     /// The significant candidate of the best score before anything was accepted, whether it follows its law or not.
     pub strongest: Option<Candidate>,
     /// Residual with the final weights.
@@ -81,12 +74,10 @@ pub fn search(
     say("responses of the library");
     let mut data = base.data();
     let raw = data.residual.clone();
-    let mut accepted: Vec<Candidate> = Vec::new();
+    let mut accepted = Adopted::default();
     let mut pool: Vec<Candidate> = Vec::new();
-    let mut refused: BTreeMap<String, f64> = BTreeMap::new();
     let mut strongest = None;
     let mut turns: Option<Vec<u32>> = None;
-    let mut largest_gain = 0.0_f64;
     for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
         // Noise from the residual after everything accepted; the form slack stays tied to the raw residual.
@@ -110,7 +101,13 @@ pub fn search(
         let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
         at_their_strength(bench, &judge, &data, &company, &mut memory.strengths, &mut judged);
         memory.tried += judge.tried();
-        judged.retain(|j| !refuted_by_tachometer(base, j));
+        judged.retain(|j| match refuted_by_tachometer(base, j) {
+            Ok(()) => true,
+            Err(why) => {
+                accepted.refusals.note(&j.candidate.name, j.score, why);
+                false
+            }
+        });
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
@@ -127,38 +124,25 @@ pub fn search(
             ));
         }
         let tests = memory.tried as f64;
-        let passes = |j: &Judged| j.passes(tests, !accepted.is_empty()) && j.gain > LEAST_SHARE * largest_gain;
-        let best = judged.iter().position(passes);
-        for j in judged.iter().take(30) {
-            let worst = refused.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
-            *worst = worst.max(j.score);
-        }
         if round == 0 {
-            let significant = judged.iter().filter(|j| j.score > LEAST_SCORE && j.chance(tests).value() < LARGEST_P);
+            let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }
-        let Some(best) = best else {
-            pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
-            break;
-        };
-        let top = &judged[best];
-        let near = |j: &Judged| {
-            let freer = top.candidate.templates.len() > j.candidate.templates.len();
-            let margin = if freer { NAME_MARGIN.max(TABLE_MARGIN * top.gain) } else { NAME_MARGIN };
-            j.score > top.score - margin
-        };
-        let name = judged.iter().position(|j| j.candidate.claim == Claim::Named && near(j) && passes(j));
-        let winner = &judged[name.unwrap_or(best)];
-        largest_gain = largest_gain.max(winner.gain);
-        let strong = winner.gain > STRONG_SCORE;
-        let winner = winner.candidate.clone();
+        let winner = winner(&judged, &accepted, tests);
+        note_refused(&judged, &mut accepted, winner, tests);
+        let winner = winner.map(|i| judged[i].clone());
         pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
+        let Some(winner) = winner else { break };
+        let (strong, figures) = (winner.gain > STRONG_SCORE, winner.figures(tests));
+        let winner = winner.candidate;
         if turns.is_none() {
             turns = winner.start.turns().map(<[u32]>::to_vec);
         }
-        accepted.push(winner);
-        prune(base, &data, split, &mut accepted);
-        let joined = strong && together(bench, &mut data, &raw, &seen, &mut accepted);
+        if accepted.adopt(winner, &figures).is_err() {
+            break;
+        }
+        accepted.supersede(|term, others| Judge::new(base, &data, split, others).judge(term.clone()).score);
+        let joined = strong && together(bench, &mut data, &raw, &seen, accepted.refine());
         if joined {
             say("strong terms fitted together on the machine that has all of them");
         }
@@ -178,7 +162,29 @@ pub fn search(
             return Search::Recentre(move_to);
         }
     }
-    Search::Done(Box::new(Found { accepted, pool, refused, strongest, data }))
+    Search::Done(Box::new(Found { accepted, pool, strongest, data }))
+}
+
+/// The candidate to adopt: the best that passes, or a name that passes and comes near enough.
+fn winner(judged: &[Judged], accepted: &Adopted, tests: f64) -> Option<usize> {
+    let passes = |j: &Judged| accepted.weigh(&j.figures(tests)).is_ok();
+    let best = judged.iter().position(passes)?;
+    let top = judged[best].figures(tests);
+    let named = |j: &Judged| j.candidate.claim == Claim::Named && accept::name_is_near(&top, &j.figures(tests));
+    Some(judged.iter().position(|j| named(j) && passes(j)).unwrap_or(best))
+}
+
+/// Notes why the best of those not taken were refused.
+fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<usize>, tests: f64) {
+    let taken = winner.map_or("", |i| judged[i].candidate.name.as_str());
+    let mut refusals = Refusals::default();
+    for (i, j) in judged.iter().enumerate().take(MOST_NOTED) {
+        if Some(i) != winner {
+            let why = accepted.weigh(&j.figures(tests)).err().unwrap_or_else(|| accept::outranked(taken));
+            refusals.note(&j.candidate.name, j.score, why);
+        }
+    }
+    accepted.refusals.extend(refusals);
 }
 
 /// Power of a residual beyond its local noise.
@@ -211,18 +217,4 @@ fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
         c.claim = Claim::Generic;
         plain.map(|text| c.name = text).is_some()
     });
-}
-
-/// Drops terms that no longer earn their place next to the newest.
-fn prune(base: &Base, data: &Data, split: &Split, accepted: &mut Vec<Candidate>) {
-    let mut i = 0;
-    while accepted.len() > 1 && i + 1 < accepted.len() {
-        let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
-        let again = Judge::new(base, data, split, &others).judge(accepted[i].clone());
-        if again.score < LEAST_SCORE {
-            accepted.remove(i);
-        } else {
-            i += 1;
-        }
-    }
 }

@@ -3,6 +3,7 @@
 //! Modes and reliefs have a shape to be searched; where the response is not proportional to the strength, the declared equations are
 //! simulated at the strength found. Cost: a simulation of every run per step, for the few candidates that may win.
 
+use super::accept::{self, Refusal};
 use super::base_fit::{Base, RunState};
 use super::candidate::{Candidate, Finite, Tuning};
 use super::judge::{Judge, Judged};
@@ -35,13 +36,16 @@ const MOST_FINITE: usize = 4;
 pub type Strengths = BTreeMap<(String, i64), f64>;
 
 /// Whether a swing of the shaft is claimed that the tachometer would have seen.
-pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> bool {
-    let Some(Finite::PositionModulation { order }) = judged.candidate.finite else { return false };
-    let [a, b] = judged.x[..] else { return false };
+///
+/// # Errors
+/// The gate's refusal.
+pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> Result<(), Refusal> {
+    let Some(Finite::PositionModulation { order }) = judged.candidate.finite else { return Ok(()) };
+    let [a, b] = judged.x[..] else { return Ok(()) };
     let amplitude_rad = a.hypot(b) * std::f64::consts::TAU / f64::from(base.machine.teeth[0]);
     let duration_s = base.analyser.duration_s();
     let refutes = |r: &&RunState| r.angle.refutes(order, amplitude_rad, base.pulses_per_rev, duration_s);
-    2 * base.runs.iter().filter(refutes).count() > base.runs.len()
+    accept::seen_by_tachometer(base.runs.iter().filter(refutes).count(), base.runs.len())
 }
 
 /// Improves the shape of the best candidates that have one.

@@ -1,5 +1,6 @@
 //! Error tables in three stages (declared, calibrated, corrected), and the assembly of the outcome.
 
+use super::accept::Adopted;
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;
 use super::detect;
@@ -10,7 +11,6 @@ use crate::check::Findings;
 use crate::observation::input::Record;
 use crate::observation::spectrum::Bins;
 use crate::spectral::noise_power;
-use std::collections::BTreeMap;
 
 /// Bins within one bin of an order of pinion or gear.
 fn synchronous(base: &Base, run: usize) -> Vec<bool> {
@@ -138,9 +138,8 @@ pub fn report(
     base: &Base,
     data: &Data,
     split: &Split,
-    accepted: &[Candidate],
+    accepted: &Adopted,
     mut effects: Vec<Effect>,
-    refused: BTreeMap<String, f64>,
 ) -> Outcome {
     let seen = &split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
@@ -208,7 +207,7 @@ pub fn report(
         runs_used: (0..base.runs.len()).collect(),
         split: [split.fit.clone(), split.select.clone(), split.held_out.clone()],
         candidates_tried: 0,
-        refused: refused.into_iter().collect(),
+        refused: accepted.refusals.list(accepted),
         residual: [declared.residual.clone(), after],
     }
 }

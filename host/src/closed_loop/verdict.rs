@@ -1,8 +1,9 @@
 //! Verdicts: named, ambiguous or generic, with evidence.
 //!
 //! A name is given only if what it leaves at its own lines is small, its strength does not depend on the run, and no
-//! other name comes within `LEAST_OVER_NEXT` of its score; else the verdict is ambiguous or generic.
+//! other name comes near its score; else the verdict is ambiguous or generic. By how much is the gate's ([`accept`]).
 
+use super::accept::{self, NameFigures, Naming};
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
 use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
@@ -14,25 +15,8 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
 
-/// Largest power left at its own lines, beyond noise, of a named effect.
-const LARGEST_LEFT: f64 = 0.04;
-
-/// Share of a name's gain that a freer description of the same family may add: form error of templates and declared parameters.
-const FORM_SHARE: f64 = 0.01;
-
-/// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the penalties, the record is
-/// then 11 times as likely with the name.
-const LEAST_OVER_NEXT: f64 = 2.4;
-
-/// The same as a share of a name's gain: form error of the templates, which no longer is noise where gains are huge.
-const RIVAL_SHARE: f64 = 5e-5;
-
 /// Share of the path from which on a relief is no matter of the tips any more, and no other shape can be excluded.
 const WIDEST_RELIEF: f64 = 0.35;
-
-/// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared parameters that move
-/// the same lines.
-const LEAST_MESH_GAIN: f64 = 400.0;
 
 /// Half width that every interval has at least, as a share of the value: error of the forward model and of declared parameters that no
 /// spread over runs shows. From generated records, where strong effects come out right to about this.
@@ -177,36 +161,24 @@ pub fn verdicts(
         let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
         let left = left_at_lines(base, data, &seen, &terms, index, &all.x);
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
-        let steady = exponents.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < 0.12 + half));
         let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
         let mut near: Vec<&str> =
-            rivals.iter().filter(|r| r.1 < LEAST_OVER_NEXT.max(RIVAL_SHARE * own.gain)).map(|r| r.0.as_str()).collect();
+            rivals.iter().filter(|r| accept::is_rival(r.1, own.gain)).map(|r| r.0.as_str()).collect();
         if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
             near.push("another displacement error repeating with every tooth pair");
         }
         let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
-        let lawful = left <= LARGEST_LEFT
-            && steady
-            && possible(term, &all.x[at..])
-            && freer_gain(&next_to_all, pool, term) <= FORM_SHARE * own.gain;
-        let (verdict, name, experiment) = if term.claim == Claim::Generic || !lawful {
-            let text = if term.claim == Claim::Generic {
-                format!("{} ({})", term.name, place(term))
-            } else {
-                format!("{}; resembles {} but does not follow its law", seat(term), term.name)
-            };
-            ("generic", text, None)
-        } else if !near.is_empty() || (term.family == "mesh-order" && own.gain < LEAST_MESH_GAIN) {
-            let mut names = vec![term.name.as_str()];
-            names.extend(near);
-            if names.len() == 1 {
-                names.push(if term.name == "profile-error" { "tip-relief" } else { "profile-error" });
-            }
-            let text = "runs at a third torque and at a higher speed separate these laws".to_string();
-            ("ambiguous", names.join(" or "), Some(text))
-        } else {
-            ("named", term.name.clone(), None)
-        };
+        let naming = accept::naming(&NameFigures {
+            claims_name: term.claim == Claim::Named,
+            left,
+            departures: exponents,
+            possible: possible(term, &all.x[at..]),
+            freer_gain: freer_gain(&next_to_all, pool, term),
+            gain: own.gain,
+            at_mesh_orders: term.family == "mesh-order",
+            has_rivals: !near.is_empty(),
+        });
+        let (verdict, name, experiment) = worded(term, naming, near);
         effects.push(Effect {
             withheld_because: None,
             verdict: verdict.into(),
@@ -236,6 +208,28 @@ pub fn verdicts(
         });
     }
     effects
+}
+
+/// Verdict, name and deciding experiment in words; `near`: what cannot be told from the term.
+fn worded(term: &Candidate, naming: Naming, near: Vec<&str>) -> (&'static str, String, Option<String>) {
+    match naming {
+        Naming::Generic if term.claim == Claim::Generic => {
+            ("generic", format!("{} ({})", term.name, place(term)), None)
+        }
+        Naming::Generic => {
+            ("generic", format!("{}; resembles {} but does not follow its law", seat(term), term.name), None)
+        }
+        Naming::Ambiguous => {
+            let mut names = vec![term.name.as_str()];
+            names.extend(near);
+            if names.len() == 1 {
+                names.push(if term.name == "profile-error" { "tip-relief" } else { "profile-error" });
+            }
+            let text = "runs at a third torque and at a higher speed separate these laws".to_string();
+            ("ambiguous", names.join(" or "), Some(text))
+        }
+        Naming::Named => ("named", term.name.clone(), None),
+    }
 }
 
 /// Plain verdict on what is in the record where no term predicts the runs that it was not fitted to: family and place of the description

@@ -4,6 +4,7 @@
 //! The mesh orders are summed by powers of one phasor per sample; with the tachometer's own angle instead of a straight line the same
 //! sum gives a slowly frequency-modulated prediction (quasi-steady: the machine is taken to follow at once). Cost: orders times samples.
 
+use super::accept;
 use super::base_fit::{Base, RunState};
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence, Value};
@@ -284,7 +285,7 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     });
     let (at, models, sizes, _) = tried.max_by(|a, b| a.3.total_cmp(&b.3))?;
     let gain = chi_change(data, &models, base, held_out);
-    if gain < 30.0 || chi_change(data, &models, base, &all) < 60.0 {
+    if !accept::speed_moves(gain, chi_change(data, &models, base, &all)) {
         return None;
     }
     let mut found = effect("speed-fluctuation", "non-stationary", 1e-6);

@@ -1,0 +1,407 @@
+//! The gate: the only place that decides whether a term is adopted or kept, and whether it keeps a name.
+//!
+//! What is adopted is a list that nobody else can lengthen or shorten ([`Adopted`]); every refusal is data ([`Refusal`]) and goes into the
+//! outcome. The thresholds are private to this file. Unless said otherwise they were set on generated records: on records with nothing
+//! hidden so that none is adopted (`meshband prove --null`), then as low as that allows (`--power`). Detectors (lines, combs, impacts)
+//! propose and adopt nothing. `host/tests/architecture.rs` holds that refusals are made nowhere else.
+
+use super::candidate::Candidate;
+use super::probability::Probability;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Penalty per real unknown, in units of chi-square: near the logarithm of the number of values of a record (BIC: 10 at 22 000).
+const PER_UNKNOWN: f64 = 10.0;
+/// Least score of an adopted effect: with the penalties above no record of 200 with nothing hidden reached it.
+const LEAST_SCORE: f64 = 15.0;
+/// Largest probability of a term's gain by chance, after correction for the search.
+const LARGEST_P: f64 = 1e-3;
+/// Least gain on the selection runs with values from the fit runs.
+const LEAST_SELECT_GAIN: f64 = 6.0;
+/// Least share of its predicted power that a term must explain on the selection runs.
+const LEAST_SELECT_SHARE: f64 = 0.4;
+/// Largest share of its gain that a term may still gain with other values on the selection runs.
+const LARGEST_APART: f64 = 0.35;
+/// A further term must gain this share of the largest gain so far: a template right to a few percent leaves a few percent.
+const LEAST_SHARE: f64 = 0.01;
+/// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10 beyond the penalties).
+const NAME_MARGIN: f64 = 4.6;
+/// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
+const TABLE_MARGIN: f64 = 0.03;
+/// A term that leaves more of the power at its own lines than this explains nothing.
+const MOST_LEFT: f64 = 0.5;
+/// Largest power left at its own lines, beyond noise, of a named effect.
+const LARGEST_LEFT: f64 = 0.04;
+/// Largest exponent of speed or torque, beyond its 95 % half width, by which a named effect may depart from its law.
+const LARGEST_DEPARTURE: f64 = 0.12;
+/// Share of a name's gain that a freer description of the same family may add: form error of templates and declared parameters.
+const FORM_SHARE: f64 = 0.01;
+/// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the penalties, the record is
+/// then 11 times as likely with the name.
+const LEAST_OVER_NEXT: f64 = 2.4;
+/// The same as a share of a name's gain: form error of the templates, which no longer is noise where gains are huge.
+const RIVAL_SHARE: f64 = 5e-5;
+/// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared parameters that move
+/// the same lines.
+const LEAST_MESH_GAIN: f64 = 400.0;
+/// Power over local noise from which much is there, or left: records with nothing hidden leave 0.98 to 1.03 times their noise.
+const MOST_OVER_NOISE: f64 = 1.3;
+/// Power left as a share of what the declaration leaves from which it pays to search again.
+const LARGEST_REST: f64 = 0.1;
+/// Residual power over noise from which a remainder is said although nothing fits: far outside the 0.98 to 1.03 of nothing hidden.
+const LEAST_REMAINDER: f64 = 1.15;
+/// Largest probability of impacts by chance, on the runs to fit and on those to select.
+const LARGEST_P_IMPACTS: [f64; 2] = [1e-4, 1e-3];
+/// Share by which the order of impacts wanders.
+const SLIP: f64 = 0.005;
+/// Least fall of chi-square by a moving speed: on the held-out runs, on all.
+const LEAST_MOVING: [f64; 2] = [30.0, 60.0];
+
+/// What is known of a candidate when it is judged.
+#[derive(Debug, Clone, Copy)]
+pub struct Figures {
+    /// Penalised gain ([`score`]).
+    pub score: f64,
+    /// Gain over fit and selection runs.
+    pub gain: f64,
+    /// Gain on the selection runs with values from the fit runs.
+    pub select_gain: f64,
+    /// Gain there if the law holds.
+    pub select_promise: f64,
+    /// What values of its own for the selection runs would gain on top.
+    pub apart_gain: f64,
+    /// Number of templates.
+    pub templates: usize,
+    /// Whether every run has a phase of its own.
+    pub phase_free: bool,
+    /// Probability of the gain by chance, after correction for the search.
+    pub chance: Probability,
+}
+
+/// Why a term is not adopted, or not kept.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Refusal {
+    /// Its score is too low.
+    Unpaid(f64),
+    /// Chance may give as much.
+    Chance(Probability),
+    /// The selection runs want other values: share of the gain that these add.
+    OtherValues(f64),
+    /// It does not predict the selection runs: gain there.
+    NotPredicted(f64),
+    /// Its gain as a share of the strongest term's is within that one's form error.
+    FormError(f64),
+    /// A swing of the shaft that the tachometer would have seen.
+    Tachometer,
+    /// Another explanation was adopted in its place.
+    Outranked(String),
+    /// Next to a newer term it no longer pays.
+    Superseded(f64),
+    /// It does not lower the error of the held-out runs: chi-square without and with it.
+    HeldOut([f64; 2]),
+    /// It leaves this share of the power at its own lines.
+    LeavesItsLines(f64),
+    /// It is a line of impacts at this order.
+    LineOfImpacts(f64),
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unpaid(score) => write!(f, "does not pay for its unknowns: score {score:.1} of {LEAST_SCORE}"),
+            Self::Chance(p) => write!(f, "chance gives as much with probability {p}"),
+            Self::OtherValues(share) => {
+                write!(f, "the selection runs want other values, which gain {:.0} % more", 100.0 * share)
+            }
+            Self::NotPredicted(gain) => write!(f, "does not predict the selection runs: gain {gain:.1}"),
+            Self::FormError(share) => {
+                write!(f, "gains {:.2} % of what the strongest does, within that one's form error", 100.0 * share)
+            }
+            Self::Tachometer => write!(f, "the tachometer would have seen such a swing"),
+            Self::Outranked(name) => write!(f, "{name} explains more"),
+            Self::Superseded(score) => write!(f, "no longer pays next to the other terms: score {score:.1}"),
+            Self::HeldOut([without, with]) => {
+                write!(
+                    f,
+                    "does not lower the error of the held-out runs: chi-square {without:.0} without, {with:.0} with it"
+                )
+            }
+            Self::LeavesItsLines(share) => write!(f, "leaves {:.0} % of the power at its own lines", 100.0 * share),
+            Self::LineOfImpacts(order) => write!(f, "is a line of impacts at order {order:.4}"),
+        }
+    }
+}
+
+/// An explanation considered and refused.
+#[derive(Debug, Clone, Serialize)]
+pub struct Refused {
+    /// Name or plain description.
+    pub name: String,
+    /// Its best score.
+    pub score: f64,
+    /// Why not.
+    pub reason: String,
+}
+
+/// Best score and reason by name.
+#[derive(Debug, Clone, Default)]
+pub struct Refusals(BTreeMap<String, (f64, Refusal)>);
+
+impl Refusals {
+    /// Notes a refusal; of several of one name the one with the best score stays.
+    pub fn note(&mut self, name: &str, score: f64, refusal: Refusal) {
+        if self.0.get(name).is_none_or(|(best, _)| *best < score) {
+            self.0.insert(name.into(), (score, refusal));
+        }
+    }
+
+    /// Takes over what others noted.
+    pub fn extend(&mut self, others: Self) {
+        others.0.into_iter().for_each(|(name, (score, why))| self.note(&name, score, why));
+    }
+
+    /// Notes why a term that had been adopted went again, whatever its score had been.
+    fn dropped(&mut self, name: &str, refusal: Refusal) {
+        let score = self.0.get(name).map_or(0.0, |(score, _)| *score);
+        self.0.insert(name.into(), (score, refusal));
+    }
+
+    /// All but those adopted in the end.
+    pub fn list(&self, adopted: &[Candidate]) -> Vec<Refused> {
+        let not_adopted = self.0.iter().filter(|(name, _)| adopted.iter().all(|t| t.name != **name));
+        not_adopted
+            .map(|(name, (score, why))| Refused { name: name.clone(), score: *score, reason: why.to_string() })
+            .collect()
+    }
+}
+
+/// Terms adopted so far, in the order of their adoption, and what was refused. Only this file lengthens or shortens the list.
+#[derive(Debug, Clone, Default)]
+pub struct Adopted {
+    terms: Vec<Candidate>,
+    largest_gain: f64,
+    /// What was refused.
+    pub refusals: Refusals,
+}
+
+impl std::ops::Deref for Adopted {
+    type Target = [Candidate];
+
+    fn deref(&self) -> &[Candidate] {
+        &self.terms
+    }
+}
+
+impl Adopted {
+    /// Whether a candidate with these figures would be adopted next to the terms there are.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn weigh(&self, figures: &Figures) -> Result<(), Refusal> {
+        let f = figures;
+        let further = !self.terms.is_empty();
+        significant(f)?;
+        let unknowns = f.templates as f64;
+        let chance_apart = unknowns + 4.0 * (2.0 * unknowns).sqrt();
+        if !f.phase_free && f.apart_gain >= LARGEST_APART * f.gain + chance_apart {
+            return Err(Refusal::OtherValues(f.apart_gain / f.gain));
+        }
+        // A further term must predict the selection runs as well: what the others' templates leave would pass for it.
+        let predicts =
+            f.select_gain > LEAST_SELECT_GAIN && f.select_gain > LEAST_SELECT_SHARE * f.select_promise.min(f.gain);
+        if (f.phase_free || further) && !predicts {
+            return Err(Refusal::NotPredicted(f.select_gain));
+        }
+        if f.gain <= LEAST_SHARE * self.largest_gain {
+            return Err(Refusal::FormError(f.gain / self.largest_gain));
+        }
+        Ok(())
+    }
+
+    /// Adopts a candidate.
+    ///
+    /// # Errors
+    /// As [`Adopted::weigh`].
+    pub fn adopt(&mut self, candidate: Candidate, figures: &Figures) -> Result<(), Refusal> {
+        self.weigh(figures)?;
+        self.largest_gain = self.largest_gain.max(figures.gain);
+        self.terms.push(candidate);
+        Ok(())
+    }
+
+    /// The terms' templates, to be replaced by better ones of the same terms.
+    pub fn refine(&mut self) -> &mut [Candidate] {
+        &mut self.terms
+    }
+
+    /// Keeps what still pays next to the newest term; `score` gives the score of a term next to the others.
+    pub fn supersede(&mut self, score: impl Fn(&Candidate, &[&Candidate]) -> f64) {
+        let mut i = 0;
+        while self.terms.len() > 1 && i + 1 < self.terms.len() {
+            let score = score(&self.terms[i], &self.others(i));
+            if score < LEAST_SCORE { self.remove(i, Refusal::Superseded(score)) } else { i += 1 }
+        }
+    }
+
+    /// The held-out runs' veto: keeps terms that lower their error; `error` gives it for a list of terms.
+    pub fn confirm(&mut self, error: impl Fn(&[&Candidate]) -> f64) {
+        let mut i = 0;
+        while i < self.terms.len() {
+            let all: Vec<&Candidate> = self.terms.iter().collect();
+            let [without, with] = [error(&self.others(i)), error(&all)];
+            if without > with { i += 1 } else { self.remove(i, Refusal::HeldOut([without, with])) }
+        }
+    }
+
+    /// Keeps terms that still stand with the final weights: by what each leaves at its own lines and the chance of its gain. Says
+    /// which stay.
+    pub fn stand(&mut self, figures: &[(f64, Option<Probability>)]) -> Vec<bool> {
+        let verdict = |&(left, chance): &(f64, Option<Probability>)| match chance {
+            _ if left >= MOST_LEFT => Some(Refusal::LeavesItsLines(left)),
+            Some(p) if p.value() < LARGEST_P => None,
+            chance => Some(Refusal::Chance(chance.unwrap_or(Probability::of(1.0)))),
+        };
+        self.keep(&figures.iter().map(verdict).collect::<Vec<_>>())
+    }
+
+    /// Drops terms that are single lines of named impacts at `order`: they have one at every multiple of it. Says which stay.
+    pub fn give_to_impacts(&mut self, order: f64, slips: impl Fn(&Candidate) -> bool) -> Vec<bool> {
+        let is_line = |t: &Candidate| {
+            let near = |o: f64| (o - (o / order).round() * order).abs() < SLIP * o;
+            slips(t) && t.order.is_some_and(near)
+        };
+        let verdicts: Vec<Option<Refusal>> =
+            self.terms.iter().map(|t| is_line(t).then_some(Refusal::LineOfImpacts(order))).collect();
+        self.keep(&verdicts)
+    }
+
+    fn keep(&mut self, verdicts: &[Option<Refusal>]) -> Vec<bool> {
+        for (i, verdict) in verdicts.iter().enumerate().rev() {
+            if let Some(refusal) = verdict {
+                self.remove(i, refusal.clone());
+            }
+        }
+        verdicts.iter().map(Option::is_none).collect()
+    }
+
+    fn remove(&mut self, i: usize, refusal: Refusal) {
+        let gone = self.terms.remove(i);
+        self.refusals.dropped(&gone.name, refusal);
+    }
+
+    fn others(&self, i: usize) -> Vec<&Candidate> {
+        self.terms.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect()
+    }
+}
+
+/// Penalised gain of a term with so many unknowns; `nats`: logarithm of the alternatives searched.
+pub fn score(gain: f64, unknowns: f64, nats: f64) -> f64 {
+    gain - PER_UNKNOWN * unknowns - 2.0 * nats
+}
+
+/// Whether something is there, whatever law it follows.
+///
+/// # Errors
+/// Why not.
+pub fn significant(figures: &Figures) -> Result<(), Refusal> {
+    match figures {
+        f if f.score.is_nan() || f.score <= LEAST_SCORE => Err(Refusal::Unpaid(f.score)),
+        f if f.chance.value() >= LARGEST_P => Err(Refusal::Chance(f.chance)),
+        _ => Ok(()),
+    }
+}
+
+/// Whether a swing of the shaft that a candidate claims is refuted by the tachometer, in more than half of `runs`.
+///
+/// # Errors
+/// The refusal.
+pub fn seen_by_tachometer(refuting: usize, runs: usize) -> Result<(), Refusal> {
+    if 2 * refuting > runs { Err(Refusal::Tachometer) } else { Ok(()) }
+}
+
+/// What is said of a candidate in whose place `winner` was adopted.
+pub fn outranked(winner: &str) -> Refusal {
+    Refusal::Outranked(winner.into())
+}
+
+/// Whether a name comes near enough to the best explanation `top` to be taken in its place.
+pub fn name_is_near(top: &Figures, name: &Figures) -> bool {
+    let freer = top.templates > name.templates;
+    name.score > top.score - if freer { NAME_MARGIN.max(TABLE_MARGIN * top.gain) } else { NAME_MARGIN }
+}
+
+/// What is known of an adopted term when its name is judged.
+#[derive(Debug, Clone, Copy)]
+pub struct NameFigures {
+    /// Whether it claims a cause at all.
+    pub claims_name: bool,
+    /// Share of the power left at its own lines beyond noise.
+    pub left: f64,
+    /// Departures of the exponents of speed and torque from its law, with 95 % half widths.
+    pub departures: Option<[[f64; 2]; 2]>,
+    /// Whether its values are physically possible.
+    pub possible: bool,
+    /// What a freer description of the same family would gain on top.
+    pub freer_gain: f64,
+    /// Its gain.
+    pub gain: f64,
+    /// Whether it shares its lines with the mesh itself.
+    pub at_mesh_orders: bool,
+    /// Whether something else could not be told from it.
+    pub has_rivals: bool,
+}
+
+/// How much of a name an adopted term keeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Naming {
+    /// Its own.
+    Named,
+    /// Its own or another.
+    Ambiguous,
+    /// A plain description.
+    Generic,
+}
+
+/// The name that a term keeps.
+pub fn naming(f: &NameFigures) -> Naming {
+    let steady = f.departures.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < LARGEST_DEPARTURE + half));
+    let lawful = f.left <= LARGEST_LEFT && steady && f.possible && f.freer_gain <= FORM_SHARE * f.gain;
+    if !f.claims_name || !lawful {
+        Naming::Generic
+    } else if f.has_rivals || (f.at_mesh_orders && f.gain < LEAST_MESH_GAIN) {
+        Naming::Ambiguous
+    } else {
+        Naming::Named
+    }
+}
+
+/// Whether an explanation whose penalised log likelihood is `below` (nats) a name's cannot be told from it.
+pub fn is_rival(below: f64, gain: f64) -> bool {
+    below < LEAST_OVER_NEXT.max(RIVAL_SHARE * gain)
+}
+
+/// Whether a residual's power is much beyond its noise.
+pub fn much_is_there(power: f64, noise: f64) -> bool {
+    power > MOST_OVER_NOISE * noise
+}
+
+/// Whether so much is left of what the declaration leaves, `at_first`, that it pays to search again.
+pub fn search_again(power: f64, noise: f64, at_first: f64) -> bool {
+    power > (MOST_OVER_NOISE * noise).max(LARGEST_REST * at_first)
+}
+
+/// Whether a remainder that nothing fits is to be said, by its power over the noise's.
+pub fn remainder_is_there(over: f64) -> bool {
+    over >= LEAST_REMAINDER
+}
+
+/// Whether impacts are there, by the chance of their lines on the runs to fit and on those to select.
+pub fn impacts_are_there(fit: Probability, select: Probability) -> bool {
+    fit.value() <= LARGEST_P_IMPACTS[0] && select.value() <= LARGEST_P_IMPACTS[1]
+}
+
+/// Whether a moving speed is there, by what it takes off chi-square on the held-out runs and on all.
+pub fn speed_moves(held_out: f64, all: f64) -> bool {
+    held_out >= LEAST_MOVING[0] && all >= LEAST_MOVING[1]
+}
