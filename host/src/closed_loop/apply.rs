@@ -20,9 +20,6 @@ use crate::{Error, Result, effects, terminal};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Simulator's effects that every pair carries alike, and so the law.
-const OF_EVERY_PAIR: [&str; 3] = ["tip-relief", "profile-error", "wear"];
-
 /// What was written.
 #[derive(Debug, Clone, Serialize)]
 pub struct Applied {
@@ -340,6 +337,8 @@ fn nominal(record: &Record) -> Option<Nominal> {
     (!points.is_empty()).then(|| Nominal { speed_hz: mean(0), torque_n_m: mean(1) })
 }
 
+/// Whether every pair carries the effect of a table alike, and so the law.
 fn of_every_pair(table: &toml::Table) -> bool {
-    table.get("name").and_then(toml::Value::as_str).is_some_and(|name| OF_EVERY_PAIR.contains(&name))
+    let entry = table.get("name").and_then(toml::Value::as_str).and_then(|name| effects::entry(name).ok());
+    entry.is_some_and(|e| e.hypotheses.iter().flat_map(|h| h.seats).any(|seat| seat.is_of_every_pair()))
 }

@@ -6,7 +6,8 @@
 use super::candidate::Template;
 use super::least_squares::{Column, Data, normal, solve};
 use crate::machine::Shafts;
-use crate::model::harmonic_balance::{Comb, Machine, Solution};
+use crate::model::forward::{ForwardModel, Line, Operating};
+use crate::model::harmonic_balance::{Balanced, Machine, Solution};
 use crate::observation::angle::Angle;
 use crate::observation::input::Record;
 use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, sparse};
@@ -54,10 +55,8 @@ pub struct RunState {
     pub measured: [Bins; 2],
     /// Model bins, both channels.
     pub model: [Bins; 2],
-    /// The mesh's comb.
-    pub comb: Comb,
     /// The machine's steady state.
-    pub base: Solution,
+    pub own: Balanced,
     /// The part of it on the orders used for small effects ([`Machine::comb`]).
     pub inner: Solution,
 }
@@ -99,14 +98,8 @@ fn changed(machine: &Machine, change: &[f64]) -> (Machine, f64) {
     (m, f(14))
 }
 
-fn predict(machine: &Machine, torque_factor: f64, angle: &Angle, torque: f64) -> (Comb, Solution) {
-    let comb = machine.own_comb(angle.shaft_hz);
-    let base = machine.base(&comb, torque * torque_factor);
-    (comb, base)
-}
-
-fn bins(analyser: &Analyser, angle: &Angle, base: &Solution) -> [Bins; 2] {
-    [0, 1].map(|c| analyser.bins_of_lines(&base.lines, angle.offset_rad, angle.shaft_hz, c, WIDE))
+fn bins(analyser: &Analyser, angle: &Angle, lines: &[Line]) -> [Bins; 2] {
+    [0, 1].map(|c| analyser.bins_of_lines(lines, angle.offset_rad, angle.shaft_hz, c, WIDE))
 }
 
 impl Base {
@@ -121,11 +114,11 @@ impl Base {
             .par_iter()
             .map(|run| {
                 let angle = Angle::fit(run, record.pulses_per_rev, record.jitter_s);
-                let (comb, base) = predict(&machine, 1.0, &angle, run.input_torque_n_m);
+                let own = machine.run(Operating { shaft_hz: angle.shaft_hz, torque_n_m: run.input_torque_n_m });
                 let measured = [0, 1].map(|c| analyser.bins_of(&run.channels[c][..samples]));
-                let model = bins(&analyser, &angle, &base);
-                let inner = base.within(machine.harmonics(angle.shaft_hz) as usize);
-                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, comb, base, inner }
+                let model = bins(&analyser, &angle, machine.prediction(&own));
+                let inner = own.solution.within(machine.harmonics(angle.shaft_hz) as usize);
+                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, own, inner }
             })
             .collect();
         let change = vec![0.0; TOLERANCES.len()];
@@ -144,7 +137,7 @@ impl Base {
             .map(|run| {
                 let angle = &run.angle;
                 machine
-                    .sensitivities(&run.comb, &run.base)
+                    .jacobian(&run.own)
                     .iter()
                     .map(|lines| {
                         [0, 1].map(|c| {
@@ -161,14 +154,10 @@ impl Base {
             TOLERANCES.iter().zip(&self.change).map(|((_, sigma), done)| (1.0 / (sigma * sigma), -done)).collect();
         for r in 0..self.runs.len() {
             let run = &self.runs[r];
-            let turned: Vec<_> = run
-                .base
-                .lines
+            let lines = machine.prediction(&run.own);
+            let turned: Vec<_> = lines
                 .iter()
-                .map(|line| crate::model::harmonic_balance::Line {
-                    order: line.order,
-                    amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)),
-                })
+                .map(|line| Line { order: line.order, amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)) })
                 .collect();
             let parts = [0, 1].map(|c| {
                 sparse(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
@@ -183,12 +172,12 @@ impl Base {
             // A wrong speed turns every line about mid-run; in units of its standard error.
             let half_step = 0.01 / self.analyser.duration_s();
             let shifted = |hz: f64, c: usize| {
-                let top = run.base.lines.last().map_or(1.0, |l| l.order);
+                let top = lines.last().map_or(1.0, |l| l.order);
                 let change = hz / top;
                 let offset = run.angle.offset_rad - std::f64::consts::PI * change * self.analyser.duration_s();
-                self.analyser.bins_of_lines(&run.base.lines, offset, run.angle.shaft_hz + change, c, REACH)
+                self.analyser.bins_of_lines(lines, offset, run.angle.shaft_hz + change, c, REACH)
             };
-            let per_sigma = run.angle.sigma_hz * run.base.lines.last().map_or(1.0, |l| l.order) / (2.0 * half_step);
+            let per_sigma = run.angle.sigma_hz * lines.last().map_or(1.0, |l| l.order) / (2.0 * half_step);
             let parts = [0, 1].map(|c| {
                 let (up, down) = (shifted(half_step, c), shifted(-half_step, c));
                 let slope: Bins = up.iter().zip(&down).map(|(u, d)| (u - d) * per_sigma).collect();
@@ -266,11 +255,10 @@ impl Base {
         let torque = 1.0 + self.change[14];
         let (machine, analyser) = (&self.machine, &self.analyser);
         self.runs.par_iter_mut().for_each(|run| {
-            let (comb, base) = predict(machine, torque, &run.angle, run.torque_n_m);
-            run.model = bins(analyser, &run.angle, &base);
-            run.comb = comb;
-            run.inner = base.within(machine.harmonics(run.angle.shaft_hz) as usize);
-            run.base = base;
+            let at = Operating { shaft_hz: run.angle.shaft_hz, torque_n_m: run.torque_n_m * torque };
+            run.own = machine.run(at);
+            run.model = bins(analyser, &run.angle, machine.prediction(&run.own));
+            run.inner = run.own.solution.within(machine.harmonics(run.angle.shaft_hz) as usize);
         });
         self.linearise();
     }

@@ -1,7 +1,8 @@
 //! A candidate effect: named templates that are linear in a few physical parameters.
 
 use super::start::Start;
-use crate::model::harmonic_balance::Line;
+use crate::effects::hypothesis::{Hypothesis, Seat, Site, Tooth, Wave};
+use crate::model::forward::Line;
 use crate::observation::spectrum::{Analyser, REACH, Sparse, sparse};
 use rustfft::num_complex::Complex64 as C;
 
@@ -73,8 +74,12 @@ pub struct Candidate {
     pub phase_free: bool,
     /// Shape which may be improved once the candidate is among the best.
     pub tuning: Option<Tuning>,
-    /// What to simulate for the response at a finite strength, where it is not proportional to the strength.
-    pub finite: Option<Finite>,
+    /// The effect that it is, or would be at another order: what is simulated at a strength, and written by `--apply`.
+    pub hypothesis: Option<&'static Hypothesis>,
+    /// Which of that effect's seats it has.
+    pub seat: Option<Seat>,
+    /// The tooth it sits on.
+    pub tooth: Option<u32>,
     /// Whether the templates already give the simulated response at the fitted strength.
     pub bent: bool,
     /// Orders of the pinion at which the templates' quadrature pairs stand: what they turn with when a run starts some turns later.
@@ -101,23 +106,14 @@ impl Default for Candidate {
             exponents: [0.0, 0.0],
             phase_free: false,
             tuning: None,
-            finite: None,
+            hypothesis: None,
+            seat: None,
+            tooth: None,
             bent: false,
             pair_orders: Vec::new(),
             start: Start::Counted,
         }
     }
-}
-
-/// Effects whose response departs from proportionality; the parameters are the candidate's first unknowns.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[allow(missing_docs, reason = "fields are named by quantity; shaft 0 pinion, 1 gear; orders of the pinion")]
-pub enum Finite {
-    RollingDisplacement { order: f64 },
-    PositionModulation { order: f64 },
-    Crack { shaft: usize, tooth: usize },
-    BearingModulation { shaft: usize, order: f64 },
-    MeshModulation { order: f64 },
 }
 
 /// A shape that enters a candidate not in proportion, improved by search once the candidate is among the best.
@@ -133,6 +129,30 @@ pub enum Tuning {
 }
 
 impl Candidate {
+    /// Whether its response is simulated at the strength found.
+    pub fn bends(&self) -> bool {
+        self.hypothesis.is_some_and(|h| h.bends)
+    }
+
+    /// Whether it says that this varies sinusoidally.
+    pub fn has_wave(&self, wave: Wave) -> bool {
+        matches!(self.seat, Some(Seat::Wave(own)) if own == wave)
+    }
+
+    /// Whether it says that a tooth of this body is softer.
+    pub fn softens_tooth_of(&self, body: usize) -> bool {
+        matches!(self.seat, Some(Seat::OneTooth(own, Tooth::Softened)) if own == body)
+    }
+
+    /// The body it sits on.
+    pub fn body(&self) -> usize {
+        match self.seat {
+            Some(Seat::Wave(Wave::BearingStiffness(body) | Wave::Force { at: Site::Along(body), .. })) => body,
+            Some(Seat::OneTooth(body, _) | Seat::EveryTooth(body)) => body,
+            _ => usize::from(self.shaft == "gear"),
+        }
+    }
+
     /// The same effect with every run started as `start` says.
     pub fn started(&self, start: Start) -> Self {
         let mut turned = self.clone();

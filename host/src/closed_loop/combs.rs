@@ -15,7 +15,7 @@ const HIGHEST_HZ: f64 = 14_000.0;
 /// Lowest cell of the spectra that is used: below lies the window's leakage of the mean.
 const LOWEST_CELL: usize = 20;
 /// Largest probability by chance, after Bonferroni over the orders.
-const LARGEST_P: f64 = 1e-3;
+const LARGEST_CHANCE: f64 = 1e-3;
 
 /// The strongest line of a comb in one run.
 struct Strongest {
@@ -117,7 +117,7 @@ pub fn combs(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Foun
         .filter_map(|at| {
             let (sum, statistic) = search.evidence(at);
             let chance = Probability::gamma_above(sum, runs.len() as f64).among(tests.ln());
-            (chance.value() < LARGEST_P).then_some(Found { at, statistic, places: tests, modulation: true })
+            (chance.value() < LARGEST_CHANCE).then_some(Found { at, statistic, places: tests, modulation: true })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));

@@ -26,6 +26,8 @@ use super::tables::{predicted, report};
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
 use crate::check;
+use crate::effects::hypotheses;
+use crate::effects::hypothesis::{Hypothesis, Seat};
 use crate::observation::input::Record;
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
@@ -181,11 +183,8 @@ fn keep(effects: &mut Vec<Effect>, stay: &[bool]) {
 /// Takes the names of effects that are found outside the library.
 fn describe_withheld(effects: &mut [Effect], names: &[String]) {
     for effect in effects.iter_mut().filter(|e| names.contains(&e.name)) {
-        let text = match effect.name.as_str() {
-            "clipping" => "signal limited from above and below",
-            "bearing-impacts" => "impacts repeating at an order of no shaft",
-            _ => "angle moving within the runs",
-        };
+        let of_record = |h: &&Hypothesis| h.name == effect.name && matches!(h.seats, [Seat::Record]);
+        let text = hypotheses().find(of_record).map_or("", |h| h.plain);
         (effect.verdict, effect.name) = ("generic".into(), text.into());
     }
 }

@@ -187,6 +187,8 @@ pub struct Term {
     pub phase_free: bool,
     /// Shape found by search.
     pub tuning: Option<Tuning>,
+    /// Power of torque in its excitation beyond the unit of its strength.
+    pub torque_exponent: f64,
     /// Starts of the runs.
     pub start: Start,
 }

@@ -5,7 +5,7 @@
 
 use super::accept::{self, Refusal};
 use super::base_fit::{Base, RunState};
-use super::candidate::{Candidate, Finite, Tuning};
+use super::candidate::{Candidate, Tuning};
 use super::judge::{Judge, Judged};
 use super::least_squares::Data;
 use super::library::Bench;
@@ -13,6 +13,7 @@ use super::library::finite::Company;
 use super::library::mesh::refine_relief;
 use super::library::order::moved;
 use super::library::path::refine_mode;
+use crate::effects::hypothesis::{Seat, Tooth, Wave};
 use std::collections::BTreeMap;
 
 /// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
@@ -40,7 +41,9 @@ pub type Strengths = BTreeMap<(String, i64), f64>;
 /// # Errors
 /// The gate's refusal.
 pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> Result<(), Refusal> {
-    let Some(Finite::PositionModulation { order }) = judged.candidate.finite else { return Ok(()) };
+    let Some(order) = judged.candidate.order.filter(|_| judged.candidate.has_wave(Wave::Position)) else {
+        return Ok(());
+    };
     let [a, b] = judged.x[..] else { return Ok(()) };
     let amplitude_rad = a.hypot(b) * std::f64::consts::TAU / f64::from(base.machine.teeth[0]);
     let duration_s = base.analyser.duration_s();
@@ -95,11 +98,12 @@ pub fn at_their_strength(
 ) {
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
     let carried = |j: &Judged| {
-        matches!(j.candidate.finite, Some(Finite::RollingDisplacement { .. } | Finite::PositionModulation { .. }))
+        (j.candidate.has_wave(Wave::RollingDisplacement) || j.candidate.has_wave(Wave::Position))
             && bench.shaft_orders()[..2].iter().any(|o| j.candidate.order == Some(*o))
     };
     let may_win = |j: &Judged| {
-        j.candidate.finite.is_some()
+        j.candidate.bends()
+            && !j.candidate.phase_free
             && j.gain > FINITE_GAIN
             && (j.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(j))
             && !j.x.is_empty()
@@ -188,8 +192,8 @@ fn settled(at: &impl Fn(&[f64]) -> Option<Judged>, simulated: Vec<f64>, now: Jud
 
 /// Strength that a first-order fit stands for: a cracked tooth, being softer, deflects more.
 fn first_guess(candidate: &Candidate, x: &[f64]) -> Vec<f64> {
-    match (candidate.finite, x) {
-        (Some(Finite::Crack { .. }), [loss]) if *loss > 0.0 => vec![loss / (1.0 + loss)],
+    match (candidate.seat, x) {
+        (Some(Seat::OneTooth(_, Tooth::Softened)), [loss]) if *loss > 0.0 => vec![loss / (1.0 + loss)],
         _ => x.to_vec(),
     }
 }

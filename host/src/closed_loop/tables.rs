@@ -122,6 +122,7 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
                 channel_share: sizes.map(|s| s / larger),
                 phase_free: candidate.phase_free,
                 tuning: candidate.tuning,
+                torque_exponent: candidate.exponents[1],
                 start: candidate.start.clone(),
             }
         })

@@ -262,13 +262,10 @@ fn place(term: &Candidate) -> String {
         .unwrap_or_else(|| "all orders".into())
 }
 
-/// Whether the values make physical sense: a crack does not stiffen a tooth, wear and relief take material away, friction brakes.
+/// Whether the values make physical sense.
 fn possible(term: &Candidate, x: &[f64]) -> bool {
-    const NEVER_NEGATIVE: [&str; 5] = ["stiffness_loss", "depth", "amount", "coefficient", "share_folded"];
-    term.parameters
-        .iter()
-        .filter(|p| !p.complex && NEVER_NEGATIVE.iter().any(|n| p.name.starts_with(n)))
-        .all(|p| x[p.first] > 0.0)
+    let never_negative = term.hypothesis.is_some_and(|h| h.never_negative);
+    !never_negative || term.parameters.iter().filter(|p| !p.complex).all(|p| x[p.first] > 0.0)
 }
 
 fn interval(value: f64, half: f64) -> [f64; 2] {

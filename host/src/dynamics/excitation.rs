@@ -176,9 +176,9 @@ pub trait Effect: Send + Sync {
         Vec::new()
     }
 
-    /// Whether the acquisition lacks its anti-alias filter.
-    fn unfiltered(&self) -> bool {
-        false
+    /// Share of what lies above half the rate that the acquisition's anti-alias filter lets through.
+    fn unfiltered(&self) -> f64 {
+        0.0
     }
 
     /// Changes sampled acceleration: sensor, transfer path, noise. Applied in the order of the effects.

@@ -484,7 +484,8 @@ fn crossing(series: &Series, rising: bool, end: f64) -> Option<f64> {
     None
 }
 
-fn moment_of<'f>(facts: &'f Facts, t: f64, h: f64, turns: &Series) -> Moment<'f> {
+/// The coming step as effects see it; `turns`: angle of the pinion.
+pub fn moment_of<'f>(facts: &'f Facts, t: f64, h: f64, turns: &Series) -> Moment<'f> {
     let pinion = turns.scaled(TAU);
     let gear = pinion.scaled(f64::from(facts.teeth[0]) / f64::from(facts.teeth[1]));
     Moment { facts, start_s: t, length_s: h, angle_rad: [pinion, gear] }

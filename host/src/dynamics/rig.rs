@@ -227,7 +227,7 @@ impl Rig {
         Ok((sampled.channels, sampled.statistics))
     }
 
-    /// [`Rig::accelerations`] with the energy balance. An effect may take the filter out ([`Effect::unfiltered`]).
+    /// [`Rig::accelerations`] with the energy balance. An effect may let a share past the filter ([`Effect::unfiltered`]).
     ///
     /// # Errors
     /// As [`Rig::run`] and [`Rig::sensors`].
@@ -263,9 +263,9 @@ impl Rig {
         }
         self.work(motion, count as f64 / rate_hz).check_against(rate_hz)?;
         let filter = Decimator::new();
-        let unfiltered = effects.iter().any(|e| e.unfiltered());
-        let (first, end) = if unfiltered { (0, count as i64) } else { filter.span(count) };
-        let fine_hz = if unfiltered { rate_hz } else { rate_hz * OVERSAMPLING as f64 };
+        let folded: f64 = effects.iter().map(|e| e.unfiltered()).sum();
+        let (first, end) = filter.span(count);
+        let fine_hz = rate_hz * OVERSAMPLING as f64;
         let mut sampler = Sampler::spanning(fine_hz, first, end);
         let mut streams: Vec<Stream> = quantities.iter().map(|_| Stream::new(&filter, count)).collect();
         let mut points = vec![Vec::new(); quantities.len()];
@@ -288,17 +288,20 @@ impl Rig {
                 step,
                 quantities.len(),
                 |i| quantities[i].series(step),
-                |channel, _, values| {
-                    if unfiltered {
-                        points[channel].extend_from_slice(values);
-                    } else {
-                        streams[channel].push(values);
+                |channel, index, values| {
+                    streams[channel].push(values);
+                    if folded != 0.0 {
+                        let on_grid =
+                            (index..).zip(values).filter(|(i, _)| i.rem_euclid(OVERSAMPLING as i64) == 0 && *i >= 0);
+                        points[channel].extend(on_grid.map(|(_, x)| *x));
                     }
                 },
             );
         })?;
-        let channels: Vec<Vec<f64>> =
-            if unfiltered { points } else { streams.into_iter().map(Stream::finish).collect() };
+        let mut channels: Vec<Vec<f64>> = streams.into_iter().map(Stream::finish).collect();
+        for (channel, points) in channels.iter_mut().zip(&points) {
+            channel.iter_mut().zip(points).for_each(|(x, point)| *x += folded * (point - *x));
+        }
         if let Some(short) = channels.iter().find(|c| c.len() != count) {
             let what = format!("{} of {count} samples lie within the run", short.len());
             return Err(Error::impossible("sample rate", what));

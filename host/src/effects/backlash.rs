@@ -21,6 +21,8 @@ pub const ENTRY: Entry = Entry {
         meaning: "between drive and coast flank along the line of action",
     }],
     build: |v| Box::new(Backlash { clearance_m: v.get("clearance") }),
+    hypotheses: &[],
+    hidden: &[],
 };
 
 struct Backlash {

@@ -5,6 +5,7 @@
 //! that rings is the housing's at the sensor. Signature: bursts at a fixed high frequency whose envelope has
 //! a line at the (non-integer) passage order.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat};
 use super::{CHANNEL, Entry, GEAR, parameter, random};
 use crate::dynamics::excitation::{Effect, Sampled};
 use rand_distr::{Distribution, StandardNormal};
@@ -32,6 +33,23 @@ pub const ENTRY: Entry = Entry {
         let (channels, body) = (v.channels(), v.body());
         Box::new(BearingImpacts { peak, order, jitter, frequency_hz, damping, channels, body })
     },
+    hypotheses: &[Hypothesis {
+        name: "bearing-impacts",
+        plain: "impacts repeating at an order of no shaft",
+        seats: &[Seat::Record],
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "bearing-impacts",
+        right_names: &["bearing-impacts"],
+        families: &["impulsive", "non-integer-order"],
+        reference: 5.0,
+        draw: |size, draw| {
+            let (channel, order) = (draw.side(), draw.odd_order());
+            vec![format!("bearing-impacts:peak={size},order={order},frequency=4000,damping=0.05,channel={channel}")]
+        },
+        ..Hidden::PLAIN
+    }],
 };
 
 struct BearingImpacts {

@@ -3,6 +3,7 @@
 //! Signature: a line at the passage order (not an integer) of its shaft, growing with torque (it modulates the
 //! static deflection), and sidebands of it around the mesh.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, parameter};
 use crate::dynamics::excitation::{Effect, Moment};
 use crate::dynamics::series::Series;
@@ -24,6 +25,34 @@ pub const ENTRY: Entry = Entry {
         let [share, order, phase_rad] = ["share", "order", "phase"].map(|n| v.get(n));
         Box::new(BearingStiffness { share, order, phase_rad, body: v.body() })
     },
+    hypotheses: &[PASSING, Hypothesis { seats: &[Seat::Wave(Wave::BearingStiffness(1))], ..PASSING }],
+    hidden: &[Hidden {
+        name: "bearing-stiffness-modulation",
+        right_names: &["bearing-stiffness-modulation"],
+        families: &["non-integer-order", "sideband"],
+        reference: 0.02,
+        parameter: "share_of_stiffness",
+        draw: |size, draw| {
+            let (gear, order) = (draw.side(), draw.odd_order());
+            let order = draw.per_turn(order, gear);
+            let phase = draw.phase();
+            vec![format!("bearing-stiffness-modulation:share={size},order={order},phase={phase},gear={gear}")]
+        },
+        ..Hidden::PLAIN
+    }],
+};
+
+const PASSING: Hypothesis = Hypothesis {
+    name: "bearing-stiffness-modulation",
+    seats: &[Seat::Wave(Wave::BearingStiffness(0))],
+    at: Where::NeitherShaft { fixed: false },
+    quantity: "share_of_stiffness",
+    bends: true,
+    carry: |f| {
+        let keys = [("share", f.size), f.rate(f.body).filter(|_| f.order.is_some())?, f.phase(0.0), f.gear()];
+        Some(one("bearing-stiffness-modulation", keys))
+    },
+    ..Hypothesis::PLAIN
 };
 
 struct BearingStiffness {

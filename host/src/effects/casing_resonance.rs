@@ -25,6 +25,8 @@ pub const ENTRY: Entry = Entry {
         let [gain, frequency_hz, damping] = ["gain", "frequency", "damping"].map(|n| v.get(n));
         Box::new(Casing { gain, frequency_hz, damping, channels: v.channels() })
     },
+    hypotheses: &[],
+    hidden: &[],
 };
 
 struct Casing {

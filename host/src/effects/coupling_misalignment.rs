@@ -3,6 +3,7 @@
 //! Signature: a line at twice the shaft rate, sidebands at twice the shaft rate around the mesh (by the
 //! torque); hardly any change with speed.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Site, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, parameter};
 use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
 
@@ -23,6 +24,45 @@ pub const ENTRY: Entry = Entry {
         let [force_n, torque, phase_rad] = ["force", "torque", "phase"].map(|n| v.get(n));
         Box::new(CouplingMisalignment { force_n, torque, phase_rad, body: v.body() })
     },
+    hypotheses: &[
+        RADIAL,
+        Hypothesis {
+            seats: &[
+                Seat::Wave(Wave::Force { at: Site::Along(1), speed: 0, torque: 0 }),
+                Seat::Wave(Wave::Force { at: Site::Along(1), speed: 0, torque: 1 }),
+            ],
+            at: Where::Multiple(1, 2.0),
+            ..RADIAL
+        },
+    ],
+    hidden: &[Hidden {
+        name: "coupling-misalignment",
+        right_names: &["coupling-misalignment"],
+        reference: 20.0,
+        parameter: "radial_force",
+        draw: |size, draw| {
+            let gear = draw.side();
+            vec![format!("coupling-misalignment:force={size},phase={},gear={gear}", draw.phase())]
+        },
+        ..Hidden::PLAIN
+    }],
+};
+
+const RADIAL: Hypothesis = Hypothesis {
+    name: "coupling-misalignment",
+    seats: &[
+        Seat::Wave(Wave::Force { at: Site::Along(0), speed: 0, torque: 0 }),
+        Seat::Wave(Wave::Force { at: Site::Along(0), speed: 0, torque: 1 }),
+    ],
+    at: Where::Multiple(0, 2.0),
+    quantity: "radial_force",
+    unit: "N",
+    // A force that goes with torque has no counterpart.
+    carry: |f| {
+        let keys = [("force", f.size), f.phase(0.0), f.gear()];
+        (f.torque_exponent == 0.0).then(|| one("coupling-misalignment", keys))
+    },
+    ..Hypothesis::PLAIN
 };
 
 struct CouplingMisalignment {

@@ -4,9 +4,11 @@
 //! mesh, its displacement also rolls the contact along its path. Signature: sidebands at the shaft rate
 //! around every mesh harmonic (amplitude and phase modulation), a displacement independent of torque.
 
+use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, Parameter};
 use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
 use crate::dynamics::series::Series;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -21,7 +23,62 @@ pub const ENTRY: Entry = Entry {
         GEAR,
     ],
     build: |v| Box::new(Eccentricity { amplitude_m: v.get("amplitude"), phase_rad: v.get("phase"), body: v.body() }),
+    hypotheses: &[
+        ROLLING,
+        Hypothesis { name: "gear-eccentricity", at: Where::Multiple(1, 1.0), ..ROLLING },
+        Hypothesis { seats: &[Seat::Wave(Wave::Displacement)], bends: false, ..ROLLING },
+        Hypothesis {
+            name: "gear-eccentricity",
+            at: Where::Multiple(1, 1.0),
+            seats: &[Seat::Wave(Wave::Displacement)],
+            bends: false,
+            ..ROLLING
+        },
+    ],
+    hidden: &[
+        Hidden {
+            name: "pinion-eccentricity",
+            right_names: &["pinion-eccentricity"],
+            reference: 5e-6,
+            parameter: "amplitude",
+            draw: |size, draw| vec![format!("eccentricity:amplitude={size},phase={}", draw.phase())],
+            ..Hidden::PLAIN
+        },
+        Hidden {
+            name: "gear-eccentricity",
+            right_names: &["gear-eccentricity"],
+            reference: 5e-6,
+            parameter: "amplitude",
+            draw: |size, draw| vec![format!("eccentricity:amplitude={size},phase={},gear=1", draw.phase())],
+            ..Hidden::PLAIN
+        },
+    ],
 };
+
+/// A displaced gear carries its contact along the path.
+const ROLLING: Hypothesis = Hypothesis {
+    name: "pinion-eccentricity",
+    seats: &[Seat::Wave(Wave::RollingDisplacement)],
+    at: Where::Multiple(0, 1.0),
+    unit: "m",
+    bends: true,
+    carry: carried,
+    ..Hypothesis::PLAIN
+};
+
+/// At a gear's own rate its eccentricity; a rolling displacement at any other order as its two parts.
+fn carried(f: &Fitted<'_>) -> Option<Carried> {
+    let order = f.order?;
+    if let Some(body) = (0..2).find(|&body| Where::Multiple(body, 1.0).holds(Some(order), f.ratio())) {
+        // -sin on the pinion, +sin on the gear, from the line of centres.
+        let turned = [-FRAC_PI_2, FRAC_PI_2][body] - f.pressure_angle_rad;
+        return Some(one("eccentricity", [("amplitude", f.size), f.phase(turned), ("gear", body as f64)]));
+    }
+    let angle_rad = TAU * f.size / (f.base_pitch_m * f64::from(f.teeth[0]));
+    let mut carried = one("ghost-order", [("amplitude", f.size), ("order", order), f.phase(0.0)]);
+    carried.tables.push(("speed-fluctuation", vec![("angle", angle_rad), ("order", order), f.phase(FRAC_PI_2)]));
+    Some(carried)
+}
 
 struct Eccentricity {
     amplitude_m: f64,

@@ -2,6 +2,7 @@
 //!
 //! Signature: one line, the same at every speed and torque; its phase to the shaft differs per run.
 
+use super::hypothesis::Hidden;
 use super::{CHANNEL, Entry, parameter, random};
 use crate::dynamics::excitation::{Effect, Sampled};
 use std::f64::consts::TAU;
@@ -14,7 +15,7 @@ pub const ENTRY: Entry = Entry {
     example: "amplitude=0.05,frequency=333",
     span_hz: 1000.0,
     parameters: &[
-        parameter("amplitude", "m/s2", 0.05, [0.0, 1e4], "of the tone"),
+        parameter("amplitude", "m/s2", 0.05, [-1e4, 1e4], "of the tone"),
         parameter("frequency", "Hz", 333.0, [0.1, 1e6], "of the tone"),
         CHANNEL,
     ],
@@ -22,6 +23,20 @@ pub const ENTRY: Entry = Entry {
         let [amplitude, frequency_hz] = ["amplitude", "frequency"].map(|n| v.get(n));
         Box::new(Tone { amplitude, frequency_hz, channels: v.channels() })
     },
+    hypotheses: &[],
+    hidden: &[Hidden {
+        name: "fixed-frequency-tone",
+        families: &["fixed-frequency"],
+        reference: 0.1,
+        draw: |size, draw| {
+            let hz = 510.0 + 900.0 * draw.share();
+            let on = |share: f64, channel: u32| {
+                format!("fixed-tone:amplitude={},frequency={hz},channel={channel}", share * size)
+            };
+            vec![on(1.0, 0), on(-0.5, 1)]
+        },
+        ..Hidden::PLAIN
+    }],
 };
 
 struct Tone {

@@ -4,6 +4,7 @@
 //! about both gears follow the contact point. Signature: mesh harmonics across the line of action,
 //! proportional to torque.
 
+use super::hypothesis::{Hypothesis, Seat, one};
 use super::{Entry, Parameter};
 use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
 use crate::dynamics::series::Series;
@@ -23,6 +24,15 @@ pub const ENTRY: Entry = Entry {
         meaning: "friction force over normal force",
     }],
     build: |v| Box::new(Friction { coefficient: v.get("coefficient") }),
+    hypotheses: &[Hypothesis {
+        name: "friction",
+        seats: &[Seat::Sliding],
+        quantity: "coefficient",
+        never_negative: true,
+        carry: |f| Some(one("friction", [("coefficient", f.size)])),
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[],
 };
 
 struct Friction {

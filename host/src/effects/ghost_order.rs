@@ -2,6 +2,7 @@
 //!
 //! Signature: a line at that order (no mesh multiple), order-locked, hardly dependent on torque.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, Parameter};
 use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
 use crate::dynamics::series::Series;
@@ -29,6 +30,28 @@ pub const ENTRY: Entry = Entry {
         let [amplitude_m, order, phase_rad] = ["amplitude", "order", "phase"].map(|n| v.get(n));
         Box::new(Ghost { amplitude_m, order, phase_rad, body: v.body() })
     },
+    hypotheses: &[Hypothesis {
+        name: "ghost-order",
+        seats: &[Seat::Wave(Wave::Displacement)],
+        at: Where::WholeOrdersAbove(3.5),
+        unit: "m",
+        carry: |f| {
+            let keys = [("amplitude", f.size), f.rate(f.body).filter(|_| f.order.is_some())?, f.phase(0.0), f.gear()];
+            Some(one("ghost-order", keys))
+        },
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "ghost-order",
+        right_names: &["ghost-order"],
+        reference: 1e-6,
+        parameter: "amplitude",
+        draw: |size, draw| {
+            let order = 5 + draw.below(draw.teeth[0] - 6);
+            vec![format!("ghost-order:amplitude={size},order={order},phase={}", draw.phase())]
+        },
+        ..Hidden::PLAIN
+    }],
 };
 
 struct Ghost {

@@ -1,7 +1,9 @@
 //! Imbalance of one gear: a force rotating with its shaft, growing with the square of speed.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Site, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, Parameter};
 use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use std::f64::consts::FRAC_PI_2;
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -16,6 +18,44 @@ pub const ENTRY: Entry = Entry {
         GEAR,
     ],
     build: |v| Box::new(Imbalance { moment_kg_m: v.get("moment"), phase_rad: v.get("phase"), body: v.body() }),
+    hypotheses: &[
+        UNBALANCED,
+        Hypothesis {
+            name: "gear-imbalance",
+            seats: &[Seat::Wave(Wave::Force { at: Site::Along(1), speed: 2, torque: 0 })],
+            at: Where::Multiple(1, 1.0),
+            ..UNBALANCED
+        },
+    ],
+    hidden: &[
+        Hidden {
+            name: "pinion-imbalance",
+            right_names: &["pinion-imbalance"],
+            reference: 1e-3,
+            parameter: "unbalance",
+            draw: |size, draw| vec![format!("imbalance:moment={size},phase={}", draw.phase())],
+            ..Hidden::PLAIN
+        },
+        Hidden {
+            name: "gear-imbalance",
+            right_names: &["gear-imbalance"],
+            reference: 1e-3,
+            parameter: "unbalance",
+            draw: |size, draw| vec![format!("imbalance:moment={size},phase={},gear=1", draw.phase())],
+            ..Hidden::PLAIN
+        },
+    ],
+};
+
+const UNBALANCED: Hypothesis = Hypothesis {
+    name: "pinion-imbalance",
+    seats: &[Seat::Wave(Wave::Force { at: Site::Along(0), speed: 2, torque: 0 })],
+    at: Where::Multiple(0, 1.0),
+    quantity: "unbalance",
+    unit: "kg m",
+    // Along the line of action: +sin on the pinion, -sin on the gear, which turns against it.
+    carry: |f| Some(one("imbalance", [("moment", f.size), f.phase([FRAC_PI_2, -FRAC_PI_2][f.body]), f.gear()])),
+    ..Hypothesis::PLAIN
 };
 
 struct Imbalance {

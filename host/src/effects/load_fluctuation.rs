@@ -3,9 +3,10 @@
 //! Signature: a line at the rate, and amplitude modulation of the mesh harmonics at that rate: mesh force
 //! follows the load. Proportional to the mean torque.
 
+use super::hypothesis::{Carried, Fitted, HUNTING, Hidden, Hypothesis, Seat, Site, Wave, one};
 use super::{Entry, PHASE, parameter};
 use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -24,7 +25,42 @@ pub const ENTRY: Entry = Entry {
         let [depth, order, frequency_hz, phase_rad] = ["depth", "order", "frequency", "phase"].map(|n| v.get(n));
         Box::new(LoadFluctuation { depth, order, frequency_hz, phase_rad })
     },
+    hypotheses: &[
+        Hypothesis {
+            name: "load-fluctuation",
+            seats: &[Seat::Wave(Wave::Force { at: Site::Load, speed: 0, torque: 1 })],
+            quantity: "share_of_torque",
+            carry: braking,
+            ..Hypothesis::PLAIN
+        },
+        Hypothesis {
+            name: "load-fluctuation",
+            seats: &[Seat::Wave(Wave::Force { at: Site::Load, speed: 0, torque: 0 })],
+            quantity: "torque",
+            unit: "N m",
+            ..Hypothesis::PLAIN
+        },
+    ],
+    hidden: &[Hidden {
+        name: "load-fluctuation",
+        right_names: &["load-fluctuation"],
+        families: &["shaft-order", "sideband", "non-integer-order"],
+        reference: 0.05,
+        parameter: "share_of_torque",
+        draw: |size, draw| {
+            let order = draw.odd_order();
+            let order = draw.per_turn(order, 1);
+            vec![format!("load-fluctuation:depth={size},order={order},phase={}", draw.phase())]
+        },
+        ..Hidden::PLAIN
+    }],
 };
+
+/// The load brakes; its order counts per turn of the gear.
+fn braking(f: &Fitted<'_>) -> Option<Carried> {
+    let remark = f.order.map(|_| HUNTING.into());
+    Some(Carried { remark, ..one("load-fluctuation", [("depth", f.size), f.rate(1)?, f.phase(PI)]) })
+}
 
 struct LoadFluctuation {
     depth: f64,

@@ -2,6 +2,7 @@
 //!
 //! Signature: lines at 50/100 (60/120) Hz at every speed and torque; the phase to the shaft differs per run.
 
+use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Path, Seat};
 use super::{CHANNEL, Entry, parameter, random};
 use crate::dynamics::excitation::{Effect, Sampled};
 use std::f64::consts::TAU;
@@ -23,7 +24,43 @@ pub const ENTRY: Entry = Entry {
         let [first, second, frequency_hz] = ["first", "second", "frequency"].map(|n| v.get(n));
         Box::new(MainsHum { amplitudes: [first, second], frequency_hz, channels: v.channels() })
     },
+    hypotheses: &[Hypothesis {
+        name: "mains-hum",
+        plain: "additive tone at a fixed frequency",
+        seats: &[Seat::Path(Path::LineTone)],
+        quantity: "acceleration_of_the_larger_channel",
+        unit: "m/s2",
+        carry: per_channel,
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "mains-hum",
+        right_names: &["mains-hum"],
+        families: &["fixed-frequency"],
+        reference: 0.1,
+        parameter: "acceleration",
+        draw: |size, draw| {
+            let hz = [50, 100, 150][draw.below(3) as usize];
+            let on =
+                |share: f64, channel: u32| format!("mains-hum:first={},frequency={hz},channel={channel}", share * size);
+            vec![on(1.0, 0), on(0.6, 1)]
+        },
+        ..Hidden::PLAIN
+    }],
 };
+
+/// One tone per channel where they differ.
+fn per_channel(f: &Fitted<'_>) -> Option<Carried> {
+    let (hz, larger) = (f.frequency_hz?, f.size);
+    // Line frequencies only; harmonics are tones.
+    let (name, key) = if hz <= 400.0 { ("mains-hum", "first") } else { ("fixed-tone", "amplitude") };
+    let tone = |share: f64, on: f64| (name, vec![(key, share * larger), ("frequency", hz), ("channel", on)]);
+    let tables = match f.channel_share {
+        [a, b] if (a - b).abs() < 0.05 => vec![tone(0.5 * (a + b), 2.0)],
+        [a, b] => vec![tone(a, 0.0), tone(b, 1.0)],
+    };
+    Some(Carried { tables, remark: None })
+}
 
 struct MainsHum {
     amplitudes: [f64; 2],

@@ -1,7 +1,8 @@
 //! The library of effects: what real gears add to the ideal model.
 //!
 //! One effect per file; its [`Entry`] names it, its parameters with units, ranges and defaults, and builds
-//! the [`Effect`]. Adding one means one file here and one line in [`REGISTRY`] (and its `mod` line).
+//! the [`Effect`]; beside them stand what the loop looks for and what a campaign hides ([`hypothesis`]). Adding one means one file here
+//! and one line in [`REGISTRY`] (and its `mod` line).
 
 mod aliasing;
 mod backlash;
@@ -16,9 +17,11 @@ mod filter;
 mod fixed_tone;
 mod friction;
 mod ghost_order;
+pub mod hypothesis;
 mod imbalance;
 mod load_fluctuation;
 mod mains_hum;
+mod mesh_stiffness_modulation;
 mod noise;
 mod pitch_error;
 mod profile_error;
@@ -37,6 +40,7 @@ mod wear;
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Facts;
 use crate::{Error, Result};
+use hypothesis::{Hidden, Hypothesis};
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -49,6 +53,7 @@ pub const REGISTRY: &[&Entry] = &[
     &wear::ENTRY,
     &ghost_order::ENTRY,
     &tooth_crack::ENTRY,
+    &mesh_stiffness_modulation::ENTRY,
     &friction::ENTRY,
     &backlash::ENTRY,
     &imbalance::ENTRY,
@@ -106,6 +111,28 @@ pub struct Entry {
     pub parameters: &'static [Parameter],
     /// Builds the effect from checked values.
     pub build: fn(&Values) -> Box<dyn Effect>,
+    /// What the loop looks for, if it looks for it.
+    pub hypotheses: &'static [Hypothesis],
+    /// What a campaign hides.
+    pub hidden: &'static [Hidden],
+}
+
+/// Everything that the loop looks for.
+pub fn hypotheses() -> impl Iterator<Item = &'static Hypothesis> {
+    REGISTRY.iter().flat_map(|entry| entry.hypotheses)
+}
+
+/// Everything that a campaign hides, in the order it cycles through them.
+pub fn hidden() -> impl Iterator<Item = &'static Hidden> {
+    REGISTRY.iter().flat_map(|entry| entry.hidden)
+}
+
+/// The effect of a table that a hypothesis carries to.
+///
+/// # Errors
+/// As [`parse`].
+pub fn of_table((name, keys): &hypothesis::Table) -> Result<Box<dyn Effect>> {
+    entry(name)?.with(keys)
 }
 
 /// Checked parameter values of one effect.

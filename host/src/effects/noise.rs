@@ -19,6 +19,8 @@ pub const ENTRY: Entry = Entry {
         CHANNEL,
     ],
     build: |v| Box::new(Noise { rms: v.get("rms"), colour: v.get("colour"), channels: v.channels() }),
+    hypotheses: &[],
+    hidden: &[],
 };
 
 struct Noise {

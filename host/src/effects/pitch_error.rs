@@ -3,6 +3,7 @@
 //! `single` displaces one tooth, `random` draws every tooth from a normal distribution. The error acts on
 //! its own pair only. Signature: many shaft harmonics around the mesh harmonics, periodic per turn.
 
+use super::hypothesis::{Carried, Draw, Fitted, Hidden, Hypothesis, Seat, Tooth, one};
 use super::{Entry, GEAR, Parameter, check_tooth};
 use crate::Result;
 use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
@@ -10,6 +11,7 @@ use crate::dynamics::series::Series;
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Normal};
+use std::f64::consts::TAU;
 
 /// Largest number of teeth that errors are drawn for.
 const TEETH: usize = 1000;
@@ -42,7 +44,73 @@ pub const ENTRY: Entry = Entry {
         error_m[tooth as usize] += v.get("single");
         Box::new(PitchError { error_m, tooth, body: v.body() })
     },
+    hypotheses: &[
+        SINGLE,
+        Hypothesis { name: "gear-pitch-error", seats: &[Seat::OneTooth(1, Tooth::Displaced)], ..SINGLE },
+        TABLE,
+        Hypothesis {
+            name: "gear-pitch-error",
+            plain: "displacement error repeating with every gear turn",
+            seats: &[Seat::EveryTooth(1)],
+            ..TABLE
+        },
+    ],
+    hidden: &[
+        Hidden {
+            name: "pinion-pitch-error",
+            right_names: &["pinion-pitch-error"],
+            reference: 5e-6,
+            parameter: "single_tooth_offset",
+            draw: |size, draw| drawn(size, 0, draw),
+            ..Hidden::PLAIN
+        },
+        Hidden {
+            name: "gear-pitch-error",
+            right_names: &["gear-pitch-error"],
+            reference: 5e-6,
+            parameter: "single_tooth_offset",
+            draw: |size, draw| drawn(size, 1, draw),
+            ..Hidden::PLAIN
+        },
+    ],
 };
+
+const SINGLE: Hypothesis = Hypothesis {
+    name: "pinion-pitch-error",
+    seats: &[Seat::OneTooth(0, Tooth::Displaced)],
+    quantity: "single_tooth_offset",
+    unit: "m",
+    carry: |f| Some(one("pitch-error", [("single", f.size), f.of_tooth()?, f.gear()])),
+    ..Hypothesis::PLAIN
+};
+
+const TABLE: Hypothesis = Hypothesis {
+    plain: "displacement error repeating with every pinion turn",
+    seats: &[Seat::EveryTooth(0)],
+    quantity: "tooth_table",
+    carry: every_tooth,
+    ..SINGLE
+};
+
+/// Every tooth of a table given by its harmonics over the gear's turn.
+fn every_tooth(f: &Fitted<'_>) -> Option<Carried> {
+    let teeth = f.teeth[f.body];
+    let z = f64::from(teeth);
+    let offset = |tooth: f64| -> f64 {
+        let part = |(m, [a, b]): (f64, &[f64; 2])| {
+            let (sin, cos) = (TAU * m * tooth / z).sin_cos();
+            // Both signs of a harmonic count, but for the one at half the teeth.
+            if 2.0 * m == z { a * cos } else { 2.0 * (a * cos - b * sin) }
+        };
+        (1..).map(f64::from).zip(f.parts).map(part).sum::<f64>() / z
+    };
+    let table = |t: f64| ("pitch-error", vec![("single", offset(t)), ("tooth", t), f.gear()]);
+    (!f.parts.is_empty()).then(|| Carried { tables: (0..teeth).map(f64::from).map(table).collect(), remark: None })
+}
+
+fn drawn(size: f64, body: usize, draw: &mut Draw<'_>) -> Vec<String> {
+    vec![format!("pitch-error:single={size},tooth={},gear={body}", draw.below(draw.teeth[body]))]
+}
 
 struct PitchError {
     error_m: Vec<f64>,

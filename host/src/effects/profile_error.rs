@@ -2,6 +2,7 @@
 //!
 //! Signature: mesh harmonics change, each at its own order; no sidebands; independent of torque.
 
+use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat};
 use super::{Entry, Parameter, parameter};
 use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
 use crate::dynamics::series::Series;
@@ -27,7 +28,41 @@ pub const ENTRY: Entry = Entry {
         let amplitudes_m = ["first", "second", "third", "fourth"].map(|n| v.get(n));
         Box::new(ProfileError { amplitudes_m, phase_rad: v.get("phase") })
     },
+    hypotheses: &[Hypothesis {
+        name: "profile-error",
+        seats: &[Seat::MeshOrders(4)],
+        quantity: "displacement",
+        unit: "m",
+        carry: at_mesh_orders,
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "profile-error",
+        right_names: &["profile-error"],
+        families: &["mesh-order"],
+        reference: 5e-6,
+        draw: |size, draw| {
+            // The first order's default is not zero.
+            let size = if draw.below(2) == 0 { format!("first={size}") } else { format!("first=0,second={size}") };
+            vec![format!("profile-error:{size},phase={}", draw.phase())]
+        },
+        ..Hidden::PLAIN
+    }],
 };
+
+/// One table per mesh order, as each has its own phase.
+fn at_mesh_orders(f: &Fitted<'_>) -> Option<Carried> {
+    let names = ["first", "second", "third", "fourth"];
+    let table = |(&[a, b], name): (&[f64; 2], &'static str)| {
+        // The first order's default is not zero.
+        let mut keys = vec![("first", 0.0), ("phase", b.atan2(a))];
+        keys.retain(|(key, _)| *key != name);
+        keys.push((name, a.hypot(b)));
+        ("profile-error", keys)
+    };
+    let tables: Vec<_> = f.parts.iter().zip(names).map(table).collect();
+    (!tables.is_empty()).then_some(Carried { tables, remark: None })
+}
 
 struct ProfileError {
     amplitudes_m: [f64; 4],

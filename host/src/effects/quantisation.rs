@@ -14,6 +14,8 @@ pub const ENTRY: Entry = Entry {
     span_hz: 5120.0,
     parameters: &[parameter("step", "m/s2", 0.1, [1e-9, 1e6], "of the converter"), CHANNEL],
     build: |v| Box::new(Quantisation { step: v.get("step"), channels: v.channels() }),
+    hypotheses: &[],
+    hidden: &[],
 };
 
 struct Quantisation {

@@ -2,6 +2,7 @@
 //!
 //! Signature: sums and differences of all strong lines, growing with the square (cube) of the signal.
 
+use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
 use crate::dynamics::excitation::{Effect, Sampled};
 
@@ -21,6 +22,43 @@ pub const ENTRY: Entry = Entry {
         let [quadratic, cubic] = ["quadratic", "cubic"].map(|n| v.get(n));
         Box::new(Nonlinearity { quadratic, cubic, channels: v.channels() })
     },
+    hypotheses: &[
+        Hypothesis {
+            name: "sensor-nonlinearity",
+            seats: &[Seat::Path(Path::Square)],
+            quantity: "quadratic",
+            unit: "s2/m",
+            carry: |f| Some(one("sensor-nonlinearity", [("quadratic", f.size), f.on()])),
+            ..Hypothesis::PLAIN
+        },
+        Hypothesis {
+            name: "sensor-nonlinearity",
+            seats: &[Seat::Path(Path::Cube)],
+            quantity: "cubic",
+            unit: "s4/m2",
+            carry: |f| Some(one("sensor-nonlinearity", [("quadratic", 0.0), ("cubic", f.size), f.on()])),
+            ..Hypothesis::PLAIN
+        },
+    ],
+    hidden: &[
+        Hidden {
+            name: "sensor-nonlinearity",
+            right_names: &["sensor-nonlinearity"],
+            families: &["path"],
+            reference: 1e-3,
+            draw: |size, draw| vec![format!("sensor-nonlinearity:quadratic={size},channel={}", draw.side())],
+            ..Hidden::PLAIN
+        },
+        Hidden {
+            name: "cubic-nonlinearity",
+            right_names: &["sensor-nonlinearity"],
+            families: &["path"],
+            reference: 1e-5,
+            parameter: "cubic",
+            draw: |size, draw| vec![format!("sensor-nonlinearity:quadratic=0,cubic={size},channel={}", draw.side())],
+            ..Hidden::PLAIN
+        },
+    ],
 };
 
 struct Nonlinearity {

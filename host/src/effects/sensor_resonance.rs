@@ -23,6 +23,8 @@ pub const ENTRY: Entry = Entry {
         let [frequency_hz, damping] = ["frequency", "damping"].map(|n| v.get(n));
         Box::new(Sensor { frequency_hz, damping, channels: v.channels() })
     },
+    hypotheses: &[],
+    hidden: &[],
 };
 
 struct Sensor {

@@ -3,10 +3,11 @@
 //! The swing moves the contact and every order-locked excitation, and the tach sees it. Signature: frequency
 //! modulation, hence sidebands of the rate around the n-th mesh harmonic that grow with n.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, PHASE, parameter};
 use crate::dynamics::excitation::Effect;
 use crate::dynamics::series::Series;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -17,7 +18,7 @@ pub const ENTRY: Entry = Entry {
     span_hz: 1000.0,
     parameters: &[
         parameter("angle", "rad", 1e-3, [0.0, 1.0], "amplitude of the pinion's angle"),
-        parameter("order", "", 0.0, [0.0, 100.0], "per turn of the pinion; 0: none"),
+        parameter("order", "", 0.0, [0.0, 2000.0], "per turn of the pinion; 0: none"),
         parameter("frequency", "Hz", 0.0, [0.0, 1e4], "fixed part of the rate"),
         PHASE,
     ],
@@ -25,6 +26,37 @@ pub const ENTRY: Entry = Entry {
         let [angle_rad, order, frequency_hz, phase_rad] = ["angle", "order", "frequency", "phase"].map(|n| v.get(n));
         Box::new(SpeedFluctuation { angle_rad, order, frequency_hz, phase_rad })
     },
+    hypotheses: &[
+        Hypothesis {
+            name: "speed-fluctuation",
+            seats: &[Seat::Wave(Wave::Position)],
+            // At a whole order of a shaft the contact is carried by that shaft's geometry, not by its speed.
+            at: Where::NeitherShaft { fixed: true },
+            quantity: "contact_position",
+            unit: "base pitch",
+            bends: true,
+            in_the_angle: true,
+            carry: |f| {
+                let angle = TAU * f.size / f64::from(f.teeth[0]);
+                Some(one("speed-fluctuation", [("angle", angle), f.rate(0)?, f.phase(FRAC_PI_2)]))
+            },
+            ..Hypothesis::PLAIN
+        },
+        Hypothesis {
+            name: "speed-fluctuation",
+            plain: "angle moving within the runs",
+            seats: &[Seat::Record],
+            ..Hypothesis::PLAIN
+        },
+    ],
+    hidden: &[Hidden {
+        name: "speed-fluctuation",
+        right_names: &["speed-fluctuation"],
+        families: &["non-stationary", "fixed-frequency", "sideband"],
+        reference: 1e-3,
+        draw: |size, draw| vec![format!("speed-fluctuation:angle={size},frequency={}", 2.5 + 6.0 * draw.share())],
+        ..Hidden::PLAIN
+    }],
 };
 
 struct SpeedFluctuation {

@@ -2,6 +2,7 @@
 //!
 //! Signature: every line keeps its place and widens by less than a bin; the end is stronger than the start.
 
+use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
 use crate::dynamics::excitation::{Effect, Sampled};
 
@@ -14,6 +15,21 @@ pub const ENTRY: Entry = Entry {
     span_hz: 2000.0,
     parameters: &[parameter("share", "", 0.05, [-2.0, 2.0], "change of the gain from start to end"), CHANNEL],
     build: |v| Box::new(ThermalDrift { share: v.get("share"), channels: v.channels() }),
+    hypotheses: &[Hypothesis {
+        name: "thermal-drift",
+        seats: &[Seat::Path(Path::Drift)],
+        quantity: "gain_change_over_run",
+        carry: |f| Some(one("thermal-drift", [("share", f.size), f.on()])),
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "thermal-drift",
+        right_names: &["thermal-drift"],
+        families: &["non-stationary", "path"],
+        reference: 0.05,
+        draw: |size, draw| vec![format!("thermal-drift:share={size},channel={}", draw.side())],
+        ..Hidden::PLAIN
+    }],
 };
 
 struct ThermalDrift {

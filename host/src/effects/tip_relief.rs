@@ -4,6 +4,7 @@
 //! declaration's `[engagement]` kind `tip-relief` gives the loaded ramp instead. Signature: mesh harmonics
 //! change, best at one torque only: the displacement does not grow with torque, the stiffness force does.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, one};
 use super::{Entry, parameter};
 use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
 use crate::dynamics::series::Series;
@@ -24,6 +25,24 @@ pub const ENTRY: Entry = Entry {
         let [amount_m, share, exponent] = ["amount", "length", "exponent"].map(|n| v.get(n));
         Box::new(TipRelief { amount_m, share, exponent: exponent.round() as u32 })
     },
+    hypotheses: &[Hypothesis {
+        name: "tip-relief",
+        seats: &[Seat::Ends],
+        quantity: "amount",
+        never_negative: true,
+        unit: "m",
+        carry: |f| Some(one("tip-relief", [("amount", f.size), ("length", f.shape[0]), ("exponent", f.shape[1])])),
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "tip-relief",
+        right_names: &["tip-relief"],
+        families: &["mesh-order"],
+        reference: 5e-6,
+        parameter: "amount",
+        draw: |size, draw| vec![format!("tip-relief:amount={size},length={}", 0.15 + 0.25 * draw.share())],
+        ..Hidden::PLAIN
+    }],
 };
 
 struct TipRelief {

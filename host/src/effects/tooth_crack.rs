@@ -4,6 +4,7 @@
 //! cracked section. Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per turn for
 //! about a contact ratio of mesh periods, proportional to torque.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Tooth, one};
 use super::{Entry, GEAR, TOOTH, check_tooth, parameter};
 use crate::Result;
 use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
@@ -18,6 +19,38 @@ pub const ENTRY: Entry = Entry {
     span_hz: 1000.0,
     parameters: &[parameter("loss", "", 0.1, [0.0, 0.95], "share of the pair's stiffness"), TOOTH, GEAR],
     build: |v| Box::new(ToothCrack { loss: v.get("loss"), tooth: v.get("tooth") as u32, body: v.body() }),
+    hypotheses: &[
+        SOFTENED,
+        Hypothesis { name: "gear-tooth-crack", seats: &[Seat::OneTooth(1, Tooth::Softened)], ..SOFTENED },
+    ],
+    hidden: &[
+        Hidden {
+            name: "pinion-tooth-crack",
+            right_names: &["pinion-tooth-crack"],
+            reference: 0.05,
+            parameter: "stiffness_loss",
+            draw: |size, draw| vec![format!("tooth-crack:loss={size},tooth={}", draw.below(draw.teeth[0]))],
+            ..Hidden::PLAIN
+        },
+        Hidden {
+            name: "gear-tooth-crack",
+            right_names: &["gear-tooth-crack"],
+            reference: 0.05,
+            parameter: "stiffness_loss",
+            draw: |size, draw| vec![format!("tooth-crack:loss={size},tooth={},gear=1", draw.below(draw.teeth[1]))],
+            ..Hidden::PLAIN
+        },
+    ],
+};
+
+const SOFTENED: Hypothesis = Hypothesis {
+    name: "pinion-tooth-crack",
+    seats: &[Seat::OneTooth(0, Tooth::Softened)],
+    quantity: "stiffness_loss",
+    never_negative: true,
+    bends: true,
+    carry: |f| Some(one("tooth-crack", [("loss", f.size), f.of_tooth()?, f.gear()])),
+    ..Hypothesis::PLAIN
 };
 
 struct ToothCrack {

@@ -2,6 +2,7 @@
 //!
 //! Signature: a line at the order (moves with speed) or frequency (fixed), sidebands of it around the mesh.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, Site, Wave, one};
 use super::{Entry, PHASE, Parameter};
 use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
 use std::f64::consts::TAU;
@@ -23,6 +24,34 @@ pub const ENTRY: Entry = Entry {
         let [depth, order, frequency_hz, phase_rad] = ["depth", "order", "frequency", "phase"].map(|n| v.get(n));
         Box::new(TorqueRipple { depth, order, frequency_hz, phase_rad })
     },
+    hypotheses: &[
+        Hypothesis {
+            name: "torque-ripple",
+            seats: &[Seat::Wave(Wave::Force { at: Site::Motor, speed: 0, torque: 1 })],
+            quantity: "share_of_torque",
+            carry: |f| Some(one("torque-ripple", [("depth", f.size), f.rate(0)?, f.phase(0.0)])),
+            ..Hypothesis::PLAIN
+        },
+        Hypothesis {
+            name: "torque-ripple",
+            seats: &[Seat::Wave(Wave::Force { at: Site::Motor, speed: 0, torque: 0 })],
+            quantity: "torque",
+            unit: "N m",
+            ..Hypothesis::PLAIN
+        },
+    ],
+    hidden: &[Hidden {
+        name: "torque-ripple",
+        right_names: &["torque-ripple"],
+        families: &["shaft-order", "sideband", "non-integer-order"],
+        reference: 0.05,
+        parameter: "share_of_torque",
+        draw: |size, draw| {
+            let order = 3 + draw.below(6);
+            vec![format!("torque-ripple:depth={size},order={order},phase={}", draw.phase())]
+        },
+        ..Hidden::PLAIN
+    }],
 };
 
 struct TorqueRipple {

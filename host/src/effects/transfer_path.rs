@@ -4,6 +4,7 @@
 //! their amplitudes scale (gain, roll-off).
 
 use super::filter::pass;
+use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
 use crate::dynamics::excitation::{Effect, Sampled};
 use rustfft::num_complex::Complex64;
@@ -26,6 +27,22 @@ pub const ENTRY: Entry = Entry {
         let [gain, delay_s, corner_hz] = ["gain", "delay", "corner"].map(|n| v.get(n));
         Box::new(TransferPath { gain, delay_s, corner_hz, channels: v.channels() })
     },
+    hypotheses: &[Hypothesis {
+        name: "channel-delay",
+        plain: "delay or all-pass in the path of a channel",
+        seats: &[Seat::Path(Path::Delay)],
+        quantity: "share_of_a_delay",
+        carry: |f| Some(one("transfer-path", [("delay", f.shape[0] * f.size), f.on()])),
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "channel-delay",
+        right_names: &["channel-delay"],
+        families: &["path"],
+        reference: 1e-6,
+        draw: |size, draw| vec![format!("transfer-path:delay={size},channel={}", draw.side())],
+        ..Hidden::PLAIN
+    }],
 };
 
 struct TransferPath {

@@ -3,6 +3,7 @@
 //! Signature: lines near a fixed frequency are raised and turned in phase at every speed; no new lines.
 
 use super::filter::{mode, pass};
+use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
 use crate::dynamics::excitation::{Effect, Sampled};
 
@@ -23,7 +24,35 @@ pub const ENTRY: Entry = Entry {
         let [gain, frequency_hz, damping] = ["gain", "frequency", "damping"].map(|n| v.get(n));
         Box::new(Mode { gain, frequency_hz, damping, channels: v.channels() })
     },
+    hypotheses: &[Hypothesis {
+        name: "transfer-path-resonance",
+        plain: "fixed-frequency mode in the path of a channel",
+        seats: &[Seat::Path(Path::Mode)],
+        quantity: "gain",
+        carry: real_gain,
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "transfer-path-resonance",
+        right_names: &["transfer-path-resonance"],
+        families: &["path"],
+        reference: 0.1,
+        draw: |size, draw| {
+            let (channel, hz) = (draw.side(), 1500.0 + 3000.0 * draw.share());
+            vec![format!("transfer-path-resonance:gain={size},frequency={hz},damping=0.03,channel={channel}")]
+        },
+        ..Hidden::PLAIN
+    }],
 };
+
+/// The simulator's mode has a real gain; the quadrature part has no counterpart.
+fn real_gain(f: &Fitted<'_>) -> Option<Carried> {
+    let &[gain, quadrature] = f.parts.first()?;
+    let keys = [("gain", gain), ("frequency", f.shape[0]), ("damping", f.shape[1]), f.on()];
+    let share = (quadrature / gain.hypot(quadrature)).abs();
+    let remark = (share > 0.1).then(|| format!("{:.0} % of the gain in quadrature, left out", 100.0 * share));
+    Some(Carried { remark, ..one("transfer-path-resonance", keys) })
+}
 
 struct Mode {
     gain: f64,

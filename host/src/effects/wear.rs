@@ -2,6 +2,7 @@
 //!
 //! Signature: mesh harmonics rise, the second more than the first; no sidebands where all teeth wear alike.
 
+use super::hypothesis::{Hidden, Hypothesis, Seat, one};
 use super::{Entry, parameter};
 use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
 use crate::dynamics::series::Series;
@@ -21,6 +22,24 @@ pub const ENTRY: Entry = Entry {
         "at both ends of the path, parabolic, zero at its middle",
     )],
     build: |v| Box::new(Wear { depth_m: v.get("depth") }),
+    hypotheses: &[Hypothesis {
+        name: "wear",
+        seats: &[Seat::EveryPair(|x| (2.0 * x - 1.0).powi(2))],
+        quantity: "depth",
+        never_negative: true,
+        unit: "m",
+        carry: |f| Some(one("wear", [("depth", f.size)])),
+        ..Hypothesis::PLAIN
+    }],
+    hidden: &[Hidden {
+        name: "wear",
+        right_names: &["wear"],
+        families: &["mesh-order"],
+        reference: 1e-6,
+        parameter: "depth",
+        draw: |size, _| vec![format!("wear:depth={size}")],
+        ..Hidden::PLAIN
+    }],
 };
 
 struct Wear {

@@ -7,6 +7,8 @@
 //! infinite and the row becomes the torque balance `F_0 = T / rb1`. Cost: (2 N + 1)^3 / 3 complex operations.
 //! Limits: linear contact (no loss), constant speed, harmonics up to 16.5 kHz. SI units.
 
+use super::forward::{ForwardModel, Line, Operating};
+use crate::dynamics::excitation::Facts;
 use crate::machine::{Pair, Shafts};
 use crate::stiffness::pair_curve::PairCurve;
 use nalgebra::{DMatrix, DVector, Dyn, LU};
@@ -60,15 +62,6 @@ struct Dynamics {
     translation: [C; 2],
 }
 
-/// Steady line: complex amplitudes of both channels at one order; the signal is the real part of `amplitude exp(i order theta)`.
-#[derive(Debug, Clone, Copy)]
-pub struct Line {
-    /// Order of the pinion (may be negative).
-    pub order: f64,
-    /// Acceleration amplitudes, m/s2, both channels.
-    pub amplitude: [C; 2],
-}
-
 /// Factorised balance of one comb `base + n z1` at one speed.
 pub struct Comb {
     /// Orders of the comb, from the lowest.
@@ -95,6 +88,32 @@ pub struct Solution {
     pub translation: Vec<[C; 2]>,
     /// Rotations of motor, pinion, gear and load at each order, rad (zero at order 0).
     pub rotation: Vec<[C; 4]>,
+}
+
+/// A run of the declared machine: the factorised comb of its mesh and the steady state on it.
+pub struct Balanced {
+    /// The mesh's comb.
+    pub comb: Comb,
+    /// The steady state.
+    pub solution: Solution,
+}
+
+impl ForwardModel for Machine {
+    type Run = Balanced;
+
+    fn run(&self, at: Operating) -> Balanced {
+        let comb = self.own_comb(at.shaft_hz);
+        let solution = self.base(&comb, at.torque_n_m);
+        Balanced { comb, solution }
+    }
+
+    fn prediction<'a>(&self, run: &'a Balanced) -> &'a [Line] {
+        &run.solution.lines
+    }
+
+    fn jacobian(&self, run: &Balanced) -> Vec<Vec<Line>> {
+        self.sensitivities(&run.comb, &run.solution)
+    }
 }
 
 impl Solution {
@@ -133,6 +152,28 @@ impl Machine {
     /// Recomputes the stiffness coefficients after a change of the pair curve.
     pub fn tabulate(&mut self) {
         self.coefficients = (0..=1024).map(|n| self.curve.transform(f64::from(n))).collect();
+    }
+
+    /// What effects may ask, at a torque.
+    pub fn facts(&self, input_torque_n_m: f64) -> Facts {
+        let [rb1, rb2] = self.base_radius_m;
+        let (cos, tangent) = (self.pressure_angle_rad.cos(), self.pressure_angle_rad.tan());
+        let z2 = f64::from(self.teeth[1]);
+        let outer = rb2 / (z2 * cos) * (z2 + 2.0);
+        // Along the line of action from the pinion's tangent point: the path begins where the gear's tip meets it.
+        let start = (rb1 + rb2) * tangent - (outer * outer - rb2 * rb2).max(0.0).sqrt();
+        let base_pitch_m = TAU * rb1 / f64::from(self.teeth[0]);
+        Facts {
+            teeth: self.teeth,
+            base_radius_m: self.base_radius_m,
+            base_pitch_m,
+            pressure_angle_rad: self.pressure_angle_rad,
+            path_base_pitches: self.curve.contact_ratio(),
+            pitch_point_base_pitches: (rb1 * tangent - start) / base_pitch_m,
+            mass_kg: self.shafts.mass_kg,
+            input_torque_n_m,
+            bearing_stiffness_n_per_m: self.shafts.bearing_stiffness_n_per_m,
+        }
     }
 
     /// Fourier coefficient `n` of the total mesh stiffness, N/m.

@@ -4,7 +4,7 @@
 //! record (Hann: 51 %) and its side lobes fall with the cube of the distance. Bins are scaled so that a line of complex
 //! amplitude `a` on a bin centre reads `a`. Bins of white noise are correlated by the taper; `OVERDISPERSION` restores calibrated chi-square.
 
-use crate::model::harmonic_balance::Line;
+use crate::model::forward::Line;
 use rustfft::{FftPlanner, num_complex::Complex64 as C};
 use std::f64::consts::PI;
 

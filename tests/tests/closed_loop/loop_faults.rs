@@ -1,24 +1,27 @@
 //! The whole loop on short generated records, one undeclared effect each: what is said of it, and that nothing is said of nothing.
 
-use meshband_host::closed_loop::generate::{self, Effect, Scenario};
+use meshband_host::closed_loop::generate::{self, Scenario};
 use meshband_host::closed_loop::outcome::Effect as Found;
 use meshband_host::closed_loop::{Options, Outcome, close_loop};
-use meshband_host::observation::input;
+use meshband_host::observation::input::{self, Record};
 use std::path::Path;
 
-fn outcome(effects: Vec<Effect>, seed: u64) -> Outcome {
+fn outcome(effects: &[&str], seed: u64) -> Outcome {
     outcome_without(effects, seed, &[])
 }
 
 /// The same with names taken out of the library.
-fn outcome_without(effects: Vec<Effect>, seed: u64, withheld: &[&str]) -> Outcome {
+fn outcome_without(effects: &[&str], seed: u64, withheld: &[&str]) -> Outcome {
+    let withheld = withheld.iter().map(|name| (*name).to_string()).collect();
+    close_loop(&generated(effects, seed), &Options { withheld, ..Options::default() }).unwrap()
+}
+
+fn generated(effects: &[&str], seed: u64) -> Record {
     let declared = input::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48")).unwrap();
     let mut scenario = Scenario::null(&declared.shafts, seed);
-    scenario.duration_s = 1.5;
-    scenario.effects = effects;
-    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
-    let withheld = withheld.iter().map(|name| (*name).to_string()).collect();
-    close_loop(&record, &Options { withheld, ..Options::default() }).unwrap()
+    scenario.duration_s = 1.0;
+    scenario.effects = effects.iter().map(|text| (*text).to_string()).collect();
+    generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap()
 }
 
 /// The only effect of an outcome, which must be named.
@@ -36,15 +39,14 @@ fn value(effect: &Found, start: &str) -> f64 {
 
 #[test]
 fn loop_says_nothing_of_the_declared_machine() {
-    let outcome = outcome(vec![], 31);
+    let outcome = outcome(&[], 31);
     assert!(outcome.effects.is_empty(), "{}", outcome.summary());
 }
 
 #[test]
 fn loop_names_a_torque_ripple_of_any_strength_at_its_order() {
     for share in [0.08, 0.4] {
-        let hidden = Effect::TorqueRipple { at: 0, order: 5.0, share, phase_rad: 0.7 };
-        let outcome = outcome(vec![hidden], 32);
+        let outcome = outcome(&[&format!("torque-ripple:depth={share},order=5,phase=0.7")], 32);
         let ripple = only_named(&outcome, "torque-ripple");
         assert_eq!(ripple.order_of_pinion, Some(5.0));
         assert!((value(ripple, "share_of_torque") / share - 1.0).abs() < 0.02);
@@ -57,7 +59,8 @@ fn loop_names_a_torque_ripple_of_any_strength_at_its_order() {
 
 #[test]
 fn loop_places_mains_hum_at_its_frequency() {
-    let outcome = outcome(vec![Effect::Tone { hz: 100.0, amplitude: [0.2, 0.12] }], 33);
+    let on = ["mains-hum:first=0.2,frequency=100,channel=0", "mains-hum:first=0.12,frequency=100,channel=1"];
+    let outcome = outcome(&on, 33);
     let hum = only_named(&outcome, "mains-hum");
     assert!((hum.frequency_hz.unwrap() - 100.0).abs() < 0.05);
     assert!((value(hum, "acceleration") / 0.2 - 1.0).abs() < 0.1);
@@ -65,20 +68,18 @@ fn loop_places_mains_hum_at_its_frequency() {
 
 #[test]
 fn loop_gives_impacts_their_own_order_and_no_multiple_of_it() {
-    let hidden = Effect::Impacts { channel: 0, order: 3.052, jitter: 0.01, hz: 4000.0, damping: 0.05, peak: 6.0 };
-    let outcome = outcome(vec![hidden], 34);
+    let outcome = outcome(&["bearing-impacts:peak=6.6,order=3.052,frequency=4000,damping=0.05,channel=0"], 34);
     let impacts = only_named(&outcome, "bearing-impacts");
     assert!((impacts.order_of_pinion.unwrap() - 3.052).abs() < 0.03, "{:?}", impacts.order_of_pinion);
 }
 
 #[test]
 fn loop_names_a_strong_rolling_eccentricity_and_a_strong_crack() {
-    let hidden = Effect::Eccentricity { shaft: 0, amplitude_m: 60e-6, phase_rad: 1.1 };
-    let found = outcome(vec![hidden], 35);
+    let found = outcome(&["eccentricity:amplitude=60e-6,phase=1.1"], 35);
     let eccentricity = only_named(&found, "pinion-eccentricity");
     assert!((value(eccentricity, "amplitude") / 60e-6 - 1.0).abs() < 0.02);
     // Which tooth of the gear it is holds against the first run only: runs start anywhere in the hunting period.
-    let found = outcome(vec![Effect::Crack { shaft: 1, tooth: 11, share: 0.5 }], 36);
+    let found = outcome(&["tooth-crack:loss=0.5,tooth=11,gear=1"], 36);
     let crack = only_named(&found, "gear-tooth-crack");
     assert!((value(crack, "stiffness_loss of tooth") - 0.5).abs() < 0.01);
 }
@@ -86,8 +87,8 @@ fn loop_names_a_strong_rolling_eccentricity_and_a_strong_crack() {
 #[test]
 fn loop_fits_two_eccentricities_whose_product_matters_together() {
     // Alone on the declared machine either comes out a third too small.
-    let of = |shaft, phase_rad| Effect::Eccentricity { shaft, amplitude_m: 60e-6, phase_rad };
-    let found = outcome(vec![of(0, 1.1), of(1, 0.3)], 38);
+    let both = ["eccentricity:amplitude=60e-6,phase=1.1", "eccentricity:amplitude=60e-6,phase=0.3,gear=1"];
+    let found = outcome(&both, 38);
     print!("{}", found.summary());
     assert_eq!(found.effects.len(), 2, "{:?}", found.effects);
     for name in ["pinion-eccentricity", "gear-eccentricity"] {
@@ -98,19 +99,21 @@ fn loop_fits_two_eccentricities_whose_product_matters_together() {
 
 #[test]
 fn loop_names_faults_of_the_measuring_path() {
-    let found = outcome(vec![Effect::Clipping { channel: 0, share_of_peak: 0.75 }], 37);
+    let plain = generated(&[], 37);
+    let peak = plain.runs.iter().flat_map(|r| &r.channels[0]).fold(0.0_f64, |m, x| m.max(x.abs()));
+    let found = outcome(&[&format!("clipping:limit={},channel=0", 0.75 * peak)], 37);
     only_named(&found, "clipping");
-    let found = outcome(vec![Effect::Folding { share: 1.0 }], 38);
+    let found = outcome(&["aliasing"], 38);
     let aliasing = only_named(&found, "aliasing");
     assert!((value(aliasing, "share_folded") - 1.0).abs() < 0.15);
-    let found = outcome(vec![Effect::Delay { channel: 1, seconds: 8e-6 }], 39);
+    let found = outcome(&["transfer-path:delay=8e-6,channel=1"], 39);
     only_named(&found, "channel-delay");
 }
 
 #[test]
 fn loop_describes_what_it_has_no_name_for() {
-    let describes = |hidden: Effect, seed: u64, name: &str, families: &[&str]| {
-        let found = outcome_without(vec![hidden], seed, &[name]);
+    let describes = |hidden: &str, seed: u64, name: &str, families: &[&str]| {
+        let found = outcome_without(&[hidden], seed, &[name]);
         print!("{}", found.summary());
         assert!(!found.effects.is_empty(), "{name}: silence");
         for effect in &found.effects {
@@ -120,11 +123,10 @@ fn loop_describes_what_it_has_no_name_for() {
         let held_out = found.error.held_out_runs.shaft_synchronous;
         (held_out.declared, held_out.corrected, held_out.noise_floor)
     };
-    let square = Effect::Nonlinearity { channel: 0, per_m_s2: 0.004, per_m2_s4: 0.0 };
     for (before, after, floor) in [
-        describes(Effect::Wear { depth_m: 1e-6 }, 41, "wear", &["mesh-order"]),
-        describes(Effect::Drift { channel: 1, share: 0.2 }, 42, "thermal-drift", &["non-stationary"]),
-        describes(square, 43, "sensor-nonlinearity", &["path"]),
+        describes("wear:depth=1e-6", 41, "wear", &["mesh-order"]),
+        describes("thermal-drift:share=0.2,channel=1", 42, "thermal-drift", &["non-stationary"]),
+        describes("sensor-nonlinearity:quadratic=0.004,channel=0", 43, "sensor-nonlinearity", &["path"]),
     ] {
         assert!(after < 0.9 * before && after < 2.0 * floor, "{before} -> {after}, noise {floor}");
     }
@@ -132,12 +134,8 @@ fn loop_describes_what_it_has_no_name_for() {
 
 #[test]
 fn loop_is_not_silent_about_an_effect_that_comes_and_goes() {
-    let declared = input::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48")).unwrap();
-    let mut scenario = Scenario::null(&declared.shafts, 44);
-    scenario.duration_s = 1.0;
-    let quiet = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
-    scenario.effects = vec![Effect::Ghost { order: 31.0, amplitude_m: 3e-6, phase_rad: 0.4 }];
-    let mut record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    let quiet = generated(&[], 44);
+    let mut record = generated(&["ghost-order:amplitude=3e-6,order=31,phase=0.4"], 44);
     // Of each speed's two runs one is without it: no law over speed, torque or time holds.
     for (i, run) in quiet.runs.into_iter().enumerate() {
         if i / 2 % 2 == i % 2 {

@@ -1,7 +1,7 @@
 //! Where a run starts in the hunting period: an unknown of the record that the loop finds together with the effect.
 
 use meshband_host::closed_loop::base_fit::Base;
-use meshband_host::closed_loop::generate::{self, Effect, Scenario};
+use meshband_host::closed_loop::generate::{self, Scenario};
 use meshband_host::closed_loop::library::{Bench, order};
 use meshband_host::closed_loop::start::{self, Products, Start};
 use meshband_host::closed_loop::{Options, Outcome, close_loop};
@@ -15,12 +15,12 @@ fn declared(machine: &str) -> input::Record {
     input::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors").join(machine)).unwrap()
 }
 
-fn outcome(machine: &str, effects: Vec<Effect>, seed: u64) -> Outcome {
+fn outcome(machine: &str, effect: String, seed: u64) -> Outcome {
     let declared = declared(machine);
     let mut scenario = Scenario::null(&declared.shafts, seed);
     scenario.duration_s = 1.0;
-    scenario.effects = effects;
-    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    scenario.effects = vec![effect];
+    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
     let outcome = close_loop(&record, &Options::default()).unwrap();
     print!("seed {seed}: {}", outcome.summary());
     outcome
@@ -44,7 +44,7 @@ fn theory_turned_templates_are_those_of_a_later_start() {
     let mut scenario = Scenario::null(&declared.shafts, 3);
     scenario.duration_s = 0.5;
     scenario.speeds_hz = vec![14.1];
-    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
     let (base, mut later) = (Base::new(&record), Base::new(&record));
     let turns = vec![5, 31];
     for (run, k) in later.runs.iter_mut().zip(&turns) {
@@ -108,10 +108,8 @@ fn theory_turns_are_found_from_products_in_noise() {
 
 #[test]
 fn loop_names_a_gear_pitch_error_of_runs_started_anywhere() {
-    for (machine, teeth) in [("check-19-48", 48), ("check-55-75", 75)] {
-        let mut offsets_m = vec![0.0; teeth];
-        offsets_m[11] = 0.4e-6;
-        let outcome = outcome(machine, vec![Effect::PitchError { shaft: 1, offsets_m }], 21);
+    for machine in ["check-19-48", "check-55-75"] {
+        let outcome = outcome(machine, "pitch-error:single=0.4e-6,tooth=11,gear=1".into(), 21);
         let [found] = &outcome.effects[..] else { panic!("one effect: {:?}", outcome.effects) };
         assert_eq!((found.verdict.as_str(), found.name.as_str()), ("named", "gear-pitch-error"));
         let turns = found.pinion_turns_of_runs.as_ref().expect("runs start at different turns");
@@ -125,8 +123,9 @@ fn loop_names_a_gear_pitch_error_of_runs_started_anywhere() {
 #[test]
 fn loop_names_a_bearing_that_modulates_at_an_order_of_neither_shaft() {
     let (order, share) = (3.5713, 0.02);
-    let effect = Effect::BearingModulation { shaft: 1, order, share, phase_rad: 0.4 };
-    let outcome = outcome("check-19-48", vec![effect], 22);
+    let per_turn = order * 48.0 / 19.0;
+    let effect = format!("bearing-stiffness-modulation:share={share},order={per_turn},phase=0.4,gear=1");
+    let outcome = outcome("check-19-48", effect, 22);
     let [found] = &outcome.effects[..] else { panic!("one effect: {:?}", outcome.effects) };
     assert_eq!((found.verdict.as_str(), found.name.as_str()), ("named", "bearing-stiffness-modulation"));
     assert!((found.order_of_pinion.unwrap() - order).abs() < 1e-3, "{:?}", found.order_of_pinion);

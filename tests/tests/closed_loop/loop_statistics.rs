@@ -17,7 +17,7 @@ fn generated(seed: u64, change: impl FnOnce(&mut Scenario)) -> Record {
     let declared = input::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors/check-19-48")).unwrap();
     let mut scenario = Scenario::null(&declared.shafts, seed);
     change(&mut scenario);
-    generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario)
+    generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap()
 }
 
 #[test]

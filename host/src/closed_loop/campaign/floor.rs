@@ -3,8 +3,9 @@
 //! Two records without noise, with the effect at a reference strength and without it; the difference's lines against the noise density give
 //! the factor to the floor. Effects are taken as linear in their strength, which holds near the floor. Source: reference recipe, detection theory.
 
-use super::hidden::Kind;
+use crate::Result;
 use crate::closed_loop::generate::{Scenario, record};
+use crate::effects::hypothesis::{Draw, Hidden};
 use crate::observation::input::Record;
 use crate::spectral::{Window, amplitude_spectrum};
 use rand_chacha::ChaCha8Rng;
@@ -17,18 +18,30 @@ fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
     2.0 * scenario.noise_rms.powi(2) / rate_hz * shape
 }
 
-/// Strength of `kind` at the detection floor for the noise of `scenario`.
-pub fn strength(declared: &Record, scenario: &Scenario, kind: &Kind, rng: &mut ChaCha8Rng) -> f64 {
-    if !kind.has_floor {
-        return kind.reference;
-    }
+/// Strength of `hidden` at the detection floor for the noise of `scenario`, and the largest acceleration of each channel without it.
+///
+/// # Errors
+/// Those of [`record`].
+pub fn strength(
+    declared: &Record,
+    scenario: &Scenario,
+    hidden: &Hidden,
+    random: &mut ChaCha8Rng,
+) -> Result<(f64, [f64; 2])> {
     let mut quiet = scenario.clone();
     quiet.effects.clear();
     quiet.noise_rms = 0.0;
-    let mut with = quiet.clone();
-    with.effects.push((kind.build)(kind.reference, &declared.pair, rng));
     let make = |s: &Scenario| record(&declared.pair, &declared.shafts, &declared.curve, s);
-    let (plain, with) = (make(&quiet), make(&with));
+    let plain = make(&quiet)?;
+    let peak = |c: usize| plain.runs.iter().flat_map(|r| &r.channels[c]).fold(0.0_f64, |m, x| m.max(x.abs()));
+    let peak_m_s2 = [0, 1].map(peak);
+    if !hidden.has_floor {
+        return Ok((hidden.reference, peak_m_s2));
+    }
+    let mut with = quiet.clone();
+    let mut draw = Draw { teeth: declared.pair.teeth, peak_m_s2, random };
+    with.effects.extend((hidden.draw)(hidden.reference, &mut draw));
+    let with = make(&with)?;
     let mut ratios: Vec<f64> = plain
         .runs
         .iter()
@@ -51,5 +64,5 @@ pub fn strength(declared: &Record, scenario: &Scenario, kind: &Kind, rng: &mut C
         .collect();
     ratios.sort_by(|a, b| b.total_cmp(a));
     let third = ratios.get(2).or(ratios.last()).copied().unwrap_or(0.0);
-    kind.reference / third.max(1e-9)
+    Ok((hidden.reference / third.max(1e-9), peak_m_s2))
 }

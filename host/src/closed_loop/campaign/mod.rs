@@ -5,15 +5,15 @@
 //! there are not done again. Cost: about 10 s per record on two cores.
 
 mod floor;
-mod hidden;
 mod score;
 
-pub use hidden::{KINDS, Kind};
 pub use score::{HEAD, Row, Scored, Summary, cells, summarise};
 
 use super::base_fit::TOLERANCES;
 use super::generate::{self, Scenario};
 use super::{Options, close_loop};
+use crate::effects;
+use crate::effects::hypothesis::{Draw, Hidden};
 use crate::observation::input::{self, Record};
 use crate::terminal::Progress;
 use crate::{Error, Result};
@@ -39,7 +39,7 @@ pub struct Plan {
     pub two: usize,
     /// Levels over the detection floor of the power part, in the order they are taken.
     pub levels: Vec<f64>,
-    /// Names of [`KINDS`] to use; empty for all.
+    /// Names of [`hidden`](crate::effects::hidden) to use; empty for all.
     pub only: Vec<String>,
     /// Length of a run, s.
     pub duration_s: f64,
@@ -54,8 +54,7 @@ pub struct Plan {
 struct Item {
     part: &'static str,
     number: usize,
-    /// Indices into [`KINDS`].
-    kinds: Vec<usize>,
+    hidden: Vec<&'static Hidden>,
     level: f64,
 }
 
@@ -66,28 +65,28 @@ impl Item {
 }
 
 fn items(plan: &Plan) -> Vec<Item> {
-    let all: Vec<usize> =
-        (0..KINDS.len()).filter(|&k| plan.only.is_empty() || plan.only.iter().any(|n| n == KINDS[k].name)).collect();
+    let wanted = |h: &&Hidden| plan.only.is_empty() || plan.only.iter().any(|n| n == h.name);
+    let all: Vec<&'static Hidden> = effects::hidden().filter(wanted).collect();
     let count = all.len();
-    let named: Vec<usize> = all.iter().copied().filter(|&k| !KINDS[k].right_names.is_empty()).collect();
+    let named: Vec<&'static Hidden> = all.iter().copied().filter(|h| !h.right_names.is_empty()).collect();
     let mut items: Vec<Item> =
-        (0..plan.null).map(|number| Item { part: "null", number, kinds: vec![], level: 0.0 }).collect();
+        (0..plan.null).map(|number| Item { part: "null", number, hidden: vec![], level: 0.0 }).collect();
     items.extend((0..plan.power).map(|number| {
         let level = plan.levels[number / count % plan.levels.len()];
-        Item { part: "power", number, kinds: vec![all[number % count]], level }
+        Item { part: "power", number, hidden: vec![all[number % count]], level }
     }));
     items.extend((0..plan.leave_one_out).map(|number| Item {
         part: "leave-one-out",
         number,
-        kinds: vec![named[number % named.len()]],
+        hidden: vec![named[number % named.len()]],
         level: 4.0,
     }));
     for number in 0..plan.two {
         let first = named[number % named.len()];
         let second = named[(number + 1 + number / named.len() * 3 + 4) % named.len()];
-        let second = if second == first { named[(number + 1) % named.len()] } else { second };
-        items.push(Item { part: "two", number, kinds: vec![first, second], level: 4.0 });
-        items.push(Item { part: "parameter", number, kinds: vec![first], level: 4.0 });
+        let second = if second.name == first.name { named[(number + 1) % named.len()] } else { second };
+        items.push(Item { part: "two", number, hidden: vec![first, second], level: 4.0 });
+        items.push(Item { part: "parameter", number, hidden: vec![first], level: 4.0 });
     }
     items
 }
@@ -132,8 +131,8 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     if machines.is_empty() {
         return Err(Error::invalid("--machine", "at least one is needed"));
     }
-    if let Some(name) = plan.only.iter().find(|n| KINDS.iter().all(|k| k.name != n.as_str())) {
-        let known: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
+    if let Some(name) = plan.only.iter().find(|n| effects::hidden().all(|h| h.name != n.as_str())) {
+        let known: Vec<&str> = effects::hidden().map(|h| h.name).collect();
         return Err(Error::invalid("--only", format!("`{name}` is none of {}", known.join(", "))));
     }
     if plan.levels.is_empty() || plan.levels.iter().any(|l| !(l.is_finite() && *l > 0.0)) {
@@ -177,7 +176,8 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_mul(0x9E37_79B9).wrapping_add(stream));
-    let cycle = if item.kinds.is_empty() { item.number } else { item.number / KINDS.len() + item.number };
+    let cycle =
+        if item.hidden.is_empty() { item.number } else { item.number / effects::hidden().count() + item.number };
     let machine = cycle % machines.len();
     let coloured = cycle / machines.len() % 2 == 1;
     let declared = &machines[machine];
@@ -186,14 +186,14 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
     scenario.noise_colour = if coloured { 0.9 } else { 0.0 };
     let scale = 0.9 + 0.2 * rng.random::<f64>();
     scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
-    let mut hidden: Vec<(&Kind, f64)> = Vec::new();
-    for &k in &item.kinds {
-        let kind = &KINDS[k];
+    let mut hidden: Vec<(&Hidden, f64)> = Vec::new();
+    for &one in &item.hidden {
         // The floor is this record's own: of the same order, phase or frequency, at its speeds and in its noise.
-        let floor = floor::strength(declared, &scenario, kind, &mut rng.clone());
-        let size = if kind.has_floor { item.level * floor } else { floor };
-        scenario.effects.push((kind.build)(size, &declared.pair, &mut rng));
-        hidden.push((kind, size));
+        let (floor, peak_m_s2) = floor::strength(declared, &scenario, one, &mut rng.clone())?;
+        let size = if one.has_floor { item.level * floor } else { floor };
+        let mut draw = Draw { teeth: declared.pair.teeth, peak_m_s2, random: &mut rng };
+        scenario.effects.extend((one.draw)(size, &mut draw));
+        hidden.push((one, size));
     }
     let parameters_off = item.part == "parameter" || item.number % 4 != 3;
     match item.part {
@@ -204,7 +204,7 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         _ if parameters_off => off(&mut scenario, &mut rng, None, 1.0),
         _ => {}
     }
-    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario);
+    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario)?;
     let withheld = match item.part {
         "leave-one-out" => hidden[0].0.right_names.iter().map(|n| (*n).to_string()).collect(),
         _ => Vec::new(),
@@ -226,7 +226,7 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         coloured,
         parameters_off,
         hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),
-        truth: format!("{:?}", scenario.effects),
+        truth: scenario.effects.join(" "),
         level: item.level,
         reported: outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone(), e.family.clone()]).collect(),
         result,

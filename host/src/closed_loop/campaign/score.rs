@@ -1,7 +1,8 @@
 //! Scoring of single records and the campaign's tables.
 
-use super::hidden::{KINDS, Kind};
 use crate::closed_loop::Outcome;
+use crate::effects;
+use crate::effects::hypothesis::Hidden;
 use crate::terminal;
 use serde::{Deserialize, Serialize};
 
@@ -53,8 +54,8 @@ fn has(name: &str, right: &[&str]) -> bool {
 }
 
 /// Per hidden effect the best thing said of it, and the number of wrong names.
-pub fn judge(outcome: &Outcome, hidden: &[(&Kind, f64)]) -> (Vec<String>, usize) {
-    let of = |kind: &Kind| {
+pub fn judge(outcome: &Outcome, hidden: &[(&Hidden, f64)]) -> (Vec<String>, usize) {
+    let of = |kind: &Hidden| {
         let any = |test: &dyn Fn(&crate::closed_loop::outcome::Effect) -> bool| outcome.effects.iter().any(test);
         if any(&|e| e.verdict == "named" && kind.right_names.contains(&e.name.as_str())) {
             "named"
@@ -78,7 +79,7 @@ pub fn judge(outcome: &Outcome, hidden: &[(&Kind, f64)]) -> (Vec<String>, usize)
 }
 
 /// Coverage and relative size of the strength of a named effect.
-pub fn strength(outcome: &Outcome, kind: &Kind, truth: f64) -> Option<(bool, f64)> {
+pub fn strength(outcome: &Outcome, kind: &Hidden, truth: f64) -> Option<(bool, f64)> {
     if kind.parameter.is_empty() {
         return None;
     }
@@ -191,8 +192,7 @@ pub fn summarise(all: &[Scored]) -> Summary {
         .map(|&l| row(format!("{l} x floor"), &part("power").filter(|s| s.level == l).collect::<Vec<_>>()))
         .collect();
     let by_kind = |name: &'static str, level: Option<f64>| -> Vec<Row> {
-        KINDS
-            .iter()
+        effects::hidden()
             .map(|k| {
                 let at = |s: &&Scored| level.is_none_or(|l| s.level == l);
                 let own: Vec<&Scored> = part(name).filter(at).filter(|s| s.hidden[0] == k.name).collect();

@@ -2,14 +2,19 @@
 //!
 //! Most effects are forces or displacements of a linear machine and exactly proportional to their strength. A cracked tooth, a
 //! modulated stiffness and contacts carried along their path are not: at a strength that anybody would call a fault the first-order template leaves
-//! a few percent, which then passes for another law. Here the declared equations are integrated with and without the
-//! effect; the templates are bent so that at the strength `x` they give that difference (a secant). Cost: a time integration per run.
+//! a few percent, which then passes for another law. Here the declared equations are integrated ([`fixed_step`]) with and without the simulator's own
+//! effect, as the hypothesis carries its unknowns to it; the templates are bent so that at the strength `x` they give that
+//! difference (a secant). Cost: a time integration per run.
 
 use super::Bench;
-use crate::closed_loop::candidate::{Candidate, Finite, Template};
-use crate::closed_loop::generate::{Effect, Point, response};
+use crate::closed_loop::candidate::{Candidate, Template, Tuning};
 use crate::closed_loop::least_squares::Data;
 use crate::closed_loop::start::Start;
+use crate::dynamics::Effect;
+use crate::effects::hypothesis::Fitted;
+use crate::effects::of_table;
+use crate::model::fixed_step::{Point, accelerations};
+use crate::model::harmonic_balance::Machine;
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -19,26 +24,38 @@ use std::sync::OnceLock;
 /// Bins of the difference whose squared size times weight is below this are left out: they carry no information.
 pub const LEAST_INFORMATION: f64 = 1e-3;
 
-/// Effects of one run, `turned_rad` later than the unknowns say.
-fn effects(finite: Finite, x: &[f64], base_pitch_m: f64, turned_rad: f64) -> Vec<Effect> {
+/// The simulator's effects of a candidate at the unknowns `x`, `turned_rad` later than they say; `None` where it has no counterpart.
+fn effects(machine: &Machine, candidate: &Candidate, x: &[f64], turned_rad: f64) -> Option<Vec<Box<dyn Effect>>> {
+    let facts = machine.facts(0.0);
+    let complex = candidate.parameters.first().is_some_and(|p| p.complex);
     let (size, phase_rad) = match x {
-        [a, b, ..] => (a.hypot(*b), b.atan2(*a) + turned_rad),
-        _ => (x[0], 0.0),
+        [a, b, ..] if complex => (a.hypot(*b), b.atan2(*a) + turned_rad),
+        _ => (*x.first()?, turned_rad),
     };
-    match finite {
-        Finite::RollingDisplacement { order } => vec![
-            Effect::Ghost { order, amplitude_m: size, phase_rad },
-            Effect::PositionSwing { order, base_pitches: size / base_pitch_m, phase_rad },
-        ],
-        Finite::PositionModulation { order } => {
-            vec![Effect::PositionSwing { order, base_pitches: size, phase_rad }]
-        }
-        Finite::Crack { shaft, tooth } => vec![Effect::Crack { shaft, tooth, share: size.clamp(-0.9, 0.9) }],
-        Finite::BearingModulation { shaft, order } => {
-            vec![Effect::BearingModulation { shaft, order, share: size, phase_rad }]
-        }
-        Finite::MeshModulation { order } => vec![Effect::StiffnessModulation { order, share: size, phase_rad }],
-    }
+    let part = |i: usize| x.get(i).copied().unwrap_or(0.0);
+    let parts: Vec<[f64; 2]> =
+        candidate.parameters.iter().map(|p| [part(p.first), if p.complex { part(p.first + 1) } else { 0.0 }]).collect();
+    let fitted = Fitted {
+        teeth: facts.teeth,
+        pressure_angle_rad: facts.pressure_angle_rad,
+        base_pitch_m: facts.base_pitch_m,
+        body: candidate.body(),
+        order: candidate.order,
+        frequency_hz: candidate.frequency_hz,
+        size,
+        phase_rad,
+        tooth: candidate.tooth,
+        torque_exponent: candidate.exponents[1],
+        parts: &parts,
+        channel: 2.0,
+        channel_share: [1.0; 2],
+        shape: match candidate.tuning {
+            Some(Tuning::Relief { share, exponent }) => [share, f64::from(exponent)],
+            _ => [0.0; 2],
+        },
+    };
+    let carried = (candidate.hypothesis?.carry)(&fitted)?;
+    carried.tables.iter().map(|table| of_table(table).ok()).collect()
 }
 
 /// A term at a strength, to be simulated.
@@ -64,23 +81,22 @@ impl Company {
 }
 
 impl Bench<'_> {
-    /// Bins of the declared machine with all of `terms` at once; `None` where they need different starts of the runs.
+    /// Bins of the declared machine with all of `terms` at once; `None` where they need different starts of the runs, or one is beyond the
+    /// simulator's range.
     pub fn simulated(&self, terms: &[Played<'_>]) -> Option<Vec<[Bins; 2]>> {
         let base = self.base;
         let machine = &base.machine;
-        let base_pitch_m = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
         let turns = terms.iter().find_map(|(t, _)| t.start.turns());
         if terms.iter().any(|(t, _)| t.start.turns().is_some_and(|own| Some(own) != turns)) {
             return None;
         }
         let later = |run: usize| turns.map_or(0, |turns| turns[run]);
         // Teeth of the gear that were counted as if every run started in the first turn have no other place.
-        let counted =
-            |t: &Candidate| t.start == Start::Counted && matches!(t.finite, Some(Finite::Crack { shaft: 1, .. }));
+        let counted = |t: &Candidate| t.start == Start::Counted && t.softens_tooth_of(1);
         if turns.is_some() && terms.iter().any(|(t, _)| counted(t)) {
             return None;
         }
-        let effects = |run: usize| -> Vec<Effect> {
+        let effects = |run: usize| -> Option<Vec<Box<dyn Effect>>> {
             let of = |(term, x): &Played<'_>| {
                 // Whole turns move the start of the run for all; what does not turn with them is moved back.
                 let order = term.order.unwrap_or(0.0);
@@ -90,27 +106,28 @@ impl Bench<'_> {
                     Start::Counted => back,
                     Start::Turns(_) | Start::Given(_) => 0.0,
                 };
-                term.finite.map_or(Vec::new(), |finite| effects(finite, x, base_pitch_m, turned_rad))
+                effects(machine, term, x, turned_rad)
             };
-            terms.iter().flat_map(of).collect()
+            Some(terms.iter().map(of).collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
         };
         let bins = base.runs.par_iter().enumerate().map(|(r, run)| {
             let at = Point {
                 start_rad: run.angle.offset_rad + TAU * f64::from(later(r)),
                 speed_hz: run.angle.shaft_hz,
                 torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
-                free_phase_rad: 0.0,
             };
-            response(machine, &effects(r), at, base.analyser.samples, base.analyser.rate_hz)
-                .map(|signal| base.analyser.bins_of(&signal))
+            let signal = accelerations(machine, &effects(r)?, at, base.analyser.samples, base.analyser.rate_hz);
+            Some(signal.map(|signal| base.analyser.bins_of(&signal)))
         });
-        Some(bins.collect())
+        bins.collect()
     }
 
     /// The candidate with templates that give the simulated response at the strength `x` on a machine with the `company`; `None` where they
     /// do already.
     pub fn at_strength(&self, candidate: &Candidate, x: &[f64], data: &Data, company: &Company) -> Option<Candidate> {
-        candidate.finite?;
+        if !candidate.bends() {
+            return None;
+        }
         let square: f64 = x.iter().map(|v| v * v).sum();
         if square == 0.0 || x.iter().any(|v| !v.is_finite()) {
             return None;

@@ -1,28 +1,39 @@
 //! Effects that repeat with every tooth pair: wear, tip relief, profile error, friction.
 
 use super::Bench;
-use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Tuning, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning, quadrature};
+use crate::effects::hypotheses;
+use crate::effects::hypothesis::{Hypothesis, Seat};
 use crate::model::harmonic_balance::{DOF, GEAR, PINION};
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
 /// Candidates on the mesh's own comb.
 pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
-    let mut list = vec![shaped(bench, "wear", "depth", 1.0, &|x: f64| (2.0 * x - 1.0).powi(2))];
-    for exponent in [1, 2] {
-        list.extend([0.1, 0.2, 0.35].map(|share| relief(bench, share, exponent)));
+    let mut list = Vec::new();
+    for hypothesis in hypotheses() {
+        for seat in hypothesis.seats {
+            match *seat {
+                Seat::EveryPair(over_path) => list.push(shaped(bench, hypothesis, 1.0, &over_path)),
+                Seat::Ends => {
+                    let all = [1, 2].into_iter().flat_map(|exponent| [0.1, 0.2, 0.35].map(|share| (share, exponent)));
+                    list.extend(all.map(|(share, exponent)| relief(bench, share, exponent)));
+                }
+                Seat::MeshOrders(count) => list.push(shape(bench, Shape::Orders(hypothesis, count))),
+                Seat::Sliding => list.push(friction(bench, hypothesis)),
+                _ => {}
+            }
+        }
     }
-    list.extend(
-        [Shape::ProfileError, Shape::FreeDisplacement, Shape::Stiffness, Shape::FreeStiffness].map(|s| shape(bench, s)),
-    );
-    list.push(friction(bench));
+    list.extend([Shape::FreeDisplacement, Shape::Stiffness, Shape::FreeStiffness].map(|s| shape(bench, s)));
     list
 }
 
 /// Relief of both ends of the path over `share` of it, linear (exponent 1) or parabolic (2).
 pub fn relief(bench: &Bench<'_>, share: f64, exponent: i32) -> Candidate {
     let ramp = move |x: f64| ((share - x) / share).max(0.0).powi(exponent);
-    let mut relief = shaped(bench, "tip-relief", "amount", 10.0, &move |x: f64| ramp(x) + ramp(1.0 - x));
+    let hypothesis = hypotheses().find(|h| matches!(h.seats, [Seat::Ends])).expect("an effect relieves the ends");
+    let mut relief = shaped(bench, hypothesis, 10.0, &move |x: f64| ramp(x) + ramp(1.0 - x));
     relief.tuning = Some(Tuning::Relief { share, exponent });
     relief
 }
@@ -57,8 +68,7 @@ pub fn refine_relief(
 /// Error of a given shape on every pair, contact force `-k(s) (e + tau de/dt)`; `shape` over 0..1 of the path.
 fn shaped(
     bench: &Bench<'_>,
-    name: &str,
-    quantity: &str,
+    hypothesis: &'static Hypothesis,
     searched: f64,
     shape: &(dyn Fn(f64) -> f64 + Sync),
 ) -> Candidate {
@@ -86,23 +96,34 @@ fn shaped(
         },
     );
     let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
+    Candidate { searched, ..every_pair(hypothesis, machine.teeth, real, [0.0, 0.0]) }
+}
+
+/// The candidate of an effect with one strength that all pairs share.
+fn every_pair(hypothesis: &'static Hypothesis, teeth: [u32; 2], template: Template, exponents: [f64; 2]) -> Candidate {
     Candidate {
-        name: name.into(),
+        name: hypothesis.name.into(),
         claim: Claim::Named,
         family: "mesh-order",
-        order: Some(f64::from(machine.teeth[0])),
-        parameters: vec![Parameter { name: quantity.into(), unit: "m", first: 0, complex: false }],
-        templates: vec![real],
-        searched,
+        order: Some(f64::from(teeth[0])),
+        parameters: vec![Parameter {
+            name: hypothesis.quantity.into(),
+            unit: hypothesis.unit,
+            first: 0,
+            complex: false,
+        }],
+        templates: vec![template],
+        exponents,
+        hypothesis: Some(hypothesis),
         ..Candidate::default()
     }
 }
 
 /// What repeats with every tooth pair, harmonic by harmonic.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 enum Shape {
-    /// Displacement at the first few mesh orders.
-    ProfileError,
+    /// Displacement at the first few mesh orders: an effect of the registry.
+    Orders(&'static Hypothesis, usize),
     /// Displacement of any shape over the pitch.
     FreeDisplacement,
     /// Mesh stiffness at the first few mesh orders.
@@ -113,7 +134,11 @@ enum Shape {
 
 impl Shape {
     fn harmonics(self) -> i64 {
-        if matches!(self, Self::ProfileError | Self::Stiffness) { 4 } else { 12 }
+        match self {
+            Self::Orders(_, count) => count as i64,
+            Self::Stiffness => 4,
+            Self::FreeDisplacement | Self::FreeStiffness => 12,
+        }
     }
 }
 
@@ -149,7 +174,7 @@ fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
         },
     );
     let (name, claim) = match shape {
-        Shape::ProfileError => ("profile-error", Claim::Named),
+        Shape::Orders(hypothesis, _) => (hypothesis.name, Claim::Named),
         Shape::FreeDisplacement => ("displacement error repeating with every tooth pair", Claim::Generic),
         Shape::Stiffness => ("mesh stiffness varying at mesh orders", Claim::Generic),
         Shape::FreeStiffness => ("mesh stiffness varying with every tooth pair", Claim::Generic),
@@ -168,28 +193,27 @@ fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
             })
             .collect(),
         templates: lines.iter().flat_map(|l| quadrature(&bench.base.analyser, &bench.angles, l)).collect(),
+        hypothesis: match shape {
+            Shape::Orders(hypothesis, _) => Some(hypothesis),
+            _ => None,
+        },
         exponents: [0.0, if loaded { 1.0 } else { 0.0 }],
         ..Candidate::default()
     }
 }
 
 /// Sliding friction across the line of action: its torques on both gears, `mu k(s) D lever sign(s - pitch)`.
-fn friction(bench: &Bench<'_>) -> Candidate {
+fn friction(bench: &Bench<'_>, hypothesis: &'static Hypothesis) -> Candidate {
     let machine = &bench.base.machine;
     let [rb1, rb2] = machine.base_radius_m;
     let tangent = machine.pressure_angle_rad.tan();
-    let base_pitch = TAU * rb1 / f64::from(machine.teeth[0]);
-    let outer = |side: usize| {
-        let module =
-            2.0 * machine.base_radius_m[side] / (f64::from(machine.teeth[side]) * machine.pressure_angle_rad.cos());
-        0.5 * module * (f64::from(machine.teeth[side]) + 2.0)
-    };
+    let facts = machine.facts(0.0);
     // Distance along the line of action from the pinion's tangent point.
-    let start = (rb1 + rb2) * tangent - (outer(1).powi(2) - rb2 * rb2).max(0.0).sqrt();
     let pitch = rb1 * tangent;
+    let start = pitch - facts.pitch_point_base_pitches * facts.base_pitch_m;
     let levers = [0, 1].map(|side| {
         machine.curve.times(|u| {
-            let s = start + u * base_pitch;
+            let s = start + u * facts.base_pitch_m;
             let lever = if side == 0 { s } else { (rb1 + rb2) * tangent - s };
             lever * (s - pitch).signum()
         })
@@ -217,14 +241,5 @@ fn friction(bench: &Bench<'_>) -> Candidate {
         },
     );
     let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
-    Candidate {
-        name: "friction".into(),
-        claim: Claim::Named,
-        family: "mesh-order",
-        order: Some(f64::from(machine.teeth[0])),
-        parameters: vec![Parameter { name: "coefficient".into(), unit: "1", first: 0, complex: false }],
-        templates: vec![real],
-        exponents: [0.0, 1.0],
-        ..Candidate::default()
-    }
+    every_pair(hypothesis, machine.teeth, real, [0.0, 1.0])
 }

@@ -1,7 +1,8 @@
 //! The library: every effect as physically predicted templates, to be matched with the residual.
 //!
 //! Effects are excitations of the declared machine (displacement error, force, stiffness change) whose response comes from the harmonic
-//! balance, or changes of the measuring path applied to the prediction. Names follow the simulator's effects.
+//! balance, or changes of the measuring path applied to the prediction. Which there are, where, and under which names stands with the simulator's
+//! effects ([`crate::effects::hypothesis`]); here is the response that effects with the same seat share.
 
 pub mod finite;
 pub mod mesh;
@@ -16,7 +17,10 @@ use super::detect::Found;
 use super::judge::Split;
 use super::least_squares::Data;
 use super::waveform::steady;
-use crate::model::harmonic_balance::{Comb, DOF, Line};
+use crate::effects::hypotheses;
+use crate::effects::hypothesis::{Hypothesis, Path, Seat};
+use crate::model::forward::Line;
+use crate::model::harmonic_balance::{Comb, DOF};
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -172,6 +176,12 @@ impl<'a> Bench<'a> {
             order
         }
     }
+}
+
+/// The effect of the registry that changes a path in this way.
+fn on_path(path: Path) -> &'static Hypothesis {
+    let own = |h: &&Hypothesis| h.seats.iter().any(|seat| matches!(seat, Seat::Path(p) if *p == path));
+    hypotheses().find(own).expect("every change of a path is some effect's")
 }
 
 /// Candidates at a place that was chosen from all those scanned.

@@ -1,61 +1,55 @@
-//! Effects seated at one order of the pinion or at one fixed frequency: eccentricity, imbalance, ghost order, torque ripple, load
-//! fluctuation, misalignment, bearing and mesh stiffness modulation, speed fluctuation, tones.
+//! Effects seated at one order of the pinion or at one fixed frequency: the response to every sinusoid that an effect of the registry names
+//! as its seat, under that effect's name where it earns it.
 
 use super::{Bench, Excitation};
 use crate::closed_loop::base_fit::RunState;
-use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, Tuning, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning, quadrature};
 use crate::closed_loop::detect::Found;
 use crate::closed_loop::least_squares::Data;
+use crate::effects::hypotheses;
+use crate::effects::hypothesis::{Hypothesis, Path, Seat, Site, Wave, is_whole};
 use crate::machine::{Freedom, Hunting};
-use crate::model::harmonic_balance::{Comb, DOF, GEAR_Y, LOAD, Line, MOTOR, Machine, PINION_Y};
+use crate::model::forward::Line;
+use crate::model::harmonic_balance::{Comb, DOF, LOAD, MOTOR, Machine, PINION_Y};
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
-#[derive(Clone, Copy, PartialEq)]
-enum Seat {
-    Displacement,
-    /// Displacement that also rolls the contact along its path by as much.
-    RollingDisplacement,
-    /// Force or torque with exponents of speed and torque.
-    Force {
-        dof: usize,
-        speed: i32,
-        torque: i32,
-    },
-    BearingModulation(usize),
-    MeshModulation,
-    PositionModulation,
+/// Every sinusoid that an effect of the registry has as its seat, in the registry's order.
+fn waves() -> &'static [Wave] {
+    static WAVES: OnceLock<Vec<Wave>> = OnceLock::new();
+    WAVES.get_or_init(|| {
+        let mut all = Vec::new();
+        for seat in hypotheses().flat_map(|h| h.seats) {
+            if let Seat::Wave(wave) = *seat
+                && !all.contains(&wave)
+            {
+                all.push(wave);
+            }
+        }
+        all
+    })
 }
 
-const SEATS: [Seat; 16] = [
-    Seat::Displacement,
-    Seat::Force { dof: PINION_Y, speed: 2, torque: 0 },
-    Seat::Force { dof: GEAR_Y, speed: 2, torque: 0 },
-    Seat::Force { dof: PINION_Y, speed: 0, torque: 0 },
-    Seat::Force { dof: GEAR_Y, speed: 0, torque: 0 },
-    Seat::Force { dof: PINION_Y, speed: 0, torque: 1 },
-    Seat::Force { dof: GEAR_Y, speed: 0, torque: 1 },
-    Seat::Force { dof: MOTOR, speed: 0, torque: 0 },
-    Seat::Force { dof: MOTOR, speed: 0, torque: 1 },
-    Seat::Force { dof: LOAD, speed: 0, torque: 0 },
-    Seat::Force { dof: LOAD, speed: 0, torque: 1 },
-    Seat::BearingModulation(0),
-    Seat::BearingModulation(1),
-    Seat::MeshModulation,
-    Seat::PositionModulation,
-    Seat::RollingDisplacement,
-];
+/// The effect that a sinusoid is at an order of the pinion or a fixed frequency (none), and whether it earns its name there.
+fn effect_of(wave: Wave, order: Option<f64>, ratio: f64) -> (&'static Hypothesis, bool) {
+    let own = |h: &&Hypothesis| h.seats.iter().any(|seat| matches!(seat, Seat::Wave(w) if *w == wave));
+    let named = hypotheses().filter(own).find(|h| h.at.holds(order, ratio));
+    let any = || hypotheses().find(own).expect("every sinusoid is some effect's");
+    named.map_or_else(|| (any(), false), |h| (h, true))
+}
 
-fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64) -> Excitation {
+fn excite(wave: Wave, machine: &Machine, run: &RunState, comb: &Comb, order: f64) -> Excitation {
     let size = comb.orders.len();
     let centre = comb.centre as i64;
     let omega = TAU * run.angle.shaft_hz * order;
-    match seat {
-        Seat::Displacement => {
+    match wave {
+        Wave::Displacement => {
             let rate = -C::new(1.0, omega * machine.tau_s);
             (Vec::new(), (0..size).map(|n| machine.stiffness(n as i64 - centre) * rate).collect())
         }
-        Seat::Force { dof, speed, torque } => {
+        Wave::Force { at, speed, torque } => {
+            let dof = dof(at);
             let mut forces = vec![[C::ZERO; DOF]; size];
             let mean = if dof == LOAD {
                 run.torque_n_m * f64::from(machine.teeth[1]) / f64::from(machine.teeth[0])
@@ -65,7 +59,7 @@ fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64
             forces[comb.centre][dof] = C::new(omega.powi(speed) * mean.powi(torque), 0.0);
             (forces, Vec::new())
         }
-        Seat::BearingModulation(side) => {
+        Wave::BearingStiffness(side) => {
             let k = machine.shafts.bearing_stiffness_n_per_m[side];
             let forces = (0..size)
                 .map(|n| {
@@ -76,16 +70,24 @@ fn excite(seat: Seat, machine: &Machine, run: &RunState, comb: &Comb, order: f64
                 .collect();
             (forces, Vec::new())
         }
-        Seat::MeshModulation => (Vec::new(), run.inner.force.clone()),
-        Seat::PositionModulation => (Vec::new(), rolled(machine, run, size as i64)),
-        Seat::RollingDisplacement => {
+        Wave::MeshStiffness => (Vec::new(), run.inner.force.clone()),
+        Wave::Position => (Vec::new(), rolled(machine, run, size as i64)),
+        Wave::RollingDisplacement => {
             let base_pitch = TAU * machine.base_radius_m[0] / f64::from(machine.teeth[0]);
-            let (_, mut contact) = excite(Seat::Displacement, machine, run, comb, order);
+            let (_, mut contact) = excite(Wave::Displacement, machine, run, comb, order);
             for (g, roll) in contact.iter_mut().zip(rolled(machine, run, size as i64)) {
                 *g += roll / base_pitch;
             }
             (Vec::new(), contact)
         }
+    }
+}
+
+fn dof(site: Site) -> usize {
+    match site {
+        Site::Motor => MOTOR,
+        Site::Load => LOAD,
+        Site::Along(body) => PINION_Y + body,
     }
 }
 
@@ -110,110 +112,64 @@ struct Label {
     unit: &'static str,
 }
 
-fn whole(x: f64) -> bool {
-    x > 0.5 && (x - x.round()).abs() < 0.01
+/// Words for a sinusoid at `order` of the pinion, or at a fixed frequency (none).
+fn label(wave: Wave, order: Option<f64>, ratio: f64) -> Label {
+    let of = |per_turn: f64| order.is_some_and(|o| is_whole(o / per_turn));
+    let (pinion, gear) = (of(1.0), of(ratio));
+    let (hypothesis, named) = effect_of(wave, order, ratio);
+    let shaft = match wave {
+        Wave::BearingStiffness(body) if named => ["pinion", "gear"][body],
+        _ if pinion => "pinion",
+        _ if gear => "gear",
+        _ => "none",
+    };
+    let family = match order {
+        None => "fixed-frequency",
+        Some(_) if pinion || gear => "shaft-order",
+        Some(_) => "non-integer-order",
+    };
+    let plain =
+        format!("{} at {}", described(wave), if order.is_none() { "a fixed frequency" } else { "a fixed order" });
+    let plain = match wave {
+        Wave::Force { speed, torque, .. } => format!("{plain}, speed exponent {speed}, torque exponent {torque}"),
+        _ => plain,
+    };
+    let (name, claim) = if named { (hypothesis.name.into(), Claim::Named) } else { (plain.clone(), Claim::Generic) };
+    let (quantity, unit) = match wave {
+        Wave::Force { .. } if !named => ("amplitude", "SI"),
+        _ => (hypothesis.quantity, hypothesis.unit),
+    };
+    Label { name, plain, claim, family, shaft, quantity, unit }
 }
 
-fn label(seat: Seat, order: f64, ratio: f64, fixed: bool) -> Label {
-    let (pinion, gear) = (whole(order) && !fixed, whole(order / ratio) && !fixed);
-    let is = |o: f64, k: f64| !fixed && (o - k).abs() < 0.01;
-    let shaft = if fixed {
-        "none"
-    } else if pinion {
-        "pinion"
-    } else if gear {
-        "gear"
-    } else {
-        "none"
+/// What varies.
+fn described(wave: Wave) -> String {
+    let text = match wave {
+        Wave::Displacement | Wave::RollingDisplacement => "displacement error",
+        Wave::BearingStiffness(body) => {
+            return format!("bearing stiffness of the {} varying", ["pinion", "gear"][body]);
+        }
+        Wave::MeshStiffness => "mesh stiffness varying",
+        Wave::Position => "contact position varying",
+        Wave::Force { at: Site::Along(0), .. } => "radial force on the pinion",
+        Wave::Force { at: Site::Along(_), .. } => "radial force on the gear",
+        Wave::Force { at: Site::Motor, .. } => "torque on the motor",
+        Wave::Force { at: Site::Load, .. } => "torque on the load",
     };
-    let family = if fixed {
-        "fixed-frequency"
-    } else if pinion || gear {
-        "shaft-order"
-    } else {
-        "non-integer-order"
-    };
-    let where_to = if fixed { "a fixed frequency" } else { "a fixed order" };
-    let text = match seat {
-        Seat::Displacement | Seat::RollingDisplacement => format!("displacement error at {where_to}"),
-        Seat::BearingModulation(side) => {
-            format!("bearing stiffness of the {} varying at {where_to}", ["pinion", "gear"][side])
-        }
-        Seat::MeshModulation => format!("mesh stiffness varying at {where_to}"),
-        Seat::PositionModulation => format!("contact position varying at {where_to}"),
-        Seat::Force { dof, speed, torque } => {
-            let body = match dof {
-                PINION_Y => "radial force on the pinion",
-                GEAR_Y => "radial force on the gear",
-                MOTOR => "torque on the motor",
-                _ => "torque on the load",
-            };
-            format!("{body} at {where_to}, speed exponent {speed}, torque exponent {torque}")
-        }
-    };
-    let named = |name: &str, quantity, unit| {
-        let (name, plain) = (name.into(), text.clone());
-        Label { name, plain, claim: Claim::Named, family, shaft, quantity, unit }
-    };
-    let plain = |quantity, unit| {
-        let (name, plain) = (text.clone(), text.clone());
-        Label { name, plain, claim: Claim::Generic, family, shaft, quantity, unit }
-    };
-    match seat {
-        Seat::Displacement | Seat::RollingDisplacement if is(order, 1.0) => {
-            named("pinion-eccentricity", "amplitude", "m")
-        }
-        Seat::Displacement | Seat::RollingDisplacement if is(order, ratio) => {
-            named("gear-eccentricity", "amplitude", "m")
-        }
-        Seat::Displacement if (pinion || gear) && order > 3.5 => named("ghost-order", "amplitude", "m"),
-        Seat::Displacement | Seat::RollingDisplacement => plain("amplitude", "m"),
-        Seat::Force { dof: PINION_Y, speed: 2, .. } if is(order, 1.0) => named("pinion-imbalance", "unbalance", "kg m"),
-        Seat::Force { dof: GEAR_Y, speed: 2, .. } if is(order, ratio) => named("gear-imbalance", "unbalance", "kg m"),
-        Seat::Force { dof: PINION_Y, speed: 0, .. } if is(order, 2.0) => {
-            named("coupling-misalignment", "radial_force", "N")
-        }
-        Seat::Force { dof: GEAR_Y, speed: 0, .. } if is(order, 2.0 * ratio) => {
-            named("coupling-misalignment", "radial_force", "N")
-        }
-        Seat::Force { dof: MOTOR, speed: 0, torque: 1 } => named("torque-ripple", "share_of_torque", "1"),
-        Seat::Force { dof: MOTOR, speed: 0, torque: 0 } => named("torque-ripple", "torque", "N m"),
-        Seat::Force { dof: LOAD, speed: 0, torque: 1 } => named("load-fluctuation", "share_of_torque", "1"),
-        Seat::Force { dof: LOAD, speed: 0, torque: 0 } => named("load-fluctuation", "torque", "N m"),
-        Seat::BearingModulation(side) if family == "non-integer-order" => Label {
-            shaft: ["pinion", "gear"][side],
-            ..named("bearing-stiffness-modulation", "share_of_stiffness", "1")
-        },
-        Seat::BearingModulation(_) => plain("share_of_stiffness", "1"),
-        Seat::MeshModulation => plain("share_of_stiffness", "1"),
-        // At a whole order of a shaft the contact is carried by that shaft's geometry, not by its speed.
-        Seat::PositionModulation if pinion || gear => plain("contact_position", "base pitch"),
-        Seat::PositionModulation => named("speed-fluctuation", "contact_position", "base pitch"),
-        Seat::Force { .. } => plain("amplitude", "SI"),
-    }
+    text.into()
 }
 
-fn exponents(seat: Seat) -> [f64; 2] {
-    match seat {
-        Seat::Displacement | Seat::RollingDisplacement => [0.0, 0.0],
-        Seat::Force { speed, torque, .. } => [f64::from(speed), f64::from(torque)],
+fn exponents(wave: Wave) -> [f64; 2] {
+    match wave {
+        Wave::Displacement | Wave::RollingDisplacement => [0.0, 0.0],
+        Wave::Force { speed, torque, .. } => [f64::from(speed), f64::from(torque)],
         _ => [0.0, 1.0],
-    }
-}
-
-fn finite(seat: Seat, order: f64) -> Option<Finite> {
-    match seat {
-        Seat::RollingDisplacement => Some(Finite::RollingDisplacement { order }),
-        Seat::PositionModulation => Some(Finite::PositionModulation { order }),
-        Seat::BearingModulation(shaft) => Some(Finite::BearingModulation { shaft, order }),
-        Seat::MeshModulation => Some(Finite::MeshModulation { order }),
-        _ => None,
     }
 }
 
 /// Every excitation seated at `order` of the pinion.
 pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> {
-    seated(bench, 0..SEATS.len(), order, searched)
+    seated(bench, 0..waves().len(), order, searched)
 }
 
 /// A candidate of [`Tuning::Order`] at another order.
@@ -224,15 +180,15 @@ pub fn moved(bench: &Bench<'_>, candidate: &Candidate, seat: usize, order: f64) 
 
 fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched: f64) -> Vec<Candidate> {
     let machine = &bench.base.machine;
-    let list = &SEATS[seats.clone()];
+    let list = &waves()[seats.clone()];
     let responses = bench
-        .respond(|_| order, |run, comb| list.iter().map(|&seat| excite(seat, machine, run, comb, order)).collect());
+        .respond(|_| order, |run, comb| list.iter().map(|&wave| excite(wave, machine, run, comb, order)).collect());
     let free = Hunting::of(machine.teeth).freedom(&[order]) == Freedom::Phase;
     seats
         .zip(list)
         .zip(&responses)
-        .map(|((index, &seat), lines)| {
-            let l = label(seat, order, bench.ratio(), false);
+        .map(|((index, &wave), lines)| {
+            let l = label(wave, Some(order), bench.ratio());
             Candidate {
                 name: l.name,
                 plain: Some(l.plain),
@@ -243,8 +199,9 @@ fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched
                 parameters: vec![Parameter { name: l.quantity.into(), unit: l.unit, first: 0, complex: true }],
                 templates: quadrature(&bench.base.analyser, &bench.angles, lines).to_vec(),
                 searched,
-                exponents: exponents(seat),
-                finite: finite(seat, order),
+                exponents: exponents(wave),
+                hypothesis: Some(effect_of(wave, Some(order), bench.ratio()).0),
+                seat: Some(Seat::Wave(wave)),
                 pair_orders: vec![order],
                 tuning: free.then_some(Tuning::Order { seat: index }),
                 ..Candidate::default()
@@ -259,48 +216,38 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
     let machine = &base.machine;
     let hz = if found.modulation { found.at } else { refine(bench, data, fit, found.at) };
     let hz = line_frequency(hz, base.analyser.duration_s()).unwrap_or(hz);
-    let seats: Vec<Seat> = SEATS
+    let waves: Vec<Wave> = waves()
         .iter()
         .copied()
-        .filter(|s| matches!(s, Seat::Force { speed: 0, .. } | Seat::MeshModulation | Seat::PositionModulation))
+        .filter(|w| matches!(w, Wave::Force { speed: 0, .. } | Wave::MeshStiffness | Wave::Position))
         .collect();
     let mut responses = bench.respond(
         |run| hz / run.angle.shaft_hz,
-        |run, comb| seats.iter().map(|&s| excite(s, machine, run, comb, hz / run.angle.shaft_hz)).collect(),
+        |run, comb| waves.iter().map(|&w| excite(w, machine, run, comb, hz / run.angle.shaft_hz)).collect(),
     );
     // The offset angle only turns the free phase; templates are built with the run's own angle all the same.
     let mains = line_frequency(hz, base.analyser.duration_s()).is_some();
-    let mut labels: Vec<(Label, [f64; 2])> = seats
-        .iter()
-        .map(|&s| {
-            let mut l = label(s, 0.3, bench.ratio(), true);
-            l.claim = if matches!(s, Seat::Force { dof: MOTOR | LOAD, .. } | Seat::PositionModulation) {
-                l.claim
-            } else {
-                Claim::Generic
-            };
-            (l, exponents(s))
-        })
-        .collect();
+    let of = |&w: &Wave| (label(w, None, bench.ratio()), exponents(w), Some(Seat::Wave(w)));
+    let mut labels: Vec<(Label, [f64; 2], Option<Seat>)> = waves.iter().map(of).collect();
     let ratio = channel_pattern(bench, data, fit, hz);
     responses
         .push(base.runs.iter().map(|run| vec![Line { order: hz / run.angle.shaft_hz, amplitude: ratio }]).collect());
-    let (name, claim) =
-        if mains { ("mains-hum", Claim::Named) } else { ("additive tone at a fixed frequency", Claim::Generic) };
+    let line_tone = super::on_path(Path::LineTone);
+    let (name, claim) = if mains { (line_tone.name, Claim::Named) } else { (line_tone.plain, Claim::Generic) };
     let tone = Label {
         name: name.into(),
-        plain: "additive tone at a fixed frequency".into(),
+        plain: line_tone.plain.into(),
         claim,
         family: "fixed-frequency",
         shaft: "none",
-        quantity: "acceleration_of_the_larger_channel",
-        unit: "m/s2",
+        quantity: line_tone.quantity,
+        unit: line_tone.unit,
     };
-    labels.push((tone, [0.0, 0.0]));
+    labels.push((tone, [0.0, 0.0], None));
     labels
         .into_iter()
         .zip(&responses)
-        .map(|((l, exponents), lines)| {
+        .map(|((l, exponents, seat), lines)| {
             let pair = quadrature(&base.analyser, &bench.angles, lines);
             Candidate {
                 name: l.name,
@@ -313,6 +260,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
                 templates: (0..base.runs.len()).flat_map(|r| pair.each_ref().map(|t: &Template| t.only(r))).collect(),
                 searched: 2000.0,
                 exponents,
+                seat,
                 phase_free: true,
                 ..Candidate::default()
             }

@@ -3,10 +3,11 @@
 //! They act on whatever is measured, so their templates are made from the model's bins (linear paths) or from the measured signal itself
 //! (drift and curvature, whose products with noise average out).
 
-use super::Bench;
+use super::{Bench, on_path};
 use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning};
 use crate::closed_loop::least_squares::Data;
-use crate::model::harmonic_balance::Line;
+use crate::effects::hypothesis::Path;
+use crate::model::forward::Line;
 use crate::observation::spectrum::{BAND_HZ, Bins, REACH, sparse};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -29,6 +30,17 @@ fn path(
         searched: 2.0,
         exponents,
         ..Candidate::default()
+    }
+}
+
+/// The effect of the registry that changes a path so, with one real strength.
+fn named(change: Path, family: &'static str, template: Template, exponents: [f64; 2]) -> Candidate {
+    let hypothesis = on_path(change);
+    let parameters = parameter(hypothesis.quantity, hypothesis.unit);
+    Candidate {
+        plain: (!hypothesis.plain.is_empty()).then(|| hypothesis.plain.into()),
+        hypothesis: Some(hypothesis),
+        ..path(hypothesis.name, Claim::Named, family, parameters, vec![template], exponents)
     }
 }
 
@@ -101,32 +113,19 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
         ));
         let delay = best_delay(bench, data, fit, channel);
         let shifted = filtered(channel, &|f| C::cis(-TAU * f * delay) - 1.0);
-        let quantity = format!("share_of_a_delay_of_{:.2}_us", 1e6 * delay);
-        list.push(Candidate {
-            plain: Some("delay or all-pass in the path of a channel".into()),
-            searched: 100.0,
-            ..path("channel-delay", Claim::Named, "path", parameter(&quantity, "1"), vec![shifted], [0.0, 1.0])
-        });
+        let quantity = format!("{}_of_{:.2}_us", on_path(Path::Delay).quantity, 1e6 * delay);
+        let found = named(Path::Delay, "path", shifted, [0.0, 1.0]);
+        list.push(Candidate { searched: 100.0, parameters: parameter(&quantity, "1"), ..found });
         let drift = made(channel, &|i, x| x * (i as f64 / samples - 0.5));
-        list.push(path(
-            "thermal-drift",
-            Claim::Named,
-            "non-stationary",
-            parameter("gain_change_over_run", "1"),
-            vec![drift.clone()],
-            [0.0, 1.0],
-        ));
+        list.push(named(Path::Drift, "non-stationary", drift.clone(), [0.0, 1.0]));
         let bow = made(channel, &|i, x| x * ((i as f64 / samples - 0.5).powi(2) - 1.0 / 12.0));
         let name = format!("gain of the {who} changing within the runs");
         let two = parameters(&[("linear", "1"), ("quadratic", "1")]);
         list.push(path(&name, Claim::Generic, "non-stationary", two, vec![drift, bow], [0.0, 1.0]));
         let square = made(channel, &|_, x| x * x);
-        let name = "sensor-nonlinearity";
-        let one = parameter("quadratic", "s2/m");
-        list.push(path(name, Claim::Named, "path", one, vec![square.clone()], [0.0, 2.0]));
+        list.push(named(Path::Square, "path", square.clone(), [0.0, 2.0]));
         let cube = made(channel, &|_, x| x * x * x);
-        let one = parameter("cubic", "s4/m2");
-        list.push(path(name, Claim::Named, "path", one, vec![cube.clone()], [0.0, 3.0]));
+        list.push(named(Path::Cube, "path", cube.clone(), [0.0, 3.0]));
         let name = format!("response of the {who} not in proportion to the signal");
         let two = parameters(&[("quadratic", "s2/m"), ("cubic", "s4/m2")]);
         list.push(path(&name, Claim::Generic, "path", two, vec![square, cube], [0.0, 2.0]));
@@ -178,7 +177,7 @@ fn folded(bench: &Bench<'_>) -> Candidate {
             [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
         })
         .collect();
-    path("aliasing", Claim::Named, "path", parameter("share_folded", "1"), vec![Template { runs }], [0.0, 1.0])
+    named(Path::Folding, "path", Template { runs }, [0.0, 1.0])
 }
 
 /// Delay (s, within 200 us) of a channel that explains the residual best.
@@ -282,7 +281,7 @@ fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
 pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate {
     let duration = bench.base.analyser.duration_s();
     let response = |f: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
-    let templates = [C::ONE, C::I].map(|factor| Template {
+    let [in_phase, quadrature] = [C::ONE, C::I].map(|factor| Template {
         runs: bench
             .base
             .runs
@@ -299,13 +298,19 @@ pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate 
             })
             .collect(),
     });
+    let hypothesis = on_path(Path::Mode);
     Candidate {
         frequency_hz: Some(f0),
         searched: 900.0,
-        plain: Some("fixed-frequency mode in the path of a channel".into()),
+        templates: vec![in_phase.clone(), quadrature],
         tuning: Some(Tuning::Mode { channel, f0, zeta }),
-        parameters: vec![Parameter { name: "gain".into(), unit: "1", first: 0, complex: true }],
-        ..path("transfer-path-resonance", Claim::Named, "path", Vec::new(), templates.to_vec(), [0.0, 1.0])
+        parameters: vec![Parameter {
+            name: hypothesis.quantity.into(),
+            unit: hypothesis.unit,
+            first: 0,
+            complex: true,
+        }],
+        ..named(Path::Mode, "path", in_phase, [0.0, 1.0])
     }
 }
 

@@ -6,26 +6,21 @@
 
 use super::Bench;
 use crate::closed_loop::base_fit::Base;
-use crate::closed_loop::candidate::{Candidate, Claim, Finite, Parameter, Template, quadrature};
+use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, quadrature};
 use crate::closed_loop::judge::Split;
 use crate::closed_loop::least_squares::{Column, Data, normal};
 use crate::closed_loop::start::{Start, relative};
+use crate::effects::hypotheses;
+use crate::effects::hypothesis::{Hypothesis, Seat, Tooth};
 use crate::machine::Hunting;
-use crate::model::harmonic_balance::Line;
+use crate::model::forward::Line;
 use crate::observation::spectrum::sparse;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
-/// Kinds of tooth effect.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Displacement,
-    StiffnessLoss,
-}
-
 struct Families {
-    kind: Kind,
+    kind: Tooth,
     shaft: usize,
     /// Family 0: the mesh orders' share of one tooth.
     mesh: Template,
@@ -76,7 +71,7 @@ impl ToothFamilies {
                     kinds
                 })
                 .collect();
-            for (index, kind) in [Kind::Displacement, Kind::StiffnessLoss].into_iter().enumerate() {
+            for (index, kind) in [Tooth::Displaced, Tooth::Softened].into_iter().enumerate() {
                 let mut pairs: Vec<[Template; 2]> =
                     lines.par_iter().map(|family| quadrature(&base.analyser, angles, &family[index])).collect();
                 let [mesh, _] = pairs.remove(0);
@@ -97,52 +92,44 @@ impl ToothFamilies {
         for families in &self.all {
             let z = bench.base.machine.teeth[families.shaft];
             let shaft = ["pinion", "gear"][families.shaft];
-            let (single, unit, quantity) = match families.kind {
-                Kind::Displacement => (format!("{shaft}-pitch-error"), "m", "single_tooth_offset"),
-                Kind::StiffnessLoss => (format!("{shaft}-tooth-crack"), "1", "stiffness_loss"),
-            };
+            let single = one_tooth(families.shaft, families.kind);
             let order = if families.shaft == 0 { 1.0 } else { bench.ratio() };
-            let exponents = if families.kind == Kind::Displacement { [0.0, 0.0] } else { [0.0, 1.0] };
+            let exponents = if families.kind == Tooth::Displaced { [0.0, 0.0] } else { [0.0, 1.0] };
             let likeness = families.likeness(z, data);
             let mut starts = vec![likeness.best(&split.fit, Start::Counted, teeth)];
             if families.shaft == 1 && hunting.turns > 1 {
                 starts.push(likeness.best_started(&split.fit, teeth, hunting));
                 starts.extend(turns.map(|t| likeness.best(&split.fit, Start::Given(t.to_vec()), teeth)));
             }
-            list.extend(starts.into_iter().map(|(tooth, start)| {
-                Candidate {
-                    name: single.clone(),
-                    claim: Claim::Named,
-                    family: "shaft-order",
-                    shaft,
-                    order: Some(order),
-                    parameters: vec![Parameter {
-                        name: format!("{quantity} of tooth {tooth}"),
-                        unit,
-                        first: 0,
-                        complex: false,
-                    }],
-                    templates: vec![families.tooth(
-                        |run| seen_as(tooth, &start, run, teeth),
-                        z,
-                        bench.base.analyser.bins,
-                    )],
-                    searched: f64::from(z),
-                    exponents,
-                    finite: (families.kind == Kind::StiffnessLoss)
-                        .then_some(Finite::Crack { shaft: families.shaft, tooth: tooth as usize }),
-                    start,
-                    ..Candidate::default()
-                }
+            list.extend(starts.into_iter().map(|(tooth, start)| Candidate {
+                name: single.name.into(),
+                claim: Claim::Named,
+                family: "shaft-order",
+                shaft,
+                order: Some(order),
+                parameters: vec![Parameter {
+                    name: format!("{} of tooth {tooth}", single.quantity),
+                    unit: single.unit,
+                    first: 0,
+                    complex: false,
+                }],
+                templates: vec![families.tooth(|run| seen_as(tooth, &start, run, teeth), z, bench.base.analyser.bins)],
+                searched: f64::from(z),
+                exponents,
+                hypothesis: Some(single),
+                seat: Some(Seat::OneTooth(families.shaft, families.kind)),
+                tooth: Some(tooth),
+                start,
+                ..Candidate::default()
             }));
             let (name, claim) = match families.kind {
-                Kind::Displacement => (format!("{shaft}-pitch-error"), Claim::Named),
-                Kind::StiffnessLoss => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
+                Tooth::Displaced => (every_tooth(families.shaft).name.into(), Claim::Named),
+                Tooth::Softened => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
             };
             let parameters = (0..families.pairs.len())
                 .map(|m| Parameter {
                     name: format!("tooth_table_harmonic_{}", m + 1),
-                    unit,
+                    unit: single.unit,
                     first: 2 * m,
                     complex: true,
                 })
@@ -156,14 +143,27 @@ impl ToothFamilies {
                 parameters,
                 templates: families.pairs.iter().flatten().cloned().collect(),
                 exponents,
+                hypothesis: (families.kind == Tooth::Displaced).then(|| every_tooth(families.shaft)),
                 pair_orders: (1..=families.pairs.len()).map(|m| m as f64 * order).collect(),
-                plain: (families.kind == Kind::Displacement)
-                    .then(|| format!("displacement error repeating with every {shaft} turn")),
+                plain: (families.kind == Tooth::Displaced).then(|| every_tooth(families.shaft).plain.into()),
                 ..Candidate::default()
             });
         }
         list
     }
+}
+
+/// The effect of the registry that sits on one tooth of a body.
+fn one_tooth(body: usize, kind: Tooth) -> &'static Hypothesis {
+    let own = |h: &&Hypothesis| matches!(h.seats, [Seat::OneTooth(b, k)] if *b == body && *k == kind);
+    hypotheses().find(own).expect("an effect sits on one tooth")
+}
+
+/// The effect of the registry that displaces every tooth of a body.
+fn every_tooth(body: usize) -> &'static Hypothesis {
+    hypotheses()
+        .find(|h| matches!(h.seats, [Seat::EveryTooth(b)] if *b == body))
+        .expect("an effect displaces every tooth")
 }
 
 impl Families {
