@@ -126,13 +126,7 @@ impl Scene {
 /// Channels that move: those to search on (every second of four or more), then the others.
 fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usize)> {
     let names = &record.declaration.acquisition.channels;
-    let moves = |c: usize| {
-        record.runs.iter().all(|run| {
-            let mut codes = run.codes().iter().skip(c).step_by(run.channels());
-            let first = codes.next();
-            codes.any(|code| Some(code) != first)
-        })
-    };
+    let moves = |c: usize| record.runs.iter().all(|run| run.moves(c));
     let (moving, still): (Vec<usize>, Vec<usize>) = (0..names.len()).partition(|&c| moves(c));
     notes.extend(
         still.iter().map(|&c| format!("channel {c} ({}) does not move and is left out", crate::text::name(&names[c]))),
