@@ -107,26 +107,9 @@ enum SourceUnit {
 
 /// Imports the files, writes the record, prints what was found.
 pub fn run(args: Args) -> Result<()> {
-    let teeth = match args.teeth.as_deref() {
-        None => None,
-        Some(&[pinion, gear]) => Some([pinion, gear]),
-        Some(other) => {
-            return Err(Error::invalid("--teeth", format!("needs two counts as 23,46, not {}", other.len())));
-        }
-    };
-    if let Some(teeth) = teeth
-        && teeth.iter().any(|z| !(5..=1000).contains(z))
-    {
-        return Err(Error::invalid("--teeth", format!("{},{} are not tooth counts (5 to 1000)", teeth[0], teeth[1])));
-    }
     let machine = args.machine.as_deref().map(Machine::read).transpose()?;
-    let teeth = import::teeth(machine.as_ref(), teeth)?;
-    let (mesh_guess_hz, mesh_range_hz) = match args.mesh[..] {
-        [] => (None, None),
-        [guess] => (Some(guess), None),
-        [from, to] => (None, Some([from, to])),
-        _ => return Err(Error::invalid("--mesh", "needs one frequency, or a range as 350,720")),
-    };
+    let teeth = import::teeth(machine.as_ref(), given_teeth(args.teeth.as_deref())?)?;
+    let (mesh_guess_hz, mesh_range_hz) = mesh(&args.mesh)?;
     let measured = args.tach.options()?;
     let name = args.output.file_name().map_or_else(|| "import".into(), |name| name.to_string_lossy().into_owned());
     let options = ImportOptions {
@@ -166,6 +149,33 @@ pub fn run(args: Args) -> Result<()> {
     record.write_to(folder)?;
     files.write(&summary, || report(&options.title, &record, &summary))?;
     print(&summary)
+}
+
+/// Tooth counts as given.
+fn given_teeth(given: Option<&[u32]>) -> Result<Option<[u32; 2]>> {
+    let teeth = match given {
+        None => None,
+        Some(&[pinion, gear]) => Some([pinion, gear]),
+        Some(other) => {
+            return Err(Error::invalid("--teeth", format!("needs two counts as 23,46, not {}", other.len())));
+        }
+    };
+    if let Some(teeth) = teeth
+        && teeth.iter().any(|z| !(5..=1000).contains(z))
+    {
+        return Err(Error::invalid("--teeth", format!("{},{} are not tooth counts (5 to 1000)", teeth[0], teeth[1])));
+    }
+    Ok(teeth)
+}
+
+/// A guess of the mesh frequency, or a range.
+fn mesh(given: &[f64]) -> Result<(Option<f64>, Option<[f64; 2]>)> {
+    match *given {
+        [] => Ok((None, None)),
+        [guess] => Ok((Some(guess), None)),
+        [from, to] => Ok((None, Some([from, to]))),
+        _ => Err(Error::invalid("--mesh", "needs one frequency, or a range as 350,720")),
+    }
 }
 
 /// Full scales from a list, or from a file of that name.

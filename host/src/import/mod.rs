@@ -14,6 +14,7 @@ mod hdf5;
 mod lines;
 mod mat;
 mod mesh_line;
+mod quality;
 mod quantisation;
 mod record;
 pub mod tach;

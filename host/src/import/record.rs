@@ -155,9 +155,7 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     declared::shares(files, &mut sources, options)?;
     let mut remarks: Vec<String> = Vec::new();
     let rate_hz = rate(files, &sources, options, &mut remarks)?;
-    if let Some(full_scale) = options.full_scale.filter(|x| !(x.is_finite() && *x > 0.0)) {
-        return Err(Error::invalid("--full-scale", format!("{full_scale} is not a positive number")));
-    }
+    check_full_scale(options)?;
     for (file, source) in files.iter().zip(&sources) {
         remarks.extend(source.remarks.iter().map(|remark| format!("{}: {remark}", short(file))));
     }
@@ -211,6 +209,13 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     let (mut declaration, folder) = declared::declaration(options, acquisition, tach)?;
     declaration.runs = made.iter().map(|run| run.declaration.clone()).collect();
     Ok((Record { folder, declaration, runs: made }, summary))
+}
+
+fn check_full_scale(options: &ImportOptions) -> Result<()> {
+    match options.full_scale.filter(|x| !(x.is_finite() && *x > 0.0)) {
+        Some(full_scale) => Err(Error::invalid("--full-scale", format!("{full_scale} is not a positive number"))),
+        None => Ok(()),
+    }
 }
 
 fn read_all(files: &[PathBuf], options: &ImportOptions) -> Result<Vec<Columns>> {

@@ -31,18 +31,18 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Columns> {
         let refuse = |line: usize, what: &str| Error::invalid(format!("{}:{}", path.display(), line + 1), what);
         let Some(kind) = lines.next(path)? else { return Err(refuse(start, "dataset has no end")) };
         let found = match kind.trim() {
-            "58" => Some(dataset(kind, &lines.to_end(path, start)?)),
+            "58" => Some(dataset(kind, &lines.until_end(path, start)?)),
             head if head.starts_with("58b") => {
                 let head_lines =
                     (1..HEADER_LINES).map_while(|_| lines.next(path).transpose()).collect::<Result<Vec<_>>>()?;
                 let found = binary(head, &head_lines, &mut lines);
                 if found.is_ok() {
-                    lines.to_end(path, start)?;
+                    lines.until_end(path, start)?;
                 }
                 Some(found)
             }
             _ => {
-                lines.to_end(path, start)?;
+                lines.until_end(path, start)?;
                 skipped += 1;
                 None
             }
@@ -88,7 +88,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Lines up to the one that ends the dataset.
-    fn to_end(&mut self, path: &Path, start: usize) -> Result<Vec<&'a str>> {
+    fn until_end(&mut self, path: &Path, start: usize) -> Result<Vec<&'a str>> {
         let mut own = Vec::new();
         while let Some(line) = self.next(path)? {
             if line.trim() == "-1" {
