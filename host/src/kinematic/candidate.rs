@@ -162,14 +162,11 @@ pub fn moved_order(place: &Place, moved: f64, bin: f64) -> f64 {
     place.order + moved.signum() * (moved.abs() * place.spacing.abs()).max(least)
 }
 
+/// What is made of the reading at a place, in a run and channel.
+pub type Change<'a> = dyn Fn(&Place, (usize, usize), Reading) -> Reading + 'a;
+
 /// Score at one level; `change` may alter a reading (an injected line).
-pub fn at_level(
-    candidate: &Candidate,
-    field: &Field,
-    moved: f64,
-    level: usize,
-    change: &dyn Fn(&Place, (usize, usize), Reading) -> Reading,
-) -> Score {
+pub fn at_level(candidate: &Candidate, field: &Field, moved: f64, level: usize, change: &Change) -> Score {
     let spectra = field.spectra;
     let bins: Vec<f64> = (0..=level).map(|l| spectra.bin(l)).collect();
     let reach = usize::from(!candidate.locked);

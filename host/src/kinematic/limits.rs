@@ -15,7 +15,6 @@ use super::outcome::Limit;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::{Adopted, Search, context, field};
-use crate::analysis::lines::WINDOW;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -109,13 +108,13 @@ fn limit(
 
 /// Amplitude of the mesh line that a strength is a share of, by run, channel and place.
 fn paths(scene: &Scene, baseline: &Baseline, candidate: &Candidate, beside_mesh: bool) -> Vec<Vec<Vec<f64>>> {
-    let of = |run: usize, channel: usize, place: &Place| match beside_mesh {
-        true => baseline.nearest_mesh(scene, run, channel, place.order),
-        false => baseline.strongest_mesh(scene, run, channel),
-    };
     let of_channel = |run: usize, channel: usize| -> Vec<f64> {
         if beside_mesh {
-            return candidate.places.iter().map(|place| of(run, channel, place)).collect();
+            return candidate
+                .places
+                .iter()
+                .map(|place| baseline.nearest_mesh(scene, run, channel, place.order))
+                .collect();
         }
         vec![baseline.strongest_mesh(scene, run, channel); candidate.places.len()]
     };
@@ -157,9 +156,4 @@ fn weakest(
         if passes(middle) { high = middle } else { low = middle }
     }
     Some(WEAKEST * 2.0_f64.powf(0.25 * f64::from(high)))
-}
-
-/// Noise bandwidth of the window, for tests of the injection's scale.
-pub fn noise_bins() -> f64 {
-    WINDOW.enbw_bins()
 }

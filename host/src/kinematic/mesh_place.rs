@@ -16,6 +16,8 @@ const MOST_TEETH: i32 = 4;
 const WIDEST_CLOCK: f64 = 0.02;
 /// Logarithm of the Bayes factor by which another place must exceed the declared one's.
 const CLEARLY: f64 = 15.0;
+/// Share of the other place's score from which the declared comb is the mesh and the other its sidebands.
+const SIDEBANDS: f64 = 0.5;
 /// Logarithm of the Bayes factor below which there is no mesh.
 const LEAST: f64 = 5.0;
 
@@ -33,7 +35,8 @@ pub fn finding(scene: &Scene) -> Option<String> {
     let best = |a: (f64, f64), b: (f64, f64)| if b.1 > a.1 { b } else { a };
     let by_teeth = teeth.map(|(order, _)| (order, comb(&spectra, order))).fold((z, f64::NEG_INFINITY), best);
     let by_clock = clocks.filter(far).map(|order| (order, comb(&spectra, order))).fold((z, f64::NEG_INFINITY), best);
-    if by_teeth.1.max(by_clock.1) > declared.max(0.0) + CLEARLY && !sidebands_of(&spectra, z, declared) {
+    let other = by_teeth.1.max(by_clock.1);
+    if other > declared.max(0.0) + CLEARLY && declared < SIDEBANDS * other {
         return Some(if by_teeth.1 + CLEARLY > by_clock.1 {
             format!("the mesh does not stand at {z:.0} x speed but as {:.0} teeth would have it", by_teeth.0)
         } else {
@@ -42,11 +45,6 @@ pub fn finding(scene: &Scene) -> Option<String> {
     }
     (declared < LEAST)
         .then(|| format!("no mesh line stands at {z:.0} x speed or near it: tach, teeth or channels are wrong"))
-}
-
-/// Whether the declared comb stands so well that a stronger neighbour is its sideband.
-fn sidebands_of(_: &Spectra, _: f64, declared: f64) -> bool {
-    declared > 100.0
 }
 
 fn comb(spectra: &Spectra, order: f64) -> f64 {

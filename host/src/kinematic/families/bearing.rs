@@ -97,7 +97,7 @@ pub fn read(bases: &[f64], gear_order: f64) -> Option<Bearing> {
             }
         }
     }
-    let most = all.iter().map(|b| distinct_parts(b)).max()?;
+    let most = all.iter().map(distinct_parts).max()?;
     all.retain(|b| distinct_parts(b) == most);
     all.sort_by(|a, b| a.worst.total_cmp(&b.worst));
     let best = all.first()?.clone();

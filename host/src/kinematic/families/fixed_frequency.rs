@@ -66,6 +66,6 @@ pub fn swept_bins(context: &Context, hz: f64) -> f64 {
 pub fn supply_hz(hz: f64) -> Option<f64> {
     SUPPLIES_HZ.into_iter().find(|supply| {
         let n = (hz / supply).round();
-        n >= 1.0 && n <= 6.0 && (hz / n / supply - 1.0).abs() < STRAYS
+        (1.0..=6.0).contains(&n) && (hz / n / supply - 1.0).abs() < STRAYS
     })
 }

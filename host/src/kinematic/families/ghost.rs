@@ -25,7 +25,7 @@ fn of_shaft(context: &Context, shaft: Shaft) -> Vec<Candidate> {
         let k = (order / z).round();
         k >= 1.0 && (order - k * z).abs() < BESIDE * own
     };
-    let fits = |order: &f64| !beside_mesh(*order) && !(shaft == Shaft::Gear && context.on_pinion(*order));
+    let fits = |order: &f64| !(beside_mesh(*order) || shaft == Shaft::Gear && context.on_pinion(*order));
     (1..=(scene.highest_order / own) as usize)
         .map(|n| (n, n as f64 * own))
         .filter(|(n, order)| *n as f64 > LOWEST && fits(order))

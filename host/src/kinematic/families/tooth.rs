@@ -29,7 +29,7 @@ pub fn candidate(context: &Context, shaft: Shaft) -> Candidate {
     let own = scene.shaft_order(shaft as usize);
     let places = (1..=(scene.highest_order / own) as usize)
         .map(|n| (n, n as f64 * own))
-        .filter(|(_, order)| !context.on_mesh(*order) && !(shaft == Shaft::Gear && context.on_pinion(*order)))
+        .filter(|(_, order)| !(context.on_mesh(*order) || shaft == Shaft::Gear && context.on_pinion(*order)))
         .map(|(n, order)| Place { order, spacing: own, label: format!("{n} {}", shaft.word()) });
     Candidate {
         kind: Kind::Pattern(shaft),
