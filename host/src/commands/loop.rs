@@ -78,6 +78,10 @@ pub fn run(args: Args) -> Result<()> {
     let preflight = Preflight::of(&files);
     let place = files.folder.join("record.toml").display().to_string();
     if preflight.level(args.level.map(Into::into), &place)? == preflight::Level::Kinematic {
+        if preflight.lacks_only_speeds() {
+            // A machine that is declared wrongly is refused, not passed over.
+            input::view(&files)?;
+        }
         return run_kinematic(&args, &files, &preflight, &mut written);
     }
     let record = input::view(&files)?;

@@ -8,6 +8,8 @@ use crate::record::Record;
 use crate::{Error, Result};
 use serde::Serialize;
 
+/// How the sentence on missing speeds begins.
+const FEW_SPEEDS: &str = "runs at";
 /// Speeds that the dynamic level needs.
 const SPEEDS: usize = 3;
 /// Relative distance of mean speeds that are two.
@@ -64,6 +66,11 @@ impl Preflight {
             None if self.for_dynamic.is_empty() => Ok(Level::Dynamic),
             None => Ok(Level::Kinematic),
         }
+    }
+
+    /// Whether speeds are all that the dynamic level lacks: the rest is declared, and has to be right.
+    pub fn lacks_only_speeds(&self) -> bool {
+        self.for_dynamic.iter().all(|missing| missing.starts_with(FEW_SPEEDS))
     }
 
     fn kinematic(&mut self, record: &Record) {
@@ -136,7 +143,10 @@ impl Preflight {
         let apart = |w: &&[f64]| w[1] > w[0] * (1.0 + APART);
         let count = speeds.len().min(1) + speeds.windows(2).filter(apart).count();
         if count < SPEEDS {
-            missing.push(format!("runs at {SPEEDS} speeds (there {} {count})", if count == 1 { "is" } else { "are" }));
+            missing.push(format!(
+                "{FEW_SPEEDS} {SPEEDS} speeds (there {} {count})",
+                if count == 1 { "is" } else { "are" }
+            ));
         }
     }
 }

@@ -128,7 +128,8 @@ pub fn judged(outcome: &Outcome) -> Table {
 
 /// What would have been found.
 pub fn limits(outcome: &Outcome) -> Table {
-    let percent = |x: Option<f64>| x.map_or("not below 6.5 times".into(), |x| format!("{:.3} %", 100.0 * x));
+    let percent =
+        |x: Option<f64>| x.map_or("lines taken, or not below 6.5 times".into(), |x| format!("{:.3} %", 100.0 * x));
     let row = |l: &super::outcome::Limit| {
         vec![l.family.clone(), percent(l.found_in_half), percent(l.found_in_90_percent), l.unit.clone()]
     };
