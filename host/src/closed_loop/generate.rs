@@ -1,8 +1,8 @@
 //! Synthetic records with known contents, for training and proof of the loop.
 //!
-//! The simulator's own effects, given as on the command line, on the machine integrated in fixed steps ([`fixed_step`]); nothing of the harmonic
+//! The simulator's own effects, given as on the command line, on the machine integrated in fixed steps ([`crate::model::fixed_step`]); nothing of the harmonic
 //! balance's solution is shared. Noise first, then what the effects do to the measuring chain, the converter's steps last. Cost: about 0.2 s
-//! per run of 2 s. Limits: those of [`fixed_step`], and one pulse per turn.
+//! per run of 2 s. Limits: those of [`crate::model::fixed_step`], and one pulse per turn.
 
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Sampled;

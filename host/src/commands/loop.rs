@@ -77,15 +77,24 @@ pub fn run(args: Args) -> Result<()> {
     let files = Record::read(&args.record)?;
     let preflight = Preflight::of(&files);
     let place = files.folder.join("record.toml").display().to_string();
-    if preflight.level(args.level.map(Into::into), &place)? == preflight::Level::Kinematic {
+    let level = preflight.level(args.level.map(Into::into), &place)?;
+    // What the correction would write is checked first, whatever the level.
+    let correction = match &args.apply {
+        Some(path) if files.declaration.has_machine() => Some(Correction::announce(path, &files, &mut outputs)?),
+        Some(_) => return Err(nothing_to_correct(&preflight)),
+        None => None,
+    };
+    if level == preflight::Level::Kinematic {
         if preflight.lacks_only_speeds() {
             // A machine that is declared wrongly is refused, not passed over.
             input::view(&files)?;
         }
+        if correction.is_some() {
+            return Err(nothing_to_correct(&preflight));
+        }
         return run_kinematic(&args, &files, &preflight, &mut written);
     }
     let record = input::view(&files)?;
-    let correction = args.apply.as_ref().map(|path| Correction::announce(path, &files, &mut outputs)).transpose()?;
     refuse_unusable(&record, &mut written)?;
     let options = Options { seed: args.seed, progress: true, ..Options::default() };
     let mut outcome = close_loop(&record, &options)?;
@@ -111,15 +120,14 @@ pub fn run(args: Args) -> Result<()> {
     made.failed.map_or(Ok(()), Err)
 }
 
+/// Why `--apply` is refused at the kinematic level.
+fn nothing_to_correct(preflight: &Preflight) -> Error {
+    let missing = preflight.for_dynamic.join("; ");
+    Error::invalid("--apply", format!("corrects a machine, which the kinematic level has not; missing: {missing}"))
+}
+
 /// The kinematic level: families of lines in what the mesh leaves.
 fn run_kinematic(args: &Args, record: &Record, preflight: &Preflight, written: &mut Announced) -> Result<()> {
-    if args.apply.is_some() {
-        let what = format!(
-            "corrects a machine, which the kinematic level has not; missing: {}",
-            preflight.for_dynamic.join("; ")
-        );
-        return Err(Error::invalid("--apply", what));
-    }
     let mut outcome = kinematic::run(record, preflight)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();

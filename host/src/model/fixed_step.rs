@@ -1,7 +1,7 @@
 //! The declared machine with the workbench's effects, integrated in fixed steps: many short simulations of a table-driven mesh.
 //!
 //! The Taylor solver stops at every row of a stiffness table, 1300 times per mesh period with 800 rows: 10 s for a run of 2 s with
-//! an eccentricity. Here effects are asked once per block of [`STEPS`] steps for their Taylor series, as the Taylor solver asks them, the series are
+//! an eccentricity. Here effects are asked once per block of a few steps for their Taylor series, as the Taylor solver asks them, the series are
 //! sampled at the nodes of a classical Runge-Kutta step, and the table is looked up there. The equations are the
 //! harmonic balance's (rotations of four bodies, two translations along the line of action); what acts across that line is left out, as nothing
 //! of it reaches the channels. Decimation by a linear-phase Kaiser filter flat to 15 kHz, delay removed.

@@ -2,7 +2,7 @@
 //!
 //! Most effects are forces or displacements of a linear machine and exactly proportional to their strength. A cracked tooth, a
 //! modulated stiffness and contacts carried along their path are not: at a strength that anybody would call a fault the first-order template leaves
-//! a few percent, which then passes for another law. Here the declared equations are integrated ([`fixed_step`]) with and without the simulator's own
+//! a few percent, which then passes for another law. Here the declared equations are integrated ([`crate::model::fixed_step`]) with and without the simulator's own
 //! effect, as the hypothesis carries its unknowns to it; the templates are bent so that at the strength `x` they give that
 //! difference (a secant). Cost: a time integration per run.
 

@@ -1,6 +1,6 @@
 //! A law from the machine itself: `meshband law learn` measures the bandwidth over the speeds of a record.
 //!
-//! A record of several speeds, or of a run-up, is cut into stretches of nearly constant speed ([`stretches`]). In each, engagement edges are timed
+//! A record of several speeds, or of a run-up, is cut into stretches of nearly constant speed ([`mod@stretches`]). In each, engagement edges are timed
 //! by the node's own estimator where they can be ([`timed`]), which is what a simulated law holds; behind a housing they mostly cannot, and the
 //! frequency below which 99 % of the power locked to the shaft lies ([`occupied`]) is measured instead. One law is of one kind: the two differ by
 //! their definition. Stretches of like speed make a knot with its standard error.
