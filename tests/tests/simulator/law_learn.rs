@@ -108,8 +108,8 @@ fn ref_edges_of_a_simulated_machine_give_its_simulated_law() {
         Machine::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/paper-rig.toml")).expect("reads");
     let bench = Bench::new(&machine).expect("a bench");
     let torque_n_m = machine.nominal.expect("declared").torque_n_m;
-    let speeds = [6.0, 8.0, 10.0];
-    let rate_hz = 600_000.0;
+    let speeds = [8.0, 10.0, 12.0];
+    let rate_hz = 800_000.0;
     let runs: Vec<_> = speeds
         .iter()
         .map(|&speed_hz| {
@@ -136,7 +136,7 @@ fn ref_edges_of_a_simulated_machine_give_its_simulated_law() {
             "{speed} turns/s: {measured_hz:.0} Hz measured, {law_hz:.0} Hz simulated, standard error {:.2} %",
             100.0 * error
         );
-        assert!((measured_hz / law_hz - 1.0).abs() < 0.03, "{measured_hz} of {law_hz} at {speed}");
+        assert!((measured_hz / law_hz - 1.0).abs() < 0.04, "{measured_hz} of {law_hz} at {speed}");
     }
 }
 
