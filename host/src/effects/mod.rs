@@ -36,6 +36,7 @@ mod torque_ripple;
 mod transfer_path;
 mod transfer_path_resonance;
 mod wear;
+mod wobble;
 
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Facts;
@@ -44,7 +45,8 @@ use hypothesis::{Hidden, Hypothesis};
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Every known effect; those of the measuring chain are applied in the order the caller gives them.
+/// Every known effect; those of the measuring chain are applied in the order the caller gives them. Of effects with the same seat
+/// the first describes what stands elsewhere than at its own place.
 pub const REGISTRY: &[&Entry] = &[
     &eccentricity::ENTRY,
     &pitch_error::ENTRY,
@@ -54,6 +56,7 @@ pub const REGISTRY: &[&Entry] = &[
     &ghost_order::ENTRY,
     &tooth_crack::ENTRY,
     &mesh_stiffness_modulation::ENTRY,
+    &wobble::ENTRY,
     &friction::ENTRY,
     &backlash::ENTRY,
     &imbalance::ENTRY,

@@ -85,6 +85,14 @@ fn loop_names_a_strong_rolling_eccentricity_and_a_strong_crack() {
 }
 
 #[test]
+fn loop_names_a_wobbling_gear() {
+    let found = outcome(&["wobble:ratio=0.3,phase=0.4,gear=1"], 45);
+    let wobble = only_named(&found, "gear-wobble");
+    // Once per turn the stiffness varies by half the ratio of the slopes.
+    assert!((value(wobble, "share_of_stiffness") / 0.15 - 1.0).abs() < 0.03);
+}
+
+#[test]
 fn loop_fits_two_eccentricities_whose_product_matters_together() {
     // Alone on the declared machine either comes out a third too small.
     let both = ["eccentricity:amplitude=60e-6,phase=1.1", "eccentricity:amplitude=60e-6,phase=0.3,gear=1"];

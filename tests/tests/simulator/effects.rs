@@ -112,6 +112,12 @@ fn theory_pitch_errors_fill_the_shaft_harmonics_unevenly() {
 }
 
 #[test]
+fn theory_a_wobbling_face_puts_sidebands_of_its_shaft_and_its_double_beside_the_mesh() {
+    appears("wobble:ratio=0.5", &[180.0, 200.0, 170.0, 210.0]);
+    only_on("wobble:ratio=0.5", 10.0);
+}
+
+#[test]
 fn theory_errors_alike_on_all_teeth_change_mesh_harmonics_only() {
     for effect in ["profile-error:first=1e-6", "tip-relief:amount=5e-6", "tip-relief:amount=5e-6,exponent=2", "wear"] {
         // 190 Hz has no whole number of samples; no line may stand between the mesh harmonics.
@@ -166,6 +172,7 @@ fn theory_load_effects_grow_with_torque() {
         "coupling-misalignment:force=0,torque=0.1",
         "bearing-stiffness-modulation:order=3.5",
         "speed-fluctuation:frequency=3",
+        "wobble:ratio=0.5",
     ] {
         let (one, two) = (added(&rig, effect, 10.0, 15.0), added(&rig, effect, 10.0, 30.0));
         let doubled: Vec<f64> = one.iter().map(|x| 2.0 * x).collect();
