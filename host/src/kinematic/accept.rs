@@ -24,6 +24,9 @@ pub const FAMILIES: f64 = 14.0;
 /// Largest probability of a false family in the search.
 pub const FALSE_ALARM: f64 = 0.01;
 
+/// Least probability stated; smaller ones are this.
+pub const LEAST_CHANCE: f64 = 1e-300;
+
 /// What the moved copies say.
 #[derive(Debug, Clone, Serialize)]
 pub struct Surrogates {
@@ -64,7 +67,7 @@ impl Surrogates {
     fn chance(&self, own: f64) -> f64 {
         let tail = 0.5 * (-(own - self.median) / self.slope).exp();
         let counted = self.as_high as f64 / self.copies.max(1) as f64;
-        (FAMILIES * tail.max(counted)).min(1.0)
+        (FAMILIES * tail.max(counted)).clamp(LEAST_CHANCE, 1.0)
     }
 
     /// Least score that passes this condition.

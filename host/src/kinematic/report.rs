@@ -94,7 +94,7 @@ fn family(page: Report, effect: &Effect) -> Report {
         vec!["order of the pinion".into(), effect.order_of_pinion.map_or("-".into(), |o| format!("{o:.4}"))],
         vec!["frequency, Hz".into(), effect.frequency_hz.map_or("-".into(), |f| format!("{f:.3}"))],
         vec!["evidence, nats".into(), format!("{:.1}", v.ln_bayes)],
-        vec!["chance in the whole search".into(), format!("{:.1e}", v.p_value)],
+        vec!["chance in the whole search".into(), super::view::chance(v.p_value)],
         vec![
             format!("held-out gain as {}, % of the power", effect.predicts),
             format!("{:.3}", 100.0 * v.held_out_gain),

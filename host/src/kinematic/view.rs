@@ -1,5 +1,6 @@
 //! The answer in words: level and headline first, then errors, families, limits, what is left.
 
+use super::accept::LEAST_CHANCE;
 use super::outcome::{Effect, Outcome};
 use crate::terminal;
 
@@ -82,6 +83,11 @@ pub fn channels(outcome: &Outcome) -> Table {
     (vec!["channel", "", "declared", "calibrated", "corrected", "noise floor", "unexplained share of power"], rows)
 }
 
+/// A probability, never as zero.
+pub fn chance(p: f64) -> String {
+    if p <= LEAST_CHANCE { format!("below {LEAST_CHANCE:e}") } else { format!("{p:.1e}") }
+}
+
 fn of_effect(effect: &Effect) -> String {
     let seat = match (effect.order_of_pinion, effect.frequency_hz) {
         (Some(order), _) => format!("order {order:.4}"),
@@ -91,9 +97,9 @@ fn of_effect(effect: &Effect) -> String {
     let v = &effect.evidence;
     let mut out = format!("{}: {} [{}, {}] {seat}\n", effect.verdict, effect.name, effect.family, effect.shaft);
     out += &format!(
-        "    evidence {:.1} nats, chance {:.1e}, held out {:.1} nats and {:.2} % of the power as {}\n",
+        "    evidence {:.1} nats, chance {}, held out {:.1} nats and {:.2} % of the power as {}\n",
         v.ln_bayes,
-        v.p_value,
+        chance(v.p_value),
         v.held_out_ln_bayes,
         100.0 * v.held_out_gain + 0.0,
         effect.predicts
@@ -118,7 +124,7 @@ pub fn judged(outcome: &Outcome) -> Table {
             j.family.clone(),
             format!("{:.1}", j.ln_bayes),
             format!("{:.1}", j.surrogates.highest),
-            format!("{:.1e}", j.surrogates.false_alarm),
+            chance(j.surrogates.false_alarm),
             j.refused.clone().unwrap_or_else(|| "adopted".into()),
         ]
     };
