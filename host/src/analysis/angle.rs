@@ -9,6 +9,7 @@
 
 use crate::budget::ANGLES;
 use crate::check::edges::Repair;
+use crate::machine::Hunting;
 use crate::record::{Run, Tach};
 use crate::spectral::{AngleMap, resample_by_angle};
 use crate::{Error, Result};
@@ -124,7 +125,7 @@ fn speed_range(map: &AngleMap, from: f64, turns: usize) -> SpeedRange {
 
 /// At least `least` samples per pinion turn, whole numbers for both shafts, with small prime factors where they are free.
 fn grid(least: f64, teeth: [u32; 2]) -> [usize; 2] {
-    let divisor = greatest_common_divisor(teeth[0], teeth[1]);
+    let divisor = teeth[1] / Hunting::of(teeth).turns;
     let [pinion, gear] = teeth.map(|z| (z / divisor) as usize);
     let mut step = (least / pinion as f64).ceil().max(1.0) as usize;
     while !has_small_factors(step) {
@@ -140,13 +141,4 @@ fn has_small_factors(mut n: usize) -> bool {
         }
     }
     n == 1
-}
-
-fn greatest_common_divisor(a: u32, b: u32) -> u32 {
-    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
-}
-
-/// Turns of the pinion after which the same teeth meet again.
-pub fn hunting_turns(teeth: [u32; 2]) -> usize {
-    (teeth[1] / greatest_common_divisor(teeth[0], teeth[1])) as usize
 }

@@ -7,6 +7,7 @@
 //! fades over the run is removed in the mean only.
 
 use super::angle::Angle;
+use crate::machine::Hunting;
 use meshband::gear_condition;
 use meshband::indicators::{Moments, RunEnsemble};
 use meshband::tsa::{RegularLines, difference};
@@ -104,7 +105,7 @@ pub fn locked_part(samples: &[f64], angle: &Angle) -> Vec<f64> {
 
 /// The averages of pinion and gear; `ensembles` of earlier runs take this one in.
 pub fn averages(samples: &[f64], angle: &Angle, teeth: [u32; 2], ensembles: &mut [RunEnsemble; 2]) -> [Average; 2] {
-    let hunting = super::angle::hunting_turns(teeth);
+    let hunting = Hunting::of(teeth).turns as usize;
     let whole_hunting_periods = angle.turns >= hunting;
     let turns = if whole_hunting_periods { angle.turns / hunting * hunting } else { angle.turns };
     let used = &samples[..turns * angle.per_turn[0]];

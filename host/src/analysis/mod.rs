@@ -20,9 +20,10 @@ pub mod skirts;
 pub mod unexplained;
 pub mod view;
 
+use crate::machine::Hunting;
 use crate::record::{Record, Run, Tach};
 use crate::{Error, Result};
-use angle::{Angle, SpeedRange, hunting_turns};
+use angle::{Angle, SpeedRange};
 use average::Average;
 use envelope::Envelope;
 use explained::Explained;
@@ -148,7 +149,7 @@ pub fn record(record: &Record, choice: Choice) -> Result<Outcome> {
         title: record.declaration.title().to_owned(),
         unit: acquisition.unit.clone().unwrap_or_else(|| "m/s2".into()),
         teeth,
-        hunting_turns: hunting_turns(teeth),
+        hunting_turns: Hunting::of(teeth).turns as usize,
         tach: TachUsed { virtual_source: tach.is_virtual(), shaft: tach.shaft, pulses_per_rev: tach.pulses_per_rev },
         notes,
         runs,
@@ -277,7 +278,7 @@ fn run_notes(run: &Run, angle: &Angle, teeth: [u32; 2]) -> Vec<String> {
     if !angle.repaired.is_empty() {
         notes.push(format!("tach edges repaired: {}", angle.repaired));
     }
-    let hunting = hunting_turns(teeth);
+    let hunting = Hunting::of(teeth).turns as usize;
     if angle.turns < hunting {
         notes.push(format!(
             "{} turns are less than the hunting period of {hunting}: each average holds a remainder of the other gear",
