@@ -12,49 +12,27 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod alarm;
-pub mod alias;
-pub mod angle_filter;
-pub mod bandwidth_watch;
 pub mod board;
-pub mod buffers;
-pub mod comb;
 pub mod config;
-pub mod decimate;
-mod edge_shape;
-pub mod envelope;
-pub mod events;
-pub mod frame;
-pub mod gear_condition;
+pub mod dsp;
 pub mod identity;
-pub mod indicators;
 pub mod law;
-pub mod law_data;
-pub mod law_table;
 pub mod link;
 pub mod math;
-pub mod mesh_band;
-pub mod mesh_decimator;
-pub mod message;
 pub mod node;
-pub mod order;
-pub mod order_chain;
-pub mod peaks;
 pub mod pipeline;
-pub mod rate_plan;
 pub mod replay;
-pub mod rise_time;
-pub mod safe_start;
-pub mod schema;
-pub mod self_test;
-pub mod session;
-pub mod spectrum;
-pub mod store;
-pub mod stream;
 pub mod tach;
 pub mod time;
-pub mod tsa;
-pub mod turn_marks;
 pub mod units;
-pub mod window;
-pub mod zoom;
+
+// The names by which the other crates know what lies in the rooms.
+pub use config::{schema, store};
+pub use dsp::{
+    alias, comb, decimate, envelope, gear_condition, indicators, mesh_decimator, order, order_chain, peaks, rise_time,
+    spectrum, stream, tsa, window, zoom,
+};
+pub use law::{data as law_data, rate_plan};
+pub use link::{frame, message, session};
+pub use node::{alarm, bandwidth_watch, buffers, events, mesh_band, safe_start, self_test};
+pub use tach::{angle_filter, turn_marks};

@@ -5,7 +5,7 @@ use super::forms::Law;
 use crate::{Error, Result};
 use std::fmt::Write;
 
-/// The source text of `shared/src/law_data.rs` for a tabulated law.
+/// The source text of `shared/src/law/data.rs` for a tabulated law.
 ///
 /// # Errors
 /// Another form, or a law that a node would refuse.
@@ -20,7 +20,7 @@ pub fn rust_source(file: &LawFile, machine_path: &str) -> Result<String> {
     }
     Ok(format!(
         "//! The law of `{path}`. Generated, do not edit:\n\
-         //! `meshband law export {path} -o shared/src/law_data.rs`.\n\
+         //! `meshband law export {path} -o shared/src/law/data.rs`.\n\
          \n\
          use crate::law::{{Law, LawForm, LawKnot, LawTable, RampDescription}};\n\
          use crate::units::Hertz;\n\

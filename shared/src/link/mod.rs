@@ -1,4 +1,4 @@
-//! The line to the host: what may be on its way, and the queues on both sides of it.
+//! The line to the host: its vocabulary and frames, what may be on its way, and the queues on both sides of it.
 //!
 //! The same on every board, in QEMU and on the host. The session decides by its own clock when the next message leaves
 //! ([`pace`]): what is sent when depends on the node's inputs only, and the frames stay equal byte for byte wherever the node
@@ -6,9 +6,12 @@
 //! line, a little faster than the pace, may in addition stand still for what fills the rest of [`QUEUE`], 45 ms: longer than
 //! the longest turn of any main loop. Only a line that really stops (a host that does not read) loses frames, whole and counted.
 
+pub mod frame;
+pub mod message;
 pub mod pace;
 pub mod receive_circle;
 pub mod send_ring;
+pub mod session;
 
 use crate::frame::MAX_FRAME;
 

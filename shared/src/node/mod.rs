@@ -17,17 +17,16 @@
 use crate::alarm::Alarm;
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::board::Timing;
-use crate::buffers::{self, Buffers};
+use crate::buffers::Buffers;
 use crate::config::{Configuration, ConfigurationError, Gain, MAX_ALARMS, Sensor};
 use crate::events::{EventKind, EventLog};
 use crate::identity::Identity;
 use crate::indicators::RunEnsemble;
-use crate::mesh_band::{self, MeshPlan};
+use crate::mesh_band::MeshPlan;
 use crate::message::{
     GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Spectrum, Statistics, Status, Tag,
 };
 use crate::rate_plan::{RateGrant, RatePlan};
-use crate::self_test;
 use crate::stream::{CHUNK, Stream};
 use crate::tach::{Speed, TachTracker};
 use crate::time::TickExtender;
@@ -36,10 +35,17 @@ use crate::units::{Acceleration, TicksPerSecond};
 use core::borrow::BorrowMut;
 use serde::{Deserialize, Serialize};
 
+pub mod alarm;
+pub mod bandwidth_watch;
+pub mod buffers;
+pub mod events;
 mod input;
 mod link;
+pub mod mesh_band;
 mod planning;
 mod products;
+pub mod safe_start;
+pub mod self_test;
 
 use planning::safe_grant;
 

@@ -297,7 +297,7 @@ fn theory_sampled_estimator_converges_to_the_polynomial_and_refuses_below_5_samp
 fn golden_node_constants_are_the_fitted_law() {
     let file = OUTCOME.laws.file(OUTCOME.check.relative_uncertainty());
     let source = rust_source(&file, "machines/paper-rig.toml").unwrap();
-    assert_eq!(source, include_str!("../../../shared/src/law_data.rs"), "run `meshband law export` again");
+    assert_eq!(source, include_str!("../../../shared/src/law/data.rs"), "run `meshband law export` again");
     let node = meshband::law_data::law();
     assert_eq!(node, file.for_node().unwrap());
     assert_eq!(node.validate(), Ok(()));

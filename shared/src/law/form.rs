@@ -7,7 +7,7 @@
 //!
 //! Source: Zhang et al. 2013, doi 10.1155/2013/462401; 0.35 is the rise-time constant of a first-order edge.
 
-pub use crate::law_table::{LawKnot, LawTable, MAX_KNOTS};
+pub use crate::law::table::{LawKnot, LawTable, MAX_KNOTS};
 use crate::math;
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};

@@ -291,7 +291,7 @@ impl Default for Configuration {
             sensor: Sensor { acceleration_per_code: Acceleration(0.03), zero_code: 32_768 },
             limits: RateLimits { analogue_stop: Hertz(100_000.0), highest_adc: Hertz(420_000.0) },
             // Another machine's law: nearer than any guess, and still flagged.
-            law: Law { provisional: true, ..crate::law_data::law() },
+            law: Law { provisional: true, ..crate::law::data::law() },
             policy: RatePolicy::Spectrum,
             mesh: MeshBandConfig { harmonics: 5, sidebands: 3 },
             alarms: Vec::new(),

@@ -1,5 +1,5 @@
 //! The law of `machines/paper-rig.toml`. Generated, do not edit:
-//! `meshband law export machines/paper-rig.toml -o shared/src/law_data.rs`.
+//! `meshband law export machines/paper-rig.toml -o shared/src/law/data.rs`.
 
 use crate::law::{Law, LawForm, LawKnot, LawTable, RampDescription};
 use crate::units::Hertz;

@@ -20,7 +20,7 @@
 //! thousands per timed edge, of which a pitch has few: meant for snapshots, not for a continuous stream. RAM: 4 bytes per `WINDOW`
 //! sample, 0.25 KiB for the teeth; 1.1 KiB of stack.
 
-use crate::edge_shape::EdgeShape;
+use crate::dsp::edge_shape::EdgeShape;
 use crate::math;
 
 /// Bandwidth times rise time of a well damped edge (0.26 for a ring with 5-10 % damping; see the law's documentation).

@@ -1,0 +1,9 @@
+//! What a node is told: the configuration, how it is stored, and how older and newer forms of it are read.
+//!
+//! Bytes in, one validated [`Configuration`] out; the node takes nothing else.
+
+mod configuration;
+pub mod schema;
+pub mod store;
+
+pub use configuration::*;

@@ -1,0 +1,21 @@
+//! Signal processing without a node around it: samples, angles and turns in, spectra, averages and indicators out.
+//!
+//! Nothing here knows of configuration, messages or boards. Only `math` and `units` lie below.
+
+pub mod alias;
+pub mod comb;
+pub mod decimate;
+mod edge_shape;
+pub mod envelope;
+pub mod gear_condition;
+pub mod indicators;
+pub mod mesh_decimator;
+pub mod order;
+pub mod order_chain;
+pub mod peaks;
+pub mod rise_time;
+pub mod spectrum;
+pub mod stream;
+pub mod tsa;
+pub mod window;
+pub mod zoom;
