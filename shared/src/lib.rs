@@ -29,8 +29,8 @@ pub mod units;
 // The names by which the other crates know what lies in the rooms.
 pub use config::{schema, store};
 pub use dsp::{
-    alias, comb, decimate, envelope, gear_condition, indicators, mesh_decimator, order, order_chain, peaks, rise_time,
-    spectrum, stream, tsa, window, zoom,
+    alias, band_velocity, code_moments, comb, decimate, envelope, gear_condition, indicators, mesh_decimator, order,
+    order_chain, peaks, rise_time, shaft_lines, spectrum, stream, tsa, window, zoom,
 };
 pub use law::{data as law_data, rate_plan};
 pub use link::{frame, message, session};

@@ -3,6 +3,8 @@
 //! Nothing here knows of configuration, messages or boards. Only `math` and `units` lie below.
 
 pub mod alias;
+pub mod band_velocity;
+pub mod code_moments;
 pub mod comb;
 pub mod decimate;
 mod edge_shape;
@@ -14,6 +16,7 @@ pub mod order;
 pub mod order_chain;
 pub mod peaks;
 pub mod rise_time;
+pub mod shaft_lines;
 pub mod spectrum;
 pub mod stream;
 pub mod tsa;

@@ -94,6 +94,8 @@ pub struct Turn {
     pub start_tick: u32,
     /// Duration in ticks.
     pub ticks: u32,
+    /// Counts turns, those that were not resampled included; goes on until the marks are forgotten.
+    pub number: u32,
     /// Relative change of speed over the turn (positive when it accelerates), from the neighbouring turns.
     pub speed_change: f32,
 }
@@ -101,7 +103,7 @@ pub struct Turn {
 /// Why samples or marks were not taken as a continuation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Discontinuity {
-    /// The samples do not follow the last ones (lost block or new rate): everything was forgotten.
+    /// The samples do not follow the last ones (lost block or new rate): those before were forgotten.
     Samples,
     /// The marks before this one are no longer covered by the buffer: the turn was dropped.
     Overrun,
@@ -120,6 +122,8 @@ pub struct OrderTracker<const CAPACITY: usize> {
     oldest_tick: u32,
     period_ticks: u32,
     marks: heapless::Deque<u32, 8>,
+    /// Marks that have left the queue.
+    passed: u32,
     /// Turns dropped because the buffer was too short or marks came too fast.
     pub turns_dropped: u32,
 }
@@ -140,32 +144,43 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
             oldest_tick: 0,
             period_ticks: 0,
             marks: heapless::Deque::new(),
+            passed: 0,
             turns_dropped: 0,
         }
     }
 
     /// Forgets samples and marks.
     pub fn reset(&mut self) {
-        self.held = 0;
-        self.oldest = 0;
-        self.marks.clear();
+        self.forget_samples();
+        self.forget_marks();
     }
 
     /// Forgets the marks (tach lost); the samples stay.
     pub fn forget_marks(&mut self) {
         self.marks.clear();
+        self.passed = 0;
+    }
+
+    fn forget_samples(&mut self) {
+        self.held = 0;
+        self.oldest = 0;
+    }
+
+    fn drop_mark(&mut self) {
+        self.marks.pop_front();
+        self.passed = self.passed.wrapping_add(1);
     }
 
     /// Appends samples; `first_tick` is the capture time of the first one less the group delay of the filters before.
     ///
-    /// A new period or a gap of more than half a period resets the tracker before taking the samples. The oldest
+    /// A new period or a gap of more than half a period forgets the samples so far; the marks stay, they are the shaft's. The oldest
     /// samples make room when the buffer is full.
     pub fn push_samples(&mut self, samples: &[f32], first_tick: u32, period_ticks: u32) -> Result<(), Discontinuity> {
         let expected = self.oldest_tick.wrapping_add(self.period_ticks.wrapping_mul(self.held as u32));
         let gap = (first_tick.wrapping_sub(expected) as i32).unsigned_abs();
         let continues = self.held == 0 || (period_ticks == self.period_ticks && gap <= period_ticks / 2);
         if !continues {
-            self.reset();
+            self.forget_samples();
         }
         if self.held == 0 {
             self.oldest_tick = first_tick;
@@ -199,7 +214,7 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
     /// Takes the instant at which the pinion passes angle zero. A full queue drops its oldest mark and counts a turn.
     pub fn push_mark(&mut self, tick: u32) {
         if self.marks.is_full() {
-            self.marks.pop_front();
+            self.drop_mark();
             self.turns_dropped = self.turns_dropped.wrapping_add(1);
         }
         let _ = self.marks.push_back(tick);
@@ -230,7 +245,7 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
             None
         };
         if let Some(reason) = refusal {
-            self.marks.pop_front();
+            self.drop_mark();
             self.turns_dropped = self.turns_dropped.wrapping_add(1);
             return Err(reason);
         }
@@ -240,8 +255,9 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
         let second = (a + b) / 2;
         let odd = (b - a) / 2;
         let third = ((c - 4 * second) / 2 - odd) / 3;
-        self.marks.pop_front();
+        self.drop_mark();
         Ok(Some(Turn {
+            number: self.passed,
             start_q16,
             coefficients_q16: [odd - third, second, third],
             start_tick: ticks[1],

@@ -12,6 +12,7 @@
 //! average.
 
 use crate::order::{Discontinuity, OrderTracker, Turn};
+use crate::shaft_lines::ShaftLines;
 use crate::tsa::SynchronousAverage;
 use crate::zoom::{MeshZoom, ZoomConfig, ZoomError};
 
@@ -34,6 +35,7 @@ pub struct Progress {
 pub struct OrderChain<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const AVERAGE: usize> {
     tracker: OrderTracker<CAPACITY>,
     zoom: MeshZoom<POINTS, HARMONICS>,
+    shafts: ShaftLines,
     average: SynchronousAverage<AVERAGE>,
     /// Turns an average takes; further ones are left out until it is reset. 0 is no limit.
     average_turns: u32,
@@ -86,6 +88,7 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
     pub const IDLE: Self = Self {
         tracker: OrderTracker::new(),
         zoom: MeshZoom::IDLE,
+        shafts: ShaftLines::IDLE,
         average: SynchronousAverage::new(),
         average_turns: 0,
         span: Span { first_tick: 0, turns: 0, ticks: 0, shortest: 0, longest: 0 },
@@ -135,10 +138,12 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
     pub fn lose_tach(&mut self) {
         self.tracker.forget_marks();
         self.interrupt();
+        self.shafts.reset();
     }
 
     fn interrupt(&mut self) {
         self.zoom.interrupt();
+        self.shafts.interrupt();
         self.span = Span::default();
         self.interruptions = self.interruptions.wrapping_add(1);
     }
@@ -156,13 +161,16 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
                 Ok(Some(turn)) => {
                     self.span.add(&turn);
                     let per_turn = self.zoom.samples_per_turn();
+                    let pitch_ticks = turn.ticks as f32 / f32::from(self.zoom.config().teeth.max(1));
+                    self.shafts.begin_turn(turn.number);
                     let mut angles = [0.0f32; STRETCH];
                     let mut first = 0;
                     while first < per_turn {
                         let count = (per_turn - first).min(STRETCH as u32);
                         let angles = angles.get_mut(..count as usize).unwrap_or_default();
                         self.tracker.resample(&turn, first, per_turn, angles);
-                        if self.zoom.push(angles) > 0 {
+                        let shafts = &mut self.shafts;
+                        if self.zoom.push_with(angles, |low| shafts.push(low, pitch_ticks)) > 0 {
                             progress.records += 1;
                             self.record = core::mem::take(&mut self.span);
                         }
@@ -181,6 +189,11 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
     /// The mesh bands.
     pub fn mesh_bands(&self) -> &MeshZoom<POINTS, HARMONICS> {
         &self.zoom
+    }
+
+    /// Orders of both shafts.
+    pub fn shafts(&mut self) -> &mut ShaftLines {
+        &mut self.shafts
     }
 
     /// Turns of the latest complete mesh-band record.

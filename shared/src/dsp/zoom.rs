@@ -241,6 +241,12 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
 
     /// Takes angle-resampled vibration and returns the number of records completed within it.
     pub fn push(&mut self, samples: &[f32]) -> u32 {
+        self.push_with(samples, |_| ())
+    }
+
+    /// As [`MeshZoom::push`]; `low` gets the mean over the window of each engagement, the filter bank's bin 0, which describes the
+    /// middle of the last six pitches.
+    pub fn push_with(&mut self, samples: &[f32], mut low: impl FnMut(f32)) -> u32 {
         let mut completed = 0;
         let mut rest = samples;
         while !rest.is_empty() && self.grid != 0 {
@@ -254,20 +260,23 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
                 state.fill = 0;
                 state.newest = (state.newest + 1) % WINDOW_SPACINGS;
                 state.primed = (state.primed + 1).min(WINDOW_SPACINGS);
-                if state.primed == WINDOW_SPACINGS && self.config.turns != 0 && self.engage() {
-                    completed += 1;
+                if state.primed == WINDOW_SPACINGS && self.config.turns != 0 {
+                    let (mean, complete) = self.engage();
+                    low(mean);
+                    completed += u32::from(complete);
                 }
             }
         }
         completed
     }
 
-    /// One engagement: filter bank, then decimation. True when the record is complete.
-    fn engage(&mut self) -> bool {
+    /// One engagement: filter bank, then decimation. The window's mean, and whether the record is complete.
+    fn engage(&mut self) -> (f32, bool) {
         // Peak amplitude of the harmonic, times the decimator's normalisation.
         let history = (self.grid * WINDOW_SPACINGS) as f32;
         let scale = 2.0 / (history * WINDOW_MEAN) * self.outputs_per_pitch / (WINDOW_SPACINGS as f32 * WINDOW_MEAN);
-        let mut values = self.harmonics();
+        let (sum, mut values) = self.harmonics();
+        let mean = sum / (history * WINDOW_MEAN);
         for value in &mut values {
             *value *= scale;
         }
@@ -280,20 +289,20 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         gather(state.record.as_flattened_mut(), POINTS, &values, &weights, first);
         state.engagement += 1;
         if position < (POINTS - 1 + WINDOW_SPACINGS) as f32 {
-            return false;
+            return (mean, false);
         }
         self.finish_record();
         self.restart_record();
-        true
+        (mean, true)
     }
 
-    /// The windowed pitches folded to one, bins 1..=`HARMONICS` of its transform.
-    fn harmonics(&self) -> [Complex32; HARMONICS] {
+    /// The windowed pitches folded to one: its sum, and bins 1..=`HARMONICS` of its transform.
+    fn harmonics(&self) -> (f32, [Complex32; HARMONICS]) {
         let mut values = [Complex32::new(0.0, 0.0); HARMONICS];
         let mut folded = [0.0f32; SAMPLES_PER_PITCH];
         fold(&self.state.pitches, &self.weights, self.state.newest, folded.get_mut(..self.grid).unwrap_or_default());
         transform(&folded, self.grid, &self.circles, &mut values);
-        values
+        (folded.iter().take(self.grid).sum(), values)
     }
 
     fn finish_record(&mut self) {

@@ -9,12 +9,13 @@ use crate::events::{Event, EventKind};
 use crate::identity::{BOARD_LENGTH, BUILD_LENGTH};
 use crate::law::Law;
 use crate::node::State;
+use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 3;
+pub const WIRE_SCHEMA: u8 = 4;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -319,14 +320,38 @@ pub struct MeasuredBandwidth {
     pub law_hz: f32,
 }
 
-/// Condition indicators.
+/// What a value rests on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Whole turns of the pinion; 0 where the record was cut by the clock, because there was no speed.
+    pub turns: u16,
+    /// Duration, s.
+    pub duration_s: f32,
+    /// Codes lay at the converter's rails: clipped.
+    pub overload: bool,
+    /// Samples are missing.
+    pub gap: bool,
+    /// Filters had not forgotten a start, or the samples before a gap.
+    pub settling: bool,
+    /// The signal did not move.
+    pub stuck: bool,
+}
+
+impl Quality {
+    /// Whether the value says something of the machine; only such values raise alarms.
+    pub fn is_good(&self) -> bool {
+        !(self.overload || self.gap || self.settling || self.stuck)
+    }
+}
+
+/// Overall values and condition indicators, of whole turns of the pinion and of at least a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Indicators {
-    /// Circumstances.
+    /// Circumstances. The rate is the ADC's: the band is that of the analogue filter at every speed.
     pub tag: Tag,
-    /// Root mean square, m/s^2.
+    /// Root mean square about the mean, m/s^2.
     pub rms: f32,
-    /// Largest magnitude, m/s^2.
+    /// Largest distance from the mean, m/s^2.
     pub peak: f32,
     /// Peak over RMS.
     pub crest: f32,
@@ -338,6 +363,16 @@ pub struct Indicators {
     pub gear: Option<GearIndicators>,
     /// Of the rise times measured since the last of these messages; none where the rate is too low to time edges.
     pub bandwidth: Option<MeasuredBandwidth>,
+    /// What the values above and the velocity rest on.
+    pub quality: Quality,
+    /// Velocity in its band, root mean square, m/s.
+    pub velocity_rms: f32,
+    /// Lower and upper edge of that band, Hz (-3 dB, Butterworth of fourth order).
+    pub velocity_band_hz: [f32; 2],
+    /// Once to three times per turn of the pinion, where complete since the last of these messages.
+    pub pinion: Option<ShaftOrders>,
+    /// The same of the gear.
+    pub wheel: Option<ShaftOrders>,
 }
 
 /// Counters since start.

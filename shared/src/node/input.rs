@@ -26,9 +26,11 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             self.note(EventKind::TimeJump, first.wrapping_sub(self.next_tick) as u32);
             broken = true;
         }
+        let fresh = self.next_sequence.is_none();
         self.next_sequence = Some(block.sequence.wrapping_add(1));
         self.next_tick = first + u64::from(period) * block.codes.len() as u64;
         if broken {
+            self.values.note_gap(first);
             // The wideband record's search is the longest turn there is: begun at every gap it would cause the next one.
             // One that was cut short has not cost it yet.
             let due = if self.wide_use == WideUse::Record { first } else { self.wide_due };
@@ -36,6 +38,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             self.wide_due = due;
         } else if !self.stream.is_started() {
             self.stream.set_origin(first);
+        }
+        if fresh {
+            self.values.restart(first);
         }
     }
 
@@ -85,6 +90,16 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         }
         if codes.len() >= 64 && moved == 0 {
             self.note(EventKind::Stuck, u32::from(first));
+        }
+    }
+
+    /// All codes into the overall values, cut at the turns.
+    pub(super) fn follow_values(&mut self, codes: &[u16], first: u64, period: u32) {
+        let locked = self.tach_locked;
+        let mut complete = None;
+        self.values.push(codes, first, period, locked, |values| complete = Some(values));
+        if let Some(values) = complete {
+            self.finish_values(&values);
         }
     }
 

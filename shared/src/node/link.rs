@@ -1,7 +1,7 @@
 //! The node and its host: what it says of itself, which message is next, and what it does when asked.
 
 use super::planning::safe_grant;
-use super::{Node, State};
+use super::{Node, State, value_record};
 use crate::alarm::Alarm;
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::buffers::Buffers;
@@ -153,7 +153,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
         self.bandwidth_watch = BandwidthWatch::default();
         self.config = config;
-        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config);
+        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config, self.clock);
+        self.values = value_record(&self.config, self.clock);
+        self.values.restart(self.next_tick);
         if self.state != State::Stopped {
             self.state = State::WaitingForTach;
         }

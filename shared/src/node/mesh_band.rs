@@ -15,8 +15,9 @@ use crate::frame::CRC32;
 use crate::mesh_decimator::{BAND_SHARE, Decimation};
 use crate::message::{MeshBand, SpectralLine};
 use crate::node::REPLAN_NOW;
+use crate::node::values::SHORTEST_S;
 use crate::order_chain::OrderChain;
-use crate::units::Hertz;
+use crate::units::{Hertz, TicksPerSecond};
 use crate::window::Window;
 use crate::zoom::{self, Averaging, MeshZoom, SAMPLES_PER_PITCH, ZoomConfig};
 use heapless::Vec;
@@ -110,7 +111,7 @@ pub fn average_points(pinion_teeth: u16) -> usize {
 }
 
 /// Prepares the chain for a machine. A pair the chain refuses (validation lets none pass) leaves it idle.
-pub fn configure(chain: &mut Chain, config: &Configuration) {
+pub fn configure(chain: &mut Chain, config: &Configuration, clock: TicksPerSecond) {
     let teeth = config.gears.pinion_teeth;
     let zoom = ZoomConfig {
         teeth,
@@ -122,6 +123,7 @@ pub fn configure(chain: &mut Chain, config: &Configuration) {
     if chain.configure(zoom, average_points(teeth), turns).is_err() {
         *chain = Chain::IDLE;
     }
+    chain.shafts().configure(teeth, config.gears.gear_teeth, SHORTEST_S * clock.0 as f32);
 }
 
 /// Harmonics and sidebands of both shafts of the latest record, and the digest of its values. Sidebands outside the band

@@ -3,8 +3,8 @@
 //! Pulses give the speed, the speed the law's bandwidth, the bandwidth a wanted rate, the rate plan a timer period that
 //! the board programs at the next block border. All blocks run through a half-band cascade to the lowest rate that still
 //! carries the mesh harmonics and from there, with the turns of the pinion, into the order domain: mesh bands and the
-//! synchronous average with its condition indicators. A few times per second a second cascade takes a wideband record at
-//! the law's rate (peaks, RMS, snapshot); now and then it runs at a higher rate to time engagement edges, the law's check.
+//! synchronous average with its condition indicators. Overall values are taken of all codes, over whole turns ([`values`]). A few times per second a second cascade takes a wideband record at
+//! the law's rate (peaks, snapshot); now and then it runs at a higher rate to time engagement edges, the law's check.
 //! A change of rate, a lost block or a jump in time restarts the records; nothing is ever spliced, only the synchronous
 //! average goes on, because its turns are found by the tach. Every input is accepted; faults are counted and reported.
 //!
@@ -15,6 +15,7 @@
 //! The arrays lie in [`Buffers`]: inside the node on a host, in a static of their own on a board.
 
 use crate::alarm::Alarm;
+use crate::band_velocity::Edges;
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::board::Timing;
 use crate::buffers::Buffers;
@@ -46,8 +47,10 @@ mod planning;
 mod products;
 pub mod safe_start;
 pub mod self_test;
+pub mod values;
 
 use planning::safe_grant;
+use values::ValueRecord;
 
 /// Relative departure of the wanted rate from the planned one that re-plans at once.
 pub const REPLAN_NOW: f32 = 0.2;
@@ -57,6 +60,9 @@ pub const REPLAN_AT_RECORD: f32 = 0.02;
 const WIDE_PER_SECOND: u32 = 1;
 /// Time between measurements of rise times, s.
 const RISE_INTERVAL_S: u64 = 2;
+/// Band of the velocity, Hz: ISO 20816's.
+const VELOCITY_FROM_HZ: f32 = 10.0;
+const VELOCITY_TO_HZ: f32 = 1000.0;
 /// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
 /// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
 const HOLD_AFTER_RECORD: u32 = 16;
@@ -148,6 +154,7 @@ pub struct Node<B = Buffers> {
     stream: Stream,
     buffers: B,
     marks: TurnMarks,
+    values: ValueRecord,
     /// Blocks still to pass before another rate may be asked for.
     hold: u32,
     /// A mesh-band record was completed since the last plan.
@@ -220,6 +227,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             stream: Stream::new(),
             buffers,
             marks: TurnMarks::new(&config.tach),
+            values: value_record(&config, clock),
             hold: 0,
             record_complete: false,
             mesh_plan: MeshPlan::NONE,
@@ -252,7 +260,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             send_self_test: false,
             config,
         };
-        mesh_band::configure(&mut node.buffers.borrow_mut().chain, &node.config);
+        mesh_band::configure(&mut node.buffers.borrow_mut().chain, &node.config, clock);
         node.restart_stream(0);
         Ok(node)
     }
@@ -294,6 +302,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     pub fn set_gain(&mut self, gain: Gain) {
         if self.gain != gain {
             self.gain = gain;
+            self.values.restart(self.next_tick);
             self.restart_stream(self.next_tick);
         }
     }
@@ -320,9 +329,15 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         let instant = self.extend(tick);
         self.tach.on_pulse(instant);
         let chain = &mut self.buffers.borrow_mut().chain;
-        if self.marks.follow(&self.tach, |instant| chain.push_mark(instant as u32)) == Continuity::Broken {
+        let values = &mut self.values;
+        let mark = |instant: u64| {
+            chain.push_mark(instant as u32);
+            values.push_mark(instant);
+        };
+        if self.marks.follow(&self.tach, mark) == Continuity::Broken {
             chain.lose_tach();
             chain.average().reset();
+            values.lose_tach();
         }
     }
 
@@ -384,6 +399,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.totals.samples += block.codes.len() as u64;
         self.follow_period(period, first, block.sequence);
         self.watch_input(block.codes);
+        self.follow_values(block.codes, first, period);
         if !self.stream.wide_runs() {
             self.start_wide(first);
         }
@@ -418,4 +434,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         }
         self.time.extend(tick)
     }
+}
+
+/// The overall values' record for a configuration.
+fn value_record(config: &Configuration, clock: TicksPerSecond) -> ValueRecord {
+    let edges = Edges { from_hz: VELOCITY_FROM_HZ, to_hz: VELOCITY_TO_HZ };
+    ValueRecord::new(clock, edges, config.sensor.zero_code)
 }

@@ -1,6 +1,7 @@
 //! What complete records give: peaks and indicators, the law's check, mesh bands, condition indicators, and their alarms.
 
-use super::{HOLD_AFTER_RECORD, Node, State, WideUse};
+use super::values::Values;
+use super::{HOLD_AFTER_RECORD, Node, State, VELOCITY_FROM_HZ, WideUse};
 use crate::alarm::{AlarmChange, Watched};
 use crate::bandwidth_watch::Verdict;
 use crate::buffers::Buffers;
@@ -43,7 +44,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             self.snapshot_tag = tag;
             self.snapshot_sent = Some(0);
         }
-        let moments = Moments::of(wide);
+        let rms = Moments::of(wide).rms();
         let (lines, digest) = peaks::strongest(wide, tag.resolution_hz);
         let mesh_hz = f32::from(self.config.gears.pinion_teeth) * tag.speed_hz;
         let reach = peaks::reach_hz(rate.0, stages, self.config.limits.analogue_stop.0);
@@ -52,16 +53,39 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         } else {
             Vec::new()
         };
-        let rms = moments.rms();
         self.signal_rms = rms;
         let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest, origins }).is_some();
         self.count_dropped(dropped);
-        let (peak, kurtosis, crest) = (moments.peak(), moments.kurtosis, moments.crest());
-        let sideband_energy_ratio = self.sideband_energy[0];
-        let (gear, bandwidth) = (self.gear.take(), self.bandwidth.take());
-        let indicators = Indicators { tag, rms, peak, crest, kurtosis, sideband_energy_ratio, gear, bandwidth };
+    }
+
+    /// Overall values in units, with what has become complete since the last ones.
+    pub(super) fn finish_values(&mut self, values: &Values) {
+        let tag = self.tag(values.first_tick, self.active.adc, 0, 0.0);
+        let per_code = self.sensor().acceleration_per_code.0.abs();
+        let codes = &values.codes;
+        let (rms, peak, crest, kurtosis) = (codes.rms * per_code, codes.peak * per_code, codes.crest(), codes.kurtosis);
+        let velocity_rms = values.velocity_rms * per_code;
+        let (pinion, wheel) = self.buffers.borrow_mut().chain.shafts().take();
+        let indicators = Indicators {
+            tag,
+            rms,
+            peak,
+            crest,
+            kurtosis,
+            sideband_energy_ratio: self.sideband_energy[0],
+            gear: self.gear.take(),
+            bandwidth: self.bandwidth.take(),
+            quality: values.quality,
+            velocity_rms,
+            velocity_band_hz: [VELOCITY_FROM_HZ, values.velocity_to_hz],
+            pinion,
+            wheel,
+        };
         let dropped = self.indicators.replace(indicators).is_some();
         self.count_dropped(dropped);
+        if !values.quality.is_good() {
+            return;
+        }
         for (watched, value) in
             [(Watched::Rms, rms), (Watched::Peak, peak), (Watched::Crest, crest), (Watched::Kurtosis, kurtosis)]
         {

@@ -15,6 +15,7 @@ mod mesh_decimator;
 mod node_host;
 mod node_products;
 mod node_trials;
+mod node_values;
 mod order_chain;
 mod order_tsa;
 mod rate_plan;

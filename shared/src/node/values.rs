@@ -1,0 +1,189 @@
+//! Overall values of whole turns and at least a second: acceleration of everything the converter saw, velocity in its band.
+//!
+//! A record begins at a turn mark, is cut at the sample before the first mark behind a second, and the next one begins there:
+//! no sample is left out, so what happens once per turn is in every record. Without a locked tach a record lasts a second by
+//! the clock. A new rate goes on with the same record; lost samples, another gain and the filters' start stay in the record's
+//! [`Quality`], since a value that cannot be judged must still be seen.
+
+use crate::band_velocity::{BandVelocity, Edges};
+use crate::code_moments::{CodeMoments, CodeValues};
+use crate::math;
+use crate::message::Quality;
+use crate::units::TicksPerSecond;
+use heapless::Deque;
+
+/// Shortest record, s.
+pub const SHORTEST_S: f32 = 1.0;
+/// A turn that takes longer does not keep a record open, s.
+const LONGEST_S: f32 = 8.0;
+/// The high-pass has forgotten its start to 0.1 % after this many periods of its edge.
+const SETTLING_PERIODS: f32 = 5.0;
+/// Turn marks of one block; what comes faster is no shaft.
+const MOST_MARKS: usize = 64;
+
+/// A complete record, in codes and seconds.
+#[derive(Clone, Copy, Debug)]
+pub struct Values {
+    /// Tick of the first sample.
+    pub first_tick: u64,
+    /// Acceleration, in codes.
+    pub codes: CodeValues,
+    /// RMS velocity, codes times seconds.
+    pub velocity_rms: f32,
+    /// Upper edge of the velocity's band, Hz.
+    pub velocity_to_hz: f32,
+    /// What it rests on.
+    pub quality: Quality,
+}
+
+/// The record under way.
+#[derive(Clone, Debug)]
+pub struct ValueRecord {
+    clock: TicksPerSecond,
+    edges: Edges,
+    zero_code: u16,
+    period: u32,
+    codes: CodeMoments,
+    velocity: BandVelocity,
+    squares: f64,
+    outputs_ticks: f64,
+    marks: Deque<u64, MOST_MARKS>,
+    first_tick: u64,
+    /// The record began at a turn mark.
+    at_mark: bool,
+    turns: u16,
+    gap: bool,
+    /// Until then the high-pass remembers its start.
+    settled_at: u64,
+}
+
+impl ValueRecord {
+    /// A record that has not begun.
+    pub fn new(clock: TicksPerSecond, edges: Edges, zero_code: u16) -> Self {
+        Self {
+            clock,
+            edges,
+            zero_code,
+            period: 0,
+            codes: CodeMoments::about(zero_code),
+            velocity: BandVelocity::new(edges),
+            squares: 0.0,
+            outputs_ticks: 0.0,
+            marks: Deque::new(),
+            first_tick: 0,
+            at_mark: false,
+            turns: 0,
+            gap: false,
+            settled_at: 0,
+        }
+    }
+
+    /// Begins anew at a tick: another gain, a start.
+    pub fn restart(&mut self, tick: u64) {
+        self.velocity.restart();
+        self.codes = self.codes.next();
+        self.settled_at = tick + self.ticks(SETTLING_PERIODS / self.edges.from_hz);
+        self.marks.clear();
+        self.begin(tick, false);
+    }
+
+    /// Samples are missing before the next block.
+    pub fn note_gap(&mut self, tick: u64) {
+        self.gap = true;
+        self.settled_at = tick + self.ticks(SETTLING_PERIODS / self.edges.from_hz);
+    }
+
+    /// The pinion passes angle zero.
+    pub fn push_mark(&mut self, instant: u64) {
+        if self.marks.is_full() {
+            self.marks.pop_front();
+        }
+        let _ = self.marks.push_back(instant);
+    }
+
+    /// The marks so far are no part of those to come.
+    pub fn lose_tach(&mut self) {
+        self.marks.clear();
+        (self.at_mark, self.turns) = (false, 0);
+    }
+
+    /// Takes a block whose marks are all known; `complete` gets every record that ends in it. `locked`: the tach has a speed.
+    pub fn push(&mut self, codes: &[u16], first: u64, period: u32, locked: bool, mut complete: impl FnMut(Values)) {
+        if period != self.period {
+            self.period = period;
+            self.velocity.set_rate(self.clock.rate(period).0);
+        }
+        let mut taken = 0;
+        while let Some(&mark) = self.marks.front() {
+            // The first sample at or behind the mark.
+            let place = mark.saturating_sub(first).div_ceil(u64::from(period.max(1))) as usize;
+            if place >= codes.len() {
+                break;
+            }
+            self.marks.pop_front();
+            self.add(codes.get(taken..place.max(taken)).unwrap_or_default());
+            taken = taken.max(place);
+            self.pass_mark(first + place as u64 * u64::from(period), &mut complete);
+        }
+        self.add(codes.get(taken..).unwrap_or_default());
+        let longest = if locked && self.at_mark { LONGEST_S } else { SHORTEST_S };
+        if self.codes.ticks() >= f64::from(self.clock.0) * f64::from(longest) {
+            (self.at_mark, self.turns) = (false, 0);
+            self.finish(first + codes.len() as u64 * u64::from(period), false, &mut complete);
+        }
+    }
+
+    fn pass_mark(&mut self, tick: u64, complete: &mut impl FnMut(Values)) {
+        self.turns = if self.at_mark { self.turns.saturating_add(1) } else { 0 };
+        // A sample of tolerance: a turn of just a second is long enough.
+        let long_enough =
+            self.codes.ticks() + f64::from(self.period) >= f64::from(self.clock.0) * f64::from(SHORTEST_S);
+        if long_enough && self.turns > 0 {
+            self.finish(tick, true, complete);
+        } else if !self.at_mark {
+            // What came before the first mark belongs to no whole turn.
+            self.begin(tick, true);
+        }
+    }
+
+    fn add(&mut self, codes: &[u16]) {
+        if codes.is_empty() {
+            return;
+        }
+        self.codes.add(codes, self.period);
+        let (squares, outputs) = self.velocity.push(codes, self.zero_code);
+        self.squares += f64::from(squares) * f64::from(self.period);
+        self.outputs_ticks += f64::from(outputs) * f64::from(self.period);
+    }
+
+    fn finish(&mut self, tick: u64, at_mark: bool, complete: &mut impl FnMut(Values)) {
+        if let Some(codes) = self.codes.values() {
+            let mean_square = if self.outputs_ticks > 0.0 { self.squares / self.outputs_ticks } else { 0.0 };
+            complete(Values {
+                first_tick: self.first_tick,
+                codes,
+                velocity_rms: math::sqrt(mean_square as f32),
+                velocity_to_hz: self.velocity.upper_hz(),
+                quality: Quality {
+                    turns: self.turns,
+                    duration_s: (self.codes.ticks() / f64::from(self.clock.0)) as f32,
+                    overload: codes.railed > 0,
+                    gap: self.gap,
+                    settling: self.first_tick < self.settled_at,
+                    stuck: codes.rms == 0.0,
+                },
+            });
+        }
+        self.begin(tick, at_mark);
+    }
+
+    fn begin(&mut self, tick: u64, at_mark: bool) {
+        self.codes = self.codes.next();
+        (self.squares, self.outputs_ticks) = (0.0, 0.0);
+        (self.first_tick, self.at_mark, self.turns, self.gap) = (tick, at_mark, 0, false);
+    }
+
+    fn ticks(&self, seconds: f32) -> u64 {
+        (seconds * self.clock.0 as f32) as u64
+    }
+}
