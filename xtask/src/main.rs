@@ -1,4 +1,5 @@
-//! Project tasks: `cargo xtask setup | demo | test | prove | blind | damage | node-build | size | pace | bench | bench-node | flash`.
+//! Project tasks: `cargo xtask setup | demo | test | prove | blind | damage | node-build | size | pace | bench | bench-node | flash |
+//! wheel`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
@@ -17,6 +18,7 @@ mod setup;
 mod shell;
 mod stack_use;
 mod suite;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -35,6 +37,7 @@ cargo xtask TASK
   pace         with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into docs/pace.md
   bench        cost of the solver beside SciPy's on the same machine, ratios first
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
+  wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         "pace" => pace::run_task(&rest),
         "bench" => bench::bench(),
         "bench-node" => bench_node::run_task(&rest),
+        "wheel" => wheel::run_task(),
         "flash" => flash::run(&rest),
         "" | "help" | "--help" | "-h" => {
             print!("{HELP}");
