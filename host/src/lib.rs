@@ -9,6 +9,7 @@ pub mod dynamics;
 pub mod effects;
 pub mod error;
 pub mod field;
+pub mod field_proof;
 pub mod import;
 pub mod kinematic;
 pub mod law;

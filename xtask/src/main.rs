@@ -1,5 +1,4 @@
-//! Project tasks: `cargo xtask setup | demo | test | prove | blind | damage | node-build | size | pace | bench | bench-node | flash |
-//! wheel`.
+//! Project tasks: `cargo xtask TASK`, listed by `cargo xtask help`.
 //!
 //! Plain Rust without dependencies, so that the first task on a clean machine starts after seconds and
 //! behaves the same on every host. Each task is one module with a `run` that returns one clear line on
@@ -28,6 +27,7 @@ cargo xtask TASK
   setup        compiler target, QEMU and Unicorn; does nothing where all are present
   demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
   prove        the loop's proof campaign on generated records, resumable, into docs/proof
+  prove-field  the same of the kinematic level on generated records of the measured kind, into docs/proof/field
   blind        the loop's answers on the blind records that have none yet, into docs/blind
   damage       6600 attacks on the command (damaged inputs, interrupts, full disks, ...), into docs/damage.md;
                --cases N --seed S, or --only FAMILY:NUMBER to make one again
@@ -50,6 +50,7 @@ fn main() -> ExitCode {
         "demo" => demo::run(&rest),
         "test" => suite::run(),
         "prove" => prove::campaign(&rest),
+        "prove-field" => prove::field(&rest),
         "blind" => prove::blind(),
         "damage" => damage::run_task(&rest),
         "node-build" => node_build::run(),

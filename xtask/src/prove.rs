@@ -1,4 +1,4 @@
-//! `cargo xtask prove` and `cargo xtask blind`: the loop's proof campaign and its answers on the blind records.
+//! `cargo xtask prove`, `prove-field` and `blind`: the loop's proof campaigns and its answers on the blind records.
 
 use crate::shell::{Outcome, cargo, root, run, say, timed};
 use std::path::PathBuf;
@@ -31,6 +31,24 @@ pub fn campaign(args: &[String]) -> Outcome {
     command.arg("--log").arg(docs.join("records.jsonl"));
     command.arg("--json").arg(docs.join("summary.json")).arg("--markdown").arg(docs.join("tables.md"));
     command.arg("--report").arg(docs.join("report.html")).arg("--force");
+    run(&mut command)
+}
+
+/// The campaign of the kinematic level; further arguments go to `meshband prove --field` in place of the counts.
+pub fn field(args: &[String]) -> Outcome {
+    let program = meshband()?;
+    let docs = root().join("docs/proof/field");
+    std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
+    let counts = "--null 100 --power 138 --levels 4,2,8,1,20 --seed 2026";
+    let mut command = std::process::Command::new(program);
+    command.current_dir(root()).args(["prove", "--field"]);
+    if args.is_empty() {
+        command.args(counts.split(' '));
+    } else {
+        command.args(args);
+    }
+    command.arg("--log").arg(docs.join("records.jsonl"));
+    command.arg("--json").arg(docs.join("summary.json")).arg("--markdown").arg(docs.join("tables.md")).arg("--force");
     run(&mut command)
 }
 

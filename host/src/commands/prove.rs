@@ -1,5 +1,7 @@
 //! `meshband prove`: the loop's proof campaign on generated records.
 
+mod field;
+
 use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::closed_loop::campaign::{HEAD, Plan, Summary, cells, run as run_plan, summarise};
@@ -12,8 +14,11 @@ use std::path::PathBuf;
 #[derive(ClapArgs)]
 pub struct Args {
     /// Record folders whose declared machines are used.
-    #[arg(long = "machine", required = true)]
+    #[arg(long = "machine", required_unless_present = "field", conflicts_with = "field")]
     machines: Vec<PathBuf>,
+    /// The campaign of the kinematic level: machines, operation and measuring chains drawn at random (--null, --power, --levels, --only).
+    #[arg(long)]
+    field: bool,
     /// Records with nothing hidden.
     #[arg(long, default_value_t = 0)]
     null: usize,
@@ -53,6 +58,9 @@ pub struct Args {
 
 /// Runs what is missing of the campaign and prints its tables.
 pub fn run(args: Args) -> Result<()> {
+    if args.field {
+        return field::run(args);
+    }
     let mut outputs = args.results.outputs(args.machines.iter().map(PathBuf::as_path));
     let _log = outputs.appended(&args.log)?;
     let mut files = args.results.announce(&mut outputs)?;

@@ -14,5 +14,6 @@ mod wheel;
 pub use declaration::{Channel, Field, FileUnit, Housing, Mode, Wander, Wheel, WheelShaft};
 pub use files::{Format, content};
 pub use housing::Paths;
+pub use noise::add as add_noise;
 pub use run::{FieldRun, Site};
 pub use wander::Course;

@@ -1,11 +1,12 @@
 //! Least squares of lines of known order on the fitted turns of one run and channel.
 //!
-//! Each line's amplitude is complex (the path is unknown) and moves with the speed as its [`Basis`] says. Weights are a Blackman-Harris window per
+//! Each line's amplitude is complex (the path is unknown) and moves with the speed as its own [`Basis`] says, which [`Choice`] chooses. Weights are a Blackman-Harris window per
 //! stretch, so lines more than four bins apart do not touch and are fitted one after the other; a second round takes off what the first
 //! left between neighbours. Phases count from the first turn of the grid, the same for all stretches: what is fitted predicts the waveform
 //! between them. Cost: two passes over the samples per line and round.
 
 use super::basis::Basis;
+use super::choice::Choice;
 use super::scene::SceneRun;
 use super::split::Stretch;
 use crate::analysis::lines::WINDOW;
@@ -20,9 +21,21 @@ const ROUNDS: usize = 2;
 pub struct FittedLine {
     /// Order of the pinion.
     pub order: f64,
-    /// Coefficients of the basis.
+    /// Functions that it moves with.
+    pub basis: Basis,
+    /// Their coefficients.
     pub coefficients: Vec<Complex64>,
 }
+
+impl FittedLine {
+    /// Amplitude at a speed.
+    pub fn at(&self, speed_hz: f64) -> Complex64 {
+        self.basis.value(self.order, &self.coefficients, speed_hz)
+    }
+}
+
+/// Phases turned side by side: one chain of multiplications would wait for itself.
+const LANES: usize = 4;
 
 /// A run's fitted turns with their weights, made once per run.
 pub struct Weighted<'a> {
@@ -64,8 +77,18 @@ impl<'a> Weighted<'a> {
             let part = samples[stretch.samples(self.per_turn)].chunks(self.per_turn);
             for (i, (values, weights)) in part.zip(weights.chunks(self.per_turn)).enumerate() {
                 let mut turn = Complex64::from_polar(2.0, -TAU * (order * (stretch.from + i) as f64).fract());
-                let mut sum = Complex64::default();
-                for (x, w) in values.iter().zip(weights) {
+                let mut lanes = [Complex64::default(); LANES];
+                let mut turning: [Complex64; LANES] = std::array::from_fn(|lane| turn * step.powu(lane as u32));
+                let (ahead, whole) = (step.powu(LANES as u32), values.len() / LANES * LANES);
+                for (x, w) in values[..whole].chunks_exact(LANES).zip(weights[..whole].chunks_exact(LANES)) {
+                    for lane in 0..LANES {
+                        lanes[lane] += turning[lane] * (x[lane] * w[lane]);
+                        turning[lane] *= ahead;
+                    }
+                }
+                let mut sum: Complex64 = lanes.iter().sum();
+                turn = turning[0];
+                for (x, w) in values[whole..].iter().zip(&weights[whole..]) {
                     sum += turn * (x * w);
                     turn *= step;
                 }
@@ -80,17 +103,22 @@ impl<'a> Weighted<'a> {
         &self.weight_of_turn
     }
 
-    /// Fits lines and takes them off `samples` on the whole grid; returns their amplitudes.
-    pub fn fit(&self, samples: &mut [f64], orders: &[f64], basis: &Basis) -> Vec<FittedLine> {
-        let empty = vec![Complex64::default(); basis.len()];
-        let mut lines: Vec<FittedLine> =
-            orders.iter().map(|&order| FittedLine { order, coefficients: empty.clone() }).collect();
-        for _ in 0..ROUNDS {
-            for line in &mut lines {
-                let sums = self.sums(samples, line.order);
-                let coefficients = basis.fit(&self.speeds_hz, &self.weight_of_turn, &sums);
-                line.coefficients.iter_mut().zip(&coefficients).for_each(|(c, change)| *c += change);
-                subtract(samples, self.run, &FittedLine { order: line.order, coefficients }, basis);
+    /// Fits lines and takes them off `samples` on the whole grid; returns their amplitudes. Constant ones without a choice.
+    pub fn fit(&self, samples: &mut [f64], orders: &[f64], choice: Option<&Choice>) -> Vec<FittedLine> {
+        let mut lines: Vec<FittedLine> = Vec::new();
+        for round in 0..ROUNDS {
+            for (i, &order) in orders.iter().enumerate() {
+                let sums = self.sums(samples, order);
+                if round == 0 {
+                    let basis = choice.map_or_else(Basis::constant, |choice| choice.of(order, &sums));
+                    let coefficients = vec![Complex64::default(); basis.len()];
+                    lines.push(FittedLine { order, basis, coefficients });
+                }
+                let line = &mut lines[i];
+                let change = line.basis.fit(order, &self.speeds_hz, &self.weight_of_turn, &sums);
+                line.coefficients.iter_mut().zip(&change).for_each(|(c, change)| *c += change);
+                let change = FittedLine { order, basis: line.basis.clone(), coefficients: change };
+                subtract(samples, self.run, &change);
             }
         }
         lines
@@ -98,23 +126,29 @@ impl<'a> Weighted<'a> {
 }
 
 /// Takes a line off the whole grid.
-pub fn subtract(samples: &mut [f64], run: &SceneRun, line: &FittedLine, basis: &Basis) {
+pub fn subtract(samples: &mut [f64], run: &SceneRun, line: &FittedLine) {
     let per_turn = run.angle.per_turn[0];
     let step = Complex64::from_polar(1.0, TAU * line.order / per_turn as f64);
     let speeds = &run.speeds_hz;
     // At the border of two turns; within a turn the amplitude goes straight on, or its steps would be lines of the pinion's shaft.
     let at_border = |turn: usize| {
         let (before, after) = (turn.saturating_sub(1), turn.min(speeds.len() - 1));
-        basis.value(&line.coefficients, 0.5 * (speeds[before] + speeds[after]))
+        line.at(0.5 * (speeds[before] + speeds[after]))
     };
+    let ahead = step.powu(LANES as u32);
+    let mut begin = at_border(0);
     for (turn, values) in samples.chunks_mut(per_turn).enumerate() {
-        let mut amplitude = at_border(turn);
-        let change = (at_border(turn + 1) - amplitude) / per_turn as f64;
-        let mut rotating = Complex64::from_polar(1.0, TAU * (line.order * turn as f64).fract());
-        for x in values {
-            *x -= (amplitude * rotating).re;
-            rotating *= step;
-            amplitude += change;
+        let end = at_border(turn + 1);
+        let change = (end - begin) / per_turn as f64;
+        let first = Complex64::from_polar(1.0, TAU * (line.order * turn as f64).fract());
+        let mut rotating: [Complex64; LANES] = std::array::from_fn(|lane| first * step.powu(lane as u32));
+        for (chunk, values) in values.chunks_mut(LANES).enumerate() {
+            let amplitude = begin + change * (chunk * LANES) as f64;
+            for (lane, x) in values.iter_mut().enumerate() {
+                *x -= ((amplitude + change * lane as f64) * rotating[lane]).re;
+                rotating[lane] *= ahead;
+            }
         }
+        begin = end;
     }
 }

@@ -1,29 +1,26 @@
 //! The declared model and the calibrated one: mesh harmonics behind an unknown path, constant or moving with the speed.
 //!
-//! *Declared*: every harmonic `k z1` has one complex amplitude per run and channel. *Calibrated*: it may move with the speed ([`Basis`]); that takes
-//! in path resonances crossed in a run-up or a wander, a delay of the tach (a phase linear in speed) and its angle zero. How many functions, is
-//! chosen per run on the fitted turns alone: the Bayesian information criterion over the harmonics' turn-by-turn amplitudes of all channels. A term
-//! of speed that the record does not pay for is not fitted. Every function of every line counts as two unknowns.
+//! *Declared*: every harmonic `k z1` has one complex amplitude per run and channel. *Calibrated*: it may move with the speed ([`super::basis::Basis`]); that takes
+//! in path resonances crossed in a run-up or a wander, a delay of the tach (a phase linear in speed) and its angle zero. Which functions, is
+//! chosen line by line on the fitted turns alone ([`Choice`]); where the speed runs up, poles of the path are fitted that all lines and channels share ([`poles`]). Every
+//! function of every line counts as two unknowns.
 
 use super::amplitudes::{FittedLine, Weighted};
-use super::basis::Basis;
+use super::choice::Choice;
+use super::poles::{self, Course};
 use super::scene::{Scene, SceneRun};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex64;
 
-/// Numbers of functions tried.
-const FUNCTIONS: [usize; 11] = [1, 2, 3, 4, 6, 9, 13, 19, 28, 40, 60];
-/// Fitted turns per function at least.
-const TURNS_PER_FUNCTION: usize = 3;
+/// Fastest over slowest turn from which lines are swept through resonances.
+const MOVES: f64 = 1.1;
 
 /// Samples by run and channel.
 pub type Grids = Vec<Vec<Vec<f64>>>;
 
 /// Both models, fitted.
-#[derive(Debug, Clone)]
 pub struct Baseline {
-    /// Functions of speed per run.
-    pub bases: Vec<Basis>,
+    /// How amplitudes may move, per run.
+    pub choices: Vec<Choice>,
     /// What constant amplitudes leave.
     pub declared: Grids,
     /// What amplitudes that move with the speed leave.
@@ -34,12 +31,17 @@ pub struct Baseline {
     pub unknowns: [usize; 2],
 }
 
+/// Unknowns of fitted lines.
+pub fn unknowns(lines: &[FittedLine]) -> usize {
+    2 * lines.iter().map(|line| line.basis.len()).sum::<usize>()
+}
+
 impl Baseline {
     /// Fits both on the fitted turns.
     pub fn of(scene: &Scene) -> Self {
         let orders = mesh_orders(scene);
         let mut baseline = Self {
-            bases: Vec::new(),
+            choices: Vec::new(),
             declared: Vec::new(),
             calibrated: Vec::new(),
             lines: Vec::new(),
@@ -47,37 +49,39 @@ impl Baseline {
         };
         for run in &scene.runs {
             let weighted = Weighted::new(run);
-            let basis = chosen(run, &weighted, &orders);
-            let constant = Basis::constant();
-            let fitted = |basis: &Basis| -> Vec<(Vec<f64>, Vec<FittedLine>)> {
+            let choice = choice(run, &weighted, &orders);
+            let fitted = |choice: Option<&Choice>| -> Vec<(Vec<f64>, Vec<FittedLine>)> {
                 let of_channel = |samples: &Vec<f64>| {
                     let mut rest = samples.clone();
-                    let lines = weighted.fit(&mut rest, &orders, basis);
+                    let lines = weighted.fit(&mut rest, &orders, choice);
                     (rest, lines)
                 };
                 run.samples.par_iter().map(of_channel).collect()
             };
-            let (declared, declared_lines): (Vec<_>, Vec<_>) = fitted(&constant).into_iter().unzip();
-            let (calibrated, lines) =
-                if basis == constant { (declared.clone(), declared_lines) } else { fitted(&basis).into_iter().unzip() };
-            let complex = 2 * orders.len() * run.samples.len();
-            baseline.unknowns[0] += complex;
-            baseline.unknowns[1] += complex * basis.len();
+            let (declared, constant): (Vec<_>, Vec<_>) = fitted(None).into_iter().unzip();
+            let (calibrated, lines): (Vec<_>, Vec<_>) = fitted(Some(&choice)).into_iter().unzip();
+            let count = |lines: &[Vec<FittedLine>]| lines.iter().map(|lines| unknowns(lines)).sum::<usize>();
+            baseline.unknowns[0] += count(&constant);
+            baseline.unknowns[1] += count(&lines);
             baseline.declared.push(declared);
             baseline.calibrated.push(calibrated);
             baseline.lines.push(lines);
-            baseline.bases.push(basis);
+            baseline.choices.push(choice);
         }
         baseline
+    }
+
+    /// Most functions of speed that a mesh line of each run has.
+    pub fn functions(&self) -> Vec<usize> {
+        let most = |run: &Vec<Vec<FittedLine>>| run.iter().flatten().map(|line| line.basis.len()).max().unwrap_or(0);
+        self.lines.iter().map(most).collect()
     }
 
     /// Mean amplitude over the run's speed of the calibrated mesh line nearest to `order`.
     pub fn nearest_mesh(&self, scene: &Scene, run: usize, channel: usize, order: f64) -> f64 {
         let lines = &self.lines[run][channel];
         let k = ((order / scene.mesh_order()).round().max(1.0) as usize).min(lines.len());
-        lines
-            .get(k.wrapping_sub(1))
-            .map_or(0.0, |line| self.bases[run].value(&line.coefficients, scene.runs[run].angle.speed.mean_hz).norm())
+        lines.get(k.wrapping_sub(1)).map_or(0.0, |line| line.at(scene.runs[run].angle.speed.mean_hz).norm())
     }
 
     /// Largest mean amplitude of a mesh line in a run and channel.
@@ -93,38 +97,21 @@ pub fn mesh_orders(scene: &Scene) -> Vec<f64> {
     (1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z).collect()
 }
 
-/// The functions of speed that the fitted turns pay for.
-fn chosen(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Basis {
-    let speeds = weighted.speeds_hz();
-    let weights = weighted.weight_of_turn();
-    let total: f64 = weights.iter().sum();
-    let effective = total * total / weights.iter().map(|w| w * w).sum::<f64>();
-    let lines: Vec<Vec<Complex64>> = run
+/// The functions of speed that a run's lines may have.
+fn choice(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Choice {
+    // Over whole turns of the gear its sidebands cancel: they are no course of the mesh line.
+    let block = (1.0 / run.angle.slower_order()).round().max(1.0) as usize;
+    let held = run.split.held_out.iter().map(|stretch| stretch.turns).max().unwrap_or(0);
+    let choice = Choice::new(weighted.speeds_hz(), weighted.weight_of_turn(), block, held);
+    if run.angle.speed.fastest_hz < MOVES * run.angle.speed.slowest_hz {
+        return choice;
+    }
+    let courses: Vec<Course> = run
         .samples
         .par_iter()
         .flat_map_iter(|samples| orders.iter().map(move |&order| (samples, order)))
-        .map(|(samples, order)| weighted.sums(samples, order))
+        .map(|(samples, order)| choice.course(order, &weighted.sums(samples, order)))
         .collect();
-    // Over whole turns of the gear its sidebands cancel: they are no course of the mesh line.
-    let block = (1.0 / run.angle.slower_order()).round().max(1.0) as usize;
-    let effective = effective / block as f64;
-    let misfit = |basis: &Basis, sums: &[Complex64]| {
-        let fit = basis.fit(speeds, weights, sums);
-        let left: Vec<Complex64> =
-            speeds.iter().zip(weights).zip(sums).map(|((s, w), sum)| sum - basis.value(&fit, *s) * *w).collect();
-        let of_block = |(left, weights): (&[Complex64], &[f64])| {
-            left.iter().sum::<Complex64>().norm_sqr() / weights.iter().sum::<f64>().max(f64::MIN_POSITIVE)
-        };
-        left.chunks(block).zip(weights.chunks(block)).map(of_block).sum::<f64>() / total
-    };
-    let criterion = |basis: &Basis| {
-        let gain: f64 = lines.iter().map(|sums| effective * misfit(basis, sums).max(f64::MIN_POSITIVE).ln()).sum();
-        gain + (basis.len() * lines.len()) as f64 * effective.ln()
-    };
-    let bases = FUNCTIONS.iter().filter(|n| **n == 1 || **n * TURNS_PER_FUNCTION <= speeds.len());
-    bases
-        .map(|&n| Basis::of_speeds(speeds, n))
-        .map(|basis| (criterion(&basis), basis))
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or_else(Basis::constant, |(_, basis)| basis)
+    let poles = poles::found(&choice.sweep, &courses);
+    choice.with_poles(poles)
 }

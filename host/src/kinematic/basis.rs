@@ -1,39 +1,51 @@
-//! How an amplitude may move with the speed: a few hat functions, with a weak preference for straight lines.
+//! How an amplitude may move with the speed: a few hat functions, and resonances that the line is swept through.
 //!
-//! One function is a constant, two a straight line, more are straight pieces between nodes at equal shares of the fitted turns. Between
-//! nodes nothing can swing out, so a stretch that was not fitted is interpolated soberly; a polynomial is not. Every function of every line
-//! is a complex unknown and is counted.
+//! One hat is a constant, two a straight line, more are straight pieces between nodes at equal shares of the fitted turns. Between
+//! nodes nothing can swing out, so a stretch that was not fitted is interpolated soberly; a polynomial is not. A resonance of the path stands at a frequency, not at a
+//! speed: its function `f^2 / (f_m^2 - f^2 + 2 i zeta f f_m)` of the line's own frequency is shared by every line and channel ([`super::poles`]), only the residue is free. It
+//! carries across a gap of speeds what no interpolation can. Every function of every line is a complex unknown and is counted.
 
+use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
 
-/// Weight of the second differences against the data's.
+/// Weight of the second differences, and of residues, against the data's.
 const STRAIGHT: f64 = 1e-3;
+const SMALL: f64 = 1e-5;
 
-/// Hat functions over the speed.
+/// A pole: frequency, Hz, and damping ratio.
+pub type Pole = [f64; 2];
+
+/// Functions of the speed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
     nodes_hz: Vec<f64>,
+    poles: Vec<Pole>,
 }
 
 impl Basis {
     /// A constant.
     pub fn constant() -> Self {
-        Self { nodes_hz: vec![0.0] }
+        Self { nodes_hz: vec![0.0], poles: Vec::new() }
     }
 
-    /// `count` functions over the speeds of the fitted turns; fewer where these hardly differ.
+    /// `count` hats over the speeds of the fitted turns; fewer where these hardly differ.
     pub fn of_speeds(speeds_hz: &[f64], count: usize) -> Self {
         let mut sorted = speeds_hz.to_vec();
         sorted.sort_by(f64::total_cmp);
         let Some(last) = sorted.len().checked_sub(1).filter(|_| count > 1) else { return Self::constant() };
         let mut nodes_hz: Vec<f64> = (0..count).map(|i| sorted[i * last / (count - 1)]).collect();
         nodes_hz.dedup_by(|a, b| *a - *b < 1e-9 * b.abs());
-        Self { nodes_hz }
+        Self { nodes_hz, poles: Vec::new() }
+    }
+
+    /// The same with resonances.
+    pub fn with_poles(&self, poles: &[Pole]) -> Self {
+        Self { nodes_hz: self.nodes_hz.clone(), poles: poles.to_vec() }
     }
 
     /// Number of functions.
     pub fn len(&self) -> usize {
-        self.nodes_hz.len()
+        self.nodes_hz.len() + self.poles.len()
     }
 
     /// Never: there is always the constant.
@@ -41,8 +53,8 @@ impl Basis {
         self.nodes_hz.is_empty()
     }
 
-    /// The two functions that are not zero at a speed: index and value; straight on beyond the ends.
-    pub fn at(&self, speed_hz: f64) -> [(usize, f64); 2] {
+    /// The two hats that are not zero at a speed: index and value; straight on beyond the ends.
+    fn hats(&self, speed_hz: f64) -> [(usize, f64); 2] {
         let nodes = &self.nodes_hz;
         if nodes.len() < 2 {
             return [(0, 1.0), (0, 0.0)];
@@ -52,26 +64,35 @@ impl Basis {
         [(i, 1.0 - u), (i + 1, u)]
     }
 
-    /// A value at a speed from its coefficients.
-    pub fn value(&self, coefficients: &[Complex64], speed_hz: f64) -> Complex64 {
-        self.at(speed_hz).iter().map(|&(i, u)| coefficients[i] * u).sum()
+    /// Functions of a line of this order that are not zero at a speed.
+    fn functions(&self, order: f64, speed_hz: f64) -> impl Iterator<Item = (usize, Complex64)> + Clone + '_ {
+        let hats = self.hats(speed_hz).map(|(i, u)| (i, Complex64::new(u, 0.0)));
+        let first = self.nodes_hz.len();
+        let resonances =
+            self.poles.iter().enumerate().map(move |(m, pole)| (first + m, resonance(*pole, order * speed_hz)));
+        hats.into_iter().chain(resonances)
+    }
+
+    /// A value at a speed from the coefficients of a line of this order.
+    pub fn value(&self, order: f64, coefficients: &[Complex64], speed_hz: f64) -> Complex64 {
+        self.functions(order, speed_hz).map(|(i, u)| coefficients[i] * u).sum()
     }
 
     /// Least squares of values with weights at speeds: the coefficients.
-    pub fn fit(&self, speeds_hz: &[f64], weights: &[f64], weighted_values: &[Complex64]) -> Vec<Complex64> {
+    pub fn fit(&self, order: f64, speeds_hz: &[f64], weights: &[f64], weighted_values: &[Complex64]) -> Vec<Complex64> {
         let n = self.len();
-        let mut matrix = nalgebra::DMatrix::<f64>::zeros(n, n);
-        let mut right = nalgebra::DMatrix::<f64>::zeros(n, 2);
+        let mut matrix = DMatrix::<Complex64>::zeros(n, n);
+        let mut right = DVector::<Complex64>::zeros(n);
         for ((&speed, &weight), value) in speeds_hz.iter().zip(weights).zip(weighted_values) {
-            for (i, u) in self.at(speed) {
-                right[(i, 0)] += u * value.re;
-                right[(i, 1)] += u * value.im;
-                for (j, v) in self.at(speed) {
-                    matrix[(i, j)] += weight * u * v;
+            let functions = self.functions(order, speed);
+            for (i, u) in functions.clone() {
+                right[i] += u.conj() * value;
+                for (j, v) in functions.clone() {
+                    matrix[(i, j)] += u.conj() * v * weight;
                 }
             }
         }
-        let scale = matrix.trace() / n as f64;
+        let scale = matrix.trace().re / n as f64;
         for nodes in self.nodes_hz.windows(3).enumerate().map(|(i, x)| bend(i, x)) {
             for (a, u) in nodes {
                 for (b, v) in nodes {
@@ -80,11 +101,17 @@ impl Basis {
             }
         }
         for i in 0..n {
-            matrix[(i, i)] += 1e-9 * scale;
+            let own = if i < self.nodes_hz.len() { 1e-9 } else { SMALL };
+            matrix[(i, i)] += own * scale;
         }
         let Some(solved) = matrix.cholesky().map(|c| c.solve(&right)) else { return vec![Complex64::default(); n] };
-        (0..n).map(|i| Complex64::new(solved[(i, 0)], solved[(i, 1)])).collect()
+        solved.iter().copied().collect()
     }
+}
+
+/// A mode's response at a frequency, about one in size at its peak.
+pub fn resonance([own_hz, damping]: Pole, hz: f64) -> Complex64 {
+    2.0 * damping * hz * hz / Complex64::new(own_hz * own_hz - hz * hz, 2.0 * damping * hz * own_hz)
 }
 
 /// Index and weight of three neighbouring nodes in the departure of the middle one from the straight line through the others.
@@ -105,9 +132,23 @@ mod tests {
         for count in [2, 3, 6] {
             let basis = Basis::of_speeds(&speeds, count);
             let values: Vec<Complex64> = speeds.iter().map(|s| truth(*s)).collect();
-            let fit = basis.fit(&speeds, &vec![1.0; speeds.len()], &values);
-            assert!((basis.value(&fit, 15.0) - truth(15.0)).norm() < 1e-5, "{count}");
+            let fit = basis.fit(1.0, &speeds, &vec![1.0; speeds.len()], &values);
+            assert!((basis.value(1.0, &fit, 15.0) - truth(15.0)).norm() < 1e-5, "{count}");
         }
         assert_eq!(Basis::of_speeds(&[20.0; 50], 5).len(), 1);
+    }
+
+    #[test]
+    fn theory_a_resonance_in_a_gap_is_carried_by_its_pole_alone() {
+        let truth = |s: f64| Complex64::new(0.3, 0.1) + Complex64::new(1.0, -2.0) * resonance([150.0, 0.02], 10.0 * s);
+        let speeds: Vec<f64> =
+            (0..200).map(|i| 10.0 + 0.05 * f64::from(i)).filter(|s| !(14.5..15.5).contains(s)).collect();
+        let values: Vec<Complex64> = speeds.iter().map(|s| truth(*s)).collect();
+        let error = |basis: &Basis| {
+            let fit = basis.fit(10.0, &speeds, &vec![1.0; speeds.len()], &values);
+            (basis.value(10.0, &fit, 15.0) - truth(15.0)).norm()
+        };
+        let hats = Basis::of_speeds(&speeds, 28);
+        assert!(error(&hats) > 0.5 && error(&Basis::constant().with_poles(&[[150.0, 0.02]])) < 0.02);
     }
 }

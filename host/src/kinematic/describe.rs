@@ -71,7 +71,7 @@ pub fn outcome(
         split: split(scene),
         held_out: errors.held_out,
         unknowns: [declared, calibrated, calibrated + parts.corrected.unknowns],
-        speed_functions: parts.baseline.bases.iter().map(super::basis::Basis::len).collect(),
+        speed_functions: parts.baseline.functions(),
         unexplained: unexplained(&errors),
         error: ErrorTable { metric: METRIC.into(), errors },
         effects,

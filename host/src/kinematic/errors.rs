@@ -6,7 +6,7 @@
 //! Everything is below the highest order that the record holds at every speed. The noise floor is that of the fitted turns, between lines.
 
 use super::amplitudes::{FittedLine, Weighted};
-use super::baseline::{Baseline, Grids};
+use super::baseline::{Baseline, Grids, unknowns};
 use super::candidate::{Domain, Taken, score};
 use super::evidence::Reading;
 use super::residual::Views;
@@ -91,11 +91,11 @@ pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Ad
     for own in adopted {
         if own.candidate.locked {
             for (r, weighted) in weighted.iter().enumerate() {
-                let basis = &baseline.bases[r];
+                let choice = Some(&baseline.choices[r]);
                 let fit =
-                    |(c, samples): (usize, &mut Vec<f64>)| weighted.fit(samples, &standing(own, views, r, c), basis);
+                    |(c, samples): (usize, &mut Vec<f64>)| weighted.fit(samples, &standing(own, views, r, c), choice);
                 let lines: Vec<Vec<FittedLine>> = corrected.residual[r].par_iter_mut().enumerate().map(fit).collect();
-                corrected.unknowns += 2 * basis.len() * lines.iter().map(Vec::len).sum::<usize>();
+                corrected.unknowns += lines.iter().map(|lines| unknowns(lines)).sum::<usize>();
                 corrected.lines[r].iter_mut().zip(lines).for_each(|(all, new)| all.extend(new));
             }
         }
@@ -143,6 +143,17 @@ fn shares(scene: &Scene, residual: &Grids, stretches: fn(&Split) -> &[Stretch]) 
         power(&residual[r][c], per_turn, stretches) / power(&run.samples[c], per_turn, stretches).max(f64::MIN_POSITIVE)
     };
     (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| share(r, c)).collect()).collect()
+}
+
+/// Share of the held-out power that other signals have, one per channel of the record's first run, meaned over channels: what an error would be that left just them.
+pub fn share_of(scene: &Scene, signals: &[Vec<f64>]) -> f64 {
+    let Some(run) = scene.runs.first() else { return 0.0 };
+    let per_turn = run.angle.per_turn[0];
+    let share = |c: usize| {
+        let own = run.on_grid(&signals[scene.channels[c].index], scene.highest_order);
+        power(&own, per_turn, &run.split.held_out) / power(&run.samples[c], per_turn, &run.split.held_out)
+    };
+    (0..scene.channels.len()).map(share).sum::<f64>() / scene.channels.len().max(1) as f64
 }
 
 fn floors(scene: &Scene, views: &Views, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {

@@ -30,7 +30,7 @@ pub struct Outcome {
     pub held_out: super::errors::Stages,
     /// Unknowns of the three stages.
     pub unknowns: [usize; 3],
-    /// Functions of speed per line and run.
+    /// Most functions of speed that a mesh line has, per run.
     pub speed_functions: Vec<usize>,
     /// Families found.
     pub effects: Vec<Effect>,

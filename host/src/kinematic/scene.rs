@@ -9,6 +9,8 @@ use crate::budget::GRID;
 use crate::record::{Record, Run, Tach};
 use crate::{Error, Result};
 use rayon::prelude::*;
+use realfft::RealFftPlanner;
+use std::f64::consts::PI;
 
 /// A channel that is used.
 #[derive(Debug, Clone)]
@@ -65,6 +67,8 @@ pub struct Scene {
 
 /// Channels from which every second one is held out.
 const MANY_CHANNELS: usize = 4;
+/// Multiple of the highest order beyond which nothing passes.
+const PASSES_TO: f64 = 1.03;
 
 impl Scene {
     /// Of a record with tach and tooth counts.
@@ -89,7 +93,9 @@ impl Scene {
         }
         let points: f64 = runs.iter().map(|(_, _, a)| (a.turns * a.per_turn[0] * order.len()) as f64).sum();
         GRID.check(record.folder.display(), points, "cut the runs or leave channels out at import")?;
-        let runs: Vec<SceneRun> = runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order)).collect();
+        let highest_order = runs.iter().map(|(_, _, a)| a.highest_order).fold(f64::INFINITY, f64::min);
+        let runs: Vec<SceneRun> =
+            runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order, highest_order)).collect();
         if let Some(run) = runs.iter().find(|run| run.split.held_out.is_empty()) {
             notes.push(format!("run {} is too short to hold a stretch of it out", run.index));
         }
@@ -100,7 +106,7 @@ impl Scene {
             gear_order: f64::from(teeth[0]) / f64::from(teeth[1]),
             channels: order.iter().map(|&index| Channel { index, name: acquisition.channels[index].clone() }).collect(),
             searched,
-            highest_order: runs.iter().map(|run| run.angle.highest_order).fold(f64::INFINITY, f64::min),
+            highest_order,
             runs,
             notes,
         })
@@ -143,10 +149,10 @@ fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usi
     Ok(([searched, others].concat(), count))
 }
 
-fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize]) -> SceneRun {
+fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order: f64) -> SceneRun {
     let rate_hz = run.sample_rate_hz();
     let signals: Vec<Vec<f64>> = channels.iter().map(|&c| run.signal_m_s2(c)).collect();
-    let samples = signals.par_iter().map(|signal| without_mean(angle.resampled(signal, rate_hz))).collect();
+    let samples = signals.par_iter().map(|signal| on_grid(&angle, signal, rate_hz, highest_order)).collect();
     let time = |turn: usize| angle.map.time_at(angle.from_turn + turn as f64);
     let at_limit = |&c: &usize| {
         let codes = run.channel_codes(c);
@@ -165,8 +171,29 @@ fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize]) -> SceneRun {
     }
 }
 
-fn without_mean(mut samples: Vec<f64>) -> Vec<f64> {
-    let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
-    samples.iter_mut().for_each(|x| *x -= mean);
+/// A signal at equal angles, less its mean and what lies above the highest order: what no run holds at every speed is no error of a model.
+fn on_grid(angle: &Angle, signal: &[f64], rate_hz: f64, highest_order: f64) -> Vec<f64> {
+    let mut samples = angle.resampled(signal, rate_hz);
+    let count = samples.len();
+    let mut planner = RealFftPlanner::<f64>::new();
+    let (forward, inverse) = (planner.plan_fft_forward(count), planner.plan_fft_inverse(count));
+    let mut spectrum = forward.make_output_vec();
+    forward.process(&mut samples, &mut spectrum).expect("matching lengths");
+    for (i, bin) in spectrum.iter_mut().enumerate() {
+        let over = i as f64 / angle.turns as f64 / highest_order;
+        let pass = ((PASSES_TO - over) / (PASSES_TO - 1.0)).clamp(0.0, 1.0);
+        *bin *= if i == 0 { 0.0 } else { 0.5 - 0.5 * (PI * pass).cos() } / count as f64;
+    }
+    if let (Some(last), true) = (spectrum.last_mut(), count.is_multiple_of(2)) {
+        last.im = 0.0;
+    }
+    inverse.process(&mut spectrum, &mut samples).expect("matching lengths");
     samples
+}
+
+impl SceneRun {
+    /// Another signal over the same time as the channels' are seen.
+    pub fn on_grid(&self, signal: &[f64], highest_order: f64) -> Vec<f64> {
+        on_grid(&self.angle, signal, self.rate_hz, highest_order)
+    }
 }

@@ -165,28 +165,38 @@ fn whole_turns(signal: &[f64], rate_hz: f64, map: &AngleMap) -> Option<(Vec<f64>
     Some((resample_by_angle(signal, rate_hz, map, from, turns as usize, per_turn), turns as usize, per_turn))
 }
 
-/// Kaiser window, tabulated finely and read linearly (error below 1e-9).
+/// Kaiser window at the taps of a point between samples, tabulated finely over the point's place and read linearly (error below 1e-9).
+///
+/// One row per place: the taps before the point (nearest first), then those behind it.
 pub(crate) struct Kaiser {
-    table: Vec<f64>,
+    rows: Vec<[f64; HALF_TAPS as usize]>,
 }
 
 impl Kaiser {
-    const STEPS: usize = 1 << 15;
+    /// Places between two samples.
+    const PLACES: usize = 1 << 10;
 
     pub(crate) fn new() -> Self {
-        let table = (0..=Self::STEPS + 1)
-            .map(|i| {
-                let r = (i as f64 / Self::STEPS as f64).min(1.0);
-                bessel_i0(KAISER_BETA * (1.0 - r * r).sqrt()) / bessel_i0(KAISER_BETA)
-            })
-            .collect();
-        Self { table }
+        let weight = |distance: f64| {
+            let r = (distance / HALF_TAPS as f64).min(1.0);
+            bessel_i0(KAISER_BETA * (1.0 - r * r).sqrt()) / bessel_i0(KAISER_BETA)
+        };
+        let row = |i: usize| std::array::from_fn(|tap| weight(tap as f64 + i as f64 / Self::PLACES as f64));
+        Self { rows: (0..=Self::PLACES).map(row).collect() }
     }
 
-    fn weight(&self, distance: f64) -> f64 {
-        let at = distance.abs() / HALF_TAPS as f64 * Self::STEPS as f64;
-        let i = (at as usize).min(Self::STEPS);
-        self.table[i] + (at - i as f64) * (self.table[i + 1] - self.table[i])
+    /// Sum over the taps on one side of the point, `distance` from the nearest: `(-1)^k x_k w_k / d_k`.
+    fn side<'a>(&self, distance: f64, taps: impl Iterator<Item = &'a f64>) -> f64 {
+        let at = distance * Self::PLACES as f64;
+        let i = (at as usize).min(Self::PLACES - 1);
+        let u = at - i as f64;
+        let (row, next) = (&self.rows[i], &self.rows[i + 1]);
+        let (mut even, mut odd) = (0.0, 0.0);
+        for (k, ((x, w), next)) in taps.zip(row).zip(next).enumerate() {
+            let term = x * (w + u * (next - w)) / (distance + k as f64);
+            if k % 2 == 0 { even += term } else { odd += term }
+        }
+        even - odd
     }
 
     /// Value of `signal` at a place between its samples; zero outside.
@@ -198,14 +208,22 @@ impl Kaiser {
             return usize::try_from(centre).ok().and_then(|i| signal.get(i)).copied().unwrap_or(0.0);
         }
         let sine = (PI * u).sin() / PI;
-        let mut sum = 0.0;
-        for k in 1 - HALF_TAPS..=HALF_TAPS {
-            if let Some(x) = usize::try_from(centre + k).ok().and_then(|i| signal.get(i)) {
-                let d = u - k as f64;
-                let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-                sum += x * sign * sine / d * self.weight(d);
-            }
+        // Taps outside the signal are zero.
+        let end = usize::try_from(centre + 1).unwrap_or(0).min(signal.len());
+        let begin = usize::try_from(centre + 1 - HALF_TAPS).unwrap_or(0).min(end);
+        let last = usize::try_from(centre + 1 + HALF_TAPS).unwrap_or(0).min(signal.len());
+        let missing = usize::try_from(centre + 1).map_or(usize::MAX, |next| next.saturating_sub(end));
+        if missing > 0 || centre < 0 {
+            return self.at_edge(signal, centre, u, sine);
         }
-        sum
+        sine * (self.side(u, signal[begin..end].iter().rev()) + self.side(1.0 - u, signal[end..last].iter()))
+    }
+
+    /// The same where the nearest samples lie outside.
+    fn at_edge(&self, signal: &[f64], centre: isize, u: f64, sine: f64) -> f64 {
+        let at = |i: isize| usize::try_from(i).ok().and_then(|i| signal.get(i)).unwrap_or(&0.0);
+        let before = (0..HALF_TAPS).map(|k| at(centre - k));
+        let behind = (0..HALF_TAPS).map(|k| at(centre + 1 + k));
+        sine * (self.side(u, before) + self.side(1.0 - u, behind))
     }
 }

@@ -1,0 +1,101 @@
+//! Which functions of the speed a line's amplitude moves with: those that predict stretches of the fitted turns left out.
+//!
+//! Chosen line by line and channel by channel: a strong line through resonances pays for many functions, a weak one for a constant. The turns are cut into
+//! stretches as long as those held out; each inner one is predicted from the others. The next richer basis must predict better by
+//! the share that its unknowns would gain by chance. Means are over whole turns of the slower shaft, over which its sidebands cancel.
+
+use super::basis::{Basis, Pole};
+use super::poles::{Course, Sweep};
+use rustfft::num_complex::Complex64;
+
+/// Numbers of hats tried.
+const FUNCTIONS: [usize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];
+/// Stretches per function at least.
+const PER_FUNCTION: usize = 3;
+/// Hats beside resonances.
+const BESIDE: [usize; 3] = [1, 2, 4];
+/// Folds.
+const FOLDS: (usize, usize) = (6, 16);
+
+/// Bases that a run's lines may have.
+pub struct Choice {
+    /// Speeds and weights of the stretches.
+    pub sweep: Sweep,
+    /// Turns of a stretch.
+    block: usize,
+    hats: Vec<Basis>,
+    poles: Vec<Pole>,
+    folds: usize,
+}
+
+impl Choice {
+    /// From the fitted turns' speeds and weights; a stretch is `block` turns, `held_turns` is the longest stretch held out.
+    pub fn new(speeds_hz: &[f64], weights: &[f64], block: usize, held_turns: usize) -> Self {
+        let block = block.max(1);
+        let mean = |(s, w): (&[f64], &[f64])| {
+            let weight: f64 = w.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+            (s.iter().zip(w).map(|(s, w)| s * w).sum::<f64>() / weight, weight)
+        };
+        let (speeds, weights): (Vec<f64>, Vec<f64>) =
+            speeds_hz.chunks(block).zip(weights.chunks(block)).map(mean).unzip();
+        let fits = |n: &&usize| **n == 1 || **n * PER_FUNCTION <= speeds.len();
+        let hats = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(&speeds, *n)).collect();
+        let folds = (speeds.len() * block / held_turns.max(1)).clamp(FOLDS.0, FOLDS.1);
+        Self { sweep: Sweep::new(speeds, weights), block, hats, poles: Vec::new(), folds }
+    }
+
+    /// With resonances.
+    pub fn with_poles(self, poles: Vec<Pole>) -> Self {
+        Self { poles, ..self }
+    }
+
+    /// A line's course from its sums turn by turn.
+    pub fn course(&self, order: f64, sums: &[Complex64]) -> Course {
+        Course { order, sums: sums.chunks(self.block).map(|part| part.iter().sum()).collect() }
+    }
+
+    /// The basis of a line from its sums turn by turn.
+    pub fn of(&self, order: f64, sums: &[Complex64]) -> Basis {
+        let course = self.course(order, sums);
+        let near = self.sweep.near(&self.poles, order);
+        let mut bases = self.hats.clone();
+        if !near.is_empty() {
+            bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.speeds_hz, *n).with_poles(&near)));
+        }
+        let count = course.sums.len() as f64;
+        let mut best: Option<(f64, Basis)> = None;
+        bases.sort_by_key(Basis::len);
+        for basis in bases.into_iter().filter(|b| b.len() * 2 <= course.sums.len() || b.len() == 1) {
+            let error = self.predicted(&course, &basis);
+            let gained = best.as_ref().is_none_or(|(least, other)| {
+                let more = basis.len().saturating_sub(other.len()) as f64;
+                error < least * (1.0 - more / count)
+            });
+            if gained {
+                best = Some((error, basis));
+            }
+        }
+        best.map_or_else(Basis::constant, |(_, basis)| basis)
+    }
+
+    /// What the inner folds leave, each predicted from the others.
+    fn predicted(&self, course: &Course, basis: &Basis) -> f64 {
+        let (speeds, weights, count) = (&self.sweep.speeds_hz, &self.sweep.weights, course.sums.len());
+        let fold = |i: usize| i * self.folds / count;
+        (1..self.folds.saturating_sub(1))
+            .map(|left_out| {
+                let weight = |i: usize| if fold(i) == left_out { 0.0 } else { weights[i] };
+                let kept: Vec<f64> = (0..count).map(weight).collect();
+                let zero = Complex64::default();
+                let sums: Vec<Complex64> =
+                    (0..count).map(|i| if fold(i) == left_out { zero } else { course.sums[i] }).collect();
+                let fit = basis.fit(course.order, speeds, &kept, &sums);
+                let error = |i: usize| {
+                    let left = course.sums[i] - basis.value(course.order, &fit, speeds[i]) * weights[i];
+                    left.norm_sqr() / weights[i].max(f64::MIN_POSITIVE)
+                };
+                (0..count).filter(|i| fold(*i) == left_out).map(error).sum::<f64>()
+            })
+            .sum()
+    }
+}
