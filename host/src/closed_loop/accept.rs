@@ -194,6 +194,11 @@ impl std::ops::Deref for Adopted {
 }
 
 impl Adopted {
+    /// None yet, where something found before them gained so much: the first term, too, must be beyond its form error.
+    pub fn after(largest_gain: f64) -> Self {
+        Self { largest_gain, ..Self::default() }
+    }
+
     /// Whether a candidate with these figures would be adopted next to the terms there are.
     ///
     /// # Errors

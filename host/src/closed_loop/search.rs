@@ -58,6 +58,10 @@ pub struct Memory {
     pub tried: usize,
     /// Strengths found.
     pub strengths: Strengths,
+    /// Gain of what was found before the library: its form error bounds what may be found after it.
+    pub largest_gain: f64,
+    /// Best score of the first round, before anything was adopted.
+    pub first_score: Option<f64>,
 }
 
 /// Adds effects strongest first.
@@ -74,7 +78,7 @@ pub fn search(
     say("responses of the library");
     let mut data = base.data();
     let raw = data.residual.clone();
-    let mut accepted = Adopted::default();
+    let mut accepted = Adopted::after(memory.largest_gain);
     let mut pool: Vec<Candidate> = Vec::new();
     let mut strongest = None;
     let mut turns: Option<Vec<u32>> = None;
@@ -125,6 +129,7 @@ pub fn search(
         }
         let tests = memory.tried as f64;
         if round == 0 {
+            memory.first_score.get_or_insert(judged.first().map_or(0.0, |j| j.score));
             let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }

@@ -1,7 +1,7 @@
 //! Error tables in three stages (declared, calibrated, corrected), and the assembly of the outcome.
 
 use super::accept::Adopted;
-use super::base_fit::{Base, TOLERANCES};
+use super::base_fit::{Base, OWN, TOLERANCES};
 use super::candidate::Candidate;
 use super::detect;
 use super::judge::{Split, corrected, joint};
@@ -10,7 +10,6 @@ use super::outcome::{Effect, ErrorTable, HeldOut, Outcome, StagedError, Stages, 
 use crate::check::Findings;
 use crate::observation::input::Record;
 use crate::observation::spectrum::Bins;
-use crate::spectral::noise_power;
 
 /// Bins within one bin of an order of pinion or gear.
 fn synchronous(base: &Base, run: usize) -> Vec<bool> {
@@ -30,10 +29,12 @@ fn synchronous(base: &Base, run: usize) -> Vec<bool> {
 }
 
 /// Residual with the declared parameters and `terms` as fitted over `runs`; phases and speeds of the runs from the tachometer alone, as in any
-/// prediction.
+/// prediction, and the torque of every run as that run has it ([`Base::torque_error`]).
 pub fn predicted(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<[Bins; 2]> {
     let mut x = joint(base, data, runs, terms).x;
     x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
+    let rest = corrected(base, data, &x, terms);
+    (0..base.runs.len()).for_each(|run| x[base.own_of(run) + OWN - 1] = base.torque_error(&rest, run));
     corrected(base, data, &x, terms).residual
 }
 
@@ -44,7 +45,7 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
     for &r in runs {
         let mask = synchronous(base, r);
         for c in 0..2 {
-            let noise = noise_power(&stages[2][r][c]);
+            let noise = &base.runs[r].noise[c];
             let lowest = (3.0 * base.analyser.duration_s()) as usize;
             for b in lowest..mask.len() {
                 let [declared, calibrated, corrected] = stages.map(|residual| residual[r][c][b].norm_sqr());
@@ -70,12 +71,12 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
     }
 }
 
-/// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the same frequency: a run
-/// that fails altogether lifts its own. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
+/// Held-out runs one by one. The floor is the noise of the record in this run, but no more than in the runs seen at the same frequency: a run
+/// that is no vibration of this machine is all noise. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
 /// a run's angle and speed, belongs to it.
 fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split) -> Vec<HeldOut> {
-    let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
-    let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
+    let noise = |r: usize| &base.runs[r].noise;
+    let seen: Vec<&[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
     let lowest = (8.0 * base.analyser.duration_s()) as usize;
     split
         .held_out
@@ -193,6 +194,8 @@ pub fn report(
         },
         held_out: held_out(&after, base, split),
         effects,
+        limits: Vec::new(),
+        null: None,
         unexplained,
         declared_parameter_changes: TOLERANCES
             .iter()

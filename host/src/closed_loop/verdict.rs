@@ -6,11 +6,11 @@
 use super::accept::{self, NameFigures, Naming};
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
-use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
+use super::judge::{Joint, Judge, Judged, Split, Spread, corrected, jackknife, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
 use super::start::Start;
-use crate::spectral::noise_power;
+use crate::observation::spectrum::OVERDISPERSION;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
@@ -18,12 +18,16 @@ use std::collections::BTreeMap;
 /// Share of the path from which on a relief is no matter of the tips any more, and no other shape can be excluded.
 const WIDEST_RELIEF: f64 = 0.35;
 
-/// Half width that every interval has at least, as a share of the value: error of the forward model and of declared parameters that no
-/// spread over runs shows. From generated records, where strong effects come out right to about this.
-const FORM: f64 = 0.01;
+/// What a term leaves at its own lines.
+struct AtLines {
+    /// Share of the power there, beyond noise.
+    left: f64,
+    /// Variance of the residual there over what its weights stand for, noise and assumed form error: the error that the model has there, estimated.
+    scatter: f64,
+}
 
-/// Bins where the prediction stands above noise, power left there beyond noise, and power before.
-fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> f64 {
+/// Looks at the bins where the term's prediction stands above noise.
+fn at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> AtLines {
     let rest = corrected(base, data, x, terms);
     let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
     let own: Vec<Column<'_>> =
@@ -32,9 +36,10 @@ fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate],
     let mut predicted = Data { residual: data.residual.iter().map(zero).collect(), weight: Vec::new() };
     subtract(&mut predicted, &own, &x[at..at + own.len()]);
     let (mut left, mut whole) = (0.0, 1e-300);
+    let (mut found, mut least, mut bins) = (0.0, 0.0, 1e-300);
     for &r in runs {
         for c in 0..2 {
-            let noise = noise_power(&rest.residual[r][c]);
+            let noise = &base.runs[r].noise[c];
             for b in 0..noise.len() {
                 let p = predicted.residual[r][c][b].norm_sqr();
                 if p > 6.0 * noise[b] && data.weight[r][c][b] > 0.0 {
@@ -42,11 +47,14 @@ fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate],
                     let w = data.weight[r][c][b];
                     left += (rest.residual[r][c][b].norm_sqr() - noise[b]) * w;
                     whole += p * w;
+                    found += rest.residual[r][c][b].norm_sqr() * w;
+                    least += noise[b] * w;
+                    bins += 2.0 / OVERDISPERSION;
                 }
             }
         }
     }
-    (left / whole).max(0.0)
+    AtLines { left: (left / whole).max(0.0), scatter: if found > 0.0 { found.max(least) / bins } else { 1.0 } }
 }
 
 /// Exponents by which the strength of a term departs from its own law, with 95 % half widths.
@@ -119,6 +127,23 @@ fn freer_gain(next_to_all: &Judge<'_>, pool: &[Candidate], term: &Candidate) -> 
         .reduce(|| 0.0, f64::max)
 }
 
+/// Standard errors with the error of the model: the least-squares variance in the proportion in which the residual at a term's lines scatters, and the
+/// spread over speeds where it contradicts that.
+fn widen(all: &mut Joint, base: &Base, spread: &Spread, terms: &[&Candidate], lines: &[AtLines]) {
+    let mut at = base.nuisances.len();
+    for (term, lines) in terms.iter().zip(lines) {
+        let own = at..at + term.templates.len();
+        at = own.end;
+        for i in own {
+            all.sigma[i] *= lines.scatter.sqrt();
+            // A free phase per run has no value in a run that is left out.
+            if !term.phase_free && spread.contradicts(i, all.sigma[i]) {
+                all.sigma[i] = spread.sigma[i];
+            }
+        }
+    }
+}
+
 /// Verdicts of the accepted terms against the candidates of the search, which scored `tried` of them.
 pub fn verdicts(
     base: &Base,
@@ -131,16 +156,8 @@ pub fn verdicts(
     let seen = split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let mut all = joint(base, data, &seen, &terms);
-    let spread = jackknife(base, data, &seen, &terms);
-    let mut at = base.nuisances.len();
-    for term in &terms {
-        let own = at..at + term.templates.len();
-        at = own.end;
-        // A free phase per run has no value in a run that is left out.
-        if !term.phase_free {
-            own.for_each(|i| all.sigma[i] = all.sigma[i].max(spread[i]));
-        }
-    }
+    let lines: Vec<AtLines> = (0..terms.len()).map(|i| at_lines(base, data, &seen, &terms, i, &all.x)).collect();
+    widen(&mut all, base, &jackknife(base, data, &seen, &terms), &terms, &lines);
     let mut effects = Vec::new();
     let next_to_all = Judge::new(base, data, split, &terms);
     for (index, term) in accepted.iter().enumerate() {
@@ -159,7 +176,7 @@ pub fn verdicts(
         rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
         rivals.truncate(6);
         let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
-        let left = left_at_lines(base, data, &seen, &terms, index, &all.x);
+        let left = lines[index].left;
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
         let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
         let mut near: Vec<&str> =
@@ -281,12 +298,11 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
             let (a, b) = (x[i], x[i + 1]);
             let r = a.hypot(b).max(1e-300);
             let half = 1.96 * ((a * sigma[i]).powi(2) + (b * sigma[i + 1]).powi(2)).sqrt() / r;
-            let half = half.hypot(FORM * r);
             let half = if term.phase_free { half / (seen.len() as f64).sqrt() } else { half };
             map.insert(p.name.clone(), value(r, half, p.unit));
             if !term.phase_free {
                 let turn = 1.96 * ((b * sigma[i]).powi(2) + (a * sigma[i + 1]).powi(2)).sqrt() / (r * r);
-                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn.hypot(FORM), "rad"));
+                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn, "rad"));
             }
         } else {
             let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
@@ -295,7 +311,7 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;
             }
-            map.insert(p.name.clone(), value(v, half.hypot(FORM * v), p.unit));
+            map.insert(p.name.clone(), value(v, half, p.unit));
         }
     }
     map

@@ -5,4 +5,5 @@
 
 pub mod angle;
 pub mod input;
+pub mod noise;
 pub mod spectrum;
