@@ -16,12 +16,15 @@ pub enum Code {
     NoCrystal,
     /// Five: the self-test found something.
     SelfTestFailed,
+    /// Six: an alarm stands.
+    Alarm,
 }
 
 impl Code {
     /// The code for a node's condition.
-    pub fn of(state: State, crystal: bool, self_test_failed: bool) -> Code {
+    pub fn of(state: State, crystal: bool, self_test_failed: bool, alarm: bool) -> Code {
         match state {
+            _ if alarm => Code::Alarm,
             _ if self_test_failed => Code::SelfTestFailed,
             State::Stopped => Code::Stopped,
             State::WaitingForTach => Code::NoTach,

@@ -210,7 +210,8 @@ impl<F: NorFlash> Runner<F> {
 
     /// Light and lost edges.
     fn report(&mut self, board: &mut impl Board, now: u32) {
-        let code = Code::of(self.session.node().state(), self.crystal, self.session.node().self_test().failed != 0);
+        let node = self.session.node();
+        let code = Code::of(node.state(), self.crystal, node.self_test().failed != 0, node.alarm_stands());
         board.set_light(self.flash_code.is_lit(code.flashes(), now));
         let lost = board.lost_edges();
         if lost != self.lost_edges {

@@ -5,17 +5,18 @@
 //! to [`Configuration`] itself, and what is appended means at its first value what was so before: configurations of older
 //! schemas are thus read by the present layout ([`crate::schema`]).
 
-use crate::alarm::AlarmBand;
+use crate::alarm::{AlarmBand, AlarmHolding};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
+use crate::message::Bound;
 use crate::rate_plan::{RateLimits, RatePolicy};
 use crate::schema;
 use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`].
-pub const SCHEMA: u16 = 2;
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch.
+pub const SCHEMA: u16 = 3;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -149,6 +150,42 @@ pub struct MeshBandConfig {
     pub sidebands: u8,
 }
 
+/// Upper edges of what comes before the converter; 0 stands for not declared. The law asks for a bandwidth; rates are only granted
+/// for what passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PassBand {
+    /// Pass edge of the analogue filter.
+    pub analogue: Hertz,
+    /// Upper edge of the sensor's band.
+    pub sensor: Hertz,
+}
+
+impl PassBand {
+    /// The part of a bandwidth that filter and sensor pass.
+    pub fn carried(&self, bandwidth: Hertz) -> Hertz {
+        Hertz(declared(self.analogue).min(declared(self.sensor)).min(bandwidth.0))
+    }
+
+    /// Bandwidth that is really there of the law's, and what bounds it; `usable` is what the granted rate carries.
+    pub fn available(&self, law: Hertz, usable: Hertz) -> (f32, Bound) {
+        let bounds = [
+            (declared(self.analogue), Bound::AnalogueFilter),
+            (declared(self.sensor), Bound::Sensor),
+            (usable.0, Bound::Rate),
+        ];
+        bounds.into_iter().fold((law.0, Bound::Law), |least, bound| if bound.0 < least.0 { bound } else { least })
+    }
+
+    fn is_sane(&self, stop: Hertz) -> bool {
+        let sane = |edge: f32, highest: f32| edge == 0.0 || (10.0..=highest).contains(&edge);
+        sane(self.analogue.0, stop.0) && sane(self.sensor.0, 5.0e6)
+    }
+}
+
+fn declared(edge: Hertz) -> f32 {
+    if edge.0 > 0.0 { edge.0 } else { f32::MAX }
+}
+
 /// Everything a node needs to know.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Configuration {
@@ -172,6 +209,12 @@ pub struct Configuration {
     pub alarms: Vec<AlarmBand, MAX_ALARMS>,
     /// Tach edge, gain, sensor supply.
     pub front_end: FrontEnd,
+    /// How alarms are held.
+    pub holding: AlarmHolding,
+    /// What filter and sensor pass.
+    pub pass: PassBand,
+    /// Alarms that stand unseen, one bit each; the node keeps them here through power cuts, a host's value is ignored.
+    pub latched: u8,
 }
 
 /// The first field found wrong.
@@ -210,6 +253,10 @@ pub enum ConfigurationError {
     Sidebands,
     /// `alarms[n]`
     Alarm(u8),
+    /// `holding.persistence_s`
+    Holding,
+    /// `pass.analogue` or `pass.sensor`
+    PassBand,
 }
 
 impl ConfigurationError {
@@ -236,6 +283,8 @@ impl ConfigurationError {
             Self::Harmonics => "must be 1 to 6",
             Self::Sidebands => "must be 0 to 4",
             Self::Alarm(_) => "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more",
+            Self::Holding => "must be 0 to 3600 s",
+            Self::PassBand => "must be 0 for not declared, or 10 Hz up to limits.analogue_stop (sensor: 5 MHz)",
         }
     }
 
@@ -258,6 +307,8 @@ impl ConfigurationError {
             Self::Harmonics => "mesh.harmonics",
             Self::Sidebands => "mesh.sidebands",
             Self::Alarm(_) => "alarms",
+            Self::Holding => "holding.persistence_s",
+            Self::PassBand => "pass.analogue, pass.sensor",
         }
     }
 }
@@ -296,6 +347,9 @@ impl Default for Configuration {
             mesh: MeshBandConfig { harmonics: 5, sidebands: 3 },
             alarms: Vec::new(),
             front_end: FrontEnd::default(),
+            holding: AlarmHolding::default(),
+            pass: PassBand::default(),
+            latched: 0,
         }
     }
 }
@@ -360,6 +414,8 @@ impl Configuration {
         for (index, alarm) in self.alarms.iter().enumerate() {
             ensure(alarm.is_sane(), E::Alarm(index as u8))?;
         }
+        ensure(self.holding.is_sane(), E::Holding)?;
+        ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
         Ok(())
     }
 

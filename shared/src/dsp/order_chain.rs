@@ -43,6 +43,8 @@ pub struct OrderChain<const CAPACITY: usize, const POINTS: usize, const HARMONIC
     span: Span,
     record: Span,
     interruptions: u32,
+    /// A turn was resampled since the latest interruption.
+    runs: bool,
 }
 
 /// The turns of a record.
@@ -94,6 +96,7 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
         span: Span { first_tick: 0, turns: 0, ticks: 0, shortest: 0, longest: 0 },
         record: Span { first_tick: 0, turns: 0, ticks: 0, shortest: 0, longest: 0 },
         interruptions: 0,
+        runs: false,
     };
 
     /// Checks the mesh-band configuration and starts empty.
@@ -146,6 +149,7 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
         self.shafts.interrupt();
         self.span = Span::default();
         self.interruptions = self.interruptions.wrapping_add(1);
+        self.runs = false;
     }
 
     /// Resamples all complete turns.
@@ -155,10 +159,14 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
             match self.tracker.next_turn() {
                 Ok(None) => return progress,
                 Err(Discontinuity::Overrun | Discontinuity::Samples | Discontinuity::Marks) => {
-                    self.interrupt();
+                    // Turns that a gap has taken along are one interruption.
+                    if self.runs {
+                        self.interrupt();
+                    }
                     progress.lost += 1;
                 }
                 Ok(Some(turn)) => {
+                    self.runs = true;
                     self.span.add(&turn);
                     let per_turn = self.zoom.samples_per_turn();
                     let pitch_ticks = turn.ticks as f32 / f32::from(self.zoom.config().teeth.max(1));

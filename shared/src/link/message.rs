@@ -61,6 +61,8 @@ pub enum Request {
     Events,
     /// Counters.
     Statistics,
+    /// A person has seen all alarms that stand: latched ones end.
+    AcknowledgeAlarms,
 }
 
 /// Answers.
@@ -178,6 +180,39 @@ pub struct Status {
     pub safe_rate: bool,
     /// Sequence of the first block sampled at this rate.
     pub block: u32,
+    /// Bandwidth that the whole way from the sensor to the products carries, Hz.
+    pub available_hz: f32,
+    /// What bounds it.
+    pub bound: Bound,
+    /// Alarms.
+    pub alarms: AlarmState,
+}
+
+/// What bounds the available bandwidth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Bound {
+    /// Nothing below the law's bandwidth.
+    #[default]
+    Law,
+    /// The analogue filter's pass edge (`pass.analogue`).
+    AnalogueFilter,
+    /// The sensor's band (`pass.sensor`).
+    Sensor,
+    /// The granted rate.
+    Rate,
+}
+
+/// Alarms, one bit each, `alarms[0]` of the configuration lowest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AlarmState {
+    /// The value is beyond its limit.
+    pub raised: u8,
+    /// Raised, or latched.
+    pub standing: u8,
+    /// Standing and not acknowledged.
+    pub unseen: u8,
+    /// The signal is clipped or does not move.
+    pub signal_bad: bool,
 }
 
 /// One spectral line.

@@ -101,6 +101,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
             self.node.report_self_test(result);
         }
         self.node.on_block(block);
+        self.commit |= self.node.take_latch_change();
         block.end_tick()
     }
 
@@ -157,10 +158,11 @@ impl<B: BorrowMut<Buffers>> Session<B> {
             self.node.set_self_test(self.test.result());
         }
         let reply = self.node.on_request(request);
+        self.commit |= self.node.take_latch_change();
         self.send(PacketRef::Reply(&reply), send);
     }
 
-    /// Whether a command asked to store the configuration in force, once per command; the board answers with
+    /// Whether a command or a latched alarm asks to store the configuration in force, once each; the board answers with
     /// [`Session::on_stored`].
     pub fn take_commit(&mut self) -> bool {
         core::mem::take(&mut self.commit)
@@ -169,6 +171,9 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     /// The board has stored the configuration, or failed to. The event's detail counts the attempts: equal events in a row
     /// would be one, and the host would wait for the second.
     pub fn on_stored(&mut self, success: bool) {
+        if success {
+            self.node.on_stored();
+        }
         let kind = if success { EventKind::ConfigurationStored } else { EventKind::ConfigurationNotStored };
         self.commits = self.commits.wrapping_add(1);
         self.node.note(kind, self.commits);

@@ -1,7 +1,9 @@
-//! Alarm bands: a limit on one indicator inside a speed band, with hysteresis in level and in count.
+//! Alarm bands: a limit on one indicator inside a speed band, with hysteresis in level, in count and in time, and a latch.
 //!
-//! An alarm is raised after `raise_after` consecutive values above `raise` and cleared after as many below `clear`. A
-//! value outside the speed band, or without a valid speed, leaves the alarm as it is: no evidence either way.
+//! An alarm is raised after `persistence` consecutive values above `raise`, over at least the holding's time, and cleared after as
+//! many below `clear`; a latching one then still stands until it is acknowledged. A value outside the speed band leaves the alarm as
+//! it is: no evidence either way. Without a speed the least strict band of each quantity applies ([`AlarmBand::applies`]): what
+//! exceeds the limit of every speed is an alarm whatever the speed is.
 
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
@@ -27,6 +29,10 @@ pub enum Watched {
     MeshAmplitude,
     /// Measured over law bandwidth.
     BandwidthRatio,
+    /// Root mean square of the velocity in its band, m/s.
+    VelocityRms,
+    /// Once per turn of the pinion, m/s^2.
+    OncePerTurn,
 }
 
 /// One limit.
@@ -47,6 +53,14 @@ pub struct AlarmBand {
 }
 
 impl AlarmBand {
+    /// Whether the limit applies at a speed; without one, whether it is the least strict of its quantity in the list.
+    pub fn applies(&self, speed: Option<Hertz>, all: &[AlarmBand]) -> bool {
+        match speed {
+            Some(speed) => speed.0 >= self.from.0 && speed.0 <= self.to.0,
+            None => all.iter().all(|other| other.watched != self.watched || other.raise <= self.raise),
+        }
+    }
+
     /// Whether limits are finite and ordered.
     pub fn is_sane(&self) -> bool {
         let speeds = self.from.0 >= 0.0 && self.from.0 < self.to.0 && self.to.0.is_finite();
@@ -55,41 +69,127 @@ impl AlarmBand {
     }
 }
 
-/// State of one alarm.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Alarm {
-    raised: bool,
-    streak: u8,
+/// How all alarms are held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AlarmHolding {
+    /// An alarm that was raised stands until it is acknowledged, through restarts and power cuts too.
+    pub latching: bool,
+    /// A level must contradict the alarm for at least this long as well, s, 0 to 3600.
+    pub persistence_s: f32,
+    /// A signal that is clipped or does not move is an alarm of its own.
+    pub watch_signal: bool,
 }
 
-/// What a value did to an alarm.
+impl AlarmHolding {
+    /// Whether the time is in its range.
+    pub fn is_sane(&self) -> bool {
+        (0.0..=3600.0).contains(&self.persistence_s)
+    }
+}
+
+/// State of one alarm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum State {
+    /// Left when values above the limit have persisted.
+    #[default]
+    Quiet,
+    /// Left when values below the limit have persisted: to latched, or to quiet where alarms do not latch or it was acknowledged.
+    Raised {
+        /// Someone has seen it.
+        acknowledged: bool,
+    },
+    /// The value is well again. Left by an acknowledgement, or to raised.
+    Latched,
+}
+
+/// One alarm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Alarm {
+    state: State,
+    streak: u8,
+    /// Tick of the first value of the streak.
+    since: u64,
+}
+
+/// What a value or a person did to an alarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AlarmChange {
     /// Now raised.
     Raised,
-    /// Now cleared.
+    /// No longer standing.
     Cleared,
 }
 
 impl Alarm {
-    /// Feeds one value at a speed; undefined values change nothing.
-    pub fn update(&mut self, band: &AlarmBand, speed: Hertz, value: f32) -> Option<AlarmChange> {
-        let inside = speed.0 >= band.from.0 && speed.0 <= band.to.0;
-        if !inside || value.is_nan() {
+    /// One that stood when the node last ran, and nobody has acknowledged.
+    pub const LATCHED: Self = Self { state: State::Latched, streak: 0, since: 0 };
+
+    /// Feeds one value to which the band applies, at a tick; `persistence_ticks` is the holding's time. Undefined values change
+    /// nothing.
+    pub fn update(
+        &mut self,
+        band: &AlarmBand,
+        holding: &AlarmHolding,
+        persistence_ticks: u64,
+        tick: u64,
+        value: f32,
+    ) -> Option<AlarmChange> {
+        if value.is_nan() {
             return None;
         }
-        let contradicts = if self.raised { value < band.clear } else { value > band.raise };
-        self.streak = if contradicts { self.streak.saturating_add(1) } else { 0 };
-        if self.streak < band.persistence {
+        let raised = matches!(self.state, State::Raised { .. });
+        if !(if raised { value < band.clear } else { value > band.raise }) {
+            self.streak = 0;
+            return None;
+        }
+        if self.streak == 0 {
+            self.since = tick;
+        }
+        self.streak = self.streak.saturating_add(1);
+        if self.streak < band.persistence || tick.saturating_sub(self.since) < persistence_ticks {
             return None;
         }
         self.streak = 0;
-        self.raised = !self.raised;
-        Some(if self.raised { AlarmChange::Raised } else { AlarmChange::Cleared })
+        let was_standing = self.stands();
+        self.state = match self.state {
+            State::Raised { acknowledged } if !holding.latching || acknowledged => State::Quiet,
+            State::Raised { .. } => State::Latched,
+            State::Quiet | State::Latched => State::Raised { acknowledged: false },
+        };
+        match (raised, self.stands()) {
+            (true, true) => None,
+            (true, false) => Some(AlarmChange::Cleared),
+            (false, _) => (!was_standing).then_some(AlarmChange::Raised),
+        }
     }
 
-    /// Whether the alarm stands.
+    /// A person has seen it.
+    pub fn acknowledge(&mut self) -> Option<AlarmChange> {
+        match self.state {
+            State::Quiet => None,
+            State::Raised { .. } => {
+                self.state = State::Raised { acknowledged: true };
+                None
+            }
+            State::Latched => {
+                self.state = State::Quiet;
+                Some(AlarmChange::Cleared)
+            }
+        }
+    }
+
+    /// Whether the value is beyond its limit.
     pub fn is_raised(&self) -> bool {
-        self.raised
+        matches!(self.state, State::Raised { .. })
+    }
+
+    /// Whether the alarm stands: raised, or latched.
+    pub fn stands(&self) -> bool {
+        self.state != State::Quiet
+    }
+
+    /// Whether it stands and nobody has acknowledged it.
+    pub fn is_unseen(&self) -> bool {
+        matches!(self.state, State::Latched | State::Raised { acknowledged: false })
     }
 }

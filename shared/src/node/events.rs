@@ -64,10 +64,16 @@ pub enum EventKind {
     BandwidthDeparts,
     /// Measured bandwidth and law agree again; detail as before.
     BandwidthAgrees,
+    /// The signal is clipped or does not move; detail has bit 0 for clipped, bit 1 for still.
+    SignalBad,
+    /// The signal can be judged again.
+    SignalGood,
+    /// A person has acknowledged all alarms.
+    AlarmsAcknowledged,
 }
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::BandwidthAgrees as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::AlarmsAcknowledged as usize + 1;
 
 const _: () = assert!(EVENT_KINDS <= MAX_EVENT_COUNTS);
 

@@ -21,6 +21,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     pub(super) fn post_status(&mut self, block: u32) {
         let speed = self.present_speed();
         let law = self.config.law.bandwidth(if self.safe_rate { self.config.law.highest } else { speed.pinion });
+        let (available_hz, bound) = self.config.pass.available(law.bandwidth, self.active.usable);
         let dropped = self.status.is_some_and(|unsent| unsent.period_ticks != self.active.period_ticks);
         self.count_dropped(dropped);
         self.status = Some(Status {
@@ -42,6 +43,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             limited: self.active.limited,
             safe_rate: self.safe_rate,
             block,
+            available_hz,
+            bound,
+            alarms: self.alarm_state(),
         });
         self.status_due = self.next_tick + u64::from(self.clock.0);
     }
@@ -102,6 +106,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             Request::PutLaw(law) => match law.validate() {
                 Ok(()) => {
                     self.config.law = law;
+                    self.volatile = true;
                     self.safe_rate = true;
                     Reply::Done
                 }
@@ -129,6 +134,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
                 Reply::Done
             }
             Request::Statistics => Reply::Statistics(self.statistics()),
+            Request::AcknowledgeAlarms => {
+                self.acknowledge();
+                Reply::Done
+            }
         }
     }
 
@@ -148,11 +157,12 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.pending = safe_grant(&config, &mut self.plan);
         self.safe_rate = true;
         self.alarms = [Alarm::default(); MAX_ALARMS];
+        (self.volatile, self.latch_changed) = (true, false);
         self.marks = TurnMarks::new(&config.tach);
         self.ensemble = RunEnsemble::default();
         (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
         self.bandwidth_watch = BandwidthWatch::default();
-        self.config = config;
+        self.config = Configuration { latched: 0, ..config };
         mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config, self.clock);
         self.values = value_record(&self.config, self.clock);
         self.values.restart(self.next_tick);

@@ -37,6 +37,7 @@ use core::borrow::BorrowMut;
 use serde::{Deserialize, Serialize};
 
 pub mod alarm;
+mod alarms;
 pub mod bandwidth_watch;
 pub mod buffers;
 pub mod events;
@@ -49,6 +50,7 @@ pub mod safe_start;
 pub mod self_test;
 pub mod values;
 
+use alarms::alarms_of;
 use planning::safe_grant;
 use values::ValueRecord;
 
@@ -176,6 +178,10 @@ pub struct Node<B = Buffers> {
     totals: Totals,
     events: EventLog,
     alarms: [Alarm; MAX_ALARMS],
+    signal_bad: bool,
+    /// The configuration in force is not the stored one.
+    volatile: bool,
+    latch_changed: bool,
     status_due: u64,
     status: Option<Status>,
     spectrum: Option<Spectrum>,
@@ -246,7 +252,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             next_tick: 0,
             totals: Totals::default(),
             events: EventLog::new(clock),
-            alarms: [Alarm::default(); MAX_ALARMS],
+            alarms: alarms_of(&config),
+            signal_bad: false,
+            volatile: false,
+            latch_changed: false,
             status_due: 0,
             status: None,
             spectrum: None,
@@ -359,11 +368,6 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// Speed of the pinion as known at a tick.
     pub fn speed(&self, tick: u32) -> Speed {
         self.speed_at(self.time.peek(tick))
-    }
-
-    /// Whether any alarm stands.
-    pub fn alarm_stands(&self) -> bool {
-        self.alarms.iter().any(Alarm::is_raised)
     }
 
     /// Configuration in force.

@@ -39,7 +39,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
                     self.note(EventKind::LawClamped, 0);
                 }
                 self.law_clamped = law.clamped;
-                let wanted = self.config.policy.rate(law.bandwidth);
+                let wanted = self.config.policy.rate(self.config.pass.carried(law.bandwidth));
                 let departure = (wanted.0 / self.pending.requested.0 - 1.0).abs();
                 let limit = if record_complete { REPLAN_AT_RECORD } else { REPLAN_NOW };
                 if self.safe_rate || departure > limit {
@@ -83,6 +83,6 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 pub(super) fn safe_grant(config: &Configuration, plan: &mut RatePlan) -> RateGrant {
     match config.policy {
         RatePolicy::Forced { rate } => plan.force(rate),
-        policy => plan.grant(policy.rate(config.law.bandwidth(config.law.highest).bandwidth)),
+        policy => plan.grant(policy.rate(config.pass.carried(config.law.bandwidth(config.law.highest).bandwidth))),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::values::Values;
 use super::{HOLD_AFTER_RECORD, Node, State, VELOCITY_FROM_HZ, WideUse};
-use crate::alarm::{AlarmChange, Watched};
+use crate::alarm::Watched;
 use crate::bandwidth_watch::Verdict;
 use crate::buffers::Buffers;
 use crate::events::EventKind;
@@ -83,13 +83,23 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         };
         let dropped = self.indicators.replace(indicators).is_some();
         self.count_dropped(dropped);
+        self.watch_signal(&values.quality);
         if !values.quality.is_good() {
             return;
         }
-        for (watched, value) in
-            [(Watched::Rms, rms), (Watched::Peak, peak), (Watched::Crest, crest), (Watched::Kurtosis, kurtosis)]
-        {
-            self.watch(watched, tag, value);
+        let speed = believed(&tag);
+        let of_the_whole = [
+            (Watched::Rms, rms),
+            (Watched::Peak, peak),
+            (Watched::Crest, crest),
+            (Watched::Kurtosis, kurtosis),
+            (Watched::VelocityRms, velocity_rms),
+        ];
+        for (watched, value) in of_the_whole {
+            self.watch(watched, speed, value);
+        }
+        if let (Some(orders), Some(_)) = (pinion, speed) {
+            self.watch(Watched::OncePerTurn, speed, orders.lines[0].amplitude);
         }
     }
 
@@ -98,7 +108,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.bandwidth = Some(measured);
         let ratio = measured.bandwidth_hz / measured.law_hz;
         let tag = self.tag(self.next_tick, self.active.adc, 0, 0.0);
-        self.watch(Watched::BandwidthRatio, tag, ratio);
+        self.watch_at_speed(Watched::BandwidthRatio, &tag, ratio);
         let per_cent = (100.0 * ratio) as u32;
         match self.bandwidth_watch.judge(&measured, &self.config) {
             Some(Verdict::Departs) => self.note(EventKind::BandwidthDeparts, per_cent),
@@ -124,8 +134,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             let turns = zoom.config().turns;
             if let Some(first) = bands.first() {
                 self.sideband_energy = sideband_energy;
-                self.watch(Watched::MeshAmplitude, tag, first.line.amplitude);
-                self.watch(Watched::SidebandEnergyRatio, tag, sideband_energy[0]);
+                self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude);
+                self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0]);
             }
             let spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz };
             let dropped = self.spectrum.replace(spectrum).is_some();
@@ -161,26 +171,14 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             gear_sideband_energy_ratio: self.sideband_energy[1],
             ..indicators
         });
-        self.watch(Watched::Fm0, tag, indicators.fm0);
-        self.watch(Watched::Fm4, tag, indicators.fm4);
+        self.watch_at_speed(Watched::Fm0, &tag, indicators.fm0);
+        self.watch_at_speed(Watched::Fm4, &tag, indicators.fm4);
     }
 
-    pub(super) fn watch(&mut self, watched: Watched, tag: Tag, value: f32) {
-        if tag.validity != Validity::Locked {
-            return;
-        }
-        for index in 0..self.config.alarms.len() {
-            let (Some(&band), Some(alarm)) = (self.config.alarms.get(index), self.alarms.get_mut(index)) else {
-                return;
-            };
-            if band.watched != watched {
-                continue;
-            }
-            match alarm.update(&band, Hertz(tag.speed_hz), value) {
-                Some(AlarmChange::Raised) => self.note(EventKind::AlarmRaised, index as u32),
-                Some(AlarmChange::Cleared) => self.note(EventKind::AlarmCleared, index as u32),
-                None => {}
-            }
+    /// Puts a value that needs a speed to its limits.
+    fn watch_at_speed(&mut self, watched: Watched, tag: &Tag, value: f32) {
+        if let Some(speed) = believed(tag) {
+            self.watch(watched, Some(speed), value);
         }
     }
 
@@ -189,6 +187,11 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             self.totals.messages_dropped = self.totals.messages_dropped.saturating_add(1);
         }
     }
+}
+
+/// The speed of a result, where it is a measurement.
+fn believed(tag: &Tag) -> Option<Hertz> {
+    (tag.validity == Validity::Locked).then_some(Hertz(tag.speed_hz))
 }
 
 /// Keeps a wideband record in 16 bit; returns the scale, m/s^2 per unit.

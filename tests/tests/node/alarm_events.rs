@@ -1,6 +1,6 @@
 //! Alarm bands, event ring and configuration checks.
 
-use meshband::alarm::{Alarm, AlarmBand, AlarmChange, Watched};
+use meshband::alarm::{Alarm, AlarmBand, AlarmChange, AlarmHolding, Watched};
 use meshband::config::{Configuration, ConfigurationError};
 use meshband::events::{EventKind, EventLog, KEPT, QUOTA};
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
@@ -12,14 +12,60 @@ fn band() -> AlarmBand {
 #[test]
 fn theory_alarms_need_persistence_and_clear_below_their_hysteresis() {
     let (band, mut alarm) = (band(), Alarm::default());
-    let speed = Hertz(10.0);
-    let changes: Vec<_> = [2.1, 2.1, 1.9, 2.1, 2.1, 2.1].map(|x| alarm.update(&band, speed, x)).into();
+    let mut put = |x| alarm.update(&band, &AlarmHolding::default(), 0, 0, x);
+    let changes: Vec<_> = [2.1, 2.1, 1.9, 2.1, 2.1, 2.1].map(&mut put).into();
     assert_eq!(changes, [None, None, None, None, None, Some(AlarmChange::Raised)]);
-    assert!((0..10).all(|_| alarm.update(&band, speed, 1.7).is_none()), "inside the hysteresis");
-    assert!((0..10).all(|_| alarm.update(&band, Hertz(30.0), 0.0).is_none()), "outside the speed band");
-    assert!((0..10).all(|_| alarm.update(&band, speed, f32::NAN).is_none()), "undefined");
-    let changes: Vec<_> = [1.0, 1.0, 1.0].map(|x| alarm.update(&band, speed, x)).into();
+    assert!((0..10).all(|_| put(1.7).is_none()), "inside the hysteresis");
+    assert!((0..10).all(|_| put(f32::NAN).is_none()), "undefined");
+    let changes: Vec<_> = [1.0, 1.0, 1.0].map(put).into();
     assert_eq!(changes, [None, None, Some(AlarmChange::Cleared)]);
+}
+
+#[test]
+fn theory_an_alarm_waits_for_its_time_too() {
+    let band = AlarmBand { persistence: 1, ..band() };
+    let mut alarm = Alarm::default();
+    let mut put = |tick, x| alarm.update(&band, &AlarmHolding::default(), 100, tick, x);
+    assert_eq!([put(10, 3.0), put(60, 3.0), put(109, 3.0)], [None; 3]);
+    assert_eq!(put(110, 3.0), Some(AlarmChange::Raised));
+    assert_eq!(
+        [put(120, 1.0), put(130, 3.0), put(140, 1.0), put(239, 1.0)],
+        [None; 4],
+        "one value above starts the time anew"
+    );
+    assert_eq!(put(240, 1.0), Some(AlarmChange::Cleared));
+}
+
+#[test]
+fn theory_a_latched_alarm_stands_until_it_is_acknowledged() {
+    let band = AlarmBand { persistence: 1, ..band() };
+    let holding = AlarmHolding { latching: true, ..AlarmHolding::default() };
+    let mut alarm = Alarm::default();
+    assert_eq!(alarm.acknowledge(), None);
+    assert_eq!(alarm.update(&band, &holding, 0, 0, 3.0), Some(AlarmChange::Raised));
+    assert_eq!(alarm.update(&band, &holding, 0, 1, 1.0), None);
+    assert!(alarm.stands() && alarm.is_unseen() && !alarm.is_raised());
+    assert_eq!(alarm.update(&band, &holding, 0, 2, 3.0), None, "it has stood all the time");
+    assert_eq!(alarm.acknowledge(), None, "the value is still beyond its limit");
+    assert!(alarm.stands() && !alarm.is_unseen());
+    assert_eq!(alarm.update(&band, &holding, 0, 3, 1.0), Some(AlarmChange::Cleared), "seen, and well again");
+    assert_eq!(alarm.update(&band, &holding, 0, 4, 3.0), Some(AlarmChange::Raised));
+    assert_eq!(alarm.update(&band, &holding, 0, 5, 1.0), None);
+    assert_eq!(alarm.acknowledge(), Some(AlarmChange::Cleared));
+    assert!(!alarm.stands());
+}
+
+#[test]
+fn theory_bands_apply_inside_their_speeds_and_without_one_the_least_strict() {
+    let slow = band();
+    let fast = AlarmBand { from: Hertz(20.0), to: Hertz(60.0), raise: 5.0, ..slow };
+    let other = AlarmBand { watched: Watched::Crest, raise: 9.0, ..slow };
+    let all = [slow, fast, other];
+    let applies = |speed: Option<f32>| all.map(|band| band.applies(speed.map(Hertz), &all));
+    assert_eq!(applies(Some(10.0)), [true, false, true]);
+    assert_eq!(applies(Some(30.0)), [false, true, false]);
+    assert_eq!(applies(Some(70.0)), [false; 3]);
+    assert_eq!(applies(None), [false, true, true]);
 }
 
 /// A time base of 1000 ticks per second.
@@ -125,7 +171,7 @@ fn fault_a_full_history_keeps_the_newest_of_each_kind_and_reports_each_once() {
 #[test]
 fn fault_each_absurd_field_is_named() {
     type Spoil = fn(&mut Configuration);
-    let cases: [(Spoil, ConfigurationError); 9] = [
+    let cases: [(Spoil, ConfigurationError); 11] = [
         (|c| c.schema = 9, ConfigurationError::Schema),
         (|c| c.gears.pinion_teeth = 3, ConfigurationError::PinionTeeth),
         (|c| c.gears.gear_teeth = 60_000, ConfigurationError::GearTeeth),
@@ -135,6 +181,8 @@ fn fault_each_absurd_field_is_named() {
         (|c| c.sensor.acceleration_per_code = Acceleration(0.0), ConfigurationError::Sensitivity),
         (|c| c.mesh.harmonics = 0, ConfigurationError::Harmonics),
         (|c| c.alarms.push(AlarmBand { clear: 3.0, ..band() }).expect("room"), ConfigurationError::Alarm(0)),
+        (|c| c.holding.persistence_s = f32::NAN, ConfigurationError::Holding),
+        (|c| c.pass.analogue = Hertz(200_000.0), ConfigurationError::PassBand),
     ];
     assert_eq!(Configuration::default().validate(meshband::board::Timing::STM32F405), Ok(()));
     for (spoil, error) in cases {

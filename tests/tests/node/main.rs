@@ -12,6 +12,7 @@ mod indicators;
 mod link_pace;
 mod math;
 mod mesh_decimator;
+mod node_alarms;
 mod node_host;
 mod node_products;
 mod node_trials;
