@@ -17,6 +17,8 @@ pub mod link;
 pub mod machine;
 pub mod measured;
 pub mod model;
+#[cfg(feature = "monitor")]
+pub mod monitor;
 pub mod observation;
 pub mod output;
 pub mod piecewise;

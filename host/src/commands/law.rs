@@ -16,7 +16,7 @@ use meshband_host::output::show;
 use meshband_host::record::Record;
 use meshband_host::report::Report;
 use meshband_host::terminal::{Progress, table};
-use meshband_host::{Result, say};
+use meshband_host::{Error, Result, say};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,10 @@ struct Common {
 struct Study {
     #[command(flatten)]
     common: Common,
-    /// Writes the judgement of the paper's statements as Markdown here.
+    /// Judges the paper's statements, which are about its own rig (machines/paper-rig.toml).
+    #[arg(long)]
+    paper: bool,
+    /// Writes that judgement as Markdown here.
     #[arg(long)]
     validation: Option<PathBuf>,
 }
@@ -133,22 +136,34 @@ fn study(args: &Study) -> Result<()> {
     let mut files = results.announce(&mut outputs)?;
     let judgement = outputs.optional(args.validation.as_deref())?;
     let machine = Machine::read(&args.common.machine)?;
+    let judged = args.paper || args.validation.is_some();
+    if judged && machine.pair.teeth != PAPER_TEETH {
+        let [pinion, gear] = machine.pair.teeth;
+        let option = if args.paper { "--paper" } else { "--validation" };
+        let what = format!("judges statements about a 55/75 rig; {} has {pinion}/{gear} teeth", machine.title);
+        return Err(Error::invalid(option, what));
+    }
     let progress = Progress::new("law study", outcome::STEPS);
     let outcome = outcome::run(&machine, &|| progress.step())?;
     drop(progress);
-    let claims = validation::claims(&outcome);
-    files.write(&WithClaims { outcome: &outcome, claims }, || study_report(&outcome))?;
+    let claims = judged.then(|| validation::claims(&outcome));
+    files.write(&WithClaims { outcome: &outcome, claims: claims.as_deref() }, || study_report(&outcome))?;
     if let Some(mut file) = judgement {
         file.write(validation::markdown(&outcome))?;
     }
-    print_study(&outcome)
+    print_study(&outcome)?;
+    claims.iter().flatten().try_for_each(print_claim)
 }
+
+/// Tooth counts of the paper's rig.
+const PAPER_TEETH: [u32; 2] = [55, 75];
 
 #[derive(Serialize)]
 struct WithClaims<'a> {
     #[serde(flatten)]
     outcome: &'a Outcome,
-    claims: Vec<validation::Claim>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    claims: Option<&'a [validation::Claim]>,
 }
 
 fn print_study(o: &Outcome) -> Result<()> {
@@ -171,16 +186,16 @@ fn print_study(o: &Outcome) -> Result<()> {
             .collect();
         say!("{}", table(&head, &rows))?;
     }
-    print_check(&o.check)?;
-    for claim in validation::claims(o) {
-        let verdict = match &claim.verdict {
-            validation::Verdict::Holds => "holds".to_string(),
-            validation::Verdict::HoldsOnlyIf(condition) => format!("holds only if {condition}"),
-            validation::Verdict::DoesNotHold => "does not hold".to_string(),
-        };
-        say!("{} - {}", claim.sentence, verdict)?;
-    }
-    Ok(())
+    print_check(&o.check)
+}
+
+fn print_claim(claim: &validation::Claim) -> Result<()> {
+    let verdict = match &claim.verdict {
+        validation::Verdict::Holds => "holds".to_string(),
+        validation::Verdict::HoldsOnlyIf(condition) => format!("holds only if {condition}"),
+        validation::Verdict::DoesNotHold => "does not hold".to_string(),
+    };
+    say!("{} - {}", claim.sentence, verdict)
 }
 
 fn print_check(check: &Check) -> Result<()> {
@@ -216,7 +231,7 @@ fn fitted(path: &Path, domain: Option<Domain>) -> Result<(Laws, Check)> {
 
 fn write_common(files: &mut Announced, laws: &Laws, check: &Check, title: &str) -> Result<()> {
     files.write(&Fitted { laws, check }, || {
-        let subtitle = format!("{}, ramp {:?}, hash {}", laws.machine, laws.ramp, laws.machine_hash);
+        let subtitle = format!("{}, ramp {}, hash {}", laws.machine, laws.ramp.name(), laws.machine_hash);
         check_section(law_section(Report::new(title, &subtitle), laws)?, check)
     })
 }
@@ -234,10 +249,10 @@ fn fit(args: &Fit) -> Result<()> {
         target.write(file.to_toml())?;
     }
     say!(
-        "machine {}, hash {}, ramp {:?} of {:.4} mrad, {} to {} Hz",
+        "machine {}, hash {}, ramp {} of {:.4} mrad, {} to {} Hz",
         laws.machine,
         laws.machine_hash,
-        laws.ramp,
+        laws.ramp.name(),
         1e3 * laws.ramp_width_rad,
         laws.domain.lowest_hz,
         laws.domain.highest_hz

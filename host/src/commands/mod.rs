@@ -11,6 +11,7 @@ pub mod configure;
 pub mod effects;
 pub mod import;
 pub mod law;
+pub mod machine;
 pub mod measured;
 pub mod monitor;
 pub mod node;

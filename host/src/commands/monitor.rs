@@ -1,14 +1,22 @@
 //! `meshband monitor`: live view of a node in the terminal, or of a captured link.
+//!
+//! In a terminal the view is live and everything is captured; elsewhere (a pipe, `--once`, `--frames`) text comes at the end. Both open a
+//! lost port again; a port that stays away for the patience ends the command with an error, after what was heard is written.
 
-use super::results::Results;
+use super::results::{Announced, Results};
 use clap::Args as ClapArgs;
+use meshband::message::Identification;
 use meshband_host::link::view::View;
-use meshband_host::link::{Client, report, transport};
-use meshband_host::output::{interrupt, show};
+use meshband_host::link::{Client, Losses, report, transport};
+use meshband_host::monitor::capture::Capture;
+use meshband_host::monitor::link::{Standing, Watched};
+use meshband_host::monitor::panel::Panel;
+use meshband_host::monitor::terminal::{Limits, live};
+use meshband_host::output::{Outputs, interrupt, show};
 use meshband_host::{Error, Result, remark, say};
 use std::io::IsTerminal;
-use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `meshband monitor`.
 #[derive(ClapArgs)]
@@ -19,98 +27,182 @@ pub struct Args {
     /// Captured bytes of a link instead of a port.
     #[arg(long, conflicts_with = "port")]
     replay: Option<PathBuf>,
+    /// Keeps every byte of the link in this file (appended); in a terminal monitor-TIME.link where no file is named.
+    #[arg(long, value_name = "FILE", conflicts_with = "replay")]
+    record: Option<PathBuf>,
+    /// Keeps no capture.
+    #[arg(long, conflicts_with = "record")]
+    no_record: bool,
     /// Ends after this many messages.
     #[arg(long)]
     frames: Option<u64>,
     /// Shows the view once, after a mesh-band spectrum has come (or the link has ended), and ends.
     #[arg(long)]
     once: bool,
-    /// Ends after this many seconds without any message.
+    /// Without a terminal: ends after this many seconds without any message.
     #[arg(long, default_value_t = 30.0)]
     patience: f64,
     #[command(flatten)]
     results: Results,
 }
 
-/// Time between two drawings.
-const REDRAW: Duration = Duration::from_millis(200);
+/// How long a reading waits.
+const STEP: Duration = Duration::from_millis(200);
 
 /// What a link that ended without any message has to be told of.
 const NOTHING_SENT: &str = "the link ended before the node sent any message";
+
+/// What was heard, and how the hearing ended.
+struct Heard {
+    view: View,
+    losses: Losses,
+    identity: Option<Identification>,
+    /// Why it ended, where that is a fault.
+    fault: Option<Error>,
+}
 
 /// Shows what the node says until told to stop.
 pub fn run(args: Args) -> Result<()> {
     if !(0.001..=1e6).contains(&args.patience) {
         return Err(Error::invalid("--patience", format!("{} s is not within 0.001 s to 1e6 s", args.patience)));
     }
-    let mut files = args.results.announce(&mut args.results.outputs(args.replay.as_deref()))?;
-    let (mut client, identity) = match (&args.replay, &args.port) {
-        (Some(path), _) => (Client::new(transport::replay(path)?), None),
+    let mut outputs = args.results.outputs(args.replay.as_deref());
+    let mut files = args.results.announce(&mut outputs)?;
+    let (heard, source) = match (&args.replay, &args.port) {
+        (Some(path), _) => (replayed(path, &args)?, path.display().to_string()),
         (None, Some(port)) => {
-            let mut client = Client::open(port)?;
-            let identity = client.identify()?;
-            (client, Some(identity))
+            let in_terminal = std::io::stdout().is_terminal() && !args.once;
+            let capture = capture(&args, in_terminal, &mut outputs)?;
+            let heard =
+                if in_terminal { watched_live(port, &args, capture.as_ref())? } else { watched(port, &args, capture)? };
+            (heard, port.clone())
         }
         (None, None) => return Err(Error::invalid("PORT", "a port or --replay FILE is needed")),
     };
-    let ticks_per_second = identity.as_ref().map(|identity| identity.ticks_per_second);
-    let live = std::io::stdout().is_terminal() && args.replay.is_none() && !args.once;
-    let mut view = View::default();
-    let (mut drawn, mut heard) = (Instant::now(), Instant::now());
-    // Ctrl-C is how a live view ends: what has been heard is still written.
-    interrupt::only_ask();
-    let enough = |view: &View| {
-        let counted = args.frames.is_some_and(|frames| view.messages >= frames);
-        counted || (args.once && view.spectrum.is_some()) || interrupt::requested()
+    finish(heard, &source, &mut files)
+}
+
+/// Where bytes are kept: where asked, and always beside a live view.
+fn capture(args: &Args, in_terminal: bool, outputs: &mut Outputs) -> Result<Option<Capture>> {
+    let named = || {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        PathBuf::from(format!("monitor-{now}.link"))
     };
-    while !enough(&view) {
-        match client.next_message(REDRAW)? {
-            Some(message) => {
-                view.take(message);
-                heard = Instant::now();
-            }
-            None if client.has_ended() => break,
-            None if heard.elapsed().as_secs_f64() > args.patience => {
-                if view.messages > 0 {
-                    remark!("monitor: the node has been silent for {} s", args.patience);
-                }
-                break;
-            }
-            None => {}
-        }
-        if live && drawn.elapsed() >= REDRAW {
-            drawn = Instant::now();
-            // Home, picture, erase what is left of the former one.
-            let picture = view.text(client.losses(), ticks_per_second).replace('\n', "\x1b[K\n");
-            show(&format!("\x1b[H{picture}\x1b[J"))?;
-        }
+    let path = match &args.record {
+        Some(path) => path.clone(),
+        None if in_terminal && !args.no_record => named(),
+        None => return Ok(None),
+    };
+    let lock = outputs.appended(&path)?;
+    Capture::append(&path, lock).map(Some)
+}
+
+/// Writes the files, then shows what was heard; the fault comes last.
+fn finish(heard: Heard, source: &str, files: &mut Announced) -> Result<()> {
+    let Heard { view, losses, identity, fault } = heard;
+    if view.messages == 0
+        && let Some(fault) = fault
+    {
+        return Err(fault);
     }
-    if let Some(path) = args.replay.as_ref().filter(|_| view.messages == 0) {
-        let why = client.unreadable().unwrap_or_else(|| "holds no intact frame of a node".to_owned());
-        return Err(Error::invalid(path.display(), why));
-    }
-    // Who ends the wait knows why nothing came.
-    let waited = args.frames != Some(0) && !interrupt::requested();
-    if let Some(port) = args.port.as_ref().filter(|_| view.messages == 0 && waited) {
-        let what = format!(
-            "the node answers but sent no message within {} s: it is stopped, or waits for a configuration",
-            args.patience
-        );
-        return Err(Error::invalid(
-            format!("port {port}"),
-            if client.has_ended() { NOTHING_SENT.into() } else { what },
-        ));
-    }
-    // The self-test goes on after the start; the newest result, where the node is still there to ask.
-    let alive = !client.has_ended() && heard.elapsed() < Duration::from_secs(5) && !interrupt::requested();
-    let identity = identity.map(|first| if alive { client.identify().unwrap_or(first) } else { first });
-    let losses = client.losses();
-    let source = args.replay.map(|path| path.display().to_string()).or(args.port).unwrap_or_default();
     files.write(&serde_json::json!({ "identity": identity, "view": view, "losses": losses }), || {
-        report::of_view(&view, losses, &source, identity.as_ref())
+        report::of_view(&view, losses, source, identity.as_ref())
     })?;
     if let Some(identity) = &identity {
         say!("{}\n{}", report::identity(identity), report::self_test(identity.self_test))?;
     }
-    show(&view.text(losses, ticks_per_second))
+    show(&view.text(losses, identity.as_ref().map(|identity| identity.ticks_per_second)))?;
+    fault.map_or(Ok(()), Err)
+}
+
+/// A captured link, to its end or as far as asked.
+fn replayed(path: &Path, args: &Args) -> Result<Heard> {
+    let mut client = Client::new(transport::replay(path)?);
+    let mut view = View::default();
+    while !enough(args, &view) && !client.has_ended() {
+        if let Some(message) = client.next_message(STEP)? {
+            view.take(message);
+        }
+    }
+    let why = || client.unreadable().unwrap_or_else(|| "holds no intact frame of a node".to_owned());
+    let fault = (view.messages == 0).then(|| Error::invalid(path.display(), why()));
+    Ok(Heard { view, losses: client.losses(), identity: None, fault })
+}
+
+fn enough(args: &Args, view: &View) -> bool {
+    let counted = args.frames.is_some_and(|frames| view.messages >= frames);
+    counted || (args.once && view.spectrum.is_some()) || interrupt::requested()
+}
+
+/// The live view.
+fn watched_live(port: &str, args: &Args, capture: Option<&Capture>) -> Result<Heard> {
+    let mut link = Watched::open(port, capture.cloned())?;
+    let mut panel = Panel::default();
+    if let Some(client) = link.client() {
+        panel.identity = Some(client.identify()?);
+        // A node of another schema is still watched: its alarms then have numbers only.
+        panel.bands = client.configuration().map(|config| config.alarms.to_vec()).unwrap_or_default();
+    }
+    interrupt::only_ask();
+    live(&mut link, &mut panel, capture, Limits { messages: args.frames })?;
+    Ok(Heard { view: panel.view, losses: link.losses(), identity: panel.identity, fault: None })
+}
+
+/// The view without a terminal: silence ends it, a lost link is said and opened again.
+fn watched(port: &str, args: &Args, capture: Option<Capture>) -> Result<Heard> {
+    let mut link = Watched::open(port, capture)?;
+    let identity = link.client().map(Client::identify).transpose()?;
+    let mut view = View::default();
+    let (mut heard, mut standing) = (Instant::now(), Standing::Open);
+    // Ctrl-C is how such a view ends: what has been heard is still written.
+    interrupt::only_ask();
+    let mut silent = false;
+    while !enough(args, &view) {
+        if let Some(message) = link.next_message(STEP) {
+            view.take(message);
+            heard = Instant::now();
+        }
+        standing = told(&standing, link.standing());
+        let never = view.messages == 0 && standing != Standing::Open;
+        silent = heard.elapsed().as_secs_f64() > args.patience;
+        if never || silent {
+            break;
+        }
+    }
+    let place = format!("port {port}");
+    let fault = match (&standing, silent) {
+        (Standing::Lost { .. }, _) if view.messages == 0 => Some(Error::invalid(place, NOTHING_SENT)),
+        (Standing::Lost { reason, .. }, true) => {
+            let what = format!("lost for {} s ({reason}); what had been heard is kept", args.patience);
+            Some(Error::invalid(place, what))
+        }
+        (Standing::Open, true) if view.messages == 0 => {
+            let what = format!(
+                "the node answers but sent no message within {} s: it is stopped, or waits for a configuration",
+                args.patience
+            );
+            Some(Error::invalid(place, what))
+        }
+        (Standing::Open, true) => {
+            remark!("monitor: the node has been silent for {} s", args.patience);
+            None
+        }
+        _ => None,
+    };
+    // The self-test goes on after the start; the newest result, where the node is still there to ask.
+    let fresh = heard.elapsed() < Duration::from_secs(5) && !interrupt::requested();
+    let newer = link.client().filter(|_| fresh).and_then(|client| client.identify().ok());
+    Ok(Heard { view, losses: link.losses(), identity: newer.or(identity), fault })
+}
+
+/// Says a change of the link, once; gives the new standing.
+fn told(former: &Standing, now: Standing) -> Standing {
+    match (former, &now) {
+        (Standing::Open, Standing::Lost { reason, .. }) => {
+            remark!("monitor: link lost ({reason}); it is opened again as soon as it is there");
+        }
+        (Standing::Lost { .. }, Standing::Open) => remark!("monitor: link open again"),
+        _ => {}
+    }
+    now
 }

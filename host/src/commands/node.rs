@@ -8,11 +8,12 @@ use meshband_emulator::board::CYCLES_PER_INSTRUCTION;
 use meshband_host::dynamics::simulate::Acquisition;
 use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
-use meshband_host::output::show;
+use meshband_host::output::{interrupt, show};
 use meshband_host::record::Record;
 use meshband_host::virtual_node::emulated::run::Emulated;
 use meshband_host::virtual_node::profile::Pace;
 use meshband_host::virtual_node::qemu::{Qemu, built_firmware};
+use meshband_host::virtual_node::serve;
 use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
 use meshband_host::virtual_node::summary::{self, Table};
@@ -26,7 +27,8 @@ use std::path::{Path, PathBuf};
 #[derive(ClapArgs)]
 pub struct Args {
     /// Record folder, or machine file to simulate.
-    input: PathBuf,
+    #[arg(required_unless_present = "looped")]
+    input: Option<PathBuf>,
     /// Run of the record.
     #[arg(long, default_value_t = 0)]
     run: usize,
@@ -69,6 +71,12 @@ pub struct Args {
     /// Forces the converter's rate, Hz, without decimation, whatever the law says: aliases are then real.
     #[arg(long)]
     rate: Option<f64>,
+    /// Serves a live node on the looped signal at tcp:PORT or tcp:HOST:PORT (0: any free port) until Ctrl-C, for `monitor` and `configure`.
+    #[arg(long, value_name = "tcp:PORT", conflicts_with_all = ["json", "report", "runs", "profile", "rate"])]
+    serve: Option<String>,
+    /// With --serve: the record or machine, which is looped.
+    #[arg(long = "loop", value_name = "RECORD|MACHINE", requires = "serve", conflicts_with = "input")]
+    looped: Option<PathBuf>,
     /// Runs on the board; more than one are compared byte for byte.
     #[arg(long, default_value_t = 1)]
     runs: usize,
@@ -86,6 +94,13 @@ pub struct Args {
     firmware: Option<PathBuf>,
     #[command(flatten)]
     results: Results,
+}
+
+impl Args {
+    /// Record or machine, however it was named.
+    fn input(&self) -> &Path {
+        self.input.as_deref().or(self.looped.as_deref()).unwrap_or(Path::new(""))
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -108,10 +123,11 @@ enum ShownUnit {
 
 /// Replays the signal, prints what the node reported, and compares its lines with the f64 reference.
 pub fn run(args: Args) -> Result<()> {
-    let inputs = std::iter::once(args.input.as_path()).chain(args.law.as_deref());
+    let input = args.input();
+    let inputs = std::iter::once(input).chain(args.law.as_deref());
     let mut files = args.results.announce(&mut args.results.outputs(inputs))?;
     let law = args.law.as_deref().map(LawFile::read).transpose()?;
-    let mut signal = if is_record(&args.input) { of_record(&args)? } else { of_machine(&args)? };
+    let mut signal = if is_record(input) { of_record(&args)? } else { of_machine(&args)? };
     if let Some(unit) = args.unit {
         if signal.unit != Unit::Acceleration {
             return Err(Error::invalid("--unit", format!("the record is in {}, not in m/s2", signal.unit)));
@@ -126,6 +142,9 @@ pub fn run(args: Args) -> Result<()> {
         config.law = file.for_node()?;
     }
     signal.notes.extend(whose_law(&config.law, signal.machine_hash));
+    if let Some(port) = &args.serve {
+        return live(&signal, &config, port);
+    }
     let (trial, paces) = match args.board {
         BoardName::An386 => in_qemu(&args, &signal, &config)?,
         BoardName::Stm32f405 => (emulated(&args, &signal, &config)?, Vec::new()),
@@ -145,6 +164,20 @@ pub fn run(args: Args) -> Result<()> {
     }
     say!("")?;
     print_table(&summary::paces(&paces))
+}
+
+/// A node in real time until it is told to end.
+fn live(signal: &Signal, config: &Configuration, port: &str) -> Result<()> {
+    let address = serve::address(port)?;
+    signal.notes.iter().for_each(|note| remark!("note: {note}"));
+    interrupt::only_ask();
+    let ready = |address: &str, loop_s: f64| {
+        say!(
+            "node of {} at tcp:{address}, {loop_s:.2} s looped; `meshband monitor tcp:{address}` shows it, Ctrl-C ends it",
+            signal.title
+        )
+    };
+    serve::serve(signal, config, &address, ready, interrupt::requested)
 }
 
 /// What must be said of a law that is not known to be the machine's own.
@@ -198,14 +231,14 @@ fn of_record(args: &Args) -> Result<Signal> {
     if let Some((option, _)) = given.iter().find(|(_, is)| *is) {
         return Err(Error::invalid(option, "is for machines; a record has its own"));
     }
-    Signal::of_record(&Record::read(&args.input)?, args.run, &args.channel, args.start, args.duration)
+    Signal::of_record(&Record::read(args.input())?, args.run, &args.channel, args.start, args.duration)
 }
 
 fn of_machine(args: &Args) -> Result<Signal> {
-    let machine = Machine::read(&args.input)?;
+    let machine = Machine::read(args.input())?;
     let nominal = |value: Option<f64>, option: &str, nominal: Option<f64>| {
         let value = value.or(nominal).ok_or_else(|| {
-            Error::invalid(option, format!("is needed: {} has no [nominal] operating point", args.input.display()))
+            Error::invalid(option, format!("is needed: {} has no [nominal] operating point", args.input().display()))
         })?;
         if value.is_finite() && value > 0.0 {
             Ok(value)

@@ -8,6 +8,7 @@ pub mod excitation;
 pub mod inertia;
 pub mod kinematics;
 pub mod mesh;
+pub mod modes;
 pub mod predict;
 pub mod quantity;
 pub mod rig;

@@ -165,7 +165,7 @@ pub fn study_report(o: &Outcome) -> Result<Report> {
     .figure("Ramp of this machine", format!("{:.3} mrad", 1e3 * o.laws.ramp_width_rad))
     .figure("Law, held-out error", format!("{:.2} %", 100.0 * table.worst))
     .figure("Quadratic, held-out error", format!("{:.1} %", 100.0 * o.check.forms[0].worst))
-    .figure("Waveform rate", format!("{:.0} B", o.estimator.waveform_multiple));
+    .figure("Waveform rate", waveform_rate(o.estimator.waveform_multiple));
     if let Some(crack) = o.crack.as_ref().and_then(|c| c.last()) {
         let worst = crack.pulses.iter().map(|p| p.deviation.abs()).fold(0.0, f64::max);
         report = report.figure("Crack changes B by", format!("{:.2} % at most", 100.0 * worst));
@@ -379,6 +379,11 @@ fn sampling_section(report: Report, study: &SamplingStudy) -> Result<Report> {
         &["quoted, Hz", "found, Hz", "difference, Hz", "mesh harmonic", "times the mesh line"],
         &rows,
     ))
+}
+
+/// The rate in multiples of the bandwidth, or that none of those tried is enough.
+fn waveform_rate(multiple: f64) -> String {
+    if multiple.is_finite() { format!("{multiple:.0} B") } else { "beyond all rates tried".into() }
 }
 
 fn waveform_words(case: &RateCase) -> String {

@@ -286,7 +286,11 @@ impl Client {
         }
     }
 
-    fn send(&mut self, request: &Request) -> Result<()> {
+    /// Sends a command without waiting for its answer.
+    ///
+    /// # Errors
+    /// Of the transport.
+    pub fn send(&mut self, request: &Request) -> Result<()> {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(request, self.sequence, &mut buffer)
             .map_err(|e| Error::invalid("command", format!("does not fit a frame: {e:?}")))?;

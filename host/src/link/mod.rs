@@ -11,5 +11,6 @@ pub mod settings;
 pub mod setup;
 pub mod transport;
 pub mod view;
+pub mod words;
 
 pub use client::{Client, Losses};

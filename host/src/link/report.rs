@@ -2,6 +2,7 @@
 
 use super::Losses;
 use super::view::View;
+use super::words::words;
 use crate::Result;
 use crate::report::Report;
 use crate::report::plot::{self, Axes, Series};
@@ -53,8 +54,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
         .figure("Frames lost", losses.lost)
         .figure("Pieces refused", losses.refused);
     if let Some(status) = &view.status {
-        report =
-            report.figure("State", format!("{:?}", status.state)).figure("Speed", format!("{:.4} Hz", status.speed_hz));
+        report = report.figure("State", words(&status.state)).figure("Speed", format!("{:.4} Hz", status.speed_hz));
     }
     if let Some(node) = node {
         let test = view.self_test.unwrap_or(node.self_test);
@@ -99,7 +99,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
         let rate = node.map(|node| f64::from(node.ticks_per_second));
         let time = |tick: u64| rate.map_or(format!("tick {tick}"), |rate| format!("{:.3} s", tick as f64 / rate));
         let event = |e: &meshband::events::Event| {
-            vec![time(e.first_tick), format!("{:?}", e.kind), e.detail.to_string(), e.count.to_string()]
+            vec![time(e.first_tick), words(&e.kind), e.detail.to_string(), e.count.to_string()]
         };
         let rows: Vec<Vec<String>> = view.events.iter().map(event).collect();
         report = report.section("Events").table("The newest.", &["since start", "event", "detail", "times"], &rows);
@@ -126,7 +126,7 @@ fn row(name: &str, value: String) -> Vec<String> {
 
 fn status_rows(s: &Status) -> Vec<Vec<String>> {
     vec![
-        row("validity of the speed", format!("{:?}", s.validity)),
+        row("validity of the speed", words(&s.validity)),
         row("speed of the pinion, Hz", format!("{:.5}", s.speed_hz)),
         row("law's bandwidth, Hz", format!("{:.1}", s.bandwidth_hz)),
         row("rate requested, Hz", format!("{:.1}", s.requested_hz)),

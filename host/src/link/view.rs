@@ -1,6 +1,7 @@
 //! What a person sees of a node: the newest of everything it said, as plain text.
 
 use super::Losses;
+use super::words::words;
 use crate::terminal::table;
 use meshband::events::Event;
 use meshband::message::{Indicators, Message, Peaks, SelfTest, Snapshot, Spectrum, Statistics, Status};
@@ -40,7 +41,13 @@ impl View {
             Message::Status(status) => self.status = Some(status),
             Message::Spectrum(spectrum) => self.spectrum = Some(spectrum),
             Message::Peaks(peaks) => self.peaks = Some(peaks),
-            Message::Indicators(indicators) => self.indicators = Some(indicators),
+            Message::Indicators(mut indicators) => {
+                // These come in one message of several; the newest of each is kept, with the tick or rate it carries.
+                let former = self.indicators.take();
+                indicators.gear = indicators.gear.or(former.and_then(|i| i.gear));
+                indicators.bandwidth = indicators.bandwidth.or(former.and_then(|i| i.bandwidth));
+                self.indicators = Some(indicators);
+            }
             Message::Statistics(statistics) => self.statistics = Some(statistics),
             Message::SelfTest(result) => self.self_test = Some(result),
             Message::Event(event) => {
@@ -66,6 +73,12 @@ impl View {
                 "RMS {:.4} m/s2   peak {:.4} m/s2   crest {:.2}   kurtosis {:.2}   sideband ratio {:.3}\n",
                 i.rms, i.peak, i.crest, i.kurtosis, i.sideband_energy_ratio
             );
+            if let Some(gear) = &i.gear {
+                out += &format!(
+                    "FM0 {:.3}   FM4 {:.3}   NA4 {:.3}   residual {:.4} m/s2\n",
+                    gear.fm0, gear.fm4, gear.na4, gear.residual_rms
+                );
+            }
         }
         if let Some(spectrum) = &self.spectrum {
             out += &format!("\nmesh bands, {:.3} Hz per line\n{}", spectrum.tag.resolution_hz, bands(spectrum));
@@ -86,7 +99,7 @@ impl View {
                 Some(rate) => format!("{:10.3} s", e.first_tick as f64 / f64::from(rate)),
                 None => format!("tick {}", e.first_tick),
             };
-            out += &format!("{time}  {:?} {}  x{}\n", e.kind, e.detail, e.count);
+            out += &format!("{time}  {} {}  x{}\n", words(&e.kind), e.detail, e.count);
         }
         out += &format!(
             "\n{} messages; {} frames lost, {} pieces refused, {} restarts of the node{}\n",
@@ -117,12 +130,12 @@ fn status_lines(s: &Status) -> String {
     }
     let notes = if notes.is_empty() { String::new() } else { format!("({})\n", notes.join("; ")) };
     format!(
-        "{:?}   speed {:.4} Hz +- {:.1e} ({:?}, {:.2} s old)\nlaw {:.1} Hz   requested {:.1} Hz   granted {:.1} Hz   \
+        "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz   requested {:.1} Hz   granted {:.1} Hz   \
          ADC {:.1} Hz / 2^{}\n{notes}",
-        s.state,
+        words(&s.state),
         s.speed_hz,
         s.speed_uncertainty,
-        s.validity,
+        words(&s.validity),
         s.age_s,
         s.bandwidth_hz,
         s.requested_hz,

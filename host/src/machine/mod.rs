@@ -5,9 +5,11 @@
 //! one that makes no sense: a non-finite number anywhere, an unknown key, an impossible gear.
 
 mod check;
+pub mod estimate;
 mod geometry;
 mod hash;
 mod hunting;
+pub mod keys;
 mod options;
 mod read;
 

@@ -90,6 +90,20 @@ pub enum EngagementKind {
     Loaded,
 }
 
+impl EngagementKind {
+    /// Its name in a machine file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Paper => "paper",
+            Self::Linear => "linear",
+            Self::RaisedCosine => "raised-cosine",
+            Self::TipRelief => "tip-relief",
+            Self::Loaded => "loaded",
+        }
+    }
+}
+
 /// A crack from the root of one tooth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,6 +1,6 @@
 //! Reading a declaration: TOML text to a checked [`Machine`], every refusal one line with table and key.
 
-use super::Machine;
+use super::{Machine, keys};
 use crate::{Error, Result, budget};
 use std::path::Path;
 
@@ -22,6 +22,11 @@ impl Machine {
     pub fn from_toml(text: &str, place: &str, folder: &Path) -> Result<Self> {
         let table: toml::Table = text.parse().map_err(|error| syntax(&error, text, place))?;
         check_lists(&table, place)?;
+        let unknown = keys::unknown(&table);
+        if !unknown.is_empty() {
+            let what = format!("unknown: {}; `meshband machine keys` lists all keys", unknown.join(", "));
+            return Err(Error::invalid(place, what));
+        }
         refuse_non_finite(&toml::Value::Table(table), "", place)?;
         let machine: Machine = match toml::from_str::<AnyRecord>(text) {
             Ok(any) => {

@@ -4,6 +4,7 @@ use super::board::{Clock, Played, VirtualBoard};
 use super::frames::Received;
 use super::reference::{Reference, Shaft};
 use super::signal::Signal;
+use crate::link::words::words;
 use crate::{Error, Result};
 use meshband::config::Configuration;
 use meshband::events::EventKind;
@@ -235,7 +236,7 @@ fn integrity(played: &Played, received: &Received) -> Integrity {
     let mut events: BTreeMap<String, u32> = BTreeMap::new();
     for message in received.messages() {
         if let Message::Event(event) = message {
-            *events.entry(format!("{:?}", event.kind)).or_insert(0) += event.count;
+            *events.entry(words(&event.kind)).or_insert(0) += event.count;
         }
     }
     // The node's own count comes with the closing statistics, or as events where a board sends none.

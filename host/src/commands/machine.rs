@@ -1,0 +1,326 @@
+//! `meshband machine`: a machine file from a few figures, what a machine file says, and every key it may have.
+
+use super::results::{Force, Results};
+use clap::{Args as ClapArgs, Subcommand, ValueEnum};
+use meshband_host::dynamics::Rig;
+use meshband_host::dynamics::assembly::{Damping, Model};
+use meshband_host::dynamics::modes::{Mode, modes};
+use meshband_host::law::domain::Domain;
+use meshband_host::law::guesses::{Sensitivity, sensitivity};
+use meshband_host::machine::estimate::{Bearings, Known, estimate};
+use meshband_host::machine::{Hunting, Machine, keys};
+use meshband_host::output::show;
+use meshband_host::report::Report;
+use meshband_host::stiffness::report::Report as Stiffness;
+use meshband_host::terminal::{Progress, table};
+use meshband_host::{Error, Result, remark, say};
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+/// Arguments of `meshband machine`.
+#[derive(ClapArgs)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Writes a machine file from a few figures: estimates the rest, marks every guess, says which guesses move the law.
+    New(New),
+    /// Explains a machine: contact, hunting period, natural frequencies with modes, stiffness beside ISO 6336, domain of its law.
+    Check(Check),
+    /// Every key of a machine file with unit and meaning.
+    Keys {
+        /// As a Markdown table.
+        #[arg(long)]
+        markdown: bool,
+    },
+}
+
+#[derive(ClapArgs)]
+struct New {
+    /// Machine file to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Tooth counts of pinion and gear, as 21,64.
+    #[arg(long, value_delimiter = ',', num_args = 1)]
+    teeth: Vec<u32>,
+    /// Module, mm.
+    #[arg(long, value_name = "MM")]
+    module: Option<f64>,
+    /// Face width, mm.
+    #[arg(long, value_name = "MM")]
+    width: Option<f64>,
+    /// Speed of the pinion, Hz.
+    #[arg(long, value_name = "HZ")]
+    speed: Option<f64>,
+    /// Power, kW; the torque follows from it.
+    #[arg(long, value_name = "KW", conflicts_with = "torque")]
+    power: Option<f64>,
+    /// Torque of the pinion, N m.
+    #[arg(long, value_name = "NM")]
+    torque: Option<f64>,
+    /// Pressure angle, degrees.
+    #[arg(long)]
+    pressure_angle: Option<f64>,
+    /// Bore diameters of pinion and gear, mm, as 20,40.
+    #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MM,MM")]
+    bores: Vec<f64>,
+    /// Kind of the bearings.
+    #[arg(long, value_enum)]
+    bearings: Option<BearingKind>,
+    /// Tip relief, um.
+    #[arg(long, value_name = "UM", conflicts_with = "ramp")]
+    relief: Option<f64>,
+    /// Pinion rotation over which a pair takes up its load, mrad, where it was measured.
+    #[arg(long, value_name = "MRAD")]
+    ramp: Option<f64>,
+    /// Does not work out which guesses move the law.
+    #[arg(long)]
+    quick: bool,
+    #[command(flatten)]
+    permission: Force,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum BearingKind {
+    Ball,
+    Roller,
+    Plain,
+}
+
+#[derive(ClapArgs)]
+struct Check {
+    /// Machine file, or a record folder.
+    machine: PathBuf,
+    #[command(flatten)]
+    results: Results,
+}
+
+/// Runs the action.
+pub fn run(args: Args) -> Result<()> {
+    match args.action {
+        Action::New(args) => new(&args),
+        Action::Check(args) => check(&args),
+        Action::Keys { markdown } => show(&if markdown { keys::markdown() } else { keys::reference() }),
+    }
+}
+
+fn new(args: &New) -> Result<()> {
+    let mut file = args.permission.outputs([]).file(&args.output)?;
+    let estimated = estimate(&known(args)?)?;
+    file.write(estimated.to_toml())?;
+    say!(
+        "written: {} with {} guesses, each marked with its rule and factor",
+        args.output.display(),
+        estimated.guesses.len()
+    )?;
+    if args.quick {
+        return Ok(());
+    }
+    let progress = Progress::new("guesses", estimated.guesses.len() as u64);
+    let found = sensitivity(&estimated, &|| progress.step());
+    drop(progress);
+    match found {
+        Ok(found) => show(&guesses_text(&found)),
+        Err(error) => {
+            remark!("warning: which guesses move the law cannot be told: {error}");
+            Ok(())
+        }
+    }
+}
+
+/// Which guesses move the law, in a sentence and a table.
+fn guesses_text(found: &Sensitivity) -> String {
+    let percent = |factor: f64| format!("{:.0} %", 100.0 * (factor - 1.0));
+    let rows: Vec<Vec<String>> = found
+        .shares
+        .iter()
+        .map(|share| {
+            let moves = share.moves.map_or("no edge to time".into(), percent);
+            vec![share.guess.key.into(), share.guess.value.clone(), format!("{}", share.guess.factor), moves]
+        })
+        .collect();
+    let at: Vec<String> = found
+        .speeds_hz
+        .iter()
+        .zip(found.bandwidth_hz)
+        .map(|(speed, hz)| format!("{} at {speed:.3} Hz", hz.map_or("no edge".into(), |hz| format!("{hz:.0} Hz"))))
+        .collect();
+    format!(
+        "\nbandwidth: {}\nby all guesses together within a factor {:.2} (95 %)\n\n{}",
+        at.join(", "),
+        found.within_factor,
+        table(&["guess", "value", "true within a factor", "moves the law by"], &rows)
+    )
+}
+
+fn known(args: &New) -> Result<Known> {
+    let teeth = match args.teeth[..] {
+        [pinion, gear] => [pinion, gear],
+        [] => [asked("teeth of the pinion", "--teeth")?, asked("teeth of the gear", "--teeth")?].map(|z: f64| z as u32),
+        _ => return Err(Error::invalid("--teeth", "needs two counts, as 21,64")),
+    };
+    let or_asked = |given: Option<f64>, question: &str, option: &str| given.map_or_else(|| asked(question, option), Ok);
+    let module_m = 1e-3 * or_asked(args.module, "module, mm", "--module")?;
+    let face_width_m = 1e-3 * or_asked(args.width, "face width, mm", "--width")?;
+    let speed_hz = or_asked(args.speed, "speed of the pinion, Hz", "--speed")?;
+    let torque_n_m = match (args.torque, args.power) {
+        (Some(torque), _) => torque,
+        (None, power) => 1e3 * or_asked(power, "power, kW", "--power or --torque")? / (TAU * speed_hz),
+    };
+    let bore_radius_m = match args.bores[..] {
+        [] => None,
+        [pinion, gear] => Some([0.5e-3 * pinion, 0.5e-3 * gear]),
+        _ => return Err(Error::invalid("--bores", "needs two diameters, as 20,40")),
+    };
+    let title = args.output.file_stem().map_or_else(|| "machine".into(), |name| name.to_string_lossy().into_owned());
+    Ok(Known {
+        title,
+        teeth,
+        module_m,
+        face_width_m,
+        speed_hz,
+        torque_n_m,
+        pressure_angle_deg: args.pressure_angle,
+        bore_radius_m,
+        ramp_rad: args.ramp.map(|mrad| 1e-3 * mrad),
+        relief_m: args.relief.map(|um| 1e-6 * um),
+        bearings: args.bearings.map(|kind| match kind {
+            BearingKind::Ball => Bearings::Ball,
+            BearingKind::Roller => Bearings::Roller,
+            BearingKind::Plain => Bearings::Plain,
+        }),
+    })
+}
+
+/// A number asked for in the terminal; without one the option is named.
+fn asked(question: &str, option: &str) -> Result<f64> {
+    if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+        return Err(Error::invalid(option, format!("is needed: {question}")));
+    }
+    let mut text = String::new();
+    let mut err = std::io::stderr();
+    let _ = write!(err, "{question}? ").and_then(|()| err.flush());
+    std::io::stdin().read_line(&mut text).map_err(|error| Error::tool("terminal", error))?;
+    text.trim().parse().map_err(|_| Error::invalid(option, format!("'{}' is no number", text.trim())))
+}
+
+/// What `machine check` says.
+#[derive(Serialize)]
+struct Explained {
+    title: String,
+    machine_hash: String,
+    teeth: [u32; 2],
+    contact_ratio: f64,
+    centre_distance_m: f64,
+    hunting_turns: u32,
+    mean_stiffness_n_per_m: f64,
+    iso_6336_n_per_m: f64,
+    modes: Vec<Mode>,
+    law_domain_hz: [f64; 2],
+    law: String,
+    warnings: Vec<String>,
+}
+
+fn check(args: &Check) -> Result<()> {
+    let mut files = args.results.announce(&mut args.results.outputs([args.machine.as_path()]))?;
+    let machine = Machine::read(&args.machine)?;
+    let explained = explain(&machine)?;
+    files.write(&explained, || report(&explained, &machine))?;
+    show(&text(&explained))
+}
+
+fn explain(machine: &Machine) -> Result<Explained> {
+    let stiffness = Stiffness::new(machine, 21)?;
+    let rig = Rig::new(machine, Model::BendingTorsional, Damping::Declared)?;
+    let domain = Domain::of(machine);
+    let law = match (machine.engagement, machine.nominal) {
+        (None, _) => "no law: the pair switches on at once ([engagement] is absent), its bandwidth has no limit".into(),
+        (Some(_), None) => "no law without an operating point: [nominal] is absent".into(),
+        (Some(_), Some(_)) => {
+            format!("a law can be fitted from {} to {} Hz (`meshband law fit`)", domain.lowest_hz, domain.highest_hz)
+        }
+    };
+    Ok(Explained {
+        title: machine.title.clone(),
+        machine_hash: stiffness.machine_hash,
+        teeth: machine.pair.teeth,
+        contact_ratio: stiffness.contact_ratio,
+        centre_distance_m: stiffness.centre_distance_m,
+        hunting_turns: Hunting::of(machine.pair.teeth).turns,
+        mean_stiffness_n_per_m: stiffness.used.mean,
+        iso_6336_n_per_m: stiffness.iso_6336_b.mean_n_per_m,
+        modes: modes(&rig.system, rig.mean_stiffness_n_per_m()),
+        law_domain_hz: [domain.lowest_hz, domain.highest_hz],
+        law,
+        warnings: stiffness.warnings,
+    })
+}
+
+const HEAD: [&str; 4] = ["mode, Hz", "met by the mesh at, Hz", "mesh's share, %", "what moves"];
+
+fn mode_rows(e: &Explained) -> Vec<Vec<String>> {
+    let row = |mode: &Mode| {
+        let moves: Vec<String> =
+            mode.moves.iter().map(|(name, share)| format!("{name} {:.0} %", 100.0 * share)).collect();
+        let speed = mode.frequency_hz / f64::from(e.teeth[0]);
+        vec![
+            format!("{:.1}", mode.frequency_hz),
+            format!("{speed:.2}"),
+            format!("{:.0}", 100.0 * mode.mesh_share),
+            moves.join(", "),
+        ]
+    };
+    e.modes.iter().map(row).collect()
+}
+
+/// What the figures mean, sentence by sentence.
+fn sentences(e: &Explained) -> Vec<String> {
+    let (whole, share) = (e.contact_ratio.floor(), e.contact_ratio.fract());
+    vec![
+        format!(
+            "contact ratio {:.4}: {} pairs carry during {:.0} % of each mesh period, {whole} during the rest",
+            e.contact_ratio,
+            whole + 1.0,
+            100.0 * share
+        ),
+        format!(
+            "the same teeth meet again after {} turns of the pinion; centre distance {:.3} mm",
+            e.hunting_turns,
+            1e3 * e.centre_distance_m
+        ),
+        format!(
+            "mean mesh stiffness {:.4e} N/m, {:+.1} % against ISO 6336-1 method B",
+            e.mean_stiffness_n_per_m,
+            100.0 * (e.mean_stiffness_n_per_m / e.iso_6336_n_per_m - 1.0)
+        ),
+        e.law.clone(),
+    ]
+}
+
+fn text(e: &Explained) -> String {
+    let mut out = format!("machine {}, hash {}\n", e.title, e.machine_hash);
+    sentences(e).iter().for_each(|sentence| out += &format!("{sentence}\n"));
+    out += &format!(
+        "\nnatural frequencies at the mean mesh stiffness; a pinion at the speed beside it meets them with its mesh\n{}",
+        table(&HEAD, &mode_rows(e))
+    );
+    e.warnings.iter().for_each(|warning| out += &format!("warning: {warning}\n"));
+    out
+}
+
+fn report(e: &Explained, machine: &Machine) -> Result<Report> {
+    let mut page = Report::new(&format!("Machine {}", machine.title), &format!("hash {}", e.machine_hash))
+        .figure("Teeth", format!("{} / {}", e.teeth[0], e.teeth[1]))
+        .figure("Contact ratio", format!("{:.4}", e.contact_ratio))
+        .figure("Mean stiffness", format!("{:.1} N/um", 1e-6 * e.mean_stiffness_n_per_m));
+    for sentence in sentences(e) {
+        page = page.text(&sentence);
+    }
+    page = page.section("Natural frequencies").table("At the mean mesh stiffness.", &HEAD, &mode_rows(e));
+    Ok(e.warnings.iter().fold(page, |page, warning| page.note(warning)))
+}

@@ -1,0 +1,184 @@
+//! What the view holds: the newest of everything with its age, trends, alarms.
+//!
+//! Values that come in one message of several (FM0, NA4, measured bandwidth) are kept until their next, with their own age.
+
+use crate::link::Losses;
+use crate::link::view::View;
+use meshband::alarm::AlarmBand;
+use meshband::events::{Event, EventKind};
+use meshband::message::{Identification, Indicators, Message};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Values of a trend that are kept.
+pub const TREND: usize = 240;
+/// Events that are kept.
+pub const EVENTS: usize = 200;
+/// Silence from which on it is said, s: a node sends a status every half second at least.
+pub const SILENT_S: f64 = 2.0;
+
+/// A quantity over time.
+#[derive(Debug, Clone, Default)]
+pub struct Trend {
+    values: VecDeque<f64>,
+    /// Seconds since the start at which the newest came.
+    pub at_s: f64,
+}
+
+impl Trend {
+    /// Adds a value.
+    pub fn push(&mut self, value: f64, now_s: f64) {
+        if self.values.len() == TREND {
+            self.values.pop_front();
+        }
+        self.values.push_back(value);
+        self.at_s = now_s;
+    }
+
+    /// The newest value.
+    pub fn last(&self) -> Option<f64> {
+        self.values.back().copied()
+    }
+
+    /// The newest `count` values between 0 and `steps`, relative to their own range; a constant is in the middle.
+    pub fn scaled(&self, count: usize, steps: u64) -> Vec<u64> {
+        let newest: Vec<f64> = self.values.iter().rev().take(count).rev().copied().filter(|x| x.is_finite()).collect();
+        let (low, high) = newest.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let of = |x: f64| if high > low { (x - low) / (high - low) } else { 0.5 };
+        newest.iter().map(|&x| 1 + (of(x) * steps.saturating_sub(1) as f64).round() as u64).collect()
+    }
+}
+
+/// An alarm that was raised since the start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alarm {
+    /// Seconds since the start.
+    pub raised_s: f64,
+    /// Seconds since the start at which it was cleared, if it was.
+    pub cleared_s: Option<f64>,
+    /// Somebody has seen it.
+    pub acknowledged: bool,
+}
+
+/// Everything the screen shows.
+#[derive(Debug, Clone, Default)]
+pub struct Panel {
+    /// Newest of each message.
+    pub view: View,
+    /// Who the node is.
+    pub identity: Option<Identification>,
+    /// Its alarm bands, by index.
+    pub bands: Vec<AlarmBand>,
+    /// Seconds since the start at which any message came last.
+    pub heard_s: Option<f64>,
+    /// Ages: when each kind came last.
+    pub status_s: Option<f64>,
+    /// When the newest mesh-band spectrum came.
+    pub spectrum_s: Option<f64>,
+    /// Named values with their trends, in the order of [`VALUES`].
+    pub values: BTreeMap<&'static str, Trend>,
+    /// First line of each mesh harmonic, by number.
+    pub harmonics: BTreeMap<u8, Trend>,
+    /// Alarms by index.
+    pub alarms: BTreeMap<u32, Alarm>,
+    /// Events, oldest first, with the seconds since the start at which they came.
+    pub events: VecDeque<(f64, Event)>,
+}
+
+/// Values shown, in order, with their digits after the point.
+pub const VALUES: [(&str, usize); 11] = [
+    ("RMS, m/s2", 4),
+    ("peak, m/s2", 3),
+    ("crest factor", 2),
+    ("kurtosis", 2),
+    ("sideband ratio", 3),
+    ("FM0", 3),
+    ("FM4", 3),
+    ("NA4", 3),
+    ("residual RMS", 4),
+    ("bandwidth, Hz", 0),
+    ("measured / law", 3),
+];
+
+impl Panel {
+    /// Takes in a message at an instant.
+    pub fn take(&mut self, message: Message, now_s: f64) {
+        self.heard_s = Some(now_s);
+        match &message {
+            Message::Status(_) => self.status_s = Some(now_s),
+            Message::Spectrum(spectrum) => {
+                self.spectrum_s = Some(now_s);
+                for band in &spectrum.bands {
+                    let trend = self.harmonics.entry(band.harmonic).or_default();
+                    trend.push(f64::from(band.line.amplitude), now_s);
+                }
+            }
+            Message::Indicators(indicators) => self.indicators(indicators, now_s),
+            Message::Event(event) => self.event(*event, now_s),
+            _ => {}
+        }
+        self.view.take(message);
+    }
+
+    fn indicators(&mut self, i: &Indicators, now_s: f64) {
+        let mut push = |name, value: f32| self.values.entry(name).or_default().push(f64::from(value), now_s);
+        push("RMS, m/s2", i.rms);
+        push("peak, m/s2", i.peak);
+        push("crest factor", i.crest);
+        push("kurtosis", i.kurtosis);
+        push("sideband ratio", i.sideband_energy_ratio);
+        if let Some(gear) = &i.gear {
+            push("FM0", gear.fm0);
+            push("FM4", gear.fm4);
+            push("NA4", gear.na4);
+            push("residual RMS", gear.residual_rms);
+        }
+        if let Some(measured) = &i.bandwidth {
+            push("bandwidth, Hz", measured.bandwidth_hz);
+            push("measured / law", measured.bandwidth_hz / measured.law_hz);
+        }
+    }
+
+    fn event(&mut self, event: Event, now_s: f64) {
+        match event.kind {
+            EventKind::AlarmRaised => {
+                let alarm = Alarm { raised_s: now_s, cleared_s: None, acknowledged: false };
+                // The node repeats kept events on request: one that stands already is not raised again.
+                self.alarms
+                    .entry(event.detail)
+                    .and_modify(|a| {
+                        if a.cleared_s.is_some() {
+                            *a = alarm
+                        }
+                    })
+                    .or_insert(alarm);
+            }
+            EventKind::AlarmCleared => {
+                if let Some(alarm) = self.alarms.get_mut(&event.detail) {
+                    alarm.cleared_s = Some(now_s);
+                }
+            }
+            _ => {}
+        }
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back((now_s, event));
+    }
+
+    /// Marks all alarms as seen; those that are over go.
+    pub fn acknowledge(&mut self) {
+        self.alarms.retain(|_, alarm| alarm.cleared_s.is_none());
+        self.alarms.values_mut().for_each(|alarm| alarm.acknowledged = true);
+    }
+
+    /// Seconds since anything came, where that is long enough to be said.
+    pub fn silent_s(&self, now_s: f64) -> Option<f64> {
+        let silent = now_s - self.heard_s.unwrap_or(0.0);
+        (silent >= SILENT_S).then_some(silent)
+    }
+
+    /// Whether losses or silence make the figures doubtful.
+    pub fn is_doubtful(&self, losses: Losses, now_s: f64) -> bool {
+        self.silent_s(now_s).is_some() || losses.lost + losses.refused > 0
+    }
+}

@@ -1,0 +1,98 @@
+//! The terminal while the view is live: taken over at the start, given back at every end, keys in between.
+
+use super::link::Watched;
+use super::panel::Panel;
+use super::screen::{Scene, draw};
+use crate::monitor::capture::Capture;
+use crate::output::interrupt;
+use crate::{Error, Result};
+use meshband::message::Request;
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use std::time::{Duration, Instant};
+
+/// Time between two drawings.
+const REDRAW: Duration = Duration::from_millis(200);
+
+/// What the user has open.
+#[derive(Debug, Default)]
+struct Open {
+    events: bool,
+    help: bool,
+    end: bool,
+}
+
+/// When the view ends by itself.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Limits {
+    /// After so many messages.
+    pub messages: Option<u64>,
+}
+
+/// Shows the view until it is told to end; the panel then holds what was heard.
+///
+/// # Errors
+/// A terminal that cannot be used.
+pub fn live(link: &mut Watched, panel: &mut Panel, capture: Option<&Capture>, limits: Limits) -> Result<()> {
+    let started = Instant::now();
+    let mut terminal = ratatui::try_init().map_err(|error| Error::tool("terminal", error))?;
+    let result = (|| {
+        let mut open = Open::default();
+        let mut drawn: Option<Instant> = None;
+        while !open.end && !interrupt::requested() {
+            let pause = drawn.map_or(Duration::ZERO, |at| REDRAW.saturating_sub(at.elapsed()));
+            if let Some(message) = link.next_message(pause.min(Duration::from_millis(50))) {
+                panel.take(message, started.elapsed().as_secs_f64());
+            }
+            keys(&mut open, link, panel)?;
+            open.end |= limits.messages.is_some_and(|most| panel.view.messages >= most);
+            if drawn.is_none_or(|at| at.elapsed() >= REDRAW) {
+                drawn = Some(Instant::now());
+                let scene = Scene {
+                    panel,
+                    standing: &link.standing(),
+                    losses: link.losses(),
+                    reconnects: link.reconnects,
+                    capture,
+                    now_s: started.elapsed().as_secs_f64(),
+                    events_open: open.events,
+                    help: open.help,
+                };
+                terminal.draw(|frame| draw(frame, &scene)).map_err(Error::Output)?;
+            }
+        }
+        Ok(())
+    })();
+    ratatui::restore();
+    result
+}
+
+/// Takes all keys that wait.
+fn keys(open: &mut Open, link: &mut Watched, panel: &mut Panel) -> Result<()> {
+    let failed = |error: std::io::Error| Error::tool("terminal", error);
+    while event::poll(Duration::ZERO).map_err(failed)? {
+        let Event::Key(key) = event::read().map_err(failed)? else { continue };
+        if key.kind != KeyEventKind::Press {
+            continue;
+        }
+        match key.code {
+            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => open.end = true,
+            KeyCode::Esc if open.help => open.help = false,
+            KeyCode::Char('q') => open.end = true,
+            KeyCode::Char('h' | '?') => open.help = !open.help,
+            KeyCode::Char('e') => open.events = !open.events,
+            KeyCode::Char('a') => panel.acknowledge(),
+            KeyCode::Char('s') => ask(link, Request::Snapshot),
+            KeyCode::Char('t') => ask(link, Request::SelfTest),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Sends a request without waiting: a node that is silent must not stop the view.
+fn ask(link: &mut Watched, request: Request) {
+    if let Some(client) = link.client() {
+        // A port that fails here fails at the next reading, too, and is said then.
+        let _ = client.send(&request);
+    }
+}
