@@ -200,7 +200,7 @@ fn state_line(status: Option<&Status>, panel: &Panel, losses: Losses) -> Line<'s
 
 fn speed_text(s: &Status) -> String {
     format!(
-        "speed {:9.4} Hz = {:7.1} rpm   +- {:.1e}   {}   pulse {} old",
+        "speed {:.4} Hz = {:.1} rpm +- {:.1e}  {}  pulse {}",
         s.speed_hz,
         60.0 * s.speed_hz,
         s.speed_uncertainty,
