@@ -10,6 +10,7 @@ mod damage;
 mod demo;
 mod elf;
 mod flash;
+mod gateway;
 mod node_build;
 mod pace;
 mod prove;
@@ -38,6 +39,8 @@ cargo xtask TASK
   bench        cost of the solver beside SciPy's on the same machine, ratios first
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
+  gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
+  fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -60,6 +63,8 @@ fn main() -> ExitCode {
         "bench-node" => bench_node::run_task(&rest),
         "wheel" => wheel::run_task(),
         "flash" => flash::run(&rest),
+        "gateway" => gateway::proof(&rest),
+        "fleet-spark" => gateway::spark(&rest),
         "" | "help" | "--help" | "-h" => {
             print!("{HELP}");
             return ExitCode::SUCCESS;

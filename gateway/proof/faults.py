@@ -1,0 +1,175 @@
+"""What the gateway does when something around it is wrong: each outcome defined (docs/fleet.md) and looked at here.
+
+MESHBAND_GATEWAY names the program; `python -m unittest` in this folder.
+"""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import time
+import unittest
+import urllib.request
+
+import pysparkplug
+
+import kit
+
+GATEWAY = os.environ["MESHBAND_GATEWAY"]
+
+
+class Fault(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="meshband-fault-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def started(self, process):
+        process.start()
+        self.addCleanup(process.stop)
+        return process
+
+    def nodes(self, count, port=None, unit=1):
+        port = port or kit.free_ports(count)
+        words = [GATEWAY, "nodes", "--count", count, "--port", port, "--unit", unit]
+        self.started(process := kit.Process(words, self.folder / f"nodes-{unit}.log"))
+        kit.until(lambda: "nodes on" in process.text(), 10, "nodes listen")
+        return process, port
+
+    def gateway(self, config, name="gateway"):
+        return self.started(kit.Process([GATEWAY, config], self.folder / f"{name}.log"))
+
+    def events(self):
+        try:
+            return {row[0] for row in kit.rows(self.folder, "select distinct event from history where event is not null")}
+        except Exception as reason:  # the first file is not there yet
+            if "No files found" in str(reason):
+                return set()
+            raise
+
+    def test_fault_wrong_credentials_are_said_once_and_the_history_goes_on(self):
+        broker = self.started(kit.Broker(self.folder, password="right"))
+        (self.folder / "secret").write_text("wrong\n")
+        broker.login = f'user = "gateway"\npassword_file = "{self.folder}/secret"'
+        _, port = self.nodes(1)
+        metrics = kit.free_ports(1)
+        config = kit.configure(self.folder, [port], broker, extra=f'metrics = "127.0.0.1:{metrics}"')
+        gateway = self.gateway(config)
+        kit.until(lambda: "Connected" in self.events(), 20, "history in spite of the broker")
+        lines = [line for line in gateway.text().splitlines() if line.startswith("broker")]
+        self.assertEqual(len(lines), 1, gateway.text())
+        page = urllib.request.urlopen(f"http://127.0.0.1:{metrics}/metrics", timeout=5).read().decode()
+        self.assertIn("meshband_broker_connected 0\n", page)
+        self.assertRegex(page, r"meshband_broker_refusals_total [1-9]")
+        # The right password in the file is taken without a restart, and nothing was lost meanwhile.
+        (self.folder / "secret").write_text("right\n")
+        host = kit.Host(broker.port, username="gateway", password="right")
+        self.addCleanup(host.close)
+        kit.until(lambda: 0 in host.journals, 20, "the first entry of all at the broker")
+
+    def test_fault_a_full_disk_loses_and_counts_and_ends_by_itself(self):
+        mount = self.folder / "small"
+        mount.mkdir()
+        done = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=9m", "tmpfs", mount], capture_output=True, check=False)
+        if done.returncode != 0:
+            self.skipTest("no right to mount a small disk here")
+        self.addCleanup(subprocess.run, ["umount", "-l", mount], check=False)
+        _, port = self.nodes(1)
+        config = kit.configure(self.folder, [port])
+        config.write_text(config.read_text().replace(f"{self.folder}/data", f"{mount}/data"))
+        ballast = mount / "ballast"
+        gateway = self.gateway(config)
+        kit.until(lambda: "Connected" in self.events(), 20, "running")
+        with ballast.open("wb") as file:
+            try:
+                while True:
+                    file.write(bytes(4096))
+                    file.flush()
+            except OSError:
+                pass
+        kit.until(lambda: "frames are lost until there is room" in gateway.text(), 30, "said")
+        self.assertIsNone(gateway.running.poll(), "it goes on")
+        ballast.unlink()
+        kit.until(lambda: "EntriesLost" in self.events(), 30, "the loss is in the history")
+        lost = kit.rows(self.folder, "select sum(detail) from history where event = 'EntriesLost'")[0][0]
+        self.assertGreater(lost, 0)
+        self.assertIn(f"{lost} entries were lost", gateway.text())
+
+    def test_fault_a_replaced_node_is_another_chip_under_the_same_name(self):
+        first, port = self.nodes(1)
+        gateway = self.gateway(kit.configure(self.folder, [port]))
+        kit.until(lambda: "Connected" in self.events(), 20, "the first node")
+        first.stop()
+        self.nodes(1, port, unit=77)
+        kit.until(lambda: "Replaced" in self.events(), 30, "the second one is seen as another")
+        units = kit.rows(self.folder, "select unit, min(boot), max(boot) from history where sequence is not null group by 1 order by 2")
+        self.assertEqual(len(units), 2)
+        self.assertLess(units[0][2], units[1][1], "counts of starts do not overlap")
+        gateway.stop()
+
+    def test_fault_a_node_that_is_not_the_configured_chip_is_refused(self):
+        _, port = self.nodes(1, unit=5)
+        wanted = "000000096d6573686261" + "6e64"
+        config = kit.configure(self.folder, [port], node_extra=f'unit = "{wanted}"')
+        gateway = self.gateway(config)
+        kit.until(lambda: "is configured: not taken" in gateway.text(), 20, "refused")
+        time.sleep(3)
+        self.assertEqual(self.events(), set(), "nothing of it is kept")
+
+    def test_fault_two_gateways_for_one_node_and_for_one_folder(self):
+        _, port = self.nodes(1)
+        config = kit.configure(self.folder, [port])
+        first = self.gateway(config)
+        kit.until(lambda: "Connected" in self.events(), 20, "the first gateway")
+        second = self.gateway(config, "same-folder")
+        self.assertEqual(second.wait(10), 2)
+        self.assertIn("another gateway works in this folder", second.text())
+        other = self.folder / "other"
+        other.mkdir()
+        third = self.gateway(kit.configure(other, [port], name="gateway-2"), "other-folder")
+        kit.until(lambda: "is another gateway on it?" in third.text(), 20, "the node has one line")
+        self.assertIsNone(first.running.poll())
+        self.assertNotIn("Disconnected", self.events(), "the first one is not disturbed")
+
+    def test_claim_commands_of_a_host_application_reach_the_node(self):
+        broker = self.started(kit.Broker(self.folder))
+        _, port = self.nodes(1)
+        time.sleep(0.5)
+        host = kit.Host(broker.port)
+        self.addCleanup(host.close)
+        self.gateway(kit.configure(self.folder, [port], broker))
+        seen = lambda name, value: any(metrics.get(name) == value for _, _, metrics, _ in host.messages)
+        kit.until(lambda: host.kinds["DBIRTH"] > 0 and seen("Node/State", "Measuring"), 30, "born and measuring")
+        truth = pysparkplug.DataType.BOOLEAN
+        host.command("gateway-1", "node-00", "Command/Snapshot", True, truth)
+        kit.until(lambda: seen("Frame/Kind", "snapshot"), 20, "a waveform")
+        host.command("gateway-1", "node-00", "Command/Acknowledge", True, truth)
+        kit.until(lambda: seen("Event/Kind", "Acknowledged"), 20, "acknowledged")
+        host.command("gateway-1", "node-00", "Command/Stop", True, truth)
+        kit.until(lambda: seen("Node/State", "Stopped"), 20, "stopped")
+        host.command("gateway-1", "node-00", "Command/Start", True, truth)
+        host.command("gateway-1", "node-00", "Command/Configure", "{}", pysparkplug.DataType.STRING)
+        kit.until(lambda: "Command" in self.events(), 20, "commands are in the history")
+        text = lambda: {row[0] for row in kit.rows(self.folder, "select text from history where event = 'Command'")}
+        kit.until(lambda: any("allow_configure is not set" in t for t in text()), 20, "the switch is off")
+        births = [payload for kind, _, _, payload in host.messages if kind == "DBIRTH"]
+        self.assertTrue(all(metric.alias is not None for birth in births for metric in birth.metrics))
+
+    def test_fault_mistakes_in_the_file_end_in_one_line_and_code_2(self):
+        config = kit.configure(self.folder, [7700])
+        text = config.read_text()
+        for mistake, says in [
+            (text.replace("flush_seconds", "flush_second"), "unknown field"),
+            (text.replace("machine-0", "../etc"), "node.machine"),
+            (text.replace("[[node]]", "[[nodes]]"), "unknown field"),
+            ("name = ", "gateway.toml"),
+        ]:
+            config.write_text(mistake)
+            done = subprocess.run([GATEWAY, config], capture_output=True, text=True, timeout=20, check=False)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertIn(says, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,174 @@
+"""What the proof and the fault tests share: a broker, a gateway, virtual nodes and a Sparkplug client, all on 127.0.0.1."""
+
+import collections
+import pathlib
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import time
+
+import duckdb
+import pysparkplug
+
+
+def free_ports(count):
+    """First of so many neighbouring ports that are free at present."""
+    generator = random.Random()
+    for _ in range(200):
+        first = generator.randrange(20000, 60000 - count)
+        held = []
+        try:
+            for port in range(first, first + count):
+                held.append(socket.create_server(("127.0.0.1", port)))
+            return first
+        except OSError:
+            continue
+        finally:
+            for server in held:
+                server.close()
+    raise SystemExit("no free ports on 127.0.0.1")
+
+
+class Process:
+    """A program with its output in a file; only this one is ever signalled."""
+
+    def __init__(self, words, log):
+        self.words, self.log, self.running = [str(word) for word in words], pathlib.Path(log), None
+
+    def start(self):
+        with self.log.open("ab") as log:
+            self.running = subprocess.Popen(self.words, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+        return self
+
+    def kill(self):
+        """SIGKILL: no chance to put anything in order."""
+        self.running.kill()
+        self.running.wait(10)
+
+    def stop(self, patience=30):
+        """SIGTERM, and the exit code."""
+        if self.running and self.running.poll() is None:
+            self.running.send_signal(signal.SIGTERM)
+        return self.running.wait(patience) if self.running else None
+
+    def wait(self, patience):
+        return self.running.wait(patience)
+
+    def text(self):
+        return self.log.read_text(errors="replace")
+
+
+class Broker(Process):
+    """mosquitto on one local port; `password` makes it ask for user `gateway`."""
+
+    def __init__(self, folder, password=None):
+        self.port = free_ports(1)
+        program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
+        if program is None:
+            raise SystemExit("mosquitto is not installed")
+        lines = [
+            f"listener {self.port} 127.0.0.1",
+            "persistence false",
+            # A reader that is slow for a moment must not lose messages of which the proof then knows nothing.
+            "max_queued_messages 0",
+            "max_inflight_messages 0",
+        ]
+        if password is None:
+            lines.append("allow_anonymous true")
+        else:
+            passwords = folder / "passwords"
+            subprocess.run(["mosquitto_passwd", "-b", "-c", passwords, "gateway", password], check=True)
+            passwords.chmod(0o644)
+            lines += ["allow_anonymous false", f"password_file {passwords}"]
+        config = folder / "mosquitto.conf"
+        config.write_text("\n".join(lines) + "\n")
+        folder.chmod(0o755)
+        super().__init__([program, "-c", config], folder / "mosquitto.log")
+
+
+class Host:
+    """An independent Sparkplug host application: counts what it reads with pysparkplug."""
+
+    def __init__(self, port, **login):
+        self.messages = []
+        self.kinds = collections.Counter()
+        self.journals = collections.Counter()
+        self.failures = []
+        self.lock = threading.Lock()
+        options = pysparkplug.ClientOptions(reconnection_delay_min=1, reconnection_delay_max=1)
+        self.client = pysparkplug.Client(client_id="host", client_options=options, **login)
+        types = ["NBIRTH", "NDATA", "NDEATH", "DBIRTH", "DDATA", "DDEATH"]
+        for kind in types:
+            device = "+" if kind.startswith("D") else None
+            topic = pysparkplug.Topic(
+                message_type=pysparkplug.MessageType(kind), group_id="plant", edge_node_id="+", device_id=device
+            )
+            self.client.subscribe(topic, pysparkplug.QoS.AT_LEAST_ONCE, self.take)
+        self.client.connect("127.0.0.1", port=port)
+
+    def take(self, _client, message):
+        with self.lock:
+            kind = str(message.topic.message_type.value)
+            self.kinds[kind] += 1
+            metrics = {metric.name: metric.value for metric in getattr(message.payload, "metrics", ())}
+            if kind in ("DDATA", "NDATA") and "Frame/Journal" in metrics:
+                self.journals[metrics["Frame/Journal"]] += 1
+            if kind != "DDATA" or len(self.messages) < 20000:
+                self.messages.append((kind, message.topic.device_id, metrics, message.payload))
+
+    def command(self, edge, device, name, value, kind):
+        metric = pysparkplug.Metric(
+            timestamp=pysparkplug.get_current_timestamp(), name=name, datatype=kind, value=value
+        )
+        topic = pysparkplug.Topic(
+            message_type=pysparkplug.MessageType.DCMD, group_id="plant", edge_node_id=edge, device_id=device
+        )
+        payload = pysparkplug.DCmd(timestamp=pysparkplug.get_current_timestamp(), metrics=(metric,))
+        self.client.publish(
+            pysparkplug.Message(topic=topic, payload=payload, qos=pysparkplug.QoS.AT_MOST_ONCE, retain=False),
+            include_dtypes=True,
+        )
+
+    def close(self):
+        self.client.disconnect()
+
+
+def configure(folder, ports, broker=None, history=True, extra="", machines=5, name="gateway-1", node_extra=""):
+    """A gateway's configuration file."""
+    text = f'name = "{name}"\ndata = "{folder}/data"\n{extra}\n'
+    if broker:
+        text += f'[broker]\nhost = "127.0.0.1"\nport = {broker.port}\ngroup = "plant"\nretry_seconds = 1\n{broker.login}\n'
+    if history:
+        text += f'[history]\nfolder = "{folder}/history"\nflush_seconds = 2\ncompact_files = 8\n'
+    for index, port in enumerate(ports):
+        text += f'[[node]]\nname = "node-{index:02}"\nmachine = "machine-{index % machines}"\n'
+        text += f'port = "tcp:127.0.0.1:{port}"\n{node_extra}\n'
+    path = folder / "gateway.toml"
+    path.write_text(text)
+    return path
+
+
+Broker.login = ""
+
+
+def rows(folder, query):
+    """A query on the view `history`."""
+    connection = duckdb.connect()
+    pattern = folder / "history" / "machine=*" / "day=*" / "part-*.parquet"
+    connection.sql(
+        f"create view history as select * from read_parquet('{pattern}', hive_partitioning = true, union_by_name = true)"
+    )
+    return connection.sql(query).fetchall()
+
+
+def until(condition, patience, what):
+    """Waits until something holds."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"not within {patience} s: {what}")

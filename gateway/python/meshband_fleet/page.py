@@ -1,0 +1,104 @@
+"""The fleet page: static HTML from one command, an overview and a page per node; no server, nothing fetched."""
+
+import html
+import pathlib
+import urllib.parse
+
+from . import lake
+
+STYLE = """<meta charset="utf-8"><meta name="viewport" content="width=device-width"><style>
+body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222;background:#fff}
+table{border-collapse:collapse;width:100%}th,td{padding:.3em .7em;border-bottom:1px solid #ddd;text-align:right}
+th:first-child,td:first-child,th:nth-child(2),td:nth-child(2){text-align:left}th{font-weight:600}
+.warn{color:#a40000;font-weight:600}svg{width:100%;height:auto}figcaption{color:#555}a{color:#0645ad}
+</style>"""
+
+TRENDS = ("rms", "kurtosis", "fm4", "mesh_1")
+
+
+def text(value):
+    """A cell: figures with four digits, nothing for nothing."""
+    if value is None:
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
+
+
+def table(head, rows):
+    cells = "".join(f"<th>{html.escape(name)}</th>" for name in head)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>\n" for row in rows)
+    return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def curve(points, label):
+    """A line through (seconds, value) as SVG, with the range written beside it."""
+    if len(points) < 2:
+        return f"<p>{html.escape(label)}: {len(points)} point, no trend yet</p>"
+    times, values = [p[0] for p in points], [p[1] for p in points]
+    low, high = min(values), max(values)
+    span, width = (high - low) or 1.0, (times[-1] - times[0]) or 1.0
+    path = " ".join(f"{10 + 980 * (t - times[0]) / width:.1f},{150 - 140 * (v - low) / span:.1f}" for t, v in points)
+    return (
+        f'<figure><svg viewBox="0 0 1000 160" role="img" aria-label="{html.escape(label)}">'
+        f'<rect x="10" y="10" width="980" height="140" fill="none" stroke="#ddd"/>'
+        f'<polyline points="{path}" fill="none" stroke="#0645ad" stroke-width="2"/></svg>'
+        f"<figcaption>{html.escape(label)}: {low:.4g} to {high:.4g}</figcaption></figure>"
+    )
+
+
+def file_name(node):
+    return "node-" + urllib.parse.quote(node, safe="") + ".html"
+
+
+def node_page(connection, row):
+    """One node: who it is, trends at its most frequent speed, newest notes and events."""
+    machine, node, unit, seen = row[:4]
+    parts = [f"<title>{html.escape(node)}</title>{STYLE}<p><a href='index.html'>Fleet</a></p>"]
+    parts.append(f"<h1>{html.escape(node)}</h1><p>Machine {html.escape(machine)}, chip {html.escape(unit)}, last seen {seen}</p>")
+    for quantity in TRENDS:
+        speed, points = commonest(connection, node, quantity)
+        if points:
+            parts.append(curve(points, f"{quantity} at {speed:.1f} Hz"))
+    events = connection.execute(
+        """select time, kind, event, detail, text from history where node = ? and event is not null
+           order by journal desc limit 40""", [node]).fetchall()
+    parts.append("<h2>Newest events and notes</h2>")
+    parts.append(table(["time", "kind", "event", "detail", "text"], [[text(cell) for cell in event] for event in events]))
+    return "\n".join(parts)
+
+
+def commonest(connection, node, quantity):
+    """The speed step with most rows, and the minute means there as (seconds, value)."""
+    rows = connection.execute(f"""
+        with steps as (select floor(speed_hz) + 0.5 as speed, epoch(date_trunc('minute', time)) as instant, {lake.known(quantity)} as value
+            from history where node = ? and {quantity} is not null and speed_hz is not null),
+        best as (select speed from steps group by speed order by count(*) desc, speed limit 1)
+        select speed, instant, avg(value) from steps join best using (speed) group by 1, 2 order by instant""", [node]).fetchall()
+    return (rows[0][0], [(instant, value) for _, instant, value in rows]) if rows else (None, [])
+
+
+def write(history, folder):
+    """Writes the pages; gives the overview's path."""
+    connection = lake.open_history(history)
+    out = pathlib.Path(folder)
+    out.mkdir(parents=True, exist_ok=True)
+    overview = lake.overview(connection).fetchall()
+    rows = []
+    for row in overview:
+        machine, node, unit, seen, state, speed, rms, kurtosis, fm4, frames, lost, alarms = row
+        link = f"<a href='{file_name(node)}'>{html.escape(node)}</a>"
+        marked = f"<span class='warn'>{alarms}</span>" if alarms else "0"
+        gone = f"<span class='warn'>{lost}</span>" if lost else "0"
+        cells = [text(machine), link, f"{seen:%Y-%m-%d %H:%M:%S}", text(state), text(speed), text(rms), text(kurtosis), text(fm4)]
+        rows.append([*cells, str(frames), gone, marked])
+        (out / file_name(node)).write_text(node_page(connection, row), encoding="utf-8")
+    head = ["machine", "node", "last seen (UTC)", "state", "speed Hz", "RMS m/s2", "kurtosis", "FM4", "frames", "lost", "alarms"]
+    worst = [[text(cell) for cell in row] for row in lake.departures(connection).fetchall()]
+    drift = [[text(cell) for cell in row] for row in lake.drifting(connection).fetchall()]
+    page = [f"<title>Fleet</title>{STYLE}<h1>Fleet</h1><p>{len(overview)} nodes</p>", table(head, rows)]
+    page += ["<h2>Departures of the last 7 days from each node's own past (RMS)</h2>"]
+    page += [table(["machine", "node", "now", "before", "sigma", "departure"], worst) if worst else "<p>No past to compare with yet.</p>"]
+    page += ["<h2>Drift at the most frequent speed (RMS)</h2>"]
+    page += [table(["machine", "node", "speed", "per day", "r2", "hours"], drift) if drift else "<p>None.</p>"]
+    index = out / "index.html"
+    index.write_text("\n".join(page), encoding="utf-8")
+    return index

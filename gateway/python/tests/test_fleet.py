@@ -1,0 +1,124 @@
+"""The Python part without gateway, broker or engine: `python -m unittest` in `gateway/python`."""
+
+import datetime
+import pathlib
+import stat
+import tempfile
+import unittest
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from meshband_fleet import lake, local, page, verdicts
+
+START = datetime.datetime(2026, 1, 1, tzinfo=datetime.timezone.utc)
+
+
+def write(folder, first, count, machine="m", node="n", rms=lambda hour: 1.0):
+    """A part with one row per hour."""
+    times = [START + datetime.timedelta(hours=first + k) for k in range(count)]
+    table = {name: pa.array([0.1] * count, pa.float32()) for name in (*lake.QUANTITIES, "speed_hz")}
+    table |= {
+        "rms": pa.array([rms(first + k) for k in range(count)], pa.float32()),
+        "journal": pa.array(range(first, first + count), pa.uint64()),
+        "received": pa.array(times, pa.timestamp("us", "UTC")),
+        "time": pa.array(times, pa.timestamp("us", "UTC")),
+        "node": pa.array([node] * count),
+        "unit": pa.array(["00"] * count),
+        "sequence": pa.array([k % 65536 for k in range(count)], pa.uint16()),
+        "kind": pa.array(["indicators"] * count),
+    }
+    for name in ("state", "validity", "event", "text"):
+        table[name] = pa.array([None] * count, pa.string())
+    table["detail"] = pa.array([None] * count, pa.int64())
+    partition = folder / f"machine={machine}" / "day=2026-01-01"
+    partition.mkdir(parents=True, exist_ok=True)
+    path = partition / f"part-{first:020}-{first + count - 1:020}.parquet"
+    pyarrow.parquet.write_table(pa.table(table), path)
+    return path
+
+
+class Fleet(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+
+    def test_claim_a_merged_file_counts_once_while_its_parts_are_still_there(self):
+        write(self.folder, 0, 10), write(self.folder, 10, 10), write(self.folder, 0, 20)
+        count = lake.open_history(self.folder).sql("select count(*), count(distinct journal) from history").fetchall()
+        self.assertEqual(count, [(20, 20)])
+
+    def test_theory_departure_and_drift_are_those_put_in(self):
+        write(self.folder, 0, 240, node="steady", rms=lambda hour: 1.0 + 0.01 * (hour % 2))
+        write(self.folder, 0, 240, "drifts", "rising", rms=lambda hour: 1.0 + hour / 24 * 0.1)
+        connection = lake.open_history(self.folder)
+        (machine, node, speed, per_day, r2, hours), *others = lake.drifting(connection).fetchall()
+        self.assertEqual((machine, node, hours, others), ("drifts", "rising", 240, []))
+        mean = 1.0 + 239 / 2 / 24 * 0.1
+        self.assertAlmostEqual(per_day, 0.1 / mean, places=5)
+        self.assertAlmostEqual(r2, 1.0, places=5)
+        worst = lake.departures(connection, days=2).fetchall()
+        self.assertEqual(worst[0][1], "rising")
+        now = sum(1.0 + hour / 24 * 0.1 for hour in range(192, 240)) / 48
+        self.assertAlmostEqual(worst[0][2], now, places=4)
+
+    def test_claim_the_page_has_every_node_and_escapes_names(self):
+        write(self.folder / "history", 0, 3, node="a<b")
+        index = page.write(self.folder / "history", self.folder / "page")
+        self.assertIn("a&lt;b", index.read_text())
+        self.assertTrue((self.folder / "page" / page.file_name("a<b")).is_file())
+
+    def test_fault_a_folder_without_history_is_named(self):
+        with self.assertRaisesRegex(FileNotFoundError, "no part-"):
+            lake.open_history(self.folder)
+        with self.assertRaisesRegex(ValueError, "no quantity"):
+            lake.known("drop table")
+
+
+class Verdicts(unittest.TestCase):
+    setUp = Fleet.setUp
+
+    def program(self):
+        """Stands in for the command: answers, refuses, hangs by the record's name, and counts its calls."""
+        path = self.folder / "command"
+        path.write_text(f"""#!/bin/sh
+echo x >> {self.folder}/calls
+case "$2" in *bad*) echo refused >&2; exit 2;; *slow*) exec sleep 5;; *killed*) kill -9 $$;; esac
+printf '{{"b": 1, "a": "%s"}}' "$(basename "$2")" > "$4"; echo fine
+""")
+        path.chmod(path.stat().st_mode | stat.S_IXUSR)
+        return str(path)
+
+    def records(self):
+        made = []
+        for name in ("one", "bad", "slow", "killed", "two"):
+            (self.folder / name).mkdir()
+            (self.folder / name / "record.toml").write_text(name)
+            made.append(str(self.folder / name))
+        return [*made, str(self.folder / "absent")]
+
+    def test_fault_one_bad_record_never_stops_a_job(self):
+        records, options = self.records(), {"program": self.program(), "patience": 1.0}
+        table = pa.Table.from_batches(verdicts.mapper(**options)([verdicts.batch(records)]))
+        self.assertEqual(table.column("status").to_pylist(), ["ok", "failed", "timeout", "failed", "ok", "failed"])
+        self.assertEqual(table.column("verdict").to_pylist()[0], '{"a":"one","b":1}')
+        self.assertEqual(table.column("message").to_pylist()[1], "refused")
+        pool = local.run(records, workers=2, **options)
+        self.assertEqual(verdicts.same(table, pool), [], "whatever the partitioning")
+
+    def test_claim_a_job_started_again_asks_only_what_has_no_answer_or_another_content(self):
+        records, program, store = self.records()[:2], self.program(), str(self.folder / "store")
+        run = lambda: pa.Table.from_batches(verdicts.mapper(program=program, store=store)([verdicts.batch(records)]))
+        calls = lambda: len((self.folder / "calls").read_text().splitlines())
+        first = run()
+        self.assertEqual(calls(), 2)
+        self.assertEqual(verdicts.same(first, run()), [])
+        self.assertEqual(calls(), 2)
+        (self.folder / "one" / "record.toml").write_text("changed")
+        run()
+        self.assertEqual(calls(), 3)
+
+
+if __name__ == "__main__":
+    unittest.main()

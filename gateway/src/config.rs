@@ -1,0 +1,197 @@
+//! The one TOML file: nodes, broker, journal, history, metrics.
+//!
+//! Everything is checked before a port is opened. Unknown keys are refused: a misspelt `password_file` must not end as an
+//! anonymous connection.
+
+use crate::error::{Error, Result};
+use serde::Deserialize;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Everything the gateway is told.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Name of this gateway: the Sparkplug edge node.
+    pub name: String,
+    /// Folder of journal and state; one gateway each.
+    pub data: PathBuf,
+    /// MQTT broker; without it only the history is written.
+    pub broker: Option<Broker>,
+    /// Parquet files; without it only the broker is served.
+    pub history: Option<History>,
+    /// The journal's limits.
+    #[serde(default)]
+    pub journal: Journal,
+    /// Local address of the Prometheus page, as `127.0.0.1:9464`.
+    pub metrics: Option<std::net::SocketAddr>,
+    /// Nodes.
+    #[serde(rename = "node")]
+    pub nodes: Vec<Node>,
+}
+
+/// One node.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Node {
+    /// Its name: the Sparkplug device.
+    pub name: String,
+    /// The machine it listens to: the history's partition.
+    pub machine: String,
+    /// `tcp:HOST:PORT`, or the path of a serial port.
+    pub port: String,
+    /// The chip's number that must answer (24 hexadecimal digits); another node under this name is then refused.
+    pub unit: Option<String>,
+}
+
+/// Broker and Sparkplug identity.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Broker {
+    /// Host name or address.
+    pub host: String,
+    /// Port; 1883, or 8883 with TLS, where none is given.
+    pub port: Option<u16>,
+    /// Sparkplug group.
+    pub group: String,
+    /// User name.
+    pub user: Option<String>,
+    /// File that holds the password, one line; kept out of this file so that this file can be shown.
+    pub password_file: Option<PathBuf>,
+    /// TLS: file with the certificates (PEM) that vouch for the broker.
+    pub tls_ca: Option<PathBuf>,
+    /// Takes `Command/Configure` from the broker.
+    #[serde(default)]
+    pub allow_configure: bool,
+    /// Longest pause between attempts to connect, s.
+    #[serde(default = "thirty")]
+    pub retry_seconds: u64,
+}
+
+/// Parquet files.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct History {
+    /// Root folder, `machine=NAME/day=YYYY-MM-DD/` below it.
+    pub folder: PathBuf,
+    /// Time between files, s. What is not in a file yet is in the journal.
+    #[serde(default = "sixty")]
+    pub flush_seconds: u64,
+    /// Files of a partition from which on they are merged.
+    #[serde(default = "sixteen")]
+    pub compact_files: usize,
+}
+
+/// The journal's limits.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Journal {
+    /// Most megabytes on disk; beyond, the oldest entries go and are counted.
+    pub megabytes: u64,
+    /// A power cut loses at most this many seconds; a killed process loses nothing that it had received.
+    pub sync_seconds: f64,
+}
+
+impl Default for Journal {
+    fn default() -> Self {
+        Self { megabytes: 2048, sync_seconds: 1.0 }
+    }
+}
+
+fn thirty() -> u64 {
+    30
+}
+fn sixty() -> u64 {
+    60
+}
+fn sixteen() -> usize {
+    16
+}
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// One line with the file, and the key where there is one.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = crate::error::at(path, std::fs::read_to_string(path))?;
+        let config: Self = toml::from_str(&text).map_err(|reason| Error::new(path.display(), reason))?;
+        config.check().map_err(|reason| Error::new(path.display(), reason))?;
+        Ok(config)
+    }
+
+    fn check(&self) -> std::result::Result<(), String> {
+        named("name", &self.name)?;
+        if let Some(broker) = &self.broker {
+            named("broker.group", &broker.group)?;
+            if broker.user.is_none() && broker.password_file.is_some() {
+                return Err("broker.password_file without broker.user".into());
+            }
+        }
+        if self.broker.is_none() && self.history.is_none() {
+            return Err("neither [broker] nor [history]: nothing to do with what the nodes say".into());
+        }
+        if self.nodes.is_empty() {
+            return Err("no [[node]]".into());
+        }
+        if !(0.05..=60.0).contains(&self.journal.sync_seconds) || self.journal.megabytes < 8 {
+            return Err("journal: sync_seconds must be 0.05 to 60, megabytes 8 or more".into());
+        }
+        if self.history.as_ref().is_some_and(|history| history.flush_seconds == 0 || history.compact_files < 2) {
+            return Err("history: flush_seconds must be 1 or more, compact_files 2 or more".into());
+        }
+        let (mut names, mut ports) = (BTreeSet::new(), BTreeSet::new());
+        for node in &self.nodes {
+            named("node.name", &node.name)?;
+            named("node.machine", &node.machine)?;
+            if !names.insert(&node.name) {
+                return Err(format!("two nodes are named {}", node.name));
+            }
+            if !ports.insert(&node.port) {
+                return Err(format!("two nodes have the port {}", node.port));
+            }
+            if let Some(unit) = &node.unit
+                && (unit.len() != 24 || !unit.bytes().all(|b| b.is_ascii_hexdigit()))
+            {
+                return Err(format!("node {}: unit must have 24 hexadecimal digits", node.name));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names go into topics, folders and queries: no separators, no wildcards, nothing invisible.
+fn named(key: &str, name: &str) -> std::result::Result<(), String> {
+    let allowed = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | ' ');
+    let sound =
+        !name.is_empty() && name.len() <= 100 && name.chars().all(allowed) && !name.starts_with(['.', '_', ' ']);
+    if sound { Ok(()) } else { Err(format!("{key} {name:?} must be 1 to 100 letters, digits, - _ . or spaces")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(change: impl Fn(String) -> String) -> std::result::Result<(), String> {
+        let text = "name = \"g\"\ndata = \"d\"\n[history]\nfolder = \"h\"\n[[node]]\nname = \"a\"\nmachine = \"m\"\nport = \"tcp:127.0.0.1:1\"\n";
+        let config: Config = toml::from_str(&change(text.to_owned())).map_err(|e| e.to_string())?;
+        config.check()
+    }
+
+    #[test]
+    fn claim_every_mistake_is_named() {
+        assert_eq!(parse(|t| t), Ok(()));
+        for (from, to, says) in [
+            ("folder", "folders", "unknown field"),
+            ("\"m\"", "\"m/..\"", "node.machine"),
+            ("[history]\nfolder = \"h\"", "", "nothing to do"),
+            ("machine = \"m\"", "machine = \"m\"\nunit = \"12\"", "24 hexadecimal"),
+            ("[history]", "[journal]\nsync_seconds = nan\n[history]", "sync_seconds"),
+        ] {
+            let error = parse(|t| t.replace(from, to)).expect_err(says);
+            assert!(error.contains(says), "{error}");
+        }
+        let twice = parse(|t| t.clone() + &t[t.find("[[node").expect("there")..]).expect_err("two of one name");
+        assert!(twice.contains("two nodes are named a"), "{twice}");
+    }
+}

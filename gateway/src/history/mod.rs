@@ -1,0 +1,11 @@
+//! The history: Parquet files, partitioned `machine=NAME/day=YYYY-MM-DD/`.
+//!
+//! [`schema`] are the columns, [`rows`] makes them from entries, [`files`] puts whole files into place and knows which of them
+//! count, [`writer`] is the thread that takes from the journal, [`compact`] merges what is small.
+
+pub mod compact;
+pub mod day;
+pub mod files;
+pub mod rows;
+pub mod schema;
+pub mod writer;

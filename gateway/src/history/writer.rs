@@ -1,0 +1,130 @@
+//! The history's thread: from the journal into files, a batch at a time.
+//!
+//! A batch is what came since the last one, at most [`BATCH`] entries: memory is bounded by it. Its files are written first, one
+//! per machine and day, then its end is kept as the place in the journal. A writer killed anywhere in between begins the batch
+//! anew, after removing what it had written of it ([`super::files::recover`]). What waits for a batch is in the journal, so a
+//! killed gateway loses nothing of it.
+
+use super::rows::Rows;
+use super::{compact, day, files};
+use crate::config::History;
+use crate::error::{Result, at};
+use crate::health::Health;
+use crate::journal::cursor::Cursor;
+use crate::journal::entry::Entry;
+use crate::journal::reader::Reader;
+use crate::stop::Stop;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// Most entries of a batch.
+pub const BATCH: usize = 20_000;
+
+/// The thread's state.
+pub struct Writer {
+    config: History,
+    journal: PathBuf,
+    cursor: Cursor,
+    passed: Arc<AtomicU64>,
+    health: Arc<Health>,
+    /// The last batch was not completed.
+    broken: bool,
+}
+
+impl Writer {
+    /// Removes what an interrupted writer left, and goes on at its place.
+    ///
+    /// # Errors
+    /// Of the file system.
+    pub fn open(config: &History, data: &Path, passed: Arc<AtomicU64>, health: Arc<Health>) -> Result<Self> {
+        at(&config.folder, std::fs::create_dir_all(&config.folder))?;
+        let cursor = Cursor::open(data, "history")?;
+        let removed = files::recover(&config.folder, cursor.next())?;
+        if removed > 0 {
+            eprintln!("history: {removed} unfinished or merged files removed");
+        }
+        passed.store(cursor.next(), Ordering::Relaxed);
+        Ok(Self { config: config.clone(), journal: data.join("journal"), cursor, passed, health, broken: false })
+    }
+
+    /// Number of the next entry.
+    pub fn next(&self) -> u64 {
+        self.cursor.next()
+    }
+
+    /// Writes files until the gateway stops, and what is left then.
+    pub fn run(mut self, stop: Stop, journal_closed: impl Fn() -> bool) {
+        let mut said = String::new();
+        loop {
+            stop.sleep(Duration::from_secs(self.config.flush_seconds));
+            while stop.asked() && !journal_closed() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            match self.flush() {
+                Ok(()) => said.clear(),
+                Err(reason) => {
+                    self.health.history_failures.fetch_add(1, Ordering::Relaxed);
+                    let reason = reason.to_string();
+                    if reason != said {
+                        eprintln!("history: {reason}; tried again, entries wait in the journal");
+                    }
+                    said = reason;
+                }
+            }
+            if stop.asked() {
+                return;
+            }
+        }
+    }
+
+    /// Writes all that waits.
+    ///
+    /// # Errors
+    /// Of the file system; the next call begins the batch anew.
+    pub fn flush(&mut self) -> Result {
+        loop {
+            let mut reader = Reader::new(&self.journal, self.cursor.next());
+            let entries = reader.take(BATCH)?;
+            if reader.missed() > 0 {
+                self.health.history_lost.fetch_add(reader.missed(), Ordering::Relaxed);
+            }
+            let Some((last, _)) = entries.last() else { return Ok(()) };
+            let (count, last) = (entries.len(), *last);
+            if std::mem::replace(&mut self.broken, true) {
+                files::recover(&self.config.folder, self.cursor.next())?;
+            }
+            let partitions = self.write(&entries)?;
+            self.cursor.keep(last + 1)?;
+            self.broken = false;
+            self.passed.store(last + 1, Ordering::Relaxed);
+            self.health.history_next.store(last + 1, Ordering::Relaxed);
+            for partition in partitions {
+                compact::compact(&partition, self.config.compact_files)?;
+            }
+            if count < BATCH {
+                return Ok(());
+            }
+        }
+    }
+
+    /// One file per machine and day; gives their partitions.
+    fn write(&self, entries: &[(u64, Entry)]) -> Result<Vec<PathBuf>> {
+        let mut partitions: BTreeMap<(&str, String), Vec<&(u64, Entry)>> = BTreeMap::new();
+        for held in entries {
+            partitions.entry((&held.1.machine, day::of(held.1.received_us))).or_default().push(held);
+        }
+        let mut written = Vec::new();
+        for ((machine, day), held) in partitions {
+            let partition = self.config.folder.join(format!("machine={machine}")).join(format!("day={day}"));
+            let (Some((first, _)), Some((last, _))) = (held.first(), held.last()) else { continue };
+            let mut rows = Rows::default();
+            held.iter().for_each(|(number, entry)| rows.push(*number, entry));
+            files::write(&partition, *first, *last, [rows.finish()])?;
+            written.push(partition);
+        }
+        Ok(written)
+    }
+}

@@ -1,0 +1,211 @@
+//! A node as a Sparkplug device: which metrics it has, and what an entry of the journal changes of them.
+//!
+//! Aliases are places in one list, the same for every device. Each data message carries `Frame/Journal`, the entry's number:
+//! what a broker delivers twice (a session that broke between message and acknowledgement) has the same number twice.
+
+use super::payload::{Metric, Quality, Value, datatype, properties};
+use crate::intake::state::unit_text;
+use crate::journal::entry::{Body, Entry, Note};
+use crate::values::{QUANTITIES, figures};
+use meshband::frame::Packet;
+use meshband::message::{Message, Reply};
+use meshband::tach::Validity;
+
+/// Metrics that are no figures; their aliases come before those of the figures.
+const OTHERS: [(&str, u32); 21] = [
+    ("Frame/Journal", datatype::UINT64),
+    ("Frame/Sequence", datatype::INT32),
+    ("Frame/Boot", datatype::INT32),
+    ("Frame/Kind", datatype::STRING),
+    ("Node/Unit", datatype::STRING),
+    ("Node/Firmware", datatype::STRING),
+    ("Node/Machine", datatype::STRING),
+    ("Node/State", datatype::STRING),
+    ("Speed/Validity", datatype::STRING),
+    ("Event/Kind", datatype::STRING),
+    ("Event/Detail", datatype::INT64),
+    ("Event/Count", datatype::INT64),
+    ("Alarm/Unacknowledged", datatype::INT32),
+    ("Waveform/Samples", datatype::BYTES),
+    ("Waveform/Scale", datatype::FLOAT),
+    ("Waveform/Offset", datatype::INT32),
+    ("Command/Start", datatype::BOOLEAN),
+    ("Command/Stop", datatype::BOOLEAN),
+    ("Command/Snapshot", datatype::BOOLEAN),
+    ("Command/Acknowledge", datatype::BOOLEAN),
+    ("Command/Configure", datatype::STRING),
+];
+
+/// Name, type and unit of a metric by its alias.
+pub fn metric(alias: u64) -> Option<(&'static str, u32, &'static str)> {
+    let place = usize::try_from(alias).ok()?;
+    OTHERS.get(place).map(|(name, kind)| (*name, *kind, "")).or_else(|| {
+        let quantity = QUANTITIES.get(place - OTHERS.len())?;
+        Some((quantity.metric, datatype::FLOAT, quantity.unit))
+    })
+}
+
+fn alias(name: &str) -> u64 {
+    OTHERS.iter().position(|(other, _)| *other == name).map_or(u64::MAX, |place| place as u64)
+}
+
+/// A device as the broker last heard of it.
+#[derive(Clone, Debug)]
+pub struct Device {
+    values: Vec<Option<Value>>,
+    quality: Quality,
+    alarms: u32,
+    /// A birth was sent in this session and no death since.
+    pub born: bool,
+}
+
+impl Default for Device {
+    fn default() -> Self {
+        let mut values = vec![None; OTHERS.len() + QUANTITIES.len()];
+        for (place, (name, _)) in OTHERS.iter().enumerate() {
+            if name.starts_with("Command/") {
+                values[place] =
+                    Some(if *name == "Command/Configure" { Value::Text(String::new()) } else { Value::Boolean(false) });
+            }
+        }
+        Self { values, quality: Quality::Stale, alarms: 0, born: false }
+    }
+}
+
+impl Device {
+    /// All metrics with what is known of them, for a birth.
+    pub fn birth(&self, now_ms: u64) -> Vec<Metric> {
+        (0..)
+            .zip(&self.values)
+            .filter_map(|(alias, value)| {
+                let (name, kind, unit) = metric(alias)?;
+                Some(Metric {
+                    name: Some(name.to_owned()),
+                    alias: Some(alias),
+                    timestamp: Some(now_ms),
+                    datatype: Some(kind),
+                    is_historical: None,
+                    is_null: value.is_none().then_some(true),
+                    properties: Some(properties(unit, if value.is_some() { self.quality } else { Quality::Stale })),
+                    value: value.clone(),
+                })
+            })
+            .collect()
+    }
+
+    /// Takes an entry in; gives the metrics it changes, for a data message.
+    pub fn take(&mut self, number: u64, entry: &Entry, historical: bool) -> Vec<Metric> {
+        let mut changes =
+            vec![(alias("Frame/Journal"), Value::Long(number)), (alias("Frame/Boot"), Value::Int(entry.boot))];
+        let mut set = |name: &str, value: Value| changes.push((alias(name), value));
+        match &entry.body {
+            Body::Note { kind, detail, text } => {
+                set("Frame/Kind", Value::Text("note".to_owned()));
+                set("Event/Kind", Value::Text(format!("{kind:?}")));
+                set("Event/Detail", Value::Long(*detail as u64));
+                match kind {
+                    Note::Connected => {
+                        set("Node/Firmware", Value::Text(text.clone()));
+                        set("Node/Unit", Value::Text(unit_text(entry.unit)));
+                        set("Node/Machine", Value::Text(entry.machine.clone()));
+                    }
+                    Note::Acknowledged => {
+                        self.alarms = 0;
+                        set("Alarm/Unacknowledged", Value::Int(0));
+                    }
+                    _ => {}
+                }
+            }
+            Body::Frame(_) => self.frame(entry, &mut changes),
+        }
+        self.keep(&changes);
+        let stamp = u64::try_from(entry.time_us / 1000).ok();
+        changes.into_iter().map(|(alias, value)| self.data(alias, value, stamp, historical)).collect()
+    }
+
+    fn frame(&mut self, entry: &Entry, changes: &mut Vec<(u64, Value)>) {
+        let Some(frame) = entry.frame() else { return };
+        let mut set = |name: &str, value: Value| changes.push((alias(name), value));
+        set("Frame/Sequence", Value::Int(frame.sequence.into()));
+        let message = match &frame.packet {
+            Packet::Message(message) => message,
+            Packet::Reply(reply) => return set("Frame/Kind", Value::Text(reply_kind(reply).to_owned())),
+            Packet::Request(_) => return,
+        };
+        set("Frame/Kind", Value::Text(crate::values::kind(message).to_owned()));
+        match message {
+            Message::Status(status) => {
+                set("Node/State", Value::Text(format!("{:?}", status.state)));
+                set("Speed/Validity", Value::Text(format!("{:?}", status.validity)));
+                self.quality = if status.validity == Validity::Locked { Quality::Good } else { Quality::Bad };
+            }
+            Message::Event(event) => {
+                set("Event/Kind", Value::Text(format!("{:?}", event.kind)));
+                set("Event/Detail", Value::Long(event.detail.into()));
+                set("Event/Count", Value::Long(event.count.into()));
+                if event.kind == meshband::events::EventKind::AlarmRaised {
+                    self.alarms += 1;
+                    set("Alarm/Unacknowledged", Value::Int(self.alarms));
+                }
+            }
+            Message::Snapshot(snapshot) => {
+                let samples = snapshot.samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
+                set("Waveform/Samples", Value::Bytes(samples));
+                set("Waveform/Scale", Value::Float(snapshot.scale));
+                set("Waveform/Offset", Value::Int(snapshot.offset.into()));
+            }
+            _ => {}
+        }
+        let figures =
+            figures(message).into_iter().map(|(place, value)| ((OTHERS.len() + place) as u64, Value::Float(value)));
+        changes.extend(figures);
+    }
+
+    fn keep(&mut self, changes: &[(u64, Value)]) {
+        for (alias, value) in changes {
+            if let Some(place) = self.values.get_mut(*alias as usize) {
+                *place = Some(value.clone());
+            }
+        }
+    }
+
+    fn data(&self, alias: u64, value: Value, stamp: Option<u64>, historical: bool) -> Metric {
+        let (_, kind, _) = metric(alias).unwrap_or(("", 0, ""));
+        Metric {
+            name: None,
+            alias: Some(alias),
+            timestamp: stamp,
+            datatype: Some(kind),
+            is_historical: historical.then_some(true),
+            is_null: None,
+            // The unit was said at birth; quality changes.
+            properties: (kind == datatype::FLOAT).then(|| properties("", self.quality)),
+            value: Some(value),
+        }
+    }
+}
+
+/// What kind of answer a frame carries.
+pub fn reply_kind(reply: &Reply) -> &'static str {
+    match reply {
+        Reply::Identity(_) => "identity",
+        Reply::Configuration(_) => "configuration",
+        Reply::Law(_) => "law",
+        Reply::Statistics(_) => "statistics",
+        Reply::SelfTest(_) => "self_test",
+        Reply::Done | Reply::Committing => "done",
+        Reply::Refused(_) => "refused",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn claim_every_metric_has_one_alias_and_one_name() {
+        let names: std::collections::BTreeSet<_> = (0..).map_while(metric).map(|(name, ..)| name).collect();
+        assert_eq!(names.len(), OTHERS.len() + QUANTITIES.len());
+        assert_eq!(Device::default().birth(0).len(), names.len());
+    }
+}

@@ -1,0 +1,10 @@
+//! The broker's side: a Sparkplug B edge node whose devices are the vibration nodes.
+//!
+//! [`payload`] is the published schema, [`metrics`] a node as a device, [`session`] one connection with its births, data, deaths
+//! and sequence, [`commands`] what comes back, [`publisher`] the thread that keeps a session going.
+
+pub mod commands;
+pub mod metrics;
+pub mod payload;
+pub mod publisher;
+pub mod session;

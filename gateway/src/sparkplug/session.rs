@@ -1,0 +1,295 @@
+//! One connection to the broker: births, data in the journal's order, deaths.
+//!
+//! Data goes with quality of service 1, where Sparkplug asks for 0: without acknowledgement a broker that dies loses what was on
+//! its way, and the journal would not know. A host application sees no difference. Sequence numbers, births before data and the
+//! will with `bdSeq` are as specified.
+
+use super::commands;
+use super::metrics::Device;
+use super::payload::{Metric, Payload, Quality, Value, datatype, properties};
+use crate::config::Broker;
+use crate::error::{Error, Result};
+use crate::journal::entry::{Body, Entry, Note};
+use prost::Message;
+use rumqttc::{
+    Client, Connection, ConnectionError, Event, Incoming, LastWill, MqttOptions, Outgoing, QoS, TlsConfiguration,
+    Transport,
+};
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+/// Data messages on their way at most.
+pub const WINDOW: usize = 100;
+/// How long the broker may take to accept a session.
+const ACCEPTANCE: Duration = Duration::from_secs(10);
+const NAMESPACE: &str = "spBv1.0";
+/// How a refusal by the broker itself is said, unlike one by the network.
+pub const REFUSED: &str = "refused the session";
+
+/// A session with the broker.
+pub struct Session {
+    client: Client,
+    events: Receiver<std::result::Result<Event, String>>,
+    group: String,
+    edge: String,
+    bd_seq: u8,
+    seq: u8,
+    /// Numbers published, oldest first, that have no packet identifier yet.
+    unnamed: VecDeque<u64>,
+    /// Numbers by packet identifier.
+    named: HashMap<u16, u64>,
+    /// Numbers on their way, ascending, and whether each was acknowledged.
+    on_way: VecDeque<(u64, bool)>,
+    began_us: i64,
+}
+
+/// What became of a look at the connection.
+pub enum Step {
+    /// A command message.
+    Command(String, Vec<u8>),
+    /// Acknowledged up to, not including, this number.
+    Acknowledged(u64),
+    /// Something else.
+    Other,
+}
+
+impl Session {
+    /// Connects, with the death certificate as the will, and waits for the broker's word.
+    ///
+    /// # Errors
+    /// Why there is no session, in one line.
+    pub fn begin(config: &Broker, edge: &str, bd_seq: u8) -> Result<Self> {
+        let options = options(config, edge, bd_seq)?;
+        let (client, connection) = Client::new(options, 4 * WINDOW);
+        let events = listen(connection);
+        let place = format!("broker {}", config.host);
+        let deadline = Instant::now() + ACCEPTANCE;
+        loop {
+            match events.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
+                Ok(Ok(Event::Incoming(Incoming::ConnAck(_)))) => break,
+                Ok(Ok(_)) => {}
+                Ok(Err(reason)) => return Err(Error::new(place, reason)),
+                Err(_) => return Err(Error::new(place, "does not answer")),
+            }
+        }
+        Ok(Self {
+            client,
+            events,
+            group: config.group.clone(),
+            edge: edge.to_owned(),
+            bd_seq,
+            seq: 0,
+            unnamed: VecDeque::new(),
+            named: HashMap::new(),
+            on_way: VecDeque::new(),
+            began_us: crate::clock::wall_us(),
+        })
+    }
+
+    /// Birth of the edge node, and the subscriptions to its commands.
+    ///
+    /// # Errors
+    /// When the connection has ended.
+    pub fn birth(&mut self) -> Result {
+        self.seq = 0;
+        let metrics = vec![
+            plain("bdSeq", datatype::UINT64, Value::Long(self.bd_seq.into())),
+            plain("Node Control/Rebirth", datatype::BOOLEAN, Value::Boolean(false)),
+            plain("Gateway/Version", datatype::STRING, Value::Text(env!("CARGO_PKG_VERSION").to_owned())),
+            plain("Frame/Journal", datatype::UINT64, Value::Long(0)),
+            plain("Event/Kind", datatype::STRING, Value::Text(String::new())),
+            plain("Event/Detail", datatype::INT64, Value::Long(0)),
+        ];
+        self.publish("NBIRTH", None, metrics, QoS::AtMostOnce)?;
+        for (kind, below) in [("NCMD", ""), ("DCMD", "/+")] {
+            let topic = format!("{NAMESPACE}/{}/{kind}/{}{below}", self.group, self.edge);
+            self.client.subscribe(topic, QoS::AtLeastOnce).map_err(ended)?;
+        }
+        Ok(())
+    }
+
+    /// Birth of a device.
+    ///
+    /// # Errors
+    /// When the connection has ended.
+    pub fn device_birth(&mut self, name: &str, device: &mut Device) -> Result {
+        device.born = true;
+        self.publish("DBIRTH", Some(name), device.birth(now_ms()), QoS::AtMostOnce)
+    }
+
+    /// Publishes an entry; a device's birth before and its death behind where the entry says so.
+    ///
+    /// # Errors
+    /// When the connection has ended.
+    pub fn entry(&mut self, number: u64, entry: &Entry, devices: &mut BTreeMap<String, Device>) -> Result {
+        self.unnamed.push_back(number);
+        self.on_way.push_back((number, false));
+        if entry.node.is_empty() {
+            let Body::Note { kind, detail, .. } = &entry.body else { return Ok(()) };
+            let metrics = vec![
+                plain("Frame/Journal", datatype::UINT64, Value::Long(number)),
+                plain("Event/Kind", datatype::STRING, Value::Text(format!("{kind:?}"))),
+                plain("Event/Detail", datatype::INT64, Value::Long(*detail as u64)),
+            ];
+            return self.publish("NDATA", None, metrics, QoS::AtLeastOnce);
+        }
+        let device = devices.entry(entry.node.clone()).or_default();
+        if !device.born {
+            self.device_birth(&entry.node, device)?;
+        }
+        let historical = entry.received_us < self.began_us - 1_000_000;
+        let metrics = device.take(number, entry, historical);
+        self.publish("DDATA", Some(&entry.node), metrics, QoS::AtLeastOnce)?;
+        match &entry.body {
+            Body::Note { kind: Note::Connected | Note::Replaced, .. } => self.device_birth(&entry.node, device),
+            Body::Note { kind: Note::Disconnected, .. } => {
+                device.born = false;
+                self.publish("DDEATH", Some(&entry.node), Vec::new(), QoS::AtMostOnce)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Room for data messages.
+    pub fn room(&self) -> usize {
+        WINDOW.saturating_sub(self.on_way.len())
+    }
+
+    /// Looks at the connection, waiting at most so long; `None` when nothing came.
+    ///
+    /// # Errors
+    /// When the connection has ended.
+    pub fn step(&mut self, patience: Duration) -> Result<Option<Step>> {
+        match self.events.recv_timeout(patience) {
+            Ok(Ok(event)) => Ok(Some(self.event(event))),
+            Ok(Err(reason)) => Err(Error::new("broker", reason)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(Error::new("broker", "the connection has ended")),
+        }
+    }
+
+    fn event(&mut self, event: Event) -> Step {
+        match event {
+            Event::Outgoing(Outgoing::Publish(id)) if id != 0 => {
+                if let Some(number) = self.unnamed.pop_front() {
+                    self.named.insert(id, number);
+                }
+            }
+            Event::Incoming(Incoming::PubAck(ack)) => {
+                let number = self.named.remove(&ack.pkid);
+                if let Some(place) = self.on_way.iter_mut().find(|(on_way, _)| Some(*on_way) == number) {
+                    place.1 = true;
+                }
+                let mut passed = None;
+                while let Some((number, true)) = self.on_way.front() {
+                    passed = Some(number + 1);
+                    self.on_way.pop_front();
+                }
+                return passed.map_or(Step::Other, Step::Acknowledged);
+            }
+            Event::Incoming(Incoming::Publish(publish)) => {
+                return Step::Command(publish.topic, publish.payload.to_vec());
+            }
+            _ => {}
+        }
+        Step::Other
+    }
+
+    /// Ends the session on purpose: a will is not sent then, so the death certificate is.
+    pub fn end(mut self) {
+        let death = death(self.bd_seq);
+        let topic = format!("{NAMESPACE}/{}/NDEATH/{}", self.group, self.edge);
+        // The broker may have gone just now; then its will is due anyway.
+        let _ = self.client.publish(topic, QoS::AtMostOnce, false, death);
+        let _ = self.client.disconnect();
+        let deadline = Instant::now() + Duration::from_secs(2);
+        while Instant::now() < deadline && self.step(Duration::from_millis(50)).is_ok() {}
+    }
+
+    fn publish(&mut self, kind: &str, device: Option<&str>, metrics: Vec<Metric>, qos: QoS) -> Result {
+        let below = device.map(|device| format!("/{device}")).unwrap_or_default();
+        let topic = format!("{NAMESPACE}/{}/{kind}/{}{below}", self.group, self.edge);
+        let payload = Payload { timestamp: Some(now_ms()), metrics, seq: Some(self.seq.into()) };
+        self.seq = self.seq.wrapping_add(1);
+        self.client.publish(topic, qos, false, payload.encode_to_vec()).map_err(ended)
+    }
+}
+
+/// Reads a command message of this session.
+pub fn commands(topic: &str, bytes: &[u8], config: &Broker) -> Vec<commands::Command> {
+    commands::read(topic, bytes, config.allow_configure)
+}
+
+fn plain(name: &str, kind: u32, value: Value) -> Metric {
+    Metric {
+        name: Some(name.to_owned()),
+        timestamp: Some(now_ms()),
+        datatype: Some(kind),
+        properties: Some(properties("", Quality::Good)),
+        value: Some(value),
+        ..Metric::default()
+    }
+}
+
+fn now_ms() -> u64 {
+    u64::try_from(crate::clock::wall_us() / 1000).unwrap_or(0)
+}
+
+fn death(bd_seq: u8) -> Vec<u8> {
+    let metrics = vec![plain("bdSeq", datatype::UINT64, Value::Long(bd_seq.into()))];
+    Payload { timestamp: Some(now_ms()), metrics, seq: None }.encode_to_vec()
+}
+
+fn ended(_: rumqttc::ClientError) -> Error {
+    Error::new("broker", "the connection has ended")
+}
+
+fn options(config: &Broker, edge: &str, bd_seq: u8) -> Result<MqttOptions> {
+    let port = config.port.unwrap_or(if config.tls_ca.is_some() { 8883 } else { 1883 });
+    let mut options = MqttOptions::new(format!("{}/{edge}", config.group), &config.host, port);
+    options.set_keep_alive(Duration::from_secs(20)).set_clean_session(true);
+    options.set_max_packet_size(1 << 20, 1 << 20).set_inflight(WINDOW as u16);
+    let will = format!("{NAMESPACE}/{}/NDEATH/{edge}", config.group);
+    options.set_last_will(LastWill::new(will, death(bd_seq), QoS::AtLeastOnce, false));
+    if let Some(user) = &config.user {
+        let password = match &config.password_file {
+            Some(path) => crate::error::at(path, std::fs::read_to_string(path))?.trim_end().to_owned(),
+            None => String::new(),
+        };
+        options.set_credentials(user, password);
+    }
+    if let Some(path) = &config.tls_ca {
+        let ca = crate::error::at(path, std::fs::read(path))?;
+        options.set_transport(Transport::tls_with_config(TlsConfiguration::Simple {
+            ca,
+            alpn: None,
+            client_auth: None,
+        }));
+    }
+    Ok(options)
+}
+
+/// A thread of its own for the connection: its loop must not wait for ours.
+fn listen(mut connection: Connection) -> Receiver<std::result::Result<Event, String>> {
+    let (sender, events) = channel();
+    std::thread::spawn(move || {
+        for event in connection.iter() {
+            let ended = event.is_err();
+            let event = event.map_err(|reason| match reason {
+                ConnectionError::ConnectionRefused(code) => format!("{REFUSED}: {code:?}"),
+                other => other.to_string(),
+            });
+            if sender.send(event).is_err() || ended {
+                return;
+            }
+        }
+    });
+    events
+}
+
+/// One provider of TLS mathematics for the process.
+pub fn prepare_tls() {
+    // A second call finds the first one's provider.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+}

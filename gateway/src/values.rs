@@ -1,0 +1,231 @@
+//! Which figures a message carries, under which names and units: one table for the broker's metrics and the history's columns.
+
+use meshband::message::{LineOrigin, Message, Peaks, Spectrum, Tag};
+
+/// A figure.
+#[derive(Clone, Copy, Debug)]
+pub struct Quantity {
+    /// Column of the history.
+    pub column: &'static str,
+    /// Sparkplug metric.
+    pub metric: &'static str,
+    /// Unit; empty for pure numbers.
+    pub unit: &'static str,
+}
+
+const fn quantity(column: &'static str, metric: &'static str, unit: &'static str) -> Quantity {
+    Quantity { column, metric, unit }
+}
+
+/// All figures. Only append: the history's columns and the broker's aliases count on the order.
+pub const QUANTITIES: [Quantity; 35] = [
+    quantity("speed_hz", "Speed", "Hz"),
+    quantity("speed_uncertainty", "Speed/Uncertainty", ""),
+    quantity("speed_age_s", "Speed/Age", "s"),
+    quantity("bandwidth_hz", "Law/Bandwidth", "Hz"),
+    quantity("requested_hz", "Rate/Requested", "Hz"),
+    quantity("granted_hz", "Rate/Granted", "Hz"),
+    quantity("adc_hz", "Rate/Converter", "Hz"),
+    quantity("residual_ppm", "Rate/Residual", "ppm"),
+    quantity("rate_hz", "Result/Rate", "Hz"),
+    quantity("resolution_hz", "Result/Resolution", "Hz"),
+    quantity("rms", "Vibration/RMS", "m/s2"),
+    quantity("peak", "Vibration/Peak", "m/s2"),
+    quantity("crest", "Vibration/Crest", ""),
+    quantity("kurtosis", "Vibration/Kurtosis", ""),
+    quantity("sideband_energy_ratio", "Vibration/SidebandEnergyRatio", ""),
+    quantity("gear_rms", "Gear/RMS", "m/s2"),
+    quantity("gear_crest", "Gear/Crest", ""),
+    quantity("gear_kurtosis", "Gear/Kurtosis", ""),
+    quantity("regular_rms", "Gear/RegularRMS", "m/s2"),
+    quantity("residual_rms", "Gear/ResidualRMS", "m/s2"),
+    quantity("difference_rms", "Gear/DifferenceRMS", "m/s2"),
+    quantity("fm0", "Gear/FM0", ""),
+    quantity("fm4", "Gear/FM4", ""),
+    quantity("m6a", "Gear/M6A", ""),
+    quantity("na4", "Gear/NA4", ""),
+    quantity("gear_sideband_energy_ratio", "Gear/SidebandEnergyRatio", ""),
+    quantity("rise_s", "Bandwidth/RiseTime", "s"),
+    quantity("measured_bandwidth_hz", "Bandwidth/Measured", "Hz"),
+    quantity("mesh_1", "Mesh/1", "m/s2"),
+    quantity("mesh_2", "Mesh/2", "m/s2"),
+    quantity("mesh_3", "Mesh/3", "m/s2"),
+    quantity("mesh_4", "Mesh/4", "m/s2"),
+    quantity("mesh_5", "Mesh/5", "m/s2"),
+    quantity("mesh_6", "Mesh/6", "m/s2"),
+    quantity("wideband_rms", "Wideband/RMS", "m/s2"),
+];
+
+/// Column of the first mesh harmonic.
+const MESH: usize = 28;
+
+/// The figures of a message, each with its place in [`QUANTITIES`].
+pub fn figures(message: &Message) -> Vec<(usize, f32)> {
+    match message {
+        Message::Status(s) => {
+            let figures = [
+                s.speed_hz,
+                s.speed_uncertainty,
+                s.age_s,
+                s.bandwidth_hz,
+                s.requested_hz,
+                s.granted_hz,
+                s.adc_hz,
+                s.residual_ppm,
+            ];
+            figures.into_iter().enumerate().collect()
+        }
+        Message::Spectrum(spectrum) => {
+            let bands = spectrum
+                .bands
+                .iter()
+                .map(|band| (MESH + usize::from(band.harmonic.clamp(1, 6)) - 1, band.line.amplitude));
+            circumstances(&spectrum.tag).into_iter().chain(bands).collect()
+        }
+        Message::Peaks(peaks) => circumstances(&peaks.tag).into_iter().chain([(34, peaks.rms)]).collect(),
+        Message::Snapshot(snapshot) => circumstances(&snapshot.tag).into(),
+        Message::Indicators(i) => {
+            let mut figures = circumstances(&i.tag).to_vec();
+            figures.extend((10..).zip([i.rms, i.peak, i.crest, i.kurtosis, i.sideband_energy_ratio]));
+            if let Some(g) = &i.gear {
+                let gear = [
+                    g.rms,
+                    g.crest,
+                    g.kurtosis,
+                    g.regular_rms,
+                    g.residual_rms,
+                    g.difference_rms,
+                    g.fm0,
+                    g.fm4,
+                    g.m6a,
+                    g.na4,
+                ];
+                figures.extend((15..).zip(gear).chain([(25, g.gear_sideband_energy_ratio)]));
+            }
+            if let Some(bandwidth) = &i.bandwidth {
+                figures.extend([(26, bandwidth.rise_s), (27, bandwidth.bandwidth_hz)]);
+            }
+            figures
+        }
+        Message::Event(_) | Message::Statistics(_) | Message::SelfTest(_) => Vec::new(),
+    }
+}
+
+fn circumstances(tag: &Tag) -> [(usize, f32); 4] {
+    [(0, tag.speed_hz), (1, tag.speed_uncertainty), (8, tag.rate_hz), (9, tag.resolution_hz)]
+}
+
+/// What kind of message it is, as the history's column `kind` says it.
+pub fn kind(message: &Message) -> &'static str {
+    match message {
+        Message::Status(_) => "status",
+        Message::Spectrum(_) => "spectrum",
+        Message::Peaks(_) => "peaks",
+        Message::Snapshot(_) => "snapshot",
+        Message::Indicators(_) => "indicators",
+        Message::Event(_) => "event",
+        Message::Statistics(_) => "statistics",
+        Message::SelfTest(_) => "self_test",
+    }
+}
+
+/// One spectral line with its name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// `mesh 2`, `mesh 2 pinion -1`, `mesh 2 gear +1`, `folded 7`, `unexplained`, or empty where the speed is not known.
+    pub origin: String,
+    /// Hz.
+    pub frequency_hz: f32,
+    /// m/s2, peak.
+    pub amplitude: f32,
+}
+
+/// The lines of a message: mesh bands with their sidebands, or the strongest lines of the whole band.
+pub fn lines(message: &Message) -> Vec<Line> {
+    match message {
+        Message::Spectrum(spectrum) => bands(spectrum),
+        Message::Peaks(peaks) => strongest(peaks),
+        _ => Vec::new(),
+    }
+}
+
+fn bands(spectrum: &Spectrum) -> Vec<Line> {
+    let mut lines = Vec::new();
+    for band in &spectrum.bands {
+        let mut push = |origin: String, line: &meshband::message::SpectralLine| {
+            lines.push(Line { origin, frequency_hz: line.frequency_hz, amplitude: line.amplitude });
+        };
+        push(format!("mesh {}", band.harmonic), &band.line);
+        for (shaft, sidebands) in [("pinion", &band.sidebands), ("gear", &band.gear_sidebands)] {
+            let half = (sidebands.len() / 2) as i32;
+            for (place, line) in (-half..).zip(sidebands) {
+                let number = if place < 0 { place } else { place + 1 };
+                push(format!("mesh {} {shaft} {number:+}", band.harmonic), line);
+            }
+        }
+    }
+    lines
+}
+
+fn strongest(peaks: &Peaks) -> Vec<Line> {
+    let origin = |place: usize| match peaks.origins.get(place) {
+        Some(LineOrigin::Mesh { harmonic }) => format!("mesh {harmonic}"),
+        Some(LineOrigin::Folded { harmonic }) => format!("folded {harmonic}"),
+        Some(LineOrigin::Unexplained) => "unexplained".to_owned(),
+        None => String::new(),
+    };
+    let lines = peaks.lines.iter().enumerate();
+    lines
+        .map(|(place, line)| Line { origin: origin(place), frequency_hz: line.frequency_hz, amplitude: line.amplitude })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshband::message::{GearIndicators, Indicators, MeasuredBandwidth, Status};
+    use meshband::node::State;
+    use meshband::tach::Validity;
+
+    #[test]
+    fn claim_figures_stand_under_their_own_names() {
+        let gear = GearIndicators { fm4: 4.5, gear_sideband_energy_ratio: 0.25, ..GearIndicators::default() };
+        let bandwidth = MeasuredBandwidth { bandwidth_hz: 900.0, ..MeasuredBandwidth::default() };
+        let indicators =
+            Indicators { kurtosis: 3.5, gear: Some(gear), bandwidth: Some(bandwidth), ..Indicators::default() };
+        let held = figures(&Message::Indicators(indicators));
+        let of =
+            |column: &str| held.iter().find(|(place, _)| QUANTITIES[*place].column == column).map(|(_, value)| *value);
+        assert_eq!(of("kurtosis"), Some(3.5));
+        assert_eq!(of("fm4"), Some(4.5));
+        assert_eq!(of("gear_sideband_energy_ratio"), Some(0.25));
+        assert_eq!(of("measured_bandwidth_hz"), Some(900.0));
+        assert_eq!(of("mesh_1"), None);
+        let status = Message::Status(status());
+        let ppm = figures(&status).into_iter().find(|(place, _)| QUANTITIES[*place].column == "residual_ppm");
+        assert_eq!(ppm.map(|(_, value)| value), Some(7.0));
+    }
+
+    fn status() -> Status {
+        Status {
+            state: State::Measuring,
+            validity: Validity::Locked,
+            tick: 1,
+            speed_hz: 0.0,
+            speed_uncertainty: 0.0,
+            age_s: 0.0,
+            bandwidth_hz: 0.0,
+            law_clamped: false,
+            law_provisional: false,
+            requested_hz: 0.0,
+            granted_hz: 0.0,
+            adc_hz: 0.0,
+            period_ticks: 1,
+            stages: 0,
+            residual_ppm: 7.0,
+            limited: false,
+            safe_rate: false,
+            block: 0,
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! `cargo xtask gateway` and `cargo xtask fleet-spark`: the gateway against a real broker, and verdicts by a real engine.
+//!
+//! The gateway is a workspace of its own, so that neither demo nor tests build MQTT or Parquet. Broker, Python and Java are asked
+//! for here and nowhere else.
+
+use crate::shell::{Outcome, command, on_path, root, run, say, timed};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const HELP: &str = "\
+cargo xtask gateway [--full] [--faults]
+  Builds the gateway and its tests, then the proof against mosquitto: 50 virtual nodes, broker and gateway killed.
+  --full    ten minutes, into docs/fleet/gateway-proof.json; without it 45 s and 8 nodes
+  --faults  the faults alone";
+
+/// Builds, unit tests, faults, proof.
+pub fn proof(args: &[String]) -> Outcome {
+    let (mut full, mut faults) = (false, false);
+    for argument in args {
+        match argument.as_str() {
+            "--full" => full = true,
+            "--faults" => faults = true,
+            _ => return Err(HELP.into()),
+        }
+    }
+    let program = build()?;
+    if !faults {
+        timed("unit tests of the gateway", || run(cargo_there().args(["test", "--quiet", "--release"])))?;
+    }
+    if !has_broker() {
+        say("mosquitto is not to be had here: faults and proof against a broker are SKIPPED");
+        return Ok(());
+    }
+    let python = python(&["duckdb", "pyarrow", "pytz", "pysparkplug==0.6.1"])?;
+    let folder = root().join("gateway/proof");
+    if !full {
+        timed("faults", || {
+            let mut tests = Command::new(&python);
+            tests.args(["-m", "unittest", "-q", "faults"]).current_dir(&folder).env("MESHBAND_GATEWAY", &program);
+            run(&mut tests)
+        })?;
+    }
+    if faults {
+        return Ok(());
+    }
+    timed("proof", || {
+        let mut proof = Command::new(&python);
+        proof.arg("prove.py").arg(&program).current_dir(&folder);
+        if full {
+            let page = root().join("docs/fleet");
+            std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
+            proof.arg("--json").arg(page.join("gateway-proof.json"));
+        } else {
+            proof.args(["--nodes", "8", "--seconds", "45", "--broker-kills", "2", "--gateway-kills", "2"]);
+        }
+        run(&mut proof)
+    })
+}
+
+/// PySpark in local mode over generated records, against the command row by row.
+pub fn spark(args: &[String]) -> Outcome {
+    let records = match args {
+        [] => "40",
+        [option, count] if option == "--records" => count,
+        _ => return Err("cargo xtask fleet-spark [--records N]".into()),
+    };
+    if on_path("java").is_none() {
+        return Err("java is not installed (Debian: default-jre-headless)".into());
+    }
+    run(&mut crate::shell::cargo(&["build", "--quiet", "--release", "--bin", "meshband"]))?;
+    let python = python(&["duckdb", "pyarrow", "pytz", "pandas", "pyspark"])?;
+    let page = root().join("docs/fleet");
+    std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
+    let mut job = Command::new(python);
+    job.arg(root().join("gateway/proof/spark_proof.py"))
+        .arg(root().join("target/release/meshband"))
+        .args(["--records", records, "--json"])
+        .arg(page.join("spark-proof.json"))
+        .env("PYTHONPATH", root().join("gateway/python"));
+    timed("verdicts by the command, by a pool and by Spark", || run(&mut job))
+}
+
+fn build() -> Outcome<PathBuf> {
+    timed("build of the gateway", || run(cargo_there().args(["build", "--quiet", "--release"])))?;
+    Ok(root().join("gateway/target/release/meshband-gateway"))
+}
+
+fn cargo_there() -> Command {
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(root().join("gateway"));
+    cargo
+}
+
+/// Whether mosquitto is there, or can be installed.
+fn has_broker() -> bool {
+    let there = || on_path("mosquitto").is_some() || Path::new("/usr/sbin/mosquitto").is_file();
+    if !there() && on_path("apt-get").is_some() {
+        say("mosquitto is missing: apt-get install mosquitto");
+        let installed = run(&mut command(&["apt-get", "install", "-y", "-qq", "--no-install-recommends", "mosquitto"]));
+        if let Err(reason) = installed {
+            say(reason);
+        }
+    }
+    there()
+}
+
+/// A Python environment of the gateway's own with these packages.
+fn python(packages: &[&str]) -> Outcome<PathBuf> {
+    let folder = root().join("gateway/target/python");
+    let python = folder.join("bin/python");
+    if !python.is_file() {
+        run(command(&["python3", "-m", "venv"]).arg(&folder))?;
+    }
+    timed("Python packages of the proof", || {
+        run(Command::new(&python)
+            .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
+            .args(packages))
+    })?;
+    Ok(python)
+}
