@@ -20,6 +20,7 @@ use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::limits::limits;
+use super::next_measurement::deciding;
 use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
@@ -166,6 +167,7 @@ impl Scene<'_> {
         let mut effects = verdicts(&base, &data, &self.split, &accepted, &pool, tried);
         // Next to the others and with the final weights a term must still stand.
         let figures: Vec<_> = effects.iter().map(|e| (e.evidence.left_at_its_lines, e.evidence.chance)).collect();
+        self.decide_next(&base, &data, &accepted, &pool, &mut effects);
         keep(&mut effects, &accepted.stand(&figures));
         if !distorted {
             whole.extend(self.impacts(&base, &data, &mut accepted, &mut effects));
@@ -183,6 +185,24 @@ impl Scene<'_> {
             outcome.limits = limits(&Bench::new(&base), &data, &self.split, &accepted, tried);
         }
         outcome
+    }
+
+    /// For every ambiguous verdict the measurement that would decide it.
+    fn decide_next(&self, base: &Base, data: &Data, accepted: &Adopted, pool: &[Candidate], effects: &mut [Effect]) {
+        let seen = self.split.seen();
+        let terms: Vec<&Candidate> = accepted.iter().collect();
+        let mut all = joint(base, data, &seen, &terms).x.split_off(base.nuisances.len());
+        for (term, effect) in terms.iter().zip(effects) {
+            let rest = all.split_off(term.templates.len());
+            if effect.verdict == "ambiguous" {
+                let names: Vec<&str> = effect.name.split(" or ").filter(|name| *name != term.name).collect();
+                let rivals: Vec<&Candidate> =
+                    pool.iter().filter(|c| names.contains(&c.name.as_str())).take(3).collect();
+                effect.deciding_experiment = deciding(self.record, base, data, &seen, (term, &all), &rivals)
+                    .or(effect.deciding_experiment.take());
+            }
+            all = rest;
+        }
     }
 
     /// Impacts in what the terms leave; single lines that belong to them go.

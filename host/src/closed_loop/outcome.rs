@@ -1,10 +1,10 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
-use super::accept::Refused;
 use super::bootstrap::NullRecords;
 use super::candidate::{Parameter, Tuning};
 use super::limits::Limit;
 use super::probability::Probability;
+use super::refused::Refused;
 use super::start::Start;
 use crate::check::Findings;
 use crate::observation::spectrum::Bins;

@@ -130,6 +130,36 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
         .collect()
 }
 
+/// Fall of the held-out error by every effect; `without` gives the errors without one.
+fn held_out_gains(effects: &mut [Effect], held: &StagedError, without: impl Fn(usize) -> StagedError) {
+    let alone = effects.len() == 1;
+    for (i, effect) in effects.iter_mut().enumerate() {
+        let whole = effect.family == "fixed-frequency";
+        let part = |e: &StagedError| if whole { e.whole_signal } else { e.shaft_synchronous };
+        let before = if alone { part(held).calibrated } else { part(&without(i)).corrected };
+        effect.evidence.held_out_gain = before - part(held).corrected;
+    }
+}
+
+/// What stays: a remainder above the noise, the noise, and clipped samples.
+fn unexplained(record: &Record, base: &Base, rest: &Data, seen: &[usize], pooled: &Stages) -> Vec<Unexplained> {
+    let mut list = Vec::new();
+    let beyond = pooled.corrected.powi(2) - pooled.noise_floor.powi(2);
+    if beyond > 0.0 {
+        let orders = detect::orders(base, rest, seen, 1);
+        let hint = orders.first().map_or(String::new(), |o| format!("; strongest line at order {:.3}", o.at));
+        let description = format!("remainder above the noise of the record{hint}");
+        list.push(Unexplained { description, variance_share: beyond });
+    }
+    list.push(Unexplained { description: "noise floor".into(), variance_share: pooled.noise_floor.powi(2) });
+    let clipped = record.runs.iter().map(|r| r.clipped_share).fold(0.0, f64::max);
+    if clipped > 1e-4 {
+        let description = format!("up to {:.2} % of a run's samples at the end of the code range", 100.0 * clipped);
+        list.push(Unexplained { description, variance_share: 0.0 });
+    }
+    list
+}
+
 /// Assembles the outcome with the errors on fit and held-out runs. `calibrated`: residual of the fitted parameters without any effect; none where no
 /// effect was adopted, and the corrected machine is that very one.
 #[allow(clippy::too_many_arguments, reason = "assembly of the final report from the parts of one function")]
@@ -151,36 +181,12 @@ pub fn report(
     let calibrated = calibrated.unwrap_or_else(|| after.clone());
     let errors_of = |last: &[[Bins; 2]], runs: &[usize]| errors([&declared.residual, &calibrated, last], base, runs);
     let held = errors_of(&after, &split.held_out);
-    let alone = effects.len() == 1;
-    for (i, effect) in effects.iter_mut().enumerate() {
-        let part =
-            |e: &StagedError| if effect.family == "fixed-frequency" { e.whole_signal } else { e.shaft_synchronous };
-        let without = if alone {
-            part(&held).calibrated
-        } else {
-            let others: Vec<&Candidate> =
-                accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
-            part(&errors_of(&predicted(base, data, seen, &others), &split.held_out)).corrected
-        };
-        effect.evidence.held_out_gain = without - part(&held).corrected;
-    }
-    let pooled = &held.whole_signal;
-    let mut unexplained = Vec::new();
-    let rest = pooled.corrected.powi(2) - pooled.noise_floor.powi(2);
-    if rest > 0.0 {
-        let remaining = Data { residual: after.clone(), weight: data.weight.clone() };
-        let orders = detect::orders(base, &remaining, seen, 1);
-        let hint = orders.first().map_or(String::new(), |o| format!("; strongest line at order {:.3}", o.at));
-        let description = format!("remainder above the local noise floor{hint}");
-        unexplained.push(Unexplained { description, variance_share: rest });
-    }
-    let noise = Unexplained { description: "noise floor".into(), variance_share: pooled.noise_floor.powi(2) };
-    unexplained.push(noise);
-    let clipped = record.runs.iter().map(|r| r.clipped_share).fold(0.0, f64::max);
-    if clipped > 1e-4 {
-        let description = format!("up to {:.2} % of a run's samples at the end of the code range", 100.0 * clipped);
-        unexplained.push(Unexplained { description, variance_share: 0.0 });
-    }
+    held_out_gains(&mut effects, &held, |i| {
+        let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
+        errors_of(&predicted(base, data, seen, &others), &split.held_out)
+    });
+    let remaining = Data { residual: after.clone(), weight: data.weight.clone() };
+    let unexplained = unexplained(record, base, &remaining, seen, &held.whole_signal);
     Outcome {
         headline: String::new(),
         findings: Findings::default(),

@@ -6,9 +6,11 @@
 use super::accept::{self, NameFigures, Naming};
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
-use super::judge::{Joint, Judge, Judged, Split, Spread, corrected, jackknife, joint};
+use super::judge::{Joint, Judge, Judged, Split, corrected, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
+use super::probability::Probability;
+use super::spread::{Spread, jackknife};
 use super::start::Start;
 use crate::observation::spectrum::OVERDISPERSION;
 use rayon::prelude::*;
@@ -158,27 +160,15 @@ pub fn verdicts(
     let mut all = joint(base, data, &seen, &terms);
     let lines: Vec<AtLines> = (0..terms.len()).map(|i| at_lines(base, data, &seen, &terms, i, &all.x)).collect();
     widen(&mut all, base, &jackknife(base, data, &seen, &terms), &terms, &lines);
-    let mut effects = Vec::new();
     let next_to_all = Judge::new(base, data, split, &terms);
-    for (index, term) in accepted.iter().enumerate() {
-        let others: Vec<&Candidate> =
-            accepted.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| c).collect();
+    let of = |index: usize| {
+        let term = terms[index];
+        let others: Vec<&Candidate> = terms.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| *c).collect();
         let judge = Judge::new(base, data, split, &others);
         let own = judge.judge(term.clone());
-        let mut rivals: BTreeMap<String, f64> = BTreeMap::new();
-        let judged: Vec<Judged> =
-            pool.par_iter().filter(|c| c.name != term.name).map(|c| judge.judge(c.clone())).collect();
-        for j in &judged {
-            let best = rivals.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
-            *best = best.max(j.score);
-        }
-        let mut rivals: Vec<(String, f64)> = rivals.into_iter().map(|(n, s)| (n, 0.5 * (own.score - s))).collect();
-        rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
-        rivals.truncate(6);
-        let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
+        let (rivals, next) = rivals(&judge, &own, pool);
         let left = lines[index].left;
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
-        let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
         let mut near: Vec<&str> =
             rivals.iter().filter(|r| accept::is_rival(r.1, own.gain)).map(|r| r.0.as_str()).collect();
         if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
@@ -195,36 +185,76 @@ pub fn verdicts(
             at_mesh_orders: term.family == "mesh-order",
             has_rivals: !near.is_empty(),
         });
-        let (verdict, name, experiment) = worded(term, naming, near);
-        effects.push(Effect {
-            withheld_because: None,
-            verdict: verdict.into(),
-            name,
-            family: term.family.into(),
-            shaft: term.shaft.into(),
-            order_of_pinion: term.order,
-            frequency_hz: term.frequency_hz,
-            parameters: values(term, &all.x[at..], &all.sigma[at..], &seen),
-            evidence: Evidence {
-                speed_exponent: exponents.map(|e| e[0][0] + term.exponents[0]),
-                speed_exponent_ci95: exponents.map(|e| interval(e[0][0] + term.exponents[0], e[0][1])),
-                torque_exponent: exponents.map(|e| e[1][0] + term.exponents[1]),
-                torque_exponent_ci95: exponents.map(|e| interval(e[1][0] + term.exponents[1], e[1][1])),
-                held_out_gain: 0.0,
-                chance: Some(own.chance(tried as f64)),
-                score_over_next: next.is_finite().then_some(next),
-                left_at_its_lines: left,
-                next: rivals,
-            },
-            deciding_experiment: experiment,
-            pinion_turns_of_runs: term.start.turns().map(<[u32]>::to_vec),
-            phase_of_runs_rad: match &term.start {
-                Start::Phases(phases) => Some(phases.clone()),
-                _ => None,
-            },
-        });
+        let evidence = evidence(term, exponents, own.chance(tried as f64), next, left, rivals.clone());
+        let parameters = values(term, &all.x[at..], &all.sigma[at..], &seen);
+        effect(term, worded(term, naming, near), parameters, evidence)
+    };
+    (0..terms.len()).map(of).collect()
+}
+
+/// Names considered next to a term, with what their score lacks to it (nats), and the least of those that are library names.
+fn rivals(judge: &Judge<'_>, own: &Judged, pool: &[Candidate]) -> (Vec<(String, f64)>, Option<f64>) {
+    let mut best: BTreeMap<String, f64> = BTreeMap::new();
+    let others = pool.par_iter().filter(|c| c.name != own.candidate.name);
+    let judged: Vec<Judged> = others.map(|c| judge.judge(c.clone())).collect();
+    for j in &judged {
+        let best = best.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
+        *best = best.max(j.score);
     }
-    effects
+    let mut rivals: Vec<(String, f64)> = best.into_iter().map(|(n, s)| (n, 0.5 * (own.score - s))).collect();
+    rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+    rivals.truncate(6);
+    let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
+    let next = rivals.iter().find(|r| named(&r.0)).map(|r| r.1);
+    (rivals, next)
+}
+
+fn evidence(
+    term: &Candidate,
+    exponents: Option<[[f64; 2]; 2]>,
+    chance: Probability,
+    next: Option<f64>,
+    left: f64,
+    rivals: Vec<(String, f64)>,
+) -> Evidence {
+    let value = |i: usize| exponents.map(|e| e[i][0] + term.exponents[i]);
+    let range = |i: usize| exponents.map(|e| interval(e[i][0] + term.exponents[i], e[i][1]));
+    Evidence {
+        speed_exponent: value(0),
+        speed_exponent_ci95: range(0),
+        torque_exponent: value(1),
+        torque_exponent_ci95: range(1),
+        held_out_gain: 0.0,
+        chance: Some(chance),
+        score_over_next: next,
+        left_at_its_lines: left,
+        next: rivals,
+    }
+}
+
+fn effect(
+    term: &Candidate,
+    (verdict, name, experiment): (&'static str, String, Option<String>),
+    parameters: BTreeMap<String, Value>,
+    evidence: Evidence,
+) -> Effect {
+    Effect {
+        withheld_because: None,
+        verdict: verdict.into(),
+        name,
+        family: term.family.into(),
+        shaft: term.shaft.into(),
+        order_of_pinion: term.order,
+        frequency_hz: term.frequency_hz,
+        parameters,
+        evidence,
+        deciding_experiment: experiment,
+        pinion_turns_of_runs: term.start.turns().map(<[u32]>::to_vec),
+        phase_of_runs_rad: match &term.start {
+            Start::Phases(phases) => Some(phases.clone()),
+            _ => None,
+        },
+    }
 }
 
 /// Verdict, name and deciding experiment in words; `near`: what cannot be told from the term.

@@ -34,29 +34,7 @@ pub fn machine(random: &mut ChaCha8Rng) -> Result<Record> {
     let root = teeth.map(|z| 0.5 * module_m * (f64::from(z) - 2.5));
     let bore_radius_m = root.map(|r| r * between(random, 0.3, 0.45));
     let mut pair = Pair::spur(teeth, module_m, face_m, bore_radius_m);
-    let radius = teeth.map(|z| 0.5 * module_m * f64::from(z));
-    let body = radius.map(|r| PI * r * r * face_m * STEEL);
-    let mass_kg = body.map(|m| m * between(random, 1.3, 2.5) + 0.2);
-    let inertia = [0, 1].map(|i| 0.5 * body[i] * radius[i] * radius[i] * between(random, 1.0, 1.4));
-    let [motor, load] = inertia.map(|j| j * between(random, 2.0, 8.0));
-    // A spring's stiffness and damping by the frequency and the damping ratio that it gives this inertia.
-    let mut spring = |inertia: f64, hz: [f64; 2], ratio: [f64; 2]| {
-        let (omega, zeta) = (TAU * between(random, hz[0], hz[1]), between(random, ratio[0], ratio[1]));
-        [inertia * omega * omega, 2.0 * zeta * inertia * omega]
-    };
-    let bearing = mass_kg.map(|m| spring(m, [600.0, 2200.0], [0.02, 0.08]));
-    let coupling = inertia.map(|j| spring(j, [120.0, 500.0], [0.02, 0.06]));
-    let shafts = Shafts {
-        inertia_motor_kg_m2: motor,
-        inertia_pinion_kg_m2: inertia[0],
-        inertia_gear_kg_m2: inertia[1],
-        inertia_load_kg_m2: load,
-        coupling_stiffness_n_m_per_rad: coupling.map(|c| c[0]),
-        coupling_damping_n_m_s_per_rad: coupling.map(|c| c[1]),
-        mass_kg,
-        bearing_stiffness_n_per_m: bearing.map(|b| b[0]),
-        bearing_damping_n_s_per_m: bearing.map(|b| b[1]),
-    };
+    let shafts = shafts(random, teeth, module_m, face_m);
     // An eighth to a third of a base pitch.
     let width_rad = TAU / f64::from(teeth[0]) * between(random, 0.12, 0.33);
     let engagement = Engagement {
@@ -98,6 +76,33 @@ pub fn machine(random: &mut ChaCha8Rng) -> Result<Record> {
         jitter_s: 5e-7,
         runs: Vec::new(),
     })
+}
+
+/// Bodies, bearings and couplings.
+fn shafts(random: &mut ChaCha8Rng, teeth: [u32; 2], module_m: f64, face_m: f64) -> Shafts {
+    let radius = teeth.map(|z| 0.5 * module_m * f64::from(z));
+    let body = radius.map(|r| PI * r * r * face_m * STEEL);
+    let mass_kg = body.map(|m| m * between(random, 1.3, 2.5) + 0.2);
+    let inertia = [0, 1].map(|i| 0.5 * body[i] * radius[i] * radius[i] * between(random, 1.0, 1.4));
+    let [motor, load] = inertia.map(|j| j * between(random, 2.0, 8.0));
+    // A spring's stiffness and damping by the frequency and the damping ratio that it gives this inertia.
+    let mut spring = |inertia: f64, hz: [f64; 2], ratio: [f64; 2]| {
+        let (omega, zeta) = (TAU * between(random, hz[0], hz[1]), between(random, ratio[0], ratio[1]));
+        [inertia * omega * omega, 2.0 * zeta * inertia * omega]
+    };
+    let bearing = mass_kg.map(|m| spring(m, [600.0, 2200.0], [0.02, 0.08]));
+    let coupling = inertia.map(|j| spring(j, [120.0, 500.0], [0.02, 0.06]));
+    Shafts {
+        inertia_motor_kg_m2: motor,
+        inertia_pinion_kg_m2: inertia[0],
+        inertia_gear_kg_m2: inertia[1],
+        inertia_load_kg_m2: load,
+        coupling_stiffness_n_m_per_rad: coupling.map(|c| c[0]),
+        coupling_damping_n_m_s_per_rad: coupling.map(|c| c[1]),
+        mass_kg,
+        bearing_stiffness_n_per_m: bearing.map(|b| b[0]),
+        bearing_damping_n_s_per_m: bearing.map(|b| b[1]),
+    }
 }
 
 /// Speeds, torques and noise of a record of this machine; true parameters and torques where `wrong` are off.
