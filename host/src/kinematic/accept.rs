@@ -20,7 +20,7 @@ const FEWEST_COPIES: usize = 40;
 /// Range of their displacement, share of the spacing.
 const MOVED: (f64, f64) = (0.01, 0.06);
 /// Families of the library: trials of the whole search.
-pub const FAMILIES: f64 = 14.0;
+pub const FAMILIES: f64 = 15.0;
 /// Largest probability of a false family in the search.
 pub const FALSE_ALARM: f64 = 0.01;
 

@@ -17,6 +17,8 @@ pub enum Domain {
     Envelope,
     /// Spectrum over frequency, "orders" being hertz.
     Frequency,
+    /// Order spectrum of what folded at the sampling rate.
+    Folded,
 }
 
 /// One line.

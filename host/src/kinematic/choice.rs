@@ -14,6 +14,8 @@ const FUNCTIONS: [usize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];
 const PER_FUNCTION: usize = 3;
 /// Hats beside resonances.
 const BESIDE: [usize; 3] = [1, 2, 4];
+/// Richer bases in turn that gain nothing, after which no richer one is tried.
+const IN_VAIN: usize = 2;
 /// Folds.
 const FOLDS: (usize, usize) = (6, 16);
 
@@ -63,7 +65,7 @@ impl Choice {
             bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.speeds_hz, *n).with_poles(&near)));
         }
         let count = course.sums.len() as f64;
-        let mut best: Option<(f64, Basis)> = None;
+        let (mut best, mut in_vain): (Option<(f64, Basis)>, usize) = (None, 0);
         bases.sort_by_key(Basis::len);
         for basis in bases.into_iter().filter(|b| b.len() * 2 <= course.sums.len() || b.len() == 1) {
             let error = self.predicted(&course, &basis);
@@ -72,7 +74,12 @@ impl Choice {
                 error < least * (1.0 - more / count)
             });
             if gained {
-                best = Some((error, basis));
+                (best, in_vain) = (Some((error, basis)), 0);
+                continue;
+            }
+            in_vain += 1;
+            if in_vain > IN_VAIN && near.is_empty() {
+                break;
             }
         }
         best.map_or_else(Basis::constant, |(_, basis)| basis)

@@ -53,7 +53,9 @@ pub fn outcome(
     let bearing = search::bearing(&adopted, scene);
     let bases = search::bases(&adopted);
     let read_from = bearing.as_ref().map(|b| (b, bases.as_slice()));
-    let effects: Vec<Effect> = kept.iter().map(|(a, worth)| effect(parts, a, worth, read_from)).collect();
+    let is_ghost = |a: &&Adopted| a.candidate.kind == Kind::Ghost;
+    let ghosts: Vec<f64> = adopted.iter().filter(is_ghost).map(|a| a.candidate.base).collect();
+    let effects: Vec<Effect> = kept.iter().map(|(a, worth)| effect(parts, a, worth, read_from, &ghosts)).collect();
     let effects = [effects, clipped(scene)].concat();
     let mut surrogates: Vec<Judged> = parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict)).collect();
     for (judged, adopted) in surrogates.iter_mut().zip(&parts.search.adopted) {
@@ -147,13 +149,19 @@ fn judged(candidate: &Candidate, verdict: &Verdict) -> Judged {
     }
 }
 
-fn effect(parts: &Parts, adopted: &Adopted, worth: &Worth, bearing: Option<(&Bearing, &[f64])>) -> Effect {
+fn effect(
+    parts: &Parts,
+    adopted: &Adopted,
+    worth: &Worth,
+    bearing: Option<(&Bearing, &[f64])>,
+    ghosts: &[f64],
+) -> Effect {
     let (candidate, verdict) = (&adopted.candidate, &adopted.verdict);
     let part = bearing.and_then(|(b, bases)| {
         let own = bases.iter().position(|base| *base == candidate.base)?;
         b.parts.iter().find(|p| p.0 == own).map(|p| (b, p.1))
     });
-    let naming = naming::name(adopted, part, parts.scene);
+    let naming = naming::name(adopted, part, ghosts, parts.scene);
     let is_frequency = candidate.domain == Domain::Frequency;
     let mut lines: Vec<(f64, (String, f64))> = candidate
         .places

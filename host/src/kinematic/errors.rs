@@ -3,7 +3,8 @@
 //! *Waveform*: mesh lines and locked families, amplitudes and phases fitted on one part, predict the other; the normalised RMS error is the root of the
 //! residual's share of the power, meaned over channels (a loud channel does not decide). *Power*: a family that slips cannot predict a phase; it
 //! predicts the power at its lines. What it predicted and found is subtracted from the unexplained share, never more than it predicted.
-//! Everything is below the highest order that the record holds at every speed. The noise floor is that of the fitted turns, between lines.
+//! Everything is below the highest order that the record holds at every speed. The noise floor is that of the record itself on the fitted turns, between
+//! its lines: no residual has a share in it.
 
 use super::amplitudes::{FittedLine, Weighted};
 use super::baseline::{Baseline, Grids, unknowns};
@@ -156,11 +157,11 @@ pub fn share_of(scene: &Scene, signals: &[Vec<f64>]) -> f64 {
     (0..scene.channels.len()).map(share).sum::<f64>() / scene.channels.len().max(1) as f64
 }
 
-fn floors(scene: &Scene, views: &Views, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {
+fn floors(scene: &Scene, own: &Spectra, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {
     let floor = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], stretches(&run.split));
-        views.orders.floor_power(r, c) / total.max(f64::MIN_POSITIVE)
+        own.floor_power(r, c) / total.max(f64::MIN_POSITIVE)
     };
     (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| floor(r, c)).collect()).collect()
 }
@@ -175,7 +176,7 @@ pub fn errors(
     scene: &Scene,
     baseline: &Baseline,
     corrected: &Corrected,
-    views: [&Views; 2],
+    (views, own): ([&Views; 2], &Spectra),
     adopted: &[&Adopted],
 ) -> Errors {
     let all = 0..scene.channels.len();
@@ -183,7 +184,7 @@ pub fn errors(
         declared: mean(&shares(scene, &baseline.declared, stretches), channels.clone()).sqrt(),
         calibrated: mean(&shares(scene, &baseline.calibrated, stretches), channels.clone()).sqrt(),
         corrected: mean(&shares(scene, &corrected.residual, stretches), channels.clone()).sqrt(),
-        noise_floor: mean(&floors(scene, views[0], stretches), channels).sqrt(),
+        noise_floor: mean(&floors(scene, own, stretches), channels).sqrt(),
     };
     let predicted = slipping_share(scene, views, adopted);
     let held = waveform(held_out, all.clone());
@@ -241,7 +242,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let all = 0..scene.channels.len();
     let before = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let after = correct(scene, baseline, views[0], adopted).1;
-    let nothing: [Taken; 3] = Default::default();
+    let nothing: [Taken; 4] = Default::default();
     let worth = |i: usize| {
         let own = adopted[i];
         let field = field(views[1], &nothing, own.candidate.domain, 0..scene.searched);

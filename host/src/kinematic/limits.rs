@@ -10,7 +10,7 @@ use super::accept::{self, COPIES, Surrogates};
 use super::baseline::Baseline;
 use super::candidate::{Candidate, Domain, Kind, Place, Shaft, at_level, score};
 use super::evidence::Reading;
-use super::families::{Context, ghost, modulation, passage, shaft_orders, tooth};
+use super::families::{Context, alias, ghost, modulation, passage, shaft_orders, tooth};
 use super::outcome::Limit;
 use super::residual::Views;
 use super::scene::Scene;
@@ -64,6 +64,9 @@ fn library(context: &Context) -> Vec<(String, Candidate)> {
         let family = format!("harmonics of such an order modulated by the {}'s shaft", shaft.word());
         all.push((family, Candidate { alternatives, ..inner }));
     }
+    all.extend(
+        alias::candidates(context).into_iter().map(|c| ("mesh harmonics folded at the sampling rate".into(), c)),
+    );
     all.retain(|(_, c)| !c.places.is_empty());
     all
 }

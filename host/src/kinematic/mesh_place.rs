@@ -21,20 +21,24 @@ const SIDEBANDS: f64 = 0.5;
 /// Logarithm of the Bayes factor below which there is no mesh.
 const LEAST: f64 = 5.0;
 
-/// What is wrong with the place of the mesh, in words; `None` where it stands as declared.
-pub fn finding(scene: &Scene) -> Option<String> {
+/// Order spectra of the record itself on the fitted turns.
+pub fn spectra(scene: &Scene) -> Spectra {
     let samples: Vec<Vec<Vec<f64>>> = scene.runs.iter().map(|run| run.samples.clone()).collect();
-    let spectra = Spectra::over_orders(scene, &samples, |r| scene.runs[r].split.fit.clone());
+    Spectra::over_orders(scene, &samples, |r| scene.runs[r].split.fit.clone())
+}
+
+/// What is wrong with the place of the mesh, in words; `None` where it stands as declared.
+pub fn finding(scene: &Scene, spectra: &Spectra) -> Option<String> {
     let z = scene.mesh_order();
-    let declared = comb(&spectra, z);
+    let declared = comb(spectra, z);
     let teeth = (-MOST_TEETH..=MOST_TEETH).filter(|d| *d != 0).map(|d| (z + f64::from(d), z + f64::from(d)));
     let step = 0.5 * spectra.bin(0) / (HARMONICS as f64 * z);
     let steps = (WIDEST_CLOCK / step) as i32;
     let clocks = (-steps..=steps).map(|i| z * (1.0 + step * f64::from(i)));
     let far = |order: &f64| (order - z).abs() > 4.0 * spectra.bin(0);
     let best = |a: (f64, f64), b: (f64, f64)| if b.1 > a.1 { b } else { a };
-    let by_teeth = teeth.map(|(order, _)| (order, comb(&spectra, order))).fold((z, f64::NEG_INFINITY), best);
-    let by_clock = clocks.filter(far).map(|order| (order, comb(&spectra, order))).fold((z, f64::NEG_INFINITY), best);
+    let by_teeth = teeth.map(|(order, _)| (order, comb(spectra, order))).fold((z, f64::NEG_INFINITY), best);
+    let by_clock = clocks.filter(far).map(|order| (order, comb(spectra, order))).fold((z, f64::NEG_INFINITY), best);
     let other = by_teeth.1.max(by_clock.1);
     if other > declared.max(0.0) + CLEARLY && declared < SIDEBANDS * other {
         return Some(if by_teeth.1 + CLEARLY > by_clock.1 {

@@ -23,6 +23,7 @@ pub mod limits;
 pub mod mesh_place;
 pub mod naming;
 pub mod outcome;
+pub mod phase;
 pub mod poles;
 pub mod preflight;
 pub mod report;
@@ -52,7 +53,8 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let scene = Scene::of(record, record.require_tach()?, teeth)?;
     let baseline = Baseline::of(&scene);
     let fit = residual::views(&scene, &baseline, |split| &split.fit, None);
-    let misplaced = mesh_place::finding(&scene);
+    let own = mesh_place::spectra(&scene);
+    let misplaced = mesh_place::finding(&scene, &own);
     let found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
@@ -67,7 +69,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || errors::holds(a, worth));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
     let (corrected, _) = errors::correct(&scene, &baseline, &fit, &adopted);
-    let errors = errors::errors(&scene, &baseline, &corrected, views, &adopted);
+    let errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
     let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
     let parts =
         describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };

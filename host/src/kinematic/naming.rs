@@ -13,6 +13,9 @@ const IMPACTS: usize = 3;
 /// Harmonics of a base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
 
+/// Ratios of two of the first harmonics of one line.
+const HARMONICS: [(f64, f64); 5] = [(2.0, 1.0), (3.0, 1.0), (4.0, 1.0), (3.0, 2.0), (4.0, 3.0)];
+
 /// Verdict and words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Naming {
@@ -38,8 +41,8 @@ fn naming(
     Naming { verdict, name: name.into(), family, shaft, remark }
 }
 
-/// Names one family, with the bearing that it may be part of.
-pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, scene: &Scene) -> Naming {
+/// Names one family, with the bearing that it may be part of, and the orders of all ghosts found.
+pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], scene: &Scene) -> Naming {
     let candidate = &adopted.candidate;
     if let Some((bearing, part)) = part {
         let remark =
@@ -88,6 +91,11 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, scene: &Scene) ->
         }
         Kind::Ghost => {
             let shaft = if (candidate.base - candidate.base.round()).abs() < 1e-6 { "pinion" } else { "gear" };
+            if has_harmonics(candidate.base, ghosts) {
+                let name = format!("{shaft}-ghost-order or mesh of another stage on the {shaft}'s shaft");
+                let remark = "a line with harmonics is what another pair of gears on that shaft has";
+                return naming("ambiguous", name, "shaft-order", shaft, Some(remark));
+            }
             naming("named", format!("{shaft}-ghost-order"), "shaft-order", shaft, None)
         }
         Kind::FixedFrequency => match supply_hz(candidate.base) {
@@ -99,6 +107,15 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, scene: &Scene) ->
         Kind::Clipping => naming("named", "clipping", "other", "none", None),
         Kind::Swing => naming("ambiguous", "load-fluctuation or speed-fluctuation", "non-stationary", "none", None),
     }
+}
+
+/// Whether another ghost stands at a whole multiple of this one, or both at multiples of a third.
+fn has_harmonics(base: f64, ghosts: &[f64]) -> bool {
+    let is_multiple = |other: f64| {
+        let (low, high) = (base.min(other), base.max(other));
+        HARMONICS.iter().any(|(a, b)| (high / low * b / a - 1.0).abs() < 1e-6)
+    };
+    ghosts.iter().any(|ghost| (ghost / base - 1.0).abs() > 1e-6 && is_multiple(*ghost))
 }
 
 /// Shafts whose bearings could have a passage at an order.

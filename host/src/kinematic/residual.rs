@@ -1,6 +1,6 @@
-//! Spectra of what the calibrated model leaves: over orders, over frequency, and of its squared envelope.
+//! Spectra of what the calibrated model leaves: over orders, over frequency, of its squared envelope, and of what is folded in it.
 //!
-//! Three views of the same stretches. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
+//! Four views of the same stretches. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
 //! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too.
 
 use super::baseline::Baseline;
@@ -12,14 +12,19 @@ use super::split::{Split, Stretch};
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::{self, Band, not_locked};
 use crate::analysis::search::{self, Level, Range};
+use crate::spectral::resample_by_angle;
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 /// Lowest frequency looked at, Hz: below it sensors drift.
 const LOWEST_HZ: f64 = 5.0;
 /// Share of the sampling rate up to which frequencies are looked at.
 const PASS_SHARE: f64 = 0.4;
 
-/// The three views, and the bands of the envelopes.
+/// Shares of the sampling rate between which folded harmonics are looked for.
+const FOLDED: [f64; 2] = [0.55, 0.97];
+
+/// The four views, and the bands of the envelopes.
 pub struct Views {
     /// Over orders.
     pub orders: Spectra,
@@ -27,6 +32,8 @@ pub struct Views {
     pub envelope: Spectra,
     /// Over frequency.
     pub frequency: Spectra,
+    /// Over orders, what lies beyond half the rate and is folded below it.
+    pub folded: Spectra,
     /// Band of each run's and channel's envelope.
     pub bands: Vec<Vec<Band>>,
 }
@@ -38,6 +45,7 @@ impl Views {
             Domain::Orders => &self.orders,
             Domain::Envelope => &self.envelope,
             Domain::Frequency => &self.frequency,
+            Domain::Folded => &self.folded,
         }
     }
 }
@@ -60,12 +68,14 @@ pub fn views(
         .collect();
     let highest = all.iter().flatten().map(|v| v.highest_order).fold(f64::INFINITY, f64::min);
     let slowest = scene.runs.iter().map(|run| run.rate_hz).fold(f64::INFINITY, f64::min);
+    let folded = folded_orders(scene);
     let split = |of: fn(&ChannelViews) -> &Vec<Level>| -> Vec<Vec<Vec<Level>>> {
         all.iter().map(|run| run.iter().map(|v| of(v).clone()).collect()).collect()
     };
     Views {
         envelope: Spectra { levels: split(|v| &v.envelope), lowest: orders.lowest, highest },
         frequency: Spectra { levels: split(|v| &v.frequency), lowest: LOWEST_HZ, highest: PASS_SHARE * slowest },
+        folded: Spectra { levels: split(|v| &v.folded), lowest: folded[0], highest: folded[1] },
         bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
         orders,
     }
@@ -74,6 +84,7 @@ pub fn views(
 struct ChannelViews {
     envelope: Vec<Level>,
     frequency: Vec<Level>,
+    folded: Vec<Level>,
     band: Band,
     highest_order: f64,
 }
@@ -88,7 +99,9 @@ fn of_channel(
 ) -> ChannelViews {
     let per_turn = run.angle.per_turn[0];
     let mut known: Vec<f64> = samples.iter().zip(calibrated).map(|(x, rest)| x - rest).collect();
-    let frequency = over_frequency(run, &not_locked(signal, run.rate_hz, &known, &run.angle), stretches);
+    let over_time = not_locked(signal, run.rate_hz, &known, &run.angle);
+    let frequency = over_frequency(run, &over_time, stretches);
+    let folded = mean(stretches.iter().map(|stretch| unfolded(run, &over_time, *stretch)));
     for stretch in stretches {
         let range = stretch.samples(per_turn);
         let locked = locked_part(&calibrated[range.clone()], &piece(&run.angle, *stretch));
@@ -111,7 +124,29 @@ fn of_channel(
         })
         .collect();
     let none = Band { low_hz: 0.0, high_hz: 0.0, kurtosis: 0.0, score: 0.0 };
-    ChannelViews { envelope: mean(envelopes.into_iter()), frequency, band: band.unwrap_or(none), highest_order }
+    ChannelViews { envelope: mean(envelopes.into_iter()), frequency, folded, band: band.unwrap_or(none), highest_order }
+}
+
+/// Orders at which folded harmonics are looked for, every run.
+fn folded_orders(scene: &Scene) -> [f64; 2] {
+    let of = |run: &SceneRun| {
+        [FOLDED[0] * run.rate_hz / run.angle.speed.slowest_hz, FOLDED[1] * run.rate_hz / run.angle.speed.fastest_hz]
+    };
+    scene.runs.iter().map(of).fold([0.0, f64::INFINITY], |[low, high], [l, h]| [low.max(l), high.min(h)])
+}
+
+/// Spectra of what is folded, at its own orders: the residual times twice the cosine of the rate's phase, read at equal angles.
+fn unfolded(run: &SceneRun, rest: &[f64], stretch: Stretch) -> Vec<Level> {
+    let per_turn = 2 * run.angle.per_turn[0];
+    let from = run.angle.from_turn + stretch.from as f64;
+    let mut samples = resample_by_angle(rest, run.rate_hz, &run.angle.map, from, stretch.turns, per_turn);
+    for (i, x) in samples.iter_mut().enumerate() {
+        let time = run.angle.map.time_at(from + i as f64 / per_turn as f64);
+        *x *= 2.0 * (TAU * (run.rate_hz * time).fract()).cos();
+    }
+    let speed = run.angle.speed;
+    let (lowest, highest) = (FOLDED[0] * run.rate_hz / speed.slowest_hz, FOLDED[1] * run.rate_hz / speed.fastest_hz);
+    search::levels(&samples, per_turn, run.angle.slower_order(), &Range { lowest, highest, known: &|_, _| false })
 }
 
 fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Level> {

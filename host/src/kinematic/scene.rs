@@ -3,6 +3,7 @@
 //! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a run without enough turns. Cost: eight bytes
 //! per point at equal angles and channel, a few copies of it while the loop works ([`GRID`]).
 
+use super::phase;
 use super::split::Split;
 use crate::analysis::angle::Angle;
 use crate::budget::GRID;
@@ -67,6 +68,10 @@ pub struct Scene {
 
 /// Channels from which every second one is held out.
 const MANY_CHANNELS: usize = 4;
+/// Fastest over slowest turn from which the path turns the mesh lines.
+const RUNS_UP: f64 = 1.1;
+/// Rounds of taking the angle from the mesh lines.
+const SHARPENED: usize = 3;
 /// Multiple of the highest order beyond which nothing passes.
 const PASSES_TO: f64 = 1.03;
 
@@ -94,8 +99,16 @@ impl Scene {
         let points: f64 = runs.iter().map(|(_, _, a)| (a.turns * a.per_turn[0] * order.len()) as f64).sum();
         GRID.check(record.folder.display(), points, "cut the runs or leave channels out at import")?;
         let highest_order = runs.iter().map(|(_, _, a)| a.highest_order).fold(f64::INFINITY, f64::min);
-        let runs: Vec<SceneRun> =
+        let mut runs: Vec<SceneRun> =
             runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order, highest_order)).collect();
+        for run in &mut runs {
+            if run.sharpen(f64::from(teeth[0]), highest_order, tach.is_virtual()) {
+                notes.push(format!(
+                    "run {}: the tach does not follow the speed; the angle is that of the mesh lines",
+                    run.index
+                ));
+            }
+        }
         if let Some(run) = runs.iter().find(|run| run.split.held_out.is_empty()) {
             notes.push(format!("run {} is too short to hold a stretch of it out", run.index));
         }
@@ -151,24 +164,23 @@ fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usi
 
 fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order: f64) -> SceneRun {
     let rate_hz = run.sample_rate_hz();
-    let signals: Vec<Vec<f64>> = channels.iter().map(|&c| run.signal_m_s2(c)).collect();
-    let samples = signals.par_iter().map(|signal| on_grid(&angle, signal, rate_hz, highest_order)).collect();
-    let time = |turn: usize| angle.map.time_at(angle.from_turn + turn as f64);
     let at_limit = |&c: &usize| {
         let codes = run.channel_codes(c);
         let (low, high) = (codes.iter().min().copied(), codes.iter().max().copied());
         codes.windows(2).filter(|w| w[0] == w[1] && (Some(w[0]) == low || Some(w[0]) == high)).count()
     };
-    SceneRun {
+    let mut seen = SceneRun {
         index,
         rate_hz,
         split: Split::new(angle.turns, angle.slower_order(), angle.speed.fastest_hz / angle.speed.slowest_hz),
-        speeds_hz: (0..angle.turns).map(|i| 1.0 / (time(i + 1) - time(i))).collect(),
+        speeds_hz: Vec::new(),
         at_limit: channels.iter().map(at_limit).collect(),
-        signals,
-        samples,
+        signals: channels.iter().map(|&c| run.signal_m_s2(c)).collect(),
+        samples: Vec::new(),
         angle,
-    }
+    };
+    seen.read(highest_order);
+    seen
 }
 
 /// A signal at equal angles, less its mean and what lies above the highest order: what no run holds at every speed is no error of a model.
@@ -192,6 +204,31 @@ fn on_grid(angle: &Angle, signal: &[f64], rate_hz: f64, highest_order: f64) -> V
 }
 
 impl SceneRun {
+    /// Reads the channels at the run's angle.
+    fn read(&mut self, highest_order: f64) {
+        let angle = &self.angle;
+        let time = |turn: usize| angle.map.time_at(angle.from_turn + turn as f64);
+        self.speeds_hz = (0..angle.turns).map(|i| 1.0 / (time(i + 1) - time(i))).collect();
+        self.samples = self.signals.par_iter().map(|s| on_grid(angle, s, self.rate_hz, highest_order)).collect();
+    }
+
+    /// Takes the angle from the mesh lines where they get sharper by it; whether they did.
+    fn sharpen(&mut self, mesh_order: f64, highest_order: f64, virtual_tach: bool) -> bool {
+        let runs_up = self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz;
+        if runs_up && !virtual_tach {
+            return false;
+        }
+        let mut sharper = false;
+        for _ in 0..SHARPENED {
+            let departure = phase::departure(self, mesh_order, highest_order);
+            let Some(map) = departure.and_then(|departure| departure.taken_out(self)) else { break };
+            self.angle.map = map;
+            self.read(highest_order);
+            sharper = true;
+        }
+        sharper
+    }
+
     /// Another signal over the same time as the channels' are seen.
     pub fn on_grid(&self, signal: &[f64], highest_order: f64) -> Vec<f64> {
         on_grid(&self.angle, signal, self.rate_hz, highest_order)

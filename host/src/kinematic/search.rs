@@ -9,11 +9,13 @@ use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Most families adopted.
 const MOST: usize = 8;
-/// Candidates of a round that are judged before it is given up.
-const JUDGED: usize = 6;
+/// Candidates of a round that are judged before it is given up, and of one kind: a skirt that looks like many swings must not hide the rest.
+const JUDGED: usize = 14;
+const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
 /// Sidebands of an adopted modulation that are its own, on each side.
@@ -43,14 +45,14 @@ pub struct Search {
     /// Best of each kind that was refused.
     pub refused: Vec<(Candidate, Verdict)>,
     /// Orders spoken for, by domain.
-    pub taken: [Taken; 3],
+    pub taken: [Taken; 4],
     /// Candidates scored.
     pub tried: usize,
     /// Feet of the pair's lines.
     pub feet: Vec<Skirts>,
 }
 
-/// Index of a domain among the three views.
+/// Index of a domain among the four views.
 pub fn index(domain: Domain) -> usize {
     domain as usize
 }
@@ -83,7 +85,7 @@ pub fn search(scene: &Scene, views: &Views) -> Search {
 /// The views with what is taken, as one family of them is read.
 pub fn field<'a>(
     views: &'a Views,
-    taken: &'a [Taken; 3],
+    taken: &'a [Taken; 4],
     domain: Domain,
     channels: std::ops::Range<usize>,
 ) -> Field<'a> {
@@ -91,13 +93,21 @@ pub fn field<'a>(
 }
 
 /// Context of the families.
-pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 3], feet: &'a [Skirts]) -> Context<'a> {
-    Context { scene, orders: &views.orders, envelope: &views.envelope, frequency: &views.frequency, taken, feet }
+pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 4], feet: &'a [Skirts]) -> Context<'a> {
+    Context {
+        scene,
+        orders: &views.orders,
+        envelope: &views.envelope,
+        frequency: &views.frequency,
+        folded: &views.folded,
+        taken,
+        feet,
+    }
 }
 
 /// The mesh itself is spoken for; in an envelope the shafts' orders are.
-fn mesh_taken(scene: &Scene, views: &Views) -> [Taken; 3] {
-    let mut taken: [Taken; 3] = Default::default();
+fn mesh_taken(scene: &Scene, views: &Views) -> [Taken; 4] {
+    let mut taken: [Taken; 4] = Default::default();
     let z = scene.mesh_order();
     taken[0].extend((1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z));
     for own in [1.0, scene.gear_order] {
@@ -133,7 +143,7 @@ impl Search {
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut refused = Vec::new();
         let mut found = None;
-        for (_, candidate) in ranked.into_iter().take(JUDGED) {
+        for candidate in of_every_kind(ranked) {
             let refined = passage::refinements(&context, &candidate);
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
             let candidate = best.map_or(candidate, |(_, c)| c);
@@ -200,6 +210,7 @@ impl Search {
             match candidate.domain {
                 Domain::Orders => take_frequencies(&mut self.taken[2], scene, views, place.order),
                 Domain::Frequency => take_orders(&mut self.taken[0], scene, views, place.order),
+                Domain::Folded => take_folded(&mut self.taken, scene, views, place.order),
                 Domain::Envelope => {}
             }
         }
@@ -232,6 +243,17 @@ impl Search {
     }
 }
 
+/// The strongest candidates, few of each kind.
+fn of_every_kind(ranked: Vec<(f64, Candidate)>) -> impl Iterator<Item = Candidate> {
+    let mut judged: BTreeMap<Kind, usize> = BTreeMap::new();
+    let few = move |candidate: &Candidate| {
+        let count = judged.entry(candidate.kind).or_default();
+        *count += 1;
+        *count <= JUDGED_OF_KIND
+    };
+    ranked.into_iter().map(|(_, candidate)| candidate).filter(few).take(JUDGED)
+}
+
 /// Multiples of a base with sidebands of both shafts, alone and about the first mesh harmonics.
 fn relatives(base: f64, scene: &Scene) -> impl Iterator<Item = f64> {
     let (z, gear) = (scene.mesh_order(), scene.gear_order);
@@ -247,7 +269,7 @@ fn higher_base(
     verdict: &Verdict,
     context: &Context,
     views: &Views,
-    taken: &[Taken; 3],
+    taken: &[Taken; 4],
 ) -> Option<(Candidate, Verdict)> {
     let numbers = standing_harmonics(candidate, verdict);
     let divisor = (2..=numbers.first().copied()?).rev().find(|d| numbers.iter().all(|n| n % d == 0))?;
@@ -269,7 +291,7 @@ fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> {
 }
 
 /// A pattern over all teeth whose power lies next to the mesh is a modulation, where that passes the gate as well.
-fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &[Taken; 3]) -> (Candidate, Verdict) {
+fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &[Taken; 4]) -> (Candidate, Verdict) {
     let Kind::Pattern(shaft) = found.0.kind else { return found };
     let scene = context.scene;
     let power = |candidate: &Candidate| -> f64 {
@@ -332,6 +354,20 @@ fn take_orders(taken: &mut Taken, scene: &Scene, views: &Views, hz: f64) {
     for run in &scene.runs {
         let (low, high) = (hz / run.angle.speed.fastest_hz, hz / run.angle.speed.slowest_hz);
         taken.extend((0..=((high - low) / bin) as usize + 1).map(|i| low + i as f64 * bin));
+    }
+}
+
+/// Takes the orders and frequencies that a folded order sweeps.
+fn take_folded(taken: &mut [Taken; 4], scene: &Scene, views: &Views, order: f64) {
+    for run in &scene.runs {
+        let folded = |hz: f64| (run.rate_hz - order * hz).abs();
+        let speed = run.angle.speed;
+        let (a, b) = (folded(speed.slowest_hz), folded(speed.fastest_hz));
+        let (low, high) = (a.min(b), a.max(b));
+        let steps =
+            |from: f64, to: f64, bin: f64| (0..=((to - from) / bin) as usize + 1).map(move |i| from + i as f64 * bin);
+        taken[2].extend(steps(low, high, views.frequency.bin(0)));
+        taken[0].extend(steps(low / speed.fastest_hz, high / speed.slowest_hz, views.orders.bin(0)));
     }
 }
 

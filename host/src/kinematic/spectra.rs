@@ -22,8 +22,8 @@ pub struct Spectra {
     pub highest: f64,
 }
 
-/// Bins over which a median of the noise is taken.
-const STRETCH_BINS: usize = 64;
+/// Fewest and most bins over which a median of the noise is taken.
+const STRETCH_BINS: (usize, usize) = (9, 64);
 /// Share of the slower shaft's order that is the lowest looked at.
 const LOWEST: f64 = 0.25;
 
@@ -84,13 +84,16 @@ impl Spectra {
         let k = level.averages.max(1) as f64;
         // Wilson and Hilferty's median of a Gamma variable over its mean.
         let median_over_mean = (1.0 - 1.0 / (9.0 * k)).powi(3);
-        let stretch = |bins: &[f64]| {
-            let mut sorted = bins.to_vec();
+        let (mut sum, mut from) = (0.0, 0);
+        while from < last {
+            // Short where the noise may be steep: near zero.
+            let end = (from + (from / 2).clamp(STRETCH_BINS.0, STRETCH_BINS.1)).min(last);
+            let mut sorted = level.density.values[from..end].to_vec();
             sorted.sort_by(f64::total_cmp);
-            sorted[sorted.len() / 2] * bins.len() as f64
-        };
-        level.density.values[..last].chunks(STRETCH_BINS).map(stretch).sum::<f64>() / median_over_mean
-            * level.density.bin
+            sum += sorted[sorted.len() / 2] * (end - from) as f64;
+            from = end;
+        }
+        sum / median_over_mean * level.density.bin
     }
 
     /// Mean square above the floor within `bins` of an order; may be negative by chance.

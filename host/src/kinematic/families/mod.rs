@@ -2,6 +2,7 @@
 //!
 //! A family states its lines, what it is called, and what decides between it and its neighbours. Adding one takes a file here and a line in [`all`].
 
+pub mod alias;
 pub mod bearing;
 pub mod clipping;
 pub mod fixed_frequency;
@@ -27,8 +28,10 @@ pub struct Context<'a> {
     pub envelope: &'a Spectra,
     /// Spectra over frequency of the same stretches.
     pub frequency: &'a Spectra,
-    /// Orders spoken for, of each of the three.
-    pub taken: &'a [Taken; 3],
+    /// Order spectra of what is folded.
+    pub folded: &'a Spectra,
+    /// Orders spoken for, of each of the four.
+    pub taken: &'a [Taken; 4],
     /// Feet of the mesh lines and their neighbours in the channels searched: what swings there is no order of its own.
     pub feet: &'a [Skirts],
 }
@@ -62,5 +65,6 @@ pub fn all(context: &Context) -> Vec<Candidate> {
     candidates.extend(passage::candidates(context));
     candidates.extend(swing::candidates(context));
     candidates.extend(fixed_frequency::candidates(context));
+    candidates.extend(alias::candidates(context));
     candidates
 }

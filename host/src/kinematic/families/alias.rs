@@ -1,0 +1,20 @@
+//! Mesh harmonics beyond half the sampling rate, folded: no filter stands before the converter.
+//!
+//! At the instants of sampling a folded harmonic still has the phase `k z1` turns of the pinion; multiplied by twice the cosine of the sampling frequency's own phase and
+//! read at equal angles (`residual`), it stands at its true order again, while everything else of the record is smeared there. Unknowns: one amplitude per
+//! harmonic. What decides: whole mesh orders in that spectrum and nothing beside them. Orders between 0.55 and 0.97 of the rate over the speed are looked at. Limit: where
+//! the speed hardly moves, a folded line may stand on an order by chance and be taken for one of neither shaft first.
+
+use super::Context;
+use crate::kinematic::candidate::{Candidate, Domain, Kind, Place};
+
+/// All folded harmonics that the spectrum reaches.
+pub fn candidates(context: &Context) -> Vec<Candidate> {
+    let (spectra, z) = (context.folded, context.scene.mesh_order());
+    let (first, last) = ((spectra.lowest / z).ceil() as usize, (spectra.highest / z) as usize);
+    let place = |k: usize| Place { order: k as f64 * z, spacing: 1.0, label: format!("{k} mesh, folded") };
+    let places: Vec<Place> = (first.max(1)..=last).map(place).collect();
+    let candidate =
+        Candidate { kind: Kind::Alias, base: z, domain: Domain::Folded, places, locked: false, alternatives: 1.0 };
+    Some(candidate).filter(|c| !c.places.is_empty()).into_iter().collect()
+}
