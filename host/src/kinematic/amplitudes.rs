@@ -5,7 +5,7 @@
 //! left between neighbours. Phases count from the first turn of the grid, the same for all stretches: what is fitted predicts the waveform
 //! between them. Cost: two passes over the samples per line and round.
 
-use super::basis::Basis;
+use super::basis::{Basis, State};
 use super::choice::Choice;
 use super::scene::SceneRun;
 use super::split::Stretch;
@@ -28,9 +28,9 @@ pub struct FittedLine {
 }
 
 impl FittedLine {
-    /// Amplitude at a speed.
-    pub fn at(&self, speed_hz: f64) -> Complex64 {
-        self.basis.value(self.order, &self.coefficients, speed_hz)
+    /// Amplitude at a state.
+    pub fn at(&self, state: State) -> Complex64 {
+        self.basis.value(self.order, &self.coefficients, state)
     }
 }
 
@@ -42,7 +42,7 @@ pub struct Weighted<'a> {
     run: &'a SceneRun,
     per_turn: usize,
     stretches: Vec<(Stretch, Vec<f64>)>,
-    speeds_hz: Vec<f64>,
+    states: Vec<State>,
     weight_of_turn: Vec<f64>,
 }
 
@@ -59,20 +59,20 @@ impl<'a> Weighted<'a> {
             stretches.iter().map(|s| (*s, WINDOW.weights(s.turns * per_turn))).collect();
         let turns =
             || stretches.iter().flat_map(|(s, weights)| (s.from..s.from + s.turns).zip(weights.chunks(per_turn)));
-        let speeds_hz = turns().map(|(turn, _)| run.speeds_hz[turn]).collect();
+        let states = turns().map(|(turn, _)| run.states[turn]).collect();
         let weight_of_turn = turns().map(|(_, w)| w.iter().sum()).collect();
-        Self { run, per_turn, speeds_hz, weight_of_turn, stretches }
+        Self { run, per_turn, states, weight_of_turn, stretches }
     }
 
-    /// Speeds of the turns, Hz.
-    pub fn speeds_hz(&self) -> &[f64] {
-        &self.speeds_hz
+    /// How the pinion turns in each turn.
+    pub fn states(&self) -> &[State] {
+        &self.states
     }
 
     /// Twice the weighted Fourier sums of a line, turn by turn.
     pub fn sums(&self, samples: &[f64], order: f64) -> Vec<Complex64> {
         let step = Complex64::from_polar(1.0, -TAU * order / self.per_turn as f64);
-        let mut sums = Vec::with_capacity(self.speeds_hz.len());
+        let mut sums = Vec::with_capacity(self.states.len());
         for (stretch, weights) in &self.stretches {
             let part = samples[stretch.samples(self.per_turn)].chunks(self.per_turn);
             for (i, (values, weights)) in part.zip(weights.chunks(self.per_turn)).enumerate() {
@@ -115,7 +115,7 @@ impl<'a> Weighted<'a> {
                     lines.push(FittedLine { order, basis, coefficients });
                 }
                 let line = &mut lines[i];
-                let change = line.basis.fit(order, &self.speeds_hz, &self.weight_of_turn, &sums);
+                let change = line.basis.fit(order, &self.states, &self.weight_of_turn, &sums);
                 line.coefficients.iter_mut().zip(&change).for_each(|(c, change)| *c += change);
                 let change = FittedLine { order, basis: line.basis.clone(), coefficients: change };
                 subtract(samples, self.run, &change);
@@ -129,11 +129,11 @@ impl<'a> Weighted<'a> {
 pub fn subtract(samples: &mut [f64], run: &SceneRun, line: &FittedLine) {
     let per_turn = run.angle.per_turn[0];
     let step = Complex64::from_polar(1.0, TAU * line.order / per_turn as f64);
-    let speeds = &run.speeds_hz;
+    let states = &run.states;
     // At the border of two turns; within a turn the amplitude goes straight on, or its steps would be lines of the pinion's shaft.
     let at_border = |turn: usize| {
-        let (before, after) = (turn.saturating_sub(1), turn.min(speeds.len() - 1));
-        line.at(0.5 * (speeds[before] + speeds[after]))
+        let (before, after) = (turn.saturating_sub(1), turn.min(states.len() - 1));
+        line.at([0, 1].map(|i| 0.5 * (states[before][i] + states[after][i])))
     };
     let ahead = step.powu(LANES as u32);
     let mut begin = at_border(0);

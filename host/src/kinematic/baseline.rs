@@ -81,7 +81,7 @@ impl Baseline {
     pub fn nearest_mesh(&self, scene: &Scene, run: usize, channel: usize, order: f64) -> f64 {
         let lines = &self.lines[run][channel];
         let k = ((order / scene.mesh_order()).round().max(1.0) as usize).min(lines.len());
-        lines.get(k.wrapping_sub(1)).map_or(0.0, |line| line.at(scene.runs[run].angle.speed.mean_hz).norm())
+        lines.get(k.wrapping_sub(1)).map_or(0.0, |line| line.at([scene.runs[run].angle.speed.mean_hz, 0.0]).norm())
     }
 
     /// Largest mean amplitude of a mesh line in a run and channel.
@@ -102,7 +102,7 @@ fn choice(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Choice {
     // Over whole turns of the gear its sidebands cancel: they are no course of the mesh line.
     let block = (1.0 / run.angle.slower_order()).round().max(1.0) as usize;
     let held = run.split.held_out.iter().map(|stretch| stretch.turns).max().unwrap_or(0);
-    let choice = Choice::new(weighted.speeds_hz(), weighted.weight_of_turn(), block, held);
+    let choice = Choice::new(weighted.states(), weighted.weight_of_turn(), block, held);
     if run.angle.speed.fastest_hz < MOVES * run.angle.speed.slowest_hz {
         return choice;
     }

@@ -3,7 +3,7 @@
 //! One hat is a constant, two a straight line, more are straight pieces between nodes at equal shares of the fitted turns. Between
 //! nodes nothing can swing out, so a stretch that was not fitted is interpolated soberly; a polynomial is not. A resonance of the path stands at a frequency, not at a
 //! speed: its function `f^2 / (f_m^2 - f^2 + 2 i zeta f f_m)` of the line's own frequency is shared by every line and channel ([`super::poles`]), only the residue is free. It
-//! carries across a gap of speeds what no interpolation can. Every function of every line is a complex unknown and is counted.
+//! carries across a gap of speeds what no interpolation can. A speed that changes takes a torque, which the mesh carries beside the load's: a function of the rate of change. Every function of every line is a complex unknown and is counted.
 
 use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
@@ -15,37 +15,46 @@ const SMALL: f64 = 1e-5;
 /// A pole: frequency, Hz, and damping ratio.
 pub type Pole = [f64; 2];
 
-/// Functions of the speed.
+/// How a shaft turns: speed, Hz, and its rate of change over the usual one.
+pub type State = [f64; 2];
+
+/// Functions of the speed and its rate of change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
     nodes_hz: Vec<f64>,
     poles: Vec<Pole>,
+    swings: bool,
 }
 
 impl Basis {
     /// A constant.
     pub fn constant() -> Self {
-        Self { nodes_hz: vec![0.0], poles: Vec::new() }
+        Self { nodes_hz: vec![0.0], poles: Vec::new(), swings: false }
     }
 
     /// `count` hats over the speeds of the fitted turns; fewer where these hardly differ.
-    pub fn of_speeds(speeds_hz: &[f64], count: usize) -> Self {
-        let mut sorted = speeds_hz.to_vec();
+    pub fn of_speeds(states: &[State], count: usize) -> Self {
+        let mut sorted: Vec<f64> = states.iter().map(|state| state[0]).collect();
         sorted.sort_by(f64::total_cmp);
         let Some(last) = sorted.len().checked_sub(1).filter(|_| count > 1) else { return Self::constant() };
         let mut nodes_hz: Vec<f64> = (0..count).map(|i| sorted[i * last / (count - 1)]).collect();
         nodes_hz.dedup_by(|a, b| *a - *b < 1e-9 * b.abs());
-        Self { nodes_hz, poles: Vec::new() }
+        Self { nodes_hz, poles: Vec::new(), swings: false }
     }
 
     /// The same with resonances.
     pub fn with_poles(&self, poles: &[Pole]) -> Self {
-        Self { nodes_hz: self.nodes_hz.clone(), poles: poles.to_vec() }
+        Self { poles: poles.to_vec(), ..self.clone() }
+    }
+
+    /// The same with the rate of change.
+    pub fn with_swings(&self) -> Self {
+        Self { swings: true, ..self.clone() }
     }
 
     /// Number of functions.
     pub fn len(&self) -> usize {
-        self.nodes_hz.len() + self.poles.len()
+        self.nodes_hz.len() + self.poles.len() + usize::from(self.swings)
     }
 
     /// Never: there is always the constant.
@@ -64,27 +73,27 @@ impl Basis {
         [(i, 1.0 - u), (i + 1, u)]
     }
 
-    /// Functions of a line of this order that are not zero at a speed.
-    fn functions(&self, order: f64, speed_hz: f64) -> impl Iterator<Item = (usize, Complex64)> + Clone + '_ {
+    /// Functions of a line of this order that are not zero at a state.
+    fn functions(&self, order: f64, [speed_hz, swing]: State) -> impl Iterator<Item = (usize, Complex64)> + Clone + '_ {
         let hats = self.hats(speed_hz).map(|(i, u)| (i, Complex64::new(u, 0.0)));
         let first = self.nodes_hz.len();
-        let resonances =
-            self.poles.iter().enumerate().map(move |(m, pole)| (first + m, resonance(*pole, order * speed_hz)));
-        hats.into_iter().chain(resonances)
+        let of_pole = move |(m, pole): (usize, &Pole)| (first + m, resonance(*pole, order * speed_hz));
+        let last = self.swings.then(|| (first + self.poles.len(), Complex64::new(swing, 0.0)));
+        hats.into_iter().chain(self.poles.iter().enumerate().map(of_pole)).chain(last)
     }
 
-    /// A value at a speed from the coefficients of a line of this order.
-    pub fn value(&self, order: f64, coefficients: &[Complex64], speed_hz: f64) -> Complex64 {
-        self.functions(order, speed_hz).map(|(i, u)| coefficients[i] * u).sum()
+    /// A value at a state from the coefficients of a line of this order.
+    pub fn value(&self, order: f64, coefficients: &[Complex64], state: State) -> Complex64 {
+        self.functions(order, state).map(|(i, u)| coefficients[i] * u).sum()
     }
 
     /// Least squares of values with weights at speeds: the coefficients.
-    pub fn fit(&self, order: f64, speeds_hz: &[f64], weights: &[f64], weighted_values: &[Complex64]) -> Vec<Complex64> {
+    pub fn fit(&self, order: f64, states: &[State], weights: &[f64], weighted_values: &[Complex64]) -> Vec<Complex64> {
         let n = self.len();
         let mut matrix = DMatrix::<Complex64>::zeros(n, n);
         let mut right = DVector::<Complex64>::zeros(n);
-        for ((&speed, &weight), value) in speeds_hz.iter().zip(weights).zip(weighted_values) {
-            let functions = self.functions(order, speed);
+        for ((&state, &weight), value) in states.iter().zip(weights).zip(weighted_values) {
+            let functions = self.functions(order, state);
             for (i, u) in functions.clone() {
                 right[i] += u.conj() * value;
                 for (j, v) in functions.clone() {
@@ -127,26 +136,26 @@ mod tests {
     #[test]
     fn theory_a_straight_course_is_fitted_and_carried_across_a_gap() {
         let truth = |s: f64| Complex64::new(2.0 * s - 3.0, 1.0 - s);
-        let speeds: Vec<f64> =
-            (0..200).map(|i| 10.0 + 0.05 * f64::from(i)).filter(|s| !(14.0..16.0).contains(s)).collect();
+        let speeds: Vec<State> =
+            (0..200).map(|i| [10.0 + 0.05 * f64::from(i), 0.0]).filter(|s| !(14.0..16.0).contains(&s[0])).collect();
         for count in [2, 3, 6] {
             let basis = Basis::of_speeds(&speeds, count);
-            let values: Vec<Complex64> = speeds.iter().map(|s| truth(*s)).collect();
+            let values: Vec<Complex64> = speeds.iter().map(|s| truth(s[0])).collect();
             let fit = basis.fit(1.0, &speeds, &vec![1.0; speeds.len()], &values);
-            assert!((basis.value(1.0, &fit, 15.0) - truth(15.0)).norm() < 1e-5, "{count}");
+            assert!((basis.value(1.0, &fit, [15.0, 0.0]) - truth(15.0)).norm() < 1e-5, "{count}");
         }
-        assert_eq!(Basis::of_speeds(&[20.0; 50], 5).len(), 1);
+        assert_eq!(Basis::of_speeds(&[[20.0, 0.0]; 50], 5).len(), 1);
     }
 
     #[test]
     fn theory_a_resonance_in_a_gap_is_carried_by_its_pole_alone() {
         let truth = |s: f64| Complex64::new(0.3, 0.1) + Complex64::new(1.0, -2.0) * resonance([150.0, 0.02], 10.0 * s);
-        let speeds: Vec<f64> =
-            (0..200).map(|i| 10.0 + 0.05 * f64::from(i)).filter(|s| !(14.5..15.5).contains(s)).collect();
-        let values: Vec<Complex64> = speeds.iter().map(|s| truth(*s)).collect();
+        let speeds: Vec<State> =
+            (0..200).map(|i| [10.0 + 0.05 * f64::from(i), 0.0]).filter(|s| !(14.5..15.5).contains(&s[0])).collect();
+        let values: Vec<Complex64> = speeds.iter().map(|s| truth(s[0])).collect();
         let error = |basis: &Basis| {
             let fit = basis.fit(10.0, &speeds, &vec![1.0; speeds.len()], &values);
-            (basis.value(10.0, &fit, 15.0) - truth(15.0)).norm()
+            (basis.value(10.0, &fit, [15.0, 0.0]) - truth(15.0)).norm()
         };
         let hats = Basis::of_speeds(&speeds, 28);
         assert!(error(&hats) > 0.5 && error(&Basis::constant().with_poles(&[[150.0, 0.02]])) < 0.02);

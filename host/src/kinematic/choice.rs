@@ -4,7 +4,7 @@
 //! stretches as long as those held out; each inner one is predicted from the others. The next richer basis must predict better by
 //! the share that its unknowns would gain by chance. Means are over whole turns of the slower shaft, over which its sidebands cancel.
 
-use super::basis::{Basis, Pole};
+use super::basis::{Basis, Pole, State};
 use super::poles::{Course, Sweep};
 use rustfft::num_complex::Complex64;
 
@@ -15,13 +15,13 @@ const PER_FUNCTION: usize = 3;
 /// Hats beside resonances.
 const BESIDE: [usize; 3] = [1, 2, 4];
 /// Richer bases in turn that gain nothing, after which no richer one is tried.
-const IN_VAIN: usize = 2;
+const IN_VAIN: usize = 3;
 /// Folds.
 const FOLDS: (usize, usize) = (6, 16);
 
 /// Bases that a run's lines may have.
 pub struct Choice {
-    /// Speeds and weights of the stretches.
+    /// States and weights of the stretches.
     pub sweep: Sweep,
     /// Turns of a stretch.
     block: usize,
@@ -31,19 +31,21 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// From the fitted turns' speeds and weights; a stretch is `block` turns, `held_turns` is the longest stretch held out.
-    pub fn new(speeds_hz: &[f64], weights: &[f64], block: usize, held_turns: usize) -> Self {
+    /// From the fitted turns' states and weights; a stretch is `block` turns, `held_turns` is the longest stretch held out.
+    pub fn new(states: &[State], weights: &[f64], block: usize, held_turns: usize) -> Self {
         let block = block.max(1);
-        let mean = |(s, w): (&[f64], &[f64])| {
+        let mean = |(s, w): (&[State], &[f64])| {
             let weight: f64 = w.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            (s.iter().zip(w).map(|(s, w)| s * w).sum::<f64>() / weight, weight)
+            let of = |i: usize| s.iter().zip(w).map(|(s, w)| s[i] * w).sum::<f64>() / weight;
+            ([of(0), of(1)], weight)
         };
-        let (speeds, weights): (Vec<f64>, Vec<f64>) =
-            speeds_hz.chunks(block).zip(weights.chunks(block)).map(mean).unzip();
-        let fits = |n: &&usize| **n == 1 || **n * PER_FUNCTION <= speeds.len();
-        let hats = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(&speeds, *n)).collect();
-        let folds = (speeds.len() * block / held_turns.max(1)).clamp(FOLDS.0, FOLDS.1);
-        Self { sweep: Sweep::new(speeds, weights), block, hats, poles: Vec::new(), folds }
+        let (states, weights): (Vec<State>, Vec<f64>) =
+            states.chunks(block).zip(weights.chunks(block)).map(mean).unzip();
+        let fits = |n: &&usize| **n == 1 || **n * PER_FUNCTION <= states.len();
+        let hats: Vec<Basis> = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(&states, *n)).collect();
+        let hats = hats.iter().flat_map(|basis| [basis.clone(), basis.with_swings()]).collect();
+        let folds = (states.len() * block / held_turns.max(1)).clamp(FOLDS.0, FOLDS.1);
+        Self { sweep: Sweep::new(states, weights), block, hats, poles: Vec::new(), folds }
     }
 
     /// With resonances.
@@ -62,7 +64,7 @@ impl Choice {
         let near = self.sweep.near(&self.poles, order);
         let mut bases = self.hats.clone();
         if !near.is_empty() {
-            bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.speeds_hz, *n).with_poles(&near)));
+            bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.states, *n).with_poles(&near)));
         }
         let count = course.sums.len() as f64;
         let (mut best, mut in_vain): (Option<(f64, Basis)>, usize) = (None, 0);
@@ -87,7 +89,7 @@ impl Choice {
 
     /// What the inner folds leave, each predicted from the others.
     fn predicted(&self, course: &Course, basis: &Basis) -> f64 {
-        let (speeds, weights, count) = (&self.sweep.speeds_hz, &self.sweep.weights, course.sums.len());
+        let (states, weights, count) = (&self.sweep.states, &self.sweep.weights, course.sums.len());
         let fold = |i: usize| i * self.folds / count;
         (1..self.folds.saturating_sub(1))
             .map(|left_out| {
@@ -96,9 +98,9 @@ impl Choice {
                 let zero = Complex64::default();
                 let sums: Vec<Complex64> =
                     (0..count).map(|i| if fold(i) == left_out { zero } else { course.sums[i] }).collect();
-                let fit = basis.fit(course.order, speeds, &kept, &sums);
+                let fit = basis.fit(course.order, states, &kept, &sums);
                 let error = |i: usize| {
-                    let left = course.sums[i] - basis.value(course.order, &fit, speeds[i]) * weights[i];
+                    let left = course.sums[i] - basis.value(course.order, &fit, states[i]) * weights[i];
                     left.norm_sqr() / weights[i].max(f64::MIN_POSITIVE)
                 };
                 (0..count).filter(|i| fold(*i) == left_out).map(error).sum::<f64>()

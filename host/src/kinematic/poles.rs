@@ -5,7 +5,7 @@
 //! criterion). The same idea as least-squares complex frequency domain fits, on amplitudes of lines instead of a frequency response. Only where the speed moves by
 //! a tenth: a wander hardly sweeps anything, and straight pieces follow it. Limit: a response as the sweep passes is taken for the steady one.
 
-use super::basis::{Basis, Pole, resonance};
+use super::basis::{Basis, Pole, State, resonance};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 
@@ -32,8 +32,8 @@ pub struct Course {
 
 /// What all courses share.
 pub struct Sweep {
-    /// Speeds of the stretches, Hz.
-    pub speeds_hz: Vec<f64>,
+    /// How the shaft turns in the stretches.
+    pub states: Vec<State>,
     /// Their weights.
     pub weights: Vec<f64>,
     /// Slowest and fastest.
@@ -42,9 +42,9 @@ pub struct Sweep {
 
 impl Sweep {
     /// Of stretches.
-    pub fn new(speeds_hz: Vec<f64>, weights: Vec<f64>) -> Self {
-        let range_hz = speeds_hz.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), s| (l.min(*s), h.max(*s)));
-        Self { speeds_hz, weights, range_hz }
+    pub fn new(states: Vec<State>, weights: Vec<f64>) -> Self {
+        let range_hz = states.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), s| (l.min(s[0]), h.max(s[0])));
+        Self { states, weights, range_hz }
     }
 
     /// Poles that act on a line of this order.
@@ -61,9 +61,9 @@ impl Sweep {
 
     /// What a basis leaves of a course, weighted.
     fn left(&self, course: &Course, basis: &Basis) -> Vec<Complex64> {
-        let fit = basis.fit(course.order, &self.speeds_hz, &self.weights, &course.sums);
-        let value = |((s, w), sum): ((&f64, &f64), &Complex64)| sum - basis.value(course.order, &fit, *s) * *w;
-        self.speeds_hz.iter().zip(&self.weights).zip(&course.sums).map(value).collect()
+        let fit = basis.fit(course.order, &self.states, &self.weights, &course.sums);
+        let value = |((s, w), sum): ((&State, &f64), &Complex64)| sum - basis.value(course.order, &fit, *s) * *w;
+        self.states.iter().zip(&self.weights).zip(&course.sums).map(value).collect()
     }
 
     fn power(&self, left: &[Complex64]) -> f64 {
@@ -81,7 +81,7 @@ impl Sweep {
 
 /// The poles that the courses pay for, ascending.
 pub fn found(sweep: &Sweep, courses: &[Course]) -> Vec<Pole> {
-    let straight = Basis::of_speeds(&sweep.speeds_hz, 2);
+    let straight = Basis::of_speeds(&sweep.states, 2);
     let mut poles: Vec<Pole> = Vec::new();
     let total = |poles: &[Pole]| -> f64 { courses.par_iter().map(|c| sweep.criterion(c, &straight, poles)).sum() };
     let mut best = total(&poles);
@@ -138,8 +138,8 @@ fn proposed(sweep: &Sweep, courses: &[Course], straight: &Basis, poles: &[Pole])
         let near = rests.iter().filter(|(order, ..)| !sweep.near(&[pole], *order).is_empty());
         let of_line = |(order, left, power): &(f64, Vec<Complex64>, f64)| {
             let (mut product, mut size) = (Complex64::default(), 0.0);
-            for ((s, w), l) in sweep.speeds_hz.iter().zip(&sweep.weights).zip(left) {
-                let u = resonance(pole, order * s);
+            for ((s, w), l) in sweep.states.iter().zip(&sweep.weights).zip(left) {
+                let u = resonance(pole, order * s[0]);
                 product += u.conj() * l;
                 size += w * u.norm_sqr();
             }

@@ -21,8 +21,8 @@ const LOWEST_HZ: f64 = 5.0;
 /// Share of the sampling rate up to which frequencies are looked at.
 const PASS_SHARE: f64 = 0.4;
 
-/// Shares of the sampling rate between which folded harmonics are looked for.
-const FOLDED: [f64; 2] = [0.55, 0.97];
+/// Shares of the sampling rate between which folded harmonics are looked for: nearer to half of it, what a filter of usual steepness lets through folds.
+const FOLDED: [f64; 2] = [0.62, 0.97];
 
 /// The four views, and the bands of the envelopes.
 pub struct Views {

@@ -3,6 +3,7 @@
 //! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a run without enough turns. Cost: eight bytes
 //! per point at equal angles and channel, a few copies of it while the loop works ([`GRID`]).
 
+use super::basis::State;
 use super::phase;
 use super::split::Split;
 use crate::analysis::angle::Angle;
@@ -33,8 +34,8 @@ pub struct SceneRun {
     pub rate_hz: f64,
     /// Which turns are fitted.
     pub split: Split,
-    /// Speed of the pinion in each turn of the grid, Hz.
-    pub speeds_hz: Vec<f64>,
+    /// How the pinion turns in each turn of the grid.
+    pub states: Vec<State>,
     /// Samples over time, channel by channel, record's unit.
     pub signals: Vec<Vec<f64>>,
     /// Samples at equal angles less their mean, channel by channel.
@@ -173,7 +174,7 @@ fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order
         index,
         rate_hz,
         split: Split::new(angle.turns, angle.slower_order(), angle.speed.fastest_hz / angle.speed.slowest_hz),
-        speeds_hz: Vec::new(),
+        states: Vec::new(),
         at_limit: channels.iter().map(at_limit).collect(),
         signals: channels.iter().map(|&c| run.signal_m_s2(c)).collect(),
         samples: Vec::new(),
@@ -181,6 +182,17 @@ fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order
     };
     seen.read(highest_order);
     seen
+}
+
+/// Speeds of the turns with their rates of change, over the root mean square of these.
+fn states(speeds_hz: &[f64]) -> Vec<State> {
+    let rate = |i: usize| {
+        let (before, after) = (i.saturating_sub(1), (i + 1).min(speeds_hz.len() - 1));
+        (speeds_hz[after] - speeds_hz[before]) * speeds_hz[i] / (after - before).max(1) as f64
+    };
+    let rates: Vec<f64> = (0..speeds_hz.len()).map(rate).collect();
+    let usual = (rates.iter().map(|r| r * r).sum::<f64>() / rates.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
+    speeds_hz.iter().zip(&rates).map(|(speed, rate)| [*speed, rate / usual]).collect()
 }
 
 /// A signal at equal angles, less its mean and what lies above the highest order: what no run holds at every speed is no error of a model.
@@ -208,7 +220,8 @@ impl SceneRun {
     fn read(&mut self, highest_order: f64) {
         let angle = &self.angle;
         let time = |turn: usize| angle.map.time_at(angle.from_turn + turn as f64);
-        self.speeds_hz = (0..angle.turns).map(|i| 1.0 / (time(i + 1) - time(i))).collect();
+        let speeds: Vec<f64> = (0..angle.turns).map(|i| 1.0 / (time(i + 1) - time(i))).collect();
+        self.states = states(&speeds);
         self.samples = self.signals.par_iter().map(|s| on_grid(angle, s, self.rate_hz, highest_order)).collect();
     }
 
