@@ -24,6 +24,11 @@ pub struct Spectra {
 
 /// Fewest and most bins over which a median of the noise is taken.
 const STRETCH_BINS: (usize, usize) = (9, 64);
+/// Distance from a mesh harmonic within which skirts are followed, orders; bins beside a line that say how high one is, past its own main lobe; floors
+/// by which it must exceed the wide one: beyond the scatter of so few bins.
+const SKIRT_REACH: f64 = 2.5;
+const SKIRT_BINS: std::ops::Range<usize> = 5..15;
+const SKIRT: f64 = 1.8;
 /// Share of the slower shaft's order that is the lowest looked at.
 const LOWEST: f64 = 0.25;
 
@@ -44,7 +49,12 @@ impl Spectra {
             let of_stretch = |samples: &[f64], s: Stretch| {
                 search::levels(&samples[s.samples(angle.per_turn[0])], angle.per_turn[0], angle.slower_order(), &range)
             };
-            grids[r].iter().map(|samples| mean(stretches(r).into_iter().map(|s| of_stretch(samples, s)))).collect()
+            let of_channel = |samples: &Vec<f64>| {
+                let mut levels = mean(stretches(r).into_iter().map(|s| of_stretch(samples, s)));
+                levels.iter_mut().for_each(|level| follow_skirts(level, scene.mesh_order(), highest));
+                levels
+            };
+            grids[r].iter().map(of_channel).collect()
         };
         let levels = (0..scene.runs.len()).into_par_iter().map(of_run).collect();
         Self { levels, lowest, highest }
@@ -102,6 +112,31 @@ impl Spectra {
         let centre = (order / level.density.bin).round() as usize;
         let range = centre.saturating_sub(bins)..(centre + bins + 1).min(level.floor.len());
         range.map(|i| (level.density.values[i] - level.floor[i]) * level.density.bin).sum()
+    }
+}
+
+/// Raises the floor about the mesh harmonics to where a skirt lifts the bins beside each: a line must stand out of what is next to it.
+fn follow_skirts(level: &mut Level, mesh_order: f64, highest: f64) {
+    let bin = level.density.bin;
+    let k = level.averages.max(1) as f64;
+    let mean_over_median = (1.0 - 1.0 / (9.0 * k)).powi(-3);
+    let values = &level.density.values;
+    let count = values.len().min(level.floor.len());
+    let beside = |i: usize| -> f64 {
+        let near = SKIRT_BINS.flat_map(|d| [i.checked_sub(d), Some(i + d).filter(|j| *j < count)]);
+        let mut bins: Vec<f64> = near.flatten().map(|j| values[j]).collect();
+        let middle = bins.len() / 2;
+        if bins.is_empty() { 0.0 } else { mean_over_median * *bins.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    };
+    for harmonic in 0..=(highest / mesh_order) as usize {
+        let centre = harmonic as f64 * mesh_order;
+        let (from, to) = (((centre - SKIRT_REACH) / bin).max(0.0) as usize, ((centre + SKIRT_REACH) / bin) as usize);
+        for i in from..to.min(count) {
+            let raised = beside(i);
+            if raised > SKIRT * level.floor[i] {
+                level.floor[i] = raised;
+            }
+        }
     }
 }
 
