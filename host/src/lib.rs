@@ -11,6 +11,7 @@ pub mod error;
 pub mod field;
 pub mod field_proof;
 pub mod import;
+pub mod injection;
 pub mod kinematic;
 pub mod law;
 pub mod link;

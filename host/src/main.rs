@@ -47,6 +47,8 @@ enum Command {
     Loop(commands::close::Args),
     /// Published measurements: lines the model lacks, held-out error before and after.
     Measured(commands::measured::Args),
+    /// Known effects put into a measured record: found, rightly named, or not, against the limits that the loop prints.
+    Inject(commands::inject::Args),
     /// Proof campaign of the loop on generated records: null, power, withheld effects, two effects.
     Prove(commands::prove::Args),
 }
@@ -85,6 +87,7 @@ fn run(command: Command) -> Result<()> {
         Command::Simulate(args) => commands::simulate::run(args),
         Command::Loop(args) => commands::close::run(args),
         Command::Measured(args) => commands::measured::run(args),
+        Command::Inject(args) => commands::inject::run(args),
         Command::Prove(args) => commands::prove::run(args),
     }
 }

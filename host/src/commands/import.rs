@@ -62,6 +62,15 @@ pub struct Args {
     /// Torque at the pinion's shaft, N m; one for all runs, or one for each, separated by commas.
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     torque: Vec<f64>,
+    /// Load of every run in any one unit (percent), separated by commas: the loop then looks for a law of the speed against it.
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
+    load: Vec<f64>,
+    /// The rig has one shaft and no gears.
+    #[arg(long, conflicts_with_all = ["teeth", "machine"])]
+    no_gears: bool,
+    /// No tachometer was recorded; the shaft turns at this constant speed, rpm.
+    #[arg(long, value_name = "RPM", conflicts_with_all = ["no_tach", "tach"])]
+    speed: Option<f64>,
     /// Machine file: the record then declares the whole machine, its tooth counts included.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
@@ -129,11 +138,14 @@ pub fn run(args: Args) -> Result<()> {
         source_full_scale: args.source_full_scale.as_deref().map_or(Ok(Vec::new()), full_scales)?,
         float: args.float,
         torques_n_m: args.torque,
+        loads: args.load,
+        no_gears: args.no_gears,
         machine,
         files_are_runs: args.runs,
         tach: match measured {
             Some(tach) => TachChoice::Measured(tach),
             None if args.no_tach => TachChoice::None,
+            None if args.speed.is_some() => TachChoice::Nominal(args.speed.unwrap_or(f64::NAN) / 60.0),
             None => TachChoice::Virtual,
         },
         remove_mean: args.remove_mean,

@@ -1,63 +1,63 @@
-//! `meshband measured`: published measurements against the model, error before and after on the held-out part.
+//! `meshband measured`: every case file of a folder through import and loop, and the page of all.
 
 use super::results::Force;
-use clap::{Args as ClapArgs, ValueEnum};
-use meshband_host::measured::{adi, gear0, gfd, paderborn, paper};
-use meshband_host::output::{OutputFile, show};
-use meshband_host::{Error, Result};
+use clap::Args as ClapArgs;
+use meshband_host::measured::{Case, cases, page, run as run_case};
+use meshband_host::output::show;
+use meshband_host::{Result, kinematic, say};
 use serde::Serialize;
 use std::path::PathBuf;
-
-/// Data sets.
-#[derive(Clone, Copy, ValueEnum)]
-enum Set {
-    /// The paper's quoted lines (needs no data).
-    Paper,
-    /// One pair, synchronous accelerometers.
-    Gear0,
-    /// Two-stage box at ten loads.
-    Gfd,
-    /// Rotor rig: imbalance.
-    Adi,
-    /// Bearing rig: ring damage.
-    Paderborn,
-}
 
 /// Arguments of `meshband measured`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Data set.
-    set: Set,
-    /// Folder that holds the data sets' folders; see docs/measured.md for where to get them.
+    /// Folder of case files.
+    cases: PathBuf,
+    /// Folder that holds the data sets' folders; the case files say where to get them.
     #[arg(long)]
-    data: Option<PathBuf>,
-    /// Writes the result as JSON; `-` is standard output.
+    data: PathBuf,
+    /// Writes all outcomes as one Markdown page.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Writes the results as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     #[command(flatten)]
     permission: Force,
 }
 
-/// Runs the analysis of one data set and prints its tables.
-pub fn run(args: Args) -> Result<()> {
-    let data = match (args.set, args.data) {
-        (Set::Paper, _) => PathBuf::new(),
-        (_, Some(data)) => data,
-        _ => return Err(Error::invalid("--data", "is needed: the folder that holds gear0, gfd, adi, paderborn")),
-    };
-    let json = args.permission.outputs([data.as_path()]).optional(args.json.as_deref())?;
-    match args.set {
-        Set::Paper => finish(&paper::run()?, paper::Outcome::summary, json),
-        Set::Gear0 => finish(&gear0::run(&data)?, gear0::Outcome::summary, json),
-        Set::Gfd => finish(&gfd::run(&data)?, gfd::Outcome::summary, json),
-        Set::Adi => finish(&adi::run(&data)?, adi::Outcome::summary, json),
-        Set::Paderborn => finish(&paderborn::run(&data)?, paderborn::Outcome::summary, json),
-    }
+#[derive(Serialize)]
+struct Written<'a> {
+    case: &'a str,
+    #[serde(flatten)]
+    outcome: &'a kinematic::outcome::Outcome,
 }
 
-fn finish<T: Serialize>(outcome: &T, summary: fn(&T) -> String, json: Option<OutputFile>) -> Result<()> {
-    if let Some(mut file) = json {
-        file.write_json(outcome)?;
+/// Runs every case whose data are there; a case without data is said and passed over.
+pub fn run(args: Args) -> Result<()> {
+    let mut outputs = args.permission.outputs([args.cases.as_path(), args.data.as_path()]);
+    let mut json = outputs.optional(args.json.as_deref())?;
+    let mut markdown = outputs.optional(args.output.as_deref())?;
+    let mut done: Vec<(Case, kinematic::outcome::Outcome)> = Vec::new();
+    let mut absent = Vec::new();
+    let all = cases(&args.cases)?;
+    for case in &all {
+        case.paths(&args.data).err().into_iter().for_each(|error| absent.push(format!("{}: {error}", case.name)));
     }
-    show(&summary(outcome))
+    for case in all.into_iter().filter(|case| case.paths(&args.data).is_ok()) {
+        let outcome = run_case(&case, &args.data)?;
+        done.push((case, outcome));
+    }
+    if let Some(file) = &mut json {
+        let all: Vec<Written> = done.iter().map(|(case, outcome)| Written { case: &case.name, outcome }).collect();
+        file.write_json(&all)?;
+    }
+    if let Some(file) = &mut markdown {
+        file.write(page::page(&done))?;
+    }
+    for (case, outcome) in &done {
+        say!("{}", case.title)?;
+        show(&kinematic::view::text(outcome))?;
+    }
+    absent.iter().try_for_each(|error| say!("left out: {error}"))
 }

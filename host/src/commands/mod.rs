@@ -10,6 +10,7 @@ pub mod close;
 pub mod configure;
 pub mod effects;
 pub mod import;
+pub mod inject;
 pub mod law;
 pub mod machine;
 pub mod measured;

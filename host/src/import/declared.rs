@@ -90,6 +90,37 @@ pub(super) fn torque(options: &ImportOptions, run: usize, runs: usize) -> Result
     Ok(Some(torque))
 }
 
+/// Load of run `run` of `runs`.
+///
+/// # Errors
+/// Not one load for each run, and one that is no number.
+pub(super) fn load(options: &ImportOptions, run: usize, runs: usize) -> Result<Option<f64>> {
+    let loads = &options.loads;
+    if loads.is_empty() {
+        return Ok(None);
+    }
+    if loads.len() != runs {
+        return Err(Error::invalid("--load", format!("{} values for {runs} runs", loads.len())));
+    }
+    if !loads[run].is_finite() {
+        return Err(Error::invalid("--load", format!("{} is not a finite number", loads[run])));
+    }
+    Ok(Some(loads[run]))
+}
+
+/// Times of a pulse per turn at a constant speed, from the first sample to the last.
+///
+/// # Errors
+/// A speed that is no positive number, or fewer than two turns.
+pub(super) fn nominal_edges(speed_hz: f64, length_s: f64) -> Result<Vec<f64>> {
+    let turns = length_s * speed_hz;
+    if !(speed_hz.is_finite() && speed_hz > 0.0 && (2.0..1e7).contains(&turns)) {
+        let what = format!("{} rpm is no speed of a shaft recorded for {length_s} s", 60.0 * speed_hz);
+        return Err(Error::invalid("--speed", what));
+    }
+    Ok((0..=turns as usize).map(|i| i as f64 / speed_hz).collect())
+}
+
 /// The record's declaration: the whole machine where it is declared, else the tooth counts.
 ///
 /// # Errors
@@ -105,7 +136,13 @@ pub(super) fn declaration(
             declaration.rest.insert("title".into(), options.title.clone().into());
             Ok((declaration, machine.folder.clone()))
         }
-        None => Ok((Declaration::of_import(&options.title, options.teeth, acquisition, tach), PathBuf::from("."))),
+        None => {
+            let mut declaration = Declaration::of_import(&options.title, options.teeth, acquisition, tach);
+            if options.no_gears {
+                declaration.declare_no_gears();
+            }
+            Ok((declaration, PathBuf::from(".")))
+        }
     }
 }
 

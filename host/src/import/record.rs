@@ -48,6 +48,8 @@ pub enum TachChoice {
     Virtual,
     /// The record has none.
     None,
+    /// None was recorded; the pinion's (or only) shaft turns at this constant speed, turns per second.
+    Nominal(f64),
     /// From a tachometer that was recorded.
     Measured(TachOptions),
 }
@@ -82,6 +84,10 @@ pub struct ImportOptions {
     pub float: bool,
     /// Torques at the pinion's shaft, N m: one, or one for each run; empty where unknown.
     pub torques_n_m: Vec<f64>,
+    /// Loads in any one unit: one for each run; empty where unknown.
+    pub loads: Vec<f64>,
+    /// The rig has one shaft and no gears.
+    pub no_gears: bool,
     /// The machine, where it is known.
     pub machine: Option<Machine>,
     /// Each file is a run of its own instead of channels of one run.
@@ -109,6 +115,8 @@ impl Default for ImportOptions {
             source_full_scale: Vec::new(),
             float: false,
             torques_n_m: Vec::new(),
+            loads: Vec::new(),
+            no_gears: false,
             machine: None,
             files_are_runs: false,
             tach: TachChoice::None,
@@ -162,7 +170,7 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     let mut runs = grouped(files, sources, options.files_are_runs)?;
     let measured = match &options.tach {
         TachChoice::Measured(tach) => tach::measured(tach, &mut runs, rate_hz, options.teeth, &options.reading)?,
-        TachChoice::Virtual | TachChoice::None => {
+        TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => {
             remarks.extend(runs.iter().flat_map(overlooked));
             Vec::new()
         }
@@ -202,7 +210,7 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         measured_tach: figures,
         measured_tach_is: match &options.tach {
             TachChoice::Measured(tach) => Some(tach.described()),
-            TachChoice::Virtual | TachChoice::None => None,
+            TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => None,
         },
         remarks,
     };
@@ -292,6 +300,9 @@ fn made(
         let mut declaration =
             RunDeclaration::numbered(i, options.tach != TachChoice::None, declared::torque(options, i, runs.len())?);
         declaration.other.insert("source".into(), run.label.clone().into());
+        if let Some(load) = declared::load(options, i, runs.len())? {
+            declaration.other.insert(crate::record::LOAD.into(), load.into());
+        }
         let mut edges = Vec::new();
         if let Some(tach) = measured.next() {
             declaration.first_pulse_index = tach.figures.first_pulse_index;
@@ -303,6 +314,8 @@ fn made(
             declaration.other.insert("virtual_tach".into(), table(&tach.quality));
             edges = tach.edges_s;
             quality.push(tach.quality);
+        } else if let TachChoice::Nominal(speed_hz) = options.tach {
+            edges = declared::nominal_edges(speed_hz, run.channels[0].len() as f64 / acquisition.sample_rate_hz)?;
         }
         made.push(Run::from_signals(declaration, acquisition, &run.channels, edges)?);
     }
@@ -311,16 +324,22 @@ fn made(
     let tach = match &options.tach {
         TachChoice::None => None,
         TachChoice::Measured(measured) => Some(measured.declaration(options.teeth, jitter_s)),
-        TachChoice::Virtual => Some(Tach {
-            shaft: "pinion".into(),
-            turns_per_pinion_turn: None,
-            pulses_per_rev: 1,
-            jitter_s: Some(jitter_s),
-            source: Some("virtual".into()),
-            other: Table::new(),
-        }),
+        TachChoice::Virtual => Some(on_pinion("virtual", Some(jitter_s))),
+        TachChoice::Nominal(_) => Some(on_pinion("nominal", None)),
     };
     Ok(Made { runs: made, tach, quality, figures })
+}
+
+/// One pulse per turn of the pinion that no pick-up made.
+fn on_pinion(source: &str, jitter_s: Option<f64>) -> Tach {
+    Tach {
+        shaft: "pinion".into(),
+        turns_per_pinion_turn: None,
+        pulses_per_rev: 1,
+        jitter_s,
+        source: Some(source.into()),
+        other: Table::new(),
+    }
 }
 
 /// Typical level over quantisation noise of every channel, the worst of all runs, with remarks where it is poor.

@@ -78,6 +78,7 @@ pub fn outcome(
         error: ErrorTable { metric: METRIC.into(), errors },
         effects,
         bearing: bearing.map(|b| read(&b, &adopted)),
+        slip: None,
         limits,
         surrogates,
         candidates_tried: parts.search.tried,
@@ -190,8 +191,19 @@ fn effect(
         },
         predicts: if candidate.locked { "waveform" } else { "power" },
         remark: naming.remark.map(str::to_owned),
+        carries: adopted.carries.iter().map(sidebands).collect(),
         lines: lines.into_iter().take(LINES).map(|(_, line)| line).collect(),
     }
+}
+
+/// Sidebands about the lines of a family, in words.
+fn sidebands(carries: &search::Carries) -> String {
+    let v = &carries.verdict;
+    let lines = v.score.of_places.iter().filter(|ln| **ln > 0.0).count();
+    format!(
+        "modulated by {}: {lines} sidebands, {:.1} nats, best moved copy {:.1}",
+        carries.modulator, v.ln_bayes, v.surrogates.highest
+    )
 }
 
 /// The strongest line over all channels: amplitude with its interval, and as a share of the mesh line beside it.

@@ -36,7 +36,7 @@ pub fn limits(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search,
 }
 
 /// One typical candidate of each family, with the alternatives that its search has.
-fn library(context: &Context) -> Vec<(String, Candidate)> {
+pub fn library(context: &Context) -> Vec<(String, Candidate)> {
     let mut all = Vec::new();
     for shaft in Shaft::BOTH {
         let word = shaft.word();

@@ -5,7 +5,8 @@
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated).
 //! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]).
 //! 5. [`errors`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto.
-//! 6. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
+//! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
+//! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
 //! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
 
@@ -14,6 +15,7 @@ pub mod amplitudes;
 pub mod baseline;
 pub mod basis;
 pub mod candidate;
+pub mod carry;
 pub mod choice;
 pub mod describe;
 pub mod errors;
@@ -30,6 +32,8 @@ pub mod report;
 pub mod residual;
 pub mod scene;
 pub mod search;
+pub mod slip;
+pub mod slipping;
 pub mod spectra;
 pub mod split;
 pub mod view;
@@ -42,6 +46,9 @@ use preflight::Preflight;
 use scene::Scene;
 use search::Adopted;
 
+/// A rig of one shaft is a pair of one tooth: its "mesh harmonics" are the shaft's own orders.
+const NO_GEARS: [u32; 2] = [1, 1];
+
 /// Runs the kinematic level on a record.
 ///
 /// # Errors
@@ -49,13 +56,15 @@ use search::Adopted;
 pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let place = record.folder.join("record.toml");
     let missing = || Error::invalid(place.display(), "has no tooth counts");
-    let teeth = record.declaration.teeth().ok_or_else(missing)?;
+    let declaration = &record.declaration;
+    let teeth = if declaration.has_no_gears() { NO_GEARS } else { declaration.teeth().ok_or_else(missing)? };
     let scene = Scene::of(record, record.require_tach()?, teeth)?;
     let baseline = Baseline::of(&scene);
     let fit = residual::views(&scene, &baseline, |split| &split.fit, None);
     let own = mesh_place::spectra(&scene);
-    let misplaced = mesh_place::finding(&scene, &own);
-    let found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
+    let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
+    let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
+    carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
         residual::views(&scene, &baseline, |split| &split.held_out, Some(&fit.bands))
@@ -73,7 +82,8 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
     let parts =
         describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
-    let outcome = describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight);
+    let mut outcome = describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight);
+    outcome.slip = slip::law(record, &scene);
     Ok(match misplaced {
         Some(finding) => outcome.abstaining(finding),
         None => outcome,

@@ -36,6 +36,9 @@ pub struct Outcome {
     pub effects: Vec<Effect>,
     /// Orders read together as a bearing.
     pub bearing: Option<BearingRead>,
+    /// Speed against load, where the runs declare loads.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slip: Option<super::slip::Law>,
     /// Families not found: what would have been.
     pub limits: Vec<Limit>,
     /// What the moved copies of every family judged say.
@@ -141,6 +144,9 @@ pub struct Effect {
     pub predicts: &'static str,
     /// What would decide, or why no name is given.
     pub remark: Option<String>,
+    /// Sidebands about its lines, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub carries: Vec<String>,
     /// Lines that stand: place and order.
     pub lines: Vec<(String, f64)>,
 }

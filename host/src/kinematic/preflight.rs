@@ -75,7 +75,7 @@ impl Preflight {
 
     fn kinematic(&mut self, record: &Record) {
         let missing = &mut self.for_kinematic;
-        if record.declaration.teeth().is_none() {
+        if record.declaration.teeth().is_none() && !record.declaration.has_no_gears() {
             missing.push("tooth counts ([pair] teeth, `import --teeth`)".into());
         }
         let with_edges = record.runs.iter().filter(|run| run.edges_s.len() >= 3).count();
@@ -92,6 +92,7 @@ impl Preflight {
         let Some(tach) = &record.declaration.tach else { return };
         match tach.source.as_deref() {
             Some("virtual") => missing.push("a real tachometer (this one is virtual, its angle 0 unknown)".into()),
+            Some("nominal") => missing.push("a tachometer (there is a nominal speed only)".into()),
             Some("measured") => {
                 missing
                     .push("where the tachometer's angle 0 lies against the teeth (tach.source is \"measured\")".into());

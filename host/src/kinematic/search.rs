@@ -36,9 +36,21 @@ pub struct Adopted {
     pub verdict: Verdict,
     /// The tooth of a single-tooth family.
     pub pulse: Option<tooth::Pulse>,
+    /// Sidebands about the family's lines that the gate let pass, in words; their lines are among the candidate's.
+    pub carries: Vec<Carries>,
+}
+
+/// Sidebands about the lines of a family of neither shaft.
+#[derive(Debug, Clone)]
+pub struct Carries {
+    /// The shaft or the other order that modulates.
+    pub modulator: String,
+    /// The gate's answer.
+    pub verdict: Verdict,
 }
 
 /// What the search found.
+#[derive(Clone)]
 pub struct Search {
     /// Families adopted, in this order.
     pub adopted: Vec<Adopted>,
@@ -106,7 +118,7 @@ pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 4], fe
 }
 
 /// The mesh itself is spoken for; in an envelope the shafts' orders are.
-fn mesh_taken(scene: &Scene, views: &Views) -> [Taken; 4] {
+pub fn mesh_taken(scene: &Scene, views: &Views) -> [Taken; 4] {
     let mut taken: [Taken; 4] = Default::default();
     let z = scene.mesh_order();
     taken[0].extend((1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z));
@@ -129,6 +141,11 @@ fn take_frequencies(taken: &mut Taken, scene: &Scene, views: &Views, order: f64)
 }
 
 impl Search {
+    /// The family that one more round on these views would adopt.
+    pub fn next(&self, scene: &Scene, views: &Views) -> Option<Adopted> {
+        self.clone().round(scene, views)
+    }
+
     fn round(&mut self, scene: &Scene, views: &Views) -> Option<Adopted> {
         let context = context(scene, views, &self.taken, &self.feet);
         let candidates: Vec<Candidate> =
@@ -180,7 +197,7 @@ impl Search {
         if let (Kind::Pattern(shaft), Some(_)) = (candidate.kind, pulse) {
             candidate.kind = Kind::SingleTooth(shaft);
         }
-        Some(Adopted { candidate, verdict, pulse })
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new() })
     }
 
     /// Whether a candidate is what an adopted family has explained already.
@@ -371,7 +388,8 @@ fn take_folded(taken: &mut [Taken; 4], scene: &Scene, views: &Views, order: f64)
     }
 }
 
-fn is_base(candidate: &Candidate) -> bool {
+/// Whether a family has a base of its own, an order of neither shaft.
+pub fn is_base(candidate: &Candidate) -> bool {
     matches!(candidate.kind, Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh)
 }
 

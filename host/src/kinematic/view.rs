@@ -38,6 +38,10 @@ pub fn text(outcome: &Outcome) -> String {
             100.0 * bearing.worst
         );
     }
+    if let Some(law) = &outcome.slip {
+        out += &format!("{}\n", law.sentence());
+        out += &shown(law.table());
+    }
     out += &format!(
         "search: {} candidates; probability of any false family {:.2}\n",
         outcome.candidates_tried, outcome.false_alarm
@@ -77,10 +81,23 @@ pub fn channels(outcome: &Outcome) -> Table {
         row.extend(
             [w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(|x| format!("{x:.4}")),
         );
+        row.push(format!("{:.4} / {:.4}", c.control[0], c.control[1]));
         row
     };
     let rows = outcome.error.errors.per_channel.iter().map(row).collect();
-    (vec!["channel", "", "declared", "calibrated", "corrected", "noise floor", "unexplained share of power"], rows)
+    (
+        vec![
+            "channel",
+            "",
+            "declared",
+            "calibrated",
+            "corrected",
+            "noise floor",
+            "unexplained share of power",
+            "moved copies take, median / most",
+        ],
+        rows,
+    )
 }
 
 /// A probability, never as zero.
@@ -111,6 +128,9 @@ fn of_effect(effect: &Effect) -> String {
     let lines: Vec<String> =
         effect.lines.iter().take(LINES).map(|(label, order)| format!("{label} at {order:.3}")).collect();
     out += &format!("    {} lines: {}\n", effect.lines.len(), lines.join(", "));
+    for sidebands in &effect.carries {
+        out += &format!("    {sidebands}\n");
+    }
     if let Some(remark) = &effect.remark {
         out += &format!("    {remark}\n");
     }

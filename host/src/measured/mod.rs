@@ -1,26 +1,29 @@
-//! Published measurements against the model: which lines it leaves unexplained, which effect they point to, and how
-//! much of *held-out* data (second half, other channels, other loads) that effect explains.
+//! Published measurements through the generic import and loop: a case file says where the data lie and what their owners declare, no answers.
 //!
-//! The measurements themselves are not part of the project; every function takes the folder they lie in. Nothing here
-//! knows a line in advance: spacings and slips come out of searches on the fitting part. Commands and results: `docs/measured.md`.
+//! The measurements themselves are not part of the project. Nothing here knows a record: what is found in one comes out of [`crate::kinematic`].
+//! `paper` is apart: lines quoted in a text, without data.
 
-pub mod adi;
-pub mod comb;
-pub mod gear0;
-pub mod gfd;
-pub mod paderborn;
+pub mod case;
+pub mod page;
 pub mod paper;
 
-use crate::import::{Columns, read};
-use crate::{Error, Result};
+pub use case::{Case, cases};
+
+use crate::kinematic::outcome::Outcome;
+use crate::kinematic::preflight::{Level, Preflight};
+use crate::{Result, import, kinematic};
 use std::path::Path;
 
-/// Reads a measured file, with advice where the data set is not at hand.
-fn file(folder: &Path, set: &str, name: &str) -> Result<Columns> {
-    let path = folder.join(set).join(name);
-    if !path.exists() {
-        let what = "is absent; the measured data are not part of the project, see docs/measured.md for their sources";
-        return Err(Error::invalid(path.display(), what));
-    }
-    read(&path)
+/// Imports a case's files and runs the loop on them.
+///
+/// # Errors
+/// Absent or unreadable files, a record that the loop refuses.
+pub fn run(case: &Case, data: &Path) -> Result<Outcome> {
+    let files = case.paths(data)?;
+    let (record, _) = import::import(&files, &case.import_options())?;
+    let preflight = Preflight::of(&record);
+    preflight.level(Some(Level::Kinematic), &case.name)?;
+    let mut outcome = kinematic::run(&record, &preflight)?;
+    outcome.record = case.title.clone();
+    Ok(outcome)
 }

@@ -66,6 +66,11 @@ pub struct Acquisition {
     pub other: Table,
 }
 
+/// Key of `[import]`: whether the rig has gears.
+const GEARS: &str = "gears";
+/// Key of `[[run]]`: load in any one unit of the record's runs.
+pub const LOAD: &str = "load";
+
 /// `code_bits` of float samples.
 pub const FLOAT_BITS: u32 = 32;
 
@@ -131,6 +136,12 @@ pub struct RunDeclaration {
 }
 
 impl RunDeclaration {
+    /// Load of the run, in whatever unit its record's runs share, where declared.
+    pub fn load(&self) -> Option<f64> {
+        let value = self.other.get(LOAD)?;
+        value.as_float().or(value.as_integer().map(|load| load as f64))
+    }
+
     /// The standard names of run `index`: `runNN.npy` and, with a tach, `runNN.tach.csv`.
     pub fn numbered(index: usize, with_tach: bool, input_torque_n_m: Option<f64>) -> Self {
         Self {
@@ -164,6 +175,17 @@ impl Declaration {
             rest.insert("pair".into(), Value::Table(Table::from_iter([("teeth".to_string(), Value::Array(teeth))])));
         }
         Self { acquisition, tach, runs: Vec::new(), rest, place: "record.toml".into(), folder: PathBuf::new() }
+    }
+
+    /// Declares a rig of one shaft without gears (`[import] gears = false`).
+    pub fn declare_no_gears(&mut self) {
+        let import = Table::from_iter([(GEARS.to_owned(), Value::Boolean(false))]);
+        self.rest.insert("import".into(), Value::Table(import));
+    }
+
+    /// Whether the rig is declared to have no gears.
+    pub fn has_no_gears(&self) -> bool {
+        self.rest.get("import").and_then(|import| import.get(GEARS)) == Some(&Value::Boolean(false))
     }
 
     /// Reads and checks a `record.toml`.

@@ -14,7 +14,7 @@ mod run;
 mod tach;
 
 pub use codes::{CODE_MAX, encode, suggested_full_scale};
-pub use declaration::{Acquisition, Declaration, FLOAT_BITS, RunDeclaration, Tach};
+pub use declaration::{Acquisition, Declaration, FLOAT_BITS, LOAD, RunDeclaration, Tach};
 pub use run::Run;
 pub use tach::{edges_text, read_edges};
 

@@ -1,6 +1,7 @@
 //! The loop's kinematic level on generated records of the measured kind: what is in them is found and named, what is not is not.
 
 mod adverse;
+mod carried;
 #[path = "../common/mod.rs"]
 mod common;
 mod generator;

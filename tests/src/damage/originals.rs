@@ -131,6 +131,10 @@ fn machines(folder: &Path) -> std::io::Result<()> {
     std::fs::write(folder.join("stiffness.csv"), short)
 }
 
+/// A case whose data are not at hand.
+const ABSENT_CASE: &str = "title = 'absent'\nsource = 'nowhere'\ncaution = 'none'\nfiles = ['0']\npath = '{}.npy'\nrate_hz = 5120\nunit = 'unknown'\n\
+teeth = [23, 46]\n";
+
 /// A mesh tone with harmonics and shaft sidebands over a little noise, in every format that is read.
 fn imports(folder: &Path) -> std::io::Result<()> {
     let mut state = 1_u64;
@@ -147,6 +151,8 @@ fn imports(folder: &Path) -> std::io::Result<()> {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes);
     let csv: String = signal.iter().map(|x| format!("{x:.6}\n")).collect();
     write("tone.csv", csv.as_bytes())?;
+    std::fs::create_dir_all(folder.join("cases"))?;
+    write("cases/absent.toml", ABSENT_CASE.as_bytes())?;
     let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
     packed.write_all(csv.as_bytes())?;
     write("tone.csv.gz", &packed.finish()?)?;

@@ -84,7 +84,8 @@ pub struct Bearing {
 /// The bearing that explains most of `bases` (orders of the pinion), at least two different parts of it; none where several numbers of elements do.
 pub fn read(bases: &[f64], gear_order: f64) -> Option<Bearing> {
     let mut all: Vec<Bearing> = Vec::new();
-    for shaft in Shaft::BOTH {
+    // A rig without gears has one shaft.
+    for shaft in Shaft::BOTH.into_iter().filter(|shaft| *shaft == Shaft::Pinion || gear_order != 1.0) {
         let own = [1.0, gear_order][shaft as usize];
         for elements in ELEMENTS {
             for (i, base) in bases.iter().enumerate() {

@@ -4,6 +4,7 @@
 
 pub mod alias;
 pub mod bearing;
+pub mod carried;
 pub mod clipping;
 pub mod fixed_frequency;
 pub mod ghost;

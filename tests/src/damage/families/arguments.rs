@@ -44,7 +44,7 @@ const SOUND: &[(&str, &[(&str, Kind)])] = &[
         &[],
     ),
     ("configure tcp:127.0.0.1:1 --teeth 19 48", &[]),
-    ("measured paper --data in --json out/m.json", &[("out/m.json", Kind::Json)]),
+    ("measured in/cases --data in --json out/m.json", &[("out/m.json", Kind::Json)]),
     (
         "node in/record --run 0 --channel 0 --start 0 --duration 0.05 --rate 20000 --runs 1 --firmware in/capture.bin",
         &[],

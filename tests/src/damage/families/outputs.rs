@@ -25,7 +25,7 @@ const COMMANDS: &[(&str, &[(&str, Kind)])] = &[
         "import in/tone.csv --rate 5120 --no-tach -o out/r --json out/i.json",
         &[("out/r", Kind::Record), ("out/i.json", Kind::Json)],
     ),
-    ("measured paper --json out/m.json", &[("out/m.json", Kind::Json)]),
+    ("measured in/cases --data in --json out/m.json", &[("out/m.json", Kind::Json)]),
     ("--help", &[]),
     ("simulate --help", &[]),
     ("--version", &[]),

@@ -28,7 +28,7 @@ const COMMANDS: &[(&str, Kind)] = &[
     ("effects --machine in/machine.toml --json @", Kind::Json),
     ("loop in/record --json @", Kind::Json),
     ("loop in/record --report @", Kind::Page),
-    ("measured paper --json @", Kind::Json),
+    ("measured in/cases --data in --json @", Kind::Json),
     ("law export in/machine.toml -o @", Kind::Text),
 ];
 

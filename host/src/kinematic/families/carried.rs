@@ -1,0 +1,66 @@
+//! Sidebands about the lines of an order of neither shaft: a bearing's passage modulated by the shafts, or by its own cage.
+//!
+//! A passage about the mesh is itself modulated by whatever turns: `k z1 +- j o + n o_s`, and with the cage `k z1 +- j o + n c`. Unknowns: none but the amplitudes, because carriers and
+//! spacing have been found before. What decides: lines at that spacing about many carriers; the gate moves the sidebands about the carriers as they are. On few
+//! turns close spacings fall together and are told no more. Phases follow no shaft (the carrier slips): power is predicted.
+
+use crate::kinematic::candidate::{Candidate, Domain, Place, Shaft};
+use crate::kinematic::scene::Scene;
+
+/// Sidebands on each side, nested shapes.
+const SHAPES: [i32; 3] = [1, 2, 4];
+/// Share of a carrier's spacing that a modulator may be at most: a wider one is no sideband of it.
+const NARROW: f64 = 0.5;
+
+/// What modulates.
+#[derive(Debug, Clone)]
+pub struct Modulator {
+    /// Its order of the pinion.
+    pub order: f64,
+    /// In words.
+    pub word: String,
+}
+
+/// Both shafts, and the other orders found that are slower than the carrier's.
+pub fn modulators(scene: &Scene, others: &[f64], carrier: f64) -> Vec<Modulator> {
+    let shaft = |shaft: Shaft| Modulator { order: scene.shaft_order(shaft as usize), word: shaft.word().to_owned() };
+    let mut all = Shaft::BOTH.map(shaft).to_vec();
+    all.extend(others.iter().map(|&order| Modulator { order, word: format!("order {order:.4}") }));
+    all.retain(|modulator| modulator.order < NARROW * carrier);
+    all
+}
+
+/// Sidebands of a modulator about the lines that stand, one to four on each side.
+pub fn candidates(scene: &Scene, found: &Candidate, standing: &[&Place], modulator: &Modulator) -> Vec<Candidate> {
+    let shaped = |most: i32| candidate(scene, found, standing, modulator, most);
+    SHAPES.into_iter().map(shaped).filter(|c| c.places.len() > 1).collect()
+}
+
+fn candidate(scene: &Scene, found: &Candidate, standing: &[&Place], modulator: &Modulator, most: i32) -> Candidate {
+    let mut places: Vec<Place> = Vec::new();
+    for carrier in standing {
+        for n in (-most..=most).filter(|n| *n != 0) {
+            let spacing = f64::from(n) * modulator.order;
+            let sign = if n < 0 { "-" } else { "+" };
+            let label = format!("{} {sign} {} {}", carrier.label, n.abs(), modulator.word);
+            places.push(Place { order: carrier.order + spacing, spacing, label });
+        }
+    }
+    let apart = scene.resolution();
+    let own = scene.gear_order;
+    let of_shaft = |order: f64| {
+        (order - order.round()).abs() <= apart || (order - (order / own).round() * own).abs() <= apart.min(0.2 * own)
+    };
+    places.retain(|p| p.order > 0.0 && p.order < scene.highest_order && !of_shaft(p.order));
+    places.sort_by(|a, b| a.order.total_cmp(&b.order));
+    // Two carriers may share a sideband: it is one line.
+    places.dedup_by(|a, b| a.order - b.order < apart);
+    Candidate {
+        kind: found.kind,
+        base: found.base,
+        domain: Domain::Orders,
+        places,
+        locked: false,
+        alternatives: SHAPES.len() as f64,
+    }
+}
