@@ -20,7 +20,7 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
-    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end (docs/node.md). Options below go before it.
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass (docs/node.md). Options below go before it.
     #[arg(long)]
     settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.
@@ -56,12 +56,20 @@ pub struct Args {
     /// Starts measuring afterwards.
     #[arg(long)]
     start: bool,
+    /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
+    #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio", "sensitivity",
+        "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json", "report"])]
+    acknowledge: bool,
     #[command(flatten)]
     results: Results,
 }
 
 /// Reads the node's configuration, changes what the arguments say, sends, stores and reads back.
 pub fn run(args: Args) -> Result<()> {
+    if args.acknowledge {
+        Client::open(&args.port)?.acknowledge_alarms()?;
+        return say!("alarms acknowledged");
+    }
     // Files first: their errors need no node.
     let read = [&args.machine, &args.law, &args.settings].into_iter().flatten().map(PathBuf::as_path);
     let mut files = args.results.announce(&mut args.results.outputs(read))?;
@@ -69,6 +77,8 @@ pub fn run(args: Args) -> Result<()> {
     let mut client = Client::open(&args.port)?;
     let identity = client.identify()?;
     let mut config = client.configuration()?;
+    // The node's own: another configuration begins without alarms.
+    config.latched = 0;
     let installation = Installation {
         teeth: args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()),
         pulses_per_turn: args.pulses,

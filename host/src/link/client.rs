@@ -234,6 +234,11 @@ impl Client {
         self.done(&Request::Start)
     }
 
+    /// Acknowledges all alarms that stand.
+    pub fn acknowledge_alarms(&mut self) -> Result<()> {
+        self.done(&Request::AcknowledgeAlarms)
+    }
+
     /// Stops measuring.
     pub fn stop(&mut self) -> Result<()> {
         self.done(&Request::Stop)

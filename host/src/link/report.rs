@@ -1,7 +1,7 @@
 //! What a node said, and how it is configured, as reports for people.
 
 use super::Losses;
-use super::view::View;
+use super::view::{View, quality_text};
 use super::words::words;
 use crate::Result;
 use crate::report::Report;
@@ -83,7 +83,15 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
             row("crest factor", format!("{:.3}", i.crest)),
             row("kurtosis", format!("{:.3}", i.kurtosis)),
             row("sideband energy ratio", format!("{:.4}", i.sideband_energy_ratio)),
+            row("velocity RMS, mm/s", format!("{:.4}", 1e3 * i.velocity_rms)),
+            row("all of these from", quality_text(&i.quality)),
         ];
+        for (shaft, orders) in [("pinion", &i.pinion), ("gear", &i.wheel)] {
+            for (order, line) in (1..).zip(orders.iter().flat_map(|orders| orders.lines)) {
+                let value = format!("{:.4} at {:.1}", line.amplitude, line.phase_deg);
+                rows.push(row(&format!("{order}x of the {shaft}, m/s2 at degrees"), value));
+            }
+        }
         if let Some(gear) = &i.gear {
             rows.push(row("FM0", format!("{:.4}", gear.fm0)));
             rows.push(row("FM4", format!("{:.4}", gear.fm4)));

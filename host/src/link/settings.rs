@@ -20,6 +20,12 @@
 //! raise = 12.0
 //! clear = 10.0
 //! persistence = 3
+//! [holding]                        # of all alarms
+//! latching = true
+//! persistence_s = 2.0              # s
+//! watch_signal = true
+//! [pass]
+//! analogue = 40000.0               # Hz, 0 for not declared
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
@@ -79,8 +85,8 @@ impl Settings {
         let mut whole = serde_json::to_value(&*config).map_err(|e| Error::invalid("configuration", e))?;
         for (key, new) in &self.tables {
             match (key.as_str(), whole.get_mut(key), new) {
-                ("schema" | "law", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end";
+                ("schema" | "law" | "latched", ..) | (_, None, _) => {
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("policy", Some(held), new) => {

@@ -4,7 +4,9 @@ use super::Losses;
 use super::words::words;
 use crate::terminal::table;
 use meshband::events::Event;
-use meshband::message::{Indicators, Message, Peaks, SelfTest, Snapshot, Spectrum, Statistics, Status};
+use meshband::message::{
+    AlarmState, Bound, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics, Status,
+};
 use std::collections::VecDeque;
 
 /// Events shown.
@@ -79,6 +81,7 @@ impl View {
                     gear.fm0, gear.fm4, gear.na4, gear.residual_rms
                 );
             }
+            out += &overall(i);
         }
         if let Some(spectrum) = &self.spectrum {
             out += &format!("\nmesh bands, {:.3} Hz per line\n{}", spectrum.tag.resolution_hz, bands(spectrum));
@@ -123,6 +126,8 @@ fn status_lines(s: &Status) -> String {
         (s.law_provisional, "law provisional"),
         (s.limited, "rate limited by the board"),
         (s.safe_rate, "no speed: safe maximum rate"),
+        (s.bound == Bound::AnalogueFilter, "the analogue filter passes less than the law asks"),
+        (s.bound == Bound::Sensor, "the sensor passes less than the law asks"),
     ] {
         if set {
             notes.push(note);
@@ -130,19 +135,79 @@ fn status_lines(s: &Status) -> String {
     }
     let notes = if notes.is_empty() { String::new() } else { format!("({})\n", notes.join("; ")) };
     format!(
-        "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz   requested {:.1} Hz   granted {:.1} Hz   \
-         ADC {:.1} Hz / 2^{}\n{notes}",
+        "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} Hz   granted {:.1} Hz   \
+         ADC {:.1} Hz / 2^{}\n{notes}{}",
         words(&s.state),
         s.speed_hz,
         s.speed_uncertainty,
         words(&s.validity),
         s.age_s,
         s.bandwidth_hz,
+        s.available_hz,
         s.requested_hz,
         s.granted_hz,
         s.adc_hz,
-        s.stages
+        s.stages,
+        alarm_line(&s.alarms)
     )
+}
+
+/// Velocity, orders of both shafts, and what all values rest on.
+fn overall(i: &Indicators) -> String {
+    let [from, to] = i.velocity_band_hz;
+    let mut out = format!(
+        "velocity {:.3} mm/s RMS, {from:.0} Hz to {to:.0} Hz   ({})\n",
+        1e3 * i.velocity_rms,
+        quality_text(&i.quality)
+    );
+    for (shaft, orders) in [("pinion", &i.pinion), ("gear", &i.wheel)] {
+        let Some(orders) = orders else { continue };
+        let lines: Vec<String> = (1..)
+            .zip(&orders.lines)
+            .map(|(order, line)| format!("{order}x {:.4} m/s2 at {:.0} deg", line.amplitude, line.phase_deg))
+            .collect();
+        out += &format!("{shaft} {} ({} turns)\n", lines.join("   "), orders.turns);
+    }
+    out
+}
+
+/// What a value rests on, in words.
+pub fn quality_text(quality: &Quality) -> String {
+    let mut text = match quality.turns {
+        0 => format!("{:.2} s by the clock: no speed", quality.duration_s),
+        turns => format!("{turns} whole turns in {:.2} s", quality.duration_s),
+    };
+    let faults = [
+        (quality.overload, "clipped"),
+        (quality.gap, "samples missing"),
+        (quality.settling, "filters settling"),
+        (quality.stuck, "signal does not move"),
+    ];
+    for (is, fault) in faults {
+        if is {
+            text += &format!("; {fault}");
+        }
+    }
+    text
+}
+
+/// Alarms by their number in the configuration.
+fn alarm_line(alarms: &AlarmState) -> String {
+    let numbers = |bits: u8| {
+        let of: Vec<String> = (0..8).filter(|n| bits >> n & 1 != 0).map(|n| n.to_string()).collect();
+        of.join(", ")
+    };
+    let mut parts = Vec::new();
+    if alarms.raised != 0 {
+        parts.push(format!("raised: {}", numbers(alarms.raised)));
+    }
+    if alarms.standing & !alarms.raised != 0 {
+        parts.push(format!("latched: {}", numbers(alarms.standing & !alarms.raised)));
+    }
+    if alarms.signal_bad {
+        parts.push("the signal itself".to_owned());
+    }
+    if parts.is_empty() { String::new() } else { format!("ALARM ({})\n", parts.join("; ")) }
 }
 
 fn bands(spectrum: &Spectrum) -> String {
