@@ -267,63 +267,72 @@ impl Estimated {
     /// The machine file, every guess marked with its rule and factor.
     pub fn to_toml(&self) -> String {
         let m = &self.machine;
-        let (p, s) = (&m.pair, &m.shafts);
-        let mark = |key: &str| match self.guesses.iter().find(|guess| guess.key == key) {
-            Some(guess) => format!(" # GUESS, within a factor {}: {}", guess.factor, guess.rule),
-            None => String::new(),
-        };
         let mut out = format!(
-            "# {}: estimated from a few figures; SI units. Every line marked GUESS is worth replacing by a known value.\ntitle = {:?}\n\n[pair]\n",
-            m.title.replace(char::is_control, " "),
-            m.title
+            "# Estimated from a few figures; SI units. Every line marked GUESS is worth replacing by a known value.\ntitle = {}\n",
+            toml::Value::from(m.title.as_str())
         );
-        let mut line = |table: &str, key: &str, value: String| {
-            out += &format!("{key} = {value}{}\n", mark(&format!("[{table}] {key}")));
-        };
-        line("pair", "teeth", format!("[{}, {}]", p.teeth[0], p.teeth[1]));
-        line("pair", "module_m", format!("{:?}", p.module_m));
-        line("pair", "pressure_angle_deg", format!("{:?}", p.pressure_angle_deg));
-        line("pair", "face_width_m", format!("{:?}", p.face_width_m));
-        line("pair", "bore_radius_m", two(p.bore_radius_m));
-        line("pair", "youngs_modulus_pa", format!("{:e}", p.youngs_modulus_pa));
-        line("pair", "poisson", format!("{:?}", p.poisson));
-        line("pair", "mesh_damping_ratio", format!("{:?}", p.mesh_damping_ratio.unwrap_or(0.05)));
-        drop(line);
-        out += "\n[engagement]\n";
-        if let Some(e) = m.engagement {
-            match (e.width_rad, e.relief_m) {
-                (Some(width), _) => {
-                    out += &format!(
-                        "kind = \"raised-cosine\"\nwidth_rad = {width:.6e}{}\n",
-                        mark("[engagement] width_rad")
-                    );
-                }
-                (None, relief) => {
-                    out += &format!(
-                        "kind = \"tip-relief\"\nrelief_m = {}\nrelief_length_base_pitches = 0.25{}\nrelief_exponent = 2\n",
-                        two(relief.unwrap_or_default()),
-                        mark("[engagement] relief_length_base_pitches")
-                    );
-                }
-            }
+        out += &self.table("pair", &pair_values(&m.pair));
+        if let Some(engagement) = &m.engagement {
+            out += &self.table("engagement", &engagement_values(engagement));
         }
-        out += "\n[shafts]\n";
-        for (key, value) in [
-            ("inertia_motor_kg_m2", one(s.inertia_motor_kg_m2)),
-            ("inertia_pinion_kg_m2", one(s.inertia_pinion_kg_m2)),
-            ("inertia_gear_kg_m2", one(s.inertia_gear_kg_m2)),
-            ("inertia_load_kg_m2", one(s.inertia_load_kg_m2)),
-            ("coupling_stiffness_n_m_per_rad", two(s.coupling_stiffness_n_m_per_rad)),
-            ("coupling_damping_n_m_s_per_rad", two(s.coupling_damping_n_m_s_per_rad)),
-            ("mass_kg", two(s.mass_kg)),
-            ("bearing_stiffness_n_per_m", two(s.bearing_stiffness_n_per_m)),
-            ("bearing_damping_n_s_per_m", two(s.bearing_damping_n_s_per_m)),
-        ] {
-            out += &format!("{key} = {value}{}\n", mark(&format!("[shafts] {key}")));
-        }
+        out += &self.table("shafts", &shaft_values(&m.shafts));
         if let Some(n) = m.nominal {
-            out += &format!("\n[nominal]\nspeed_hz = {:?}\ntorque_n_m = {:?}\n", n.speed_hz, n.torque_n_m);
+            let values = [("speed_hz", format!("{:?}", n.speed_hz)), ("torque_n_m", format!("{:?}", n.torque_n_m))];
+            out += &self.table("nominal", &values);
         }
         out
     }
+
+    /// One table, its guesses marked.
+    fn table(&self, table: &str, values: &[(&str, String)]) -> String {
+        let mut out = format!("\n[{table}]\n");
+        for (key, value) in values {
+            let full = format!("[{table}] {key}");
+            let mark = match self.guesses.iter().find(|guess| guess.key == full) {
+                Some(guess) => format!(" # GUESS, within a factor {}: {}", guess.factor, guess.rule),
+                None => String::new(),
+            };
+            out += &format!("{key} = {value}{mark}\n");
+        }
+        out
+    }
+}
+
+fn pair_values(p: &Pair) -> [(&'static str, String); 8] {
+    [
+        ("teeth", format!("[{}, {}]", p.teeth[0], p.teeth[1])),
+        ("module_m", format!("{:?}", p.module_m)),
+        ("pressure_angle_deg", format!("{:?}", p.pressure_angle_deg)),
+        ("face_width_m", format!("{:?}", p.face_width_m)),
+        ("bore_radius_m", two(p.bore_radius_m)),
+        ("youngs_modulus_pa", one(p.youngs_modulus_pa)),
+        ("poisson", format!("{:?}", p.poisson)),
+        ("mesh_damping_ratio", format!("{:?}", p.mesh_damping_ratio.unwrap_or_default())),
+    ]
+}
+
+fn engagement_values(e: &Engagement) -> Vec<(&'static str, String)> {
+    match (e.width_rad, e.relief_m) {
+        (Some(width), _) => vec![("kind", "\"raised-cosine\"".into()), ("width_rad", format!("{width:.6e}"))],
+        (None, relief) => vec![
+            ("kind", "\"tip-relief\"".into()),
+            ("relief_m", two(relief.unwrap_or_default())),
+            ("relief_length_base_pitches", format!("{:?}", e.relief_length_base_pitches.unwrap_or_default())),
+            ("relief_exponent", e.relief_exponent.unwrap_or(1).to_string()),
+        ],
+    }
+}
+
+fn shaft_values(s: &Shafts) -> [(&'static str, String); 9] {
+    [
+        ("inertia_motor_kg_m2", one(s.inertia_motor_kg_m2)),
+        ("inertia_pinion_kg_m2", one(s.inertia_pinion_kg_m2)),
+        ("inertia_gear_kg_m2", one(s.inertia_gear_kg_m2)),
+        ("inertia_load_kg_m2", one(s.inertia_load_kg_m2)),
+        ("coupling_stiffness_n_m_per_rad", two(s.coupling_stiffness_n_m_per_rad)),
+        ("coupling_damping_n_m_s_per_rad", two(s.coupling_damping_n_m_s_per_rad)),
+        ("mass_kg", two(s.mass_kg)),
+        ("bearing_stiffness_n_per_m", two(s.bearing_stiffness_n_per_m)),
+        ("bearing_damping_n_s_per_m", two(s.bearing_damping_n_s_per_m)),
+    ]
 }
