@@ -96,7 +96,7 @@ class Host:
         self.messages = []
         self.kinds = collections.Counter()
         self.journals = collections.Counter()
-        self.failures = []
+        self.names = {}
         self.lock = threading.Lock()
         options = pysparkplug.ClientOptions(reconnection_delay_min=1, reconnection_delay_max=1)
         self.client = pysparkplug.Client(client_id="host", client_options=options, **login)
@@ -107,17 +107,34 @@ class Host:
                 message_type=pysparkplug.MessageType(kind), group_id="plant", edge_node_id="+", device_id=device
             )
             self.client.subscribe(topic, pysparkplug.QoS.AT_LEAST_ONCE, self.take)
-        self.client.connect("127.0.0.1", port=port)
+        self.client.connect("127.0.0.1", port=port, callback=self.ask_for_births)
 
     def take(self, _client, message):
         with self.lock:
             kind = str(message.topic.message_type.value)
             self.kinds[kind] += 1
-            metrics = {metric.name: metric.value for metric in getattr(message.payload, "metrics", ())}
+            held = getattr(message.payload, "metrics", ())
+            if kind == "DBIRTH":
+                self.names.update({metric.alias: metric.name for metric in held})
+            metrics = {metric.name or self.names.get(metric.alias): metric.value for metric in held}
             if kind in ("DDATA", "NDATA") and "Frame/Journal" in metrics:
                 self.journals[metrics["Frame/Journal"]] += 1
             if kind != "DDATA" or len(self.messages) < 20000:
                 self.messages.append((kind, message.topic.device_id, metrics, message.payload))
+
+    def ask_for_births(self, client):
+        """A host application that was away knows no aliases: it asks the edge node for its births again."""
+        now = pysparkplug.get_current_timestamp()
+        truth = pysparkplug.DataType.BOOLEAN
+        metric = pysparkplug.Metric(timestamp=now, name="Node Control/Rebirth", datatype=truth, value=True)
+        topic = pysparkplug.Topic(
+            message_type=pysparkplug.MessageType.NCMD, group_id="plant", edge_node_id="gateway-1"
+        )
+        payload = pysparkplug.NCmd(timestamp=now, metrics=(metric,))
+        client.publish(
+            pysparkplug.Message(topic=topic, payload=payload, qos=pysparkplug.QoS.AT_MOST_ONCE, retain=False),
+            include_dtypes=True,
+        )
 
     def command(self, edge, device, name, value, kind):
         metric = pysparkplug.Metric(

@@ -1,6 +1,6 @@
 """Proof: many nodes through one gateway, broker and gateway killed, every frame exactly once in the history.
 
-What every node sent is its own ledger (sequence and checksum per frame, written by the node program); what arrived is counted
+What every node sent is its own ledger (sequence and fingerprint per frame, written by the node program); what arrived is counted
 by DuckDB in the Parquet files, and by an independent Sparkplug client at the broker.
 """
 

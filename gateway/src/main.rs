@@ -59,7 +59,7 @@ struct NodesArgs {
     /// Ends after so many seconds, having sent what it has; without it, never
     #[arg(long)]
     seconds: Option<u64>,
-    /// Writes what every node sent, one line per frame: node, sequence, checksum
+    /// Writes what every node sent, one line per frame: node, sequence, fingerprint, whether it went out
     #[arg(long)]
     ledger: Option<PathBuf>,
     /// Chip number of the first node; the others follow

@@ -7,9 +7,10 @@
 
 use crate::NodesArgs;
 use crate::error::{Error, Result, at};
+use crate::intake::state::fingerprint;
 use crate::stop::Stop;
 use meshband::config::{BLOCK_SAMPLES, Configuration};
-use meshband::frame::{CRC32, Decoder, Packet};
+use meshband::frame::{Decoder, Packet};
 use meshband::identity::Identity;
 use meshband::node::Block;
 use meshband::session::Session;
@@ -49,12 +50,12 @@ pub fn run(args: &NodesArgs, stop: &Stop) -> Result {
     let mut ledger = String::new();
     for (index, thread) in threads.into_iter().enumerate() {
         let sent = thread.join().map_err(|_| Error::new(format!("node {index}"), "panicked"))?;
-        for (sequence, checksum, delivered) in sent {
-            ledger += &format!("{index},{sequence},{checksum:08x},{}\n", u8::from(delivered));
+        for (sequence, fingerprint, delivered) in sent {
+            ledger += &format!("{index},{sequence},{fingerprint:016x},{}\n", u8::from(delivered));
         }
     }
     match &args.ledger {
-        Some(path) => at(path, std::fs::write(path, format!("node,sequence,checksum,delivered\n{ledger}"))),
+        Some(path) => at(path, std::fs::write(path, format!("node,sequence,fingerprint,delivered\n{ledger}"))),
         None => Ok(()),
     }
 }
@@ -70,7 +71,7 @@ struct Served {
     /// Frames made, oldest first: the first `sent` were written to a reader.
     frames: VecDeque<Vec<u8>>,
     sent: usize,
-    ledger: Vec<(u16, u32, bool)>,
+    ledger: Vec<(u16, u64, bool)>,
 }
 
 impl Served {
@@ -97,8 +98,8 @@ impl Served {
         }
     }
 
-    /// Until asked to stop or the time is over and all is sent; gives every frame's sequence, checksum, and whether it was written.
-    fn serve(mut self, stop: &Stop, seconds: Option<u64>) -> Vec<(u16, u32, bool)> {
+    /// Until asked to stop or the time is over and all is sent; gives every frame's sequence, fingerprint, and whether it was written.
+    fn serve(mut self, stop: &Stop, seconds: Option<u64>) -> Vec<(u16, u64, bool)> {
         let start = Instant::now();
         let end = seconds.map(|seconds| start + Duration::from_secs(seconds));
         let mut tick = 0u64;
@@ -160,7 +161,7 @@ impl Served {
         let mut decoder: Decoder<Packet> = Decoder::new();
         let decoded = frame.iter().find_map(|&byte| decoder.push(byte)).and_then(std::result::Result::ok);
         let sequence = decoded.map_or(0, |frame| frame.sequence);
-        self.ledger.push((sequence, CRC32.checksum(piece), false));
+        self.ledger.push((sequence, fingerprint(piece), false));
         self.frames.push_back(frame);
         while self.frames.len() > WAITING.max(self.repeat)
             || (self.sent > self.repeat && self.frames.len() > self.repeat)

@@ -128,3 +128,59 @@ impl Writer {
         Ok(written)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::Journal;
+    use crate::journal::entry::{Body, Note};
+    use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
+    fn entry(number: u64) -> Entry {
+        Entry {
+            node: "n".into(),
+            machine: format!("m{}", number % 2),
+            unit: [1, 2, 3],
+            boot: 1,
+            received_us: number as i64 * 20_000_000_000,
+            time_us: 0,
+            body: Body::Note { kind: Note::Command, detail: number as i64, text: String::new() },
+        }
+    }
+
+    fn rows(root: &Path) -> usize {
+        let parts = files::partitions(root).expect("lists").into_iter().flat_map(|p| files::parts(&p).expect("lists"));
+        let count = |part: files::Part| {
+            let file = std::fs::File::open(&part.path).expect("opens");
+            let builder = ParquetRecordBatchReaderBuilder::try_new(file).expect("a whole file");
+            builder.metadata().file_metadata().num_rows() as usize
+        };
+        parts.map(count).sum()
+    }
+
+    #[test]
+    fn fault_a_batch_interrupted_after_any_of_its_files_is_written_once() {
+        let root = std::env::temp_dir().join(format!("meshband-history-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&root);
+        let (data, folder) = (root.join("data"), root.join("history"));
+        let config = History { folder: folder.clone(), flush_seconds: 1, compact_files: 4 };
+        let mut journal = Journal::open(&data.join("journal"), 0).expect("opens");
+        let open = || Writer::open(&config, &data, Arc::default(), Arc::default()).expect("opens");
+        let mut written = 0;
+        for round in 0..12 {
+            journal.append(&(written..written + 8).map(entry).collect::<Vec<_>>()).expect("writes");
+            written += 8;
+            // Files of the batch, but not the place in the journal: what a kill in between leaves.
+            let writer = open();
+            let entries = Reader::new(&writer.journal, writer.next()).take(BATCH).expect("reads");
+            writer.write(&entries[..=round % 8]).expect("writes");
+            std::fs::write(folder.join("machine=m0/day=1970-01-01/.part-9.new"), "half").expect("writes");
+            open().flush().expect("flushes");
+            assert_eq!(rows(&folder), written as usize, "round {round}");
+        }
+        let most =
+            files::partitions(&folder).expect("lists").iter().map(|p| files::parts(p).expect("lists").len()).max();
+        assert!(most.is_some_and(|most| most < 4), "merged: {most:?} files in a partition at most");
+        let _ = std::fs::remove_dir_all(&root);
+    }
+}

@@ -1,7 +1,7 @@
 //! One node's thread: connect, ask who it is, pass on every frame, send commands, and begin anew when the link ends.
 //!
-//! Frames that come before the answer wait for it: they belong to the chip that answers. A node sends a status every second, so
-//! one that says nothing for [`SILENCE`] is gone.
+//! Frames that come before the answer wait for it: they belong to the chip that answers. A measuring node sends a status every
+//! second, a stopped one nothing: after [`QUIET`] it is asked who it is, and one that says nothing for [`SILENCE`] is gone.
 
 use super::{News, Report, port};
 use crate::clock;
@@ -17,6 +17,8 @@ use std::time::{Duration, Instant};
 
 /// Time between frames after which a node counts as gone.
 const SILENCE: Duration = Duration::from_secs(10);
+/// Time between frames after which a node is asked whether it is there.
+const QUIET: Duration = Duration::from_secs(3);
 /// How long each question who it is waits for the answer.
 const ANSWER: Duration = Duration::from_secs(2);
 /// Questions before the node counts as absent.
@@ -96,14 +98,8 @@ impl Session<'_> {
             if self.link.stop.asked() {
                 return "the gateway stops".into();
             }
-            if !self.online && asked.is_none_or(|at| at.elapsed() > ANSWER) {
-                if questions == QUESTIONS {
-                    return "does not say who it is: no node, another bit rate, or its lines interchanged".into();
-                }
-                (asked, questions) = (Some(Instant::now()), questions + 1);
-                if let Err(reason) = self.send(&mut port, &Request::Identify) {
-                    return reason;
-                }
+            if let Err(reason) = self.ask(&mut port, heard, &mut asked, &mut questions) {
+                return reason;
             }
             while self.online
                 && let Ok(request) = self.link.commands.try_recv()
@@ -113,8 +109,7 @@ impl Session<'_> {
                 }
             }
             match port.read(&mut buffer) {
-                Ok(0) if self.online => return "closed the connection".into(),
-                Ok(0) => return "closed the connection before it said who it is; is another gateway on it?".into(),
+                Ok(0) => return self.closed().into(),
                 Ok(count) => {
                     heard = Instant::now();
                     if let Err(reason) = self.take(&buffer[..count]) {
@@ -122,7 +117,7 @@ impl Session<'_> {
                     }
                 }
                 Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
-                Err(reason) => return reason.to_string(),
+                Err(reason) => return self.ended(&reason),
             }
             if heard.elapsed() > SILENCE {
                 return format!("silent for {} s", SILENCE.as_secs());
@@ -130,11 +125,48 @@ impl Session<'_> {
         }
     }
 
+    /// Asks who the node is: at first, and when it has been quiet.
+    fn ask(
+        &mut self,
+        port: &mut Box<dyn port::Port>,
+        heard: Instant,
+        asked: &mut Option<Instant>,
+        questions: &mut u32,
+    ) -> Result<(), String> {
+        let since = |patience: Duration| asked.is_none_or(|at| at.elapsed() > patience);
+        let due = if self.online { heard.elapsed() > QUIET && since(QUIET) } else { since(ANSWER) };
+        if !due {
+            return Ok(());
+        }
+        if !self.online {
+            if *questions == QUESTIONS {
+                return Err("does not say who it is: no node, another bit rate, or its lines interchanged".into());
+            }
+            *questions += 1;
+        }
+        *asked = Some(Instant::now());
+        self.send(port, &Request::Identify)
+    }
+
     fn send(&mut self, port: &mut Box<dyn port::Port>, request: &Request) -> Result<(), String> {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(request, self.sequence, &mut buffer).map_err(|e| format!("command does not fit: {e:?}"))?;
         self.sequence = self.sequence.wrapping_add(1);
-        port.write_all(frame).map_err(|reason| reason.to_string())
+        port.write_all(frame).map_err(|reason| self.ended(&reason))
+    }
+
+    fn closed(&self) -> &'static str {
+        match self.online {
+            true => "closed the connection",
+            false => "closed the connection before it said who it is; is another gateway on it?",
+        }
+    }
+
+    fn ended(&self, reason: &std::io::Error) -> String {
+        match reason.kind() {
+            ErrorKind::ConnectionReset | ErrorKind::BrokenPipe => self.closed().to_owned(),
+            _ => reason.to_string(),
+        }
     }
 
     /// Cuts bytes into frames.

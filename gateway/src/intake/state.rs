@@ -1,14 +1,14 @@
 //! What is known of each node between its frames: chip, starts, sequence, time base, and the newest frames themselves.
 //!
 //! A line server that repeats its last frames after a break (and a gateway that was killed between reading and writing needs
-//! one) sends some twice. A frame counts as repeated when sequence and checksum are among the last [`WINDOW`] taken. A sequence
+//! one) sends some twice. A frame counts as repeated when sequence and fingerprint are among the last [`WINDOW`] taken. A sequence
 //! that goes back otherwise is a node that started anew; so is a status whose tick goes back.
 //!
 //! The state is written beside the journal and brought up to date from the journal's own entries at a start, so that it never
 //! contradicts what was written.
 
 use crate::journal::entry::{Body, Entry, Note, decode};
-use meshband::frame::{CRC32, Frame, Packet};
+use meshband::frame::{Frame, Packet};
 use meshband::message::{Identification, Message, Reply};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -31,8 +31,8 @@ pub struct NodeState {
     status_tick: u64,
     /// Wall clock at tick zero, microseconds; the smallest seen, as that frame waited least.
     zero_us: Option<i64>,
-    /// Sequence and checksum of the newest frames.
-    recent: VecDeque<(u16, u32)>,
+    /// Sequence and fingerprint of the newest frames.
+    recent: VecDeque<(u16, u64)>,
     /// Alarms raised and not acknowledged.
     pub alarms: u32,
 }
@@ -66,7 +66,7 @@ impl NodeState {
 
     /// Looks at a frame and remembers it.
     pub fn take(&mut self, bytes: &[u8], frame: &Frame, received_us: i64) -> Verdict {
-        let mark = (frame.sequence, CRC32.checksum(bytes));
+        let mark = (frame.sequence, fingerprint(bytes));
         if self.recent.contains(&mark) {
             return Verdict::Repeated;
         }
@@ -85,7 +85,7 @@ impl NodeState {
         Verdict::New { lost: if restarted { 0 } else { ahead }, restarted, time_us }
     }
 
-    fn remember(&mut self, mark: (u16, u32), frame: &Frame) {
+    fn remember(&mut self, mark: (u16, u64), frame: &Frame) {
         if self.recent.len() == WINDOW {
             self.recent.pop_front();
         }
@@ -131,7 +131,7 @@ impl NodeState {
                 if let Packet::Reply(Reply::Identity(identity)) = &frame.packet {
                     self.ticks_per_second = identity.ticks_per_second;
                 }
-                self.remember((frame.sequence, CRC32.checksum(bytes)), &frame);
+                self.remember((frame.sequence, fingerprint(bytes)), &frame);
             }
             Body::Note { kind: Note::Acknowledged, .. } => self.alarms = 0,
             Body::Note { .. } => {}
@@ -150,6 +150,12 @@ fn tick(packet: &Packet) -> Option<u64> {
         Packet::Message(Message::Event(event)) => Some(event.last_tick),
         _ => None,
     }
+}
+
+/// Tells frames apart: FNV-1a. Not their CRC-32, nor another one of the whole frame: a frame ends with its own, and a CRC of both
+/// is the same for all frames whose zeros lie alike.
+pub fn fingerprint(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 /// A chip's number as text.

@@ -207,3 +207,55 @@ impl Intake {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshband::message::Identification;
+
+    fn identification() -> Identification {
+        Identification {
+            wire_schema: 3,
+            configuration_schema: 2,
+            version: [0, 1, 0],
+            build: Default::default(),
+            board: Default::default(),
+            unique_id: [1, 2, 3],
+            ticks_per_second: 1_000_000,
+            self_test: Default::default(),
+        }
+    }
+
+    fn notes(data: &Path) -> Vec<(Note, i64)> {
+        let entries = Reader::new(&data.join("journal"), 0).take(usize::MAX).expect("reads");
+        let of = |entry: Entry| match entry.body {
+            Body::Note { kind, detail, .. } => Some((kind, detail)),
+            Body::Frame(_) => None,
+        };
+        entries.into_iter().filter_map(|(_, entry)| of(entry)).collect()
+    }
+
+    #[test]
+    fn fault_a_wall_clock_that_is_set_is_noted_in_both_directions_and_disturbs_no_order() {
+        let data = std::env::temp_dir().join(format!("meshband-clock-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&data);
+        let node = Node { name: "n".into(), machine: "m".into(), port: "p".into(), unit: None };
+        let mut intake = Intake::open(&data, &[node], 0, Arc::default()).expect("opens");
+        let second = 1_000_000;
+        // An hour forward, two hours back, and a drift of a millisecond per second, which is no jump.
+        for (steady, wall) in [(0, 0), (1, 1), (2, 3602), (3, 3603), (4, -3596)] {
+            let news = News::Online(Box::new(identification()));
+            intake.take(Report { node: 0, wall_us: wall * second, steady_us: steady * second, news });
+        }
+        for step in 5..5000 {
+            let (wall_us, steady_us) = (-3600 * second + step * (second + 1000), step * second);
+            intake.take(Report { node: 0, wall_us, steady_us, news: News::Command("x".into()) });
+        }
+        intake.write(0);
+        let jumps: Vec<i64> =
+            notes(&data).iter().filter(|(kind, _)| *kind == Note::ClockJump).map(|(_, by)| *by).collect();
+        assert_eq!(jumps, [3_600_000, -7_200_000]);
+        assert_eq!(notes(&data).len(), 5 + 2 + 4995);
+        let _ = std::fs::remove_dir_all(&data);
+    }
+}
