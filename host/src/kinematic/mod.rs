@@ -1,8 +1,8 @@
 //! The loop on measured records: what tooth counts and a speed reference say, without a machine's equations.
 //!
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
-//! 2. [`scene`], [`split`]: every channel at equal angles, a quarter of the turns held out, and every second of many channels.
-//! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated).
+//! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
+//! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]).
 //! 5. [`errors`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
