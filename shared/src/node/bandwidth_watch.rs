@@ -81,7 +81,7 @@ impl BandwidthWatch {
         let config = RiseTimeConfig { polarity: Polarity::Either, minimum_height: HEIGHT_SHARE * signal_rms };
         self.estimator = RiseTime::new(config, pitch);
         self.estimator.expect(RISE_TIME_CONSTANT * rate_hz / law_hz);
-        self.samples_left = (PITCHES * pitch) as u32 + 1;
+        self.samples_left = ((PITCHES * pitch) as u32).saturating_add(1);
         (self.rate_hz, self.law_hz) = (rate_hz, law_hz);
     }
 

@@ -109,7 +109,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             self.rise_due = first + RISE_INTERVAL_S * u64::from(self.clock.0);
             let speed = self.present_speed();
             let law_hz = self.config.law.bandwidth(speed.pinion).bandwidth.0;
-            let stages = BandwidthWatch::stages(self.active.adc.0, law_hz);
+            // Below the law's domain there is nothing to compare with, and a tooth pitch lasts without end as the shaft comes to rest.
+            let within = speed.pinion.0 >= self.config.law.lowest.0;
+            let stages = BandwidthWatch::stages(self.active.adc.0, law_hz).filter(|_| within);
             if let (Some(stages), Validity::Locked, false) = (stages, speed.validity, self.active.aliasing) {
                 let rate = self.active.adc.0 / (1u32 << stages) as f32;
                 let mesh_hz = f32::from(self.config.gears.pinion_teeth) * speed.pinion.0;

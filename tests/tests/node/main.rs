@@ -4,6 +4,7 @@ mod alarm_events;
 mod alarm_output;
 mod alias;
 mod backlog;
+mod bandwidth_watch;
 mod decimate;
 mod fault_campaign;
 mod frame;
