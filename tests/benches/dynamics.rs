@@ -1,6 +1,7 @@
-//! Cost of the solver on the golden 19/48 pair at 30 turns/s, one thread: integration at 1e-9, the periodic
-//! steady state of one operating point, and one channel sampled at 100 MHz. `cargo xtask bench` runs it beside
-//! a peer; simulated time per iteration is 0.1 s, 0.01 s for the sampled channel. The clock is the thread's
+//! Cost of the solver on the golden 19/48 pair at 30 turns/s, one thread: integration at 1e-9 over the square wave and
+//! over a table of 800 rows, the periodic steady state of one operating point, one channel sampled at 100 MHz; and
+//! the stiffness curve of 1000 points. `cargo xtask bench` runs it beside peers; simulated time per iteration is
+//! 0.1 s, 0.01 s for the sampled channel. The clock is the thread's
 //! processor time, so that other programs on the machine do not count.
 
 #[path = "../tests/simulator/golden_pair.rs"]
@@ -13,11 +14,15 @@ use meshband_host::dynamics::sample::Sampler;
 use meshband_host::dynamics::steady::steady_state;
 use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Mesh, Solver, State};
+use meshband_host::machine::Machine;
+use meshband_host::stiffness::Table;
+use meshband_host::stiffness::report::Report;
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Simulated time of one integration, s; `xtask/src/bench.rs` divides by the same.
+/// Simulated time of one integration, s; `xtask/src/bench/kernels.rs` divides by the same.
 const INTEGRATED_S: f64 = 0.1;
 /// Simulated time of one sampled channel, s.
 const SAMPLED_S: f64 = 0.01;
@@ -55,6 +60,10 @@ impl Measurement for ThreadTime {
     }
 }
 
+fn machines() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines")
+}
+
 fn dynamics(criterion: &mut Criterion<ThreadTime>) {
     let g = golden();
     let force = &g.system.torque * g.torque;
@@ -69,6 +78,19 @@ fn dynamics(criterion: &mut Criterion<ThreadTime>) {
             solver.integrate(&mut mesh(), &mut state, (0.0, INTEGRATED_S), &options, |_| {}).expect("integrates");
             black_box(state)
         });
+    });
+    let table = Table::read(&machines().join("check-19-48.csv")).expect("a table").linear();
+    criterion.bench_function("integrate_table", |b| {
+        b.iter(|| {
+            let mut state = state;
+            let mut mesh = Mesh::new(&g.system, &table, g.damping, &g.motion, &[], g.facts);
+            solver.integrate(&mut mesh, &mut state, (0.0, INTEGRATED_S), &options, |_| {}).expect("integrates");
+            black_box(state)
+        });
+    });
+    criterion.bench_function("stiffness_curve", |b| {
+        let machine = Machine::read(&machines().join("19-48.toml")).expect("a sound machine");
+        b.iter(|| black_box(Report::new(&machine, 1000).expect("a curve")));
     });
     criterion.bench_function("steady_state", |b| {
         b.iter(|| {

@@ -1,4 +1,5 @@
-//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU, the damage campaign.
+//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU, the damage campaign, the
+//! bill of materials.
 
 #[cfg(unix)]
 pub mod damage;
@@ -8,3 +9,4 @@ pub mod plant;
 pub mod qemu_node;
 pub mod registers;
 pub mod script;
+pub mod supply;

@@ -20,6 +20,8 @@ pub const CLOCK_HZ: u32 = 25_000_000;
 /// Teeth of the pinion.
 pub const TEETH: u16 = 19;
 const BLOCK: usize = 512;
+/// The node's counter wraps within the first second.
+const START_TICK: u64 = u32::MAX as u64 - CLOCK_HZ as u64 / 2;
 /// Sensitivity, m/s2 per code.
 pub const PER_CODE_M_S2: f32 = 0.002;
 
@@ -62,6 +64,7 @@ pub struct Plant {
     time: u64,
     turns: f64,
     sequence: u32,
+    made: u64,
     period: u32,
     request_sequence: u16,
 }
@@ -93,8 +96,8 @@ impl Plant {
             frames: Vec::new(),
             decoder: Decoder::new(),
             random: ChaCha8Rng::seed_from_u64(seed),
-            // The counter wraps within the first second.
-            time: u64::from(u32::MAX) - u64::from(CLOCK_HZ / 2),
+            time: START_TICK,
+            made: 0,
             turns: 0.0,
             sequence: 0,
             period,
@@ -163,6 +166,7 @@ impl Plant {
                 });
             }
             self.sequence = self.sequence.wrapping_add(1);
+            self.made += 1;
             self.period = self.session.node().requested_period_ticks();
             if let Some(frames) = self.ring.take_unreported() {
                 self.session.node_mut().note(EventKind::MessagesDropped, frames);
@@ -213,6 +217,21 @@ impl Plant {
         if ring.is_empty() {
             *credit = 0.0;
         }
+    }
+
+    /// Virtual time since the start, s.
+    pub fn seconds(&self) -> f64 {
+        (self.time - START_TICK) as f64 / f64::from(CLOCK_HZ)
+    }
+
+    /// Virtual time of the board's counter, s.
+    pub fn clock_s(&self) -> f64 {
+        self.time as f64 / f64::from(CLOCK_HZ)
+    }
+
+    /// Blocks made since the start, lost ones included.
+    pub fn blocks(&self) -> u64 {
+        self.made
     }
 
     /// How often an event has occurred.

@@ -5,19 +5,22 @@
 //! failure; exit code 1 then.
 
 mod bench;
-mod bench_node;
 mod damage;
 mod demo;
 mod elf;
 mod flash;
+mod fuzz;
 mod gateway;
+mod mutants;
 mod node_build;
 mod pace;
 mod prove;
 mod setup;
 mod shell;
+mod soak;
 mod stack_use;
 mod suite;
+mod supply;
 mod wheel;
 
 use std::process::ExitCode;
@@ -36,11 +39,16 @@ cargo xtask TASK
   node-build   all firmware images, with their sizes
   size         text, data and bss of the images against limits and snapshots, and where they can panic
   pace         with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into docs/pace.md
-  bench        cost of the solver beside SciPy's on the same machine, ratios first
+  bench        kernels beside SciPy and ROSS, whole commands, node stages, into docs/benchmarks.md (--without-ross)
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
   gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
+  fuzz         every target of tests/tests/fuzz for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md; names of targets may follow
+  soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into docs/soak.md
+  mutants      a sample of mutants of `shared` (--sample K/N) against the node's tests, into docs/mutation.md; needs cargo-mutants
+  supply-chain bill of materials, and cargo-deny where it is installed
+  reproducible all images twice in two folders, compared byte by byte, into docs/reproducible.md
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 
@@ -59,9 +67,14 @@ fn main() -> ExitCode {
         "node-build" => node_build::run(),
         "size" => node_build::size(&rest),
         "pace" => pace::run_task(&rest),
-        "bench" => bench::bench(),
-        "bench-node" => bench_node::run_task(&rest),
         "wheel" => wheel::run_task(),
+        "bench" => bench::run_task(&rest),
+        "bench-node" => bench::node::run_task(&rest),
+        "fuzz" => fuzz::run_task(&rest),
+        "soak" => soak::run_task(&rest),
+        "mutants" => mutants::run_task(&rest),
+        "supply-chain" => supply::chain(&rest),
+        "reproducible" => supply::reproducible(&rest),
         "flash" => flash::run(&rest),
         "gateway" => gateway::proof(&rest),
         "fleet-spark" => gateway::spark(&rest),

@@ -18,6 +18,28 @@ const CMSIS_4096: f64 = 229_520.0;
 
 type Counts = BTreeMap<String, u64>;
 
+/// The committed counts beside the literature's, for the page of benchmarks.
+pub fn page() -> Outcome<String> {
+    let text = std::fs::read_to_string(root().join(SNAPSHOT)).map_err(|e| format!("{SNAPSHOT}: {e}"))?;
+    let counts = pairs(text.lines());
+    let get = |name: &str| counts.get(name).copied().unwrap_or(0);
+    let chain = get("chain-highest-rate-per-s@25");
+    Ok(format!(
+        "\n## Node, instructions\n\nFrom `{SNAPSHOT}`, kept by `cargo xtask bench-node` (QEMU, Cortex-M4F, exact counts).\n\n\
+         | stage | instructions |\n| --- | --- |\n\
+         | real FFT of 4096 points, with its window's copy | {} |\n\
+         | CMSIS-DSP `arm_rfft_fast_f32` of 4096 points (counted once with GCC 12 -O3, not in this run) | {CMSIS_4096:.0} |\n\
+         | one decimation stage, per input sample | {:.1} |\n\
+         | tach, per pulse | {:.0} |\n\
+         | complete chain at the highest rate, per second | {:.1} M of {:.0} M |\n",
+        get("fft-4096@0"),
+        get("decimate-per-4096-samples@1") as f64 / 4096.0,
+        get("tach-per-967-pulses@25") as f64 / 967.0,
+        chain as f64 / 1e6,
+        BUDGET as f64 / 1e6,
+    ))
+}
+
 /// Builds, runs, prints, compares.
 pub fn run_task(arguments: &[String]) -> Outcome {
     let build = ["build", "--quiet", "--package", "meshband-node", "--target", TARGET, "--profile", "firmware"];

@@ -1,0 +1,39 @@
+#!/usr/bin/env python3
+"""Processor seconds, wall seconds and peak memory (MB) of one command, on one line.
+
+    python cost.py PROGRAM ARGUMENTS...
+
+Processor time is that of the command and its threads, user and system; the peak is its largest resident set.
+With `--make FOLDER` it writes the signal files whose import `cargo xtask bench` times, instead: two channels of
+noise from a fixed seed as npy (16 bit), wav and csv.
+"""
+import resource, subprocess, sys, time
+
+
+def cost(words):
+    start = time.perf_counter()
+    done = subprocess.run(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    wall = time.perf_counter() - start
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(words)}: exit code {done.returncode}: {done.stderr.strip()[-300:]}")
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{used.ru_utime + used.ru_stime:.4f} {wall:.4f} {used.ru_maxrss / 1024:.1f}")
+
+
+def make(folder):
+    import wave
+    from pathlib import Path
+    import numpy as np
+
+    codes = np.random.default_rng(1).integers(-20000, 20000, (4_000_000, 2), dtype=np.int16)
+    np.save(Path(folder) / "signal.npy", codes)
+    with wave.open(str(Path(folder) / "signal.wav"), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(50_000)
+        file.writeframes(codes.tobytes())
+    np.savetxt(Path(folder) / "signal.csv", codes[:1_000_000] / 1000.0, fmt="%.3f", delimiter=",")
+
+
+if __name__ == "__main__":
+    make(sys.argv[2]) if sys.argv[1] == "--make" else cost(sys.argv[1:])
