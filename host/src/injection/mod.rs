@@ -198,6 +198,7 @@ impl Background<'_> {
             orders,
             envelope: self.views.envelope.clone(),
             frequency: self.views.frequency.clone(),
+            folded: self.views.folded.clone(),
             bands: self.views.bands.clone(),
         };
         self.found.next(&injected, &views)

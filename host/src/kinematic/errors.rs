@@ -14,6 +14,7 @@ use super::residual::Views;
 use super::scene::Scene;
 use super::search::{Adopted, field};
 use super::slipping::{self, power, slipping_share};
+use super::spectra::Spectra;
 use super::split::{Split, Stretch};
 use rayon::prelude::*;
 use serde::Serialize;

@@ -381,7 +381,9 @@ fn answers(request: &Request, reply: &Reply) -> bool {
         Request::Statistics => matches!(reply, Reply::Statistics(_)),
         Request::CommitConfiguration => matches!(reply, Reply::Committing),
         Request::SetConfiguration(_) | Request::PutLaw(_) => matches!(reply, Reply::Done | Reply::Refused(_)),
-        Request::Start | Request::Stop | Request::Snapshot | Request::Events => matches!(reply, Reply::Done),
+        Request::Start | Request::Stop | Request::Snapshot | Request::Events | Request::AcknowledgeAlarms => {
+            matches!(reply, Reply::Done)
+        }
     }
 }
 

@@ -29,6 +29,8 @@ pub fn watched(watched: Watched) -> &'static str {
         Watched::SidebandEnergyRatio => "sideband energy ratio",
         Watched::MeshAmplitude => "first mesh harmonic, m/s2",
         Watched::BandwidthRatio => "measured over law bandwidth",
+        Watched::VelocityRms => "velocity RMS, m/s",
+        Watched::OncePerTurn => "once per turn, m/s2",
     }
 }
 
