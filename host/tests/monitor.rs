@@ -243,7 +243,7 @@ mod in_a_terminal {
         tmux.run(&["send-keys", "h"]);
 
         node.signal("-STOP");
-        tmux.until(&["SILENT", "silent for 4 s"]);
+        tmux.until(&["SILENT", "silent for"]);
         node.signal("-CONT");
         tmux.until(&["MEASURING"]);
         drop(node);

@@ -364,9 +364,10 @@ fn footer(scene: &Scene) -> Line<'static> {
         Some((Ok(bytes), path)) => format!("{} KB in {}", bytes / 1000, path.display()),
         Some((Err(reason), _)) => format!("CAPTURE STOPPED: {reason}"),
     };
+    // The capture before the counters: what does not fit is cut at the end.
     let text = format!(
-        "q quit  h help  {} messages, {} lost, {} refused, {} restarts, {} reconnects  {kept}",
-        scene.panel.view.messages, losses.lost, losses.refused, losses.restarts, scene.reconnects
+        "q quit, h help  {kept}  {} messages, {} lost, {} refused, {} reconnects, {} restarts",
+        scene.panel.view.messages, losses.lost, losses.refused, scene.reconnects, losses.restarts
     );
     Line::styled(text, Style::new().dark_gray())
 }
