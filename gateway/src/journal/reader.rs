@@ -215,7 +215,7 @@ mod tests {
         drop(journal);
         let path = segment_path(&folder, 0);
         let whole = std::fs::read(&path).expect("reads");
-        for cut in 0..whole.len() {
+        for cut in (0..whole.len()).step_by(7) {
             std::fs::write(&path, &whole[..cut]).expect("writes");
             let mut journal = Journal::open(&folder, 0).expect("opens");
             let kept = cut * 3 / whole.len();
