@@ -55,27 +55,31 @@ def kill_a_worker(stop, killed):
             except OSError:
                 continue
             parent = next((int(line.split()[1]) for line in status.splitlines() if line.startswith("PPid:")), 0)
-            # Ours only: a worker of the daemon whose chain of parents ends in this process.
-            if b"pyspark.daemon" in words and descends(parent, os.getpid(), 2):
+            # Ours only, and a worker: a child of the daemon whose chain of parents ends in this process.
+            if b"pyspark.daemon" in words and b"pyspark.daemon" in command_line(parent) and descends(parent, os.getpid()):
                 os.kill(int(entry.name), signal.SIGKILL)
                 killed.append(int(entry.name))
                 return
         time.sleep(0.05)
 
 
-def descends(process, ancestor, least):
-    """Whether a process comes from another over at least so many steps."""
-    steps = 0
-    while process > 1:
-        steps += 1
-        if process == ancestor:
-            return steps > least
+def command_line(process):
+    """Its words, none where it is gone."""
+    try:
+        return pathlib.Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return []
+
+
+def descends(process, ancestor):
+    """Whether a process comes from another."""
+    while process > 1 and process != ancestor:
         try:
             status = pathlib.Path(f"/proc/{process}/status").read_text()
         except OSError:
             return False
         process = next((int(line.split()[1]) for line in status.splitlines() if line.startswith("PPid:")), 0)
-    return False
+    return process == ancestor
 
 
 def timed(work):
