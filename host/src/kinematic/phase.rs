@@ -6,7 +6,7 @@
 //! where the lines get sharper by it. Limits: what swings the phase of all lines alike and slowly is taken for the angle; in a run-up
 //! the path turns the lines, so a measured tachometer is left alone there.
 
-use super::scene::SceneRun;
+use crate::analysis::angle::Angle;
 use crate::spectral::AngleMap;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
@@ -37,23 +37,22 @@ pub struct Departure {
 }
 
 /// What the lines say the angle is off; nothing where they do not get sharper.
-pub fn departure(run: &SceneRun, mesh_order: f64, highest_order: f64) -> Option<Departure> {
+pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_order: f64) -> Option<Departure> {
     let count = ((highest_order / mesh_order) as usize).min(HARMONICS);
-    let length = WINDOW_TURNS / run.angle.slower_order();
-    let hop = 1.0 / (PER_TURN * run.angle.slower_order());
-    let windows = ((run.angle.turns as f64 - 0.5 * length) / hop).floor().max(0.0) as usize + 1;
+    let length = WINDOW_TURNS / angle.slower_order();
+    let hop = 1.0 / (PER_TURN * angle.slower_order());
+    let windows = ((angle.turns as f64 - 0.5 * length) / hop).floor().max(0.0) as usize + 1;
     if count == 0 || windows < 8 {
         return None;
     }
     // The outer windows are cut in half by the ends.
     let places: Vec<f64> = (0..windows).map(|i| 0.25 * length + i as f64 * hop).collect();
-    let reads: Vec<Read> = run
-        .samples
+    let reads: Vec<Read> = samples
         .par_iter()
         .flat_map_iter(|samples| (1..=count).map(move |k| (samples, k as f64 * mesh_order)))
         .map(|(samples, order)| Read {
             order,
-            values: windowed(samples, run.angle.per_turn[0], order, (length, hop), windows),
+            values: windowed(samples, angle.per_turn[0], order, (length, hop), windows),
         })
         .collect();
     let mut turns = vec![0.0; windows];
@@ -142,13 +141,13 @@ impl Departure {
     }
 
     /// The map with the departure taken out.
-    pub fn taken_out(&self, run: &SceneRun) -> Option<AngleMap> {
-        let (from, turns) = (run.angle.from_turn, run.angle.turns as f64);
+    pub fn taken_out(&self, angle: &Angle) -> Option<AngleMap> {
+        let (from, turns) = (angle.from_turn, angle.turns as f64);
         let margin = 0.5;
         let count = ((turns + 2.0 * margin) * f64::from(EDGES)) as usize + 1;
         let edge = |i: usize| {
             let turn = i as f64 / f64::from(EDGES) - margin;
-            run.angle.map.time_at(from + turn - self.at(turn))
+            angle.map.time_at(from + turn - self.at(turn))
         };
         let edges: Vec<f64> = (0..count).map(edge).collect();
         edges.windows(2).all(|w| w[1] > w[0]).then(|| AngleMap::new(&edges, EDGES, from - margin)).flatten()

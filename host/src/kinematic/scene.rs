@@ -233,8 +233,8 @@ impl SceneRun {
         }
         let mut sharper = false;
         for _ in 0..SHARPENED {
-            let departure = phase::departure(self, mesh_order, highest_order);
-            let Some(map) = departure.and_then(|departure| departure.taken_out(self)) else { break };
+            let departure = phase::departure(&self.samples, &self.angle, mesh_order, highest_order);
+            let Some(map) = departure.and_then(|departure| departure.taken_out(&self.angle)) else { break };
             self.angle.map = map;
             self.read(highest_order);
             sharper = true;
