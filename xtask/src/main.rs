@@ -11,7 +11,6 @@ mod elf;
 mod flash;
 mod fuzz;
 mod gateway;
-mod mutants;
 mod node_build;
 mod pace;
 mod prove;
@@ -46,7 +45,6 @@ cargo xtask TASK
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
   fuzz         every target of tests/tests/fuzz for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md; names of targets may follow
   soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into docs/soak.md
-  mutants      a sample of mutants of `shared` (--sample K/N) against the node's tests, into docs/mutation.md; needs cargo-mutants
   supply-chain bill of materials, and cargo-deny where it is installed
   reproducible all images twice in two folders, compared byte by byte, into docs/reproducible.md
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
@@ -72,7 +70,6 @@ fn main() -> ExitCode {
         "bench-node" => bench::node::run_task(&rest),
         "fuzz" => fuzz::run_task(&rest),
         "soak" => soak::run_task(&rest),
-        "mutants" => mutants::run_task(&rest),
         "supply-chain" => supply::chain(&rest),
         "reproducible" => supply::reproducible(&rest),
         "flash" => flash::run(&rest),
