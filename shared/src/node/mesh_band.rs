@@ -84,7 +84,7 @@ impl MeshPlan {
         let harmonics = (per_pitch / FEWEST_PER_PERIOD).min(wanted) as u8;
         // Half the rate is the highest order there is; a fifth less speed makes it a quarter more.
         let finest = 0.5 * per_pitch / (1.0 - REPLAN_NOW) + f32::from(harmonics) + REACH;
-        let samples_per_pitch = (2 * (0.5 * finest + 1.0) as u8).clamp(16, SAMPLES_PER_PITCH as u8);
+        let samples_per_pitch = ((0.5 * finest + 1.0) as u8).saturating_mul(2).clamp(16, SAMPLES_PER_PITCH as u8);
         Self { decimation, harmonics, samples_per_pitch }
     }
 }
