@@ -67,6 +67,8 @@ pub struct Runner<F: NorFlash> {
     clock: TicksPerSecond,
     /// Whether a crystal drives the clocks, for the light.
     crystal: bool,
+    /// Why the stored configuration was not taken, until it has been said.
+    complaint: Option<u32>,
     flash_code: FlashCode,
     lost_edges: u32,
     good_run: GoodRun,
@@ -77,36 +79,52 @@ pub struct Runner<F: NorFlash> {
 }
 
 impl<F: NorFlash> Runner<F> {
-    /// The node with its stored configuration, or the default where none is to be had or too many `failures` came in a row, and a complaint about the one that was not taken.
+    /// The node with its stored configuration, or the default where none is to be had or too many `failures` came in a row, and
+    /// what it has to say about the one that was not taken; for [`Runner::begin`] as soon as it lies in its place.
     ///
-    /// Not wrapped in an option, and part of the caller: each wrapping of these 15 KB is another copy on the stack. A clock
-    /// on which not even the default can run is a crash.
-    #[inline(always)]
+    /// Not wrapped in an option, and put together in one expression: each wrapping of these 17 KB, and each change before they
+    /// lie where they stay, is another copy on the stack. A clock on which not even the default can run is a crash.
+    #[inline(never)]
     pub fn open(
         mut store: Store<F>,
         timing: Timing,
         crystal: bool,
-        identity: Identity,
         failures: u32,
         buffers: &'static mut Buffers,
     ) -> Self {
         let safe = is_safe_start(failures);
         let (configuration, origin) = if safe { (Configuration::default(), Origin::Blank) } else { store.load(timing) };
         defmt::info!("configuration: {}", origin);
-        let Ok(session) = Session::with_buffers(configuration, timing, identity, buffers) else {
+        if configuration.validate(timing).is_err() {
             crash::on_cause(Cause::Start)
-        };
-        let mut runner = Self::new(session, store, timing.clock, crystal);
-        if let Some(complaint) = origin.complaint() {
-            runner.session.node_mut().note(EventKind::ConfigurationRefused, complaint);
         }
-        if safe {
-            runner.note(BoardEvent::SafeStart, failures);
+        Self {
+            store,
+            clock: timing.clock,
+            crystal,
+            complaint: origin.complaint(),
+            flash_code: FlashCode::new(timing.clock.0),
+            lost_edges: 0,
+            good_run: GoodRun::new(timing.clock),
+            block_seen: None,
+            stack_seen: 0,
+            stack_due: 0,
+            session: Session::of_valid(configuration, timing, buffers),
         }
-        if !crystal {
-            runner.note(BoardEvent::InternalOscillator, 0);
+    }
+
+    /// Begins the session and notes what is to be said of the start after `failures` in a row.
+    pub fn begin(&mut self, identity: Identity, failures: u32) {
+        self.session.begin(identity);
+        if let Some(complaint) = self.complaint.take() {
+            self.session.node_mut().note(EventKind::ConfigurationRefused, complaint);
         }
-        runner
+        if is_safe_start(failures) {
+            self.note(BoardEvent::SafeStart, failures);
+        }
+        if !self.crystal {
+            self.note(BoardEvent::InternalOscillator, 0);
+        }
     }
 
     /// Takes over a session; part of the caller for the same reason.
@@ -114,7 +132,20 @@ impl<F: NorFlash> Runner<F> {
     pub fn new(session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
         let (lost_edges, block_seen, stack_seen, stack_due) = (0, None, 0, 0);
         let (flash_code, good_run) = (FlashCode::new(clock.0), GoodRun::new(clock));
-        Self { session, store, clock, crystal, flash_code, lost_edges, good_run, block_seen, stack_seen, stack_due }
+        let complaint = None;
+        Self {
+            session,
+            store,
+            clock,
+            crystal,
+            complaint,
+            flash_code,
+            lost_edges,
+            good_run,
+            block_seen,
+            stack_seen,
+            stack_due,
+        }
     }
 
     /// The session.

@@ -40,7 +40,8 @@ fn operate(power: &Power) -> ! {
     let crystal = power.oscillator == Oscillator::Crystal;
     let identity = Identity { board: "stm32f405", build: meshband_node::BUILD, unique_id: unique_id() };
     let failures = crash::count_start(start_of(power.reset_cause));
-    let mut runner = Runner::open(Store::new(flash, 0), TIMING, crystal, identity, failures, buffers);
+    let mut runner = Runner::open(Store::new(flash, 0), TIMING, crystal, failures, buffers);
+    runner.begin(identity, failures);
     runner.report_start(power.reset_cause as u32, power.reset_cause == ResetCause::Software);
     if power.brown_out != BrownOut::Level3 {
         runner.note(BoardEvent::BrownOut, power.brown_out as u32);

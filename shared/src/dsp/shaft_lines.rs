@@ -72,7 +72,7 @@ impl Shaft {
         self.values += 1;
         self.ticks += f64::from(ticks);
         // Half a pitch of tolerance: a turn of just a second is long enough.
-        if self.values % self.teeth == 0 && self.ticks as f32 + 0.5 * ticks >= long_enough {
+        if self.values.is_multiple_of(self.teeth) && self.ticks as f32 + 0.5 * ticks >= long_enough {
             self.latest = Some(self.orders());
             self.begin(self.place);
         }
@@ -87,7 +87,7 @@ impl Shaft {
             let phase_deg = math::atan2(im, re) * DEGREES;
             *line = OrderLine { amplitude: math::hypot(re, im) * scale / droop, phase_deg };
         }
-        ShaftOrders { lines, turns: (self.values / self.teeth) as u16 }
+        ShaftOrders { lines, turns: self.values.checked_div(self.teeth).unwrap_or(0) as u16 }
     }
 }
 

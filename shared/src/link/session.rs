@@ -58,15 +58,36 @@ impl<B: BorrowMut<Buffers>> Session<B> {
         buffers: B,
     ) -> Result<Self, ConfigurationError> {
         let board = board.into();
-        let node = Node::with_buffers(config, board, buffers)?;
-        let test = SelfTestRun::at_start(board.clock, true);
-        let (decoder, pace) = (Decoder::new(), Pace::new(board.clock));
-        // In its place before anything is changed in it: a node is 15 KB, and each copy of it lies on the stack.
-        let mut session = Self { node, decoder, test, pace, sequence: 0, unsent: 0, commit: false, commits: 0 };
-        session.node.set_identity(identity);
-        session.test = SelfTestRun::at_start(board.clock, session.node.check_mathematics());
-        session.node.set_self_test(session.test.result());
+        config.validate(board)?;
+        let mut session = Self::of_valid(config, board, buffers);
+        session.begin(identity);
         Ok(session)
+    }
+
+    /// As [`Session::with_buffers`], of a configuration that [`Configuration::validate`] accepts for this board; another one
+    /// gives a node whose figures mean nothing. Not yet begun: whoever holds the session calls [`Session::begin`] in its place.
+    /// What is only put together, and changed nowhere before it lies where it stays, is built there; anything else is a copy
+    /// of 13 KB on a board's stack.
+    #[inline(never)]
+    pub fn of_valid(config: Configuration, board: Timing, buffers: B) -> Self {
+        Self {
+            decoder: Decoder::new(),
+            test: SelfTestRun::at_start(board.clock, true),
+            pace: Pace::new(board.clock),
+            sequence: 0,
+            unsent: 0,
+            commit: false,
+            commits: 0,
+            node: Node::of_valid(config, board, buffers),
+        }
+    }
+
+    /// Sets up what lies in the buffers, tests itself and waits for the tach.
+    pub fn begin(&mut self, identity: Identity) {
+        self.node.begin();
+        self.node.set_identity(identity);
+        self.test = SelfTestRun::at_start(self.node.clock(), self.node.check_mathematics());
+        self.node.set_self_test(self.test.result());
     }
 
     /// The node itself.

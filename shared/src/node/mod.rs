@@ -211,11 +211,20 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         buffers: B,
     ) -> Result<Self, ConfigurationError> {
         let timing = board.into();
-        let clock = timing.clock;
         config.validate(timing)?;
+        let mut node = Self::of_valid(config, timing, buffers);
+        node.begin();
+        Ok(node)
+    }
+
+    /// As [`Node::with_buffers`], of a configuration known to be valid and before [`Node::begin`]: whoever holds the node
+    /// begins it in its place, so that the deepest call does not stand on top of copies of its 12 KB.
+    #[inline(never)]
+    pub(crate) fn of_valid(config: Configuration, timing: Timing, buffers: B) -> Self {
+        let clock = timing.clock;
         let mut plan = RatePlan::new(timing, config.limits);
         let grant = safe_grant(&config, &mut plan);
-        let mut node = Self {
+        Self {
             tach: TachTracker::new(config.tach, clock),
             clock,
             identity: Identity::HOST,
@@ -268,10 +277,18 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             send_statistics: false,
             send_self_test: false,
             config,
-        };
-        mesh_band::configure(&mut node.buffers.borrow_mut().chain, &node.config, clock);
-        node.restart_stream(0);
-        Ok(node)
+        }
+    }
+
+    /// Ticks per second of samples and pulses.
+    pub(crate) fn clock(&self) -> TicksPerSecond {
+        self.clock
+    }
+
+    /// Sets up what lies in the buffers and waits for the first block.
+    pub(crate) fn begin(&mut self) {
+        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config, self.clock);
+        self.restart_stream(0);
     }
 
     /// What the self-test has found so far.

@@ -19,7 +19,7 @@ const LONGEST_S: f32 = 8.0;
 /// The high-pass has forgotten its start to 0.1 % after this many periods of its edge.
 const SETTLING_PERIODS: f32 = 5.0;
 /// Turn marks of one block; what comes faster is no shaft.
-const MOST_MARKS: usize = 64;
+const MOST_MARKS: usize = 32;
 
 /// A complete record, in codes and seconds.
 #[derive(Clone, Copy, Debug)]
