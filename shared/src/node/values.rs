@@ -18,6 +18,13 @@ pub const SHORTEST_S: f32 = 1.0;
 const LONGEST_S: f32 = 8.0;
 /// The high-pass has forgotten its start to 0.1 % after this many periods of its edge.
 const SETTLING_PERIODS: f32 = 5.0;
+/// Above this rate not every code enters the moments, samples per second, but at least 100 000 in a second: more than twice what
+/// the analogue filter passes, so the moments are the same; a single peak nearer to its pass edge than half may be missed.
+const EVERY_CODE_TO_HZ: f32 = 300_000.0;
+/// Up to this rate every second code enters, above it every fourth, samples per second.
+const SECOND_CODE_TO_HZ: f32 = 400_000.0;
+/// Above that rate and this speed of the pinion, Hz, there are no overall values: the mesh bands need the processor.
+const HIGHEST_SPEED_HZ: f32 = 60.5;
 /// Turn marks of one block; what comes faster is no shaft.
 const MOST_MARKS: usize = 32;
 
@@ -43,6 +50,8 @@ pub struct ValueRecord {
     edges: Edges,
     zero_code: u16,
     period: u32,
+    /// Codes from one that enters the moments to the next.
+    step: usize,
     codes: CodeMoments,
     velocity: BandVelocity,
     squares: f64,
@@ -65,6 +74,7 @@ impl ValueRecord {
             edges,
             zero_code,
             period: 0,
+            step: 1,
             codes: CodeMoments::about(zero_code),
             velocity: BandVelocity::new(edges),
             squares: 0.0,
@@ -107,11 +117,22 @@ impl ValueRecord {
         (self.at_mark, self.turns) = (false, 0);
     }
 
+    /// Whether values can be had at a speed of the pinion, Hz, with codes of a period.
+    pub fn within_reach(&self, speed_hz: f32, period: u32) -> bool {
+        speed_hz <= HIGHEST_SPEED_HZ || self.clock.rate(period).0 <= EVERY_CODE_TO_HZ
+    }
+
     /// Takes a block whose marks are all known; `complete` gets every record that ends in it. `locked`: the tach has a speed.
     pub fn push(&mut self, codes: &[u16], first: u64, period: u32, locked: bool, mut complete: impl FnMut(Values)) {
         if period != self.period {
             self.period = period;
-            self.velocity.set_rate(self.clock.rate(period).0);
+            let rate_hz = self.clock.rate(period).0;
+            self.step = match rate_hz {
+                ..=EVERY_CODE_TO_HZ => 1,
+                ..=SECOND_CODE_TO_HZ => 2,
+                _ => 4,
+            };
+            self.velocity.set_rate(rate_hz);
         }
         let mut taken = 0;
         while let Some(&mark) = self.marks.front() {
@@ -150,7 +171,7 @@ impl ValueRecord {
         if codes.is_empty() {
             return;
         }
-        self.codes.add(codes, self.period);
+        self.codes.add(codes, self.period, self.step);
         let (squares, outputs) = self.velocity.push(codes, self.zero_code);
         self.squares += f64::from(squares) * f64::from(self.period);
         self.outputs_ticks += f64::from(outputs) * f64::from(self.period);

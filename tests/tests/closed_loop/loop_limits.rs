@@ -68,7 +68,7 @@ fn theory_a_bootstrap_record_has_the_machine_and_the_noise_of_its_record() {
 #[test]
 fn loop_finds_an_effect_behind_clipping_and_behind_a_moving_speed() {
     let runout = "eccentricity:amplitude=60e-6,phase=1.1,gear=0".to_string();
-    let quiet = generated(&[runout.clone()], 84);
+    let quiet = generated(std::slice::from_ref(&runout), 84);
     let peak = quiet.runs.iter().flat_map(|r| &r.channels[0]).fold(0.0_f64, |m, x| m.max(x.abs()));
     for (name, distortion) in [
         ("clipping", format!("clipping:limit={},channel=0", 0.7 * peak)),
