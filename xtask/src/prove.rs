@@ -12,14 +12,17 @@ fn meshband() -> Outcome<PathBuf> {
     Ok(target.join("release").join(format!("meshband{}", std::env::consts::EXE_SUFFIX)))
 }
 
-/// The campaign of the proof, on machines and layouts drawn at random; further arguments go to `meshband prove` in place of the counts.
+/// The campaign of the proof; further arguments go to `meshband prove` in place of the counts.
 pub fn campaign(args: &[String]) -> Outcome {
     let program = meshband()?;
-    let docs = root().join("docs/proof/drawn");
+    let docs = root().join("docs/proof");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
-    let counts = "--null 400 --power 290 --levels 2,20 --limits 60 --two 20 --bootstrap 100 19 --seconds 1 --seed 15";
+    let counts = "--null 200 --power 252 --levels 2,20,2,2,2,2,2,2,2 --leave-one-out 27 --two 13 --seconds 1 --seed 1";
     let mut command = std::process::Command::new(program);
     command.current_dir(root()).arg("prove");
+    for machine in ["check-19-48", "check-55-75"] {
+        command.arg("--machine").arg(format!("tests/vectors/{machine}"));
+    }
     if args.is_empty() {
         command.args(counts.split(' '));
     } else {

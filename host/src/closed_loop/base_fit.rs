@@ -209,12 +209,11 @@ impl Base {
     }
 
     /// Error of a run's torque by what the run itself leaves, next to its angle and speed: the operating point is a state of the run and not a
-    /// part of what is predicted. No further than a torque meter may be wrong: what needs more is an error of the prediction.
+    /// part of what is predicted. Its prior keeps it to what a torque meter may be wrong by.
     pub fn torque_error(&self, rest: &Data, run: usize) -> f64 {
         let first = self.own_of(run);
         let columns = &self.columns()[first..first + OWN];
-        let most = FARTHEST * TORQUE_OF_RUN;
-        solve(&normal(rest, &[run], columns)).x[OWN - 1].clamp(-most, most)
+        solve(&normal(rest, &[run], columns)).x[OWN - 1]
     }
 
     /// Residual of the current model with weights: local noise, model slack and form slack.

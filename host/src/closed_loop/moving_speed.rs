@@ -172,7 +172,7 @@ fn edges_move(base: &Base, record: &Record) -> bool {
 }
 
 /// Share of the squared departures that one sinusoid may leave.
-const SINUSOID_LEAVES: f64 = 0.05;
+const MOST_LEFT: f64 = 0.05;
 
 /// Speed that moves within the runs by more than the tachometer's jitter, where the vibration follows.
 pub fn moving(base: &Base, record: &Record, data: &Data, held_out: &[usize]) -> Option<Moving> {
@@ -183,7 +183,7 @@ pub fn moving(base: &Base, record: &Record, data: &Data, held_out: &[usize]) -> 
     let scatter =
         |r: &RunState, run: &Run| (TAU * r.angle.shaft_hz * r.angle.edge_scatter_s).powi(2) * run.edges_s.len() as f64;
     let whole: f64 = base.runs.iter().zip(&record.runs).map(|(r, run)| scatter(r, run)).sum();
-    let sinusoid = left < SINUSOID_LEAVES * whole;
+    let sinusoid = left < MOST_LEFT * whole;
     let (ratio, all): (f64, Vec<usize>) = (f64::from(record.pulses_per_rev), (0..base.runs.len()).collect());
     let seen: Vec<usize> = all.iter().copied().filter(|r| !held_out.contains(r)).collect();
     // Edges once a turn cannot tell an order from its aliases: the vibration does.

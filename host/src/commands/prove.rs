@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0)]
     limits: usize,
     /// Of the records with nothing hidden, those whose own probability is asked, and the number of bootstrap records for each.
-    #[arg(long, num_args = 2, value_names = ["RECORDS", "EACH"], default_values_t = [0, 19])]
+    #[arg(long, value_delimiter = ',', num_args = 2, default_values_t = [0, 19])]
     bootstrap: Vec<usize>,
     /// Strengths of that one effect, times its detection floor.
     #[arg(long, value_delimiter = ',', default_value = "2,20,1")]

@@ -14,8 +14,6 @@ pub const BAND_HZ: f64 = 15_000.0;
 pub const REACH: i64 = 12;
 /// Half width used for the strong lines of the declared machine, whose far tails would pass for sidebands, bins.
 pub const WIDE: i64 = 160;
-/// Distances at which bins of noise are correlated.
-const CORRELATED: usize = 4;
 const FINE: usize = 64;
 /// Mean w^4 over squared mean w^2 of the window: variance inflation of fits over bins taken as independent.
 pub const OVERDISPERSION: f64 = 1.347;
@@ -35,7 +33,6 @@ pub struct Analyser {
     pub bins: usize,
     window: Vec<f64>,
     kernel: Vec<f64>,
-    correlation: Vec<f64>,
     scale: f64,
 }
 
@@ -60,16 +57,8 @@ impl Analyser {
                 sinc * if pole.abs() < 1e-9 { 0.25 * PI } else { (0.25 * PI * d).cos() / pole }
             })
             .collect();
-        let squares: f64 = window.iter().map(|w| w * w).sum();
-        // About the middle, where the window is even.
-        let turned = |d: usize, k: usize| {
-            (2.0 * PI * d as f64 * (k as f64 - 0.5 * (samples as f64 - 1.0)) / samples as f64).cos()
-        };
-        let correlation = (0..CORRELATED)
-            .map(|d| window.iter().enumerate().map(|(k, w)| w * w * turned(d, k)).sum::<f64>() / squares)
-            .collect();
         let bins = ((BAND_HZ.min(0.45 * rate_hz)) * samples as f64 / rate_hz) as usize;
-        Self { samples, rate_hz, bins, window, kernel, correlation, scale: 2.0 / sum }
+        Self { samples, rate_hz, bins, window, kernel, scale: 2.0 / sum }
     }
 
     /// Leaves out the bins above `top_hz`, where one is given.
@@ -86,11 +75,6 @@ impl Analyser {
     /// Noise variance per sample that gives unit power per bin.
     pub fn bin_power_of_unit_variance(&self) -> f64 {
         self.scale * self.scale * self.window.iter().map(|w| w * w).sum::<f64>()
-    }
-
-    /// Correlation of white noise in bins 0, 1, 2 ... apart, but for the kernel's phase; beyond the last it is below 1 %.
-    pub fn correlation(&self) -> &[f64] {
-        &self.correlation
     }
 
     /// Windowed bins of a signal.
