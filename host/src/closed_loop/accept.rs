@@ -7,7 +7,8 @@
 
 use super::candidate::Candidate;
 use super::probability::Probability;
-use super::refused::Refusals;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Penalty per real unknown, in units of chi-square: near the logarithm of the number of values of a record (BIC: 10 at 22 000).
@@ -132,6 +133,49 @@ impl fmt::Display for Refusal {
     }
 }
 
+/// An explanation considered and refused.
+#[derive(Debug, Clone, Serialize)]
+pub struct Refused {
+    /// Name or plain description.
+    pub name: String,
+    /// Its best score.
+    pub score: f64,
+    /// Why not.
+    pub reason: String,
+}
+
+/// Best score and reason by name.
+#[derive(Debug, Clone, Default)]
+pub struct Refusals(BTreeMap<String, (f64, Refusal)>);
+
+impl Refusals {
+    /// Notes a refusal; of several of one name the one with the best score stays.
+    pub fn note(&mut self, name: &str, score: f64, refusal: Refusal) {
+        if self.0.get(name).is_none_or(|(best, _)| *best < score) {
+            self.0.insert(name.into(), (score, refusal));
+        }
+    }
+
+    /// Takes over what others noted.
+    pub fn extend(&mut self, others: Self) {
+        others.0.into_iter().for_each(|(name, (score, why))| self.note(&name, score, why));
+    }
+
+    /// Notes why a term that had been adopted went again, whatever its score had been.
+    fn dropped(&mut self, name: &str, refusal: Refusal) {
+        let score = self.0.get(name).map_or(0.0, |(score, _)| *score);
+        self.0.insert(name.into(), (score, refusal));
+    }
+
+    /// All but those adopted in the end.
+    pub fn list(&self, adopted: &[Candidate]) -> Vec<Refused> {
+        let not_adopted = self.0.iter().filter(|(name, _)| adopted.iter().all(|t| t.name != **name));
+        not_adopted
+            .map(|(name, (score, why))| Refused { name: name.clone(), score: *score, reason: why.to_string() })
+            .collect()
+    }
+}
+
 /// Terms adopted so far, in the order of their adoption, and what was refused. Only this file lengthens or shortens the list.
 #[derive(Debug, Clone, Default)]
 pub struct Adopted {
@@ -150,11 +194,6 @@ impl std::ops::Deref for Adopted {
 }
 
 impl Adopted {
-    /// None yet, where something found before them gained so much: the first term, too, must be beyond its form error.
-    pub fn after(largest_gain: f64) -> Self {
-        Self { largest_gain, ..Self::default() }
-    }
-
     /// Whether a candidate with these figures would be adopted next to the terms there are.
     ///
     /// # Errors

@@ -6,6 +6,7 @@
 
 use super::outcome::Outcome;
 use super::replay::Replay;
+use crate::spectral::noise_power;
 use serde::Serialize;
 
 /// One band, mean over the held-out runs.
@@ -76,14 +77,14 @@ pub struct Occupied {
 
 /// Occupied bandwidths of both channels.
 ///
-/// Noise is in the record only; the models are compared with its power taken off.
+/// Noise is in the record only; the models are compared with its power taken off, which the lower quantile of the corrected residual gives.
 pub fn occupied(replay: &Replay, outcome: &Outcome) -> [Occupied; 2] {
     let base = &replay.declared;
     let lowest = (8.0 * base.analyser.duration_s()) as usize;
     [0, 1].map(|channel| {
         let (mut mean, mut squares) = (0.0, [0.0; 2]);
         for r in outcome.held_out_places() {
-            let noise = &base.runs[r].noise[channel];
+            let noise = noise_power(&replay.corrected_residual[r][channel]);
             let measured = &base.runs[r].measured[channel];
             let width = |power: &dyn Fn(usize) -> f64| {
                 let whole: f64 = (lowest..noise.len()).map(power).sum();

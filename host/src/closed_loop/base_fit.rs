@@ -10,7 +10,6 @@ use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::model::harmonic_balance::{Balanced, Machine, Solution};
 use crate::observation::angle::Angle;
 use crate::observation::input::Record;
-use crate::observation::noise::noise;
 use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, sparse};
 use crate::spectral::noise_power;
 use rayon::prelude::*;
@@ -46,14 +45,6 @@ pub const TOLERANCES: [(&str, f64); 15] = [
     ("torque", 0.02),
 ];
 
-/// Relative distance of speeds that are taken as one.
-const ONE_SPEED: f64 = 0.02;
-
-/// Nuisances of every run: angle offset, speed error, error of its torque.
-pub const OWN: usize = 3;
-/// One-sigma error of the torque stated for a single run, beside the one that all share.
-const TORQUE_OF_RUN: f64 = 0.01;
-
 /// One run with its measured bins and the declared machine's steady state.
 pub struct RunState {
     /// Angle of the pinion.
@@ -62,8 +53,6 @@ pub struct RunState {
     pub torque_n_m: f64,
     /// Measured bins, both channels.
     pub measured: [Bins; 2],
-    /// Noise power per bin, both channels, from the record alone ([`crate::observation::noise`]).
-    pub noise: [Vec<f64>; 2],
     /// Model bins, both channels.
     pub model: [Bins; 2],
     /// The machine's steady state.
@@ -84,7 +73,7 @@ pub struct Base {
     pub pulses_per_rev: u32,
     /// Relative changes adopted so far, by [`TOLERANCES`].
     pub change: Vec<f64>,
-    /// Templates of the nuisances: declared parameters, then [`OWN`] of every run.
+    /// Templates of the nuisances: declared parameters, then angle offset and speed error of every run.
     pub nuisances: Vec<Template>,
     /// Prior precision and mean of every nuisance.
     pub priors: Vec<(f64, f64)>,
@@ -127,10 +116,9 @@ impl Base {
                 let angle = Angle::fit(run, record.pulses_per_rev, record.jitter_s);
                 let own = machine.run(Operating { shaft_hz: angle.shaft_hz, torque_n_m: run.input_torque_n_m });
                 let measured = [0, 1].map(|c| analyser.bins_of(&run.channels[c][..samples]));
-                let noise = [0, 1].map(|c| noise(&analyser, &angle, machine.teeth, &measured[c]));
                 let model = bins(&analyser, &angle, machine.prediction(&own));
                 let inner = own.solution.within(machine.harmonics(angle.shaft_hz) as usize);
-                RunState { angle, torque_n_m: run.input_torque_n_m, measured, noise, model, own, inner }
+                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, own, inner }
             })
             .collect();
         let change = vec![0.0; TOLERANCES.len()];
@@ -140,7 +128,7 @@ impl Base {
         base
     }
 
-    /// Sensitivities of all runs to each declared parameter, and of each run to its own angle offset, speed error and torque.
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error.
     fn linearise(&mut self) {
         let (machine, analyser) = (&self.machine, &self.analyser);
         let per_run: Vec<Vec<[Sparse; 2]>> = self
@@ -197,23 +185,7 @@ impl Base {
             });
             self.nuisances.push(alone(parts));
             self.priors.push((1.0, 0.0));
-            let torque = self.nuisances[TOLERANCES.len() - 1].runs[r].clone();
-            self.nuisances.push(alone(torque));
-            self.priors.push((TORQUE_OF_RUN.powi(-2), 0.0));
         }
-    }
-
-    /// Where the nuisances of a run begin.
-    pub fn own_of(&self, run: usize) -> usize {
-        TOLERANCES.len() + OWN * run
-    }
-
-    /// Error of a run's torque by what the run itself leaves, next to its angle and speed: the operating point is a state of the run and not a
-    /// part of what is predicted. Its prior keeps it to what a torque meter may be wrong by.
-    pub fn torque_error(&self, rest: &Data, run: usize) -> f64 {
-        let first = self.own_of(run);
-        let columns = &self.columns()[first..first + OWN];
-        solve(&normal(rest, &[run], columns)).x[OWN - 1]
     }
 
     /// Residual of the current model with weights: local noise, model slack and form slack.
@@ -227,16 +199,14 @@ impl Base {
         Data { residual, weight }
     }
 
-    /// Weights from the record's noise and slack in proportion to `raw` (the model's residual). What stands between the lines of `quiet`, the
-    /// best residual so far, beyond that noise is error of the model and counts as its variance.
+    /// Weights from the noise of `quiet` (the best current residual) and slack in proportion to `raw` (the model's residual).
     pub fn weights(&self, quiet: &[[Bins; 2]], raw: &[[Bins; 2]]) -> Vec<[Vec<f64>; 2]> {
         // The lowest bins hold window leakage of the mean and wander of sensors: below 8 Hz nothing is compared.
         let lowest = (8.0 * self.analyser.duration_s()) as usize;
         (0..self.runs.len())
             .map(|r| {
                 [0, 1].map(|c| {
-                    let own = &self.runs[r].noise[c];
-                    let noise: Vec<f64> = noise_power(&quiet[r][c]).iter().zip(own).map(|(a, b)| a.max(*b)).collect();
+                    let noise = noise_power(&quiet[r][c]);
                     (0..noise.len())
                         .map(|b| {
                             if b < lowest {
@@ -257,7 +227,7 @@ impl Base {
 
     /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into every bin.
     pub fn timing_power(&self, run: usize) -> [Vec<f64>; 2] {
-        let first = self.own_of(run);
+        let first = TOLERANCES.len() + 2 * run;
         let columns = self.nuisances.iter().zip(&self.priors).skip(first).take(2);
         let mut power = [0, 1].map(|_| vec![0.0; self.analyser.bins]);
         for (template, (precision, _)) in columns {
@@ -268,21 +238,6 @@ impl Base {
             }
         }
         power
-    }
-
-    /// `runs` by speed, from the lowest; those within 2 % of the group's first are of one speed.
-    pub fn speeds(&self, runs: &[usize]) -> Vec<Vec<usize>> {
-        let speed = |r: usize| self.runs[r].angle.shaft_hz;
-        let mut by_speed = runs.to_vec();
-        by_speed.sort_by(|&a, &b| speed(a).total_cmp(&speed(b)));
-        let mut groups: Vec<Vec<usize>> = Vec::new();
-        for r in by_speed {
-            match groups.last_mut() {
-                Some(group) if (speed(r) / speed(group[0]) - 1.0).abs() < ONE_SPEED => group.push(r),
-                _ => groups.push(vec![r]),
-            }
-        }
-        groups
     }
 
     /// Nuisance columns with their priors.

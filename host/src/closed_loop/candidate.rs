@@ -144,16 +144,6 @@ impl Candidate {
         matches!(self.seat, Some(Seat::OneTooth(own, Tooth::Softened)) if own == body)
     }
 
-    /// Whether it says that a tooth of this body is displaced.
-    pub fn displaces_tooth_of(&self, body: usize) -> bool {
-        matches!(self.seat, Some(Seat::OneTooth(own, Tooth::Displaced)) if own == body)
-    }
-
-    /// What its chance depends on, without its templates.
-    pub fn bare(&self) -> Self {
-        Self { searched: self.searched, scanned: self.scanned, phase_free: self.phase_free, ..Self::default() }
-    }
-
     /// The body it sits on.
     pub fn body(&self) -> usize {
         match self.seat {

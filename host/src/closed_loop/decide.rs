@@ -1,6 +1,6 @@
 //! The loop itself: split by run, centre the declared machine, add effects strongest first, judge each, confirm on the held-out runs.
 //!
-//! Faults that distort every line (a clipped channel, a moving speed) come first and are mended ([`distortion`](super::distortion)); then the library is searched ([`search`](super::search)),
+//! Faults that distort every line (a clipped channel, a moving speed) come first; then the library is searched ([`search`](super::search)),
 //! from the declared parameters as fitted and, where much is left, from the declaration; what is significant but follows no law gets a
 //! plain description.
 //!
@@ -12,15 +12,11 @@
 
 use super::accept::{self, Adopted};
 use super::base_fit::{Base, TOLERANCES};
-use super::bootstrap::{NullRecords, null_record};
 use super::candidate::Candidate;
-use super::distortion::{fitted, mended};
 use super::impulsive::impacts;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
-use super::limits::limits;
-use super::next_measurement::deciding;
 use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
@@ -28,17 +24,26 @@ use super::search::{Found, Memory, Search, search};
 use super::start::Start;
 use super::tables::{predicted, report};
 use super::verdict::{undetermined, verdicts};
+use super::waveform::{clipping, speed_fluctuation};
 use crate::check;
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Seat};
 use crate::observation::input::Record;
-use crate::observation::spectrum::Bins;
 use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
 
 /// Groups runs by speed; one inner speed is held out, another selects, the rest fit.
 fn split(base: &Base, seed: u64) -> Result<Split> {
-    let groups = base.speeds(&(0..base.runs.len()).collect::<Vec<_>>());
+    let mut by_speed: Vec<usize> = (0..base.runs.len()).collect();
+    by_speed.sort_by(|&a, &b| base.runs[a].angle.shaft_hz.total_cmp(&base.runs[b].angle.shaft_hz));
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for r in by_speed {
+        let speed = base.runs[r].angle.shaft_hz;
+        match groups.last_mut() {
+            Some(group) if (speed / base.runs[group[0]].angle.shaft_hz - 1.0).abs() < 0.02 => group.push(r),
+            _ => groups.push(vec![r]),
+        }
+    }
     if groups.len() < 3 {
         return Err(Error::invalid("record.toml: run", "the closed loop needs runs at three or more speeds"));
     }
@@ -84,181 +89,89 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let mut base = Base::new(record);
     let declared = base.data();
     let split = split(&base, options.seed)?;
-    let mut fitted = base.fit(&split.fit, 2);
+    let seen = split.seen();
+    let fitted = base.fit(&split.fit, 2);
     if !fitted {
         say("no declared parameters within tolerance explain the record: searching from the declaration");
         base = Base::new(record);
     }
-    let calibrated = predicted(&base, &base.data(), &split.seen(), &[]);
-    let mended = mended(record, &base, &split);
-    let (mended, mut whole, gain) = match mended {
-        Some(mended) => {
-            say("what distorts every line is mended, and the search goes on behind it");
-            (base, fitted) = (mended.base, true);
-            (Some(mended.record), mended.effects, mended.gain)
+    let plain = base.data();
+    let calibrated = predicted(&base, &plain, &seen, &[]);
+    let mut whole: Vec<Effect> = clipping(&mut base, record, &plain, &split.held_out).into_iter().collect();
+    if whole.is_empty() {
+        whole.extend(speed_fluctuation(&mut base, record, &plain, &split.held_out));
+    }
+    if whole.iter().any(|e| e.family == "non-stationary") {
+        // Smeared lines may have led the declared parameters astray: the declaration itself may do better.
+        let mut unfitted = Base::new(record);
+        let again = speed_fluctuation(&mut unfitted, record, &plain, &split.held_out);
+        let left =
+            |base: &Base| chi_square(&Data { residual: base.data().residual, weight: plain.weight.clone() }, &seen);
+        if let Some(again) = again
+            && left(&unfitted) < left(&base)
+        {
+            whole = vec![again];
+            base = unfitted;
         }
-        None => (None, Vec::new(), 0.0),
-    };
+    }
     describe_withheld(&mut whole, &options.withheld);
-    let scene = Scene { record: mended.as_ref().unwrap_or(record), split, options, gain, say: &say };
-    let null_base = (options.null_records > 0).then(|| scene.calibrated(base.change.clone()));
-    let explained = scene.explained(base, fitted, &declared);
-    let score = explained.first_score;
-    let mut outcome = scene.answer(explained, &declared, calibrated, whole);
-    if let Some(base) = null_base {
-        say("records without any effect");
-        outcome.null = Some(scene.null_records(&base, score));
-    }
-    say("done");
-    Ok(outcome)
-}
-
-/// A record whose library search is to be made.
-struct Scene<'a> {
-    record: &'a Record,
-    split: Split,
-    options: &'a Options,
-    /// Gain of what distorted the record.
-    gain: f64,
-    say: &'a dyn Fn(&str),
-}
-
-impl Scene<'_> {
-    /// The machine with these relative changes of its declared parameters.
-    fn calibrated(&self, change: Vec<f64>) -> Base {
-        let mut base = Base::new(self.record);
-        base.adopt(&change);
-        base
-    }
-
-    /// Searches from the parameters as fitted and, where much is left, from the declaration.
-    fn explained(&self, base: Base, fitted: bool, declared: &Data) -> Explained {
-        let (seen, say) = (self.split.seen(), self.say);
-        let plain = base.data();
-        let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
-        let mut explained = explain(base, self, 0, &plain);
-        if fitted && self.gain == 0.0 && accept::search_again(explained.power, explained.noise, at_first) {
-            // Parameters that were fitted before the effect was known may have been led too far astray to find back.
-            say("much is left: searching again from the declaration as it stands");
-            let first_score = explained.first_score;
-            let again = explain(Base::new(self.record), self, explained.tried, &plain);
-            let tried = again.tried;
-            if again.left < explained.left {
-                explained = again;
-            }
-            (explained.tried, explained.first_score) = (tried, first_score);
+    // These distort every line: what is left of them is no second effect.
+    let distorted = !whole.is_empty();
+    let rounds = if whole.is_empty() { options.most } else { 0 };
+    let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
+    let mut explained = explain(base, &split, options, rounds, 0, &plain, &say);
+    if rounds > 0 && fitted && accept::search_again(explained.power, explained.noise, at_first) {
+        // Parameters that were fitted before the effect was known may have been led too far astray to find back.
+        say("much is left: searching again from the declaration as it stands");
+        let again = explain(Base::new(record), &split, options, rounds, explained.tried, &plain, &say);
+        let tried = again.tried;
+        if again.left < explained.left {
+            explained = again;
         }
-        say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
-        explained
+        explained.tried = tried;
     }
-
-    /// The outcome: verdicts, what no term explains, errors, limits. `whole`: what distorted the record.
-    fn answer(
-        &self,
-        explained: Explained,
-        declared: &Data,
-        calibrated: Vec<[Bins; 2]>,
-        mut whole: Vec<Effect>,
-    ) -> Outcome {
-        let Explained { base, found, tried, .. } = explained;
-        let Found { mut accepted, pool, strongest, data } = found;
-        (self.say)("verdicts");
-        let distorted = !whole.is_empty();
-        let mut effects = verdicts(&base, &data, &self.split, &accepted, &pool, tried);
-        // Next to the others and with the final weights a term must still stand.
-        let figures: Vec<_> = effects.iter().map(|e| (e.evidence.left_at_its_lines, e.evidence.chance)).collect();
-        self.decide_next(&base, &data, &accepted, &pool, &mut effects);
-        keep(&mut effects, &accepted.stand(&figures));
-        if !distorted {
-            whole.extend(self.impacts(&base, &data, &mut accepted, &mut effects));
-            describe_withheld(&mut whole, &self.options.withheld);
-        }
-        if whole.is_empty() && effects.is_empty() {
-            effects.extend(self.undescribed(&base, &data, strongest.as_ref(), &pool, tried));
-        }
-        let calibrated = (distorted || !accepted.is_empty()).then_some(calibrated);
-        let mut outcome = report(self.record, declared, calibrated, &base, &data, &self.split, &accepted, effects);
-        outcome.candidates_tried = tried;
-        outcome.effects.extend(whole);
-        if self.options.limits {
-            (self.say)("limits of what was not found");
-            outcome.limits = limits(&Bench::new(&base), &data, &self.split, &accepted, tried);
-        }
-        outcome
-    }
-
-    /// For every ambiguous verdict the measurement that would decide it.
-    fn decide_next(&self, base: &Base, data: &Data, accepted: &Adopted, pool: &[Candidate], effects: &mut [Effect]) {
-        let seen = self.split.seen();
-        let terms: Vec<&Candidate> = accepted.iter().collect();
-        let mut all = joint(base, data, &seen, &terms).x.split_off(base.nuisances.len());
-        for (term, effect) in terms.iter().zip(effects) {
-            let rest = all.split_off(term.templates.len());
-            if effect.verdict == "ambiguous" {
-                let names: Vec<&str> = effect.name.split(" or ").filter(|name| *name != term.name).collect();
-                let rivals: Vec<&Candidate> =
-                    pool.iter().filter(|c| names.contains(&c.name.as_str())).take(3).collect();
-                effect.deciding_experiment = deciding(self.record, base, data, &seen, (term, &all), &rivals)
-                    .or(effect.deciding_experiment.take());
-            }
-            all = rest;
-        }
-    }
-
-    /// Impacts in what the terms leave; single lines that belong to them go.
-    fn impacts(&self, base: &Base, data: &Data, accepted: &mut Adopted, effects: &mut Vec<Effect>) -> Option<Effect> {
-        let seen = self.split.seen();
+    say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
+    let Explained { base, found, tried, .. } = explained;
+    let Found { mut accepted, pool, strongest, data } = found;
+    say("verdicts");
+    let mut effects = verdicts(&base, &data, &split, &accepted, &pool, tried);
+    // Next to the others and with the final weights a term must still stand.
+    let figures: Vec<_> = effects.iter().map(|e| (e.evidence.left_at_its_lines, e.evidence.chance)).collect();
+    keep(&mut effects, &accepted.stand(&figures));
+    if whole.is_empty() {
         let hammering = |accepted: &[Candidate]| {
             let terms: Vec<&Candidate> = accepted.iter().collect();
-            let rest = corrected(base, data, &joint(base, data, &seen, &terms).x, &terms);
-            impacts(base, &rest, &self.split)
+            let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
+            impacts(&base, &rest, &split)
         };
-        let mut found = hammering(accepted);
+        let mut found = hammering(&accepted);
         if let Some(order) = found.as_ref().filter(|e| e.verdict == "named").and_then(|e| e.order_of_pinion) {
             let stay = accepted.give_to_impacts(order, |t| matches!(t.start, Start::Phases(_)));
             if stay.contains(&false) {
-                keep(effects, &stay);
-                found = hammering(accepted).or(found);
+                keep(&mut effects, &stay);
+                found = hammering(&accepted).or(found);
             }
         }
-        found.filter(|e| effects.is_empty() || e.verdict == "named")
+        whole.extend(found.filter(|e| effects.is_empty() || e.verdict == "named"));
+        describe_withheld(&mut whole, &options.withheld);
     }
-
-    /// A plain description of what is there although nothing was adopted.
-    fn undescribed(
-        &self,
-        base: &Base,
-        data: &Data,
-        strongest: Option<&Candidate>,
-        pool: &[Candidate],
-        tried: usize,
-    ) -> Option<Effect> {
-        let seen = self.split.seen();
-        if let Some(found) = strongest
-            && much_is_there(base, data, &seen)
-        {
-            (self.say)("nothing holds from run to run, but much is there: a plain description of what comes closest");
-            if let Some(effect) = undetermined(base, data, &self.split, found, pool, tried) {
-                return Some(effect);
-            }
-        }
-        remainder(base, &corrected(base, data, &joint(base, data, &seen, &[]).x, &[]), &seen)
+    if whole.is_empty()
+        && effects.is_empty()
+        && let Some(found) = strongest
+        && much_is_there(&base, &data, &seen)
+    {
+        say("nothing holds from run to run, but much is there: a plain description of what comes closest");
+        effects.extend(undetermined(&base, &data, &split, &found, &pool, tried));
     }
-
-    /// Best scores of records without any effect, beside this one's.
-    fn null_records(&self, base: &Base, score: f64) -> NullRecords {
-        let quiet = |_: &str| {};
-        let of = |index: usize| {
-            let null = null_record(self.record, base, self.options.seed, index);
-            let (machine, _) = fitted(&null, &self.split);
-            let bench = Bench::new(&machine);
-            let mut memory = Memory::default();
-            search(&bench, &self.split, self.options, 1, &mut memory, &quiet);
-            memory.first_score.unwrap_or(0.0)
-        };
-        let others: Vec<f64> = (0..self.options.null_records).map(of).collect();
-        NullRecords::of(score, &others)
+    if whole.is_empty() && effects.is_empty() {
+        effects.extend(remainder(&base, &corrected(&base, &data, &joint(&base, &data, &seen, &[]).x, &[]), &seen));
     }
+    let calibrated = (distorted || !accepted.is_empty()).then_some(calibrated);
+    let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects);
+    outcome.candidates_tried = tried;
+    outcome.effects.extend(whole);
+    say("done");
+    Ok(outcome)
 }
 
 /// Keeps what stays.
@@ -282,8 +195,6 @@ struct Explained {
     found: Found,
     /// Trials of this search and those before it.
     tried: usize,
-    /// Best score of the first round.
-    first_score: f64,
     /// Whitened residual of the runs seen, by weights common to all searches.
     left: f64,
     /// Power of that residual, and of the local noise in it.
@@ -292,13 +203,20 @@ struct Explained {
 }
 
 /// Searches, centring again as often as needed, and confirms on the held-out runs.
-fn explain(mut base: Base, scene: &Scene<'_>, tried: usize, plain: &Data) -> Explained {
-    let (split, options, say) = (&scene.split, scene.options, scene.say);
+fn explain(
+    mut base: Base,
+    split: &Split,
+    options: &Options,
+    rounds: usize,
+    tried: usize,
+    plain: &Data,
+    say: &dyn Fn(&str),
+) -> Explained {
     let seen = split.seen();
-    let mut memory = Memory { tried, largest_gain: scene.gain, ..Memory::default() };
+    let mut memory = Memory { tried, ..Memory::default() };
     let mut found = loop {
         let bench = Bench::new(&base);
-        match search(&bench, split, options, options.most, &mut memory, say) {
+        match search(&bench, split, options, rounds, &mut memory, say) {
             Search::Done(found) => break *found,
             Search::Recentre(change) => {
                 say("declared parameters moved with the effect: centring again");
@@ -314,8 +232,7 @@ fn explain(mut base: Base, scene: &Scene<'_>, tried: usize, plain: &Data) -> Exp
     let rest = corrected(&base, &found.data, &joint(&base, &found.data, &seen, &terms).x, &terms).residual;
     let (power, noise) = power_and_noise(&base, &rest, &seen);
     let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
-    let first_score = memory.first_score.unwrap_or(0.0);
-    Explained { base, found, tried: memory.tried, first_score, left, power, noise }
+    Explained { base, found, tried: memory.tried, left, power, noise }
 }
 
 /// Whether the declared parameters alone leave more than noise.

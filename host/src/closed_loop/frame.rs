@@ -15,26 +15,18 @@ struct RunFrame {
     active: Vec<usize>,
     /// Real and imaginary parts per channel, `active.len()` values per bin.
     parts: [(Vec<f32>, Vec<f32>); 2],
+    /// Gram over all common columns and right-hand side, without priors.
+    own: Normal,
 }
 
 /// The common columns of all candidates.
 pub struct Frame<'a> {
     data: &'a Data,
-    runs: Vec<RunFrame>,
-    /// Their normal equations.
-    pub systems: Systems,
-}
-
-/// Normal equations of the common columns, run by run.
-#[derive(Clone)]
-pub struct Systems {
     priors: Vec<(f64, f64)>,
-    /// Gram and right-hand side, without priors.
-    runs: Vec<Normal>,
+    runs: Vec<RunFrame>,
 }
 
 /// What one candidate adds, per run.
-#[derive(Clone)]
 pub struct Border {
     /// Number of its columns.
     pub count: usize,
@@ -46,7 +38,7 @@ impl<'a> Frame<'a> {
     /// Prepares `columns` for the residual and weights of `data`.
     pub fn new(data: &'a Data, columns: &[Column<'_>]) -> Self {
         let m = columns.len();
-        let (runs, systems) = (0..data.residual.len())
+        let runs = (0..data.residual.len())
             .into_par_iter()
             .map(|r| {
                 let active: Vec<usize> =
@@ -63,25 +55,25 @@ impl<'a> Frame<'a> {
                     }
                     (re, im)
                 });
-                let mut own = Normal { gram: DMatrix::zeros(m, m), right: DVector::zeros(m) };
-                let run = RunFrame { active, parts };
-                for &i in &run.active {
+                let own = Normal { gram: DMatrix::zeros(m, m), right: DVector::zeros(m) };
+                let mut run = RunFrame { active, parts, own };
+                for i in run.active.clone() {
                     let (products, dot) = products(&run, data, r, columns[i].template);
                     for (slot, &j) in run.active.iter().enumerate() {
-                        own.gram[(i, j)] = products[slot];
+                        run.own.gram[(i, j)] = products[slot];
                     }
-                    own.right[i] = dot;
+                    run.own.right[i] = dot;
                 }
-                own.gram = (&own.gram + own.gram.transpose()) * 0.5;
-                (run, own)
+                run.own.gram = (&run.own.gram + run.own.gram.transpose()) * 0.5;
+                run
             })
-            .unzip();
-        Self { data, runs, systems: Systems { priors: columns.iter().map(|c| c.prior).collect(), runs: systems } }
+            .collect();
+        Self { data, priors: columns.iter().map(|c| c.prior).collect(), runs }
     }
 
     /// Products of a candidate's templates.
     pub fn border(&self, templates: &[Template]) -> Border {
-        let (k, m) = (templates.len(), self.systems.priors.len());
+        let (k, m) = (templates.len(), self.priors.len());
         let runs = (0..self.runs.len())
             .map(|r| {
                 let mut gram = DMatrix::zeros(k, k);
@@ -119,32 +111,12 @@ impl<'a> Frame<'a> {
             .collect();
         Border { count: k, runs }
     }
-}
-
-impl Systems {
-    /// The same as if the residual had held the candidate of `border` at the strengths `x`, and its border then.
-    pub fn injected(&self, border: &Border, x: &DVector<f64>) -> (Self, Border) {
-        let (mut systems, mut changed) = (self.clone(), border.clone());
-        for (own, (gram, cross, right)) in systems.runs.iter_mut().zip(&mut changed.runs) {
-            own.right += cross.transpose() * x;
-            *right += &*gram * x;
-        }
-        (systems, changed)
-    }
-
-    /// The same as if what the residual holds had the other sign.
-    pub fn mirrored(&self, border: &Border) -> (Self, Border) {
-        let (mut systems, mut changed) = (self.clone(), border.clone());
-        systems.runs.iter_mut().for_each(|own| own.right.neg_mut());
-        changed.runs.iter_mut().for_each(|(_, _, right)| right.neg_mut());
-        (systems, changed)
-    }
 
     fn sum(&self, runs: &[usize], border: Option<&Border>) -> Normal {
         let (m, k) = (self.priors.len(), border.map_or(0, |b| b.count));
         let mut all = Normal { gram: DMatrix::zeros(m + k, m + k), right: DVector::zeros(m + k) };
         for &r in runs {
-            let own = &self.runs[r];
+            let own = &self.runs[r].own;
             let mut view = all.gram.view_mut((0, 0), (m, m));
             view += &own.gram;
             let mut view = all.right.rows_mut(0, m);

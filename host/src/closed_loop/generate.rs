@@ -41,8 +41,6 @@ pub struct Scenario {
     pub speeds_hz: Vec<f64>,
     /// Input torques, N m.
     pub torques_n_m: Vec<f64>,
-    /// Factors of the true torques of the runs on those stated; 1 beyond the list.
-    pub torque_factors: Vec<f64>,
     /// Length of a run, s.
     pub duration_s: f64,
     /// Runs start within one turn of the pinion instead of anywhere in the hunting period.
@@ -62,15 +60,13 @@ impl Scenario {
             seed,
             speeds_hz: vec![9.1, 13.3, 18.9, 24.2],
             torques_n_m: vec![8.0, 20.0],
-            torque_factors: Vec::new(),
             duration_s: 2.0,
             within_one_turn: false,
         }
     }
 }
 
-/// Sampling rate, Hz.
-pub const RATE_HZ: f64 = 51_200.0;
+const RATE_HZ: f64 = 51_200.0;
 /// Jitter of an edge, s.
 const JITTER_S: f64 = 5e-7;
 /// Step of the converter, m/s2.
@@ -122,7 +118,7 @@ fn run(
     let at = Point {
         speed_hz: speed * (1.0 + 0.004 * (rng.random::<f64>() - 0.5)),
         start_rad: TAU * (f64::from(turn) - rng.random::<f64>()),
-        torque_n_m: torque * scenario.torque_factors.get(index).copied().unwrap_or(1.0),
+        torque_n_m: torque,
     };
     let samples = (scenario.duration_s * RATE_HZ) as usize;
     let mut channels = accelerations(machine, hidden, at, samples, RATE_HZ);

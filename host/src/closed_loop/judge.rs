@@ -8,12 +8,11 @@
 use super::accept::{self, Figures};
 use super::base_fit::Base;
 use super::candidate::Candidate;
-use super::frame::{Border, Frame, Systems};
+use super::frame::{Border, Frame};
 use super::least_squares::{Column, Data, normal, subtract};
 use super::probability::Probability;
 use super::start::{self, Products, Start};
 use crate::machine::{Freedom, Hunting};
-use nalgebra::DVector;
 use rustfft::num_complex::Complex64 as C;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -65,17 +64,13 @@ pub struct Judged {
 impl Judged {
     /// What the gate asks, among `tests` candidates.
     pub fn figures(&self, tests: f64) -> Figures {
-        self.figures_of(self.candidate.templates.len(), tests)
-    }
-
-    fn figures_of(&self, templates: usize, tests: f64) -> Figures {
         Figures {
             score: self.score,
             gain: self.gain,
             select_gain: self.select_gain,
             select_promise: self.select_promise,
             apart_gain: self.apart_gain,
-            templates,
+            templates: self.candidate.templates.len(),
             phase_free: self.candidate.phase_free,
             chance: self.chance(tests),
         }
@@ -107,9 +102,29 @@ pub fn columns<'a>(base: &'a Base, terms: &[&'a Candidate]) -> Vec<Column<'a>> {
     all
 }
 
+/// Spread of every unknown when each of `runs` is left out in turn: what the least-squares covariance cannot know, a law that
+/// does not hold from run to run, shows here. Standard error by the jackknife.
+pub fn jackknife(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<f64> {
+    let frame = Frame::new(data, &columns(base, terms));
+    let all: Vec<nalgebra::DVector<f64>> = runs
+        .iter()
+        .map(|left_out| {
+            let kept: Vec<usize> = runs.iter().copied().filter(|r| r != left_out).collect();
+            frame.estimate(&kept, None).x
+        })
+        .collect();
+    let n = all.len() as f64;
+    (0..all.first().map_or(0, nalgebra::DVector::len))
+        .map(|i| {
+            let mean = all.iter().map(|x| x[i]).sum::<f64>() / n;
+            ((n - 1.0) / n * all.iter().map(|x| (x[i] - mean).powi(2)).sum::<f64>()).sqrt()
+        })
+        .collect()
+}
+
 /// Joint estimate over `runs`.
 pub fn joint(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Joint {
-    let estimate = Frame::new(data, &columns(base, terms)).systems.estimate(runs, None);
+    let estimate = Frame::new(data, &columns(base, terms)).estimate(runs, None);
     let mut x: Vec<f64> = estimate.x.iter().copied().collect();
     let sigma = (0..x.len()).map(|i| estimate.covariance[(i, i)].max(0.0).sqrt()).collect();
     let mut at = base.nuisances.len();
@@ -164,29 +179,13 @@ fn unknowns(candidate: &Candidate, runs: usize) -> f64 {
 /// Nuisances and accepted terms, fitted and ready to judge candidates.
 pub struct Judge<'a> {
     frame: Frame<'a>,
-    fitted: Fitted,
     split: &'a Split,
     seen: Vec<usize>,
-    hunting: Hunting,
-    tried: AtomicUsize,
-}
-
-/// What the common columns come to without any candidate.
-struct Fitted {
-    systems: Systems,
-    common: DVector<f64>,
+    common: nalgebra::DVector<f64>,
     fit_change: f64,
     gain: f64,
-}
-
-impl Fitted {
-    fn of(systems: Systems, split: &Split, seen: &[usize]) -> Self {
-        let fitted = systems.estimate(&split.fit, None);
-        // Parameters led astray by an effect may predict worse than none moved: that is no gain of the effect.
-        let fit_change = systems.change(&split.select, None, &fitted.x).min(0.0);
-        let all = systems.estimate(seen, None);
-        Self { common: all.x, fit_change, gain: all.gain, systems }
-    }
+    hunting: Hunting,
+    tried: AtomicUsize,
 }
 
 /// Scores, as [`Judged`] has them.
@@ -206,9 +205,12 @@ impl<'a> Judge<'a> {
     pub fn new(base: &Base, data: &'a Data, split: &'a Split, terms: &[&Candidate]) -> Self {
         let frame = Frame::new(data, &columns(base, terms));
         let seen = split.seen();
-        let fitted = Fitted::of(frame.systems.clone(), split, &seen);
+        let fitted = frame.estimate(&split.fit, None);
+        // Parameters led astray by an effect may predict worse than none moved: that is no gain of the effect.
+        let fit_change = frame.change(&split.select, None, &fitted.x).min(0.0);
+        let all = frame.estimate(&seen, None);
         let hunting = Hunting::of(base.machine.teeth);
-        Self { frame, fitted, split, seen, hunting, tried: AtomicUsize::new(0) }
+        Self { frame, split, seen, common: all.x, fit_change, gain: all.gain, hunting, tried: AtomicUsize::new(0) }
     }
 
     /// Number of scores given so far: candidates, their shapes, strengths and starts.
@@ -218,42 +220,21 @@ impl<'a> Judge<'a> {
 
     /// Scores of `candidate` as it is.
     pub fn judge(&self, candidate: Candidate) -> Judged {
-        self.tried.fetch_add(1, Ordering::Relaxed);
-        let border = self.frame.border(&candidate.templates);
-        self.scores(&self.fitted, &candidate, &candidate.start, &border).of(candidate)
-    }
-
-    /// The candidate laid over what the residual holds, to be judged at any strength.
-    pub fn injection(&self, candidate: Candidate) -> Injection<'_> {
-        // In a record its runs would have to be started as well, at the price of that search.
-        let start = match self.hunting.freedom(&candidate.pair_orders) {
-            Freedom::Turns => Start::Turns(vec![0; self.split.count()]),
-            Freedom::Phase => Start::Phases(vec![0.0; self.split.count()]),
-            Freedom::None if candidate.softens_tooth_of(1) || candidate.displaces_tooth_of(1) => {
-                Start::Turns(vec![0; self.split.count()])
-            }
-            Freedom::None => Start::Counted,
-        };
-        let border = self.frame.border(&candidate.templates);
-        let mirrored = self.fitted.systems.mirrored(&border);
-        Injection { judge: self, held: [(self.fitted.systems.clone(), border), mirrored], candidate, start }
+        let scores = self.scores(&candidate, &candidate.start, &self.frame.border(&candidate.templates));
+        scores.of(candidate)
     }
 
     /// The better of `candidate` as it is and of the same with its runs started where they agree best, or as `given` by another effect.
     pub fn judge_started(&self, candidate: Candidate, given: Option<&[u32]>) -> Judged {
         let border = self.frame.border(&candidate.templates);
-        let score = |start: &Start, border: &Border| {
-            self.tried.fetch_add(1, Ordering::Relaxed);
-            self.scores(&self.fitted, &candidate, start, border)
-        };
-        let counted = score(&candidate.start, &border);
+        let counted = self.scores(&candidate, &candidate.start, &border);
         let orders = &candidate.pair_orders;
         let freedom = self.hunting.freedom(orders);
         let mut starts = Vec::new();
         if freedom != Freedom::None {
             let runs: Vec<Products> = (0..self.split.count())
                 .map(|r| {
-                    let (right, gram) = (border.right_after(r, &self.fitted.common), border.gram(r));
+                    let (right, gram) = (border.right_after(r, &self.common), border.gram(r));
                     let pairs = 0..orders.len();
                     Products {
                         right: pairs.clone().map(|j| C::new(right[2 * j], right[2 * j + 1])).collect(),
@@ -273,7 +254,7 @@ impl<'a> Judge<'a> {
             .into_iter()
             .map(|start| {
                 let turned = border.turned(|run, pair| start.phase_rad(run, orders[pair]));
-                (score(&start, &turned), start)
+                (self.scores(&candidate, &start, &turned), start)
             })
             .max_by(|a, b| a.0.score.total_cmp(&b.0.score))
             .filter(|best| best.0.score > counted.score);
@@ -283,13 +264,14 @@ impl<'a> Judge<'a> {
         }
     }
 
-    fn scores(&self, held: &Fitted, candidate: &Candidate, start: &Start, border: &Border) -> Scores {
+    fn scores(&self, candidate: &Candidate, start: &Start, border: &Border) -> Scores {
+        self.tried.fetch_add(1, Ordering::Relaxed);
         let mut apart_gain = 0.0;
         let (gain, select_gain, select_promise, x) = if candidate.phase_free {
             // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
             let runs: Vec<(f64, f64)> = (0..candidate.templates.len() / 2)
                 .map(|r| {
-                    let right = border.right_after(r, &held.common);
+                    let right = border.right_after(r, &self.common);
                     let gram = border.gram(r);
                     (right[2 * r].hypot(right[2 * r + 1]), 0.5 * (gram[(2 * r, 2 * r)] + gram[(2 * r + 1, 2 * r + 1)]))
                 })
@@ -302,19 +284,20 @@ impl<'a> Judge<'a> {
             let promise: f64 = self.split.select.iter().map(|&r| a * a * runs[r].1).sum();
             (gain(&self.seen, amplitude(&self.seen)), gain(&self.split.select, a), promise, Vec::new())
         } else {
-            let fitted = held.systems.estimate(&self.split.fit, Some(border));
-            let select = held.fit_change - held.systems.change(&self.split.select, Some(border), &fitted.x);
+            let fitted = self.frame.estimate(&self.split.fit, Some(border));
+            let select = self.fit_change - self.frame.change(&self.split.select, Some(border), &fitted.x);
             let own = fitted.x.rows(fitted.x.len() - border.count, border.count);
-            let whole = held.systems.estimate(&self.seen, Some(border));
+            let whole = self.frame.estimate(&self.seen, Some(border));
             let x = whole.x.rows(whole.x.len() - border.count, border.count).into_owned();
-            let gain = whole.gain - held.gain;
-            let power =
-                |runs: &[usize], x: &DVector<f64>| -> f64 { runs.iter().map(|&r| x.dot(&(border.gram(r) * x))).sum() };
+            let gain = whole.gain - self.gain;
+            let power = |runs: &[usize], x: &nalgebra::DVector<f64>| -> f64 {
+                runs.iter().map(|&r| x.dot(&(border.gram(r) * x))).sum()
+            };
             // What the common columns explain of the term without it is no promise: the same share is taken off everywhere.
             let net = (gain / power(&self.seen, &x).max(1e-300)).clamp(0.0, 1.0);
             let own = own.into_owned();
             let promise = net * power(&self.split.select, &own);
-            apart_gain = held.systems.estimate(&self.seen, Some(&border.apart(&self.split.select))).gain - whole.gain;
+            apart_gain = self.frame.estimate(&self.seen, Some(&border.apart(&self.split.select))).gain - whole.gain;
             (gain, select, promise, x.iter().copied().collect())
         };
         let further_runs = (self.seen.len() - 1) as f64;
@@ -329,42 +312,5 @@ impl Scores {
     fn of(self, candidate: Candidate) -> Judged {
         let Self { score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns } = self;
         Judged { candidate, score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns }
-    }
-}
-
-/// A candidate laid over what the residual holds, and over the same with the other sign.
-pub struct Injection<'a> {
-    judge: &'a Judge<'a>,
-    held: [(Systems, Border); 2],
-    candidate: Candidate,
-    start: Start,
-}
-
-impl Injection<'_> {
-    /// Figures of the candidate where the residual held it at the strengths `x` as well; `mirrored`: over noise of the other sign.
-    pub fn figures(&self, x: &[f64], mirrored: bool, tests: f64) -> Figures {
-        let (systems, border) = &self.held[usize::from(mirrored)];
-        let (systems, border) = systems.injected(border, &DVector::from_column_slice(x));
-        let Judge { split, seen, .. } = self.judge;
-        let scores = self.judge.scores(&Fitted::of(systems, split, seen), &self.candidate, &self.start, &border);
-        scores.of(self.candidate.bare()).figures_of(self.candidate.templates.len(), tests)
-    }
-
-    /// The unknowns of a strength `a`, with the first of the `phases` for one that all runs share, or one for each run.
-    pub fn strengths(&self, a: f64, phases: &[f64]) -> Vec<f64> {
-        let complex = self.candidate.parameters.first().is_some_and(|p| p.complex);
-        let count = self.candidate.templates.len();
-        if !complex {
-            return vec![a; count];
-        }
-        (0..count / 2)
-            .flat_map(|pair| [a * phases[pair % phases.len()].cos(), a * phases[pair % phases.len()].sin()])
-            .collect()
-    }
-
-    /// Information on one unit of every unknown over the runs seen.
-    pub fn information(&self) -> f64 {
-        let border = &self.held[0].1;
-        self.judge.seen.iter().map(|&r| border.gram(r).trace()).sum::<f64>() / border.count as f64
     }
 }

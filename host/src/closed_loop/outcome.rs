@@ -1,14 +1,12 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
-use super::bootstrap::NullRecords;
+use super::accept::Refused;
 use super::candidate::{Parameter, Tuning};
-use super::limits::Limit;
 use super::probability::Probability;
-use super::refused::Refused;
 use super::start::Start;
 use crate::check::Findings;
 use crate::observation::spectrum::Bins;
-use crate::{Error, Result, terminal};
+use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -22,7 +20,7 @@ pub struct Stages {
     pub calibrated: f64,
     /// Parameters and effects fitted.
     pub corrected: f64,
-    /// Share that the noise of the record leaves, which no model takes part in.
+    /// Share that the local noise of the corrected residual leaves.
     pub noise_floor: f64,
 }
 
@@ -210,11 +208,6 @@ pub struct Outcome {
     pub held_out: Vec<HeldOut>,
     /// Effects found, strongest first.
     pub effects: Vec<Effect>,
-    /// Effects not found: what of them would have been.
-    pub limits: Vec<Limit>,
-    /// How often records without any effect show as much, where that was asked.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub null: Option<NullRecords>,
     /// The rest.
     pub unexplained: Vec<Unexplained>,
     /// Declared parameters as adopted, relative change.
@@ -302,14 +295,6 @@ impl Outcome {
         };
     }
 
-    /// Head and rows of the limits.
-    pub fn limits_table(&self) -> ([&'static str; 4], Vec<Vec<String>>) {
-        let shown = |s: Option<f64>| s.map_or_else(|| "beyond any tried".into(), |s| format!("{s:.3e}"));
-        let row =
-            |l: &Limit| vec![l.family.clone(), shown(l.found_in_half), shown(l.found_in_90_percent), l.unit.clone()];
-        (["not found", "found in half from", "in 90 % from", "of"], self.limits.iter().map(row).collect())
-    }
-
     /// A few lines for the terminal: what is wrong with the record, the answer, then the figures.
     pub fn summary(&self) -> String {
         let mut text = self.findings.text();
@@ -346,15 +331,6 @@ impl Outcome {
                 or_dash(e.evidence.torque_exponent),
                 next.join(", ")
             );
-        }
-        if let Some(NullRecords { records, at_least, score, probability }) = self.null {
-            text += &format!(
-                "bootstrap: {at_least} of {records} records without any effect reach this one's best score of {score:.1}; probability of a false alarm {probability:.3}\n"
-            );
-        }
-        let (head, rows) = self.limits_table();
-        if !rows.is_empty() {
-            text += &terminal::table(&head, &rows);
         }
         for u in &self.unexplained {
             text += &format!("unexplained: {} ({:.3} % of variance)\n", u.description, 100.0 * u.variance_share);

@@ -1,6 +1,6 @@
 //! What stands above the noise although nothing that was tried fits it: said, with its place, rather than passed over in silence.
 //!
-//! The residual's power next to the declared parameters is compared with that of the record's noise. Records with nothing hidden leave 0.98 to 1.03
+//! The residual's power next to the declared parameters is compared with that of the local noise. Records with nothing hidden leave 0.98 to 1.03
 //! times their noise (`meshband prove --null 12 --seconds 1 --verbose`, seeds 94 and 95), so the gate's threshold ([`accept`]) is far outside chance. Limit: a machine that is declared badly leaves
 //! a remainder as well; the verdict says that something is missing, not what.
 
@@ -10,17 +10,18 @@ use super::least_squares::Data;
 use super::outcome::{Effect, Evidence};
 use super::probability::Probability;
 use crate::observation::spectrum::Bins;
+use crate::spectral::noise_power;
 
 /// Bound of its probability by chance: none of 200 records with nothing hidden reached it (rule of three).
 const CHANCE: f64 = 0.015;
 
-/// Power of a residual, and of the record's noise.
+/// Power of a residual, and of the local noise in it.
 pub fn power_and_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> (f64, f64) {
     let (mut power, mut noise) = (0.0, 1e-300);
-    let lowest = (8.0 * base.analyser.duration_s()) as usize;
-    for (bins, own) in runs.iter().flat_map(|&r| residual[r].iter().zip(&base.runs[r].noise)) {
+    for bins in runs.iter().flat_map(|&r| &residual[r]) {
+        let lowest = (8.0 * base.analyser.duration_s()) as usize;
         power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
-        noise += own.iter().skip(lowest).sum::<f64>();
+        noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
     }
     (power, noise)
 }
@@ -35,8 +36,8 @@ fn by_place(base: &Base, rest: &Data, runs: &[usize]) -> ([f64; 3], f64) {
         let per_bin = 1.0 / (duration_s * base.runs[r].angle.shaft_hz);
         // Within one bin and a half of a whole multiple, which is the main lobe.
         let near = |order: f64, step: f64| (order / step - (order / step).round()).abs() * step < 1.5 * per_bin;
-        for (bins, own) in rest.residual[r].iter().zip(&base.runs[r].noise) {
-            for (b, (x, level)) in bins.iter().zip(own).enumerate().skip((8.0 * duration_s) as usize) {
+        for bins in &rest.residual[r] {
+            for (b, (x, level)) in bins.iter().zip(noise_power(bins)).enumerate().skip((8.0 * duration_s) as usize) {
                 let order = b as f64 * per_bin;
                 let place = match () {
                     () if near(order, teeth[0]) => 0,

@@ -45,7 +45,6 @@ pub fn report(outcome: &Outcome, replay: &Replay) -> Result<Report> {
     report = errors(report, outcome);
     report = residuals(report, outcome, replay)?;
     report = evidence(report, outcome);
-    report = limits(report, outcome);
     report = levels(report, outcome, replay);
     report = refused(report, outcome);
     Ok(report)
@@ -175,18 +174,6 @@ fn evidence(mut report: Report, outcome: &Outcome) -> Report {
         }
     }
     report
-}
-
-fn limits(report: Report, outcome: &Outcome) -> Report {
-    let (head, rows) = outcome.limits_table();
-    if rows.is_empty() {
-        return report;
-    }
-    report.section("What would have been found").table(
-        "Smallest strength of an effect at drawn places that the gate would have adopted in this record.",
-        &head,
-        &rows,
-    )
 }
 
 fn levels(report: Report, outcome: &Outcome, replay: &Replay) -> Report {

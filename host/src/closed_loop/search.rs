@@ -3,7 +3,7 @@
 //! The residual's weights are renewed after every adopted term. Whether a term is adopted, and what keeps its place next to a newer one, is
 //! the gate's to decide ([`accept`]).
 
-use super::accept::{self, Adopted};
+use super::accept::{self, Adopted, Refusals};
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
 use super::combs::combs;
@@ -13,7 +13,6 @@ use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::Company;
 use super::options::Options;
-use super::refused::Refusals;
 use super::remainder::power_and_noise;
 use super::start::Start;
 use super::strength::{STRONG_SCORE, Strengths, at_their_strength, refuted_by_tachometer, tune};
@@ -59,10 +58,6 @@ pub struct Memory {
     pub tried: usize,
     /// Strengths found.
     pub strengths: Strengths,
-    /// Gain of what was found before the library: its form error bounds what may be found after it.
-    pub largest_gain: f64,
-    /// Best score of the first round, before anything was adopted.
-    pub first_score: Option<f64>,
 }
 
 /// Adds effects strongest first.
@@ -79,18 +74,23 @@ pub fn search(
     say("responses of the library");
     let mut data = base.data();
     let raw = data.residual.clone();
-    let mut accepted = Adopted::after(memory.largest_gain);
+    let mut accepted = Adopted::default();
     let mut pool: Vec<Candidate> = Vec::new();
     let mut strongest = None;
     let mut turns: Option<Vec<u32>> = None;
     for round in 0..rounds {
         let terms: Vec<&Candidate> = accepted.iter().collect();
-        // The form slack stays tied to the raw residual.
+        // Noise from the residual after everything accepted; the form slack stays tied to the raw residual.
         let fitted = joint(base, &data, &seen, &terms);
         let rest = corrected(base, &data, &fitted.x, &terms);
         data.weight = base.weights(&rest.residual, &raw);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
-        let mut candidates = proposed(bench, &rest, split, turns.as_deref(), &format!("round {}", round + 1), say);
+        let mut orders = detect::orders(base, &rest, &seen, 2);
+        orders.extend(combs(base, &rest, &seen, 1));
+        let mut frequencies = detect::frequencies(base, &rest, &seen, 2);
+        frequencies.extend(detect::modulations(base, &rest, &seen, 1));
+        say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
+        let mut candidates = bench.candidates(&rest, split, &orders, &frequencies, turns.as_deref());
         withhold(&mut candidates, &options.withheld);
         candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
         let judge = Judge::new(base, &data, split, &terms);
@@ -109,10 +109,22 @@ pub fn search(
             }
         });
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
-        judged.iter().take(6).for_each(|j| say(&shown(j)));
+        for j in judged.iter().take(6) {
+            say(&format!(
+                "  {} at {:?}/{:?}, {}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
+                j.candidate.name,
+                j.candidate.order,
+                j.candidate.frequency_hz,
+                if j.candidate.start == Start::Counted { "as counted" } else { "started by fit" },
+                j.score,
+                j.gain,
+                j.select_gain,
+                j.select_promise,
+                j.apart_gain
+            ));
+        }
         let tests = memory.tried as f64;
         if round == 0 {
-            memory.first_score.get_or_insert(judged.first().map_or(0.0, |j| j.score));
             let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }
@@ -151,39 +163,6 @@ pub fn search(
         }
     }
     Search::Done(Box::new(Found { accepted, pool, strongest, data }))
-}
-
-/// Candidates for a residual: the fixed library, and what stands in its spectra.
-fn proposed(
-    bench: &Bench<'_>,
-    rest: &Data,
-    split: &Split,
-    turns: Option<&[u32]>,
-    round: &str,
-    say: &dyn Fn(&str),
-) -> Vec<Candidate> {
-    let (base, seen) = (bench.base, split.seen());
-    let mut orders = detect::orders(base, rest, &seen, 2);
-    orders.extend(combs(base, rest, &seen, 1));
-    let mut frequencies = detect::frequencies(base, rest, &seen, 2);
-    frequencies.extend(detect::modulations(base, rest, &seen, 1));
-    say(&format!("{round}: {} order lines, {} fixed lines", orders.len(), frequencies.len()));
-    bench.candidates(rest, split, &orders, &frequencies, turns)
-}
-
-/// A candidate's scores in a line.
-fn shown(j: &Judged) -> String {
-    let candidate = &j.candidate;
-    let place = match (candidate.order, candidate.frequency_hz) {
-        (Some(order), _) => format!("order {order:.4}"),
-        (_, Some(hz)) => format!("{hz:.2} Hz"),
-        _ => "all orders".into(),
-    };
-    let start = if candidate.start == Start::Counted { "as counted" } else { "started by fit" };
-    format!(
-        "  {} at {place}, {start}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
-        candidate.name, j.score, j.gain, j.select_gain, j.select_promise, j.apart_gain
-    )
 }
 
 /// The candidate to adopt: the best that passes, or a name that passes and comes near enough.

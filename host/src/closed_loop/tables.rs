@@ -1,7 +1,7 @@
 //! Error tables in three stages (declared, calibrated, corrected), and the assembly of the outcome.
 
 use super::accept::Adopted;
-use super::base_fit::{Base, OWN, TOLERANCES};
+use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;
 use super::detect;
 use super::judge::{Split, corrected, joint};
@@ -10,6 +10,7 @@ use super::outcome::{Effect, ErrorTable, HeldOut, Outcome, StagedError, Stages, 
 use crate::check::Findings;
 use crate::observation::input::Record;
 use crate::observation::spectrum::Bins;
+use crate::spectral::noise_power;
 
 /// Bins within one bin of an order of pinion or gear.
 fn synchronous(base: &Base, run: usize) -> Vec<bool> {
@@ -29,12 +30,10 @@ fn synchronous(base: &Base, run: usize) -> Vec<bool> {
 }
 
 /// Residual with the declared parameters and `terms` as fitted over `runs`; phases and speeds of the runs from the tachometer alone, as in any
-/// prediction, and the torque of every run as that run has it ([`Base::torque_error`]).
+/// prediction.
 pub fn predicted(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<[Bins; 2]> {
     let mut x = joint(base, data, runs, terms).x;
     x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
-    let rest = corrected(base, data, &x, terms);
-    (0..base.runs.len()).for_each(|run| x[base.own_of(run) + OWN - 1] = base.torque_error(&rest, run));
     corrected(base, data, &x, terms).residual
 }
 
@@ -45,7 +44,7 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
     for &r in runs {
         let mask = synchronous(base, r);
         for c in 0..2 {
-            let noise = &base.runs[r].noise[c];
+            let noise = noise_power(&stages[2][r][c]);
             let lowest = (3.0 * base.analyser.duration_s()) as usize;
             for b in lowest..mask.len() {
                 let [declared, calibrated, corrected] = stages.map(|residual| residual[r][c][b].norm_sqr());
@@ -71,12 +70,12 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
     }
 }
 
-/// Held-out runs one by one. The floor is the noise of the record in this run, but no more than in the runs seen at the same frequency: a run
-/// that is no vibration of this machine is all noise. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
+/// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the same frequency: a run
+/// that fails altogether lifts its own. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
 /// a run's angle and speed, belongs to it.
 fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split) -> Vec<HeldOut> {
-    let noise = |r: usize| &base.runs[r].noise;
-    let seen: Vec<&[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
+    let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
+    let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
     let lowest = (8.0 * base.analyser.duration_s()) as usize;
     split
         .held_out
@@ -130,36 +129,6 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
         .collect()
 }
 
-/// Fall of the held-out error by every effect; `without` gives the errors without one.
-fn held_out_gains(effects: &mut [Effect], held: &StagedError, without: impl Fn(usize) -> StagedError) {
-    let alone = effects.len() == 1;
-    for (i, effect) in effects.iter_mut().enumerate() {
-        let whole = effect.family == "fixed-frequency";
-        let part = |e: &StagedError| if whole { e.whole_signal } else { e.shaft_synchronous };
-        let before = if alone { part(held).calibrated } else { part(&without(i)).corrected };
-        effect.evidence.held_out_gain = before - part(held).corrected;
-    }
-}
-
-/// What stays: a remainder above the noise, the noise, and clipped samples.
-fn unexplained(record: &Record, base: &Base, rest: &Data, seen: &[usize], pooled: &Stages) -> Vec<Unexplained> {
-    let mut list = Vec::new();
-    let beyond = pooled.corrected.powi(2) - pooled.noise_floor.powi(2);
-    if beyond > 0.0 {
-        let orders = detect::orders(base, rest, seen, 1);
-        let hint = orders.first().map_or(String::new(), |o| format!("; strongest line at order {:.3}", o.at));
-        let description = format!("remainder above the noise of the record{hint}");
-        list.push(Unexplained { description, variance_share: beyond });
-    }
-    list.push(Unexplained { description: "noise floor".into(), variance_share: pooled.noise_floor.powi(2) });
-    let clipped = record.runs.iter().map(|r| r.clipped_share).fold(0.0, f64::max);
-    if clipped > 1e-4 {
-        let description = format!("up to {:.2} % of a run's samples at the end of the code range", 100.0 * clipped);
-        list.push(Unexplained { description, variance_share: 0.0 });
-    }
-    list
-}
-
 /// Assembles the outcome with the errors on fit and held-out runs. `calibrated`: residual of the fitted parameters without any effect; none where no
 /// effect was adopted, and the corrected machine is that very one.
 #[allow(clippy::too_many_arguments, reason = "assembly of the final report from the parts of one function")]
@@ -181,12 +150,36 @@ pub fn report(
     let calibrated = calibrated.unwrap_or_else(|| after.clone());
     let errors_of = |last: &[[Bins; 2]], runs: &[usize]| errors([&declared.residual, &calibrated, last], base, runs);
     let held = errors_of(&after, &split.held_out);
-    held_out_gains(&mut effects, &held, |i| {
-        let others: Vec<&Candidate> = accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
-        errors_of(&predicted(base, data, seen, &others), &split.held_out)
-    });
-    let remaining = Data { residual: after.clone(), weight: data.weight.clone() };
-    let unexplained = unexplained(record, base, &remaining, seen, &held.whole_signal);
+    let alone = effects.len() == 1;
+    for (i, effect) in effects.iter_mut().enumerate() {
+        let part =
+            |e: &StagedError| if effect.family == "fixed-frequency" { e.whole_signal } else { e.shaft_synchronous };
+        let without = if alone {
+            part(&held).calibrated
+        } else {
+            let others: Vec<&Candidate> =
+                accepted.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, c)| c).collect();
+            part(&errors_of(&predicted(base, data, seen, &others), &split.held_out)).corrected
+        };
+        effect.evidence.held_out_gain = without - part(&held).corrected;
+    }
+    let pooled = &held.whole_signal;
+    let mut unexplained = Vec::new();
+    let rest = pooled.corrected.powi(2) - pooled.noise_floor.powi(2);
+    if rest > 0.0 {
+        let remaining = Data { residual: after.clone(), weight: data.weight.clone() };
+        let orders = detect::orders(base, &remaining, seen, 1);
+        let hint = orders.first().map_or(String::new(), |o| format!("; strongest line at order {:.3}", o.at));
+        let description = format!("remainder above the local noise floor{hint}");
+        unexplained.push(Unexplained { description, variance_share: rest });
+    }
+    let noise = Unexplained { description: "noise floor".into(), variance_share: pooled.noise_floor.powi(2) };
+    unexplained.push(noise);
+    let clipped = record.runs.iter().map(|r| r.clipped_share).fold(0.0, f64::max);
+    if clipped > 1e-4 {
+        let description = format!("up to {:.2} % of a run's samples at the end of the code range", 100.0 * clipped);
+        unexplained.push(Unexplained { description, variance_share: 0.0 });
+    }
     Outcome {
         headline: String::new(),
         findings: Findings::default(),
@@ -200,8 +193,6 @@ pub fn report(
         },
         held_out: held_out(&after, base, split),
         effects,
-        limits: Vec::new(),
-        null: None,
         unexplained,
         declared_parameter_changes: TOLERANCES
             .iter()

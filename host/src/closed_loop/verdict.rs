@@ -6,13 +6,11 @@
 use super::accept::{self, NameFigures, Naming};
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
-use super::judge::{Joint, Judge, Judged, Split, corrected, joint};
+use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
-use super::probability::Probability;
-use super::spread::{Spread, jackknife};
 use super::start::Start;
-use crate::observation::spectrum::OVERDISPERSION;
+use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
@@ -20,16 +18,12 @@ use std::collections::BTreeMap;
 /// Share of the path from which on a relief is no matter of the tips any more, and no other shape can be excluded.
 const WIDEST_RELIEF: f64 = 0.35;
 
-/// What a term leaves at its own lines.
-struct AtLines {
-    /// Share of the power there, beyond noise.
-    left: f64,
-    /// Variance of the residual there over what its weights stand for, noise and assumed form error: the error that the model has there, estimated.
-    scatter: f64,
-}
+/// Half width that every interval has at least, as a share of the value: error of the forward model and of declared parameters that no
+/// spread over runs shows. From generated records, where strong effects come out right to about this.
+const FORM: f64 = 0.01;
 
-/// Looks at the bins where the term's prediction stands above noise.
-fn at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> AtLines {
+/// Bins where the prediction stands above noise, power left there beyond noise, and power before.
+fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> f64 {
     let rest = corrected(base, data, x, terms);
     let at: usize = base.nuisances.len() + terms[..index].iter().map(|t| t.templates.len()).sum::<usize>();
     let own: Vec<Column<'_>> =
@@ -38,10 +32,9 @@ fn at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], inde
     let mut predicted = Data { residual: data.residual.iter().map(zero).collect(), weight: Vec::new() };
     subtract(&mut predicted, &own, &x[at..at + own.len()]);
     let (mut left, mut whole) = (0.0, 1e-300);
-    let (mut found, mut least, mut bins) = (0.0, 0.0, 1e-300);
     for &r in runs {
         for c in 0..2 {
-            let noise = &base.runs[r].noise[c];
+            let noise = noise_power(&rest.residual[r][c]);
             for b in 0..noise.len() {
                 let p = predicted.residual[r][c][b].norm_sqr();
                 if p > 6.0 * noise[b] && data.weight[r][c][b] > 0.0 {
@@ -49,14 +42,11 @@ fn at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], inde
                     let w = data.weight[r][c][b];
                     left += (rest.residual[r][c][b].norm_sqr() - noise[b]) * w;
                     whole += p * w;
-                    found += rest.residual[r][c][b].norm_sqr() * w;
-                    least += noise[b] * w;
-                    bins += 2.0 / OVERDISPERSION;
                 }
             }
         }
     }
-    AtLines { left: (left / whole).max(0.0), scatter: if found > 0.0 { found.max(least) / bins } else { 1.0 } }
+    (left / whole).max(0.0)
 }
 
 /// Exponents by which the strength of a term departs from its own law, with 95 % half widths.
@@ -129,23 +119,6 @@ fn freer_gain(next_to_all: &Judge<'_>, pool: &[Candidate], term: &Candidate) -> 
         .reduce(|| 0.0, f64::max)
 }
 
-/// Standard errors with the error of the model: the least-squares variance in the proportion in which the residual at a term's lines scatters, and the
-/// spread over speeds where it contradicts that.
-fn widen(all: &mut Joint, base: &Base, spread: &Spread, terms: &[&Candidate], lines: &[AtLines]) {
-    let mut at = base.nuisances.len();
-    for (term, lines) in terms.iter().zip(lines) {
-        let own = at..at + term.templates.len();
-        at = own.end;
-        for i in own {
-            all.sigma[i] *= lines.scatter.sqrt();
-            // A free phase per run has no value in a run that is left out.
-            if !term.phase_free && spread.contradicts(i, all.sigma[i]) {
-                all.sigma[i] = spread.sigma[i];
-            }
-        }
-    }
-}
-
 /// Verdicts of the accepted terms against the candidates of the search, which scored `tried` of them.
 pub fn verdicts(
     base: &Base,
@@ -158,17 +131,37 @@ pub fn verdicts(
     let seen = split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let mut all = joint(base, data, &seen, &terms);
-    let lines: Vec<AtLines> = (0..terms.len()).map(|i| at_lines(base, data, &seen, &terms, i, &all.x)).collect();
-    widen(&mut all, base, &jackknife(base, data, &seen, &terms), &terms, &lines);
+    let spread = jackknife(base, data, &seen, &terms);
+    let mut at = base.nuisances.len();
+    for term in &terms {
+        let own = at..at + term.templates.len();
+        at = own.end;
+        // A free phase per run has no value in a run that is left out.
+        if !term.phase_free {
+            own.for_each(|i| all.sigma[i] = all.sigma[i].max(spread[i]));
+        }
+    }
+    let mut effects = Vec::new();
     let next_to_all = Judge::new(base, data, split, &terms);
-    let of = |index: usize| {
-        let term = terms[index];
-        let others: Vec<&Candidate> = terms.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| *c).collect();
+    for (index, term) in accepted.iter().enumerate() {
+        let others: Vec<&Candidate> =
+            accepted.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| c).collect();
         let judge = Judge::new(base, data, split, &others);
         let own = judge.judge(term.clone());
-        let (rivals, next) = rivals(&judge, &own, pool);
-        let left = lines[index].left;
+        let mut rivals: BTreeMap<String, f64> = BTreeMap::new();
+        let judged: Vec<Judged> =
+            pool.par_iter().filter(|c| c.name != term.name).map(|c| judge.judge(c.clone())).collect();
+        for j in &judged {
+            let best = rivals.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
+            *best = best.max(j.score);
+        }
+        let mut rivals: Vec<(String, f64)> = rivals.into_iter().map(|(n, s)| (n, 0.5 * (own.score - s))).collect();
+        rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+        rivals.truncate(6);
+        let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
+        let left = left_at_lines(base, data, &seen, &terms, index, &all.x);
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
+        let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
         let mut near: Vec<&str> =
             rivals.iter().filter(|r| accept::is_rival(r.1, own.gain)).map(|r| r.0.as_str()).collect();
         if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
@@ -185,76 +178,36 @@ pub fn verdicts(
             at_mesh_orders: term.family == "mesh-order",
             has_rivals: !near.is_empty(),
         });
-        let evidence = evidence(term, exponents, own.chance(tried as f64), next, left, rivals.clone());
-        let parameters = values(term, &all.x[at..], &all.sigma[at..], &seen);
-        effect(term, worded(term, naming, near), parameters, evidence)
-    };
-    (0..terms.len()).map(of).collect()
-}
-
-/// Names considered next to a term, with what their score lacks to it (nats), and the least of those that are library names.
-fn rivals(judge: &Judge<'_>, own: &Judged, pool: &[Candidate]) -> (Vec<(String, f64)>, Option<f64>) {
-    let mut best: BTreeMap<String, f64> = BTreeMap::new();
-    let others = pool.par_iter().filter(|c| c.name != own.candidate.name);
-    let judged: Vec<Judged> = others.map(|c| judge.judge(c.clone())).collect();
-    for j in &judged {
-        let best = best.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
-        *best = best.max(j.score);
+        let (verdict, name, experiment) = worded(term, naming, near);
+        effects.push(Effect {
+            withheld_because: None,
+            verdict: verdict.into(),
+            name,
+            family: term.family.into(),
+            shaft: term.shaft.into(),
+            order_of_pinion: term.order,
+            frequency_hz: term.frequency_hz,
+            parameters: values(term, &all.x[at..], &all.sigma[at..], &seen),
+            evidence: Evidence {
+                speed_exponent: exponents.map(|e| e[0][0] + term.exponents[0]),
+                speed_exponent_ci95: exponents.map(|e| interval(e[0][0] + term.exponents[0], e[0][1])),
+                torque_exponent: exponents.map(|e| e[1][0] + term.exponents[1]),
+                torque_exponent_ci95: exponents.map(|e| interval(e[1][0] + term.exponents[1], e[1][1])),
+                held_out_gain: 0.0,
+                chance: Some(own.chance(tried as f64)),
+                score_over_next: next.is_finite().then_some(next),
+                left_at_its_lines: left,
+                next: rivals,
+            },
+            deciding_experiment: experiment,
+            pinion_turns_of_runs: term.start.turns().map(<[u32]>::to_vec),
+            phase_of_runs_rad: match &term.start {
+                Start::Phases(phases) => Some(phases.clone()),
+                _ => None,
+            },
+        });
     }
-    let mut rivals: Vec<(String, f64)> = best.into_iter().map(|(n, s)| (n, 0.5 * (own.score - s))).collect();
-    rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
-    rivals.truncate(6);
-    let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
-    let next = rivals.iter().find(|r| named(&r.0)).map(|r| r.1);
-    (rivals, next)
-}
-
-fn evidence(
-    term: &Candidate,
-    exponents: Option<[[f64; 2]; 2]>,
-    chance: Probability,
-    next: Option<f64>,
-    left: f64,
-    rivals: Vec<(String, f64)>,
-) -> Evidence {
-    let value = |i: usize| exponents.map(|e| e[i][0] + term.exponents[i]);
-    let range = |i: usize| exponents.map(|e| interval(e[i][0] + term.exponents[i], e[i][1]));
-    Evidence {
-        speed_exponent: value(0),
-        speed_exponent_ci95: range(0),
-        torque_exponent: value(1),
-        torque_exponent_ci95: range(1),
-        held_out_gain: 0.0,
-        chance: Some(chance),
-        score_over_next: next,
-        left_at_its_lines: left,
-        next: rivals,
-    }
-}
-
-fn effect(
-    term: &Candidate,
-    (verdict, name, experiment): (&'static str, String, Option<String>),
-    parameters: BTreeMap<String, Value>,
-    evidence: Evidence,
-) -> Effect {
-    Effect {
-        withheld_because: None,
-        verdict: verdict.into(),
-        name,
-        family: term.family.into(),
-        shaft: term.shaft.into(),
-        order_of_pinion: term.order,
-        frequency_hz: term.frequency_hz,
-        parameters,
-        evidence,
-        deciding_experiment: experiment,
-        pinion_turns_of_runs: term.start.turns().map(<[u32]>::to_vec),
-        phase_of_runs_rad: match &term.start {
-            Start::Phases(phases) => Some(phases.clone()),
-            _ => None,
-        },
-    }
+    effects
 }
 
 /// Verdict, name and deciding experiment in words; `near`: what cannot be told from the term.
@@ -328,11 +281,12 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
             let (a, b) = (x[i], x[i + 1]);
             let r = a.hypot(b).max(1e-300);
             let half = 1.96 * ((a * sigma[i]).powi(2) + (b * sigma[i + 1]).powi(2)).sqrt() / r;
+            let half = half.hypot(FORM * r);
             let half = if term.phase_free { half / (seen.len() as f64).sqrt() } else { half };
             map.insert(p.name.clone(), value(r, half, p.unit));
             if !term.phase_free {
                 let turn = 1.96 * ((b * sigma[i]).powi(2) + (a * sigma[i + 1]).powi(2)).sqrt() / (r * r);
-                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn, "rad"));
+                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn.hypot(FORM), "rad"));
             }
         } else {
             let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
@@ -341,7 +295,7 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;
             }
-            map.insert(p.name.clone(), value(v, half, p.unit));
+            map.insert(p.name.clone(), value(v, half.hypot(FORM * v), p.unit));
         }
     }
     map

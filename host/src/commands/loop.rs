@@ -32,10 +32,6 @@ pub struct Args {
     /// Level to run at; the highest that the record allows where none is given.
     #[arg(long, value_enum)]
     level: Option<Level>,
-    /// Compares with this many records of the same machine without any effect (parametric bootstrap): this record's own probability of a false alarm
-    /// (dynamic level).
-    #[arg(long, default_value_t = 0)]
-    null: usize,
     /// Seed of the split into fit, selection and held-out runs (dynamic level).
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -100,8 +96,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let record = input::view(&files)?;
     refuse_unusable(&record, &mut written)?;
-    let options =
-        Options { seed: args.seed, progress: true, limits: true, null_records: args.null, ..Options::default() };
+    let options = Options { seed: args.seed, progress: true, ..Options::default() };
     let mut outcome = close_loop(&record, &options)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();

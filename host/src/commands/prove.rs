@@ -13,8 +13,8 @@ use std::path::PathBuf;
 /// Arguments of `meshband prove`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Record folders whose declared machines are used; without any, every record has a machine and a layout drawn at random.
-    #[arg(long = "machine", conflicts_with = "field")]
+    /// Record folders whose declared machines are used.
+    #[arg(long = "machine", required_unless_present = "field", conflicts_with = "field")]
     machines: Vec<PathBuf>,
     /// The campaign of the kinematic level: machines, operation and measuring chains drawn at random (--null, --power, --levels, --only).
     #[arg(long)]
@@ -31,12 +31,6 @@ pub struct Args {
     /// Records with two effects, and as many with an effect and a wrong declared parameter.
     #[arg(long, default_value_t = 0)]
     two: usize,
-    /// Records with an effect at the limit stated for the record without it, every other one at twice that limit.
-    #[arg(long, default_value_t = 0)]
-    limits: usize,
-    /// Of the records with nothing hidden, those whose own probability is asked, and the number of bootstrap records for each.
-    #[arg(long, value_delimiter = ',', num_args = 2, default_values_t = [0, 19])]
-    bootstrap: Vec<usize>,
     /// Strengths of that one effect, times its detection floor.
     #[arg(long, value_delimiter = ',', default_value = "2,20,1")]
     levels: Vec<f64>,
@@ -77,8 +71,6 @@ pub fn run(args: Args) -> Result<()> {
         power: args.power,
         leave_one_out: args.leave_one_out,
         two: args.two,
-        limits: args.limits,
-        bootstrap: [0, 1].map(|i| args.bootstrap.get(i).copied().unwrap_or(0)),
         levels: args.levels,
         only: args.only,
         duration_s: args.seconds,
@@ -88,10 +80,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     let scored = run_plan(&plan)?;
     if scored.is_empty() {
-        return Err(Error::invalid(
-            "--null, --power, --limits, --leave-one-out, --two",
-            "all are 0 and the log is empty",
-        ));
+        return Err(Error::invalid("--null, --power, --leave-one-out, --two", "all are 0 and the log is empty"));
     }
     let summary = summarise(&scored);
     files.write(&summary, || Ok(report(&summary, scored.len(), plan.seed)))?;

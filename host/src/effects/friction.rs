@@ -28,7 +28,6 @@ pub const ENTRY: Entry = Entry {
         name: "friction",
         seats: &[Seat::Sliding],
         quantity: "coefficient",
-        bends: true,
         never_negative: true,
         carry: |f| Some(one("friction", [("coefficient", f.size)])),
         ..Hypothesis::PLAIN

@@ -1,6 +1,6 @@
 //! At which level the loop can run on a record, and what it lacks for the next: everything at once.
 //!
-//! *Dynamic* needs what the declared machine's forward model takes ([`crate::observation::input`]): the machine, two channels on the bodies in
+//! *Dynamic* needs what the declared machine's forward model takes ([`crate::observation::input`]): the machine with its pair stiffness, two channels on the bodies in
 //! acceleration, a tach on the pinion whose angle 0 is the machine's, torques, three speeds. *Kinematic* needs tooth counts, some tach and enough turns. A
 //! record that lacks a machine's table names it here; one that declares it wrongly is refused by who reads it.
 
@@ -109,6 +109,9 @@ impl Preflight {
         let missing = &mut self.for_dynamic;
         if !record.declaration.has_machine() {
             missing.push("the machine: geometry of the [pair], masses and stiffnesses of the [shafts]".into());
+        }
+        if record.declaration.stiffness_tables().is_empty() {
+            missing.push("stiffness of a tooth pair ([pair] pair_stiffness)".into());
         }
         let acquisition = &record.declaration.acquisition;
         if acquisition.channels.len() != 2 {

@@ -9,7 +9,7 @@
 
 use super::forward::{ForwardModel, Line, Operating};
 use crate::dynamics::excitation::Facts;
-use crate::machine::{Geometry, Pair, Shafts};
+use crate::machine::{Pair, Shafts};
 use crate::stiffness::pair_curve::PairCurve;
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 use rustfft::num_complex::Complex64 as C;
@@ -139,7 +139,7 @@ impl Machine {
         let mut machine = Self {
             teeth: pair.teeth,
             base_radius_m,
-            pressure_angle_rad: Geometry::new(pair).map_or(angle, |g| g.working_pressure_angle),
+            pressure_angle_rad: angle,
             curve: curve.clone(),
             tau_s: pair.mesh_damping_s,
             shafts: shafts.clone(),

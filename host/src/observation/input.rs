@@ -6,7 +6,7 @@
 
 use crate::dynamics::assembly::{Damping, Model};
 use crate::dynamics::{Motion, Rig};
-use crate::machine::{EngagementKind, Machine, Pair, Shafts};
+use crate::machine::{Machine, Pair, Shafts};
 use crate::record::{self, Tach};
 use crate::stiffness::pair_curve::PairCurve;
 use crate::{Error, Result};
@@ -60,7 +60,7 @@ pub struct Record {
 /// The loop's view of a record in memory.
 ///
 /// # Errors
-/// A record without machine, tachometer on the pinion whose angle 0 is known, or torques; other than two channels; non-physical values.
+/// A record without machine, pair stiffness table, tachometer on the pinion whose angle 0 is known, or torques; other than two channels; non-physical values.
 pub fn view(record: &record::Record) -> Result<Record> {
     let path = record.folder.join("record.toml");
     let place = |key: &str| format!("{}: {key}", path.display());
@@ -81,7 +81,10 @@ pub fn view(record: &record::Record) -> Result<Record> {
     let rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared)?;
     let steady = Motion::Constant { speed_hz: 1.0, turns_at_zero: 0.0 };
     rig.work(&steady, 1.0).check_against(rate_hz)?;
-    let curve = curve(&machine)?;
+    let table = machine.pair.pair_stiffness.clone().ok_or_else(|| {
+        Error::invalid(place("pair.pair_stiffness"), "the closed loop needs the pair stiffness table of the record")
+    })?;
+    let curve = PairCurve::read(&record.folder.join(table))?;
     if record.declaration.acquisition.channels.len() != 2 {
         return Err(Error::invalid(place("acquisition.channels"), "the closed loop needs the two bodies' channels"));
     }
@@ -103,28 +106,6 @@ pub fn view(record: &record::Record) -> Result<Record> {
         jitter_s: tach.jitter_s.unwrap_or(0.0),
         runs,
     })
-}
-
-/// Pieces that a curve from geometry is cut into: straight lines within 1e-5 of it.
-const PIECES: usize = 1000;
-
-/// Stiffness of one tooth pair as the simulator has it: the declared table, else the curve that follows from geometry, engagement included.
-///
-/// # Errors
-/// An unreadable table, a geometry that has no pair stiffness.
-pub fn curve(machine: &Machine) -> Result<PairCurve> {
-    let hard = machine.engagement.is_none_or(|e| e.kind == EngagementKind::None);
-    if let Some(table) = machine.pair.pair_stiffness.as_ref().filter(|_| hard) {
-        return PairCurve::read(&machine.folder.join(table));
-    }
-    let stiffness = machine.pair_stiffness()?;
-    let knots = stiffness.knots();
-    let (first, last) = (knots[0], knots[knots.len() - 1]);
-    let u: Vec<f64> = (0..=PIECES).map(|i| first + (last - first) * i as f64 / PIECES as f64).collect();
-    // The value at an end belongs to the path, not to what lies beyond it.
-    let inside = |u: f64| u.clamp(first + 1e-9, last - 1e-9);
-    let k = u.iter().map(|&u| stiffness.value(inside(u))).collect();
-    Ok(PairCurve { u, k })
 }
 
 /// Reads the record in `folder`.

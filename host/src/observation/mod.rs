@@ -5,5 +5,4 @@
 
 pub mod angle;
 pub mod input;
-pub mod noise;
 pub mod spectrum;

@@ -87,18 +87,13 @@ impl Analyser {
     }
 
     /// Magnitude of the kernel `distance` bins from the line.
-    pub fn magnitude_at(&self, distance: f64) -> f64 {
+    fn magnitude_at(&self, distance: f64) -> f64 {
         let x = distance.abs() * FINE as f64;
         let i = x as usize;
         if i + 1 >= self.kernel.len() {
             return 0.0;
         }
         self.kernel[i] + (x - i as f64) * (self.kernel[i + 1] - self.kernel[i])
-    }
-
-    /// Phase that the kernels of all lines have at `bin`, but for a constant of each line.
-    pub fn phase_at(&self, bin: usize) -> C {
-        self.phase_from(bin as f64).0
     }
 
     /// Phase factor of the kernel `distance` bins from the line, and its step from bin to bin.

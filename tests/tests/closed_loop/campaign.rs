@@ -14,7 +14,6 @@ fn theory_summary_counts_false_terms_and_right_families() {
         part: part.into(),
         machine: "m".into(),
         duration_s: 2.0,
-        runs: 8,
         coloured: false,
         parameters_off: false,
         hidden: result.iter().map(|_| "pinion-eccentricity".to_string()).collect(),
@@ -28,8 +27,6 @@ fn theory_summary_counts_false_terms_and_right_families() {
         estimate_over_truth: None,
         held_out: [[0.4, 0.1, 0.1], [0.4, 0.2, 0.1]],
         calibrated: Some([0.2, 0.3]),
-        true_floor: Some(0.1),
-        chance: None,
         seconds: 1.0,
     };
     let all = [
@@ -57,8 +54,6 @@ fn regress_a_campaign_resumes_from_its_log() {
         power: 0,
         leave_one_out: 0,
         two: 0,
-        limits: 0,
-        bootstrap: [0, 0],
         levels: vec![2.0],
         only: Vec::new(),
         duration_s: 2.0,

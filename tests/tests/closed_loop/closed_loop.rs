@@ -205,7 +205,7 @@ fn loop_template_of_every_hidden_effect_explains_it() {
             .map(|candidate| {
                 let frame = Frame::new(&data, &[]);
                 let border = frame.border(&candidate.templates);
-                let gain = frame.systems.estimate(&all, Some(&border)).gain;
+                let gain = frame.estimate(&all, Some(&border)).gain;
                 (candidate.name.clone(), gain / chi_square(&data, &all))
             })
             .collect();

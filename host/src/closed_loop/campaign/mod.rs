@@ -4,13 +4,9 @@
 //! its number, so a record can be repeated alone, and a campaign stopped and resumed: each scored record is one JSON line, and lines already
 //! there are not done again. Cost: about 10 s per record on two cores.
 
-mod drawn;
 mod floor;
-mod items;
-mod limit;
 mod score;
 
-use items::{Item, items};
 pub use score::{HEAD, Row, Scored, Summary, cells, summarise};
 
 use super::base_fit::TOLERANCES;
@@ -31,7 +27,7 @@ use std::time::Instant;
 /// How many records of each part.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// Declared machines: record folders whose declaration is used; none: every record has a machine and a layout drawn at random.
+    /// Declared machines: record folders whose declaration is used.
     pub machines: Vec<PathBuf>,
     /// Records with nothing hidden.
     pub null: usize,
@@ -41,10 +37,6 @@ pub struct Plan {
     pub leave_one_out: usize,
     /// Records with two effects, and as many with an effect and a wrong parameter.
     pub two: usize,
-    /// Records with an effect at the limit that the loop states for the record without it, and as many at twice that limit.
-    pub limits: usize,
-    /// Of the records with nothing hidden, those whose own probability is asked, and by how many bootstrap records.
-    pub bootstrap: [usize; 2],
     /// Levels over the detection floor of the power part, in the order they are taken.
     pub levels: Vec<f64>,
     /// Names of [`hidden`](crate::effects::hidden) to use; empty for all.
@@ -57,6 +49,46 @@ pub struct Plan {
     pub log: PathBuf,
     /// Progress of the loop on every record.
     pub verbose: bool,
+}
+
+struct Item {
+    part: &'static str,
+    number: usize,
+    hidden: Vec<&'static Hidden>,
+    level: f64,
+}
+
+impl Item {
+    fn id(&self) -> String {
+        format!("{}-{}", self.part, self.number)
+    }
+}
+
+fn items(plan: &Plan) -> Vec<Item> {
+    let wanted = |h: &&Hidden| plan.only.is_empty() || plan.only.iter().any(|n| n == h.name);
+    let all: Vec<&'static Hidden> = effects::hidden().filter(wanted).collect();
+    let count = all.len();
+    let named: Vec<&'static Hidden> = all.iter().copied().filter(|h| !h.right_names.is_empty()).collect();
+    let mut items: Vec<Item> =
+        (0..plan.null).map(|number| Item { part: "null", number, hidden: vec![], level: 0.0 }).collect();
+    items.extend((0..plan.power).map(|number| {
+        let level = plan.levels[number / count % plan.levels.len()];
+        Item { part: "power", number, hidden: vec![all[number % count]], level }
+    }));
+    items.extend((0..plan.leave_one_out).map(|number| Item {
+        part: "leave-one-out",
+        number,
+        hidden: vec![named[number % named.len()]],
+        level: 4.0,
+    }));
+    for number in 0..plan.two {
+        let first = named[number % named.len()];
+        let second = named[(number + 1 + number / named.len() * 3 + 4) % named.len()];
+        let second = if second.name == first.name { named[(number + 1) % named.len()] } else { second };
+        items.push(Item { part: "two", number, hidden: vec![first, second], level: 4.0 });
+        items.push(Item { part: "parameter", number, hidden: vec![first], level: 4.0 });
+    }
+    items
 }
 
 /// Declared parameters off by a uniform share of their tolerance.
@@ -96,6 +128,9 @@ fn off(scenario: &mut Scenario, rng: &mut ChaCha8Rng, only: Option<usize>, share
 /// Unreadable machines or log, a record that the loop refuses.
 pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     let machines = plan.machines.iter().map(|p| input::read(p)).collect::<Result<Vec<_>>>()?;
+    if machines.is_empty() {
+        return Err(Error::invalid("--machine", "at least one is needed"));
+    }
     if let Some(name) = plan.only.iter().find(|n| effects::hidden().all(|h| h.name != n.as_str())) {
         let known: Vec<&str> = effects::hidden().map(|h| h.name).collect();
         return Err(Error::invalid("--only", format!("`{name}` is none of {}", known.join(", "))));
@@ -137,102 +172,59 @@ fn read_log(path: &Path) -> Result<Vec<Scored>> {
         .collect()
 }
 
-/// What a record is made of.
-struct Made {
-    declared: Record,
-    scenario: Scenario,
-    coloured: bool,
-    wrong: bool,
-}
-
-/// Machine, layout and noise of a record.
-fn scene(plan: &Plan, item: &Item, machines: &[Record], rng: &mut ChaCha8Rng) -> Result<Made> {
-    let cycle =
-        if item.hidden.is_empty() { item.number } else { item.number / effects::hidden().count() + item.number };
-    let coloured = cycle / machines.len().max(1) % 2 == 1;
-    let mut wrong = item.part == "parameter" || item.number % 4 != 3;
-    let declared = match machines {
-        [] => drawn::machine(rng)?,
-        machines => machines[cycle % machines.len()].clone(),
-    };
-    let mut scenario = Scenario::null(&declared.shafts, rng.random());
-    scenario.duration_s = plan.duration_s;
-    scenario.noise_colour = if coloured { 0.9 } else { 0.0 };
-    if machines.is_empty() {
-        wrong = rng.random();
-        drawn::layout(&declared, &mut scenario, rng, wrong);
-        scenario.noise_rms = (0.004 + 0.02 * rng.random::<f64>()) * loudness(&declared, &scenario)?;
-        return Ok(Made { declared, scenario, coloured, wrong });
-    }
-    let scale = 0.9 + 0.2 * rng.random::<f64>();
-    scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
-    match item.part {
-        "parameter" => {
-            let which = (rng.random::<u32>() as usize) % (TOLERANCES.len() - 1);
-            off(&mut scenario, rng, Some(which), 2.0);
-        }
-        _ if wrong => off(&mut scenario, rng, None, 1.0),
-        _ => {}
-    }
-    Ok(Made { declared, scenario, coloured, wrong })
-}
-
-/// RMS acceleration of the quieter channel of the first run, m/s2.
-fn loudness(declared: &Record, scenario: &Scenario) -> Result<f64> {
-    let quiet = Scenario {
-        noise_rms: 0.0,
-        duration_s: 0.5,
-        speeds_hz: scenario.speeds_hz[..1].to_vec(),
-        torques_n_m: scenario.torques_n_m[..1].to_vec(),
-        ..scenario.clone()
-    };
-    let run = generate::record(&declared.pair, &declared.shafts, &declared.curve, &quiet)?.runs.remove(0);
-    let rms = |x: &Vec<f64>| (x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64).sqrt();
-    Ok(run.channels.iter().map(rms).fold(f64::INFINITY, f64::min))
-}
-
 fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_mul(0x9E37_79B9).wrapping_add(stream));
-    let Made { declared, mut scenario, coloured, wrong } = scene(plan, item, machines, &mut rng)?;
-    let options = Options { seed: rng.random(), progress: plan.verbose, ..Options::default() };
-    let mut hidden: Vec<(&'static Hidden, f64)> = Vec::new();
+    let cycle =
+        if item.hidden.is_empty() { item.number } else { item.number / effects::hidden().count() + item.number };
+    let machine = cycle % machines.len();
+    let coloured = cycle / machines.len() % 2 == 1;
+    let declared = &machines[machine];
+    let mut scenario = Scenario::null(&declared.shafts, rng.random());
+    scenario.duration_s = plan.duration_s;
+    scenario.noise_colour = if coloured { 0.9 } else { 0.0 };
+    let scale = 0.9 + 0.2 * rng.random::<f64>();
+    scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
+    let mut hidden: Vec<(&Hidden, f64)> = Vec::new();
     for &one in &item.hidden {
         // The floor is this record's own: of the same order, phase or frequency, at its speeds and in its noise.
-        let (floor, peak_m_s2) = floor::strength(&declared, &scenario, one, &mut rng.clone())?;
+        let (floor, peak_m_s2) = floor::strength(declared, &scenario, one, &mut rng.clone())?;
         let size = if one.has_floor { item.level * floor } else { floor };
         let mut draw = Draw { teeth: declared.pair.teeth, peak_m_s2, random: &mut rng };
         scenario.effects.extend((one.draw)(size, &mut draw));
         hidden.push((one, size));
     }
-    if item.part == "limit" {
-        hidden.extend(limit::at_limit(&declared, &mut scenario, &options, item.level, &mut rng)?);
+    let parameters_off = item.part == "parameter" || item.number % 4 != 3;
+    match item.part {
+        "parameter" => {
+            let which = (rng.random::<u32>() as usize) % (TOLERANCES.len() - 1);
+            off(&mut scenario, &mut rng, Some(which), 2.0);
+        }
+        _ if parameters_off => off(&mut scenario, &mut rng, None, 1.0),
+        _ => {}
     }
     let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario)?;
     let withheld = match item.part {
         "leave-one-out" => hidden[0].0.right_names.iter().map(|n| (*n).to_string()).collect(),
         _ => Vec::new(),
     };
-    let asked = item.part == "null" && item.number < plan.bootstrap[0];
-    let options = Options { withheld, null_records: if asked { plan.bootstrap[1] } else { 0 }, ..options };
-    let outcome = close_loop(&record, &options)?;
+    let outcome =
+        close_loop(&record, &Options { seed: rng.random(), withheld, progress: plan.verbose, ..Options::default() })?;
     let (result, wrong_names) = score::judge(&outcome, &hidden);
     let strength = match hidden.as_slice() {
         [(kind, truth)] => score::strength(&outcome, kind, *truth),
         _ => None,
     };
     let held = &outcome.error.held_out_runs;
-    let true_floor = floor::true_floor(&record, &scenario, &outcome.split[2]);
     let held = [held.shaft_synchronous, held.whole_signal];
     Ok(Scored {
         id: item.id(),
         part: item.part.into(),
         machine: declared.title.clone(),
         duration_s: plan.duration_s,
-        runs: record.runs.len(),
         coloured,
-        parameters_off: wrong,
+        parameters_off,
         hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),
         truth: scenario.effects.join(" "),
         level: item.level,
@@ -244,8 +236,6 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         estimate_over_truth: strength.map(|s| s.1),
         held_out: held.map(|s| [s.declared, s.corrected, s.noise_floor]),
         calibrated: Some(held.map(|s| s.calibrated)),
-        true_floor: Some(true_floor),
-        chance: outcome.null.map(|null| null.probability),
         seconds: started.elapsed().as_secs_f64(),
     })
 }

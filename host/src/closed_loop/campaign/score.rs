@@ -5,22 +5,18 @@ use crate::effects;
 use crate::effects::hypothesis::Hidden;
 use crate::terminal;
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{Beta, ContinuousCDF};
 
 /// What the loop said of one generated record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scored {
     /// `part-number`.
     pub id: String,
-    /// null, power, limit, leave-one-out, two or parameter.
+    /// null, power, leave-one-out, two or parameter.
     pub part: String,
     /// Machine.
     pub machine: String,
     /// Length of a run, s.
     pub duration_s: f64,
-    /// Number of runs; absent in logs of the former format.
-    #[serde(default)]
-    pub runs: usize,
     /// Whether the noise was coloured.
     pub coloured: bool,
     /// Whether declared parameters were wrong within tolerance.
@@ -48,12 +44,6 @@ pub struct Scored {
     /// The same, calibrated; absent in logs of the former format.
     #[serde(default)]
     pub calibrated: Option<[f64; 2]>,
-    /// NRMSE of the whole signal that the noise put in leaves on the held-out runs.
-    #[serde(default)]
-    pub true_floor: Option<f64>,
-    /// The record's own probability of a false alarm, where it was asked.
-    #[serde(default)]
-    pub chance: Option<f64>,
     /// Seconds.
     pub seconds: f64,
 }
@@ -136,14 +126,6 @@ pub struct Summary {
     pub coverage: (f64, usize),
     /// The true effect's name withheld.
     pub leave_one_out: Vec<Row>,
-    /// Effects at the record's stated limit and at twice it.
-    pub limits: Vec<Row>,
-    /// Upper end of the 95 % interval of the share of false terms (Clopper and Pearson).
-    pub false_at_most: f64,
-    /// Distance of the records' own probabilities from uniform (Kolmogorov and Smirnov, on their grid), their number, and its probability.
-    pub uniform: Option<[f64; 3]>,
-    /// Corrected held-out error of the whole signal over the true floor where a name is right, median.
-    pub over_true_floor: f64,
     /// Two effects at once; one effect and a wrong parameter.
     pub two: Vec<Row>,
     /// Corrected held-out error over floor, all single effects at twice the floor and above: named and not named, medians.
@@ -231,22 +213,7 @@ pub fn summarise(all: &[Scored]) -> Summary {
         median(own.filter(|s| (s.result[0] == "named") == named).map(|s| error(s)[1] / error(s)[2]).collect())
     };
     let seconds: Vec<f64> = all.iter().map(|s| s.seconds).collect();
-    let limits = [1.0, 2.0].map(|l| {
-        let own: Vec<&Scored> = part("limit").filter(|s| s.level == l && !s.hidden.is_empty()).collect();
-        row(format!("{l} x the stated limit"), &own)
-    });
-    let right = part("power").filter(|s| s.result.first().is_some_and(|r| r == "named"));
-    let over_true_floor = median(right.filter_map(|s| Some(s.held_out[1][1] / s.true_floor?)).collect());
-    let false_at_most = {
-        let all = null.last().map_or((0, 0.0), |r| (r.records, r.found));
-        at_most((all.1 * all.0 as f64).round() as usize, all.0)
-    };
-    let chances: Vec<f64> = part("null").filter_map(|s| s.chance).collect();
     Summary {
-        limits: limits.to_vec(),
-        false_at_most,
-        uniform: uniform(chances),
-        over_true_floor,
         null,
         power,
         power_by_effect: by_kind("power", Some(2.0)),
@@ -256,31 +223,6 @@ pub fn summarise(all: &[Scored]) -> Summary {
         corrected_over_floor: [ratio(true), ratio(false)],
         seconds: [median(seconds.clone()), seconds.into_iter().fold(0.0, f64::max)],
     }
-}
-
-/// Upper end of the two-sided 95 % interval of a share, `found` of `all`.
-fn at_most(found: usize, all: usize) -> f64 {
-    if found >= all {
-        return 1.0;
-    }
-    let beta = Beta::new(found as f64 + 1.0, (all - found) as f64);
-    beta.map_or(1.0, |beta| beta.inverse_cdf(0.975))
-}
-
-/// Distance of probabilities from uniform ones, their number, and the probability of such a distance by chance (asymptotic, which for values on a grid errs on the
-/// safe side).
-fn uniform(mut values: Vec<f64>) -> Option<[f64; 3]> {
-    values.sort_by(f64::total_cmp);
-    let n = values.len() as f64;
-    if values.len() < 5 {
-        return None;
-    }
-    // Values of a bootstrap of N stand on a grid of N + 1: compared at its points only.
-    let below = |x: f64| values.iter().filter(|v| **v <= x + 1e-12).count() as f64 / n;
-    let distance = values.iter().map(|&x| (below(x) - x).abs()).fold(0.0, f64::max);
-    let lambda = (n.sqrt() + 0.12 + 0.11 / n.sqrt()) * distance;
-    let tail = (1..100).map(f64::from).map(|k| (-1.0_f64).powf(k - 1.0) * (-2.0 * k * k * lambda * lambda).exp());
-    Some([distance, n, if lambda < 0.2 { 1.0 } else { (2.0 * tail.sum::<f64>()).clamp(0.0, 1.0) }])
 }
 
 /// Head of [`cells`].
@@ -312,12 +254,11 @@ pub fn cells(r: &Row) -> Vec<String> {
 
 impl Summary {
     /// Titled tables.
-    pub fn tables(&self) -> [(&'static str, &[Row]); 6] {
+    pub fn tables(&self) -> [(&'static str, &[Row]); 5] {
         [
             ("Nothing hidden (found = false terms)", &self.null),
             ("One effect, by level over its detection floor", &self.power),
             ("Every effect at twice its floor", &self.power_by_effect),
-            ("An effect at the limit stated for the record without it", &self.limits),
             ("The true effect withheld from the library", &self.leave_one_out),
             ("Two at once", &self.two),
         ]
@@ -338,7 +279,15 @@ impl Summary {
             rows.iter().for_each(|r| text += &line(&cells(r)));
             text += "\n";
         }
-        text += &self.closing();
+        let [named, not_named] = self.corrected_over_floor;
+        text += &format!(
+            "Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over noise floor, median at twice the floor and above: named {named:.3}, \
+             not named {not_named:.3}. Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
+            100.0 * self.coverage.0,
+            self.coverage.1,
+            self.seconds[0],
+            self.seconds[1]
+        );
         text
     }
 
@@ -351,29 +300,15 @@ impl Summary {
                 text += &format!("{title}\n{}\n", terminal::table(&HEAD, &rows));
             }
         }
-        text += &self.closing();
-        text
-    }
-
-    /// What is no table.
-    fn closing(&self) -> String {
-        let [named, not_named] = self.corrected_over_floor;
-        let mut text = format!(
-            "False terms: at most {:.2} % (95 %, two-sided, Clopper-Pearson). Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over noise floor, median: named \
-             {named:.3}, not named {not_named:.3}; over the true floor, named: {:.3}.\n",
-            100.0 * self.false_at_most,
+        text += &format!(
+            "intervals that cover the truth: {:.1} % of {}\nheld-out error corrected / floor, median: named {:.3}, not named {:.3}\nseconds per record: median {:.1}, largest {:.1}\n",
             100.0 * self.coverage.0,
             self.coverage.1,
-            self.over_true_floor
+            self.corrected_over_floor[0],
+            self.corrected_over_floor[1],
+            self.seconds[0],
+            self.seconds[1]
         );
-        if let Some([distance, records, chance]) = self.uniform {
-            text += &format!(
-                "The record's own probability on {records} records with nothing hidden: Kolmogorov-Smirnov distance from uniform {distance:.3}, probability {chance:.2}.\n"
-            );
-        }
-        text + &format!(
-            "Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
-            self.seconds[0], self.seconds[1]
-        )
+        text
     }
 }

@@ -145,27 +145,6 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
     list
 }
 
-/// Whether a candidate is a delay chosen by the residual.
-pub fn is_delay(candidate: &Candidate) -> bool {
-    candidate.hypothesis.is_some_and(|h| std::ptr::eq(h, on_path(Path::Delay)))
-}
-
-/// A small delay of each channel, per second.
-pub fn delays(bench: &Bench<'_>) -> [Candidate; 2] {
-    let duration = bench.base.analyser.duration_s();
-    [0, 1].map(|channel| {
-        let turned = |b: usize, x: &C| x * C::new(0.0, -TAU * b as f64 / duration);
-        let runs = bench.base.runs.iter().map(|run| {
-            let mut parts = [Vec::new(), Vec::new()];
-            let bins: Bins = run.model[channel].iter().enumerate().map(|(b, x)| turned(b, x)).collect();
-            parts[channel] = sparse(&bins);
-            parts
-        });
-        let found = named(Path::Delay, "path", Template { runs: runs.collect() }, [0.0, 1.0]);
-        Candidate { searched: 100.0, parameters: parameter("delay", "s"), ..found }
-    })
-}
-
 /// Lines above half the sampling rate that a missing anti-alias filter would fold into the band, up to the rate.
 ///
 /// Above the modes the bodies' masses alone respond, so that the contact force follows from the approach of the inner orders.
