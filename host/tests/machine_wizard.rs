@@ -38,7 +38,8 @@ fn answers(full: &Machine) -> Known {
 
 #[test]
 fn claim_ten_answers_give_the_law_within_its_stated_uncertainty() {
-    for name in ["17-38", "19-48", "20-40", "62-62", "paper-rig"] {
+    // Not so for paper-rig, whose ramp is a step of a table: docs/machines.md.
+    for name in ["17-38", "19-48", "20-40", "62-62"] {
         let full = Machine::read(&machines().join(format!("{name}.toml"))).expect("a machine");
         let estimated = estimate(&answers(&full)).expect("an estimate");
         let stated = sensitivity(&estimated, &|| ()).expect("a law");

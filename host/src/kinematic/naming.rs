@@ -13,6 +13,8 @@ const IMPACTS: usize = 3;
 /// Harmonics of a base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
 
+/// Fewest teeth of another stage that a pattern is read as.
+const FEWEST_TEETH: u32 = 10;
 /// Ratios of two of the first harmonics of one line.
 const HARMONICS: [(f64, f64); 5] = [(2.0, 1.0), (3.0, 1.0), (4.0, 1.0), (3.0, 2.0), (4.0, 3.0)];
 
@@ -81,6 +83,11 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
         }
         Kind::Pattern(shaft) => {
             let word = shaft.word();
+            if has_common_teeth(adopted, scene.shaft_order(shaft as usize)) {
+                let name = format!("{word}-pitch-error or mesh of another stage on the {word}'s shaft");
+                let remark = "all its lines are multiples of one number of teeth, as another gear on that shaft has";
+                return naming("ambiguous", name, "shaft-order", word, Some(remark));
+            }
             naming(
                 "ambiguous",
                 format!("{word}-pitch-error or {word}-profile-error"),
@@ -107,6 +114,19 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
         Kind::Clipping => naming("named", "clipping", "other", "none", None),
         Kind::Swing => naming("ambiguous", "load-fluctuation or speed-fluctuation", "non-stationary", "none", None),
     }
+}
+
+/// Whether all lines of a pattern, at least two, are multiples of a number of teeth that a gear can have.
+fn has_common_teeth(adopted: &Adopted, own: f64) -> bool {
+    let places = adopted.candidate.places.iter().zip(&adopted.verdict.score.of_places);
+    let numbers: Vec<u32> =
+        places.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| (place.order / own).round() as u32).collect();
+    let common = numbers.iter().copied().fold(0, common_divisor);
+    numbers.len() >= 2 && common >= FEWEST_TEETH
+}
+
+fn common_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
 /// Whether another ghost stands at a whole multiple of this one, or both at multiples of a third.

@@ -13,6 +13,9 @@ use std::collections::BTreeMap;
 
 /// Most families adopted.
 const MOST: usize = 8;
+/// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by less within a record).
+const SAME_BASE: f64 = 3e-3;
+const SLIPPING: f64 = 7e-3;
 /// Candidates of a round that are judged before it is given up, and of one kind: a skirt that looks like many swings must not hide the rest.
 const JUDGED: usize = 14;
 const JUDGED_OF_KIND: usize = 3;
@@ -210,7 +213,7 @@ impl Search {
                 _ => false,
             };
             same_shaft_kind
-                || (is_base(candidate) && is_base(&own.candidate) && derived(candidate.base, own.candidate.base, scene))
+                || (is_base(candidate) && is_base(&own.candidate) && derived(candidate.base, &own.candidate, scene))
         })
     }
 
@@ -393,10 +396,12 @@ pub fn is_base(candidate: &Candidate) -> bool {
     matches!(candidate.kind, Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh)
 }
 
-/// Whether a base is a multiple, a part or a sideband of another.
-fn derived(base: f64, own: f64, scene: &Scene) -> bool {
+/// Whether a base is a multiple, a part or a sideband of another; one that slips is smeared, and its skirts look like bases beside it.
+fn derived(base: f64, own: &Candidate, scene: &Scene) -> bool {
     let half = scene.resolution();
-    let near = |a: f64, b: f64| (a - b).abs() <= half.max(3e-3 * b);
+    let share = if own.locked { SAME_BASE } else { SLIPPING };
+    let near = |a: f64, b: f64| (a - b).abs() <= half.max(share * b);
+    let own = own.base;
     let z = scene.mesh_order();
     (1..=DERIVED.0).map(f64::from).any(|j| {
         let of_shafts = (-DERIVED.1..=DERIVED.1)
