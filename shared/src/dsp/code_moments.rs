@@ -71,7 +71,7 @@ impl CodeMoments {
     pub fn add(&mut self, codes: &[u16], period_ticks: u32, step: usize) {
         let step = step.max(1);
         let mut sums = [0.0f64; 4];
-        for run in codes.chunks(RUN * step) {
+        for run in codes.chunks(RUN.saturating_mul(step).max(1)) {
             let powers = self.powers(run, step);
             for (sum, power) in sums.iter_mut().zip(powers) {
                 *sum += f64::from(power);
