@@ -173,6 +173,12 @@ impl Search {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);
             }
             if verdict.refused.is_none() {
+                let higher = higher_base(&candidate, &verdict, &context, views, &self.taken);
+                if higher.is_some_and(|(higher, _)| self.is_known(&higher, scene)) {
+                    verdict.refused = Some("its lines are multiples of a family found before".into());
+                }
+            }
+            if verdict.refused.is_none() {
                 found = Some((candidate, verdict));
                 break;
             }

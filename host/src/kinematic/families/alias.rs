@@ -5,11 +5,14 @@
 //! harmonic. What decides: whole mesh orders in that spectrum and nothing beside them. Orders between 0.62 and 0.97 of the rate over the speed are looked at. Limit: where
 //! the speed hardly moves, a folded line may stand on an order by chance and be taken for one of neither shaft first.
 
-use super::Context;
+use super::{Context, clipping};
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place};
 
-/// All folded harmonics that the spectrum reaches.
+/// All folded harmonics that the spectrum reaches; none where a channel is limited, since that makes harmonics behind any filter.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
+    if !clipping::limited(context.scene).is_empty() {
+        return Vec::new();
+    }
     let (spectra, z) = (context.folded, context.scene.mesh_order());
     let (first, last) = ((spectra.lowest / z).ceil() as usize, (spectra.highest / z) as usize);
     let place = |k: usize| Place { order: k as f64 * z, spacing: 1.0, label: format!("{k} mesh, folded") };
