@@ -96,10 +96,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// All codes into the overall values, cut at the turns.
     pub(super) fn follow_values(&mut self, codes: &[u16], first: u64, period: u32) {
         let locked = self.tach_locked;
-        if locked && !self.values.within_reach(self.present_speed().pinion.0, period) {
-            self.values.restart(first);
-            return;
-        }
+        self.values.follow_speed(self.present_speed().pinion.0, period);
         let mut complete = None;
         self.values.push(codes, first, period, locked, |values| complete = Some(values));
         if let Some(values) = complete {

@@ -23,8 +23,10 @@ const SETTLING_PERIODS: f32 = 5.0;
 const EVERY_CODE_TO_HZ: f32 = 300_000.0;
 /// Up to this rate every second code enters, above it every fourth, samples per second.
 const SECOND_CODE_TO_HZ: f32 = 400_000.0;
-/// Above that rate and this speed of the pinion, Hz, there are no overall values: the mesh bands need the processor.
+/// Above that rate and this speed of the pinion, Hz, few codes enter and none the velocity: the mesh bands need the processor.
 const HIGHEST_SPEED_HZ: f32 = 60.5;
+/// Codes from one that enters to the next there.
+const BEYOND_STEP: usize = 16;
 /// Turn marks of one block; what comes faster is no shaft.
 const MOST_MARKS: usize = 32;
 
@@ -52,6 +54,8 @@ pub struct ValueRecord {
     period: u32,
     /// Codes from one that enters the moments to the next.
     step: usize,
+    /// See [`ValueRecord::follow_speed`].
+    beyond: bool,
     codes: CodeMoments,
     velocity: BandVelocity,
     squares: f64,
@@ -75,6 +79,7 @@ impl ValueRecord {
             zero_code,
             period: 0,
             step: 1,
+            beyond: false,
             codes: CodeMoments::about(zero_code),
             velocity: BandVelocity::new(edges),
             squares: 0.0,
@@ -117,9 +122,9 @@ impl ValueRecord {
         (self.at_mark, self.turns) = (false, 0);
     }
 
-    /// Whether values can be had at a speed of the pinion, Hz, with codes of a period.
-    pub fn within_reach(&self, speed_hz: f32, period: u32) -> bool {
-        speed_hz <= HIGHEST_SPEED_HZ || self.clock.rate(period).0 <= EVERY_CODE_TO_HZ
+    /// Above a speed of the pinion, Hz, codes of a short period are too many for all that is to be done.
+    pub fn follow_speed(&mut self, speed_hz: f32, period: u32) {
+        self.beyond = speed_hz > HIGHEST_SPEED_HZ && self.clock.rate(period).0 > EVERY_CODE_TO_HZ;
     }
 
     /// Takes a block whose marks are all known; `complete` gets every record that ends in it. `locked`: the tach has a speed.
@@ -169,6 +174,11 @@ impl ValueRecord {
 
     fn add(&mut self, codes: &[u16]) {
         if codes.is_empty() {
+            return;
+        }
+        if self.beyond {
+            self.codes.add(codes, self.period, BEYOND_STEP);
+            self.gap = true;
             return;
         }
         self.codes.add(codes, self.period, self.step);
