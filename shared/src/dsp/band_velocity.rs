@@ -6,7 +6,7 @@
 //! rule (Zavalishin 2012): their states are the physical ones, so a change of the ADC rate only changes coefficients, and a run-up
 //! with its many rates gives one record.
 //!
-//! The comb's droop and the trapezoid's are undone by three symmetric taps, exact at zero and at [`EXACT_SHARE`] of the upper edge: gain of the
+//! The comb's droop and the trapezoid's are undone by three symmetric taps, exact at zero and at `EXACT_SHARE` of the upper edge: gain of the
 //! whole within 0.1 % of the analogue filters' up to 0.9 of the upper edge. Aliases into the band: -70 dB at worst.
 //!
 //! Cost (Cortex-M4F): 7 instructions per code and about 90 per output, [`OUTPUT_HZ`] of them per second.
