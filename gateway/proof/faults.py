@@ -67,6 +67,25 @@ class Fault(unittest.TestCase):
         self.addCleanup(host.close)
         kit.until(lambda: 0 in host.journals, 20, "the first entry of all at the broker")
 
+    @unittest.skipUnless(shutil.which("openssl"), "openssl makes the certificates")
+    def test_fault_tls_takes_the_certificate_that_is_vouched_for_and_no_other(self):
+        own, strange = kit.certificates(self.folder / "own"), kit.certificates(self.folder / "strange")
+        broker = self.started(kit.Broker(self.folder, tls=own))
+        vouches = self.folder / "ca.pem"
+        shutil.copy(strange / "broker.pem", vouches)
+        broker.login = f'tls_ca = "{vouches}"'
+        _, port = self.nodes(1)
+        gateway = self.gateway(kit.configure(self.folder, [port], broker))
+        kit.until(lambda: "Connected" in self.events(), 20, "history in spite of the broker")
+        lines = [line for line in gateway.text().splitlines() if line.startswith("broker")]
+        self.assertEqual(len(lines), 1, gateway.text())
+        self.assertIn("certificate", lines[0].lower())
+        # The right certificate in the file is taken without a restart, and nothing was lost meanwhile.
+        shutil.copy(own / "broker.pem", vouches)
+        host = kit.Host(broker.port, tls=own / "broker.pem")
+        self.addCleanup(host.close)
+        kit.until(lambda: 0 in host.journals, 20, "the first entry of all at the broker")
+
     def test_fault_a_full_disk_loses_and_counts_and_goes_on(self):
         mount = self.folder / "small"
         mount.mkdir()
@@ -132,6 +151,26 @@ class Fault(unittest.TestCase):
         self.assertIsNone(first.running.poll())
         self.assertNotIn("Disconnected", self.events(), "the first one is not disturbed")
 
+    def test_fault_two_gateways_of_one_name_take_the_session_from_each_other_and_both_histories_go_on(self):
+        broker = self.started(kit.Broker(self.folder))
+        first_port, second_port = kit.free_ports(1), kit.free_ports(1)
+        self.nodes(1, first_port)
+        self.nodes(1, second_port, unit=50)
+        first = self.gateway(kit.configure(self.folder, [first_port], broker))
+        kit.until(lambda: "connected" in first.text(), 20, "the first gateway")
+        other = self.folder / "other"
+        other.mkdir()
+        second = self.gateway(kit.configure(other, [second_port], broker), "second")
+        sessions = lambda gateway: gateway.text().count("connected, ")
+        kit.until(lambda: sessions(first) >= 2 and sessions(second) >= 2, 60, "each takes it over again")
+        for folder in (self.folder, other):
+            count = lambda folder=folder: kit.rows(folder, "select count(*), count(distinct journal) from history")[0]
+            kit.until(lambda folder=folder: any(folder.glob("history/*/*/part-*")), 20, "a first file")
+            before = count()[0]
+            kit.until(lambda: count()[0] > before, 20, "the history goes on")
+            rows, distinct = count()
+            self.assertEqual(rows, distinct)
+
     def test_claim_commands_of_a_host_application_reach_the_node(self):
         broker = self.started(kit.Broker(self.folder))
         _, port = self.nodes(1)
@@ -145,7 +184,7 @@ class Fault(unittest.TestCase):
         host.command("gateway-1", "node-00", "Command/Snapshot", True, truth)
         kit.until(lambda: seen("Frame/Kind", "snapshot"), 20, "a waveform")
         host.command("gateway-1", "node-00", "Command/Acknowledge", True, truth)
-        kit.until(lambda: seen("Event/Kind", "Acknowledged"), 20, "acknowledged")
+        kit.until(lambda: seen("Event/Kind", "AlarmsAcknowledged"), 20, "acknowledged, says the node itself")
         host.command("gateway-1", "node-00", "Command/Stop", True, truth)
         # A stopped node says nothing by itself; the gateway asks it who it is, and does not take it for gone.
         kit.until(lambda: host.messages and host.messages[-1][2].get("Frame/Kind") == "identity", 30, "stopped, and there")

@@ -62,9 +62,9 @@ class Process:
 
 
 class Broker(Process):
-    """mosquitto on one local port; `password` makes it ask for user `gateway`."""
+    """mosquitto on one local port; `password` makes it ask for user `gateway`, `tls` (from [`certificates`]) for TLS."""
 
-    def __init__(self, folder, password=None):
+    def __init__(self, folder, password=None, tls=None):
         self.port = free_ports(1)
         program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
         if program is None:
@@ -83,22 +83,39 @@ class Broker(Process):
             subprocess.run(["mosquitto_passwd", "-b", "-c", passwords, "gateway", password], check=True)
             passwords.chmod(0o644)
             lines += ["allow_anonymous false", f"password_file {passwords}"]
+        if tls:
+            # Behind its listener, which is the last one named.
+            lines += [f"certfile {tls}/broker.pem", f"keyfile {tls}/broker.key"]
         config = folder / "mosquitto.conf"
         config.write_text("\n".join(lines) + "\n")
         folder.chmod(0o755)
         super().__init__([program, "-c", config], folder / "mosquitto.log")
 
 
+def certificates(folder):
+    """A certificate of its own for a broker on 127.0.0.1, signed by itself."""
+    folder.mkdir()
+    words = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2"]
+    words += ["-subj", "/CN=broker", "-addext", "subjectAltName=IP:127.0.0.1", "-addext", "basicConstraints=critical,CA:FALSE"]
+    words += ["-keyout", folder / "broker.key", "-out", folder / "broker.pem"]
+    subprocess.run(words, check=True, capture_output=True)
+    # mosquitto gives up its rights before it reads them.
+    (folder / "broker.key").chmod(0o644)
+    return folder
+
+
 class Host:
     """An independent Sparkplug host application: counts what it reads with pysparkplug."""
 
-    def __init__(self, port, **login):
+    def __init__(self, port, tls=None, **login):
         self.messages = []
         self.kinds = collections.Counter()
         self.journals = collections.Counter()
         self.names = {}
         self.lock = threading.Lock()
         options = pysparkplug.ClientOptions(reconnection_delay_min=1, reconnection_delay_max=1)
+        if tls:
+            login["transport_config"] = pysparkplug.TLSConfig(ca_certs=str(tls))
         self.client = pysparkplug.Client(client_id="host", client_options=options, **login)
         types = ["NBIRTH", "NDATA", "NDEATH", "DBIRTH", "DDATA", "DDEATH"]
         for kind in types:

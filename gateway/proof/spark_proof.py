@@ -1,13 +1,15 @@
 """Proof: verdicts of generated records by the command one by one, by a pool, and by PySpark are the same row by row.
 
-Records are made by `meshband simulate` (seeds in the table), healthy and with effects; one folder is no record at all, one has a
-damaged file. A Spark worker is killed while it works, and a job that was stopped is started again on its store.
+Records are made by `meshband simulate` (seed: the record's number), healthy and with effects; one folder is no record at all, one
+has a damaged file. A Spark worker is killed while the command answers it, and a job that was stopped half way is started again on
+its store. Times are of the wall clock with Spark's own start in them, so the machine's load stands beside them.
 """
 
 import argparse
 import json
 import os
 import pathlib
+import resource
 import signal
 import subprocess
 import tempfile
@@ -18,6 +20,8 @@ import pyarrow as pa
 
 from meshband_fleet import local, spark, verdicts
 
+MACHINE = pathlib.Path(__file__).resolve().parents[2] / "machines" / "20-40.toml"
+
 #: What the records hold, by turns.
 CONTENTS = (
     ["--noise", "0.1"],
@@ -27,13 +31,14 @@ CONTENTS = (
 )
 
 
-def make(program, machine, folder, count):
+def make(arguments, folder):
     """Generated records and two that are none."""
+    size = ["--duration", str(arguments.duration), "--rate", str(arguments.rate), "--random-start"]
     made = []
-    for number in range(count - 2):
+    for number in range(arguments.records - 2):
         record = folder / f"record-{number:04}"
-        words = [program, "simulate", machine, "--output", record, "--duration", "2", "--seed", str(number + 1)]
-        subprocess.run([*words, "--random-start", *CONTENTS[number % len(CONTENTS)]], check=True, capture_output=True)
+        words = [arguments.program, "simulate", MACHINE, "--output", record, "--seed", str(number + 1), *size]
+        subprocess.run([*words, *CONTENTS[number % len(CONTENTS)]], check=True, capture_output=True)
         made.append(record)
     empty, damaged = folder / "record-empty", folder / "record-damaged"
     empty.mkdir()
@@ -43,54 +48,57 @@ def make(program, machine, folder, count):
     return made + [empty, damaged]
 
 
-def kill_a_worker(stop, killed):
-    """Kills one Python worker of Spark that runs the command, once."""
-    while not stop.is_set() and not killed:
+def kill_a_worker(program, stop, killed):
+    """Kills one Python worker of Spark while the command works for it, once."""
+    while not stop.is_set():
         for entry in pathlib.Path("/proc").iterdir():
-            if not entry.name.isdigit():
+            if not entry.name.isdigit() or command_line(entry.name)[0] != program.encode():
                 continue
-            try:
-                words = (entry / "cmdline").read_bytes().split(b"\0")
-                status = (entry / "status").read_text()
-            except OSError:
-                continue
-            parent = next((int(line.split()[1]) for line in status.splitlines() if line.startswith("PPid:")), 0)
+            worker = parent(int(entry.name))
             # Ours only, and a worker: a child of the daemon whose chain of parents ends in this process.
-            if b"pyspark.daemon" in words and b"pyspark.daemon" in command_line(parent) and descends(parent, os.getpid()):
-                os.kill(int(entry.name), signal.SIGKILL)
-                killed.append(int(entry.name))
+            workers = b"pyspark.daemon" in command_line(worker) and b"pyspark.daemon" in command_line(parent(worker))
+            if workers and descends(worker, os.getpid()):
+                os.kill(worker, signal.SIGKILL)
+                killed.append(worker)
                 return
         time.sleep(0.05)
 
 
+def parent(process):
+    """Its parent, 0 where it is gone."""
+    try:
+        status = pathlib.Path(f"/proc/{process}/status").read_text()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) for line in status.splitlines() if line.startswith("PPid:")), 0)
+
+
 def command_line(process):
-    """Its words, none where it is gone."""
+    """Its words, an empty one where it is gone."""
     try:
         return pathlib.Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
     except OSError:
-        return []
+        return [b""]
 
 
 def descends(process, ancestor):
     """Whether a process comes from another."""
     while process > 1 and process != ancestor:
-        try:
-            status = pathlib.Path(f"/proc/{process}/status").read_text()
-        except OSError:
-            return False
-        process = next((int(line.split()[1]) for line in status.splitlines() if line.startswith("PPid:")), 0)
+        process = parent(process)
     return process == ancestor
 
 
 def timed(work):
     begun = time.monotonic()
     value = work()
-    return value, round(time.monotonic() - begun, 1)
+    seconds = round(time.monotonic() - begun, 1)
+    print(f"{seconds} s, load {os.getloadavg()[0]:.1f}", flush=True)
+    return value, seconds
 
 
 def killed_run(records, options):
     stop, killed = threading.Event(), []
-    watcher = threading.Thread(target=kill_a_worker, args=(stop, killed))
+    watcher = threading.Thread(target=kill_a_worker, args=(options["program"], stop, killed))
     watcher.start()
     try:
         return spark.run(records, workers=2, **options), len(killed)
@@ -100,24 +108,31 @@ def killed_run(records, options):
 
 
 def prove(arguments, folder):
-    machine = arguments.program.resolve().parents[2] / "machines" / "20-40.toml"
-    records = make(arguments.program, machine, folder, arguments.records)
-    options = {"program": str(arguments.program), "patience": 300.0}
+    records = make(arguments, folder)
+    options = {"program": str(arguments.program.resolve()), "patience": 300.0}
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
     one_by_one, serial = timed(lambda: pa.Table.from_batches(verdicts.mapper(**options)([verdicts.batch(records)])))
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    processor = used.ru_utime + used.ru_stime - cpu.ru_utime - cpu.ru_stime
     pool, pool_seconds = timed(lambda: local.run(records, workers=2, **options))
     result = {
         "records": len(records),
+        "duration of each, s": arguments.duration,
+        "rate of each, Hz": arguments.rate,
+        "seeds": [1, len(records) - 2],
+        "cores": os.cpu_count(),
         "status": {s: one_by_one.column("status").to_pylist().count(s) for s in ("ok", "failed", "timeout")},
         "seconds one by one": serial,
+        "processor seconds per record": round(processor / len(records), 3),
         "seconds, pool of 2": pool_seconds,
-        "core seconds per record, one by one": round(serial / len(records), 3),
         "rows that differ, pool": verdicts.same(one_by_one, pool),
     }
+    _, result["seconds, Spark for one record"] = timed(lambda: spark.run(records[:1], workers=1, **options))
     for workers in (1, 2):
         table, seconds = timed(lambda workers=workers: spark.run(records, workers=workers, **options))
         result[f"seconds, Spark with {workers}"] = seconds
         result[f"rows that differ, Spark with {workers}"] = verdicts.same(one_by_one, table)
-    (table, killed), _ = timed(lambda: killed_run(records, options))
+    (table, killed), result["seconds, Spark with 2, a worker killed"] = timed(lambda: killed_run(records, options))
     result["Spark workers killed"] = killed
     result["rows that differ, a Spark worker killed"] = verdicts.same(one_by_one, table)
     store = folder / "store"
@@ -127,13 +142,16 @@ def prove(arguments, folder):
     result["seconds, Spark on a half-filled store"] = seconds
     result["answers taken from the store"] = sum(before.get(p.name) == p.stat().st_mtime_ns for p in store.iterdir())
     result["rows that differ, resumed"] = verdicts.same(one_by_one, table)
+    result["load of the last 15 minutes at the end"] = os.getloadavg()[2]
     return result
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("program", type=pathlib.Path)
-    parser.add_argument("--records", type=int, default=40)
+    parser.add_argument("--records", type=int, default=200)
+    parser.add_argument("--duration", type=float, default=2.0, help="of each record, s")
+    parser.add_argument("--rate", type=float, default=12800.0, help="of each record, Hz")
     parser.add_argument("--json", type=pathlib.Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="meshband-spark-") as temporary:
@@ -144,6 +162,8 @@ def main():
         arguments.json.write_text(text + "\n")
     if any(value for name, value in result.items() if name.startswith("rows that differ")):
         raise SystemExit("rows differ: see above")
+    if result["Spark workers killed"] != 1:
+        raise SystemExit("no worker was killed: see above")
 
 
 if __name__ == "__main__":

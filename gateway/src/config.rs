@@ -161,7 +161,10 @@ impl Config {
 }
 
 /// Names go into topics, folders and queries: no separators, no wildcards, nothing invisible.
-fn named(key: &str, name: &str) -> std::result::Result<(), String> {
+///
+/// # Errors
+/// What a name may be.
+pub fn named(key: &str, name: &str) -> std::result::Result<(), String> {
     let allowed = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | ' ');
     let sound =
         !name.is_empty() && name.len() <= 100 && name.chars().all(allowed) && !name.starts_with(['.', '_', ' ']);

@@ -12,10 +12,8 @@ use crate::intake::Report;
 use crate::intake::link::Link;
 use crate::intake::worker::Intake;
 use crate::journal::cursor::Cursor;
-use crate::sparkplug::publisher::Publisher;
+use crate::sparkplug::publisher::{Nodes, Publisher};
 use crate::stop::Stop;
-use meshband::message::Request;
-use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 use std::sync::Arc;
@@ -111,8 +109,8 @@ fn connect(
     health: &Arc<Health>,
     start: Instant,
     stop: &Stop,
-) -> Result<(BTreeMap<String, (usize, Sender<Request>)>, Vec<JoinHandle<()>>)> {
-    let (mut commands, mut threads) = (BTreeMap::new(), Vec::new());
+) -> Result<(Nodes, Vec<JoinHandle<()>>)> {
+    let (mut commands, mut threads) = (Nodes::new(), Vec::new());
     for (index, node) in config.nodes.iter().enumerate() {
         let (sender, receiver) = channel();
         commands.insert(node.name.clone(), (index, sender));

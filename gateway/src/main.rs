@@ -38,6 +38,8 @@ enum Command {
     Nodes(NodesArgs),
     /// Made-up values of many nodes for days, straight into a history: sizes and times
     Synthesise(synthesise::SynthesiseArgs),
+    /// A captured link (`meshband monitor --record`) into a folder of Parquet files with the history's columns
+    Export(history::export::ExportArgs),
     /// Merges the small files of a history
     Compact {
         /// Root folder of the history
@@ -84,6 +86,7 @@ fn run(cli: Cli) -> Result {
         (Some(path), None) => gateway::run(&config::Config::read(&path)?, &stop),
         (_, Some(Command::Nodes(nodes))) => virtual_nodes::run(&nodes, &stop),
         (_, Some(Command::Synthesise(days))) => synthesise::run(&days, &stop),
+        (_, Some(Command::Export(capture))) => history::export::run(&capture),
         (_, Some(Command::Compact { folder })) => {
             for partition in history::files::partitions(&folder)? {
                 let (from, into) = history::compact::compact(&partition, 2)?;

@@ -11,15 +11,16 @@ use crate::journal::entry::{Body, Entry};
 use crate::stop::Stop;
 use clap::Args;
 use meshband::frame::{MAX_FRAME, encode};
-use meshband::message::{GearIndicators, Indicators, Message, Status, Tag};
+use meshband::message::{AlarmState, Bound, GearIndicators, Indicators, Message, Quality, Status, Tag};
 use meshband::node::State;
+use meshband::shaft_lines::{OrderLine, ShaftOrders};
 use meshband::tach::Validity;
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Ticks per second of the made-up nodes.
 const CLOCK: u64 = 84_000_000;
-/// Days from one file to the next: what a batch holds in memory.
+/// Files per machine and day before they are merged: one is what a batch holds in memory.
 const SLICES: u64 = 12;
 
 /// What to make.
@@ -181,8 +182,22 @@ fn values(seed: u64, machine: u32, node: u32, second: u64) -> [Message; 2] {
         sideband_energy_ratio: 0.2,
         gear: Some(gear),
         bandwidth: None,
+        quality: Quality { turns: 48, duration_s: 48.0 / speed, ..Quality::default() },
+        velocity_rms: rms / (core::f32::consts::TAU * 20.0 * speed),
+        velocity_band_hz: [10.0, 1000.0],
+        pinion: orders(48, 0.02 * rms, scatter),
+        wheel: orders(24, 0.015 * rms, |salt| scatter(salt + 6)),
     };
     [Message::Status(status(tick, speed)), Message::Indicators(indicators)]
+}
+
+/// Orders of a shaft that fall off with their number.
+fn orders(turns: u16, first: f32, scatter: impl Fn(u64) -> f32) -> Option<ShaftOrders> {
+    let line = |order: u64| OrderLine {
+        amplitude: first / (order + 1) as f32 * (1.0 + 0.1 * scatter(11 + order)),
+        phase_deg: 180.0 * scatter(14 + order),
+    };
+    Some(ShaftOrders { lines: [line(0), line(1), line(2)], turns })
 }
 
 fn status(tick: u64, speed_hz: f32) -> Status {
@@ -205,6 +220,9 @@ fn status(tick: u64, speed_hz: f32) -> Status {
         limited: false,
         safe_rate: false,
         block: (tick / 1_000_000) as u32,
+        available_hz: 650.0 * speed_hz,
+        bound: Bound::AnalogueFilter,
+        alarms: AlarmState::default(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Which figures a message carries, under which names and units: one table for the broker's metrics and the history's columns.
 
-use meshband::message::{LineOrigin, Message, Peaks, Spectrum, Tag};
+use meshband::message::{Indicators, LineOrigin, Message, Peaks, Spectrum, Tag};
 
 /// A figure.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ const fn quantity(column: &'static str, metric: &'static str, unit: &'static str
 }
 
 /// All figures. Only append: the history's columns and the broker's aliases count on the order.
-pub const QUANTITIES: [Quantity; 35] = [
+pub const QUANTITIES: [Quantity; 43] = [
     quantity("speed_hz", "Speed", "Hz"),
     quantity("speed_uncertainty", "Speed/Uncertainty", ""),
     quantity("speed_age_s", "Speed/Age", "s"),
@@ -54,10 +54,24 @@ pub const QUANTITIES: [Quantity; 35] = [
     quantity("mesh_5", "Mesh/5", "m/s2"),
     quantity("mesh_6", "Mesh/6", "m/s2"),
     quantity("wideband_rms", "Wideband/RMS", "m/s2"),
+    quantity("available_hz", "Law/Available", "Hz"),
+    quantity("velocity_rms", "Vibration/VelocityRMS", "m/s"),
+    quantity("pinion_1", "Shaft/Pinion/1", "m/s2"),
+    quantity("pinion_2", "Shaft/Pinion/2", "m/s2"),
+    quantity("pinion_3", "Shaft/Pinion/3", "m/s2"),
+    quantity("gear_1", "Shaft/Gear/1", "m/s2"),
+    quantity("gear_2", "Shaft/Gear/2", "m/s2"),
+    quantity("gear_3", "Shaft/Gear/3", "m/s2"),
 ];
 
 /// Column of the first mesh harmonic.
 const MESH: usize = 28;
+/// Column of the bandwidth that the whole way carries.
+const AVAILABLE: usize = 35;
+/// Column of the velocity.
+const VELOCITY: usize = 36;
+/// Columns of each shaft's first order.
+const SHAFTS: [usize; 2] = [37, 40];
 
 /// The figures of a message, each with its place in [`QUANTITIES`].
 pub fn figures(message: &Message) -> Vec<(usize, f32)> {
@@ -73,7 +87,7 @@ pub fn figures(message: &Message) -> Vec<(usize, f32)> {
                 s.adc_hz,
                 s.residual_ppm,
             ];
-            figures.into_iter().enumerate().collect()
+            figures.into_iter().enumerate().chain([(AVAILABLE, s.available_hz)]).collect()
         }
         Message::Spectrum(spectrum) => {
             let bands = spectrum
@@ -105,6 +119,10 @@ pub fn figures(message: &Message) -> Vec<(usize, f32)> {
             if let Some(bandwidth) = &i.bandwidth {
                 figures.extend([(26, bandwidth.rise_s), (27, bandwidth.bandwidth_hz)]);
             }
+            figures.push((VELOCITY, i.velocity_rms));
+            for (first, orders) in SHAFTS.into_iter().zip([i.pinion, i.wheel]) {
+                figures.extend((first..).zip(orders.iter().flat_map(|shaft| shaft.lines).map(|line| line.amplitude)));
+            }
             figures
         }
         Message::Event(_) | Message::Statistics(_) | Message::SelfTest(_) => Vec::new(),
@@ -113,6 +131,19 @@ pub fn figures(message: &Message) -> Vec<(usize, f32)> {
 
 fn circumstances(tag: &Tag) -> [(usize, f32); 4] {
     [(0, tag.speed_hz), (1, tag.speed_uncertainty), (8, tag.rate_hz), (9, tag.resolution_hz)]
+}
+
+/// What a message's values lack, in words (`overload gap settling stuck`); `None` where they say something of the machine.
+pub fn defects(message: &Message) -> Option<String> {
+    let Message::Indicators(Indicators { quality, .. }) = message else { return None };
+    let named = [
+        ("overload", quality.overload),
+        ("gap", quality.gap),
+        ("settling", quality.settling),
+        ("stuck", quality.stuck),
+    ];
+    let words: Vec<&str> = named.into_iter().filter_map(|(word, holds)| holds.then_some(word)).collect();
+    (!words.is_empty()).then(|| words.join(" "))
 }
 
 /// What kind of message it is, as the history's column `kind` says it.
@@ -183,16 +214,27 @@ fn strongest(peaks: &Peaks) -> Vec<Line> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use meshband::message::{GearIndicators, Indicators, MeasuredBandwidth, Status};
+    use meshband::message::{AlarmState, Bound, GearIndicators, MeasuredBandwidth, Quality, Status};
     use meshband::node::State;
+    use meshband::shaft_lines::{OrderLine, ShaftOrders};
     use meshband::tach::Validity;
 
     #[test]
     fn claim_figures_stand_under_their_own_names() {
         let gear = GearIndicators { fm4: 4.5, gear_sideband_energy_ratio: 0.25, ..GearIndicators::default() };
         let bandwidth = MeasuredBandwidth { bandwidth_hz: 900.0, ..MeasuredBandwidth::default() };
-        let indicators =
-            Indicators { kurtosis: 3.5, gear: Some(gear), bandwidth: Some(bandwidth), ..Indicators::default() };
+        let line = |amplitude| OrderLine { amplitude, phase_deg: 0.0 };
+        let orders =
+            |first: f32| Some(ShaftOrders { lines: [line(first), line(first + 1.0), line(first + 2.0)], turns: 1 });
+        let indicators = Indicators {
+            kurtosis: 3.5,
+            gear: Some(gear),
+            bandwidth: Some(bandwidth),
+            velocity_rms: 0.002,
+            pinion: orders(1.0),
+            wheel: orders(4.0),
+            ..Indicators::default()
+        };
         let held = figures(&Message::Indicators(indicators));
         let of =
             |column: &str| held.iter().find(|(place, _)| QUANTITIES[*place].column == column).map(|(_, value)| *value);
@@ -201,9 +243,24 @@ mod tests {
         assert_eq!(of("gear_sideband_energy_ratio"), Some(0.25));
         assert_eq!(of("measured_bandwidth_hz"), Some(900.0));
         assert_eq!(of("mesh_1"), None);
+        assert_eq!(of("velocity_rms"), Some(0.002));
+        assert_eq!([of("pinion_1"), of("pinion_3"), of("gear_1"), of("gear_3")], [1.0, 3.0, 4.0, 6.0].map(Some));
         let status = Message::Status(status());
         let ppm = figures(&status).into_iter().find(|(place, _)| QUANTITIES[*place].column == "residual_ppm");
         assert_eq!(ppm.map(|(_, value)| value), Some(7.0));
+        let available = figures(&status).into_iter().find(|(place, _)| QUANTITIES[*place].column == "available_hz");
+        assert_eq!(available.map(|(_, value)| value), Some(450.0));
+    }
+
+    #[test]
+    fn claim_what_values_lack_is_said_and_nothing_where_they_lack_nothing() {
+        let of = |quality| defects(&Message::Indicators(Indicators { quality, ..Indicators::default() }));
+        assert_eq!(
+            of(Quality { overload: true, settling: true, ..Quality::default() }).as_deref(),
+            Some("overload settling")
+        );
+        assert_eq!(of(Quality::default()), None);
+        assert_eq!(defects(&Message::Status(status())), None);
     }
 
     fn status() -> Status {
@@ -226,6 +283,9 @@ mod tests {
             limited: false,
             safe_rate: false,
             block: 0,
+            available_hz: 450.0,
+            bound: Bound::Sensor,
+            alarms: AlarmState::default(),
         }
     }
 }

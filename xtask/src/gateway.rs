@@ -9,11 +9,12 @@ use std::process::Command;
 
 const HELP: &str = "\
 cargo xtask gateway [--full] [--faults]
-  Builds the gateway and its tests, then the proof against mosquitto: 50 virtual nodes, broker and gateway killed.
-  --full    ten minutes, into docs/fleet/gateway-proof.json; without it 45 s and 8 nodes
+  Builds the gateway, checks it (rustfmt, clippy, unit tests, those of its Python part), then looks at the faults and at the
+  proof against mosquitto: virtual nodes, broker and gateway killed.
+  --full    50 nodes for ten minutes, into docs/fleet/gateway-proof.json; without it 8 nodes for 45 s
   --faults  the faults alone";
 
-/// Builds, unit tests, faults, proof.
+/// Build, checks, faults, proof.
 pub fn proof(args: &[String]) -> Outcome {
     let (mut full, mut faults) = (false, false);
     for argument in args {
@@ -24,14 +25,14 @@ pub fn proof(args: &[String]) -> Outcome {
         }
     }
     let program = build()?;
+    let python = python(&["duckdb", "pyarrow", "pytz", "pysparkplug==0.6.1"])?;
     if !faults {
-        timed("unit tests of the gateway", || run(cargo_there().args(["test", "--quiet", "--release"])))?;
+        checks(&python)?;
     }
     if !has_broker() {
         say("mosquitto is not to be had here: faults and proof against a broker are SKIPPED");
         return Ok(());
     }
-    let python = python(&["duckdb", "pyarrow", "pytz", "pysparkplug==0.6.1"])?;
     let folder = root().join("gateway/proof");
     if !full {
         timed("faults", || {
@@ -57,10 +58,23 @@ pub fn proof(args: &[String]) -> Outcome {
     })
 }
 
+/// What needs neither broker nor nodes.
+fn checks(python: &Path) -> Outcome {
+    timed("form and clippy of the gateway", || {
+        run(cargo_there().args(["fmt", "--check"]))?;
+        run(cargo_there().args(["clippy", "--quiet", "--release", "--all-targets", "--", "-D", "warnings"]))
+    })?;
+    timed("unit tests of the gateway", || run(cargo_there().args(["test", "--quiet", "--release"])))?;
+    timed("unit tests of its Python part", || {
+        let folder = root().join("gateway/python");
+        run(Command::new(python).args(["-m", "unittest", "discover", "-q", "tests"]).current_dir(folder))
+    })
+}
+
 /// PySpark in local mode over generated records, against the command row by row.
 pub fn spark(args: &[String]) -> Outcome {
     let records = match args {
-        [] => "40",
+        [] => "200",
         [option, count] if option == "--records" => count,
         _ => return Err("cargo xtask fleet-spark [--records N]".into()),
     };
@@ -68,7 +82,7 @@ pub fn spark(args: &[String]) -> Outcome {
         return Err("java is not installed (Debian: default-jre-headless)".into());
     }
     run(&mut crate::shell::cargo(&["build", "--quiet", "--release", "--bin", "meshband"]))?;
-    let python = python(&["duckdb", "pyarrow", "pytz", "pandas", "pyspark"])?;
+    let python = python(&["duckdb", "pyarrow", "pytz", "pandas<3", "pyspark"])?;
     let page = root().join("docs/fleet");
     std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
     let mut job = Command::new(python);

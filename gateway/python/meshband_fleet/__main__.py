@@ -7,7 +7,7 @@ import sys
 
 import duckdb
 
-from . import lake, page
+from . import lake, page, records
 
 
 def main(arguments=None):
@@ -27,6 +27,9 @@ def main(arguments=None):
     sql = commands.add_parser("sql", help="any query on the view `history`")
     sql.add_argument("history", type=pathlib.Path)
     sql.add_argument("query")
+    export = commands.add_parser("export", help="record folders as Parquet, one file each: waveforms and tach edges as lists")
+    export.add_argument("folder", type=pathlib.Path)
+    export.add_argument("records", nargs="+", type=pathlib.Path)
     jobs = commands.add_parser("verdicts", help="`meshband loop` or `analyse` over many records, into a Parquet file")
     jobs.add_argument("output", type=pathlib.Path)
     jobs.add_argument("records", nargs="+")
@@ -49,6 +52,8 @@ def run(given):
         return 0
     if given.command == "verdicts":
         return verdicts(given)
+    if given.command == "export":
+        return export(given)
     connection = lake.open_history(given.history)
     if given.command == "departures":
         relation = lake.departures(connection, given.quantity)
@@ -64,6 +69,18 @@ def run(given):
     if relation is not None:
         relation.show(max_rows=1000)
     return 0
+
+
+def export(given):
+    """All that can be; the others are named, and the exit code says that there were some."""
+    failed = 0
+    for record in given.records:
+        try:
+            print(records.export(record, given.folder))
+        except (OSError, ValueError) as reason:
+            failed += 1
+            print(f"meshband-fleet: {str(reason).splitlines()[0]}", file=sys.stderr)
+    return 2 if failed else 0
 
 
 def verdicts(given):

@@ -15,6 +15,7 @@ PART = re.compile(r"part-(\d+)-(\d+)\.parquet$")
 QUANTITIES = (
     "rms", "peak", "crest", "kurtosis", "sideband_energy_ratio", "gear_rms", "fm0", "fm4", "m6a", "na4",
     "gear_sideband_energy_ratio", "measured_bandwidth_hz", "mesh_1", "mesh_2", "mesh_3", "wideband_rms",
+    "velocity_rms", "pinion_1", "pinion_2", "pinion_3", "gear_1", "gear_2", "gear_3",
 )
 
 
@@ -51,6 +52,12 @@ def known(quantity):
     if quantity not in QUANTITIES:
         raise ValueError(f"{quantity!r} is no quantity; one of: {', '.join(QUANTITIES)}")
     return quantity
+
+
+def holds(connection, quantity):
+    """Whether any file of the history has a figure's column: histories of former schemas lack some."""
+    names = {name for name, *_ in connection.sql("describe history").fetchall()}
+    return known(quantity) in names
 
 
 def departures(connection, quantity="rms", days=7, limit=10):

@@ -13,7 +13,7 @@ th:first-child,td:first-child,th:nth-child(2),td:nth-child(2){text-align:left}th
 .warn{color:#a40000;font-weight:600}svg{width:100%;height:auto}figcaption{color:#555}a{color:#0645ad}
 </style>"""
 
-TRENDS = ("rms", "kurtosis", "fm4", "mesh_1")
+TRENDS = ("rms", "velocity_rms", "kurtosis", "fm4", "mesh_1")
 
 
 def text(value):
@@ -54,7 +54,7 @@ def node_page(connection, row):
     machine, node, unit, seen = row[:4]
     parts = [f"<title>{html.escape(node)}</title>{STYLE}<p><a href='index.html'>Fleet</a></p>"]
     parts.append(f"<h1>{html.escape(node)}</h1><p>Machine {html.escape(machine)}, chip {html.escape(unit)}, last seen {seen}</p>")
-    for quantity in TRENDS:
+    for quantity in (name for name in TRENDS if lake.holds(connection, name)):
         speed, points = commonest(connection, node, quantity)
         if points:
             parts.append(curve(points, f"{quantity} at {speed:.1f} Hz"))

@@ -3,13 +3,14 @@
 import datetime
 import pathlib
 import stat
+import struct
 import tempfile
 import unittest
 
 import pyarrow as pa
 import pyarrow.parquet
 
-from meshband_fleet import lake, local, page, verdicts
+from meshband_fleet import lake, local, page, records, verdicts
 
 START = datetime.datetime(2026, 1, 1, tzinfo=datetime.timezone.utc)
 
@@ -74,6 +75,55 @@ class Fleet(unittest.TestCase):
             lake.open_history(self.folder)
         with self.assertRaisesRegex(ValueError, "no quantity"):
             lake.known("drop table")
+
+
+class Records(unittest.TestCase):
+    setUp = Fleet.setUp
+
+    def record(self, bits=16):
+        """Two runs of two channels, one without a tach."""
+        folder = self.folder / f"record-{bits}"
+        folder.mkdir()
+        kind, descr = ("h", "<i2") if bits == 16 else ("f", "<f4")
+        runs = ""
+        for number in range(2):
+            header = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': (3, 2), }}".ljust(117).encode() + b"\n"
+            values = struct.pack(f"<6{kind}", *(number + value for value in (1, -1, 2, -2, 3, -3)))
+            (folder / f"run{number:02}.npy").write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + values)
+            runs += f'[[run]]\nsignal = "run{number:02}.npy"\ninput_torque_n_m = {number}.5\n'
+        (folder / "run01.tach.csv").write_text("edge_time_s\n0.25\n0.5\n")
+        (folder / "record.toml").write_text(
+            f'title = "t"\n[acquisition]\nsample_rate_hz = 100.0\nchannels = ["a", "b"]\nfull_scale_m_s2 = 65534.0\n'
+            f'code_bits = {bits}\n{runs}tach = "run01.tach.csv"\n')
+        return folder
+
+    def test_theory_waveforms_are_codes_times_the_scale_channel_by_channel(self):
+        for bits, scale in ((16, 2.0), (32, 1.0)):
+            path = records.export(self.record(bits), self.folder / "lake")
+            held = pyarrow.parquet.read_table(path)
+            signals = [[1, 2, 3], [-1, -2, -3], [2, 3, 4], [0, -1, -2]]
+            self.assertEqual(held.column("signal").to_pylist(), [[scale * value for value in signal] for signal in signals])
+            self.assertEqual(held.column("channel").to_pylist(), ["a", "b", "a", "b"])
+            self.assertEqual(held.column("tach_edges_s").to_pylist(), [None, None, [0.25, 0.5], None])
+            self.assertEqual(held.column("input_torque_n_m").to_pylist(), [0.5, 0.5, 1.5, 1.5])
+            self.assertEqual(held.schema.metadata[b"meshband.records"], b"1")
+
+    def test_claim_a_record_is_written_once_and_a_changed_one_beside_it(self):
+        record, lake_folder = self.record(), self.folder / "lake"
+        first = records.export(record, lake_folder)
+        written = first.stat().st_mtime_ns
+        self.assertEqual(records.export(record, lake_folder), first)
+        self.assertEqual(first.stat().st_mtime_ns, written)
+        (record / "record.toml").write_text((record / "record.toml").read_text().replace('"t"', '"u"'))
+        self.assertNotEqual(records.export(record, lake_folder), first)
+        self.assertEqual(len(list(lake_folder.iterdir())), 2)
+
+    def test_fault_a_damaged_record_leaves_nothing_and_is_named(self):
+        record = self.record()
+        (record / "run01.npy").write_bytes((record / "run01.npy").read_bytes()[:-1])
+        with self.assertRaisesRegex(ValueError, "run01.npy: cut off"):
+            records.export(record, self.folder / "lake")
+        self.assertEqual(list((self.folder / "lake").iterdir()), [])
 
 
 class Verdicts(unittest.TestCase):

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::intake::state::unit_text;
 use crate::journal::entry::{Body, Entry};
 use crate::sparkplug::metrics::reply_kind;
-use crate::values::{QUANTITIES, figures, kind, lines};
+use crate::values::{QUANTITIES, defects, figures, kind, lines};
 use arrow_array::builder::{
     Float32Builder, Int16Builder, Int64Builder, ListBuilder, StringBuilder, TimestampMicrosecondBuilder, UInt16Builder,
     UInt32Builder, UInt64Builder,
@@ -39,6 +39,7 @@ pub struct Rows {
     waveform_offset: UInt16Builder,
     waveform_total: UInt16Builder,
     waveform_scale: Float32Builder,
+    quality: StringBuilder,
 }
 
 /// The cells of a row that only some kinds have.
@@ -79,6 +80,7 @@ impl Default for Rows {
             waveform_offset: UInt16Builder::new(),
             waveform_total: UInt16Builder::new(),
             waveform_scale: Float32Builder::new(),
+            quality: StringBuilder::new(),
         }
     }
 }
@@ -133,6 +135,7 @@ impl Rows {
             _ => None,
         };
         self.snapshot(snapshot);
+        self.quality.append_option(message.and_then(defects));
     }
 
     fn snapshot(&mut self, snapshot: Option<&Snapshot>) {
@@ -175,6 +178,7 @@ impl Rows {
             Arc::new(self.waveform_offset.finish()),
             Arc::new(self.waveform_total.finish()),
             Arc::new(self.waveform_scale.finish()),
+            Arc::new(self.quality.finish()),
         ]);
         RecordBatch::try_new(schema(), columns).map_err(|reason| Error::new("history", reason))
     }

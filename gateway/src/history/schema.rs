@@ -1,7 +1,10 @@
 //! The columns. Version [`VERSION`], in each file's metadata as `meshband.schema`.
 //!
 //! One row per frame or note, so that "every frame exactly once" is a count of rows. Columns that a kind of frame does not have
-//! are null and cost next to nothing. Columns are only ever appended; a reader takes those it knows.
+//! are null and cost next to nothing. Columns are taken by their names: none is ever renamed, removed or given another meaning, so a
+//! reader takes those it knows, and files of former versions are merged with their lacking columns null.
+//!
+//! Version 2 added `available_hz`, `velocity_rms`, the shafts' orders and `quality`.
 
 use crate::values::QUANTITIES;
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
@@ -9,7 +12,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the columns.
-pub const VERSION: &str = "1";
+pub const VERSION: &str = "2";
 
 /// Instants: microseconds, UTC.
 pub fn instant() -> DataType {
@@ -49,6 +52,7 @@ pub fn schema() -> Arc<Schema> {
         open("waveform_offset", DataType::UInt16),
         open("waveform_total", DataType::UInt16),
         open("waveform_scale", DataType::Float32),
+        open("quality", DataType::Utf8),
     ]);
     let metadata = HashMap::from([("meshband.schema".to_owned(), VERSION.to_owned())]);
     Arc::new(Schema::new(fields).with_metadata(metadata))

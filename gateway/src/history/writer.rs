@@ -8,7 +8,7 @@
 use super::rows::Rows;
 use super::{compact, day, files};
 use crate::config::History;
-use crate::error::{Result, at};
+use crate::error::{Error, Result, at};
 use crate::health::Health;
 use crate::journal::cursor::Cursor;
 use crate::journal::entry::Entry;
@@ -41,6 +41,9 @@ impl Writer {
     /// Of the file system.
     pub fn open(config: &History, data: &Path, passed: Arc<AtomicU64>, health: Arc<Health>) -> Result<Self> {
         at(&config.folder, std::fs::create_dir_all(&config.folder))?;
+        if config.folder.join(super::export::LIST).exists() {
+            return Err(Error::new(config.folder.display(), "holds exports; a gateway needs a folder of its own"));
+        }
         let cursor = Cursor::open(data, "history")?;
         let removed = files::recover(&config.folder, cursor.next())?;
         if removed > 0 {

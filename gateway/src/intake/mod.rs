@@ -31,8 +31,6 @@ pub enum News {
     Frame(Vec<u8>),
     /// The link ended or the node fell silent.
     Offline(String),
-    /// Alarms acknowledged by a person.
-    Acknowledged,
     /// A command from the broker, and what became of it.
     Command(String),
 }

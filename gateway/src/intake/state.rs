@@ -7,7 +7,7 @@
 //! The state is written beside the journal and brought up to date from the journal's own entries at a start, so that it never
 //! contradicts what was written.
 
-use crate::journal::entry::{Body, Entry, Note, decode};
+use crate::journal::entry::{Body, Entry, decode};
 use meshband::frame::{Frame, Packet};
 use meshband::message::{Identification, Message, Reply};
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ pub struct NodeState {
     zero_us: Option<i64>,
     /// Sequence and fingerprint of the newest frames.
     recent: VecDeque<(u16, u64)>,
-    /// Alarms raised and not acknowledged.
+    /// Alarms that stand and that no person has acknowledged, by the newest status.
     pub alarms: u32,
 }
 
@@ -91,12 +91,9 @@ impl NodeState {
         }
         self.recent.push_back(mark);
         self.expected = Some(frame.sequence.wrapping_add(1));
-        match &frame.packet {
-            Packet::Message(Message::Status(status)) => self.status_tick = status.tick,
-            Packet::Message(Message::Event(event)) if event.kind == meshband::events::EventKind::AlarmRaised => {
-                self.alarms = self.alarms.saturating_add(1);
-            }
-            _ => {}
+        if let Packet::Message(Message::Status(status)) = &frame.packet {
+            self.status_tick = status.tick;
+            self.alarms = status.alarms.unseen.count_ones();
         }
     }
 
@@ -133,14 +130,13 @@ impl NodeState {
                 }
                 self.remember((frame.sequence, fingerprint(bytes)), &frame);
             }
-            Body::Note { kind: Note::Acknowledged, .. } => self.alarms = 0,
             Body::Note { .. } => {}
         }
     }
 }
 
 /// Tick of a packet's content, where it has one that belongs to its sending.
-fn tick(packet: &Packet) -> Option<u64> {
+pub fn tick(packet: &Packet) -> Option<u64> {
     match packet {
         Packet::Message(Message::Status(status)) => Some(status.tick),
         Packet::Message(Message::Spectrum(spectrum)) => Some(spectrum.tag.first_tick),

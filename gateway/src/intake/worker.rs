@@ -98,11 +98,6 @@ impl Intake {
                 self.note(report.node, report.wall_us, Note::Disconnected, 0, reason);
                 self.health.node(&name, |node| node.online = false);
             }
-            News::Acknowledged => {
-                let alarms = self.states.get_mut(&name).map_or(0, |state| std::mem::take(&mut state.alarms));
-                self.note(report.node, report.wall_us, Note::Acknowledged, alarms.into(), String::new());
-                self.health.node(&name, |node| node.alarms = 0);
-            }
             News::Command(text) => self.note(report.node, report.wall_us, Note::Command, 0, text),
         }
     }

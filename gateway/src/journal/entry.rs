@@ -58,7 +58,7 @@ pub enum Note {
     ClockJump,
     /// The journal could not be written; detail is how many entries are missing.
     EntriesLost,
-    /// A person acknowledged the node's alarms; detail is how many stood.
+    /// A person acknowledged the node's alarms. Read, not written: nodes say so themselves, as an event.
     Acknowledged,
     /// A command from the broker was carried out or refused; text is which.
     Command,

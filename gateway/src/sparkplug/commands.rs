@@ -15,15 +15,10 @@ pub enum Command {
     Node {
         /// Device.
         device: String,
-        /// Requests in order; none for an acknowledgement.
+        /// Requests in order.
         requests: Vec<Request>,
         /// For the history.
         name: String,
-    },
-    /// Alarms of a node were seen by a person.
-    Acknowledge {
-        /// Device.
-        device: String,
     },
     /// Not carried out.
     Refused {
@@ -55,7 +50,7 @@ fn one(device: Option<String>, wanted: &Metric, allow_configure: bool) -> Option
         ("Command/Start", _) if asked => vec![Request::Start],
         ("Command/Stop", _) if asked => vec![Request::Stop],
         ("Command/Snapshot", _) if asked => vec![Request::Snapshot],
-        ("Command/Acknowledge", _) if asked => return Some(Command::Acknowledge { device }),
+        ("Command/Acknowledge", _) if asked => vec![Request::AcknowledgeAlarms],
         ("Command/Configure", Some(Value::Text(_))) if !allow_configure => {
             let reason = "Command/Configure: broker.allow_configure is not set".to_owned();
             return Some(Command::Refused { device: Some(device), reason });

@@ -6,7 +6,7 @@
 use super::payload::{Metric, Quality, Value, datatype, properties};
 use crate::intake::state::unit_text;
 use crate::journal::entry::{Body, Entry, Note};
-use crate::values::{QUANTITIES, figures};
+use crate::values::{QUANTITIES, defects, figures};
 use meshband::frame::Packet;
 use meshband::message::{Message, Reply};
 use meshband::tach::Validity;
@@ -54,7 +54,6 @@ fn alias(name: &str) -> u64 {
 pub struct Device {
     values: Vec<Option<Value>>,
     quality: Quality,
-    alarms: u32,
     /// A birth was sent in this session and no death since.
     pub born: bool,
 }
@@ -68,7 +67,7 @@ impl Default for Device {
                     Some(if *name == "Command/Configure" { Value::Text(String::new()) } else { Value::Boolean(false) });
             }
         }
-        Self { values, quality: Quality::Stale, alarms: 0, born: false }
+        Self { values, quality: Quality::Stale, born: false }
     }
 }
 
@@ -103,24 +102,18 @@ impl Device {
                 set("Frame/Kind", Value::Text("note".to_owned()));
                 set("Event/Kind", Value::Text(format!("{kind:?}")));
                 set("Event/Detail", Value::Long(*detail as u64));
-                match kind {
-                    Note::Connected => {
-                        set("Node/Firmware", Value::Text(text.clone()));
-                        set("Node/Unit", Value::Text(unit_text(entry.unit)));
-                        set("Node/Machine", Value::Text(entry.machine.clone()));
-                    }
-                    Note::Acknowledged => {
-                        self.alarms = 0;
-                        set("Alarm/Unacknowledged", Value::Int(0));
-                    }
-                    _ => {}
+                if *kind == Note::Connected {
+                    set("Node/Firmware", Value::Text(text.clone()));
+                    set("Node/Unit", Value::Text(unit_text(entry.unit)));
+                    set("Node/Machine", Value::Text(entry.machine.clone()));
                 }
             }
             Body::Frame(_) => self.frame(entry, &mut changes),
         }
         self.keep(&changes);
         let stamp = u64::try_from(entry.time_us / 1000).ok();
-        changes.into_iter().map(|(alias, value)| self.data(alias, value, stamp, historical)).collect()
+        let quality = if defective(entry) { Quality::Bad } else { self.quality };
+        changes.into_iter().map(|(alias, value)| data(alias, value, stamp, historical, quality)).collect()
     }
 
     fn frame(&mut self, entry: &Entry, changes: &mut Vec<(u64, Value)>) {
@@ -137,16 +130,13 @@ impl Device {
             Message::Status(status) => {
                 set("Node/State", Value::Text(format!("{:?}", status.state)));
                 set("Speed/Validity", Value::Text(format!("{:?}", status.validity)));
+                set("Alarm/Unacknowledged", Value::Int(status.alarms.unseen.count_ones()));
                 self.quality = if status.validity == Validity::Locked { Quality::Good } else { Quality::Bad };
             }
             Message::Event(event) => {
                 set("Event/Kind", Value::Text(format!("{:?}", event.kind)));
                 set("Event/Detail", Value::Long(event.detail.into()));
                 set("Event/Count", Value::Long(event.count.into()));
-                if event.kind == meshband::events::EventKind::AlarmRaised {
-                    self.alarms += 1;
-                    set("Alarm/Unacknowledged", Value::Int(self.alarms));
-                }
             }
             Message::Snapshot(snapshot) => {
                 let samples = snapshot.samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
@@ -168,20 +158,29 @@ impl Device {
             }
         }
     }
+}
 
-    fn data(&self, alias: u64, value: Value, stamp: Option<u64>, historical: bool) -> Metric {
-        let (_, kind, _) = metric(alias).unwrap_or(("", 0, ""));
-        Metric {
-            name: None,
-            alias: Some(alias),
-            timestamp: stamp,
-            datatype: Some(kind),
-            is_historical: historical.then_some(true),
-            is_null: None,
-            // The unit was said at birth; quality changes.
-            properties: (kind == datatype::FLOAT).then(|| properties("", self.quality)),
-            value: Some(value),
-        }
+/// A metric of a data message.
+fn data(alias: u64, value: Value, stamp: Option<u64>, historical: bool, quality: Quality) -> Metric {
+    let (_, kind, _) = metric(alias).unwrap_or(("", 0, ""));
+    Metric {
+        name: None,
+        alias: Some(alias),
+        timestamp: stamp,
+        datatype: Some(kind),
+        is_historical: historical.then_some(true),
+        is_null: None,
+        // The unit was said at birth; quality changes.
+        properties: (kind == datatype::FLOAT).then(|| properties("", quality)),
+        value: Some(value),
+    }
+}
+
+/// Whether the node itself says that its values say nothing of the machine: clipped, with gaps, unsettled or still.
+fn defective(entry: &Entry) -> bool {
+    match entry.frame().map(|frame| frame.packet) {
+        Some(Packet::Message(message)) => defects(&message).is_some(),
+        _ => false,
     }
 }
 

@@ -25,6 +25,9 @@ use std::time::{Duration, Instant};
 /// Time between writings of the place in the journal.
 const KEEPING: Duration = Duration::from_millis(200);
 
+/// To each node, by name, with its index.
+pub type Nodes = BTreeMap<String, (usize, Sender<Request>)>;
+
 /// Everything the thread needs.
 pub struct Publisher {
     /// Where to.
@@ -37,8 +40,8 @@ pub struct Publisher {
     pub cursor: Cursor,
     /// The same for the journal's writer, who gives back what all have passed.
     pub passed: Arc<AtomicU64>,
-    /// To each node, by name, with its index.
-    pub nodes: BTreeMap<String, (usize, Sender<Request>)>,
+    /// For commands.
+    pub nodes: Nodes,
     /// To the journal.
     pub reports: Sender<Report>,
     /// Counters.
@@ -150,7 +153,6 @@ impl Publisher {
         for command in commands(topic, bytes, &self.config) {
             match command {
                 Command::Rebirth => self.births(session, devices)?,
-                Command::Acknowledge { device } => self.report(&device, News::Acknowledged),
                 Command::Node { device, requests, name } => {
                     let Some((_, node)) = self.nodes.get(&device).filter(|_| self.health.is_online(&device)) else {
                         self.report(&device, News::Command(format!("{name} refused: the node does not answer")));
