@@ -1,6 +1,7 @@
 """What the proof and the fault tests share: a broker, a gateway, virtual nodes and a Sparkplug client, all on 127.0.0.1."""
 
 import collections
+import os
 import pathlib
 import random
 import shutil
@@ -56,6 +57,13 @@ class Process:
 
     def wait(self, patience):
         return self.running.wait(patience)
+
+    def used(self):
+        """Processor seconds and peak resident megabytes of the running program."""
+        process = pathlib.Path(f"/proc/{self.running.pid}")
+        times = (process / "stat").read_text().rsplit(")", 1)[1].split()[11:13]
+        peak = next(line for line in (process / "status").read_text().splitlines() if line.startswith("VmHWM:"))
+        return sum(map(int, times)) / os.sysconf("SC_CLK_TCK"), int(peak.split()[1]) / 1024
 
     def text(self):
         return self.log.read_text(errors="replace")

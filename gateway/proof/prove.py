@@ -7,6 +7,7 @@ by DuckDB in the Parquet files, and by an independent Sparkplug client at the br
 import argparse
 import csv
 import json
+import os
 import pathlib
 import random
 import tempfile
@@ -29,17 +30,20 @@ def run(arguments, folder):
     config = kit.configure(folder, ports, broker)
     gateway = kit.Process([arguments.gateway, config], folder / "gateway.log").start()
     kills = schedule(arguments)
-    start = time.monotonic()
+    start, used = time.monotonic(), []
     try:
         for at, what in kills:
             time.sleep(max(0.0, start + at - time.monotonic()))
             victim = broker if what == "broker" else gateway
+            if victim is gateway:
+                used.append(gateway.used())
             victim.kill()
             time.sleep(random.Random(at).uniform(0.5, 3.0))
             victim.start()
         time.sleep(max(0.0, start + arguments.seconds - time.monotonic()))
         # All that waits goes out before the end.
         time.sleep(6)
+        used.append(gateway.used())
         code = gateway.stop()
         time.sleep(1)
         host.close()
@@ -47,7 +51,12 @@ def run(arguments, folder):
     finally:
         for process in (gateway, nodes, broker):
             process.stop()
-    return count(folder, ledger, host, kills, code, arguments)
+    cost = {
+        "gateway's processor seconds": round(sum(seconds for seconds, _ in used), 1),
+        "gateway's peak memory, MB": round(max(peak for _, peak in used)),
+        "load of the last 15 minutes at the end": round(os.getloadavg()[2], 1),
+    }
+    return {**count(folder, ledger, host, kills, code, arguments), **cost}
 
 
 def schedule(arguments):

@@ -142,7 +142,7 @@ def prove(arguments, folder):
     result["seconds, Spark on a half-filled store"] = seconds
     result["answers taken from the store"] = sum(before.get(p.name) == p.stat().st_mtime_ns for p in store.iterdir())
     result["rows that differ, resumed"] = verdicts.same(one_by_one, table)
-    result["load of the last 15 minutes at the end"] = os.getloadavg()[2]
+    result["load of the last 15 minutes at the end"] = round(os.getloadavg()[2], 1)
     return result
 
 

@@ -200,7 +200,8 @@ fn orders(turns: u16, first: f32, scatter: impl Fn(u64) -> f32) -> Option<ShaftO
     Some(ShaftOrders { lines: [line(0), line(1), line(2)], turns })
 }
 
-fn status(tick: u64, speed_hz: f32) -> Status {
+/// A plausible status of a measuring node.
+pub fn status(tick: u64, speed_hz: f32) -> Status {
     Status {
         state: State::Measuring,
         validity: Validity::Locked,

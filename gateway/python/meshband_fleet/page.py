@@ -67,12 +67,15 @@ def node_page(connection, row):
 
 
 def commonest(connection, node, quantity):
-    """The speed step with most rows, and the minute means there as (seconds, value)."""
+    """The speed step with most rows, and means there as (seconds, value): about 300 from the first to the last, of 1 s at least."""
     rows = connection.execute(f"""
-        with steps as (select floor(speed_hz) + 0.5 as speed, epoch(date_trunc('minute', time)) as instant, {lake.known(quantity)} as value
+        with steps as (select floor(speed_hz) + 0.5 as speed, epoch(time) as instant, {lake.known(quantity)} as value
             from history where node = ? and {quantity} is not null and speed_hz is not null),
-        best as (select speed from steps group by speed order by count(*) desc, speed limit 1)
-        select speed, instant, avg(value) from steps join best using (speed) group by 1, 2 order by instant""", [node]).fetchall()
+        best as (select speed from steps group by speed order by count(*) desc, speed limit 1),
+        held as (select * from steps join best using (speed)),
+        width as (select greatest(1.0, (max(instant) - min(instant)) / 300) as width from held)
+        select speed, floor(instant / width) * width as mean_at, avg(value) from held, width
+        group by speed, mean_at order by mean_at""", [node]).fetchall()
     return (rows[0][0], [(instant, value) for _, instant, value in rows]) if rows else (None, [])
 
 

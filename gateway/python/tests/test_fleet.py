@@ -70,6 +70,13 @@ class Fleet(unittest.TestCase):
         self.assertIn("a&lt;b", index.read_text())
         self.assertTrue((self.folder / "page" / page.file_name("a<b")).is_file())
 
+    def test_claim_a_trend_has_a_few_hundred_means_at_most_and_their_values(self):
+        write(self.folder, 0, 2000, rms=lambda hour: hour // 1000)
+        speed, points = page.commonest(lake.open_history(self.folder), "n", "rms")
+        self.assertEqual(speed, 0.5)
+        self.assertTrue(280 <= len(points) <= 302, len(points))
+        self.assertEqual((points[0][1], points[-1][1]), (0.0, 1.0))
+
     def test_fault_a_folder_without_history_is_named(self):
         with self.assertRaisesRegex(FileNotFoundError, "no part-"):
             lake.open_history(self.folder)

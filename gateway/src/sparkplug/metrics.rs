@@ -200,11 +200,58 @@ pub fn reply_kind(reply: &Reply) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use meshband::message::{AlarmState, Indicators};
 
     #[test]
     fn claim_every_metric_has_one_alias_and_one_name() {
         let names: std::collections::BTreeSet<_> = (0..).map_while(metric).map(|(name, ..)| name).collect();
         assert_eq!(names.len(), OTHERS.len() + QUANTITIES.len());
         assert_eq!(Device::default().birth(0).len(), names.len());
+    }
+
+    /// The entry of a message.
+    fn entry(message: &Message) -> Entry {
+        let mut buffer = [0; meshband::frame::MAX_FRAME];
+        let frame = meshband::frame::encode(message, 1, &mut buffer).expect("fits");
+        let body = Body::Frame(frame[1..frame.len() - 1].to_vec());
+        let (node, machine) = ("n".to_owned(), "m".to_owned());
+        Entry { node, machine, unit: [1; 3], boot: 1, received_us: 0, time_us: 0, body }
+    }
+
+    fn status(unseen: u8) -> Entry {
+        let mut status = crate::synthesise::status(1, 10.0);
+        status.alarms = AlarmState { unseen, ..AlarmState::default() };
+        entry(&Message::Status(status))
+    }
+
+    #[test]
+    fn claim_values_that_say_nothing_are_bad_and_the_next_ones_are_not() {
+        let overload = |overload| {
+            let quality = meshband::message::Quality { overload, ..Default::default() };
+            entry(&Message::Indicators(Indicators { quality, ..Indicators::default() }))
+        };
+        let mut device = Device::default();
+        device.take(0, &status(0), false);
+        let mut quality_of = |entry: &Entry| {
+            let rms =
+                device.take(1, entry, false).into_iter().find(|metric| metric.alias == Some(alias_of("Vibration/RMS")));
+            rms.and_then(|metric| metric.properties)
+        };
+        assert_eq!(quality_of(&overload(true)), Some(properties("", Quality::Bad)));
+        assert_eq!(quality_of(&overload(false)), Some(properties("", Quality::Good)));
+    }
+
+    #[test]
+    fn claim_alarms_are_those_of_the_newest_status() {
+        let mut device = Device::default();
+        for (unseen, count) in [(0b101, 2), (0, 0)] {
+            let metrics = device.take(1, &status(unseen), false);
+            let alarms = metrics.iter().find(|metric| metric.alias == Some(alias_of("Alarm/Unacknowledged")));
+            assert_eq!(alarms.and_then(|metric| metric.value.clone()), Some(Value::Int(count)));
+        }
+    }
+
+    fn alias_of(name: &str) -> u64 {
+        (0..).find(|&alias| metric(alias).is_none_or(|(other, ..)| other == name)).expect("a metric of that name")
     }
 }
