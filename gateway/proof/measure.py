@@ -4,6 +4,7 @@ Each query runs in a process of its own, so that its peak memory is its own.
 """
 
 import argparse
+import os
 import pathlib
 import resource
 import subprocess
@@ -34,6 +35,11 @@ def ask(history, expression, memory):
     print(f"{opened - begun:.2f} | {done - opened:.2f} | {len(rows)} | {peak:.0f}")
 
 
+def load():
+    """What else the machine does: times mean little where it is far above the writer's one."""
+    return f"load of 1, 5, 15 minutes {' '.join(f'{value:.1f}' for value in os.getloadavg())} on {os.cpu_count()} cores"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("gateway", type=pathlib.Path)
@@ -49,12 +55,14 @@ def main():
         words = [arguments.gateway, "synthesise", history, "--nodes", arguments.nodes, "--interval", arguments.interval]
         subprocess.run([str(word) for word in words], check=True)
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        print(f"writer's peak memory: {peak:.0f} MB\n", flush=True)
+        processor = resource.getrusage(resource.RUSAGE_CHILDREN)
+        print(f"writer's peak memory: {peak:.0f} MB; processor: {processor.ru_utime + processor.ru_stime:.0f} s; {load()}\n", flush=True)
         print("| query | view, s | query, s | rows | peak, MB |\n| --- | --- | --- | --- | --- |")
         for name in QUERIES:
             words = [sys.executable, __file__, arguments.gateway, "--memory", arguments.memory, "--ask", history, name]
             done = subprocess.run([str(word) for word in words], check=True, capture_output=True, text=True)
             print(f"| {name} | {done.stdout.strip()} |", flush=True)
+        print(load())
     return 0
 
 
