@@ -146,20 +146,37 @@ def prove(arguments, folder):
     return result
 
 
+def scaling(arguments, folder):
+    """Times alone, pool and Spark with one and two workers by turns, so that what else runs falls on all alike."""
+    records = make(arguments, folder)
+    options = {"program": str(arguments.program.resolve()), "patience": 300.0}
+    taken = {}
+    for _ in range(arguments.times):
+        for name, engine in (("pool", local), ("Spark", spark)):
+            for workers in (1, 2):
+                _, seconds = timed(lambda engine=engine, workers=workers: engine.run(records, workers=workers, **options))
+                taken.setdefault(f"seconds, {name} with {workers}", []).append(seconds)
+    load = {"load of the last 5 and 15 minutes at the end": [round(value, 1) for value in os.getloadavg()[1:]]}
+    return {"records": len(records), "cores": os.cpu_count(), **taken, **load}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("program", type=pathlib.Path)
     parser.add_argument("--records", type=int, default=200)
     parser.add_argument("--duration", type=float, default=2.0, help="of each record, s")
     parser.add_argument("--rate", type=float, default=12800.0, help="of each record, Hz")
+    parser.add_argument("--times", type=int, help="instead of the proof: so many turns of pool and Spark, 1 and 2 workers")
     parser.add_argument("--json", type=pathlib.Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="meshband-spark-") as temporary:
-        result = prove(arguments, pathlib.Path(temporary))
+        result = (scaling if arguments.times else prove)(arguments, pathlib.Path(temporary))
     text = json.dumps(result, indent=1)
     print(text)
     if arguments.json:
         arguments.json.write_text(text + "\n")
+    if arguments.times:
+        return
     if any(value for name, value in result.items() if name.startswith("rows that differ")):
         raise SystemExit("rows differ: see above")
     if result["Spark workers killed"] != 1:

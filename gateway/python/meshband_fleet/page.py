@@ -1,5 +1,6 @@
 """The fleet page: static HTML from one command, an overview and a page per node; no server, nothing fetched."""
 
+import datetime
 import html
 import pathlib
 import urllib.parse
@@ -10,16 +11,20 @@ STYLE = """<meta charset="utf-8"><meta name="viewport" content="width=device-wid
 body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222;background:#fff}
 table{border-collapse:collapse;width:100%}th,td{padding:.3em .7em;border-bottom:1px solid #ddd;text-align:right}
 th:first-child,td:first-child,th:nth-child(2),td:nth-child(2){text-align:left}th{font-weight:600}
+td:nth-child(-n+3){white-space:nowrap}
 .warn{color:#a40000;font-weight:600}svg{width:100%;height:auto}figcaption{color:#555}a{color:#0645ad}
 </style>"""
 
-TRENDS = ("rms", "velocity_rms", "kurtosis", "fm4", "mesh_1")
+#: What a node's page shows, with its unit.
+TRENDS = {"rms": ", m/s2", "velocity_rms": ", m/s", "kurtosis": "", "fm4": "", "mesh_1": ", m/s2"}
 
 
 def text(value):
-    """A cell: figures with four digits, nothing for nothing."""
+    """A cell: figures with four digits, instants to the second, nothing for nothing."""
     if value is None:
         return ""
+    if isinstance(value, datetime.datetime):
+        return f"{value:%Y-%m-%d %H:%M:%S}"
     return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
 
 
@@ -53,16 +58,16 @@ def node_page(connection, row):
     """One node: who it is, trends at its most frequent speed, newest notes and events."""
     machine, node, unit, seen = row[:4]
     parts = [f"<title>{html.escape(node)}</title>{STYLE}<p><a href='index.html'>Fleet</a></p>"]
-    parts.append(f"<h1>{html.escape(node)}</h1><p>Machine {html.escape(machine)}, chip {html.escape(unit)}, last seen {seen}</p>")
-    for quantity in (name for name in TRENDS if lake.holds(connection, name)):
+    parts.append(f"<h1>{html.escape(node)}</h1><p>Machine {html.escape(machine)}, chip {html.escape(unit)}, last seen {text(seen)} UTC</p>")
+    for quantity, unit in ((name, unit) for name, unit in TRENDS.items() if lake.holds(connection, name)):
         speed, points = commonest(connection, node, quantity)
         if points:
-            parts.append(curve(points, f"{quantity} at {speed:.1f} Hz"))
+            parts.append(curve(points, f"{quantity}{unit}, at {speed - 0.5:g} to {speed + 0.5:g} Hz"))
     events = connection.execute(
         """select time, kind, event, detail, text from history where node = ? and event is not null
            order by journal desc limit 40""", [node]).fetchall()
     parts.append("<h2>Newest events and notes</h2>")
-    parts.append(table(["time", "kind", "event", "detail", "text"], [[text(cell) for cell in event] for event in events]))
+    parts.append(table(["time (UTC)", "kind", "event", "detail", "text"], [[text(cell) for cell in event] for event in events]))
     return "\n".join(parts)
 
 
@@ -91,7 +96,7 @@ def write(history, folder):
         link = f"<a href='{file_name(node)}'>{html.escape(node)}</a>"
         marked = f"<span class='warn'>{alarms}</span>" if alarms else "0"
         gone = f"<span class='warn'>{lost}</span>" if lost else "0"
-        cells = [text(machine), link, f"{seen:%Y-%m-%d %H:%M:%S}", text(state), text(speed), text(rms), text(kurtosis), text(fm4)]
+        cells = [text(machine), link, text(seen), text(state), text(speed), text(rms), text(kurtosis), text(fm4)]
         rows.append([*cells, str(frames), gone, marked])
         (out / file_name(node)).write_text(node_page(connection, row), encoding="utf-8")
     head = ["machine", "node", "last seen (UTC)", "state", "speed Hz", "RMS m/s2", "kurtosis", "FM4", "frames", "lost", "alarms"]
