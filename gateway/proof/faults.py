@@ -127,6 +127,20 @@ class Fault(unittest.TestCase):
         self.assertLess(units[0][2], units[1][1], "counts of starts do not overlap")
         gateway.stop()
 
+    def test_fault_a_node_that_goes_away_dies_at_the_broker_and_is_born_again(self):
+        broker = self.started(kit.Broker(self.folder))
+        nodes, port = self.nodes(1)
+        host = kit.Host(broker.port)
+        self.addCleanup(host.close)
+        self.gateway(kit.configure(self.folder, [port], broker))
+        kit.until(lambda: host.kinds["DBIRTH"] > 0 and host.kinds["DDATA"] > 5, 30, "born, with data")
+        nodes.stop()
+        kit.until(lambda: host.kinds["DDEATH"] == 1, 20, "dead")
+        births = host.kinds["DBIRTH"]
+        self.nodes(1, port)
+        kit.until(lambda: host.kinds["DBIRTH"] > births, 30, "born again")
+        kit.until(lambda: {"Connected", "Disconnected"} <= self.events(), 20, "both are in the history")
+
     def test_fault_a_node_that_is_not_the_configured_chip_is_refused(self):
         _, port = self.nodes(1, unit=5)
         wanted = "000000096d6573686261" + "6e64"
