@@ -118,12 +118,16 @@ def alarms(connection, limit=50):
 
 
 def overview(connection):
-    """Every node: machine, node, unit, last seen, state, speed, newest RMS, kurtosis and FM4, frames, frames lost, alarms."""
-    return connection.sql("""
+    """Every node: machine, node, unit, last seen, state, speed, newest RMS, velocity, kurtosis and FM4, frames, lost ones, alarms."""
+    velocity = "null"
+    if holds(connection, "velocity_rms"):
+        velocity = "arg_max(velocity_rms, journal) filter (velocity_rms is not null)"
+    return connection.sql(f"""
         select machine, node, arg_max(unit, journal) as unit, max(received) as seen,
             arg_max(state, journal) filter (state is not null) as state,
             arg_max(speed_hz, journal) filter (speed_hz is not null) as speed,
             arg_max(rms, journal) filter (rms is not null) as rms,
+            {velocity} as velocity,
             arg_max(kurtosis, journal) filter (kurtosis is not null) as kurtosis,
             arg_max(fm4, journal) filter (fm4 is not null) as fm4,
             count(sequence) as frames,

@@ -92,14 +92,15 @@ def write(history, folder):
     overview = lake.overview(connection).fetchall()
     rows = []
     for row in overview:
-        machine, node, unit, seen, state, speed, rms, kurtosis, fm4, frames, lost, alarms = row
+        machine, node, unit, seen, state, speed, rms, velocity, kurtosis, fm4, frames, lost, alarms = row
         link = f"<a href='{file_name(node)}'>{html.escape(node)}</a>"
         marked = f"<span class='warn'>{alarms}</span>" if alarms else "0"
         gone = f"<span class='warn'>{lost}</span>" if lost else "0"
-        cells = [text(machine), link, text(seen), text(state), text(speed), text(rms), text(kurtosis), text(fm4)]
+        cells = [text(machine), link, text(seen), text(state), text(speed), text(rms)]
+        cells += [text(velocity and 1000 * velocity), text(kurtosis), text(fm4)]
         rows.append([*cells, str(frames), gone, marked])
         (out / file_name(node)).write_text(node_page(connection, row), encoding="utf-8")
-    head = ["machine", "node", "last seen (UTC)", "state", "speed Hz", "RMS m/s2", "kurtosis", "FM4", "frames", "lost", "alarms"]
+    head = ["machine", "node", "last seen (UTC)", "state", "speed Hz", "RMS m/s2", "mm/s", "kurtosis", "FM4", "frames", "lost", "alarms"]
     worst = [[text(cell) for cell in row] for row in lake.departures(connection).fetchall()]
     drift = [[text(cell) for cell in row] for row in lake.drifting(connection).fetchall()]
     page = [f"<title>Fleet</title>{STYLE}<h1>Fleet</h1><p>{len(overview)} nodes</p>", table(head, rows)]

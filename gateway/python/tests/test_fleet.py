@@ -77,6 +77,16 @@ class Fleet(unittest.TestCase):
         self.assertTrue(280 <= len(points) <= 302, len(points))
         self.assertEqual((points[0][1], points[-1][1]), (0.0, 1.0))
 
+    def test_claim_a_history_of_a_former_schema_is_shown_without_what_it_lacks(self):
+        path = write(self.folder / "history", 0, 3)
+        held = pyarrow.parquet.read_table(path)
+        new = page.write(self.folder / "history", self.folder / "page").read_text()
+        self.assertIn("<td>100</td>", new, "0.1 m/s as mm/s")
+        pyarrow.parquet.write_table(held.drop_columns(["velocity_rms", "gear_1"]), path)
+        old = page.write(self.folder / "history", self.folder / "page").read_text()
+        self.assertNotIn("<td>100</td>", old)
+        self.assertIn("1 nodes", old)
+
     def test_fault_a_folder_without_history_is_named(self):
         with self.assertRaisesRegex(FileNotFoundError, "no part-"):
             lake.open_history(self.folder)
