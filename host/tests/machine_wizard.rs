@@ -108,6 +108,22 @@ fn fault_unknown_keys_are_named_all_at_once_with_the_nearest_known() {
     assert_eq!(error.lines().count(), 1);
 }
 
+#[test]
+fn fault_values_out_of_range_are_named_all_at_once() {
+    let text = std::fs::read_to_string(machines().join("19-48.toml")).expect("a file");
+    let mut table: toml::Table = text.parse().expect("TOML");
+    for (name, key, value) in
+        [("pair", "poisson", 3.0), ("shafts", "inertia_motor_kg_m2", -1.0), ("engagement", "width_rad", 7.0)]
+    {
+        table[name].as_table_mut().expect("a table").insert(key.into(), value.into());
+    }
+    let error = Machine::from_toml(&table.to_string(), "wrong.toml", Path::new("")).expect_err("refused").to_string();
+    for part in ["wrong.toml", "[pair] poisson: 3", "[shafts] inertia_motor_kg_m2: -1", "[engagement] width_rad: 7"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    assert_eq!(error.lines().count(), 1);
+}
+
 /// A machine with every optional table and key.
 fn everything() -> Machine {
     let mut machine = Machine::read(&machines().join("20-40.toml")).expect("a machine");
