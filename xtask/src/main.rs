@@ -14,6 +14,7 @@ mod gateway;
 mod node_build;
 mod pace;
 mod prove;
+mod screenshots;
 mod setup;
 mod shell;
 mod soak;
@@ -41,6 +42,7 @@ cargo xtask TASK
   bench        kernels beside SciPy and ROSS, whole commands, node stages, into docs/benchmarks.md (--without-ross)
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
+  screenshots  pictures of the reports and of the live view, into docs/pictures (names of pictures may follow)
   gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
   fuzz         every target of tests/tests/fuzz for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md; names of targets may follow
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
         "node-build" => node_build::run(),
         "size" => node_build::size(&rest),
         "pace" => pace::run_task(&rest),
+        "screenshots" => screenshots::run_task(&rest),
         "wheel" => wheel::run_task(),
         "bench" => bench::run_task(&rest),
         "bench-node" => bench::node::run_task(&rest),

@@ -104,7 +104,8 @@ impl Drop for TemporaryFolder {
     }
 }
 
-fn last_line(text: &str) -> &str {
+/// The last line of a message of several.
+pub fn last_line(text: &str) -> &str {
     text.lines().last().unwrap_or_default().trim()
 }
 

@@ -3,6 +3,7 @@
 use crate::node_build::{self, IMAGES};
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, cargo, timed};
+use crate::wheel;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
@@ -23,6 +24,7 @@ pub fn run() -> Outcome {
     });
     let mut tests = TestLog::default();
     report.step("tests", || tests.run());
+    report.step_or_skip("Python package", || wheel::test(true));
     report.close(&tests)
 }
 
@@ -56,6 +58,8 @@ fn lint_image(image: &str, board: &str) -> Outcome {
 struct Report {
     passed: Vec<String>,
     failed: Vec<String>,
+    /// With the reason.
+    skipped: Vec<String>,
 }
 
 impl Report {
@@ -66,9 +70,21 @@ impl Report {
         }
     }
 
+    /// A step that this machine may not be able to do: the reason is its outcome then, and stands in the summary.
+    fn step_or_skip(&mut self, name: &str, step: impl FnOnce() -> Outcome<Option<String>>) {
+        match timed(name, step) {
+            Ok(None) => self.passed.push(name.to_owned()),
+            Ok(Some(reason)) => self.skipped.push(format!("{name}: {reason}")),
+            Err(reason) => self.failed.push(format!("{name}: {reason}")),
+        }
+    }
+
     fn close(self, tests: &TestLog) -> Outcome {
         println!("\n== summary");
         println!("steps passed: {}", self.passed.join(", "));
+        for line in &self.skipped {
+            println!("step skipped: {line}");
+        }
         println!("tests: {} passed, {} failed, {} skipped", tests.passed, tests.failed.len(), tests.skipped.len());
         for line in &tests.skipped {
             println!("  {line}");

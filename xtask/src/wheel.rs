@@ -2,9 +2,10 @@
 //!
 //! `host/python` is a workspace of its own, so that plain cargo needs no Python; it shares the project's target folder, with the project's
 //! profile and versions, so that of its dependencies only the host crate is built again. Environment and wheel lie in `target/python`.
-//! Not part of `cargo xtask test`: the first build of the host crate for it takes minutes.
+//! `cargo xtask test` runs it last, when the command it is compared with is built; what this machine lacks makes it skipped there, a test that
+//! fails makes it fail.
 
-use crate::shell::{Outcome, cargo, on_path, root, run, say, timed};
+use crate::shell::{Outcome, capture, cargo, last_line, on_path, root, run, say, timed};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -13,35 +14,51 @@ const OLDEST: (u32, u32) = (3, 10);
 /// What the tests need beside the wheel.
 const TEST_NEEDS: [&str; 8] = ["numpy", "scipy", "pytest", "nbclient", "nbformat", "ipykernel", "matplotlib", "pandas"];
 
-/// Builds and tests; says "skipped" where there is no Python.
+/// `cargo xtask wheel`: builds and tests; says "skipped" where it cannot.
 pub fn run_task() -> Outcome {
+    if let Some(reason) = test(false)? {
+        println!("skipped: {reason}");
+    }
+    Ok(())
+}
+
+/// Builds and tests; gives the reason where this machine cannot: no Python with environments, or packages that cannot be had. The tests
+/// compare with the command, which is built unless `command_is_built`.
+pub fn test(command_is_built: bool) -> Outcome<Option<String>> {
     let Some(python) = python() else {
-        println!("skipped: no Python {}.{} or newer on the path", OLDEST.0, OLDEST.1);
-        return Ok(());
+        return Ok(Some(format!("no Python {}.{} or newer with venv on the path", OLDEST.0, OLDEST.1)));
     };
     let folder = root().join("target/python");
     let environment = folder.join("environment");
     let own = environment.join(if cfg!(windows) { "Scripts" } else { "bin" }).join("python");
-    timed("environment", || fresh_environment(&python, &environment, &own))?;
+    if let Err(reason) = timed("environment", || fresh_environment(&python, &environment, &own)) {
+        return Ok(Some(format!("no environment with {}: {}", TEST_NEEDS.join(", "), last_line(&reason))));
+    }
+    let fetch = ["fetch", "--quiet", "--locked", "--manifest-path", "host/python/Cargo.toml"];
+    if let Err(reason) = capture(&mut cargo(&fetch)) {
+        return Ok(Some(format!("crates of the package cannot be had: {}", last_line(&reason))));
+    }
     let wheels = folder.join("wheels");
     if wheels.exists() {
         std::fs::remove_dir_all(&wheels).map_err(|e| format!("{}: {e}", wheels.display()))?;
     }
     timed("wheel", || {
         let mut maturin = Command::new(&own);
-        maturin.args(["-m", "maturin", "build", "--release", "--interpreter"]).arg(&own).arg("--out").arg(&wheels);
-        run(maturin.current_dir(package()))
+        maturin.args(["-m", "maturin", "build", "--release", "--locked", "--interpreter"]).arg(&own);
+        run(maturin.arg("--out").arg(&wheels).current_dir(package()))
     })?;
     let wheel = only_wheel(&wheels)?;
     timed("installation", || pip(&own, &["--force-reinstall", "--no-deps", &wheel.display().to_string()]))?;
-    timed("command", || run(&mut cargo(&["build", "--quiet", "--release", "--bin", "meshband"])))?;
+    if !command_is_built {
+        timed("command", || run(&mut cargo(&["build", "--quiet", "--release", "--bin", "meshband"])))?;
+    }
     timed("tests and notebooks", || {
         let mut tests = Command::new(&own);
         tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).current_dir(package());
         run(tests.env("PYTHONDONTWRITEBYTECODE", "1"))
     })?;
     say(format!("wheel: {}", wheel.display()));
-    Ok(())
+    Ok(None)
 }
 
 fn package() -> PathBuf {
@@ -60,15 +77,16 @@ fn python() -> Option<PathBuf> {
 /// An environment with what building and testing need, and without any former wheel.
 fn fresh_environment(python: &Path, environment: &Path, own: &Path) -> Outcome {
     if !own.is_file() {
-        run(Command::new(python).args(["-m", "venv"]).arg(environment))?;
+        capture(Command::new(python).args(["-m", "venv", "--clear"]).arg(environment))?;
     }
     pip(own, &[&["maturin>=1.7,<2"][..], &TEST_NEEDS[..]].concat())?;
-    run(Command::new(own).args(["-m", "pip", "--quiet", "--disable-pip-version-check", "uninstall", "-y", "meshband"]))
+    let uninstall = ["-m", "pip", "--quiet", "--disable-pip-version-check", "uninstall", "-y", "meshband"];
+    capture(Command::new(own).args(uninstall)).map(drop)
 }
 
 fn pip(own: &Path, what: &[&str]) -> Outcome {
     let quiet = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install"];
-    run(Command::new(own).args(quiet).args(what))
+    capture(Command::new(own).args(quiet).args(what)).map(drop)
 }
 
 fn only_wheel(folder: &Path) -> Outcome<PathBuf> {

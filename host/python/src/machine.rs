@@ -9,7 +9,7 @@ use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::simulate::{Acquisition, Simulated, run_seed, simulate};
 use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::stiffness::mesh::total;
-use meshband_host::stiffness::report::{self, html};
+use meshband_host::stiffness::{page::page, report};
 use meshband_host::{Error, Result, effects, machine};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -77,8 +77,8 @@ impl Machine {
         let machine = self.inner.clone();
         work::run(py, move || {
             let found = report::Report::new(&machine, points)?;
-            let page = html(&found, &machine)?;
-            Outcome::new(&found, found.to_string(), page)
+            let page = page(&found, &machine)?;
+            Outcome::new(&found, found.to_string(), page.into())
         })
     }
 

@@ -84,6 +84,9 @@ fn errors(report: Report, outcome: &Outcome) -> Report {
         ))
 }
 
+/// Bins at the end of the band that are not drawn.
+const SKIRT_BINS: usize = 4;
+
 fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<Report> {
     let Some(&run) = outcome.held_out_places().last() else { return Ok(report) };
     let base = &replay.declared;
@@ -91,13 +94,14 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
     let z = f64::from(base.machine.teeth[0]);
     // Amplitudes of lines, from 8 Hz on, as the loop compares them.
     let series = |name: &str, bins: &[rustfft::num_complex::Complex64], scale: f64, top: f64| {
-        let points =
-            bins.iter().enumerate().skip((8.0 / bin) as usize).map(|(b, x)| (b as f64 * bin * scale, x.norm()));
+        // The window's skirt ends with the band: its last bins are no spectrum.
+        let whole = bins.iter().enumerate().take(bins.len().saturating_sub(SKIRT_BINS)).skip((8.0 / bin) as usize);
+        let points = whole.map(|(b, x)| (b as f64 * bin * scale, x.norm()));
         Series::new(name, points.take_while(|p| p.0 < top).collect())
     };
     report = report.section("Residual spectrum").text(&format!(
         "Held-out run {} at {hz:.3} Hz, {:.1} N m. Peak amplitudes, dB re 1 m/s2.",
-        base.runs[run].torque_n_m, outcome.runs_used[run]
+        outcome.runs_used[run], base.runs[run].torque_n_m
     ));
     for channel in 0..2 {
         for (scale, top, x) in [(1.0 / hz, 3.6 * z, "order of the pinion"), (1.0, 15_000.0, "frequency, Hz")] {
@@ -111,19 +115,35 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
             if in_orders {
                 labels.extend((1..=3).map(|h| Label { x: f64::from(h) * z, text: format!("{h} x mesh") }));
             }
-            for e in &outcome.effects {
-                let at = match (e.order_of_pinion, e.frequency_hz) {
-                    (Some(o), _) => Some(if in_orders { o } else { o * hz }),
-                    (None, Some(f)) => Some(if in_orders { f / hz } else { f }),
-                    _ => None,
-                };
-                labels.extend(at.filter(|_| in_orders).map(|x| Label { x, text: e.name.chars().take(28).collect() }));
+            for e in outcome.effects.iter().filter(|_| in_orders) {
+                let own = e.order_of_pinion.or(e.frequency_hz.map(|f| f / hz));
+                let at = own.filter(|&order| stands(&all[0], order)).or_else(|| most_explained(&all[1], &all[2]));
+                labels.extend(at.map(|x| Label { x, text: e.name.chars().take(28).collect() }));
             }
             let svg = spectrum(&all, &labels, 1.0, 110.0, Axes { x, y: "dB re 1 m/s2" })?;
             report = report.picture(&svg, &format!("Channel {channel} over {x}."));
         }
     }
     Ok(report)
+}
+
+/// Whether a line stands at an order: four times the median around it.
+fn stands(record: &Series, order: f64) -> bool {
+    let nearest = record.points.partition_point(|p| p.0 < order);
+    let amplitudes = |reach: usize| {
+        let (from, to) = (nearest.saturating_sub(reach), (nearest + reach).min(record.points.len()));
+        record.points[from.min(to)..to].iter().map(|p| p.1).collect::<Vec<f64>>()
+    };
+    let mut around = amplitudes(60);
+    around.sort_by(f64::total_cmp);
+    let Some(&median) = around.get(around.len() / 2) else { return false };
+    amplitudes(3).into_iter().any(|amplitude| amplitude > 4.0 * median)
+}
+
+/// Where the effects together explain most: their own order may show nothing, but their sidebands do.
+fn most_explained(declared: &Series, corrected: &Series) -> Option<f64> {
+    let gain = |(before, after): (&(f64, f64), &(f64, f64))| (before.0, before.1 - after.1);
+    declared.points.iter().zip(&corrected.points).map(gain).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(order, _)| order)
 }
 
 fn evidence(mut report: Report, outcome: &Outcome) -> Report {

@@ -111,10 +111,9 @@ pub fn search(
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in judged.iter().take(6) {
             say(&format!(
-                "  {} at {:?}/{:?}, {}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
+                "  {} at {}, {}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
                 j.candidate.name,
-                j.candidate.order,
-                j.candidate.frequency_hz,
+                place(j.candidate.order, j.candidate.frequency_hz),
                 if j.candidate.start == Start::Counted { "as counted" } else { "started by fit" },
                 j.score,
                 j.gain,
@@ -217,4 +216,13 @@ fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
         c.claim = Claim::Generic;
         plain.map(|text| c.name = text).is_some()
     });
+}
+
+/// Where a candidate's line lies, for a line of progress.
+fn place(order: Option<f64>, frequency_hz: Option<f64>) -> String {
+    match (order, frequency_hz) {
+        (Some(order), _) => format!("order {order:.4}"),
+        (None, Some(hz)) => format!("{hz:.2} Hz"),
+        (None, None) => "no order of its own".into(),
+    }
 }

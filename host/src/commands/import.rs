@@ -1,5 +1,6 @@
 //! `meshband import`: measurement files into a record folder.
 
+mod page;
 mod tach;
 
 use super::results::Results;
@@ -7,10 +8,6 @@ use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachChoice, Unit};
 use meshband_host::machine::Machine;
 use meshband_host::output::{Content, show};
-use meshband_host::record::{Record, Run};
-use meshband_host::report::plot::{Axes, Label, Series};
-use meshband_host::report::{Report, plot};
-use meshband_host::spectral::{Window, amplitude_spectrum};
 use meshband_host::{Error, Result, say, terminal};
 use std::path::{Path, PathBuf};
 
@@ -159,7 +156,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut files = args.results.announce(&mut outputs)?;
     let (record, summary) = import::import(&args.files, &options)?;
     record.write_to(folder)?;
-    files.write(&summary, || report(&options.title, &record, &summary))?;
+    files.write(&summary, || page::page(&options.title, &record, &summary))?;
     print(&summary)
 }
 
@@ -270,48 +267,4 @@ fn print(summary: &ImportSummary) -> Result<()> {
     }
     tach::print(summary)?;
     summary.remarks.iter().try_for_each(|remark| say!("note: {remark}"))
-}
-
-fn report(title: &str, record: &Record, summary: &ImportSummary) -> Result<Report> {
-    let run = record.run(0)?;
-    let mut report = Report::new(title, "Imported record")
-        .figure("Runs", summary.samples.len())
-        .figure("Channels", summary.channels.len())
-        .figure("Sampling rate", format!("{} Hz", summary.sample_rate_hz))
-        .figure("Length of run 0", format!("{:.2} s", run.duration_s()))
-        .figure("Full scale", format!("{} {}", summary.full_scale, summary.unit));
-    if let Some(q) = summary.tach.first() {
-        report = report
-            .figure("Mesh frequency", format!("{:.3} Hz", q.mesh_hz))
-            .figure("Pinion speed", format!("{:.1} rpm", 60.0 * q.speed_hz))
-            .figure("Tach jitter", format!("{:.2} us", 1e6 * q.jitter_s))
-            .section("Virtual tachometer")
-            .text("Pulses come from the phase of the mesh line that gives the least jitter in time.")
-            .table("One row per run. Jitter is estimated from the noise around the line; the cross-check compares the two best lines.", &TACH_HEAD, &tach_rows(summary))
-            .note("Which tooth is which, and shaft angle 0, cannot be known from the mesh line. Speed changes faster than about a third of the slower shaft's rate are smoothed away.")
-            .picture(&speed(run)?, "Pinion speed per turn, run 0. The first and last turns are extrapolated.");
-    }
-    let mut report = tach::report(report, record, summary)?;
-    report = report.section("Spectra").text("Run 0, whole length, Blackman-Harris window, peak amplitude.");
-    for (c, name) in summary.channels.iter().enumerate() {
-        let spectrum = amplitude_spectrum(&run.signal_m_s2(c), run.sample_rate_hz(), Window::BlackmanHarris);
-        let measured = summary.measured_tach.first().and_then(|figures| figures.mesh.as_ref());
-        let mesh_hz = summary.tach.first().map(|q| q.mesh_hz).or(measured.map(|mesh| mesh.implied_hz));
-        let labels: Vec<Label> = mesh_hz
-            .into_iter()
-            .flat_map(|hz| (1..=8).map(move |h| Label { x: hz * f64::from(h), text: format!("{h}x mesh") }))
-            .collect();
-        let last = mesh_hz.map_or(0.5 * summary.sample_rate_hz, |hz| (8.6 * hz).min(0.5 * summary.sample_rate_hz));
-        let points = spectrum.values.iter().enumerate().map(|(i, &v)| (spectrum.frequency(i), v)).skip(4);
-        let series = Series::new(name, points.take_while(|p| p.0 <= last).collect());
-        let caption = format!("dB re 1 {}", summary.unit);
-        let picture = plot::spectrum(&[series], &labels, 1.0, 90.0, Axes { x: "frequency, Hz", y: &caption })?;
-        report = report.picture(&picture, name);
-    }
-    Ok(summary.remarks.iter().fold(report, |report, remark| report.note(remark)))
-}
-
-fn speed(run: &Run) -> Result<String> {
-    let points = run.edges_s.windows(2).map(|w| (0.5 * (w[0] + w[1]), 60.0 / (w[1] - w[0]))).collect();
-    plot::lines(&[Series::new("pinion", points)], Axes { x: "time, s", y: "pinion speed, rpm" })
 }

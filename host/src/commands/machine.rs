@@ -141,7 +141,7 @@ fn guesses_text(found: &Sensitivity) -> String {
         .iter()
         .map(|share| {
             let moves = share.moves.map_or("no edge to time".into(), percent);
-            vec![share.guess.key.into(), share.guess.value.clone(), format!("{}", share.guess.factor), moves]
+            vec![share.guess.key.into(), share.guess.value.clone(), share.guess.reach.to_string(), moves]
         })
         .collect();
     let at: Vec<String> = found
@@ -154,7 +154,7 @@ fn guesses_text(found: &Sensitivity) -> String {
         "\nbandwidth: {}\nby all guesses together within a factor {:.2} (95 %)\n\n{}",
         at.join(", "),
         found.within_factor,
-        table(&["guess", "value", "true within a factor", "moves the law by"], &rows)
+        table(&["guess", "value", "in truth", "moves the law by"], &rows)
     )
 }
 

@@ -3,7 +3,8 @@
 use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::output::show;
-use meshband_host::stiffness::report::{Report, html};
+use meshband_host::stiffness::page::page;
+use meshband_host::stiffness::report::Report;
 use meshband_host::{Result, remark};
 use std::path::PathBuf;
 
@@ -24,7 +25,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut files = args.results.announce(&mut args.results.outputs([args.machine.as_path()]))?;
     let machine = meshband_host::machine::Machine::read(&args.machine)?;
     let report = Report::new(&machine, args.points)?;
-    files.write(&report, || html(&report, &machine))?;
+    files.write(&report, || page(&report, &machine))?;
     show(&report.to_string())?;
     report.warnings.iter().for_each(|warning| remark!("warning: {warning}"));
     Ok(())

@@ -87,8 +87,8 @@ pub fn outcome(
     }
 }
 
-const METRIC: &str = "fit, held_out: nrmse of the waveform below the highest order held, root of the residual's share of the power meaned over \
-     channels; held_out_power: unexplained share of the power, with what slips predicted as power at its lines";
+const METRIC: &str = "waveform: nrmse below the highest order held, root of the residual's share of the power meaned over \
+     channels; share of power: unexplained share of the power, with what slips predicted as power at its lines";
 
 fn veto(adopted: &Adopted, vetoed: &[Judgement]) -> Option<String> {
     let own = vetoed.iter().find(|(a, _)| std::ptr::eq(*a, adopted));

@@ -110,8 +110,12 @@ impl Preflight {
         if !record.declaration.has_machine() {
             missing.push("the machine: geometry of the [pair], masses and stiffnesses of the [shafts]".into());
         }
-        if record.declaration.stiffness_tables().is_empty() {
-            missing.push("stiffness of a tooth pair ([pair] pair_stiffness)".into());
+        // Without a table the pair's stiffness is derived from its geometry; how a pair takes up its load is not.
+        if record.declaration.stiffness_tables().is_empty() && !record.declaration.has_engagement() {
+            missing.push(
+                "stiffness of a tooth pair ([pair] pair_stiffness, or [engagement] for the stiffness by geometry)"
+                    .into(),
+            );
         }
         let acquisition = &record.declaration.acquisition;
         if acquisition.channels.len() != 2 {

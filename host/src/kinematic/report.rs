@@ -102,7 +102,8 @@ fn family(page: Report, effect: &Effect) -> Report {
         vec!["evidence on the held-out turns, nats".into(), format!("{:.1}", v.held_out_ln_bayes)],
     ];
     for (name, p) in &effect.parameters {
-        rows.push(vec![name.clone(), format!("{:.4} ({:.4} to {:.4}) {}", p.value, p.ci95[0], p.ci95[1], p.unit)]);
+        let name = name.replace('_', " ");
+        rows.push(vec![name, format!("{:.4} ({:.4} to {:.4}) {}", p.value, p.ci95[0], p.ci95[1], p.unit)]);
     }
     let lines: Vec<String> = effect.lines.iter().map(|(label, order)| format!("{label} at {order:.3}")).collect();
     rows.push(vec!["lines that stand".into(), lines.join(", ")]);

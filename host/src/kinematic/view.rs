@@ -122,6 +122,7 @@ fn of_effect(effect: &Effect) -> String {
         effect.predicts
     );
     for (name, value) in &effect.parameters {
+        let name = name.replace('_', " ");
         out +=
             &format!("    {name} {:.4} ({:.4} to {:.4}) {}\n", value.value, value.ci95[0], value.ci95[1], value.unit);
     }

@@ -1,7 +1,7 @@
 //! Which guesses of an estimated machine move its bandwidth law, and by how much.
 //!
-//! One guess at a time is moved by its factor, up and down; the law's edge is computed anew at three speeds, and the larger change, in parts of a
-//! logarithm, is the guess's share. The shares are taken as independent 95 % ranges: the law's stated uncertainty is the root of the sum of their
+//! One guess at a time is moved by its factor, up and down, or to its other choice; the law's edge is computed anew at three speeds, and the larger
+//! change, in parts of a logarithm, is the guess's share. The shares are taken as independent 95 % ranges: the law's stated uncertainty is the root of the sum of their
 //! squares. Interaction between guesses is left out.
 
 use super::derive::{edge_bandwidth_hz, study_torque};
@@ -18,7 +18,7 @@ use serde::Serialize;
 pub struct Share {
     /// The guess.
     pub guess: Guess,
-    /// Factor on the bandwidth, at most, where the guess is off by its factor; none where no edge could be timed.
+    /// Factor on the bandwidth, at most, where the guess is as far off as it may be; none where no edge could be timed.
     pub moves: Option<f64>,
 }
 
@@ -66,13 +66,11 @@ pub fn sensitivity(estimated: &Estimated, step: &(impl Fn() + Sync)) -> Result<S
         .into_par_iter()
         .map(|index| {
             let guess = estimated.guesses[index].clone();
-            let moved = [guess.factor, 1.0 / guess.factor].map(|factor| {
-                // A value that makes no machine (a bore beyond its root) says nothing of the law.
-                let machine = estimated.with(index, factor).ok()?;
-                ratio(bandwidths(&machine, speeds_hz).ok()?, own)
-            });
+            // A value that makes no machine (a bore beyond its root) says nothing of the law.
+            let moved = estimated.moved(index).into_iter().filter_map(Result::ok);
+            let moves = moved.filter_map(|machine| ratio(bandwidths(&machine, speeds_hz).ok()?, own)).reduce(f64::max);
             step();
-            Share { guess, moves: moved.into_iter().flatten().reduce(f64::max) }
+            Share { guess, moves }
         })
         .collect();
     shares.sort_by(|a, b| b.moves.unwrap_or(0.0).total_cmp(&a.moves.unwrap_or(0.0)));

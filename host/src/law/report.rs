@@ -86,12 +86,15 @@ const SWEEP_HEAD: [&str; 6] =
 
 /// Bandwidth over speed with the forms, then the table with its residuals.
 pub fn law_section(report: Report, laws: &Laws) -> Result<Report> {
-    let curve = |law: &Law| -> Vec<(f64, f64)> {
-        (0..=480).map(|i| 1.0 + 0.05 * f64::from(i)).map(|f| (f, 1e-3 * law.bandwidth_hz(f))).collect()
-    };
     let points: Vec<(f64, f64)> = laws.points.iter().map(|p| (p.shaft_hz, 1e-3 * p.bandwidth_hz)).collect();
-    let mut report = report.section("The law: bandwidth over pinion speed (Table 4, equation 10, Figure 7)");
-    for (fit, what) in [(&laws.fits[3], "tabulated law"), (&laws.fits[0], "quadratic, the form of equation (10)")] {
+    let speeds = points.iter().map(|p| p.0);
+    let (lowest, highest) = (speeds.clone().fold(f64::INFINITY, f64::min), speeds.fold(0.0, f64::max));
+    let curve = |law: &Law| -> Vec<(f64, f64)> {
+        let places = (0..=480).map(|i| lowest + (highest - lowest) * f64::from(i) / 480.0);
+        places.map(|f| (f, 1e-3 * law.bandwidth_hz(f))).collect()
+    };
+    let mut report = report.section("The law: bandwidth over pinion speed");
+    for (fit, what) in [(&laws.fits[3], "tabulated law"), (&laws.fits[0], "quadratic law")] {
         let residuals: Vec<(f64, f64)> = laws
             .points
             .iter()
@@ -137,7 +140,7 @@ pub fn check_section(report: Report, check: &Check) -> Result<Report> {
     let head = check_head(check);
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
     Ok(report
-        .section("At speeds that were not fitted (Table 6)")
+        .section("At speeds that were not fitted")
         .text(&check.reliance())
         .picture(&picture, "Error of each form at three named and fifty random speeds.")
         .table(
@@ -179,14 +182,14 @@ pub fn study_report(o: &Outcome) -> Result<Report> {
             report = report.section(heading).table(&spread, &SWEEP_HEAD, &sweep_rows(sweep));
         }
     }
-    report = law_section(report, &o.laws)?;
+    report = law_section(report, &o.laws)?.text("In the paper: Table 4, equation 10 (the quadratic law), Figure 7.");
     report = report.table(
         "Every whole speed (Table 4); the last row is beyond the law's domain.",
         &SWEEP_HEAD,
         &sweep_rows(&o.speed),
     );
     report = slope_section(report, o)?;
-    report = check_section(report, &o.check)?;
+    report = check_section(report, &o.check)?.text("In the paper: Table 6.");
     report = report.section("Torque").table(
         &format!(
             "Largest minus smallest over mean: {:.3} %. With a ramp fixed in angle the model is linear in the load.",

@@ -58,6 +58,25 @@ pub struct Known {
     pub bearings: Option<Bearings>,
 }
 
+/// How far a guess may be from the truth.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reach {
+    /// The truth lies within this factor above or below.
+    Factor(f64),
+    /// The truth may as well be this.
+    Or(&'static str),
+}
+
+impl std::fmt::Display for Reach {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Factor(factor) => write!(f, "within a factor {factor}"),
+            Self::Or(other) => write!(f, "or {other}"),
+        }
+    }
+}
+
 /// A value that was estimated.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Guess {
@@ -65,8 +84,8 @@ pub struct Guess {
     pub key: &'static str,
     /// What stands in the file.
     pub value: String,
-    /// Factor by which the truth may lie above or below.
-    pub factor: f64,
+    /// How far off it may be.
+    pub reach: Reach,
     /// How it was estimated.
     pub rule: &'static str,
 }
@@ -187,7 +206,16 @@ fn engagement(known: &Known) -> Engagement {
 fn guesses(known: &Known, machine: &Machine) -> Vec<Guess> {
     let (shafts, pair) = (&machine.shafts, &machine.pair);
     let mut list = Vec::new();
-    let mut add = |key, value: String, factor, rule| list.push(Guess { key, value, factor, rule });
+    let mut push = |key, value: String, reach, rule| list.push(Guess { key, value, reach, rule });
+    // Two ramps of one width and another shape have other bandwidths: the shape is a guess wherever the ramp itself is known.
+    match (known.ramp_rad, known.relief_m) {
+        (None, Some(_)) => push("[engagement] relief_exponent", "2".into(), Reach::Or("1"), "parabolic, not linear"),
+        _ => {
+            let rule = "smooth: a linear ramp has corners";
+            push("[engagement] kind", "raised-cosine".into(), Reach::Or("linear"), rule);
+        }
+    }
+    let mut add = |key, value: String, factor, rule| push(key, value, Reach::Factor(factor), rule);
     if known.bore_radius_m.is_none() {
         add("[pair] bore_radius_m", two(pair.bore_radius_m), 1.3, "root radius over 2.6");
     }
@@ -195,11 +223,11 @@ fn guesses(known: &Known, machine: &Machine) -> Vec<Guess> {
     match (known.ramp_rad, known.relief_m) {
         (Some(_), _) => {}
         (None, Some(_)) => {
-            add("[engagement] relief_length_base_pitches", "0.25".into(), 2.0, "a quarter of a base pitch, parabolic")
+            add("[engagement] relief_length_base_pitches", "0.25".into(), 2.0, "a quarter of a base pitch")
         }
         (None, None) => {
             let width = machine.engagement.and_then(|e| e.width_rad).unwrap_or(0.0);
-            add("[engagement] width_rad", format!("{width:.4e}"), 4.0, "an eighth of a base pitch, raised cosine");
+            add("[engagement] width_rad", format!("{width:.4e}"), 4.0, "an eighth of a base pitch");
         }
     }
     let [motor, load] = [shafts.inertia_motor_kg_m2, shafts.inertia_load_kg_m2];
@@ -230,38 +258,26 @@ fn two(values: [f64; 2]) -> String {
 }
 
 impl Estimated {
-    /// The same machine with the guess `index` larger by a factor (smaller below 1).
+    /// The same machine with the guess `index` as far off as it may be: smaller, larger, or the other choice.
     ///
     /// # Errors
     /// A machine that is none with this value.
-    pub fn with(&self, index: usize, factor: f64) -> Result<Machine> {
-        let mut machine = self.machine.clone();
-        let pair = |values: &mut [f64; 2]| values.iter_mut().for_each(|value| *value *= factor);
-        let shafts = &mut machine.shafts;
-        match self.guesses[index].key {
-            "[pair] bore_radius_m" => pair(&mut machine.pair.bore_radius_m),
-            "[pair] mesh_damping_ratio" => machine.pair.mesh_damping_ratio = Some(0.05 * factor),
-            "[engagement] relief_length_base_pitches" => {
-                let length = machine.engagement.as_mut().and_then(|e| e.relief_length_base_pitches.as_mut());
-                length.into_iter().for_each(|length| *length *= factor);
+    pub fn moved(&self, index: usize) -> Vec<Result<Machine>> {
+        let guess = &self.guesses[index];
+        let changed = |change: &dyn Fn(&mut Machine)| {
+            let mut machine = self.machine.clone();
+            change(&mut machine);
+            // Worked out again from the ratio.
+            machine.pair.mesh_damping_s = 0.0;
+            let folder = machine.folder.clone();
+            machine.prepared(guess.key, &folder)
+        };
+        match guess.reach {
+            Reach::Factor(factor) => {
+                [factor, 1.0 / factor].map(|factor| changed(&|machine| scale(machine, guess.key, factor))).into()
             }
-            "[engagement] width_rad" => {
-                let width = machine.engagement.as_mut().and_then(|e| e.width_rad.as_mut());
-                width.into_iter().for_each(|width| *width *= factor);
-            }
-            "[shafts] inertia_motor_kg_m2" => shafts.inertia_motor_kg_m2 *= factor,
-            "[shafts] inertia_pinion_kg_m2" => shafts.inertia_pinion_kg_m2 *= factor,
-            "[shafts] inertia_gear_kg_m2" => shafts.inertia_gear_kg_m2 *= factor,
-            "[shafts] inertia_load_kg_m2" => shafts.inertia_load_kg_m2 *= factor,
-            "[shafts] coupling_stiffness_n_m_per_rad" => pair(&mut shafts.coupling_stiffness_n_m_per_rad),
-            "[shafts] coupling_damping_n_m_s_per_rad" => pair(&mut shafts.coupling_damping_n_m_s_per_rad),
-            "[shafts] mass_kg" => pair(&mut shafts.mass_kg),
-            "[shafts] bearing_stiffness_n_per_m" => pair(&mut shafts.bearing_stiffness_n_per_m),
-            _ => pair(&mut shafts.bearing_damping_n_s_per_m),
+            Reach::Or(_) => vec![changed(&|machine| choose_other(machine, guess.key))],
         }
-        machine.pair.mesh_damping_s = 0.0;
-        let folder = machine.folder.clone();
-        machine.prepared(self.guesses[index].key, &folder)
     }
 
     /// The machine file, every guess marked with its rule and factor.
@@ -289,12 +305,45 @@ impl Estimated {
         for (key, value) in values {
             let full = format!("[{table}] {key}");
             let mark = match self.guesses.iter().find(|guess| guess.key == full) {
-                Some(guess) => format!(" # GUESS, within a factor {}: {}", guess.factor, guess.rule),
+                Some(guess) => format!(" # GUESS, {}: {}", guess.reach, guess.rule),
                 None => String::new(),
             };
             out += &format!("{key} = {value}{mark}\n");
         }
         out
+    }
+}
+
+/// Scales the value of a guess.
+fn scale(machine: &mut Machine, key: &str, factor: f64) {
+    let pair = |values: &mut [f64; 2]| values.iter_mut().for_each(|value| *value *= factor);
+    let one = |value: Option<&mut f64>| value.into_iter().for_each(|value| *value *= factor);
+    let (shafts, engagement) = (&mut machine.shafts, machine.engagement.as_mut());
+    match key {
+        "[pair] bore_radius_m" => pair(&mut machine.pair.bore_radius_m),
+        "[pair] mesh_damping_ratio" => one(machine.pair.mesh_damping_ratio.as_mut()),
+        "[engagement] relief_length_base_pitches" => {
+            one(engagement.and_then(|e| e.relief_length_base_pitches.as_mut()));
+        }
+        "[engagement] width_rad" => one(engagement.and_then(|e| e.width_rad.as_mut())),
+        "[shafts] inertia_motor_kg_m2" => shafts.inertia_motor_kg_m2 *= factor,
+        "[shafts] inertia_pinion_kg_m2" => shafts.inertia_pinion_kg_m2 *= factor,
+        "[shafts] inertia_gear_kg_m2" => shafts.inertia_gear_kg_m2 *= factor,
+        "[shafts] inertia_load_kg_m2" => shafts.inertia_load_kg_m2 *= factor,
+        "[shafts] coupling_stiffness_n_m_per_rad" => pair(&mut shafts.coupling_stiffness_n_m_per_rad),
+        "[shafts] coupling_damping_n_m_s_per_rad" => pair(&mut shafts.coupling_damping_n_m_s_per_rad),
+        "[shafts] mass_kg" => pair(&mut shafts.mass_kg),
+        "[shafts] bearing_stiffness_n_per_m" => pair(&mut shafts.bearing_stiffness_n_per_m),
+        _ => pair(&mut shafts.bearing_damping_n_s_per_m),
+    }
+}
+
+/// Takes the other choice of a guess that is one.
+fn choose_other(machine: &mut Machine, key: &str) {
+    let Some(engagement) = &mut machine.engagement else { return };
+    match key {
+        "[engagement] kind" => engagement.kind = EngagementKind::Linear,
+        _ => engagement.relief_exponent = Some(1),
     }
 }
 

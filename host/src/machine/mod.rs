@@ -1,8 +1,8 @@
 //! The declared machine: what its owner states about gears, shafts and acquisition, in SI units.
 //!
 //! The same tables appear in `machines/*.toml` and in the `record.toml` of a record folder, so that a
-//! record carries its machine with it. Reading checks every value and names table and key of the first
-//! one that makes no sense: a non-finite number anywhere, an unknown key, an impossible gear.
+//! record carries its machine with it. Reading checks every value and names table and key of all that make
+//! no sense; a non-finite number, an unknown key or a missing one is refused before.
 
 mod check;
 pub mod estimate;

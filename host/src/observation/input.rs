@@ -60,7 +60,7 @@ pub struct Record {
 /// The loop's view of a record in memory.
 ///
 /// # Errors
-/// A record without machine, pair stiffness table, tachometer on the pinion whose angle 0 is known, or torques; other than two channels; non-physical values.
+/// A record without machine, tachometer on the pinion whose angle 0 is known, or torques; other than two channels; non-physical values.
 pub fn view(record: &record::Record) -> Result<Record> {
     let path = record.folder.join("record.toml");
     let place = |key: &str| format!("{}: {key}", path.display());
@@ -81,10 +81,10 @@ pub fn view(record: &record::Record) -> Result<Record> {
     let rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared)?;
     let steady = Motion::Constant { speed_hz: 1.0, turns_at_zero: 0.0 };
     rig.work(&steady, 1.0).check_against(rate_hz)?;
-    let table = machine.pair.pair_stiffness.clone().ok_or_else(|| {
-        Error::invalid(place("pair.pair_stiffness"), "the closed loop needs the pair stiffness table of the record")
-    })?;
-    let curve = PairCurve::read(&record.folder.join(table))?;
+    let curve = match &machine.pair.pair_stiffness {
+        Some(table) => PairCurve::read(&record.folder.join(table))?,
+        None => PairCurve::sampled(&machine.pair_stiffness()?),
+    };
     if record.declaration.acquisition.channels.len() != 2 {
         return Err(Error::invalid(place("acquisition.channels"), "the closed loop needs the two bodies' channels"));
     }

@@ -261,6 +261,11 @@ impl Declaration {
         self.rest.contains_key("shafts") && self.rest.get("pair").is_some_and(|pair| pair.get("module_m").is_some())
     }
 
+    /// Whether it says how a pair takes up its load.
+    pub fn has_engagement(&self) -> bool {
+        self.rest.contains_key("engagement")
+    }
+
     /// The declared machine, checked, with its tables and its mesh damping resolved.
     ///
     /// # Errors

@@ -1,9 +1,11 @@
 //! Reports: one self-contained HTML file per command for people, one JSON file for machines.
 //!
 //! No scripts, no outside resources: the file can be mailed, printed or archived. Pictures are inline SVG
-//! with text as text, so they stay sharp and searchable. Colours are the Okabe-Ito set, told apart with any
-//! common colour vision deficiency.
+//! with text as text, so they stay sharp and searchable, and marks say their values under the pointer. Colours are the Okabe-Ito set, told
+//! apart with any common colour vision deficiency. Dark screens get dark pages: the style repaints ink, grid and paper of the pictures by their
+//! colours; paper stays white in print.
 
+mod hover;
 pub mod plot;
 mod raster;
 
@@ -48,19 +50,22 @@ impl Report {
         self
     }
 
-    /// Adds a table; cells that read as numbers are aligned right.
+    /// Adds a table; numbers are aligned right in columns that hold hardly anything else.
     pub fn table(mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) -> Self {
         let _ = write!(self.body, "<div class=\"scroll\"><table><caption>{}</caption><thead><tr>", escape(caption));
+        let numeric = |c: usize| {
+            let numbers = rows.iter().filter(|row| row.get(c).is_some_and(|cell| is_number(cell))).count();
+            4 * numbers >= 3 * rows.len() && numbers > 0
+        };
         for (c, cell) in head.iter().enumerate() {
-            let numeric = rows.iter().filter_map(|row| row.get(c)).all(|cell| is_number(cell)) && !rows.is_empty();
-            let class = if numeric { " class=\"n\"" } else { "" };
+            let class = if numeric(c) { " class=\"n\"" } else { "" };
             let _ = write!(self.body, "<th{class}>{}</th>", escape(cell));
         }
         self.body.push_str("</tr></thead><tbody>\n");
         for row in rows {
             self.body.push_str("<tr>");
-            for cell in row {
-                let class = if is_number(cell) { " class=\"n\"" } else { "" };
+            for (c, cell) in row.iter().enumerate() {
+                let class = if numeric(c) && is_number(cell) { " class=\"n\"" } else { "" };
                 let _ = write!(self.body, "<td{class}>{}</td>", escape(cell));
             }
             self.body.push_str("</tr>\n");
@@ -112,9 +117,9 @@ fn is_number(cell: &str) -> bool {
 }
 
 const STYLE: &str = "
-:root{--ink:#1b1f24;--soft:#59636e;--line:#d5dae0;--wash:#f5f7f9;--mark:#0072b2}
+:root{color-scheme:light dark;--paper:#fff;--ink:#1b1f24;--soft:#59636e;--line:#d5dae0;--wash:#f5f7f9;--mark:#0072b2;--note:#fdf8ec}
 *{box-sizing:border-box}
-body{margin:0;background:#fff;color:var(--ink);font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Liberation Sans',sans-serif}
+body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Liberation Sans',sans-serif}
 main{max-width:62rem;margin:0 auto;padding:2.5rem 1.5rem}
 header{border-bottom:3px solid var(--mark);margin-bottom:1.5rem;padding-bottom:.8rem}
 .mark{margin:0;color:var(--mark);font-weight:600;letter-spacing:.08em;font-size:.8rem;text-transform:uppercase}
@@ -135,7 +140,13 @@ th{border-bottom:2px solid var(--ink);font-weight:600}
 figure{margin:1.2rem 0}
 figure svg{width:100%;height:auto;display:block}
 figcaption{color:var(--soft);font-size:.88rem;max-width:46rem}
-aside{border-left:4px solid #e69f00;background:#fdf8ec;padding:.6rem .9rem;margin:1rem 0;border-radius:0 6px 6px 0;max-width:46rem}
+aside{border-left:4px solid #e69f00;background:var(--note);padding:.6rem .9rem;margin:1rem 0;border-radius:0 6px 6px 0;max-width:46rem}
 footer{margin-top:3rem;color:var(--soft);font-size:.8rem;border-top:1px solid var(--line);padding-top:.6rem}
+@media screen and (prefers-color-scheme:dark){
+:root{--paper:#14181d;--ink:#e4e8ec;--soft:#9aa5b1;--line:#343b44;--wash:#1e242b;--mark:#56b4e9;--note:#2a2416}
+svg [fill=\"#1B1F24\"]{fill:var(--ink)}svg [stroke=\"#1B1F24\"]{stroke:var(--ink)}
+svg [stroke=\"#E2E6EB\"]{stroke:#2a313a}svg [fill=\"#FFFFFF\"]{fill:var(--paper)}
+svg :is(polyline,path,circle,line)[stroke=\"#0072B2\"]{stroke:#3d9fdb}svg circle[fill=\"#0072B2\"]{fill:#3d9fdb}
+}
 @media print{main{max-width:none;padding:0}h2{break-after:avoid}figure,table,aside,dl div{break-inside:avoid}body{font-size:11pt}}
 ";

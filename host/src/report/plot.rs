@@ -3,6 +3,7 @@
 //! Sizes are in SVG units (960 wide); the report scales them to the page. Series with more points than the
 //! picture has columns are drawn by their extremes per column, so no peak is lost and files stay small.
 
+use super::hover::Hover;
 use crate::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -137,6 +138,13 @@ fn tick(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
+/// A value with the unit that stands after the comma of its axis' caption, or as that caption says ("dB re 1 g").
+fn value(value: f64, caption: &str) -> String {
+    let unit = caption.rsplit_once(", ").map_or(caption, |(_, unit)| unit);
+    let digits = if value.abs() >= 1e3 { 1 } else { 4 };
+    format!("{value:.digits$} {unit}")
+}
+
 macro_rules! chart {
     ($area:expr, $x:expr, $y:expr, $axes:expr, $top:expr) => {{
         let mut chart = ChartBuilder::on($area)
@@ -144,7 +152,7 @@ macro_rules! chart {
             .margin_top($top)
             .margin_right(20)
             .x_label_area_size(44)
-            .y_label_area_size(72)
+            .y_label_area_size(84)
             .build_cartesian_2d($x, $y)?;
         chart
             .configure_mesh()
@@ -211,8 +219,11 @@ pub fn spectrum(series: &[Series], labels: &[Label], reference: f64, span_db: f6
     let x = range(data.iter().flatten().map(|p| p.0), 0.0);
     let top = data.iter().flatten().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
     let top = if top.is_finite() { top } else { 0.0 };
-    let (low, high) = (top - span_db, top + 0.16 * span_db);
-    draw(420, |area| {
+    // Room for labels, and for a legend where there is one.
+    let room = 0.16 + if series.len() > 1 { 0.06 * series.len() as f64 } else { 0.0 };
+    let (low, high) = (top - span_db, top + room * span_db);
+    let mut hover = Hover::default();
+    let svg = draw(420, |area| {
         let mut chart = chart!(area, x.clone(), low..high, axes, 12);
         for (i, (series, points)) in series.iter().zip(&data).enumerate() {
             let style = colour(i).stroke_width(1);
@@ -234,16 +245,23 @@ pub fn spectrum(series: &[Series], labels: &[Label], reference: f64, span_db: f6
             }
             placed.push((label.x, at));
             chart.draw_series([Circle::new((label.x, peak), 3, COLOURS[1].filled())])?;
-            let anchor = plotters::style::text_anchor::Pos::new(
-                plotters::style::text_anchor::HPos::Center,
-                plotters::style::text_anchor::VPos::Bottom,
-            );
+            let said = format!("{}: {} at {}", label.text, value(peak, axes.y), value(label.x, axes.x));
+            hover.add(chart.backend_coord(&(label.x, peak)), said);
+            // Long texts at the borders stay inside.
+            let place = (label.x - x.start) / step;
+            let side = match label.text.chars().count() {
+                9.. if place < 0.15 => plotters::style::text_anchor::HPos::Left,
+                9.. if place > 0.85 => plotters::style::text_anchor::HPos::Right,
+                _ => plotters::style::text_anchor::HPos::Center,
+            };
+            let anchor = plotters::style::text_anchor::Pos::new(side, plotters::style::text_anchor::VPos::Bottom);
             let style = ("sans-serif", 13, &INK).into_text_style(area).pos(anchor);
             chart.draw_series([Text::new(label.text.clone(), (label.x, at), style)])?;
         }
         legend!(chart, series.len());
         Ok(())
-    })
+    })?;
+    Ok(hover.onto(svg))
 }
 
 /// Measured points, a fitted curve, and the residual in a panel below.
@@ -263,7 +281,8 @@ pub fn fit_with_residual(
     let x = range(measured.iter().chain(&curve).map(|p| p.0), 0.03);
     let y = range(measured.iter().chain(&curve).map(|p| p.1), 0.06);
     let reach = residuals.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).fold(0.0, f64::max).max(1e-12) * 1.15;
-    draw(540, |area| {
+    let mut hover = Hover::default();
+    let svg = draw(540, |area| {
         let (upper, lower) = area.split_vertically(370);
         let mut chart = chart!(&upper, x.clone(), headroom(y, 2), Axes { x: "", ..axes }, 12);
         let style = colour(0).stroke_width(2);
@@ -275,12 +294,19 @@ pub fn fit_with_residual(
             .draw_series(measured.iter().map(|&p| Circle::new(p, 4, colour(1).filled())))?
             .label(&points.name)
             .legend(|(x, y)| Circle::new((x + 9, y), 4, colour(1).filled()));
+        for p in &measured {
+            hover.add(
+                chart.backend_coord(p),
+                format!("{}: {} at {}", points.name, value(p.1, axes.y), value(p.0, axes.x)),
+            );
+        }
         legend!(chart, 2);
         let mut chart = chart!(&lower, x.clone(), -reach..reach, Axes { x: axes.x, y: residual }, 4);
         chart.draw_series(LineSeries::new([(x.start, 0.0), (x.end, 0.0)], INK.mix(0.6)))?;
         chart.draw_series(residuals.iter().map(|&p| Circle::new(p, 4, colour(1).filled())))?;
         Ok(())
-    })
+    })?;
+    Ok(hover.onto(svg))
 }
 
 /// Stems from zero: line tables, orders, coefficients.
@@ -291,11 +317,16 @@ pub fn stems(series: &[Series], axes: Axes) -> Result<String> {
     let data: Vec<Vec<(f64, f64)>> = series.iter().map(Series::finite).collect();
     let x = range(data.iter().flatten().map(|p| p.0), 0.03);
     let y = range(data.iter().flatten().map(|p| p.1).chain([0.0]), 0.05);
-    draw(380, |area| {
+    let mut hover = Hover::default();
+    let svg = draw(380, |area| {
         let mut chart = chart!(area, x.clone(), headroom(y, series.len()), axes, 12);
         chart.draw_series(LineSeries::new([(x.start, 0.0), (x.end, 0.0)], INK.mix(0.6)))?;
         for (i, (series, points)) in series.iter().zip(&data).enumerate() {
             let style = colour(i).stroke_width(2);
+            for p in points {
+                let said = format!("{}: {} at {}", series.name, value(p.1, axes.y), value(p.0, axes.x));
+                hover.add(chart.backend_coord(p), said);
+            }
             chart.draw_series(points.iter().map(|&(x, y)| PathElement::new(vec![(x, 0.0), (x, y)], style)))?;
             chart
                 .draw_series(points.iter().map(|&p| Circle::new(p, 4, colour(i).filled())))?
@@ -304,7 +335,8 @@ pub fn stems(series: &[Series], axes: Axes) -> Result<String> {
         }
         legend!(chart, series.len());
         Ok(())
-    })
+    })?;
+    Ok(hover.onto(svg))
 }
 
 /// A grid of values, light to dark blue; `values[row][column]`, row 0 at the bottom, cells spread over the ranges.

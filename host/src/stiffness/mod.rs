@@ -14,6 +14,7 @@ mod declared;
 mod hertz;
 pub mod iso6336;
 pub mod mesh;
+pub mod page;
 mod pair;
 pub mod pair_curve;
 mod quadrature;

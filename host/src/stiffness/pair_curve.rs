@@ -6,10 +6,14 @@
 //! every `z` base pitches, has coefficients `K(k / z) / z` at shaft order `k`.
 
 use crate::Result;
+use crate::piecewise::PiecewisePolynomial;
 use crate::stiffness::Table;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::path::Path;
+
+/// Steps that stand for a curve by formulas: a ramp of a hundredth of a base pitch still has a dozen.
+const STEPS: u32 = 2000;
 
 /// Piecewise linear curve over the path of contact; zero outside.
 #[derive(Debug, Clone)]
@@ -28,6 +32,16 @@ impl PairCurve {
     pub fn read(path: &Path) -> Result<Self> {
         let Table { position, stiffness_n_per_m } = Table::read(path)?;
         Ok(Self { u: position, k: stiffness_n_per_m })
+    }
+
+    /// A curve by formulas, at even positions.
+    pub fn sampled(curve: &PiecewisePolynomial) -> Self {
+        let (from, to) = (curve.knots()[0], curve.knots()[curve.knots().len() - 1]);
+        let u: Vec<f64> = (0..=STEPS).map(|i| from + (to - from) * f64::from(i) / f64::from(STEPS)).collect();
+        // The end itself lies outside the last piece.
+        let inside = to - 1e-9 * (to - from);
+        let k = u.iter().map(|&u| curve.value(u.min(inside))).collect();
+        Self { u, k }
     }
 
     /// Contact ratio: length of the path in base pitches.

@@ -1,11 +1,10 @@
-//! Everything `meshband stiffness` says of a machine: as data, as a table of text, as a page with pictures.
+//! Everything `meshband stiffness` says of a machine: as data, and as a table of text.
 
 use super::mesh::{Summary, summary, total};
 use super::pair::PairModel;
 use super::{gap_curvature_per_m, iso6336};
 use crate::machine::{Machine, Side};
 use crate::{Error, Result};
-use plotters::prelude::*;
 use serde::Serialize;
 
 /// Stiffness of one tooth, part by part, N/m.
@@ -186,80 +185,4 @@ impl std::fmt::Display for Report {
         }
         Ok(())
     }
-}
-
-/// One self-contained page: the text of the report and two pictures.
-pub fn html(report: &Report, machine: &Machine) -> Result<String> {
-    let used = machine.pair_stiffness()?;
-    let mesh = total(&used);
-    let cracked = machine.cracked_pair()?.map(|c| c.curve);
-    let [from, to] = report.support;
-    let hard = PairModel::new(&machine.pair)?.curve();
-    let mut pair_lines = vec![("by geometry", sample(from.min(0.0), to.max(report.contact_ratio), |s| hard.value(s)))];
-    pair_lines.push(("as used", sample(from, to, |s| used.value(s))));
-    if let Some(curve) = &cracked {
-        pair_lines.push(("with the crack", sample(from, to, |s| curve.value(s))));
-    }
-    let mesh_lines = vec![("mesh", sample(0.0, 2.0, |s| mesh.value(s.rem_euclid(1.0))))];
-    let escape = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
-    let warnings: String = report.warnings.iter().map(|w| format!("<p>Warning: {}</p>", escape(w))).collect();
-    Ok(format!(
-        "<!doctype html><meta charset=\"utf-8\"><title>Mesh stiffness of {title}</title>\
-         <body style=\"font-family:sans-serif;max-width:60em;margin:auto\"><h1>Mesh stiffness of {title}</h1>{warnings}\
-         {pair}{total}<pre>{text}</pre></body>\n",
-        title = escape(&report.title),
-        pair = picture("One pair", &pair_lines),
-        total = picture("Sum over the pairs in contact, two base pitches", &mesh_lines),
-        text = escape(&report.to_string()),
-    ))
-}
-
-/// Points for a picture; the support's ends are left out by half a step.
-fn sample(from: f64, to: f64, f: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
-    let n = 1200;
-    (0..n).map(|i| from + (to - from) * (f64::from(i) + 0.5) / f64::from(n)).map(|s| (s, f(s) / 1e8)).collect()
-}
-
-/// Curves over base pitches, 1e8 N/m, as SVG text.
-fn picture(caption: &str, lines: &[(&str, Vec<(f64, f64)>)]) -> String {
-    let points = || lines.iter().flat_map(|(_, l)| l);
-    let (from, to) = points().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.0), b.max(p.0)));
-    let top = 1.1 * points().fold(0.0, |a: f64, p| a.max(p.1));
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, (900, 340)).into_drawing_area();
-        let mut chart = ChartBuilder::on(&root)
-            .caption(caption, ("sans-serif", 18))
-            .margin(10)
-            .x_label_area_size(40)
-            .y_label_area_size(60)
-            .build_cartesian_2d(from..to, 0.0..top)
-            .expect("drawing into memory");
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .x_desc("base pitches from the start of contact")
-            .y_desc("1e8 N/m")
-            .draw()
-            .expect("drawing into memory");
-        for (i, (name, line)) in lines.iter().enumerate() {
-            let colour = [RGBColor(150, 150, 150), RGBColor(20, 80, 160), RGBColor(190, 60, 30)][i.min(2)];
-            chart
-                .draw_series(LineSeries::new(line.iter().copied(), colour))
-                .expect("drawing into memory")
-                .label(*name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
-        }
-        if lines.len() > 1 {
-            let legend = chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::LowerMiddle)
-                .background_style(WHITE)
-                .border_style(BLACK)
-                .draw();
-            legend.expect("drawing into memory");
-        }
-        root.present().expect("drawing into memory");
-    }
-    svg
 }

@@ -117,9 +117,9 @@ fn mesh_band(signal: &Signal, row: &SpectrumRow, harmonic: u8) -> Result<String>
         [(x - half, 0.0), (x, y), (x + half, 0.0)]
     };
     let spikes = sorted.iter().flat_map(spike).collect();
-    // The gear's sidebands are many: spikes without labels.
-    let labelled = lines.iter().filter(|line| line.shaft == "pinion");
-    let labels: Vec<Label> = labelled.map(|line| Label { x: line.frequency_hz, text: summary::name(line) }).collect();
+    // The gear's sidebands are many: spikes without labels. What does not stand clear has no name.
+    let labelled = lines.iter().filter(|line| line.shaft == "pinion" && line.is_clear());
+    let labels: Vec<Label> = labelled.map(|line| Label { x: line.frequency_hz, text: line.name() }).collect();
     let series = [Series::new("reference", background), Series::new("node", spikes)];
     plot::spectrum(&series, &labels, 1.0, 80.0, Axes { x: "frequency, Hz", y: &format!("dB re 1 {}", signal.unit) })
 }

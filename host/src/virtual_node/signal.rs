@@ -164,7 +164,7 @@ impl Signal {
             pinion_per_tach: 1.0,
             teeth: machine.pair.teeth,
             machine_hash: Some(machine.hash()),
-            notes: vec![format!("simulated: bending-torsional model at {} N m", operation.torque_n_m)],
+            notes: vec![format!("simulated: bending-torsional model at {:.4} N m", operation.torque_n_m)],
         })
     }
 

@@ -78,7 +78,7 @@ fn line_row(trial: &Trial, line: &LineRow) -> Vec<String> {
     let all = || trial.spectra.iter().flat_map(|s| s.lines.iter().filter(same));
     let largest = |value: fn(&LineRow) -> f64| all().map(|l| value(l).abs()).fold(0.0, f64::max);
     vec![
-        name(line),
+        line.name(),
         format!("{:.3}", line.frequency_hz),
         format!("{:.3}", line.reference_hz),
         format!("{:+.4}", 100.0 * line.frequency_error),
@@ -88,22 +88,19 @@ fn line_row(trial: &Trial, line: &LineRow) -> Vec<String> {
         format!("{:.4}", 100.0 * largest(|l| l.frequency_error)),
         format!("{:.3}", largest(|l| l.amplitude_error_db)),
         format!("{:.0}", line.above_floor_db),
-        match line {
-            line if line.is_clear() => "",
-            line if line.off_order_bins.abs() > super::trial::NEAR_BINS => "not the shaft's",
-            line if line.below_strongest_db > super::trial::DEEPEST_DB => "skirt",
-            _ => "noise",
-        }
-        .into(),
+        remark(line),
     ]
 }
 
-/// "2x", "2x -1" or "2x -1 gear": mesh harmonic, sideband of the pinion or of the gear.
-pub fn name(line: &LineRow) -> String {
-    match line.sideband {
-        0 => format!("{}x", line.harmonic),
-        n if line.shaft == "pinion" => format!("{}x {n:+}", line.harmonic),
-        n => format!("{}x {n:+} {}", line.harmonic, line.shaft),
+/// Why a line is not to be taken at its name.
+fn remark(line: &LineRow) -> String {
+    match &line.not_separable_from {
+        _ if line.beyond_signal => "above the signal's end".into(),
+        _ if line.above_floor_db < super::trial::CLEAR_DB => "noise".into(),
+        _ if line.below_strongest_db > super::trial::DEEPEST_DB => "skirt".into(),
+        Some(other) => format!("not separable from {other}"),
+        None if line.off_order_bins.abs() > super::trial::NEAR_BINS => "not the shaft's".into(),
+        None => String::new(),
     }
 }
 
@@ -114,6 +111,7 @@ pub fn peaks(trial: &Trial) -> Table {
         let origin = match (peak.harmonic, peak.folded) {
             (Some(h), true) => format!("mesh {h}x folded here"),
             (Some(h), false) => format!("mesh {h}x"),
+            _ if peak.beyond_signal => "nothing: above the signal's end".into(),
             _ => String::new(),
         };
         let level = 20.0 * (peak.amplitude / strongest).log10();

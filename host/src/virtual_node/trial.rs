@@ -20,6 +20,8 @@ pub const CLEAR_DB: f64 = 12.0;
 pub const DEEPEST_DB: f64 = 50.0;
 /// ... and within this many bins of the shaft's order: otherwise it is another machine part's line.
 pub const NEAR_BINS: f64 = 1.0;
+/// Two lines closer than this many bins are one peak: half the main lobe of the window.
+const APART_BINS: f64 = 2.0;
 
 /// Speed, law and rates at an instant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -75,12 +77,28 @@ pub struct LineRow {
     pub off_order_bins: f64,
     /// Reference below the spectrum's strongest harmonic, dB.
     pub below_strongest_db: f64,
+    /// Another line that the bins cannot tell from this one.
+    pub not_separable_from: Option<String>,
+    /// Above the end of the signal that is replayed: what the node finds there is no line of the machine.
+    pub beyond_signal: bool,
 }
 
 impl LineRow {
-    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone.
+    /// "2x", "2x -1" or "2x -1 gear": mesh harmonic, sideband of the pinion or of the gear.
+    pub fn name(&self) -> String {
+        match self.sideband {
+            0 => format!("{}x", self.harmonic),
+            n if self.shaft == "pinion" => format!("{}x {n:+}", self.harmonic),
+            n => format!("{}x {n:+} {}", self.harmonic, self.shaft),
+        }
+    }
+
+    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone. A peak that
+    /// the bins cannot tell from one of the pinion counts there, and not once more for the gear.
     pub fn is_clear(&self) -> bool {
-        self.above_floor_db >= CLEAR_DB
+        !self.beyond_signal
+            && (self.not_separable_from.is_none() || self.shaft == "pinion")
+            && self.above_floor_db >= CLEAR_DB
             && self.below_strongest_db <= DEEPEST_DB
             && self.off_order_bins.abs() <= NEAR_BINS
     }
@@ -116,6 +134,8 @@ pub struct PeakRow {
     pub harmonic: Option<u32>,
     /// Whether that harmonic lies above half the rate and is folded here.
     pub folded: bool,
+    /// Above the end of the signal that is replayed: nothing of the machine.
+    pub beyond_signal: bool,
 }
 
 /// Worst errors over the lines that stand clear.
@@ -286,7 +306,21 @@ struct Comparison<'a> {
     clock: Clock,
 }
 
+/// Names for each line another one that lies within `apart_hz`, where there is one.
+fn name_inseparable(lines: &mut [LineRow], apart_hz: f64) {
+    let places: Vec<(f64, String)> = lines.iter().map(|line| (line.frequency_hz, line.name())).collect();
+    for (i, line) in lines.iter_mut().enumerate() {
+        let near = |(j, (hz, _)): &(usize, &(f64, String))| *j != i && (hz - line.frequency_hz).abs() < apart_hz;
+        line.not_separable_from = places.iter().enumerate().find(near).map(|(_, (_, name))| name.clone());
+    }
+}
+
 impl Comparison<'_> {
+    /// Highest frequency that the replayed signal can hold, Hz.
+    fn signal_end_hz(&self) -> f64 {
+        0.5 * self.signal.rate_hz
+    }
+
     fn rates(&self, status: &Status) -> RateRow {
         let time_s = self.clock.seconds(status.tick);
         let edges = &self.signal.edges_s;
@@ -338,12 +372,16 @@ impl Comparison<'_> {
                     above_floor_db: decibel(found.amplitude, floor(&around, order, reference.bin)),
                     off_order_bins: (found.frequency_hz / reference.speed_hz - order) / reference.bin,
                     below_strongest_db: 0.0,
+                    not_separable_from: None,
+                    beyond_signal: found.frequency_hz > self.signal_end_hz(),
                 });
             }
         }
         let harmonics = lines.iter().filter(|line| line.sideband == 0);
         let strongest = harmonics.map(|line| line.reference_amplitude).fold(0.0, f64::max);
         lines.iter_mut().for_each(|line| line.below_strongest_db = decibel(strongest, line.reference_amplitude));
+        let apart_hz = APART_BINS * f64::from(spectrum.tag.resolution_hz);
+        name_inseparable(&mut lines, apart_hz);
         Some(SpectrumRow {
             start_s,
             length_s: reference.end_s - start_s,
@@ -377,8 +415,53 @@ impl Comparison<'_> {
                 _ => (None, false),
             };
             let amplitude = f64::from(line.amplitude) / self.scale;
-            PeakRow { frequency_hz: line.frequency_hz.into(), amplitude, harmonic, folded }
+            let frequency_hz = f64::from(line.frequency_hz);
+            // The node names lines by their order alone; it does not know where a replayed signal ends.
+            let harmonic = harmonic.filter(|_| frequency_hz <= self.signal_end_hz());
+            PeakRow { frequency_hz, amplitude, harmonic, folded, beyond_signal: frequency_hz > self.signal_end_hz() }
         };
         peaks.lines.iter().enumerate().map(row).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(shaft: &'static str, sideband: i32, frequency_hz: f64) -> LineRow {
+        LineRow {
+            harmonic: 1,
+            sideband,
+            shaft,
+            frequency_hz,
+            amplitude: 1.0,
+            reference_hz: frequency_hz,
+            reference_amplitude: 1.0,
+            frequency_error: 0.0,
+            amplitude_error_db: 0.0,
+            above_floor_db: 40.0,
+            off_order_bins: 0.0,
+            below_strongest_db: 10.0,
+            not_separable_from: None,
+            beyond_signal: false,
+        }
+    }
+
+    #[test]
+    fn regress_a_line_of_two_shafts_is_named_and_counted_once() {
+        // 21 and 64 teeth at 24.3 Hz: the gear's third sideband lies 0.4 Hz from the pinion's first, bins are 1.52 Hz wide.
+        let gear = 24.3 * 21.0 / 64.0;
+        let mut lines = vec![
+            line("pinion", 0, 510.3),
+            line("pinion", 1, 534.6),
+            line("gear", 2, 510.3 + 2.0 * gear),
+            line("gear", 3, 510.3 + 3.0 * gear),
+        ];
+        name_inseparable(&mut lines, APART_BINS * 1.52);
+        assert_eq!(lines[1].not_separable_from.as_deref(), Some("1x +3 gear"));
+        assert_eq!(lines[3].not_separable_from.as_deref(), Some("1x +1"));
+        assert!(lines[0].not_separable_from.is_none() && lines[2].not_separable_from.is_none());
+        let counted: Vec<bool> = lines.iter().map(LineRow::is_clear).collect();
+        assert_eq!(counted, [true, true, true, false]);
     }
 }
