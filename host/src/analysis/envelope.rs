@@ -161,6 +161,12 @@ pub fn envelope(rest: &[f64], rate_hz: f64, angle: &Angle) -> Envelope {
     Envelope { bands_tried: tried.len(), ..of_band(&bands, band, angle) }
 }
 
+/// All that a record passes above the slow orders, unscored.
+pub fn whole_band(rate_hz: f64, fastest_hz: f64) -> Band {
+    let high_hz = PASS_SHARE * rate_hz;
+    Band { low_hz: (LEAST_WIDTH * fastest_hz).min(0.5 * high_hz), high_hz, kurtosis: 0.0, score: 0.0 }
+}
+
 /// The envelope of `rest` in a band that was chosen elsewhere.
 pub fn in_band(rest: &[f64], rate_hz: f64, angle: &Angle, band: Band) -> Envelope {
     of_band(&Bands::new(rest, rate_hz, angle), band, angle)

@@ -42,7 +42,7 @@ pub fn placed(context: &Context, typical: &Candidate, random: &mut ChaCha8Rng) -
             let chosen = (random.random::<f64>() * ghosts.len() as f64) as usize;
             ghosts.into_iter().nth(chosen).unwrap_or_else(|| typical.clone())
         }
-        Kind::Passage => free(context, || passage::harmonics(context, base(), Domain::Orders)),
+        Kind::Passage => free(context, || passage::harmonics(context, base(), Domain::Orders, passage::ALONE[0])),
         Kind::ModulatedPassage(shaft) => {
             let own = context.scene.shaft_order(shaft as usize);
             free(context, || passage::modulated(context, own * base(), shaft, Domain::Orders))

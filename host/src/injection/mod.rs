@@ -197,6 +197,7 @@ impl Background<'_> {
         let views = Views {
             orders,
             envelope: self.views.envelope.clone(),
+            whole_envelope: self.views.whole_envelope.clone(),
             frequency: self.views.frequency.clone(),
             folded: self.views.folded.clone(),
             bands: self.views.bands.clone(),

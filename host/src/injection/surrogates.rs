@@ -30,6 +30,7 @@ pub fn views(scene: &Scene, baseline: &Baseline, views: &Views, seed: u64) -> Vi
     Views {
         orders: Spectra::over_orders(scene, &grids, |r| scene.runs[r].split.fit.clone()),
         envelope: views.envelope.clone(),
+        whole_envelope: views.whole_envelope.clone(),
         frequency: views.frequency.clone(),
         folded: views.folded.clone(),
         bands: views.bands.clone(),

@@ -2,13 +2,15 @@
 //!
 //! A candidate is scored on every channel searched and every run; a family that follows neither shaft exactly is read at the resolution
 //! that speaks most for it (its lines are smeared), which costs the logarithm of the choices. The same score at moved places is the null.
+//! Places of one family that the resolution cannot tell apart are one reading, the first listed: else a base that is a rational relative of the
+//! true one would count each line as often as it has a combination near it.
 
 use super::evidence::{Reading, of_family};
 use super::spectra::Spectra;
 use crate::analysis::lines::LOBE_BINS;
 
 /// Where a family is read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Domain {
     /// Order spectrum of the residual.
@@ -19,7 +21,22 @@ pub enum Domain {
     Frequency,
     /// Order spectrum of what folded at the sampling rate.
     Folded,
+    /// Order spectrum of the squared envelope of everything that is locked to neither shaft.
+    WholeEnvelope,
 }
+
+impl Domain {
+    /// Both envelopes.
+    pub const ENVELOPES: [Domain; 2] = [Domain::Envelope, Domain::WholeEnvelope];
+
+    /// Whether lines are those of an envelope.
+    pub fn is_envelope(self) -> bool {
+        Self::ENVELOPES.contains(&self)
+    }
+}
+
+/// Orders spoken for, by domain.
+pub type TakenOf = [Taken; 5];
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,6 +116,13 @@ pub struct Candidate {
     pub alternatives: f64,
 }
 
+impl Candidate {
+    /// Whether the family has a base of its own, an order of neither shaft.
+    pub fn is_base(&self) -> bool {
+        matches!(self.kind, Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh)
+    }
+}
+
 /// How strongly the record speaks for a candidate.
 #[derive(Debug, Clone, Default)]
 pub struct Score {
@@ -174,12 +198,17 @@ pub fn at_level(candidate: &Candidate, field: &Field, moved: f64, level: usize, 
     let reach = usize::from(!candidate.locked);
     let mut score = Score { level, ..Score::default() };
     let mut all = Vec::new();
+    let mut read: Vec<f64> = Vec::new();
     for place in &candidate.places {
         // Slip smears in proportion: no line is read more coarsely than its own smear could be.
         let level = (0..=level).rev().find(|l| bins[*l] <= WIDEST_SMEAR * place.spacing.abs()).unwrap_or(0);
         let order = moved_order(place, moved, bins[level]);
         let mut sum = 0.0;
-        if !field.taken.near(order, LOBE_BINS * bins[level]) {
+        let half = 0.5 * LOBE_BINS * bins[level];
+        let next = read.partition_point(|at| *at <= order - half);
+        let again = !candidate.locked && read.get(next).is_some_and(|at| *at < order + half);
+        if !again && !field.taken.near(order, LOBE_BINS * bins[level]) {
+            read.insert(read.partition_point(|at| *at < order), order);
             for run in 0..spectra.levels.len() {
                 for channel in field.channels.clone() {
                     let Some(reading) = spectra.reading(run, channel, level, order, reach) else { continue };

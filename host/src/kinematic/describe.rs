@@ -119,6 +119,7 @@ fn words(candidate: &Candidate) -> String {
     let base = candidate.base;
     let of_domain = match candidate.domain {
         Domain::Envelope => " in the envelope",
+        Domain::WholeEnvelope => " in the whole envelope",
         _ => "",
     };
     let name = match candidate.kind {

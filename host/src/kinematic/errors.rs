@@ -8,11 +8,12 @@
 
 use super::amplitudes::{FittedLine, Weighted};
 use super::baseline::{Baseline, Grids, unknowns};
-use super::candidate::{Domain, Taken, score};
+use super::candidate::{TakenOf, score};
 use super::evidence::Reading;
+use super::named_lines::NamedLines;
 use super::residual::Views;
 use super::scene::Scene;
-use super::search::{Adopted, field};
+use super::search::Adopted;
 use super::slipping::{self, power, slipping_share};
 use super::spectra::Spectra;
 use super::split::{Split, Stretch};
@@ -46,6 +47,8 @@ pub struct ChannelError {
     pub waveform: Stages,
     /// Unexplained share of the power, held-out turns, with what slips predicted as power.
     pub unexplained_share: f64,
+    /// What the named lines hold at most.
+    pub named_lines: NamedLines,
     /// What slipping families with their spacings moved by 1 to 6 % would take in the same way: median and largest share of the power.
     pub control: [f64; 2],
 }
@@ -189,6 +192,7 @@ pub fn errors(
                 searched: c < scene.searched,
                 unexplained_share: (square(waveform.corrected) - mean(&predicted, c..c + 1)).max(0.0),
                 control: controls[c],
+                named_lines: NamedLines::default(),
                 waveform,
             }
         })
@@ -211,10 +215,10 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let all = 0..scene.channels.len();
     let before = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let after = correct(scene, baseline, views[0], adopted).1;
-    let nothing: [Taken; 4] = Default::default();
+    let nothing: TakenOf = Default::default();
     let worth = |i: usize| {
         let own = adopted[i];
-        let field = field(views[1], &nothing, own.candidate.domain, 0..scene.searched);
+        let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
         let ln_bayes = score(&own.candidate, &field, 0.0).ln_bayes;
         if !own.candidate.locked {
             return Worth { gain: mean(&slipping_share(scene, views, &[own], 0.0), all.clone()), ln_bayes };
@@ -226,6 +230,6 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
 
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
-    let predicts = worth.gain > 0.0 || adopted.candidate.domain == Domain::Envelope;
+    let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
     predicts && worth.ln_bayes > 0.0
 }

@@ -14,7 +14,7 @@ use super::families::{Context, alias, ghost, modulation, passage, shaft_orders, 
 use super::outcome::Limit;
 use super::residual::Views;
 use super::scene::Scene;
-use super::search::{Adopted, Search, context, field};
+use super::search::{Adopted, Search, context};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -56,7 +56,7 @@ pub fn library(context: &Context) -> Vec<(String, Candidate)> {
     }
     // Bases of ordinary bearings, on no order of either shaft.
     let alternatives = 100.0;
-    let outer = passage::harmonics(context, 3.587, Domain::Orders);
+    let outer = passage::harmonics(context, 3.587, Domain::Orders, passage::ALONE[0]);
     all.push(("harmonics of an order of neither shaft".into(), Candidate { alternatives, ..outer }));
     for shaft in Shaft::BOTH {
         let own = context.scene.shaft_order(shaft as usize);
@@ -79,7 +79,7 @@ fn limit(
     family: &str,
     candidate: &Candidate,
 ) -> Limit {
-    let field = field(views, &found.taken, candidate.domain, 0..scene.searched);
+    let field = views.field(&found.taken, candidate.domain, 0..scene.searched);
     let copies = accept::displacements().map(|moved| score(candidate, &field, moved).ln_bayes).collect();
     let surrogates = Surrogates::of(copies, 0.0);
     let needed = accept::needed(&surrogates, candidate.alternatives);

@@ -7,6 +7,7 @@
 use super::evidence::of_family;
 use super::scene::Scene;
 use super::spectra::Spectra;
+use super::split::{Split, Stretch};
 
 /// Mesh harmonics scored.
 const HARMONICS: usize = 5;
@@ -21,10 +22,10 @@ const SIDEBANDS: f64 = 0.5;
 /// Logarithm of the Bayes factor below which there is no mesh.
 const LEAST: f64 = 5.0;
 
-/// Order spectra of the record itself on the fitted turns.
-pub fn spectra(scene: &Scene) -> Spectra {
+/// Order spectra of the record itself on the stretches that `stretches` chooses.
+pub fn spectra(scene: &Scene, stretches: impl Fn(&Split) -> &[Stretch] + Sync) -> Spectra {
     let samples: Vec<Vec<Vec<f64>>> = scene.runs.iter().map(|run| run.samples.clone()).collect();
-    Spectra::over_orders(scene, &samples, |r| scene.runs[r].split.fit.clone())
+    Spectra::over_orders(scene, &samples, |r| stretches(&scene.runs[r].split).to_vec())
 }
 
 /// What is wrong with the place of the mesh, in words; `None` where it stands as declared.

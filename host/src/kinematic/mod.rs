@@ -3,8 +3,8 @@
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
 //! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]).
-//! 5. [`errors`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto.
+//! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]).
+//! 5. [`errors`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
@@ -23,6 +23,7 @@ pub mod evidence;
 pub mod families;
 pub mod limits;
 pub mod mesh_place;
+pub mod named_lines;
 pub mod naming;
 pub mod outcome;
 pub mod phase;
@@ -34,6 +35,7 @@ pub mod scene;
 pub mod search;
 pub mod slip;
 pub mod slipping;
+pub mod soundness;
 pub mod spectra;
 pub mod split;
 pub mod view;
@@ -61,7 +63,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let scene = Scene::of(record, record.require_tach()?, teeth)?;
     let baseline = Baseline::of(&scene);
     let fit = residual::views(&scene, &baseline, |split| &split.fit, None);
-    let own = mesh_place::spectra(&scene);
+    let own = mesh_place::spectra(&scene, |split| &split.fit);
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     carry::carry(&mut found, &scene, &fit);
@@ -78,7 +80,10 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || errors::holds(a, worth));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
     let (corrected, _) = errors::correct(&scene, &baseline, &fit, &adopted);
-    let errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
+    let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
+    let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
+    let named = named_lines::of(&scene, &own_held, &fit, &adopted);
+    errors.per_channel.iter_mut().zip(named).for_each(|(channel, named)| channel.named_lines = named);
     let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
     let parts =
         describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };

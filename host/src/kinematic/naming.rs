@@ -1,6 +1,6 @@
 //! What an adopted family is called: a name only where nothing else of the library has the same lines behind an unknown path.
 
-use super::candidate::{Domain, Kind, Place, Shaft};
+use super::candidate::{Kind, Shaft};
 use super::families::bearing::{Bearing, Part};
 use super::families::fixed_frequency::supply_hz;
 use super::scene::Scene;
@@ -8,10 +8,8 @@ use super::search::Adopted;
 
 /// Orders of its shaft at which a passage of a bearing can lie at all: seven elements and a ratio of 0.32, to 30.
 const PASSAGES: (f64, f64) = (2.38, 20.0);
-/// Harmonics of a base that stand in the envelope of an impulsive band, from which it is impacts.
+/// Harmonics of a base that stand, from which it is impacts where it is seen in an envelope.
 const IMPACTS: usize = 3;
-/// Harmonics of a base that stand themselves between their sidebands.
-const CARRIERS: usize = 2;
 
 /// Fewest teeth of another stage that a pattern is read as.
 const FEWEST_TEETH: u32 = 10;
@@ -152,24 +150,21 @@ fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
     let family = "non-integer-order";
     let order = format!("unexplained order {:.4}", candidate.base);
     let of_bearings = shafts(candidate.base, scene);
-    let stands = |(_, ln): &(&Place, &f64)| **ln > 0.0;
-    let places = candidate.places.iter().zip(&adopted.verdict.score.of_places).filter(stands);
-    let carriers = places.filter(|(place, _)| place.label.ends_with(" o")).count();
     let standing = adopted.verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     match candidate.kind {
-        Kind::ModulatedPassage(shaft) if of_bearings.contains(&shaft) && carriers >= CARRIERS => {
+        Kind::ModulatedPassage(shaft) if of_bearings.contains(&shaft) => {
             let word = shaft.word();
             let name = format!("bearing-impacts, inner ring of the {word}'s shaft");
             naming("named", name, family, word, Some("modulated by the shaft that it turns with"))
         }
-        Kind::Passage if candidate.domain == Domain::Envelope && standing >= IMPACTS && !of_bearings.is_empty() => {
+        Kind::Passage if adopted.impulsive && standing >= IMPACTS && !of_bearings.is_empty() => {
             let shaft = if let [one] = of_bearings.as_slice() { one.word() } else { "none" };
             naming(
                 "named",
                 "bearing-impacts",
                 family,
                 shaft,
-                Some("harmonics in an impulsive band, not modulated by a shaft"),
+                Some("harmonics in an envelope, not modulated by a shaft"),
             )
         }
         Kind::AboutMesh if !of_bearings.is_empty() => {

@@ -1,10 +1,11 @@
-//! Spectra of what the calibrated model leaves: over orders, over frequency, of its squared envelope, and of what is folded in it.
+//! Spectra of what the calibrated model leaves: over orders, over frequency, of its squared envelopes, and of what is folded in it.
 //!
-//! Four views of the same stretches. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
-//! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too.
+//! Five views of the same stretches. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
+//! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too. The other envelope
+//! is of everything: damage may excite another band than the most impulsive one, which a rig's own knocks may have.
 
 use super::baseline::Baseline;
-use super::candidate::Domain;
+use super::candidate::{Domain, Field, TakenOf};
 use super::families::tooth::piece;
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, mean};
@@ -24,12 +25,14 @@ const PASS_SHARE: f64 = 0.4;
 /// Shares of the sampling rate between which folded harmonics are looked for: nearer to half of it, what a filter of usual steepness lets through folds.
 const FOLDED: [f64; 2] = [0.62, 0.97];
 
-/// The four views, and the bands of the envelopes.
+/// The views, and the bands of the envelopes.
 pub struct Views {
     /// Over orders.
     pub orders: Spectra,
     /// Of squared envelopes.
     pub envelope: Spectra,
+    /// Of squared envelopes of everything.
+    pub whole_envelope: Spectra,
     /// Over frequency.
     pub frequency: Spectra,
     /// Over orders, what lies beyond half the rate and is folded below it.
@@ -39,11 +42,17 @@ pub struct Views {
 }
 
 impl Views {
+    /// One of them with what is taken there, as a family is read.
+    pub fn field<'a>(&'a self, taken: &'a TakenOf, domain: Domain, channels: std::ops::Range<usize>) -> Field<'a> {
+        Field { spectra: self.of(domain), taken: &taken[domain as usize], channels }
+    }
+
     /// The view of a domain.
     pub fn of(&self, domain: Domain) -> &Spectra {
         match domain {
             Domain::Orders => &self.orders,
             Domain::Envelope => &self.envelope,
+            Domain::WholeEnvelope => &self.whole_envelope,
             Domain::Frequency => &self.frequency,
             Domain::Folded => &self.folded,
         }
@@ -67,6 +76,7 @@ pub fn views(
         .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())
         .collect();
     let highest = all.iter().flatten().map(|v| v.highest_order).fold(f64::INFINITY, f64::min);
+    let whole_highest = all.iter().flatten().map(|v| v.whole_highest_order).fold(f64::INFINITY, f64::min);
     let slowest = scene.runs.iter().map(|run| run.rate_hz).fold(f64::INFINITY, f64::min);
     let folded = folded_orders(scene);
     let split = |of: fn(&ChannelViews) -> &Vec<Level>| -> Vec<Vec<Vec<Level>>> {
@@ -74,6 +84,7 @@ pub fn views(
     };
     Views {
         envelope: Spectra { levels: split(|v| &v.envelope), lowest: orders.lowest, highest },
+        whole_envelope: Spectra { levels: split(|v| &v.whole_envelope), lowest: orders.lowest, highest: whole_highest },
         frequency: Spectra { levels: split(|v| &v.frequency), lowest: LOWEST_HZ, highest: PASS_SHARE * slowest },
         folded: Spectra { levels: split(|v| &v.folded), lowest: folded[0], highest: folded[1] },
         bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
@@ -87,6 +98,8 @@ struct ChannelViews {
     folded: Vec<Level>,
     band: Band,
     highest_order: f64,
+    whole_envelope: Vec<Level>,
+    whole_highest_order: f64,
 }
 
 fn of_channel(
@@ -123,8 +136,22 @@ fn of_channel(
             own.levels
         })
         .collect();
+    let whole = envelope::whole_band(run.rate_hz, run.angle.speed.fastest_hz);
+    let wholes: Vec<envelope::Envelope> = stretches
+        .iter()
+        .map(|stretch| envelope::in_band(&rest, run.rate_hz, &piece(&run.angle, *stretch), whole))
+        .collect();
+    let whole_highest_order = wholes.iter().map(|own| own.highest_order).fold(f64::INFINITY, f64::min);
     let none = Band { low_hz: 0.0, high_hz: 0.0, kurtosis: 0.0, score: 0.0 };
-    ChannelViews { envelope: mean(envelopes.into_iter()), frequency, folded, band: band.unwrap_or(none), highest_order }
+    ChannelViews {
+        envelope: mean(envelopes.into_iter()),
+        frequency,
+        folded,
+        band: band.unwrap_or(none),
+        highest_order,
+        whole_envelope: mean(wholes.into_iter().map(|own| own.levels)),
+        whole_highest_order,
+    }
 }
 
 /// Orders at which folded harmonics are looked for, every run.

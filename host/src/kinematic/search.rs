@@ -1,10 +1,11 @@
 //! Families one after the other: the strongest that the gate lets pass, then the rest without its lines.
 
 use super::accept::{self, Verdict};
-use super::candidate::{Candidate, Domain, Field, Kind, Place, Taken, score};
-use super::families::{self, Context, bearing, modulation, passage, tooth};
+use super::candidate::{Candidate, Domain, Kind, Taken, TakenOf, score};
+use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
+use super::soundness::{by_higher_base, higher_base, is_impulsive, simpler, unsound};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -16,19 +17,13 @@ const MOST: usize = 8;
 /// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by less within a record).
 const SAME_BASE: f64 = 3e-3;
 const SLIPPING: f64 = 7e-3;
-/// Candidates of a round that are judged before it is given up, and of one kind: a skirt that looks like many swings must not hide the rest.
-const JUDGED: usize = 14;
+/// Candidates of a round that are judged before it is given up, and of one kind in one spectrum: a skirt that looks like many swings must not hide the rest.
+const JUDGED: usize = 30;
 const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
 /// Sidebands of an adopted modulation that are its own, on each side.
 const SIDES: i32 = 8;
-/// Power of a line over frequency against over orders from which it stands at a frequency: less where the speed sweeps it over few bins.
-const SHARPER: f64 = 1.3;
-/// Logarithm of the Bayes factor from which one line alone is an order of its own.
-const LEAST_ALONE: f64 = 20.0;
-/// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
-const BESIDE_THE_MESH: f64 = 0.5;
 
 /// A family adopted on the fitted part.
 #[derive(Debug, Clone)]
@@ -41,6 +36,8 @@ pub struct Adopted {
     pub pulse: Option<tooth::Pulse>,
     /// Sidebands about the family's lines that the gate let pass, in words; their lines are among the candidate's.
     pub carries: Vec<Carries>,
+    /// The base stands in an envelope as well: it is of impacts.
+    pub impulsive: bool,
 }
 
 /// Sidebands about the lines of a family of neither shaft.
@@ -60,14 +57,14 @@ pub struct Search {
     /// Best of each kind that was refused.
     pub refused: Vec<(Candidate, Verdict)>,
     /// Orders spoken for, by domain.
-    pub taken: [Taken; 4],
+    pub taken: TakenOf,
     /// Candidates scored.
     pub tried: usize,
     /// Feet of the pair's lines.
     pub feet: Vec<Skirts>,
 }
 
-/// Index of a domain among the four views.
+/// Index of a domain among the views.
 pub fn index(domain: Domain) -> usize {
     domain as usize
 }
@@ -97,22 +94,13 @@ pub fn search(scene: &Scene, views: &Views) -> Search {
     search
 }
 
-/// The views with what is taken, as one family of them is read.
-pub fn field<'a>(
-    views: &'a Views,
-    taken: &'a [Taken; 4],
-    domain: Domain,
-    channels: std::ops::Range<usize>,
-) -> Field<'a> {
-    Field { spectra: views.of(domain), taken: &taken[index(domain)], channels }
-}
-
 /// Context of the families.
-pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 4], feet: &'a [Skirts]) -> Context<'a> {
+pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a TakenOf, feet: &'a [Skirts]) -> Context<'a> {
     Context {
         scene,
         orders: &views.orders,
         envelope: &views.envelope,
+        whole_envelope: &views.whole_envelope,
         frequency: &views.frequency,
         folded: &views.folded,
         taken,
@@ -121,12 +109,14 @@ pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a [Taken; 4], fe
 }
 
 /// The mesh itself is spoken for; in an envelope the shafts' orders are.
-pub fn mesh_taken(scene: &Scene, views: &Views) -> [Taken; 4] {
-    let mut taken: [Taken; 4] = Default::default();
+pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
+    let mut taken: TakenOf = Default::default();
     let z = scene.mesh_order();
     taken[0].extend((1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z));
     for own in [1.0, scene.gear_order] {
-        taken[1].extend((1..=(views.envelope.highest / own) as usize).map(|n| n as f64 * own));
+        for domain in Domain::ENVELOPES {
+            taken[index(domain)].extend((1..=(views.of(domain).highest / own) as usize).map(|n| n as f64 * own));
+        }
     }
     for k in 1..=(scene.highest_order / z) as usize {
         take_frequencies(&mut taken[2], scene, views, k as f64 * z);
@@ -155,7 +145,7 @@ impl Search {
             families::all(&context).into_iter().filter(|c| !self.is_known(c, scene)).collect();
         self.tried += candidates.len();
         let strength = |c: &Candidate| {
-            let field = field(views, &self.taken, c.domain, 0..scene.searched);
+            let field = views.field(&self.taken, c.domain, 0..scene.searched);
             score(c, &field, 0.0).ln_bayes - c.alternatives.max(1.0).ln()
         };
         let mut ranked: Vec<(f64, Candidate)> = candidates.into_par_iter().map(|c| (strength(&c), c)).collect();
@@ -167,16 +157,15 @@ impl Search {
             let refined = passage::refinements(&context, &candidate);
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
             let candidate = best.map_or(candidate, |(_, c)| c);
-            let field = field(views, &self.taken, candidate.domain, 0..scene.searched);
+            let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
             if verdict.refused.is_none() {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);
             }
             if verdict.refused.is_none() {
-                let higher = higher_base(&candidate, &verdict, &context, views, &self.taken);
-                if higher.is_some_and(|(higher, _)| self.is_known(&higher, scene)) {
-                    verdict.refused = Some("its lines are multiples of a family found before".into());
-                }
+                let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);
+                verdict.refused =
+                    by_higher_base(&candidate, &verdict, higher.as_ref(), |higher| self.is_known(higher, scene));
             }
             if verdict.refused.is_none() {
                 found = Some((candidate, verdict));
@@ -195,7 +184,7 @@ impl Search {
         if let Some((higher, judged)) = higher_base(&candidate, &verdict, &context, views, &self.taken) {
             (candidate, verdict) = (higher, judged);
         }
-        if is_base(&candidate) {
+        if candidate.is_base() {
             let standing: Vec<bool> = verdict.score.of_places.iter().map(|ln| *ln > 0.0).collect();
             candidate = passage::placed(&context, &candidate, &standing, scene.searched);
         }
@@ -206,7 +195,8 @@ impl Search {
         if let (Kind::Pattern(shaft), Some(_)) = (candidate.kind, pulse) {
             candidate.kind = Kind::SingleTooth(shaft);
         }
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new() })
+        let impulsive = is_impulsive(&candidate, &context, views, &self.taken);
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive })
     }
 
     /// Whether a candidate is what an adopted family has explained already.
@@ -219,7 +209,7 @@ impl Search {
                 _ => false,
             };
             same_shaft_kind
-                || (is_base(candidate) && is_base(&own.candidate) && derived(candidate.base, &own.candidate, scene))
+                || (candidate.is_base() && own.candidate.is_base() && derived(candidate.base, &own.candidate, scene))
         })
     }
 
@@ -237,7 +227,7 @@ impl Search {
                 Domain::Orders => take_frequencies(&mut self.taken[2], scene, views, place.order),
                 Domain::Frequency => take_orders(&mut self.taken[0], scene, views, place.order),
                 Domain::Folded => take_folded(&mut self.taken, scene, views, place.order),
-                Domain::Envelope => {}
+                Domain::Envelope | Domain::WholeEnvelope => {}
             }
         }
         self.take_relatives(scene, views, candidate);
@@ -258,10 +248,10 @@ impl Search {
                 let beside = |k: i32| (-SIDES..=SIDES).map(move |n| f64::from(k) * z + f64::from(n) * own);
                 self.taken[0].extend((1..=mesh).flat_map(beside));
             }
-            _ if is_base(candidate) || candidate.kind == Kind::Swing => {
+            _ if candidate.is_base() || candidate.kind == Kind::Swing => {
                 let orders: Vec<f64> = relatives(candidate.base, scene).collect();
                 orders.iter().for_each(|&order| take_frequencies(&mut self.taken[2], scene, views, order));
-                self.taken[1].extend(orders.iter().copied());
+                Domain::ENVELOPES.iter().for_each(|own| self.taken[index(*own)].extend(orders.iter().copied()));
                 self.taken[0].extend(orders);
             }
             _ => {}
@@ -271,9 +261,9 @@ impl Search {
 
 /// The strongest candidates, few of each kind.
 fn of_every_kind(ranked: Vec<(f64, Candidate)>) -> impl Iterator<Item = Candidate> {
-    let mut judged: BTreeMap<Kind, usize> = BTreeMap::new();
+    let mut judged: BTreeMap<(Kind, Domain), usize> = BTreeMap::new();
     let few = move |candidate: &Candidate| {
-        let count = judged.entry(candidate.kind).or_default();
+        let count = judged.entry((candidate.kind, candidate.domain)).or_default();
         *count += 1;
         *count <= JUDGED_OF_KIND
     };
@@ -289,92 +279,6 @@ fn relatives(base: f64, scene: &Scene) -> impl Iterator<Item = f64> {
     (1..=5).flat_map(about).flat_map(sidebands).filter(|order| *order > 0.0)
 }
 
-/// The same family with a higher base, where only multiples of one number stand.
-fn higher_base(
-    candidate: &Candidate,
-    verdict: &Verdict,
-    context: &Context,
-    views: &Views,
-    taken: &[Taken; 4],
-) -> Option<(Candidate, Verdict)> {
-    let numbers = standing_harmonics(candidate, verdict);
-    let divisor = (2..=numbers.first().copied()?).rev().find(|d| numbers.iter().all(|n| n % d == 0))?;
-    let higher = passage::with_base(context, candidate, divisor as f64 * candidate.base)?;
-    let verdict = accept::judge(&higher, &field(views, taken, higher.domain, 0..context.scene.searched));
-    verdict.refused.is_none().then_some((higher, verdict))
-}
-
-/// Numbers of the harmonics of the base that stand, ascending.
-fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> {
-    if !is_base(candidate) {
-        return Vec::new();
-    }
-    let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
-    let mut numbers: Vec<u64> = standing.map(|(p, _)| (p.spacing / candidate.base).abs().round() as u64).collect();
-    numbers.sort_unstable();
-    numbers.dedup();
-    numbers
-}
-
-/// A pattern over all teeth whose power lies next to the mesh is a modulation, where that passes the gate as well.
-fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &[Taken; 4]) -> (Candidate, Verdict) {
-    let Kind::Pattern(shaft) = found.0.kind else { return found };
-    let scene = context.scene;
-    let power = |candidate: &Candidate| -> f64 {
-        let of = |r: usize, c: usize| -> f64 {
-            let line = |p: &Place| views.orders.excess(r, c, 0, p.order, 2).max(0.0);
-            candidate.places.iter().map(line).sum::<f64>() / views.orders.floor_power(r, c).max(f64::MIN_POSITIVE)
-        };
-        (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c))).map(|(r, c)| of(r, c)).sum()
-    };
-    let field = field(views, taken, Domain::Orders, 0..scene.searched);
-    let whole = power(&found.0);
-    let shapes = [1, 2, 3].map(|most| modulation::candidate(context, shaft, most));
-    let simpler = shapes.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
-    let judged = simpler.map(|shape| (accept::judge(&shape, &field), shape));
-    match judged {
-        Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),
-        _ => found,
-    }
-}
-
-/// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over frequency is none.
-fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<String> {
-    let stands = |p: &(&Place, &f64)| *p.1 > 0.0;
-    let standing: Vec<(&Place, &f64)> = candidate.places.iter().zip(&verdict.score.of_places).filter(stands).collect();
-    if is_base(candidate) {
-        let harmonics = standing_harmonics(candidate, verdict);
-        let alone = candidate.kind == Kind::Passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
-        if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
-            return Some(format!("one harmonic only, {} lines", standing.len()));
-        }
-        if standing.len() < 2 && !alone {
-            return Some("one line only".into());
-        }
-    }
-    if candidate.domain == Domain::Frequency && !is_sharper_over_frequency(candidate.base, scene, views) {
-        return Some("stands no higher over frequency than over orders".into());
-    }
-    None
-}
-
-/// Whether a line has more power in its bins over frequency than any that its smear would cover over orders.
-fn is_sharper_over_frequency(hz: f64, scene: &Scene, views: &Views) -> bool {
-    let own = |r: usize, c: usize| views.frequency.excess(r, c, 0, hz, 1);
-    let smear = |r: usize, c: usize| {
-        let speed = scene.runs[r].angle.speed;
-        let bin = views.orders.bin(0);
-        let (low, high) = (hz / speed.fastest_hz, hz / speed.slowest_hz);
-        (0..=((high - low) / bin) as usize)
-            .map(|i| views.orders.excess(r, c, 0, low + i as f64 * bin, 1))
-            .fold(0.0, f64::max)
-    };
-    let places = (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c)));
-    let (over_frequency, over_orders) =
-        places.fold((0.0, 0.0), |(f, o), (r, c)| (f + own(r, c).max(0.0), o + smear(r, c)));
-    over_frequency > SHARPER * over_orders
-}
-
 fn take_orders(taken: &mut Taken, scene: &Scene, views: &Views, hz: f64) {
     let bin = views.orders.bin(0);
     for run in &scene.runs {
@@ -384,7 +288,7 @@ fn take_orders(taken: &mut Taken, scene: &Scene, views: &Views, hz: f64) {
 }
 
 /// Takes the orders and frequencies that a folded order sweeps.
-fn take_folded(taken: &mut [Taken; 4], scene: &Scene, views: &Views, order: f64) {
+fn take_folded(taken: &mut TakenOf, scene: &Scene, views: &Views, order: f64) {
     for run in &scene.runs {
         let folded = |hz: f64| (run.rate_hz - order * hz).abs();
         let speed = run.angle.speed;
@@ -395,11 +299,6 @@ fn take_folded(taken: &mut [Taken; 4], scene: &Scene, views: &Views, order: f64)
         taken[2].extend(steps(low, high, views.frequency.bin(0)));
         taken[0].extend(steps(low / speed.fastest_hz, high / speed.slowest_hz, views.orders.bin(0)));
     }
-}
-
-/// Whether a family has a base of its own, an order of neither shaft.
-pub fn is_base(candidate: &Candidate) -> bool {
-    matches!(candidate.kind, Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh)
 }
 
 /// Whether a base is a multiple, a part or a sideband of another; one that slips is smeared, and its skirts look like bases beside it.
@@ -418,7 +317,7 @@ fn derived(base: f64, own: &Candidate, scene: &Scene) -> bool {
 
 /// Bases of the adopted families of neither shaft.
 pub fn bases(adopted: &[Adopted]) -> Vec<f64> {
-    adopted.iter().filter(|a| is_base(&a.candidate)).map(|a| a.candidate.base).collect()
+    adopted.iter().filter(|a| a.candidate.is_base()).map(|a| a.candidate.base).collect()
 }
 
 /// The bearing that the adopted orders of neither shaft make together.

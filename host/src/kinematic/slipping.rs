@@ -5,7 +5,7 @@
 //! many lines at wrong places take. Lines at the real places are left to the real family.
 
 use super::accept;
-use super::candidate::{Domain, Place, moved_order};
+use super::candidate::{Place, moved_order};
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::Adopted;
@@ -40,12 +40,12 @@ pub fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
 /// Share of the held-out power that slipping families predicted and that was there, by run and channel, with their spacings moved by a share.
 pub fn slipping_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
     let slipping: Vec<&Adopted> =
-        adopted.iter().copied().filter(|a| !a.candidate.locked && a.candidate.domain != Domain::Envelope).collect();
+        adopted.iter().copied().filter(|a| !a.candidate.locked && !a.candidate.domain.is_envelope()).collect();
     let lines: Vec<Vec<f64>> = slipping.iter().map(|own| orders(own, views[0], scene, moved)).collect();
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
-        let mut covered: [Covered; 4] = Default::default();
+        let mut covered: [Covered; 5] = Default::default();
         let mut sum = 0.0;
         for (own, lines) in slipping.iter().zip(&lines) {
             let domain = own.candidate.domain;
@@ -86,7 +86,7 @@ fn excess(spectra: &Spectra, (r, c): (usize, usize), level: usize, line: (f64, f
 }
 
 /// Orders of a family's lines that stand on the fitted turns of the channels searched: its own, or of a moved copy.
-fn orders(own: &Adopted, fit: &Views, scene: &Scene, moved: f64) -> Vec<f64> {
+pub fn orders(own: &Adopted, fit: &Views, scene: &Scene, moved: f64) -> Vec<f64> {
     let candidate = &own.candidate;
     if moved == 0.0 {
         let stand = candidate.places.iter().zip(&own.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);

@@ -29,6 +29,9 @@ const STRETCH_BINS: (usize, usize) = (9, 64);
 const SKIRT_REACH: f64 = 2.5;
 const SKIRT_BINS: std::ops::Range<usize> = 5..15;
 const SKIRT: f64 = 1.8;
+/// A place beside a line this many times as high, within so many bins, is that line's foot: a smeared line has one as wide.
+const FOOT: f64 = 3.0;
+const FOOT_BINS: usize = 3;
 /// Share of the slower shaft's order that is the lowest looked at.
 const LOWEST: f64 = 0.25;
 
@@ -60,7 +63,7 @@ impl Spectra {
         Self { levels, lowest, highest }
     }
 
-    /// Power over floor of the highest bin within `reach` bins of `order` at one level.
+    /// Power over floor of the highest bin within `reach` bins of `order` at one level; at the foot of a higher line, no more than the floor.
     pub fn reading(&self, run: usize, channel: usize, level: usize, order: f64, reach: usize) -> Option<Reading> {
         if order < self.lowest || order > self.highest {
             return None;
@@ -69,10 +72,13 @@ impl Spectra {
         let centre = (order / level.density.bin).round() as usize;
         let last = (centre + reach).min(level.floor.len().checked_sub(1)?);
         let raised = 1.0 + 2.0 * level.floor_error;
-        let ratio = (centre.saturating_sub(reach)..=last)
-            .map(|i| level.density.values[i] / (level.floor[i] * raised).max(f64::MIN_POSITIVE))
-            .fold(0.0, f64::max);
-        Some(Reading { ratio, averages: level.averages as f64 })
+        let first = centre.saturating_sub(reach);
+        let over = |i: usize| level.density.values[i] / (level.floor[i] * raised).max(f64::MIN_POSITIVE);
+        let ratio = (first..=last).map(over).fold(0.0, f64::max);
+        let outer = (last + FOOT_BINS).min(level.floor.len() - 1);
+        let beside = (first.saturating_sub(FOOT_BINS)..first).chain(last + 1..=outer).map(over).fold(0.0, f64::max);
+        let is_foot = reach > 0 && beside > FOOT * ratio;
+        Some(Reading { ratio: if is_foot { ratio.min(1.0) } else { ratio }, averages: level.averages as f64 })
     }
 
     /// Width of a bin, orders, at one level of the first run and channel.

@@ -82,6 +82,9 @@ pub fn channels(outcome: &Outcome) -> Table {
             [w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(|x| format!("{x:.4}")),
         );
         row.push(format!("{:.4} / {:.4}", c.control[0], c.control[1]));
+        let named = c.named_lines;
+        row.push(format!("{:.4}", named.outside));
+        row.push(format!("{:.4} / {:.4}", named.control[0], named.control[1]));
         row
     };
     let rows = outcome.error.errors.per_channel.iter().map(row).collect();
@@ -95,6 +98,8 @@ pub fn channels(outcome: &Outcome) -> Table {
             "noise floor",
             "unexplained share of power",
             "moved copies take, median / most",
+            "outside the named lines",
+            "moved lines take, median / most",
         ],
         rows,
     )

@@ -139,6 +139,11 @@ impl BandVelocity {
         self.upper_hz
     }
 
+    /// Codes that an output stands for.
+    pub fn codes_per_output(&self) -> u32 {
+        self.ratio
+    }
+
     /// Forgets the signal.
     pub fn restart(&mut self) {
         self.sections = [Section::default(); 4];

@@ -77,13 +77,15 @@ impl CodeMoments {
                 *sum += f64::from(power);
             }
         }
-        let period = f64::from(period_ticks);
-        for (sum, part) in self.sums.iter_mut().zip(sums) {
-            *sum += period * part;
-        }
         let taken = codes.len().div_ceil(step);
+        let period = f64::from(period_ticks);
+        // Each that enters stands for a whole step, so that a record goes on over a change of the step.
+        let each = period * step as f64;
+        for (sum, part) in self.sums.iter_mut().zip(sums) {
+            *sum += each * part;
+        }
         self.duration += period * codes.len() as f64;
-        self.weight += period * taken as f64;
+        self.weight += each * taken as f64;
         self.codes = self.codes.saturating_add(taken as u32);
     }
 

@@ -183,8 +183,10 @@ impl ValueRecord {
         }
         self.codes.add(codes, self.period, self.step);
         let (squares, outputs) = self.velocity.push(codes, self.zero_code);
-        self.squares += f64::from(squares) * f64::from(self.period);
-        self.outputs_ticks += f64::from(outputs) * f64::from(self.period);
+        // Outputs before and behind a change of the rate count by the time they stand for.
+        let ticks = f64::from(self.velocity.codes_per_output().saturating_mul(self.period));
+        self.squares += f64::from(squares) * ticks;
+        self.outputs_ticks += f64::from(outputs) * ticks;
     }
 
     fn finish(&mut self, tick: u64, at_mark: bool, complete: &mut impl FnMut(Values)) {

@@ -14,7 +14,7 @@ pub mod shaft_orders;
 pub mod swing;
 pub mod tooth;
 
-use super::candidate::{Candidate, Taken};
+use super::candidate::{Candidate, TakenOf};
 use super::scene::Scene;
 use super::spectra::Spectra;
 use crate::analysis::skirts::Skirts;
@@ -27,12 +27,14 @@ pub struct Context<'a> {
     pub orders: &'a Spectra,
     /// Spectra of squared envelopes of what is locked to neither shaft.
     pub envelope: &'a Spectra,
+    /// The same of everything, not of one band.
+    pub whole_envelope: &'a Spectra,
     /// Spectra over frequency of the same stretches.
     pub frequency: &'a Spectra,
     /// Order spectra of what is folded.
     pub folded: &'a Spectra,
-    /// Orders spoken for, of each of the four.
-    pub taken: &'a [Taken; 4],
+    /// Orders spoken for, by domain.
+    pub taken: &'a TakenOf,
     /// Feet of the mesh lines and their neighbours in the channels searched: what swings there is no order of its own.
     pub feet: &'a [Skirts],
 }

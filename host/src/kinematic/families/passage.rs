@@ -1,7 +1,7 @@
 //! Orders of neither shaft: harmonics of a base, the same modulated by a shaft, or sidebands at the base about the mesh.
 //!
-//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from the squared envelope. Each is then
-//! scored as every shape in both, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs);
+//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from both squared envelopes. Each is then
+//! scored as every shape in all three, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs);
 //! `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape and spectrum.
 
 use super::Context;
@@ -11,14 +11,18 @@ use crate::analysis::search::{self, Level, Line, Range};
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
 use crate::kinematic::spectra::Spectra;
 
+/// Spectra that have such families.
+const DOMAINS: [Domain; 3] = [Domain::Orders, Domain::Envelope, Domain::WholeEnvelope];
 /// Families of one channel whose bases are tried.
 const FAMILIES: usize = 8;
-/// Harmonics of a base alone, modulated, and about the mesh.
-const HARMONICS: (usize, usize, usize) = (8, 6, 8);
-/// Sidebands of a shaft.
-const SIDEBANDS: i32 = 2;
+/// Harmonics of a base alone, nested shapes: knocks have dozens of them about a resonance.
+pub const ALONE: [usize; 2] = [8, 24];
+/// Harmonics of a base modulated, and about the mesh.
+const HARMONICS: (usize, usize) = (6, 8);
 /// Mesh harmonics.
 const MESH: usize = 6;
+/// A carrier and its sidebands of a shaft: what a sideband would read again is the carrier's.
+const SIDEBANDS: [i32; 5] = [0, -1, 1, -2, 2];
 /// Multiples of the base that a line may be.
 const MULTIPLES: usize = 4;
 /// Relative distance of bases that are one.
@@ -34,9 +38,12 @@ const MOST_WEIGHT: f64 = 1e4;
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let bases = bases(context);
     let shapes = |base: f64| {
-        let mut all = vec![harmonics(context, base, Domain::Orders), harmonics(context, base, Domain::Envelope)];
+        let mut all = DOMAINS
+            .iter()
+            .flat_map(|domain| ALONE.map(|most| harmonics(context, base, *domain, most)))
+            .collect::<Vec<Candidate>>();
         for shaft in Shaft::BOTH {
-            all.extend([Domain::Orders, Domain::Envelope].map(|domain| modulated(context, base, shaft, domain)));
+            all.extend(DOMAINS.map(|domain| modulated(context, base, shaft, domain)));
         }
         all.push(about_mesh(context, base));
         all
@@ -57,7 +64,10 @@ pub fn refinements(context: &Context, candidate: &Candidate) -> Vec<Candidate> {
 /// A family of the same shape with another base; none where its kind has no base.
 pub fn with_base(context: &Context, candidate: &Candidate, base: f64) -> Option<Candidate> {
     let other = match candidate.kind {
-        Kind::Passage => harmonics(context, base, candidate.domain),
+        Kind::Passage => {
+            let numbers = candidate.places.iter().map(|p| (p.spacing / candidate.base).round() as usize);
+            harmonics(context, base, candidate.domain, numbers.max().unwrap_or(0).max(ALONE[0]))
+        }
         Kind::ModulatedPassage(shaft) => modulated(context, base, shaft, candidate.domain),
         Kind::AboutMesh => about_mesh(context, base),
         _ => return None,
@@ -107,7 +117,8 @@ fn peak(level: &Level, order: f64, reach: f64) -> Option<(f64, f64)> {
 fn bases(context: &Context) -> Vec<f64> {
     let mut bases: Vec<f64> = Vec::new();
     let scene = context.scene;
-    for (spectra, taken, mesh) in [(context.orders, 0, true), (context.envelope, 1, false)] {
+    for domain in DOMAINS {
+        let (spectra, taken, mesh) = (spectra(context, domain), domain as usize, domain == Domain::Orders);
         for (run, channels) in scene.runs.iter().zip(&spectra.levels) {
             let explained = Explained::new(scene.teeth[0], &run.angle, spectra.highest);
             let known = |order: f64, half: f64| {
@@ -141,7 +152,11 @@ fn distinct(mut bases: Vec<f64>, lowest: f64) -> Vec<f64> {
 }
 
 fn spectra<'a>(context: &'a Context, domain: Domain) -> &'a Spectra {
-    if domain == Domain::Envelope { context.envelope } else { context.orders }
+    match domain {
+        Domain::Envelope => context.envelope,
+        Domain::WholeEnvelope => context.whole_envelope,
+        _ => context.orders,
+    }
 }
 
 fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Vec<Place>) -> Candidate {
@@ -158,18 +173,18 @@ fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Ve
     Candidate { kind, base, domain, places, locked: false, alternatives: 1.0 }
 }
 
-/// `j o`.
-pub fn harmonics(context: &Context, base: f64, domain: Domain) -> Candidate {
+/// `j o` to the number `most`.
+pub fn harmonics(context: &Context, base: f64, domain: Domain, most: usize) -> Candidate {
     let place = |j: usize| Place { order: j as f64 * base, spacing: j as f64 * base, label: format!("{j} o") };
-    make(context, Kind::Passage, base, domain, (1..=HARMONICS.0).map(place).collect())
+    make(context, Kind::Passage, base, domain, (1..=most).map(place).collect())
 }
 
 /// `j o +- n o_s`.
 pub fn modulated(context: &Context, base: f64, shaft: Shaft, domain: Domain) -> Candidate {
     let own = context.scene.shaft_order(shaft as usize);
     let mut places = Vec::new();
-    for j in 1..=HARMONICS.1 {
-        for n in -SIDEBANDS..=SIDEBANDS {
+    for j in 1..=HARMONICS.0 {
+        for n in SIDEBANDS {
             let order = j as f64 * base + f64::from(n) * own;
             let label = match n {
                 0 => format!("{j} o"),
@@ -185,7 +200,7 @@ pub fn modulated(context: &Context, base: f64, shaft: Shaft, domain: Domain) -> 
 pub fn about_mesh(context: &Context, base: f64) -> Candidate {
     let z = context.scene.mesh_order();
     let mut places = Vec::new();
-    for j in (1..=HARMONICS.2).filter(|j| *j as f64 * base < 0.5 * z) {
+    for j in (1..=HARMONICS.1).filter(|j| *j as f64 * base < 0.5 * z) {
         let spacing = j as f64 * base;
         places.push(Place { order: spacing, spacing, label: format!("{j} o") });
         for k in 1..=MESH {

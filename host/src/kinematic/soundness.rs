@@ -1,0 +1,166 @@
+//! What a family is in truth, once the gate lets it pass: whether it is one at all, and whether a simpler one or a higher base says the same.
+
+use super::accept::{self, Verdict};
+use super::candidate::{Candidate, Domain, Kind, Place, TakenOf};
+use super::families::{Context, modulation, passage};
+use super::residual::Views;
+use super::scene::Scene;
+
+/// Power of a line over frequency against over orders from which it stands at a frequency: less where the speed sweeps it over few bins.
+const SHARPER: f64 = 1.3;
+/// Logarithm of the Bayes factor from which one line alone is an order of its own.
+const LEAST_ALONE: f64 = 20.0;
+/// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
+const BESIDE_THE_MESH: f64 = 0.5;
+/// Share of a family's evidence that is nearly all of it.
+const NEARLY: f64 = 0.85;
+/// Fewest lines that make a higher base where others stand beside them.
+const FEWEST_MULTIPLES: usize = 3;
+/// Harmonics of a modulated base that stand themselves between their sidebands.
+const CARRIERS: usize = 2;
+
+/// The same family with a higher base, where multiples of one number have nearly all of its evidence.
+pub fn higher_base(
+    candidate: &Candidate,
+    verdict: &Verdict,
+    context: &Context,
+    views: &Views,
+    taken: &TakenOf,
+) -> Option<(Candidate, Verdict)> {
+    let divisor = nearly_common_divisor(candidate, verdict)?;
+    let higher = passage::with_base(context, candidate, divisor as f64 * candidate.base)?;
+    let verdict = accept::judge(&higher, &views.field(taken, higher.domain, 0..context.scene.searched));
+    verdict.refused.is_none().then_some((higher, verdict))
+}
+
+/// Largest number above one whose multiples among the harmonics have nearly all of the evidence.
+fn nearly_common_divisor(candidate: &Candidate, verdict: &Verdict) -> Option<u64> {
+    if !candidate.is_base() {
+        return None;
+    }
+    let number = |place: &Place| (place.spacing / candidate.base).abs().round() as u64;
+    let standing: Vec<(u64, f64)> = candidate
+        .places
+        .iter()
+        .zip(&verdict.score.of_places)
+        .filter_map(|(place, ln)| (*ln > 0.0).then_some((number(place), *ln)))
+        .collect();
+    let all: f64 = standing.iter().map(|(_, ln)| ln).sum();
+    let most = standing.iter().map(|(n, _)| *n).max()?;
+    let are_nearly_all = |d: &u64| {
+        let multiples: Vec<f64> = standing.iter().filter(|(n, _)| n % d == 0).map(|(_, ln)| *ln).collect();
+        let enough = multiples.len() >= FEWEST_MULTIPLES || multiples.len() == standing.len();
+        enough && multiples.iter().sum::<f64>() > NEARLY * all
+    };
+    (2..=most).rev().find(are_nearly_all)
+}
+
+/// Largest number above one that all of them are multiples of.
+fn common_divisor(numbers: &[u64]) -> Option<u64> {
+    (2..=numbers.first().copied()?).rev().find(|d| numbers.iter().all(|n| n % d == 0))
+}
+
+/// Why a family is none, from its higher base: that was found before, or is asked for and does not pass the gate.
+pub fn by_higher_base(
+    candidate: &Candidate,
+    verdict: &Verdict,
+    higher: Option<&Candidate>,
+    is_known: impl Fn(&Candidate) -> bool,
+) -> Option<String> {
+    let numbers = standing_harmonics(candidate, verdict);
+    match higher {
+        Some(higher) => is_known(higher).then(|| "its lines are multiples of a family found before".into()),
+        None if numbers.len() > 1 => common_divisor(&numbers)
+            .map(|divisor| format!("only multiples of {divisor} stand, which are no family by themselves")),
+        None => None,
+    }
+}
+
+/// Whether a base stands in one of the envelopes by itself.
+pub fn is_impulsive(candidate: &Candidate, context: &Context, views: &Views, taken: &TakenOf) -> bool {
+    let passes = |domain: Domain| {
+        let shape = passage::harmonics(context, candidate.base, domain, passage::ALONE[0]);
+        accept::judge(&shape, &views.field(taken, domain, 0..context.scene.searched)).refused.is_none()
+    };
+    candidate.domain.is_envelope() || (candidate.is_base() && Domain::ENVELOPES.into_iter().any(passes))
+}
+
+/// Harmonics of the base that stand themselves, not only by their sidebands.
+pub fn carriers(candidate: &Candidate, verdict: &Verdict) -> usize {
+    let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+    standing.filter(|(place, _)| place.label.ends_with(" o")).count()
+}
+
+/// Numbers of the harmonics of the base that stand, ascending.
+pub fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> {
+    if !candidate.is_base() {
+        return Vec::new();
+    }
+    let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+    let mut numbers: Vec<u64> = standing.map(|(p, _)| (p.spacing / candidate.base).abs().round() as u64).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
+/// A pattern over all teeth whose power lies next to the mesh is a modulation, where that passes the gate as well.
+pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
+    let Kind::Pattern(shaft) = found.0.kind else { return found };
+    let scene = context.scene;
+    let power = |candidate: &Candidate| -> f64 {
+        let of = |r: usize, c: usize| -> f64 {
+            let line = |p: &Place| views.orders.excess(r, c, 0, p.order, 2).max(0.0);
+            candidate.places.iter().map(line).sum::<f64>() / views.orders.floor_power(r, c).max(f64::MIN_POSITIVE)
+        };
+        (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c))).map(|(r, c)| of(r, c)).sum()
+    };
+    let field = views.field(taken, Domain::Orders, 0..scene.searched);
+    let whole = power(&found.0);
+    let shapes = [1, 2, 3].map(|most| modulation::candidate(context, shaft, most));
+    let simpler = shapes.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
+    let judged = simpler.map(|shape| (accept::judge(&shape, &field), shape));
+    match judged {
+        Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),
+        _ => found,
+    }
+}
+
+/// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over frequency is none.
+pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<String> {
+    let stands = |p: &(&Place, &f64)| *p.1 > 0.0;
+    let standing: Vec<(&Place, &f64)> = candidate.places.iter().zip(&verdict.score.of_places).filter(stands).collect();
+    if candidate.is_base() {
+        let harmonics = standing_harmonics(candidate, verdict);
+        let alone = candidate.kind == Kind::Passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
+        if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
+            return Some(format!("one harmonic only, {} lines", standing.len()));
+        }
+        if standing.len() < 2 && !alone {
+            return Some("one line only".into());
+        }
+        if matches!(candidate.kind, Kind::ModulatedPassage(_)) && carriers(candidate, verdict) < CARRIERS {
+            return Some("sidebands without the lines between them".into());
+        }
+    }
+    if candidate.domain == Domain::Frequency && !is_sharper_over_frequency(candidate.base, scene, views) {
+        return Some("stands no higher over frequency than over orders".into());
+    }
+    None
+}
+
+/// Whether a line has more power in its bins over frequency than any that its smear would cover over orders.
+fn is_sharper_over_frequency(hz: f64, scene: &Scene, views: &Views) -> bool {
+    let own = |r: usize, c: usize| views.frequency.excess(r, c, 0, hz, 1);
+    let smear = |r: usize, c: usize| {
+        let speed = scene.runs[r].angle.speed;
+        let bin = views.orders.bin(0);
+        let (low, high) = (hz / speed.fastest_hz, hz / speed.slowest_hz);
+        (0..=((high - low) / bin) as usize)
+            .map(|i| views.orders.excess(r, c, 0, low + i as f64 * bin, 1))
+            .fold(0.0, f64::max)
+    };
+    let places = (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c)));
+    let (over_frequency, over_orders) =
+        places.fold((0.0, 0.0), |(f, o), (r, c)| (f + own(r, c).max(0.0), o + smear(r, c)));
+    over_frequency > SHARPER * over_orders
+}
