@@ -76,13 +76,18 @@ pub fn by_higher_base(
     }
 }
 
-/// Whether a base stands in one of the envelopes by itself.
+/// Whether a base is one of impacts: it stands in the most impulsive band, or in the signal and in an envelope. The envelope of everything alone says
+/// that something is modulated, not that it knocks.
 pub fn is_impulsive(candidate: &Candidate, context: &Context, views: &Views, taken: &TakenOf) -> bool {
     let passes = |domain: Domain| {
         let shape = passage::harmonics(context, candidate.base, domain, passage::ALONE[0]);
         accept::judge(&shape, &views.field(taken, domain, 0..context.scene.searched)).refused.is_none()
     };
-    candidate.domain.is_envelope() || (candidate.is_base() && Domain::ENVELOPES.into_iter().any(passes))
+    match candidate.domain {
+        Domain::Envelope => true,
+        Domain::WholeEnvelope => candidate.is_base() && passes(Domain::Envelope),
+        _ => candidate.is_base() && Domain::ENVELOPES.into_iter().any(passes),
+    }
 }
 
 /// Harmonics of the base that stand themselves, not only by their sidebands.

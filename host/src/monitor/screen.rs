@@ -278,7 +278,7 @@ fn sparkline(trend: &Trend, width: usize) -> String {
 
 fn value_lines(scene: &Scene, columns: usize, width: u16) -> Vec<Line<'static>> {
     let cell_width = usize::from(width) / columns;
-    let trend_width = cell_width.saturating_sub(34).min(60);
+    let trend_width = cell_width.saturating_sub(35).min(60);
     let cell = |(name, digits): (&'static str, usize)| {
         let Some(trend) = scene.panel.values.get(name) else {
             return Span::styled(
