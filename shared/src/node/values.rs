@@ -18,10 +18,10 @@ pub const SHORTEST_S: f32 = 1.0;
 const LONGEST_S: f32 = 8.0;
 /// The high-pass has forgotten its start to 0.1 % after this many periods of its edge.
 const SETTLING_PERIODS: f32 = 5.0;
-/// Above this rate not every code enters the moments, samples per second, but at least 100 000 in a second: more than twice what
-/// the analogue filter passes, so the moments are the same; a single peak nearer to its pass edge than half may be missed.
+/// Above this rate not every code enters the moments, samples per second, but at least 50 000 in a second: draws of the same distribution, so
+/// the moments are the same within their scatter; a single peak of few microseconds may be missed.
 const EVERY_CODE_TO_HZ: f32 = 300_000.0;
-/// Up to this rate every second code enters, above it every fourth, samples per second.
+/// Up to this rate every second code enters, above it every eighth, samples per second.
 const SECOND_CODE_TO_HZ: f32 = 400_000.0;
 /// Above that rate and this speed of the pinion, Hz, few codes enter and none the velocity: the mesh bands need the processor.
 const HIGHEST_SPEED_HZ: f32 = 60.5;
@@ -135,7 +135,7 @@ impl ValueRecord {
             self.step = match rate_hz {
                 ..=EVERY_CODE_TO_HZ => 1,
                 ..=SECOND_CODE_TO_HZ => 2,
-                _ => 4,
+                _ => 8,
             };
             self.velocity.set_rate(rate_hz);
         }
