@@ -39,7 +39,7 @@ pub fn field(args: &[String]) -> Outcome {
     let program = meshband()?;
     let docs = root().join("docs/proof/field");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
-    let counts = "--null 100 --power 138 --levels 4,2,8,1,20 --seed 2026";
+    let counts = "--null 100 --power 138 --levels 4,2,4,8,4,20 --seed 20261122";
     let mut command = std::process::Command::new(program);
     command.current_dir(root()).args(["prove", "--field"]);
     if args.is_empty() {

@@ -4,9 +4,10 @@
 //! constant. The grid has as many samples per pinion turn as also give a whole number per gear turn, so one reading of the signal serves
 //! the averages of both. It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
 //! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked at up to 80 % of the Nyquist
-//! frequency at the *fastest* turn, where the record holds them throughout. Limits: what the speed does within one pulse interval is
-//! smoothed; jitter of the edges goes into the angle as it is.
+//! frequency at the *fastest* turn, where the record holds them throughout. Edges of several marks per turn are smoothed first
+//! ([`whole_turns`]). Limits: what the speed does within a turn, or within one pulse interval, is smoothed; jitter of a single mark goes into the angle as it is.
 
+use super::whole_turns;
 use crate::budget::ANGLES;
 use crate::check::edges::Repair;
 use crate::machine::Hunting;
@@ -68,7 +69,8 @@ impl Angle {
             return Err(Error::invalid(place, "tach edges are too irregular to repair; `meshband check` says more"));
         }
         let first = f64::from(run.declaration.first_pulse_index) / f64::from(tach.pulses_per_rev);
-        let of_shaft = AngleMap::new(&repair.edges_s, tach.pulses_per_rev, first)
+        let edges_s = whole_turns::smoothed(&repair.edges_s, tach.pulses_per_rev);
+        let of_shaft = AngleMap::new(&edges_s, tach.pulses_per_rev, first)
             .ok_or_else(|| Error::invalid(place, "fewer than two tach edges"))?;
         let map = match tach.turns_per_pinion_turn(Some(teeth)) {
             Some(ratio) if ratio != 1.0 => of_shaft.geared(1.0 / ratio),

@@ -19,6 +19,7 @@ pub mod sidebands;
 pub mod skirts;
 pub mod unexplained;
 pub mod view;
+pub mod whole_turns;
 
 use crate::machine::Hunting;
 use crate::record::{Record, Run, Tach};

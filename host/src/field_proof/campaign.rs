@@ -117,6 +117,7 @@ fn one(seed: u64, item: &Item) -> Scored {
         level: item.level,
         result: "refused".into(),
         reported: Vec::new(),
+        nats: Vec::new(),
         wrong_names: 0,
         additions: 0,
         held_out: [0.0; 5],

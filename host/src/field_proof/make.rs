@@ -1,8 +1,9 @@
 //! The record: the bench without its effect, what the effect changes at a strength in multiples of the record's floor, noise, files, import.
 //!
 //! Two simulations without noise, with the effect and without it; the difference is added in proportion (near the floor effects are linear in
-//! their strength). *Floor*: the strength at which the strongest line of the difference, over orders or over frequency, reaches `6 sqrt(S / T)` in
-//! the noise of its channel, as in the campaign of the dynamic level. The tachometer's voltage is written beside the channels and read by `import`.
+//! their strength). *Floor*: the strength at which the strongest line of the difference, over orders (of a tone: over frequency), reaches `6 sqrt(S / T)` in
+//! the noise of its channel, as in the campaign of the dynamic level. Mesh harmonics do not count: what an effect changes in them the unknown path takes
+//! in, and an effect may change them most. The tachometer's voltage is written beside the channels and read by `import`.
 
 use super::bench::Bench;
 use super::hidden::{Draw, Hidden, Source};
@@ -26,6 +27,8 @@ const LOWEST_HZ: f64 = 5.0;
 const PASS_SHARE: f64 = 0.4;
 /// Bins over which the noise is averaged, on each side.
 const NOISE_BINS: usize = 40;
+/// Bins about a mesh harmonic that are its own.
+const MESH_BINS: f64 = 8.0;
 /// Amplitude of a Hann line at `6 sqrt(S / T)` over the root mean square of the noise's: `6 / sqrt(2 x 1.5)`.
 const FLOOR_OVER_NOISE: f64 = 3.464;
 /// Tolerance of the simulation: six digits beneath the signal are far below any noise here.
@@ -96,8 +99,9 @@ pub fn record(bench: &Bench, hidden: Option<(&Hidden, f64)>, seed: u64) -> Resul
                     (signal, 1.0, Words::Plain(words))
                 }
             };
-            let floor = floor(bench, &clean, &difference, &noise);
-            let factor = level * floor;
+            let is_tone = matches!(source, Source::Tone(_));
+            let Strongest { over_noise, place, channel } = strongest(bench, &clean, &difference, &noise, is_tone);
+            let factor = level / over_noise;
             for (channel, change) in clean.run.channels.iter_mut().zip(&difference) {
                 channel.iter_mut().zip(change).for_each(|(x, d)| *x += factor * d);
             }
@@ -105,6 +109,8 @@ pub fn record(bench: &Bench, hidden: Option<(&Hidden, f64)>, seed: u64) -> Resul
                 Words::Effect(mut again) => again(reference * factor),
                 Words::Plain(words) => format!("{words}, strength {factor:.3e}"),
             };
+            let per = if is_tone { "second" } else { "turn of the pinion" };
+            truth += &format!("; strongest line at {place:.3} per {per}, channel {channel}");
         }
     }
     for (channel, noise) in clean.run.channels.iter_mut().zip(&noise) {
@@ -141,31 +147,48 @@ fn noise(bench: &Bench, run: &FieldRun, seed: u64) -> Vec<Vec<f64>> {
     run.channels.iter().zip(&bench.noise).enumerate().map(of_channel).collect()
 }
 
-/// Factor to `difference` at which its strongest line stands at the floor.
-fn floor(bench: &Bench, clean: &Clean, difference: &[Vec<f64>], noise: &[Vec<f64>]) -> f64 {
+/// The strongest line of a difference.
+struct Strongest {
+    /// Amplitude over that of a line at the floor.
+    over_noise: f64,
+    /// Order, or Hz.
+    place: f64,
+    /// Channel.
+    channel: usize,
+}
+
+/// Which line of `difference` stands highest over its floor.
+fn strongest(bench: &Bench, clean: &Clean, difference: &[Vec<f64>], noise: &[Vec<f64>], is_tone: bool) -> Strongest {
     let (first, last) = clean.angle.range();
     let (from, turns) = (first.ceil() + 1.0, (last - first) as usize - 3);
     let per_turn = (1.1 * bench.rate_hz / bench.speeds_hz[0]).ceil() as usize;
-    let over_orders = |signal: &[f64]| {
+    let spectrum = |signal: &[f64]| {
+        if is_tone {
+            return amplitude_spectrum(signal, bench.rate_hz, Window::Hann);
+        }
         let samples = resample_by_angle(signal, bench.rate_hz, &clean.angle, from, turns, per_turn);
         amplitude_spectrum(&samples, per_turn as f64, Window::Hann)
     };
-    let over_frequency = |signal: &[f64]| amplitude_spectrum(signal, bench.rate_hz, Window::Hann);
-    let mut strongest = 0.0_f64;
-    for (signal, noise) in difference.iter().zip(noise) {
-        let orders = [over_orders(signal), over_orders(noise)];
-        let frequencies = [over_frequency(signal), over_frequency(noise)];
-        let [slowest, fastest] = bench.speeds_hz;
-        for ([line, noise], [low, high]) in [
-            (orders, [LOWEST_HZ / slowest, PASS_SHARE * bench.rate_hz / fastest]),
-            (frequencies, [LOWEST_HZ, PASS_SHARE * bench.rate_hz]),
-        ] {
-            let mean = smoothed(&noise.values);
-            let places = (1..line.values.len()).filter(|&i| (low..high).contains(&line.frequency(i)));
-            strongest = places.map(|i| line.values[i] / (FLOOR_OVER_NOISE * mean[i])).fold(strongest, f64::max);
+    let [slowest, fastest] = bench.speeds_hz;
+    let top = PASS_SHARE * bench.rate_hz;
+    let (low, high) = if is_tone { (LOWEST_HZ, top) } else { (LOWEST_HZ / slowest, top / fastest) };
+    let mesh = f64::from(bench.machine.pair.teeth[0]);
+    let on_mesh = |order: f64| {
+        let k = (order / mesh).round();
+        !is_tone && k >= 1.0 && (order - k * mesh).abs() * (turns as f64) < MESH_BINS
+    };
+    let mut strongest = Strongest { over_noise: 1e-30, place: 0.0, channel: 0 };
+    for (channel, (signal, noise)) in difference.iter().zip(noise).enumerate() {
+        let (line, noise) = (spectrum(signal), spectrum(noise));
+        let mean = smoothed(&noise.values);
+        for i in 1..line.values.len() {
+            let (place, over_noise) = (line.frequency(i), line.values[i] / (FLOOR_OVER_NOISE * mean[i]));
+            if (low..high).contains(&place) && !on_mesh(place) && over_noise > strongest.over_noise {
+                strongest = Strongest { over_noise, place, channel };
+            }
         }
     }
-    1.0 / strongest.max(1e-30)
+    strongest
 }
 
 /// Root of the mean square over neighbouring bins.

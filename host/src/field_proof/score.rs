@@ -22,6 +22,8 @@ pub struct Scored {
     pub result: String,
     /// Verdict, name, family of every effect reported.
     pub reported: Vec<[String; 3]>,
+    /// Evidence of each, nats.
+    pub nats: Vec<f64>,
     /// Effects named that are not in the record.
     pub wrong_names: usize,
     /// Effects reported that are neither right nor of the right family.
@@ -59,6 +61,7 @@ impl Scored {
         let matches: Vec<Match> =
             outcome.effects.iter().map(|e| hidden.map_or(Match::None, |h| compare(e, h))).collect();
         self.reported = outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone(), e.family.clone()]).collect();
+        self.nats = outcome.effects.iter().map(|e| e.evidence.ln_bayes.round()).collect();
         self.additions = matches.iter().filter(|m| **m == Match::None).count();
         let is_wrong = |(e, m): &(&Effect, &Match)| **m == Match::None && e.verdict == "named";
         self.wrong_names = outcome.effects.iter().zip(&matches).filter(is_wrong).count();

@@ -168,6 +168,11 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         remarks.extend(source.remarks.iter().map(|remark| format!("{}: {remark}", short(file))));
     }
     let mut runs = grouped(files, sources, options.files_are_runs)?;
+    // A table of the acquisition system has a row for the tachometer's channel, too.
+    let of_every_column = options.source_full_scale.len() == runs[0].channels.len();
+    if of_every_column {
+        declared::scaled(&mut runs, options)?;
+    }
     let measured = match &options.tach {
         TachChoice::Measured(tach) => tach::measured(tach, &mut runs, rate_hz, options.teeth, &options.reading)?,
         TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => {
@@ -176,7 +181,9 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         }
     };
     let names = channel_names(&runs[0], options.channel_names.as_deref())?;
-    declared::scaled(&mut runs, options)?;
+    if !of_every_column {
+        declared::scaled(&mut runs, options)?;
+    }
     let unit = convert(&mut runs, options)?;
     let full_scale = options
         .full_scale

@@ -98,6 +98,11 @@ impl<'a> Weighted<'a> {
         sums
     }
 
+    /// Sum of the squared weights.
+    pub fn sum_of_squares(&self) -> f64 {
+        self.stretches.iter().flat_map(|(_, weights)| weights).map(|w| w * w).sum()
+    }
+
     /// Sum of the weights of each turn.
     pub fn weight_of_turn(&self) -> &[f64] {
         &self.weight_of_turn

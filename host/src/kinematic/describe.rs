@@ -3,7 +3,7 @@
 use super::accept::{FALSE_ALARM, Verdict};
 use super::baseline::{Baseline, Grids};
 use super::candidate::{Candidate, Domain, Kind};
-use super::errors::{Corrected, Errors, Worth};
+use super::errors::{Corrected, Errors};
 use super::families::bearing::Bearing;
 use super::families::clipping;
 use super::naming;
@@ -14,6 +14,7 @@ use super::preflight::Preflight;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::{self, Adopted, Search};
+use super::worth::Worth;
 use crate::analysis::lines::WINDOW;
 use crate::spectral::amplitude_spectrum;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Errors in three stages on the fitted and on the held-out turns, and what every family is worth on the latter.
+//! Errors in three stages on the fitted and on the held-out turns.
 //!
 //! *Waveform*: mesh lines and locked families, amplitudes and phases fitted on one part, predict the other; the normalised RMS error is the root of the
 //! residual's share of the power, meaned over channels (a loud channel does not decide). *Power*: a family that slips cannot predict a phase; it
@@ -6,13 +6,12 @@
 //! Everything is below the highest order that the record holds at every speed. The noise floor is that of the record itself on the fitted turns, between
 //! its lines: no residual has a share in it.
 
-use super::amplitudes::{FittedLine, Weighted};
+use super::amplitudes::{self, FittedLine, Weighted};
 use super::baseline::{Baseline, Grids, unknowns};
-use super::candidate::{TakenOf, score};
-use super::evidence::Reading;
+use super::evidence::{Reading, Shares};
 use super::named_lines::NamedLines;
 use super::residual::Views;
-use super::scene::Scene;
+use super::scene::{Scene, SceneRun};
 use super::search::Adopted;
 use super::slipping::{self, power, slipping_share};
 use super::spectra::Spectra;
@@ -20,8 +19,9 @@ use super::split::{Split, Stretch};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Most lines of a family fitted in a channel.
+/// Most lines of a family fitted in a channel, and the trust below which one is not.
 const MOST_LINES: usize = 150;
+const LEAST_TRUST: f64 = 0.05;
 
 /// One part in three stages.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
@@ -66,15 +66,6 @@ pub struct Errors {
     pub per_channel: Vec<ChannelError>,
 }
 
-/// What a family is worth on the turns not used.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Worth {
-    /// Fall of the unexplained share of power: waveform where it is locked, power where it slips.
-    pub gain: f64,
-    /// Logarithm of the Bayes factor of its lines there.
-    pub ln_bayes: f64,
-}
-
 /// The corrected model: lines of the locked families by run and channel.
 pub struct Corrected {
     /// What is left by run and channel.
@@ -85,52 +76,87 @@ pub struct Corrected {
     pub unknowns: usize,
 }
 
-/// Fits the locked families' lines on the fitted turns, one family after the other; a line takes part in a channel where its own evidence is
-/// positive. With the result comes the unexplained share of the held-out power after each family.
-pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Adopted]) -> (Corrected, Vec<f64>) {
-    let empty = scene.runs.iter().map(|_| vec![Vec::new(); scene.channels.len()]).collect();
-    let mut corrected = Corrected { residual: baseline.calibrated.clone(), lines: empty, unknowns: 0 };
-    let all = 0..scene.channels.len();
-    let weighted: Vec<Weighted> = scene.runs.iter().map(Weighted::new).collect();
-    let mut after = Vec::new();
+/// Fits the locked families' lines on the fitted turns, one family after the other; every amplitude is believed as far as the family's evidence
+/// goes ([`Shares::trust`]).
+pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Adopted]) -> Corrected {
+    let mut corrected = Corrected::none(scene, baseline);
     for own in adopted {
-        if own.candidate.locked {
-            for (r, weighted) in weighted.iter().enumerate() {
-                let choice = Some(&baseline.choices[r]);
-                let fit =
-                    |(c, samples): (usize, &mut Vec<f64>)| weighted.fit(samples, &standing(own, views, r, c), choice);
-                let lines: Vec<Vec<FittedLine>> = corrected.residual[r].par_iter_mut().enumerate().map(fit).collect();
-                corrected.unknowns += lines.iter().map(|lines| unknowns(lines)).sum::<usize>();
-                corrected.lines[r].iter_mut().zip(lines).for_each(|(all, new)| all.extend(new));
-            }
-        }
-        after.push(mean(&shares(scene, &corrected.residual, held_out), all.clone()));
+        corrected.add(scene, baseline, views, own);
     }
-    (corrected, after)
+    corrected
 }
 
-/// Orders of a locked family's lines that stand in a channel, the strongest of them.
-fn standing(adopted: &Adopted, views: &Views, run: usize, channel: usize) -> Vec<f64> {
-    let strength = |order: f64| {
+impl Corrected {
+    /// The calibrated model, without a family.
+    pub fn none(scene: &Scene, baseline: &Baseline) -> Self {
+        let empty = scene.runs.iter().map(|_| vec![Vec::new(); scene.channels.len()]).collect();
+        Self { residual: baseline.calibrated.clone(), lines: empty, unknowns: 0 }
+    }
+
+    /// Fits one more family; orders of its lines by run and channel. None where it is not locked.
+    pub fn add(&mut self, scene: &Scene, baseline: &Baseline, views: &Views, own: &Adopted) -> Vec<Vec<Vec<f64>>> {
+        if !own.candidate.locked {
+            return Vec::new();
+        }
+        let shares = shares_of_places(own, views);
+        let of_run = |(r, run): (usize, &SceneRun)| {
+            let weighted = Weighted::new(run);
+            let choice = Some(&baseline.choices[r]);
+            let fit = |(c, samples): (usize, &mut Vec<f64>)| {
+                let standing = standing(own, views, &shares, (r, c));
+                let orders: Vec<f64> = standing.iter().map(|(_, order)| *order).collect();
+                let mut lines = weighted.fit(samples, &orders, choice);
+                for (line, (trust, _)) in lines.iter_mut().zip(&standing) {
+                    let mut doubted = line.clone();
+                    doubted.coefficients.iter_mut().for_each(|c| *c *= trust - 1.0);
+                    amplitudes::subtract(samples, run, &doubted);
+                    line.coefficients.iter_mut().for_each(|c| *c *= *trust);
+                }
+                lines
+            };
+            let lines: Vec<Vec<FittedLine>> = self.residual[r].par_iter_mut().enumerate().map(fit).collect();
+            self.unknowns += lines.iter().map(|lines| unknowns(lines)).sum::<usize>();
+            let orders = lines.iter().map(|lines| lines.iter().map(|line| line.order).collect()).collect();
+            self.lines[r].iter_mut().zip(lines).for_each(|(all, new)| all.extend(new));
+            orders
+        };
+        scene.runs.iter().enumerate().map(of_run).collect()
+    }
+}
+
+/// What all places of a locked family say of the share of them that carry a line.
+fn shares_of_places(adopted: &Adopted, views: &Views) -> Shares {
+    let levels = &views.orders.levels;
+    let all = levels.iter().enumerate().flat_map(|(r, run)| (0..run.len()).map(move |c| (r, c)));
+    let readings = all.flat_map(|(r, c)| {
+        adopted.candidate.places.iter().filter_map(move |place| views.orders.reading(r, c, 0, place.order, 0))
+    });
+    Shares::of(&readings.map(Reading::ln_bayes).collect::<Vec<_>>())
+}
+
+/// Trust and order of a locked family's lines that are worth fitting in a run and channel, the surest of them.
+fn standing(adopted: &Adopted, views: &Views, shares: &Shares, (run, channel): (usize, usize)) -> Vec<(f64, f64)> {
+    let trust = |order: f64| {
         let reading = views.orders.reading(run, channel, 0, order, 0);
-        (reading.map_or(f64::NEG_INFINITY, Reading::ln_bayes), order)
+        (reading.map_or(0.0, |reading| shares.trust(reading)), order)
     };
-    let mut orders: Vec<(f64, f64)> = adopted.candidate.places.iter().map(|p| strength(p.order)).collect();
-    orders.retain(|(ln, _)| *ln > 0.0);
+    let mut orders: Vec<(f64, f64)> = adopted.candidate.places.iter().map(|p| trust(p.order)).collect();
+    orders.retain(|(trust, _)| *trust > LEAST_TRUST);
     orders.sort_by(|a, b| b.0.total_cmp(&a.0));
-    orders.into_iter().take(MOST_LINES).map(|(_, order)| order).collect()
+    orders.truncate(MOST_LINES);
+    orders
 }
 
 fn fitted(split: &Split) -> &[Stretch] {
     &split.fit
 }
 
-fn held_out(split: &Split) -> &[Stretch] {
+pub(super) fn held_out(split: &Split) -> &[Stretch] {
     &split.held_out
 }
 
 /// Residual's share of the power by run and channel.
-fn shares(scene: &Scene, residual: &Grids, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {
+pub(super) fn shares(scene: &Scene, residual: &Grids, stretches: fn(&Split) -> &[Stretch]) -> Vec<Vec<f64>> {
     let share = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let (per_turn, stretches) = (run.angle.per_turn[0], stretches(&run.split));
@@ -159,7 +185,7 @@ fn floors(scene: &Scene, own: &Spectra, stretches: fn(&Split) -> &[Stretch]) -> 
     (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| floor(r, c)).collect()).collect()
 }
 
-fn mean(shares: &[Vec<f64>], channels: std::ops::Range<usize>) -> f64 {
+pub(super) fn mean(shares: &[Vec<f64>], channels: std::ops::Range<usize>) -> f64 {
     let all: Vec<f64> = shares.iter().flat_map(|run| run[channels.clone()].iter().copied()).collect();
     all.iter().sum::<f64>() / all.len().max(1) as f64
 }
@@ -208,28 +234,4 @@ pub fn errors(
         held_out: held,
         per_channel,
     }
-}
-
-/// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
-pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
-    let all = 0..scene.channels.len();
-    let before = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
-    let after = correct(scene, baseline, views[0], adopted).1;
-    let nothing: TakenOf = Default::default();
-    let worth = |i: usize| {
-        let own = adopted[i];
-        let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
-        let ln_bayes = score(&own.candidate, &field, 0.0).ln_bayes;
-        if !own.candidate.locked {
-            return Worth { gain: mean(&slipping_share(scene, views, &[own], 0.0), all.clone()), ln_bayes };
-        }
-        Worth { gain: if i == 0 { before } else { after[i - 1] } - after[i], ln_bayes }
-    };
-    (0..adopted.len()).map(worth).collect()
-}
-
-/// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
-pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
-    let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
-    predicts && worth.ln_bayes > 0.0
 }

@@ -4,7 +4,7 @@
 //! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]).
-//! 5. [`errors`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
@@ -39,6 +39,7 @@ pub mod soundness;
 pub mod spectra;
 pub mod split;
 pub mod view;
+pub mod worth;
 
 use crate::record::Record;
 use crate::{Error, Result};
@@ -75,11 +76,11 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     };
     let views = [&fit, &held];
     let all: Vec<&Adopted> = found.adopted.iter().collect();
-    let worths = errors::worths(&scene, &baseline, views, &all);
+    let worths = worth::worths(&scene, &baseline, views, &all);
     let (kept, vetoed): (Vec<_>, Vec<_>) =
-        all.into_iter().zip(worths).partition(|(a, worth)| !held_out || errors::holds(a, worth));
+        all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
-    let (corrected, _) = errors::correct(&scene, &baseline, &fit, &adopted);
+    let corrected = errors::correct(&scene, &baseline, &fit, &adopted);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
     let named = named_lines::of(&scene, &own_held, &fit, &adopted);

@@ -13,6 +13,9 @@ const IMPACTS: usize = 3;
 
 /// Fewest teeth of another stage that a pattern is read as.
 const FEWEST_TEETH: u32 = 10;
+/// Evidence in nats, about power over floor, from which a line alone is a ghost order: a path's resonances make the lines of a random pattern of the pitch differ by
+/// a factor of ten to twenty, and above this the next one would stand as well.
+const LONE_LINE: f64 = 400.0;
 /// Ratios of two of the first harmonics of one line.
 const HARMONICS: [(f64, f64); 5] = [(2.0, 1.0), (3.0, 1.0), (4.0, 1.0), (3.0, 2.0), (4.0, 3.0)];
 
@@ -99,6 +102,11 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             if has_harmonics(candidate.base, ghosts) {
                 let name = format!("{shaft}-ghost-order or mesh of another stage on the {shaft}'s shaft");
                 let remark = "a line with harmonics is what another pair of gears on that shaft has";
+                return naming("ambiguous", name, "shaft-order", shaft, Some(remark));
+            }
+            if adopted.verdict.score.ln_bayes < LONE_LINE {
+                let name = format!("{shaft}-ghost-order or {shaft}-pitch-error");
+                let remark = "one line, not strong enough to say that the weaker ones of a pattern of the pitch would stand, too";
                 return naming("ambiguous", name, "shaft-order", shaft, Some(remark));
             }
             naming("named", format!("{shaft}-ghost-order"), "shaft-order", shaft, None)

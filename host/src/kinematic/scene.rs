@@ -68,7 +68,7 @@ pub struct Scene {
 }
 
 /// Channels from which every second one is held out.
-const MANY_CHANNELS: usize = 4;
+const MANY_CHANNELS: usize = 6;
 /// Fastest over slowest turn from which the path turns the mesh lines.
 const RUNS_UP: f64 = 1.1;
 /// Rounds of taking the angle from the mesh lines.

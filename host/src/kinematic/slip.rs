@@ -6,6 +6,7 @@
 //! alone. Limits: one supply; four loads or more; a frequency converter that follows the load looks like slip.
 
 use super::evidence::Reading;
+use super::families::fixed_frequency::supply_hz;
 use super::scene::{Scene, SceneRun};
 use crate::record::Record;
 use crate::spectral::{Window, amplitude_spectrum, line_near};
@@ -78,7 +79,11 @@ pub fn law(record: &Record, scene: &Scene) -> Option<Law> {
     let degree = (0..3).min_by(|&a, &b| left_out[a].total_cmp(&left_out[b])).unwrap_or(1);
     let coefficients_hz = polynomial(&points, degree);
     let only: Vec<&SceneRun> = fitted.iter().map(|(_, run)| *run).collect();
-    let supply = MULTIPLES.filter_map(|k| supply(&only, scene.searched, k)).max_by(|a, b| a.2.total_cmp(&b.2));
+    // Lines at other multiples of the synchronous rate may be stronger; the mains' own is the supply where it stands.
+    let is_mains = |hz: f64| supply_hz(hz).is_some();
+    let supply = MULTIPLES
+        .filter_map(|k| supply(&only, scene.searched, k))
+        .max_by(|a, b| is_mains(a.0).cmp(&is_mains(b.0)).then(a.2.total_cmp(&b.2)));
     let of_run = |(i, (load, run)): (usize, &(f64, &SceneRun))| {
         let (speed_hz, law_hz) = (run.angle.speed.mean_hz, value(&coefficients_hz, load / full_load));
         let synchronous = supply.map(|(hz, k, _)| hz / f64::from(k));

@@ -10,6 +10,12 @@ use super::scene::Scene;
 const SHARPER: f64 = 1.3;
 /// Logarithm of the Bayes factor from which one line alone is an order of its own.
 const LEAST_ALONE: f64 = 20.0;
+/// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that something so slow needs (set on
+/// generated records with nothing but a wander, where 25 nats and more were seen).
+const SKIRT: f64 = 0.85;
+const LEAST_SLOW: f64 = 60.0;
+/// Share of the evidence of a base's lines that may stand on such skirts.
+const MOSTLY: f64 = 0.5;
 /// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
 const BESIDE_THE_MESH: f64 = 0.5;
 /// Share of a family's evidence that is nearly all of it.
@@ -134,6 +140,9 @@ pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, ta
 pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<String> {
     let stands = |p: &(&Place, &f64)| *p.1 > 0.0;
     let standing: Vec<(&Place, &f64)> = candidate.places.iter().zip(&verdict.score.of_places).filter(stands).collect();
+    if let Some(why) = of_the_wander(candidate, verdict, scene) {
+        return Some(why);
+    }
     if candidate.is_base() {
         let harmonics = standing_harmonics(candidate, verdict);
         let alone = candidate.kind == Kind::Passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
@@ -151,6 +160,33 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         return Some("stands no higher over frequency than over orders".into());
     }
     None
+}
+
+/// Why a family is what a wandering speed makes of the mesh lines: nearer to a mesh harmonic, or slower, than the slower shaft's first sideband.
+fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Option<String> {
+    let near = SKIRT * scene.gear_order.min(1.0);
+    let z = scene.mesh_order();
+    let k = (candidate.base / z).round();
+    // A rig without gears has no mesh to swing.
+    if scene.teeth[0] == 1 {
+        return None;
+    }
+    if candidate.is_base() && k >= 1.0 && (candidate.base - k * z).abs() < near {
+        return Some("beside a mesh harmonic, which swings as the speed wanders".into());
+    }
+    if matches!(candidate.kind, Kind::Passage | Kind::ModulatedPassage(_)) {
+        let on_skirt = |order: f64| (order - (order / z).round().max(1.0) * z).abs() < near;
+        let lines = || candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+        let all: f64 = lines().map(|(_, ln)| ln).sum();
+        let beside: f64 = lines().filter(|(place, _)| on_skirt(place.order)).map(|(_, ln)| ln).sum();
+        if beside > MOSTLY * all {
+            return Some("its lines stand beside mesh harmonics, which swing as the speed wanders".into());
+        }
+    }
+    let is_slow = candidate.kind == Kind::Swing || candidate.is_base() && candidate.base < near;
+    (is_slow && verdict.ln_bayes < LEAST_SLOW).then(|| {
+        format!("{:.0} nats of {LEAST_SLOW:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
+    })
 }
 
 /// Whether a line has more power in its bins over frequency than any that its smear would cover over orders.

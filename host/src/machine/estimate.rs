@@ -5,7 +5,7 @@
 //! discs of steel, bores at the root radius over 2.6, shafts as long as four face widths, bearings by their kind. They give orders of
 //! magnitude, no more; a measured or catalogued value in the file is always better.
 
-use super::{Engagement, EngagementKind, Machine, Nominal, Pair, Shafts};
+use super::{Engagement, EngagementKind, Machine, Nominal, Pair, Shafts, damping};
 use crate::{Error, Result};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -160,13 +160,13 @@ fn shafts(known: &Known, bores: [f64; 2]) -> Shafts {
     let stiffness = sides.map(|s| s.2);
     let masses = sides.map(|s| s.0);
     let (bearing, ratio) = match known.bearings.unwrap_or_default() {
-        Bearings::Ball => (1e8, 0.04),
+        Bearings::Ball => (1e8, damping::BEARING),
         Bearings::Roller => (3e8, 0.03),
         Bearings::Plain => (2e8, 0.2),
     };
     let coupling_damping = |i: usize| {
-        let (gear, machine) = ([inertia_pinion, inertia_gear][i], [motor, load][i]);
-        2.0 * 0.05 * (stiffness[i] * gear * machine / (gear + machine)).sqrt()
+        let ends = [[inertia_pinion, motor], [inertia_gear, load]];
+        damping::of_coupling(damping::COUPLING, stiffness[i], ends[i])
     };
     Shafts {
         inertia_motor_kg_m2: motor,
@@ -177,7 +177,7 @@ fn shafts(known: &Known, bores: [f64; 2]) -> Shafts {
         coupling_damping_n_m_s_per_rad: [coupling_damping(0), coupling_damping(1)],
         mass_kg: masses,
         bearing_stiffness_n_per_m: [bearing; 2],
-        bearing_damping_n_s_per_m: masses.map(|mass| 2.0 * ratio * (bearing * mass).sqrt()),
+        bearing_damping_n_s_per_m: masses.map(|mass| damping::of_bearing(ratio, bearing, mass)),
     }
 }
 

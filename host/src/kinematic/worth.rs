@@ -1,0 +1,86 @@
+//! What every family is worth on the turns not used: the veto.
+//!
+//! A locked family predicts amplitudes and phases there. Its worth is the logarithm of the likelihood ratio of the held-out turns with its lines taken off
+//! against without, at the places fitted, in units of the floor there: about a third of what the fitted turns said where the family is true (a quarter of
+//! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
+//! leakage. What slips predicts no phase: the evidence of its lines on the held-out turns, and the power that they were predicted to have.
+
+use super::amplitudes::Weighted;
+use super::baseline::Baseline;
+use super::candidate::{TakenOf, score};
+use super::errors::{Corrected, held_out, mean, shares};
+use super::residual::Views;
+use super::scene::Scene;
+use super::search::Adopted;
+use super::slipping::slipping_share;
+use rayon::prelude::*;
+
+/// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
+const LEAST: f64 = 1.0;
+
+/// What a family is worth on the turns not used.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Worth {
+    /// Fall of the unexplained share of power: waveform where it is locked, power where it slips.
+    pub gain: f64,
+    /// Logarithm of the likelihood ratio: of its prediction where it is locked, of its lines with unknown amplitudes where it slips.
+    pub ln_bayes: f64,
+}
+
+/// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
+pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
+    let all = 0..scene.channels.len();
+    let nothing: TakenOf = Default::default();
+    let mut corrected = Corrected::none(scene, baseline);
+    let worth = |own: &&Adopted| {
+        if !own.candidate.locked {
+            let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
+            let ln_bayes = score(&own.candidate, &field, 0.0).ln_bayes;
+            return Worth { gain: mean(&slipping_share(scene, views, &[own], 0.0), all.clone()), ln_bayes };
+        }
+        let before = corrected.residual.clone();
+        let orders = corrected.add(scene, baseline, views[0], own);
+        let share = |residual| mean(&shares(scene, residual, held_out), all.clone());
+        let places = scene.runs.iter().enumerate().flat_map(|(r, _)| all.clone().map(move |c| (r, c)));
+        let ln = |(r, c): (usize, usize)| {
+            let pair = [&before[r][c], &corrected.residual[r][c]];
+            ln_likelihood_ratio(scene, views[1], (r, c), pair, &orders[r][c])
+        };
+        let places: Vec<(usize, usize)> = places.collect();
+        let ln_bayes = places.into_par_iter().map(ln).sum();
+        Worth { gain: share(&before) - share(&corrected.residual), ln_bayes }
+    };
+    adopted.iter().map(worth).collect()
+}
+
+/// Of the held-out turns of a run's channel: residual after against before, at some orders.
+fn ln_likelihood_ratio(
+    scene: &Scene,
+    held: &Views,
+    (run, channel): (usize, usize),
+    [before, after]: [&Vec<f64>; 2],
+    orders: &[f64],
+) -> f64 {
+    let own = &scene.runs[run];
+    let Some(level) = held.orders.levels[run][channel].first() else { return 0.0 };
+    let weighted = Weighted::of_stretches(own, &own.split.held_out);
+    let squares = weighted.sum_of_squares();
+    let of_order = |order: &f64| {
+        let bin = ((order / level.density.bin).round() as usize).min(level.floor.len().saturating_sub(1));
+        // Twice the sum of weighted samples, of a density over one side.
+        let noise = 2.0 * own.angle.per_turn[0] as f64 * squares * level.floor[bin];
+        let power =
+            |samples: &[f64]| weighted.sums(samples, *order).iter().sum::<rustfft::num_complex::Complex64>().norm_sqr();
+        (power(before) - power(after)) / noise.max(f64::MIN_POSITIVE)
+    };
+    orders.iter().map(of_order).sum()
+}
+
+/// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
+pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
+    if adopted.candidate.locked {
+        return worth.ln_bayes > LEAST;
+    }
+    let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
+    predicts && worth.ln_bayes > 0.0
+}
