@@ -103,6 +103,14 @@ impl Seen {
             })
     }
 
+    /// Whether another speed is a multiple of the own one whose mesh leaves out harmonics that stand: its lines are all there at the own speed, too.
+    fn has_harmonics_between(&self, other_shaft_hz: f64) -> bool {
+        let multiple = (other_shaft_hz / self.shaft_hz).round();
+        let is_multiple = multiple >= 2.0 && (other_shaft_hz / self.shaft_hz / multiple - 1.0).abs() < SAME_FACTOR;
+        let between = (1..=2 * HARMONICS).filter(move |h| !h.is_multiple_of(multiple as usize));
+        is_multiple && self.mean(&[0, 1], self.mesh_hz(), between) > LEAST_OF_CHANNEL
+    }
+
     /// Number by which the declared pulses per turn are wrong, as a factor on the speed.
     fn pulses_factor(&self) -> Option<f64> {
         let split = |fundamental: f64, k: usize| {
@@ -161,7 +169,7 @@ fn place(seen: &[Seen], r: usize) -> (f64, f64, f64, Place) {
         let (level, factor) = own.best(1.0 + f64::from(d) / own.teeth, near);
         (level, factor, Place::Teeth(d))
     });
-    let others = (0..seen.len()).filter(|&o| o != r).map(|o| {
+    let others = (0..seen.len()).filter(|&o| o != r && !own.has_harmonics_between(seen[o].shaft_hz)).map(|o| {
         let (level, factor) = own.best(seen[o].shaft_hz / own.shaft_hz, own.per_bin());
         (level, factor, Place::OtherRun(o))
     });
