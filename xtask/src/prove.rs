@@ -1,20 +1,11 @@
 //! `cargo xtask prove`, `prove-field` and `blind`: the loop's proof campaigns and its answers on the blind records.
 
-use crate::shell::{Outcome, cargo, root, run, say, timed};
+use crate::shell::{Outcome, programs, root, run, say, timed};
 use std::path::PathBuf;
-
-/// Builds the command once, so that later steps only run it.
-fn meshband() -> Outcome<PathBuf> {
-    timed("the meshband command", || {
-        run(&mut cargo(&["build", "--quiet", "--release", "--package", "meshband-host", "--bin", "meshband"]))
-    })?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    Ok(target.join("release").join(format!("meshband{}", std::env::consts::EXE_SUFFIX)))
-}
 
 /// The campaign of the proof; further arguments go to `meshband prove` in place of the counts.
 pub fn campaign(args: &[String]) -> Outcome {
-    let program = meshband()?;
+    let [program] = programs(["meshband"])?;
     let docs = root().join("docs/proof");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
     let counts = "--null 200 --power 252 --levels 2,20,2,2,2,2,2,2,2 --leave-one-out 27 --two 13 --seconds 1 --seed 1";
@@ -36,7 +27,7 @@ pub fn campaign(args: &[String]) -> Outcome {
 
 /// The campaign of the kinematic level; further arguments go to `meshband prove --field` in place of the counts.
 pub fn field(args: &[String]) -> Outcome {
-    let program = meshband()?;
+    let [program] = programs(["meshband"])?;
     let docs = root().join("docs/proof/field");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
     let counts = "--null 100 --power 138 --levels 4,2,4,8,4,20 --seed 20261122";
@@ -61,7 +52,7 @@ pub fn blind() -> Outcome {
         .filter(|path| path.join("record.toml").is_file())
         .collect();
     cases.sort();
-    let program = meshband()?;
+    let [program] = programs(["meshband"])?;
     let docs = root().join("docs/blind");
     for case in cases {
         let name = case.file_name().unwrap_or_default().to_string_lossy().into_owned();

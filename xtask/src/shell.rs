@@ -49,6 +49,17 @@ pub fn capture(command: &mut Command) -> Outcome<String> {
     Err(format!("`{}` failed ({}):\n    {reason}", describe(command), output.status))
 }
 
+/// Builds programs of the workspace and gives their places. A test is built along: the packages then get the features that they have in
+/// the tests, so that nothing is built a second time.
+pub fn programs<const N: usize>(names: [&str; N]) -> Outcome<[PathBuf; N]> {
+    timed(&names.join(", "), || {
+        let mut build = cargo(&["build", "--quiet", "--release", "--test", "supply_chain"]);
+        run(build.args(names.iter().flat_map(|name| ["--bin", name])))
+    })?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    Ok(names.map(|name| target.join("release").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))))
+}
+
 /// Repeats a step that needs the network: three attempts, a growing pause between them.
 pub fn with_retries<T>(what: &str, mut step: impl FnMut() -> Outcome<T>) -> Outcome<T> {
     const ATTEMPTS: u64 = 3;

@@ -5,7 +5,7 @@
 //! `cargo xtask test` runs it last, when the command it is compared with is built; what this machine lacks makes it skipped there, a test that
 //! fails makes it fail.
 
-use crate::shell::{Outcome, capture, cargo, last_line, on_path, root, run, say, timed};
+use crate::shell::{Outcome, capture, cargo, last_line, on_path, programs, root, run, say, timed};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -50,7 +50,7 @@ pub fn test(command_is_built: bool) -> Outcome<Option<String>> {
     let wheel = only_wheel(&wheels)?;
     timed("installation", || pip(&own, &["--force-reinstall", "--no-deps", &wheel.display().to_string()]))?;
     if !command_is_built {
-        timed("command", || run(&mut cargo(&["build", "--quiet", "--release", "--bin", "meshband"])))?;
+        programs(["meshband"])?;
     }
     timed("tests and notebooks", || {
         let mut tests = Command::new(&own);
@@ -74,12 +74,18 @@ fn python() -> Option<PathBuf> {
     })
 }
 
-/// An environment with what building and testing need, and without any former wheel.
+/// An environment with what building and testing need, and without any former wheel. What it holds is noted in it: asking pip again for
+/// what is there takes a minute on a slow disk.
 fn fresh_environment(python: &Path, environment: &Path, own: &Path) -> Outcome {
-    if !own.is_file() {
+    let needs = [&["maturin>=1.7,<2"][..], &TEST_NEEDS[..]].concat();
+    let (note, held) = (environment.join("holds.txt"), format!("{}\n{}\n", python.display(), needs.join("\n")));
+    if !own.is_file() || std::fs::read_to_string(&note).is_ok_and(|noted| noted != held) {
         capture(Command::new(python).args(["-m", "venv", "--clear"]).arg(environment))?;
     }
-    pip(own, &[&["maturin>=1.7,<2"][..], &TEST_NEEDS[..]].concat())?;
+    if !note.is_file() {
+        pip(own, &needs)?;
+        std::fs::write(&note, held).map_err(|e| format!("{}: {e}", note.display()))?;
+    }
     let uninstall = ["-m", "pip", "--quiet", "--disable-pip-version-check", "uninstall", "-y", "meshband"];
     capture(Command::new(own).args(uninstall)).map(drop)
 }

@@ -1,17 +1,8 @@
 //! Whole commands on ordinary inputs: processor seconds, wall seconds, peak memory.
 
-use crate::shell::{Outcome, capture, cargo, command, root, run, timed};
+use crate::shell::{Outcome, capture, command, root, timed};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
-
-/// The released command, built.
-pub fn program() -> Outcome<PathBuf> {
-    timed("the meshband command", || {
-        run(&mut cargo(&["build", "--quiet", "--release", "--package", "meshband-host", "--bin", "meshband"]))
-    })?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    Ok(target.join("release").join(format!("meshband{}", std::env::consts::EXE_SUFFIX)))
-}
+use std::path::Path;
 
 /// Name, arguments and the input whose bytes count, if any. A word that begins with `@` is a path of the folder.
 const COMMANDS: [(&str, &str, Option<&str>); 7] = [

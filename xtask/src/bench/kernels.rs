@@ -25,7 +25,7 @@ pub struct Kernels {
 /// Builds and runs the benches in the profile that users run.
 pub fn measure() -> Outcome<Kernels> {
     timed("our kernels", || {
-        let bench = ["bench", "--profile", "release", "--quiet", "--package", "meshband-tests", "--bench", "dynamics"];
+        let bench = ["bench", "--profile", "release", "--quiet", "--bench", "dynamics"];
         run(&mut cargo(&bench))
     })?;
     let mut seconds = [0.0; BENCHES.len()];

@@ -8,7 +8,7 @@ mod kernels;
 pub mod node;
 mod peers;
 
-use crate::shell::{Outcome, TemporaryFolder, capture, command, root, say};
+use crate::shell::{Outcome, TemporaryFolder, capture, command, programs, root, say};
 use std::fmt::Write;
 
 /// `--without-ross` leaves out the peer whose installation is large.
@@ -20,7 +20,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     };
     let folder = TemporaryFolder::new("bench")?;
     let python = peers::python(with_ross)?;
-    let program = commands::program()?;
+    let [program] = programs(["meshband"])?;
     let kernels = kernels::measure()?;
     let scipy = peers::scipy(&python)?;
     let ross = if with_ross { Some(peers::ross_s(&python, &program)?) } else { None };

@@ -6,7 +6,7 @@
 
 mod terminal;
 
-use crate::shell::{Outcome, TemporaryFolder, capture, cargo, command, on_path, root, run, say, timed};
+use crate::shell::{Outcome, TemporaryFolder, capture, command, on_path, programs, root, say, timed};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// Makes them all, or only those whose names are given.
 pub fn run_task(names: &[String]) -> Outcome {
     if given().is_none() {
-        timed("command", || run(&mut cargo(&["build", "--quiet", "--release", "--bin", "meshband"])))?;
+        programs(["meshband"])?;
     }
     let folder = TemporaryFolder::new("screenshots")?;
     let pictures = root().join("docs/pictures");

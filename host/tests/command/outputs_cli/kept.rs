@@ -1,6 +1,6 @@
 //! What is read and what is somebody's stays as it is.
 
-use crate::{
+use super::{
     accepted, command, content, edit, fresh, is_refusal, machine, names, record_at, refused, simulation, text,
 };
 use std::path::Path;

@@ -1,8 +1,6 @@
 //! `simulate --field`, then `import` of its files: what is measured against the truth that no import reads.
 
-mod common;
-
-use common::{accepted, folder, machine, refused, text};
+use crate::common::{accepted, folder, machine, refused, text};
 use meshband_host::record::Record;
 use meshband_host::spectral::AngleMap;
 use serde_json::Value;

@@ -1,8 +1,6 @@
 //! Files to import that say something else than they seem to, and files that would exhaust the machine.
 
-mod common;
-
-use common::{accepted, folder, refused, text};
+use crate::common::{accepted, folder, refused, text};
 use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 use std::io::Write;

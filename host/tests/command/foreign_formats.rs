@@ -1,8 +1,6 @@
 //! Files of foreign formats, made by independent writers (`fixtures/formats/make.py`): every value as written, damage said in one line.
 
-mod common;
-
-use common::{accepted, folder, refused, text};
+use crate::common::{self, accepted, folder, refused, text};
 use meshband_host::import::read;
 use meshband_host::record::Record;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,6 @@
 //! `meshband import --tach`: pulses of a tachometer that was recorded, against the motion that made them.
 
-mod common;
-
-use common::{accepted, folder, refused, text};
+use crate::common::{accepted, folder, refused, text};
 use meshband_host::record::{Record, npy};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -1,8 +1,6 @@
 //! Machines, effects and options that make no sense or would run for ever: refused at once, with key and figure.
 
-mod common;
-
-use common::{accepted, altered, folder, machine, refused, text};
+use crate::common::{accepted, altered, folder, machine, refused, text};
 use std::path::{Path, PathBuf};
 
 /// The check machine with its table in a folder of its own, with one text replaced.

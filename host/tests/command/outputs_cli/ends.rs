@@ -1,6 +1,6 @@
 //! However a command ends: the old state or the new one, results before text.
 
-use crate::{
+use super::{
     accepted, command, content, fresh, is_refusal, long_simulation, machine, names, program, record_at, refused,
     signal, simulation, stderr, text, wait_for,
 };

@@ -1,8 +1,6 @@
 //! Nodes that say nothing, and nodes that never stop answering.
 
-mod common;
-
-use common::{folder, meshband_within, refused, text};
+use crate::common::{folder, meshband_within, refused, text};
 use meshband::config::SCHEMA;
 use meshband::frame::{MAX_FRAME, encode};
 use meshband::identity::VERSION;

@@ -1,7 +1,6 @@
 //! The analysis of records against signals whose truth is known: amplitudes, modulation, teeth, passages, families, noise.
 
-mod common;
-
+use crate::common;
 use meshband::gear_condition;
 use meshband::indicators::RunEnsemble;
 use meshband_host::analysis::families::Kind;

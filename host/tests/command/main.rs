@@ -1,0 +1,19 @@
+//! The built command and what it reads, one file per part; one program, because each one more only costs linking the host.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod analyse;
+mod cli;
+mod field;
+mod foreign_formats;
+mod hostile_import;
+mod hostile_link;
+mod hostile_machine;
+mod import_tach;
+mod link_cli;
+mod machine_wizard;
+mod monitor;
+#[cfg(unix)]
+mod outputs_cli;
+mod outputs_text;
