@@ -251,3 +251,24 @@ fn fault_wrong_options_are_one_line_and_help_stays_whole() {
     assert!(accepted(&["simulate", "--help"]).lines().count() > 20);
     assert!(accepted(&["--version"]).starts_with("meshband"));
 }
+
+#[test]
+fn regress_a_run_at_twice_the_speed_of_another_is_not_taken_for_it() {
+    let folder = folder("twice");
+    let (machine, out) = (text(&machine("paper-rig.toml")), out(&folder));
+    accepted(&["simulate", &machine, "-o", &out, "--speed", "10,20", "--duration", "1"]);
+    let said = accepted(&["check", &out]);
+    assert!(said.contains("no finding"), "{said}");
+}
+
+#[test]
+fn claim_a_machine_file_need_not_state_damping() {
+    let folder = folder("damping");
+    let source = machine("paper-rig.toml");
+    let whole = std::fs::read_to_string(&source).expect("a machine");
+    let without: Vec<&str> = whole.lines().filter(|l| !l.contains("_damping_n")).collect();
+    assert!(without.len() + 2 <= whole.lines().count(), "the machine states damping");
+    let own = folder.join("machine.toml");
+    std::fs::write(&own, without.join("\n")).expect("written");
+    accepted(&["simulate", &text(&own), "-o", &out(&folder), "--speed", "20", "--duration", "0.3"]);
+}

@@ -164,6 +164,22 @@ fn wav(path: &Path, channels: &[Vec<f64>]) -> String {
     text(path)
 }
 
+/// Every channel in 16 bits, nine tenths of them used.
+fn integer_wav(path: &Path, channels: &[Vec<f64>]) -> String {
+    let spec = hound::WavSpec {
+        channels: channels.len() as u16,
+        sample_rate: RATE_HZ as u32,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::create(path, spec).expect("a wav");
+    let largest = |c: &Vec<f64>| c.iter().fold(f64::MIN_POSITIVE, |m: f64, x| m.max(x.abs()));
+    let shares: Vec<Vec<f64>> = channels.iter().map(|c| c.iter().map(|x| x / largest(c)).collect()).collect();
+    interleaved(&shares).into_iter().for_each(|x| writer.write_sample((29_490.0 * x) as i16).expect("written"));
+    writer.finalize().expect("written");
+    text(path)
+}
+
 fn csv(path: &Path, names: &[&str], channels: &[Vec<f64>]) -> String {
     let mut rows = format!("time_s,{}\n", names.join(","));
     for n in 0..channels[0].len() {
@@ -283,6 +299,22 @@ fn theory_rising_and_falling_edges_of_a_wav_channel_follow_the_shaft() {
     imported(&folder, &[&file], &["--tach", "3", "--report", &report]);
     let html = std::fs::read_to_string(&report).expect("a report");
     assert!(html.contains("Speed of the tachometer") && html.contains("<svg"), "a picture of the speed");
+}
+
+#[test]
+fn theory_a_table_of_full_scales_may_have_a_row_for_the_tachometer() {
+    let (folder, rig) = (folder("tach-full-scale"), Rig::new());
+    let file = integer_wav(&folder.join("run00.wav"), &rig.channels());
+    let table = folder.join("full-scale.csv");
+    std::fs::write(&table, "channel,unit,full_scale\n1,m/s2,64\n2,m/s2,32\n3,V,5\n").expect("written");
+    let options = |scales: &'static str| ["--tach", "3", "--teeth", "23,61", "--source-full-scale", scales];
+    let two = imported(&folder, &[&file], &options("64,32")).1;
+    let table = text(&table);
+    let all = imported(&folder, &[&file], &["--tach", "3", "--teeth", "23,61", "--source-full-scale", &table]).1;
+    assert_eq!(all.runs[0].edges_s, two.runs[0].edges_s);
+    assert_eq!((all.runs[0].codes(), all.runs[0].step()), (two.runs[0].codes(), two.runs[0].step()));
+    assert_eq!(all.runs[0].channels(), 2);
+    refused_import(&folder, &file, &options("64,32,5,5"), &["--source-full-scale", "4 values for 2 channels"]);
 }
 
 #[test]
