@@ -24,6 +24,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 use std::time::{Duration, Instant};
+use surrogates::Surrogate;
 
 /// Multiples of the printed limit that are injected.
 pub const STRENGTHS: [f64; 5] = [0.4, 0.63, 1.0, 1.6, 2.5];
@@ -105,7 +106,7 @@ pub fn run(record: &Record, options: &Options) -> Result<Outcome> {
     let teeth = record.declaration.teeth().ok_or_else(|| Error::invalid(place.display(), "has no tooth counts"))?;
     let scene = Scene::of(record, record.require_tach()?, teeth)?;
     let baseline = Baseline::of(&scene);
-    let views = residual::views(&scene, &baseline, |split| &split.fit, None);
+    let views = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
     let mut found = search::search(&scene, &views);
     carry::carry(&mut found, &scene, &views);
     let adopted: Vec<&Adopted> = found.adopted.iter().collect();
@@ -126,7 +127,7 @@ pub fn run(record: &Record, options: &Options) -> Result<Outcome> {
     let mut planned: Vec<(Effect, Candidate)> = Vec::new();
     for (family, candidate) in library {
         match printed.iter().find(|limit| limit.family == family) {
-            Some(Limit { found_in_half: Some(half), unit, .. }) => {
+            Some(Limit { found_in_half: Some(half), unit, .. }) if !found.knows(&candidate, &scene) => {
                 let counts = STRENGTHS.map(|of_limit| Count { of_limit, ..Count::default() }).to_vec();
                 let effect = Effect { family, limit: *half, unit: unit.clone(), counts, half_over_limit: None };
                 planned.push((effect, candidate));
@@ -160,7 +161,7 @@ pub fn run(record: &Record, options: &Options) -> Result<Outcome> {
             outcome.cut_short = true;
             break;
         }
-        let views = surrogates::views(&scene, &baseline, &views, options.seed.wrapping_add(i as u64));
+        let Surrogate { scene, views } = Surrogate::new(&scene, &baseline, options.seed.wrapping_add(i as u64));
         let nothing = search::nothing(&scene, &views);
         outcome.surrogates[0] += 1;
         outcome.surrogates[1] += usize::from(nothing.next(&scene, &views).is_some());

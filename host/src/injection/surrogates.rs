@@ -1,12 +1,13 @@
-//! Backgrounds with nothing in them: noise of the record's own colour.
+//! Backgrounds with nothing in them: the mesh lines as they are, and noise of the record's own colour in place of everything else.
 //!
-//! Every channel's residual keeps the floor of its spectrum, smoothed over neighbouring bins by a running median, and gets random amplitudes and phases: no line, no
-//! locking, the same slopes and resonances. Limit: stationary, which a machine's background is not quite.
+//! What the mesh leaves of every channel keeps the floor of its spectrum over frequency, smoothed over neighbouring bins by a running median, and gets random
+//! amplitudes and phases: no line, no locking, no impulse, the same slopes and resonances, in every view that families are read from. Limit: stationary, which a
+//! machine's background is not quite.
 
-use crate::kinematic::baseline::Baseline;
-use crate::kinematic::residual::Views;
+use crate::analysis::envelope::not_locked;
+use crate::kinematic::baseline::{Baseline, Grids};
+use crate::kinematic::residual::{self, Views};
 use crate::kinematic::scene::Scene;
-use crate::kinematic::spectra::Spectra;
 use crate::spectral::running_median;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -18,22 +19,40 @@ use rustfft::num_complex::Complex64;
 /// Bins between two medians.
 const HOP: usize = 32;
 
-/// The views with an order spectrum of noise; the other two are the record's.
-pub fn views(scene: &Scene, baseline: &Baseline, views: &Views, seed: u64) -> Views {
-    let of_channel = |r: usize, c: usize| {
-        let own = seed.wrapping_mul(1_000_003).wrapping_add((r * 64 + c) as u64);
-        noise(&baseline.calibrated[r][c], &mut ChaCha8Rng::seed_from_u64(own))
-    };
-    let grids: Vec<Vec<Vec<f64>>> = (0..scene.runs.len())
-        .map(|r| (0..scene.searched).into_par_iter().map(|c| of_channel(r, c)).collect())
-        .collect();
-    Views {
-        orders: Spectra::over_orders(scene, &grids, |r| scene.runs[r].split.fit.clone()),
-        envelope: views.envelope.clone(),
-        whole_envelope: views.whole_envelope.clone(),
-        frequency: views.frequency.clone(),
-        folded: views.folded.clone(),
-        bands: views.bands.clone(),
+/// A record without an effect, and its views.
+pub struct Surrogate {
+    /// The record.
+    pub scene: Scene,
+    /// The views of its fitted turns.
+    pub views: Views,
+}
+
+impl Surrogate {
+    /// Of a record, with a seed.
+    pub fn new(scene: &Scene, baseline: &Baseline, seed: u64) -> Self {
+        let mut surrogate = scene.clone();
+        let mut calibrated: Grids = baseline.calibrated.clone();
+        for (r, run) in scene.runs.iter().enumerate() {
+            let of_channel = |c: usize| {
+                let mesh: Vec<f64> =
+                    run.samples[c].iter().zip(&baseline.calibrated[r][c]).map(|(x, rest)| x - rest).collect();
+                let rest = not_locked(&run.signals[c], run.rate_hz, &mesh, &run.angle);
+                let own = seed.wrapping_mul(1_000_003).wrapping_add((r * 64 + c) as u64);
+                let noise = noise(&rest, &mut ChaCha8Rng::seed_from_u64(own));
+                let changed = run.signals[c].iter().zip(&rest).zip(&noise).map(|((x, rest), noise)| x - rest + noise);
+                let signal: Vec<f64> = changed.collect();
+                let samples = run.on_grid(&signal, scene.highest_order);
+                let left: Vec<f64> = samples.iter().zip(&mesh).map(|(x, mesh)| x - mesh).collect();
+                (signal, samples, left)
+            };
+            let channels: Vec<_> = (0..scene.channels.len()).into_par_iter().map(of_channel).collect();
+            let own = &mut surrogate.runs[r];
+            for (c, (signal, samples, left)) in channels.into_iter().enumerate() {
+                (own.signals[c], own.samples[c], calibrated[r][c]) = (signal, samples, left);
+            }
+        }
+        let views = residual::views(&surrogate, &calibrated, |split| &split.fit, None);
+        Self { scene: surrogate, views }
     }
 }
 

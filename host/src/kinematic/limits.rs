@@ -26,12 +26,12 @@ const STEPS: i32 = 64;
 /// Seed of the phases.
 const SEED: u64 = 16;
 
-/// Limits of every family of the library that was not adopted.
+/// Limits of every family of the library that was not adopted, nor is part of one that was.
 pub fn limits(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search, adopted: &[&Adopted]) -> Vec<Limit> {
     let context = context(scene, views, &found.taken, &found.feet);
-    let is_found = |kind: Kind| adopted.iter().any(|a| a.candidate.kind == kind);
+    let is_found = |c: &Candidate| adopted.iter().any(|a| a.candidate.kind == c.kind || a.explains(c, scene));
     let library = library(&context);
-    let missing = library.into_iter().filter(|(_, c)| !is_found(c.kind));
+    let missing = library.into_iter().filter(|(_, c)| !is_found(c));
     missing.map(|(family, c)| limit(scene, baseline, views, found, &family, &c)).collect()
 }
 

@@ -63,16 +63,16 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let teeth = if declaration.has_no_gears() { NO_GEARS } else { declaration.teeth().ok_or_else(missing)? };
     let scene = Scene::of(record, record.require_tach()?, teeth)?;
     let baseline = Baseline::of(&scene);
-    let fit = residual::views(&scene, &baseline, |split| &split.fit, None);
+    let fit = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
     let own = mesh_place::spectra(&scene, |split| &split.fit);
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
-        residual::views(&scene, &baseline, |split| &split.held_out, Some(&fit.bands))
+        residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands))
     } else {
-        residual::views(&scene, &baseline, |split| &split.fit, Some(&fit.bands))
+        residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit.bands))
     };
     let views = [&fit, &held];
     let all: Vec<&Adopted> = found.adopted.iter().collect();

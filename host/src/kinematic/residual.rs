@@ -4,7 +4,7 @@
 //! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too. The other envelope
 //! is of everything: damage may excite another band than the most impulsive one, which a rig's own knocks may have.
 
-use super::baseline::Baseline;
+use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
 use super::families::tooth::piece;
 use super::scene::{Scene, SceneRun};
@@ -59,18 +59,18 @@ impl Views {
     }
 }
 
-/// Views of the stretches that `stretches` chooses; `bands` of an earlier view, or `None` to choose them.
+/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves; `bands` of an earlier view, or `None` to choose them.
 pub fn views(
     scene: &Scene,
-    baseline: &Baseline,
+    calibrated: &Grids,
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
     bands: Option<&Vec<Vec<Band>>>,
 ) -> Views {
-    let orders = Spectra::over_orders(scene, &baseline.calibrated, |r| stretches(&scene.runs[r].split).to_vec());
+    let orders = Spectra::over_orders(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let given = bands.map(|bands| bands[r][c]);
-        of_channel(run, &run.samples[c], &baseline.calibrated[r][c], &run.signals[c], stretches(&run.split), given)
+        of_channel(run, &run.samples[c], &calibrated[r][c], &run.signals[c], stretches(&run.split), given)
     };
     let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())
         .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())

@@ -40,6 +40,19 @@ pub struct Adopted {
     pub impulsive: bool,
 }
 
+impl Adopted {
+    /// Whether a candidate is what this family has explained.
+    pub fn explains(&self, candidate: &Candidate, scene: &Scene) -> bool {
+        let own = &self.candidate;
+        let same_shaft_kind = match (own.kind, candidate.kind) {
+            (Kind::SingleTooth(a) | Kind::Pattern(a), Kind::Modulation(b) | Kind::Pattern(b)) => a == b,
+            (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_)), b) => a == b,
+            _ => false,
+        };
+        same_shaft_kind || (candidate.is_base() && own.is_base() && derived(candidate.base, own, scene))
+    }
+}
+
 /// Sidebands about the lines of a family of neither shaft.
 #[derive(Debug, Clone)]
 pub struct Carries {
@@ -142,7 +155,7 @@ impl Search {
     fn round(&mut self, scene: &Scene, views: &Views) -> Option<Adopted> {
         let context = context(scene, views, &self.taken, &self.feet);
         let candidates: Vec<Candidate> =
-            families::all(&context).into_iter().filter(|c| !self.is_known(c, scene)).collect();
+            families::all(&context).into_iter().filter(|c| !self.knows(c, scene)).collect();
         self.tried += candidates.len();
         let strength = |c: &Candidate| {
             let field = views.field(&self.taken, c.domain, 0..scene.searched);
@@ -165,7 +178,7 @@ impl Search {
             if verdict.refused.is_none() {
                 let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);
                 verdict.refused =
-                    by_higher_base(&candidate, &verdict, higher.as_ref(), |higher| self.is_known(higher, scene));
+                    by_higher_base(&candidate, &verdict, higher.as_ref(), |higher| self.knows(higher, scene));
             }
             if verdict.refused.is_none() {
                 found = Some((candidate, verdict));
@@ -200,17 +213,8 @@ impl Search {
     }
 
     /// Whether a candidate is what an adopted family has explained already.
-    fn is_known(&self, candidate: &Candidate, scene: &Scene) -> bool {
-        self.adopted.iter().any(|own| {
-            let same_shaft_kind = match (own.candidate.kind, candidate.kind) {
-                (Kind::SingleTooth(a), Kind::Modulation(b) | Kind::Pattern(b)) => a == b,
-                (Kind::Pattern(a), Kind::Modulation(b) | Kind::Pattern(b)) => a == b,
-                (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_)), b) => a == b,
-                _ => false,
-            };
-            same_shaft_kind
-                || (candidate.is_base() && own.candidate.is_base() && derived(candidate.base, &own.candidate, scene))
-        })
+    pub fn knows(&self, candidate: &Candidate, scene: &Scene) -> bool {
+        self.adopted.iter().any(|own| own.explains(candidate, scene))
     }
 
     fn take(&mut self, scene: &Scene, views: &Views, found: Adopted) {
