@@ -36,6 +36,7 @@ cargo xtask TASK
   damage       6600 attacks on the command (damaged inputs, interrupts, full disks, ...), into docs/damage.md;
                --cases N --seed S, or --only FAMILY:NUMBER to make one again
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
+  test-long    the tests that `test` leaves out because of their length, into docs/long-tests.md
   node-build   all firmware images, with their sizes
   size         text, data and bss of the images against limits and snapshots, and where they can panic
   pace         with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into docs/pace.md
@@ -45,7 +46,8 @@ cargo xtask TASK
   screenshots  pictures of the reports and of the live view, into docs/pictures (names of pictures may follow)
   gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
-  fuzz         every target of tests/tests/fuzz for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md; names of targets may follow
+  fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md;
+               names of targets may follow (then only printed), MESHBAND_FUZZ_JOBS run at a time
   soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into docs/soak.md
   supply-chain bill of materials, and cargo-deny where it is installed
   reproducible all images twice in two folders, compared byte by byte, into docs/reproducible.md
@@ -60,6 +62,7 @@ fn main() -> ExitCode {
         "setup" => setup::run(),
         "demo" => demo::run(&rest),
         "test" => suite::run(),
+        "test-long" => suite::run_long(),
         "prove" => prove::campaign(&rest),
         "prove-field" => prove::field(&rest),
         "blind" => prove::blind(),

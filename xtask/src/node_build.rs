@@ -16,7 +16,7 @@ pub const BOARDS: [&str; 2] = ["an386", "stm32f405"];
 pub const IMAGES: [(&str, &str); 3] = [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405")];
 
 /// The board the limits are meant for.
-const RELEASED: &str = "stm32f405";
+pub const RELEASED: &str = "stm32f405";
 /// Bytes of flash a released image may take (issue 6).
 const FLASH_LIMIT: u64 = 160 * 1024;
 /// Bytes of static RAM a released image may take (issue 6): CCM and SRAM of the STM32F405 less the stack.

@@ -2,16 +2,19 @@
 
 use crate::node_build::{self, IMAGES};
 use crate::setup::{self, TARGET};
-use crate::shell::{Outcome, cargo, timed};
-use crate::wheel;
+use crate::shell::{Outcome, capture, cargo, command, root, timed};
+use crate::{supply, wheel};
+use std::fmt::Write;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
+use std::time::Instant;
 
 /// Runs every step even after a failure, so that one run shows all there is to mend.
 pub fn run() -> Outcome {
     setup::run()?;
     let mut report = Report::default();
     report.step("firmware images", || node_build::build().and_then(|()| node_build::size(&[])));
+    report.step("released image, byte by byte the same in another folder", supply::image_elsewhere);
     report.step("formatting", || run_cargo(&["fmt", "--all", "--check"]));
     report.step("lints of host crates", || {
         run_cargo(&["clippy", "--quiet", "--release", "--all-targets", "--", "--deny", "warnings"])
@@ -23,9 +26,41 @@ pub fn run() -> Outcome {
         crate::shell::run(cargo(&["doc", "--quiet", "--release", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"))
     });
     let mut tests = TestLog::default();
-    report.step("tests", || tests.run());
+    report.step("tests", || tests.run(&[]));
+    report.step_or_skip("advisories", supply::advisories);
     report.step_or_skip("Python package", || wheel::test(true));
     report.close(&tests)
+}
+
+const LONG_HEAD: &str = "\
+# Long tests
+
+Written by `cargo xtask test-long`: the tests that `cargo xtask test` leaves out because of their length (`#[ignore]` in the sources). Of each, a
+shorter one of the same file stays in the test command: fewer cases, or one effect in place of several.
+
+";
+
+/// `cargo xtask test-long`: the tests that the test command leaves out, into `docs/long-tests.md`.
+pub fn run_long() -> Outcome {
+    setup::run()?;
+    node_build::build()?;
+    let (mut tests, start) = (TestLog::default(), Instant::now());
+    let outcome = timed("long tests", || tests.run(&["--ignored"]));
+    let said = |words: &[&str]| capture(command(words).current_dir(root())).map(|text| text.trim().to_owned());
+    let mut page = format!(
+        "{LONG_HEAD}Commit {}, {}, {:.0} s (wall clock, builds included).\n\n| test | outcome |\n| --- | --- |\n",
+        said(&["git", "rev-parse", "--short", "HEAD"])?,
+        said(&["date", "-u", "+%Y-%m-%d"])?,
+        start.elapsed().as_secs_f64()
+    );
+    let rows = tests.passed_names.iter().map(|name| (name, "passed"));
+    for (name, word) in rows.chain(tests.failed.iter().map(|name| (name, "FAILED"))) {
+        let _ = writeln!(page, "| {name} | {word} |");
+    }
+    print!("{page}");
+    let path = root().join("docs/long-tests.md");
+    std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?;
+    outcome
 }
 
 fn run_cargo(args: &[&str]) -> Outcome {
@@ -105,13 +140,16 @@ impl Report {
 #[derive(Default)]
 struct TestLog {
     passed: usize,
+    passed_names: Vec<String>,
     failed: Vec<String>,
     skipped: Vec<String>,
 }
 
 impl TestLog {
-    fn run(&mut self) -> Outcome {
+    /// Runs the tests that `which` chooses (`--ignored`: the long ones).
+    fn run(&mut self, which: &[&str]) -> Outcome {
         let mut child = cargo(&["test", "--release", "--no-fail-fast", "--", "--show-output"])
+            .args(which)
             .stdout(Stdio::piped())
             .spawn()
             .map_err(|e| format!("cargo test: {e}"))?;
@@ -128,8 +166,12 @@ impl TestLog {
                 self.skipped.push(line.clone());
                 skipped_here += 1;
             }
-            if let Some(name) = line.strip_prefix("test ").and_then(|l| l.strip_suffix(" ... FAILED")) {
-                self.failed.push(name.to_owned());
+            if let Some((name, outcome)) = line.strip_prefix("test ").and_then(|l| l.split_once(" ... ")) {
+                match outcome {
+                    "FAILED" => self.failed.push(name.to_owned()),
+                    "ok" => self.passed_names.push(name.to_owned()),
+                    _ => {}
+                }
             }
             if line.starts_with("test result:") {
                 output_of_passed = false;

@@ -135,8 +135,18 @@ fn machines(folder: &Path) -> std::io::Result<()> {
 const ABSENT_CASE: &str = "title = 'absent'\nsource = 'nowhere'\ncaution = 'none'\nfiles = ['0']\npath = '{}.npy'\nrate_hz = 5120\nunit = 'unknown'\n\
 teeth = [23, 46]\n";
 
-/// A mesh tone with harmonics and shaft sidebands over a little noise, in every format that is read.
+/// A mesh tone with harmonics and shaft sidebands over a little noise, in every format that is read, and a case.
 fn imports(folder: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder.join("cases"))?;
+    std::fs::write(folder.join("cases/absent.toml"), ABSENT_CASE)?;
+    import_files(IMPORT_SAMPLES)?.into_iter().try_for_each(|(name, bytes)| std::fs::write(folder.join(name), bytes))
+}
+
+/// The tone in every format, by name.
+///
+/// # Errors
+/// None in memory.
+pub fn import_files(samples: u32) -> std::io::Result<Vec<(&'static str, Vec<u8>)>> {
     let mut state = 1_u64;
     let mut noise = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -147,27 +157,26 @@ fn imports(folder: &Path) -> std::io::Result<()> {
         let swing = 1.0 + 0.3 * (mesh / 23.0).cos();
         swing * (mesh.cos() + 0.5 * (2.0 * mesh).cos() + 0.2 * (3.0 * mesh).sin()) + 0.1 * noise()
     };
-    let signal: Vec<f64> = (0..IMPORT_SAMPLES).map(&mut value).collect();
-    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes);
+    let signal: Vec<f64> = (0..samples).map(&mut value).collect();
     let csv: String = signal.iter().map(|x| format!("{x:.6}\n")).collect();
-    write("tone.csv", csv.as_bytes())?;
-    std::fs::create_dir_all(folder.join("cases"))?;
-    write("cases/absent.toml", ABSENT_CASE.as_bytes())?;
     let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
     packed.write_all(csv.as_bytes())?;
-    write("tone.csv.gz", &packed.finish()?)?;
     let rows = signal.iter().enumerate().take(500);
     let table: String = rows.map(|(n, x)| format!("{:.9},{x:.6},{:.6}\n", n as f64 / IMPORT_RATE_HZ, -x)).collect();
-    write("table.csv", format!("time,first,second\n{table}").as_bytes())?;
-    write("tone.wav", &wav(&signal))?;
     let floats: Vec<u8> = signal.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
-    write("tone.npy", &npy("<f4", &format!("({},)", signal.len()), &floats))?;
     let codes: Vec<u8> = signal.iter().flat_map(|x| ((x * 1000.0) as i16).to_le_bytes()).collect();
-    write("two.npy", &npy("<i2", &format!("({}, 2)", signal.len() / 2), &codes))?;
-    let array = mat_array("vibration", &floats[..8000], 7);
-    write("plain.mat", &mat_file(&[&array]))?;
-    write("tone.mat", &mat_file(&[&mat_packed(&mat_array("vibration", &floats, 7))?]))?;
-    write("tone.uff", uff58(&signal).as_bytes())
+    let array = mat_array("vibration", &floats[..floats.len().min(8000)], 7);
+    Ok(vec![
+        ("tone.csv", csv.into_bytes()),
+        ("tone.csv.gz", packed.finish()?),
+        ("table.csv", format!("time,first,second\n{table}").into_bytes()),
+        ("tone.wav", wav(&signal)),
+        ("tone.npy", npy("<f4", &format!("({},)", signal.len()), &floats)),
+        ("two.npy", npy("<i2", &format!("({}, 2)", signal.len() / 2), &codes)),
+        ("plain.mat", mat_file(&[&array])),
+        ("tone.mat", mat_file(&[&mat_packed(&mat_array("vibration", &floats, 7))?])),
+        ("tone.uff", uff58(&signal).into_bytes()),
+    ])
 }
 
 fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {

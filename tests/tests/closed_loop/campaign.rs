@@ -56,7 +56,7 @@ fn regress_a_campaign_resumes_from_its_log() {
         two: 0,
         levels: vec![2.0],
         only: Vec::new(),
-        duration_s: 2.0,
+        duration_s: 1.0,
         seed: 3,
         log: folder.path().join(log),
         verbose: false,

@@ -242,6 +242,7 @@ fn carries_over(hidden: &str, least: f64) {
 }
 
 #[test]
+#[ignore = "long: cargo xtask test-long"]
 fn loop_a_displacement_of_the_gear_predicts_every_run() {
     carries_over("eccentricity:amplitude=60e-6,phase=2.0,gear=1", 2.0);
 }
@@ -252,16 +253,19 @@ fn loop_a_cracked_tooth_of_the_gear_keeps_its_number_and_predicts_every_run() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask test-long"]
 fn loop_a_torque_locked_to_the_gear_predicts_every_run() {
     carries_over("load-fluctuation:depth=0.3,order=13,phase=0.9", 2.0);
 }
 
 #[test]
+#[ignore = "long: cargo xtask test-long"]
 fn loop_friction_of_the_flanks_predicts_every_run() {
     carries_over("friction:coefficient=0.01", 2.0);
 }
 
 #[test]
+#[ignore = "long: cargo xtask test-long"]
 fn loop_tells_a_swing_of_the_shaft_from_an_eccentric_gear_by_the_tachometer() {
     // Both carry the contact along its path once per turn of the gear; edges once per pinion turn see the swing as order 1 - 19/48.
     let made = made(&["speed-fluctuation:angle=0.004,order=0.3958333333"], &[11.7, 14.1, 18.9, 24.2], 0.8);

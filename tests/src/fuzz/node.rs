@@ -1,5 +1,8 @@
 //! Targets of the node: its link, its store, its tach, and a whole session.
 
+use crate::damage::byte_damage::damage;
+use crate::mock_flash::MockFlash;
+use crate::plant::configuration;
 use meshband::board::Timing;
 use meshband::config::{Configuration, TachWheel};
 use meshband::frame::{CRC32, Decoder, FrameError, Incoming, MAX_FRAME, Packet, encode};
@@ -10,15 +13,13 @@ use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::tach::TachTracker;
 use meshband::units::Hertz;
-use meshband_tests::damage::byte_damage::damage;
-use meshband_tests::mock_flash::MockFlash;
-use meshband_tests::plant::configuration;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const BOARD: Timing = Timing::STM32F405;
 type Flash = MockFlash<4096, 4>;
 
+/// Any damage.
 pub fn change_bytes(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) {
     damage(bytes, random);
 }
@@ -28,6 +29,7 @@ fn frame(packet: &Packet, sequence: u16) -> Vec<u8> {
     encode(packet, sequence, &mut buffer).expect("fits").to_vec()
 }
 
+/// One frame of each kind that carries much.
 pub fn frame_seeds() -> Vec<Vec<u8>> {
     let line = |i: usize| SpectralLine { frequency_hz: i as f32, amplitude: 1.0 };
     let lines = (0..MAX_PEAKS).map(line).collect();
@@ -104,6 +106,7 @@ pub fn frames(bytes: &[u8]) -> String {
     said.join(" ")
 }
 
+/// Flash with none to three configurations stored.
 pub fn flash_seeds() -> Vec<Vec<u8>> {
     let stored = |count: u16| {
         let mut store = Store::new(Flash::new(2, ChaCha8Rng::seed_from_u64(1)), 0);
@@ -144,6 +147,7 @@ pub fn store(bytes: &[u8]) -> String {
     format!("{origin:?} {} {alone:?}", saved.is_ok())
 }
 
+/// A quiet session, and one with requests.
 pub fn session_seeds() -> Vec<Vec<u8>> {
     // Edges every 12 500 ticks between blocks, requests in between.
     let mut quiet = Vec::new();
@@ -215,6 +219,7 @@ pub fn session(bytes: &[u8]) -> String {
     format!("{:?} {} {}", session.node().state(), frames.min(12), statistics.events.len())
 }
 
+/// Wheels with one tooth, many, and missing ones.
 pub fn tach_seeds() -> Vec<Vec<u8>> {
     let wheel = |teeth: u8, missing: u8, gap: u16| {
         let mut bytes = vec![teeth, missing];
