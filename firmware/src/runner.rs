@@ -7,6 +7,7 @@
 use crate::crash::{self, Cause};
 use crate::light::Code;
 use crate::stack::{self, StackUse};
+use core::mem::MaybeUninit;
 use embedded_storage::nor_flash::NorFlash;
 use meshband::board::{Board, Due, Link, Timing};
 use meshband::buffers::Buffers;
@@ -62,7 +63,7 @@ pub type NodeSession = Session<&'static mut Buffers>;
 
 /// State of the main loop.
 pub struct Runner<F: NorFlash> {
-    session: NodeSession,
+    session: &'static mut NodeSession,
     store: Store<F>,
     clock: TicksPerSecond,
     /// Whether a crystal drives the clocks, for the light.
@@ -80,12 +81,13 @@ pub struct Runner<F: NorFlash> {
 
 impl<F: NorFlash> Runner<F> {
     /// The node with its stored configuration, or the default where none is to be had or too many `failures` came in a row, and
-    /// what it has to say about the one that was not taken; for [`Runner::begin`] as soon as it lies in its place.
+    /// what it has to say about the one that was not taken; for [`Runner::begin`].
     ///
-    /// Not wrapped in an option, and put together in one expression: each wrapping of these 17 KB, and each change before they
-    /// lie where they stay, is another copy on the stack. A clock on which not even the default can run is a crash.
+    /// Built in a place of the caller's that is no part of the stack, and in one expression: each wrapping of these 12 KB, and each
+    /// change before they lie where they stay, is a copy on the stack. A clock on which not even the default can run is a crash.
     #[inline(never)]
     pub fn open(
+        place: &'static mut MaybeUninit<NodeSession>,
         mut store: Store<F>,
         timing: Timing,
         crystal: bool,
@@ -109,7 +111,7 @@ impl<F: NorFlash> Runner<F> {
             block_seen: None,
             stack_seen: 0,
             stack_due: 0,
-            session: Session::of_valid(configuration, timing, buffers),
+            session: place.write(Session::of_valid(configuration, timing, buffers)),
         }
     }
 
@@ -127,9 +129,8 @@ impl<F: NorFlash> Runner<F> {
         }
     }
 
-    /// Takes over a session; part of the caller for the same reason.
-    #[inline(always)]
-    pub fn new(session: NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
+    /// Takes over a session.
+    pub fn new(session: &'static mut NodeSession, store: Store<F>, clock: TicksPerSecond, crystal: bool) -> Self {
         let (lost_edges, block_seen, stack_seen, stack_due) = (0, None, 0, 0);
         let (flash_code, good_run) = (FlashCode::new(clock.0), GoodRun::new(clock));
         let complaint = None;
@@ -150,7 +151,7 @@ impl<F: NorFlash> Runner<F> {
 
     /// The session.
     pub fn session(&mut self) -> &mut NodeSession {
-        &mut self.session
+        self.session
     }
 
     /// Records an event of the board.
@@ -227,7 +228,7 @@ impl<F: NorFlash> Runner<F> {
 
     fn take_block(&mut self, board: &mut impl Board, now: u32) {
         // The frames of a block leave after the block is given back: its buffer is free again the sooner.
-        let session = &mut self.session;
+        let session = &mut *self.session;
         let mut end = now;
         board.with_block(&mut |block| end = session.take_block(block, now));
         session.send_messages(end, &mut |frame| {

@@ -185,6 +185,7 @@ fn values(seed: u64, machine: u32, node: u32, second: u64) -> [Message; 2] {
         quality: Quality { turns: 48, duration_s: 48.0 / speed, ..Quality::default() },
         velocity_rms: rms / (core::f32::consts::TAU * 20.0 * speed),
         velocity_band_hz: [10.0, 1000.0],
+        departures: Default::default(),
         pinion: orders(48, 0.02 * rms, scatter),
         wheel: orders(24, 0.015 * rms, |salt| scatter(salt + 6)),
     };

@@ -14,6 +14,7 @@ pub mod import;
 pub mod injection;
 pub mod kinematic;
 pub mod law;
+pub mod levels;
 pub mod link;
 pub mod machine;
 pub mod measured;

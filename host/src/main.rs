@@ -29,6 +29,8 @@ enum Command {
     Import(commands::import::Args),
     /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
     Law(commands::law::Args),
+    /// Expected levels of a sound machine for a node; departure against absolute alarms.
+    Levels(commands::levels::Args),
     /// A machine file from a few figures, what a machine file says, every key of it.
     Machine(commands::machine::Args),
     /// Tells a node its machine and law, and has it stored.
@@ -78,6 +80,7 @@ fn run(command: Command) -> Result<()> {
         Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Law(args) => commands::law::run(args),
+        Command::Levels(args) => commands::levels::run(args),
         Command::Machine(args) => commands::machine::run(args),
         Command::Configure(args) => commands::configure::run(args),
         Command::Monitor(args) => commands::monitor::run(args),

@@ -34,5 +34,5 @@ pub use dsp::{
 };
 pub use law::{data as law_data, rate_plan};
 pub use link::{frame, message, session};
-pub use node::{alarm, bandwidth_watch, buffers, events, mesh_band, safe_start, self_test};
+pub use node::{alarm, bandwidth_watch, buffers, events, levels, mesh_band, safe_start, self_test};
 pub use tach::{angle_filter, turn_marks};

@@ -4,6 +4,7 @@
 #![no_std]
 #![no_main]
 
+use core::mem::MaybeUninit;
 use cortex_m_rt::{entry, exception};
 use defmt_semihosting as _;
 use meshband::board::{Link, Supervision};
@@ -27,9 +28,13 @@ use semihosting::{eprintln, process};
 
 const IDENTITY: Identity = Identity { board: "an386", build: meshband_node::BUILD, unique_id: [0; 3] };
 
+/// The node's state, beside the stack as on the released board.
+#[unsafe(link_section = ".core")]
+static mut SESSION: MaybeUninit<NodeSession> = MaybeUninit::uninit();
+
 #[entry]
 fn main() -> ! {
-    // All zero bytes, hence in .bss; the rest of the node is small enough for the stack.
+    // All zero bytes, hence in .bss.
     static mut BUFFERS: Buffers = Buffers::ZERO;
     let record = Replay::parse(an386::image()).unwrap_or_else(|reason| {
         eprintln!("node: no usable record in PSRAM: {reason:?}");
@@ -50,7 +55,9 @@ fn main() -> ! {
 #[inline(never)]
 fn operate(record: Replay<'static>, boot: StackUse, buffers: &'static mut Buffers) -> ! {
     let mut store = Store::new(Flash::take(), 0);
-    let session = open_session(&record, &mut store, buffers);
+    // SAFETY: the only reference to it, taken once: this function is entered once and never left.
+    let place = unsafe { &mut *(&raw mut SESSION) };
+    let session = place.write(open_session(&record, &mut store, buffers));
     let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
     let mut wire = Wire::open();
     if record.header().waits_for_start {

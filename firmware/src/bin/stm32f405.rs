@@ -2,6 +2,7 @@
 #![no_std]
 #![no_main]
 
+use core::mem::MaybeUninit;
 use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use defmt_rtt as _;
@@ -13,7 +14,7 @@ use meshband::safe_start::Start;
 use meshband::store::Store;
 use meshband_drivers::programmable_gain::Gain;
 use meshband_node::crash::{self, Cause};
-use meshband_node::runner::{BoardEvent, Runner};
+use meshband_node::runner::{BoardEvent, NodeSession, Runner};
 use meshband_node::stm32f405::config_flash::ConfigFlash;
 use meshband_node::stm32f405::outputs::Wanted;
 use meshband_node::stm32f405::{Board, Power, TIMING, power_up, set_light, unique_id};
@@ -23,24 +24,37 @@ use meshband_stm32::reset::ResetCause;
 
 meshband_node::restart_on_failure!();
 
+/// The node's state: in core-coupled memory beside the stack, so that the stack holds only what comes and goes.
+#[unsafe(link_section = ".core")]
+static mut SESSION: MaybeUninit<NodeSession> = MaybeUninit::uninit();
+
 #[entry]
 fn main() -> ! {
     let power = power_up();
     // Lit until the main loop runs.
     set_light(true);
-    operate(&power)
+    let (runner, failures) = open(&power);
+    operate(&power, runner, failures)
 }
 
-/// The node in operation.
+/// Builds the node in its place, and how many starts in a row have failed. Its deep calls end before those of the operation begin: the
+/// stack holds the one or the other.
 #[inline(never)]
-fn operate(power: &Power) -> ! {
+fn open(power: &Power) -> (Runner<ConfigFlash>, u32) {
     let (Some(flash), Some(buffers)) = (ConfigFlash::take(), singleton!(: Buffers = Buffers::ZERO)) else {
         crash::on_cause(Cause::Start)
     };
     let crystal = power.oscillator == Oscillator::Crystal;
-    let identity = Identity { board: "stm32f405", build: meshband_node::BUILD, unique_id: unique_id() };
     let failures = crash::count_start(start_of(power.reset_cause));
-    let mut runner = Runner::open(Store::new(flash, 0), TIMING, crystal, failures, buffers);
+    // SAFETY: the only reference to it, taken once: this function is entered once and never left.
+    let place = unsafe { &mut *(&raw mut SESSION) };
+    (Runner::open(place, Store::new(flash, 0), TIMING, crystal, failures, buffers), failures)
+}
+
+/// The node in operation.
+#[inline(never)]
+fn operate(power: &Power, mut runner: Runner<ConfigFlash>, failures: u32) -> ! {
+    let identity = Identity { board: "stm32f405", build: meshband_node::BUILD, unique_id: unique_id() };
     runner.begin(identity, failures);
     runner.report_start(power.reset_cause as u32, power.reset_cause == ResetCause::Software);
     if power.brown_out != BrownOut::Level3 {

@@ -12,6 +12,7 @@ pub mod effects;
 pub mod import;
 pub mod inject;
 pub mod law;
+pub mod levels;
 pub mod machine;
 pub mod measured;
 pub mod monitor;

@@ -35,6 +35,7 @@
 use crate::{Error, Result};
 use meshband::alarm::AlarmBand;
 use meshband::config::Configuration;
+use meshband::levels::LevelPoint;
 use meshband::rate_plan::RatePolicy;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -86,7 +87,7 @@ impl Settings {
         for (key, new) in &self.tables {
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass";
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("policy", Some(held), new) => {
@@ -96,6 +97,12 @@ impl Settings {
                 ("alarms", Some(held), Value::Array(list)) => {
                     for (n, alarm) in list.iter().enumerate() {
                         read::<AlarmBand>(alarm).map_err(|what| refuse(&format!("alarms[{n}]"), what))?;
+                    }
+                    *held = new.clone();
+                }
+                ("levels", Some(held), Value::Array(list)) => {
+                    for (n, point) in list.iter().enumerate() {
+                        read::<LevelPoint>(point).map_err(|what| refuse(&format!("levels[{n}]"), what))?;
                     }
                     *held = new.clone();
                 }
@@ -116,7 +123,9 @@ impl Settings {
                         *old = value.clone();
                     }
                 }
-                (_, Some(_), _) => return Err(refuse(key, "must be a table, or for alarms a list of tables".into())),
+                (_, Some(_), _) => {
+                    return Err(refuse(key, "must be a table, or for alarms and levels a list of tables".into()));
+                }
             }
             // What is left are whole numbers beyond their range, names that do not exist and too many alarms.
             *config = read(&whole).map_err(|what| refuse(key, what))?;

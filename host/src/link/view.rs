@@ -4,6 +4,7 @@ use super::Losses;
 use super::words::words;
 use crate::terminal::table;
 use meshband::events::Event;
+use meshband::levels::Departures;
 use meshband::message::{
     AlarmState, Bound, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics, Status,
 };
@@ -168,7 +169,24 @@ fn overall(i: &Indicators) -> String {
             .collect();
         out += &format!("{shaft} {} ({} turns)\n", lines.join("   "), orders.turns);
     }
-    out
+    out + &departure_line(&i.departures)
+}
+
+/// What is expected and how far from it the values are; empty without a table of levels or outside it.
+pub fn departure_line(departures: &Departures) -> String {
+    let of = [
+        ("RMS", departures.rms),
+        ("velocity", departures.velocity_rms),
+        ("first mesh harmonic", departures.mesh_amplitude),
+        ("residual", departures.residual_rms),
+    ];
+    let parts: Vec<String> = of
+        .iter()
+        .filter_map(|(name, departure)| {
+            departure.map(|d| format!("{name} {:+.1} dB (+- {:.1})", d.departure_db, d.uncertainty_db))
+        })
+        .collect();
+    if parts.is_empty() { String::new() } else { format!("against the expected levels: {}\n", parts.join("   ")) }
 }
 
 /// What a value rests on, in words.

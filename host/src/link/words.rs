@@ -31,6 +31,7 @@ pub fn watched(watched: Watched) -> &'static str {
         Watched::BandwidthRatio => "measured over law bandwidth",
         Watched::VelocityRms => "velocity RMS, m/s",
         Watched::OncePerTurn => "once per turn, m/s2",
+        Watched::Departure => "departure from the expected levels, standard uncertainties",
     }
 }
 

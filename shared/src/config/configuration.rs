@@ -8,6 +8,7 @@
 use crate::alarm::{AlarmBand, AlarmHolding};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
+use crate::levels::{self, LevelPoint, MAX_LEVELS};
 use crate::message::Bound;
 use crate::rate_plan::{RateLimits, RatePolicy};
 use crate::schema;
@@ -15,8 +16,8 @@ use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch.
-pub const SCHEMA: u16 = 3;
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels.
+pub const SCHEMA: u16 = 4;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -215,6 +216,8 @@ pub struct Configuration {
     pub pass: PassBand,
     /// Alarms that stand unseen, one bit each; the node keeps them here through power cuts, a host's value is ignored.
     pub latched: u8,
+    /// Levels expected over speed; empty where none are known.
+    pub levels: Vec<LevelPoint, MAX_LEVELS>,
 }
 
 /// The first field found wrong.
@@ -257,6 +260,8 @@ pub enum ConfigurationError {
     Holding,
     /// `pass.analogue` or `pass.sensor`
     PassBand,
+    /// `levels`
+    Levels,
 }
 
 impl ConfigurationError {
@@ -285,6 +290,9 @@ impl ConfigurationError {
             Self::Alarm(_) => "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more",
             Self::Holding => "must be 0 to 3600 s",
             Self::PassBand => "must be 0 for not declared, or 10 Hz up to limits.analogue_stop (sensor: 5 MHz)",
+            Self::Levels => {
+                "needs two points or none, ascending speeds of 0.01 to 1000 Hz, levels of -200 to 200 dB, uncertainties of 0.01 to 60 dB or 0"
+            }
         }
     }
 
@@ -309,6 +317,7 @@ impl ConfigurationError {
             Self::Alarm(_) => "alarms",
             Self::Holding => "holding.persistence_s",
             Self::PassBand => "pass.analogue, pass.sensor",
+            Self::Levels => "levels",
         }
     }
 }
@@ -350,13 +359,14 @@ impl Default for Configuration {
             holding: AlarmHolding::default(),
             pass: PassBand::default(),
             latched: 0,
+            levels: Vec::new(),
         }
     }
 }
 
 impl Configuration {
     /// Upper bound of the postcard form, bytes.
-    pub const MAX_SERIALISED: usize = 512;
+    pub const MAX_SERIALISED: usize = 1024;
 
     /// A configuration in postcard form, of this schema or brought up to it from an older one; `None` for one that is not
     /// understood, a newer one above all.
@@ -416,6 +426,7 @@ impl Configuration {
         }
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
+        ensure(levels::are_sane(&self.levels), E::Levels)?;
         Ok(())
     }
 

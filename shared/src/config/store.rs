@@ -100,7 +100,8 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The newest intact configuration that this board accepts, brought up from an older schema where it has one, or the
-    /// default; and which of them it is.
+    /// default; and which of them it is. Its slot's buffer is on the stack only while it runs.
+    #[inline(never)]
     pub fn load(&mut self, board: impl Into<Timing>) -> (Configuration, Origin) {
         let mut payload = [0; PAYLOAD];
         let board = board.into();

@@ -8,6 +8,7 @@ use crate::config::{Configuration, ConfigurationError, MAX_HARMONICS, MAX_SIDEBA
 use crate::events::{Event, EventKind};
 use crate::identity::{BOARD_LENGTH, BUILD_LENGTH};
 use crate::law::Law;
+use crate::levels::Departures;
 use crate::node::State;
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
@@ -15,7 +16,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 4;
+pub const WIRE_SCHEMA: u8 = 5;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -408,6 +409,8 @@ pub struct Indicators {
     pub pinion: Option<ShaftOrders>,
     /// The same of the gear.
     pub wheel: Option<ShaftOrders>,
+    /// From the expected levels, at a locked speed within their table.
+    pub departures: Departures,
 }
 
 /// Counters since start.

@@ -33,6 +33,8 @@ pub enum Watched {
     VelocityRms,
     /// Once per turn of the pinion, m/s^2.
     OncePerTurn,
+    /// Largest departure from the expected levels, in its standard uncertainties ([`crate::levels`]).
+    Departure,
 }
 
 /// One limit.
@@ -109,6 +111,8 @@ pub struct Alarm {
     streak: u8,
     /// Tick of the first value of the streak.
     since: u64,
+    /// Raised by a value whose speed was known.
+    at_a_speed: bool,
 }
 
 /// What a value or a person did to an alarm.
@@ -122,7 +126,7 @@ pub enum AlarmChange {
 
 impl Alarm {
     /// One that stood when the node last ran, and nobody has acknowledged.
-    pub const LATCHED: Self = Self { state: State::Latched, streak: 0, since: 0 };
+    pub const LATCHED: Self = Self { state: State::Latched, streak: 0, since: 0, at_a_speed: false };
 
     /// Feeds one value to which the band applies, at a tick; `persistence_ticks` is the holding's time. Undefined values change
     /// nothing.
@@ -176,6 +180,16 @@ impl Alarm {
                 Some(AlarmChange::Cleared)
             }
         }
+    }
+
+    /// Says whether the speed was known of the value that raised it.
+    pub(crate) fn raised_by(&mut self, speed: Option<Hertz>) {
+        self.at_a_speed = speed.is_some();
+    }
+
+    /// Whether a value can be put to it: one without a speed says nothing of what was wrong at a speed, which may have changed.
+    pub(crate) fn can_judge(&self, speed: Option<Hertz>) -> bool {
+        speed.is_some() || !(self.is_raised() && self.at_a_speed)
     }
 
     /// Whether the value is beyond its limit.

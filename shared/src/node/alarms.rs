@@ -22,10 +22,15 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             let (Some(&band), Some(alarm)) = (self.config.alarms.get(index), self.alarms.get_mut(index)) else {
                 return;
             };
-            if band.watched != watched || !band.applies(speed, &self.config.alarms) {
+            if band.watched != watched || !band.applies(speed, &self.config.alarms) || !alarm.can_judge(speed) {
                 continue;
             }
-            match alarm.update(&band, &holding, persistence, self.next_tick, value) {
+            let was_raised = alarm.is_raised();
+            let change = alarm.update(&band, &holding, persistence, self.next_tick, value);
+            if alarm.is_raised() && !was_raised {
+                alarm.raised_by(speed);
+            }
+            match change {
                 Some(AlarmChange::Raised) => self.note(EventKind::AlarmRaised, index as u32),
                 Some(AlarmChange::Cleared) => self.note(EventKind::AlarmCleared, index as u32),
                 None => {}

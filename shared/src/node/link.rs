@@ -9,6 +9,7 @@ use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
 use crate::events::EventKind;
 use crate::identity::VERSION;
 use crate::indicators::RunEnsemble;
+use crate::levels::Departures;
 use crate::mesh_band;
 use crate::message::{Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status, WIRE_SCHEMA};
 use crate::rate_plan::RatePlan;
@@ -161,6 +162,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.marks = TurnMarks::new(&config.tach);
         self.ensemble = RunEnsemble::default();
         (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
+        self.departures = Departures::NONE;
         self.bandwidth_watch = BandwidthWatch::default();
         self.config = Configuration { latched: 0, ..config };
         mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config, self.clock);

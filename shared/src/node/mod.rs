@@ -23,6 +23,7 @@ use crate::config::{Configuration, ConfigurationError, Gain, MAX_ALARMS, Sensor}
 use crate::events::{EventKind, EventLog};
 use crate::identity::Identity;
 use crate::indicators::RunEnsemble;
+use crate::levels::Departures;
 use crate::mesh_band::MeshPlan;
 use crate::message::{
     GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Spectrum, Statistics, Status, Tag,
@@ -42,6 +43,7 @@ pub mod bandwidth_watch;
 pub mod buffers;
 pub mod events;
 mod input;
+pub mod levels;
 mod link;
 pub mod mesh_band;
 mod planning;
@@ -172,6 +174,7 @@ pub struct Node<B = Buffers> {
     bandwidth: Option<MeasuredBandwidth>,
     ensemble: RunEnsemble,
     gear: Option<GearIndicators>,
+    departures: Departures,
     sideband_energy: [f32; 2],
     next_sequence: Option<u32>,
     next_tick: u64,
@@ -256,6 +259,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             bandwidth: None,
             ensemble: RunEnsemble::default(),
             gear: None,
+            departures: Departures::NONE,
             sideband_energy: [0.0; 2],
             next_sequence: None,
             next_tick: 0,

@@ -8,6 +8,7 @@ use crate::buffers::Buffers;
 use crate::events::EventKind;
 use crate::gear_condition;
 use crate::indicators::Moments;
+use crate::levels::{self, Departure, Departures, ExpectedLevel, LevelPoint};
 use crate::mesh_band;
 use crate::message::{GearIndicators, Indicators, Peaks, Spectrum, Tag};
 use crate::peaks;
@@ -66,6 +67,12 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         let (rms, peak, crest, kurtosis) = (codes.rms * per_code, codes.peak * per_code, codes.crest(), codes.kurtosis);
         let velocity_rms = values.velocity_rms * per_code;
         let (pinion, wheel) = self.buffers.borrow_mut().chain.shafts().take();
+        if believed(&tag).is_none() {
+            self.departures = Departures::NONE;
+        }
+        let good = values.quality.is_good();
+        self.departures.rms = self.departure(&tag, rms, |point| point.rms).filter(|_| good);
+        self.departures.velocity_rms = self.departure(&tag, velocity_rms, |point| point.velocity_rms).filter(|_| good);
         let indicators = Indicators {
             tag,
             rms,
@@ -80,11 +87,12 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             velocity_band_hz: [VELOCITY_FROM_HZ, values.velocity_to_hz],
             pinion,
             wheel,
+            departures: self.departures,
         };
         let dropped = self.indicators.replace(indicators).is_some();
         self.count_dropped(dropped);
         self.watch_signal(&values.quality);
-        if !values.quality.is_good() {
+        if !good {
             return;
         }
         let speed = believed(&tag);
@@ -100,6 +108,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         }
         if let (Some(orders), Some(_)) = (pinion, speed) {
             self.watch(Watched::OncePerTurn, speed, orders.lines[0].amplitude);
+        }
+        if let (Some(largest), Some(_)) = (self.departures.largest(), speed) {
+            self.watch(Watched::Departure, speed, largest);
         }
     }
 
@@ -134,6 +145,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             let turns = zoom.config().turns;
             if let Some(first) = bands.first() {
                 self.sideband_energy = sideband_energy;
+                self.departures.mesh_amplitude =
+                    self.departure(&tag, first.line.amplitude, |point| point.mesh_amplitude);
                 self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude);
                 self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0]);
             }
@@ -171,8 +184,14 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             gear_sideband_energy_ratio: self.sideband_energy[1],
             ..indicators
         });
+        self.departures.residual_rms = self.departure(&tag, indicators.residual_rms, |point| point.residual_rms);
         self.watch_at_speed(Watched::Fm0, &tag, indicators.fm0);
         self.watch_at_speed(Watched::Fm4, &tag, indicators.fm4);
+    }
+
+    /// How far a value is from what is expected at the result's speed.
+    fn departure(&self, tag: &Tag, value: f32, of: fn(&LevelPoint) -> ExpectedLevel) -> Option<Departure> {
+        levels::departure(&self.config.levels, believed(tag)?, tag.speed_uncertainty, value, of)
     }
 
     /// Puts a value that needs a speed to its limits.

@@ -51,11 +51,23 @@ fn theory_the_largest_messages_fit_a_frame() {
 #[test]
 fn theory_the_configuration_fits_its_bound() {
     use meshband::alarm::{AlarmBand, Watched};
+    use meshband::levels::{ExpectedLevel, LevelPoint};
     let band =
         AlarmBand { watched: Watched::Rms, from: Hertz(1.0), to: Hertz(25.0), raise: 2.0, clear: 1.0, persistence: 3 };
     use meshband::units::Hertz;
     let mut config = Configuration::default();
     while config.alarms.push(band).is_ok() {}
+    for n in 1..=meshband::levels::MAX_LEVELS {
+        let level = ExpectedLevel { level_db: -12.3, uncertainty_db: 1.5 };
+        let point = LevelPoint {
+            speed: Hertz(n as f32),
+            rms: level,
+            velocity_rms: level,
+            mesh_amplitude: level,
+            residual_rms: level,
+        };
+        config.levels.push(point).expect("room");
+    }
     assert_eq!(config.validate(meshband::board::Timing::STM32F405), Ok(()));
     let packet = Packet::Request(Request::SetConfiguration(config));
     let mut buffer = [0u8; MAX_FRAME];

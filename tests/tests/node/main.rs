@@ -15,6 +15,7 @@ mod math;
 mod mesh_decimator;
 mod node_alarms;
 mod node_host;
+mod node_levels;
 mod node_products;
 mod node_trials;
 mod node_values;

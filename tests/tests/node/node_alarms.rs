@@ -4,7 +4,7 @@ use meshband::alarm::{AlarmBand, AlarmHolding, Watched};
 use meshband::config::{Configuration, PassBand};
 use meshband::events::EventKind;
 use meshband::identity::Identity;
-use meshband::message::{Bound, Message, Request, Status};
+use meshband::message::{Bound, Indicators, Message, Request, Status};
 use meshband::node::Block;
 use meshband::session::Session;
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
@@ -16,7 +16,7 @@ const PER_CODE: f64 = 0.002;
 const SPEED: u32 = 20;
 
 /// RMS limits of two speed classes, latching.
-fn configuration() -> Configuration {
+pub fn configuration() -> Configuration {
     let mut config = Configuration::default();
     config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
     let band = |from: f32, to: f32, raise: f32| AlarmBand {
@@ -33,25 +33,26 @@ fn configuration() -> Configuration {
 }
 
 /// A node, its machine and what it said.
-struct Watch {
-    session: Box<Session>,
+pub struct Watch {
+    pub session: Box<Session>,
     first: u64,
     edge: u64,
     sequence: u32,
-    tach: bool,
+    pub tach: bool,
     events: Vec<(EventKind, u32)>,
     status: Option<Status>,
+    pub indicators: Option<Indicators>,
 }
 
 impl Watch {
-    fn new(config: Configuration) -> Self {
+    pub fn new(config: Configuration) -> Self {
         let session = Session::new(config, TicksPerSecond(CLOCK), Identity::HOST).expect("a sound configuration");
         let session = Box::new(session);
-        Self { session, first: 0, edge: 0, sequence: 0, tach: true, events: Vec::new(), status: None }
+        Self { session, first: 0, edge: 0, sequence: 0, tach: true, events: Vec::new(), status: None, indicators: None }
     }
 
     /// Runs on with a sine of this amplitude, m/s^2; beyond the rails it is clipped.
-    fn run(&mut self, seconds: f64, amplitude: f64) -> &mut Self {
+    pub fn run(&mut self, seconds: f64, amplitude: f64) -> &mut Self {
         let until = self.first + (seconds * f64::from(CLOCK)) as u64;
         while self.first < until {
             let period = self.session.node().requested_period_ticks();
@@ -75,6 +76,7 @@ impl Watch {
                 match message {
                     Message::Event(event) => self.events.push((event.kind, event.detail)),
                     Message::Status(status) => self.status = Some(status),
+                    Message::Indicators(indicators) => self.indicators = Some(indicators),
                     _ => {}
                 }
             }
@@ -86,11 +88,11 @@ impl Watch {
         self.session.on_request(request, &mut |_| ());
     }
 
-    fn stands(&self) -> bool {
+    pub fn stands(&self) -> bool {
         self.session.node().alarm_stands()
     }
 
-    fn said(&self, kind: EventKind) -> Vec<u32> {
+    pub fn said(&self, kind: EventKind) -> Vec<u32> {
         self.events.iter().filter(|event| event.0 == kind).map(|event| event.1).collect()
     }
 
@@ -140,6 +142,25 @@ fn fault_an_alarm_that_loses_its_tach_stands() {
     watch.edge = watch.first;
     watch.run(6.0, 3.0);
     assert!(!watch.stands());
+}
+
+/// With one class only, its limit is that of all speeds, too.
+#[test]
+fn regress_an_alarm_of_the_only_class_stands_without_a_tach_unless_it_was_raised_without_one() {
+    let mut config = configuration();
+    config.holding.latching = false;
+    config.alarms.truncate(1);
+    let mut watch = Watch::new(config.clone());
+    watch.run(6.0, 12.0);
+    watch.tach = false;
+    watch.run(5.0, 3.0);
+    assert!(watch.stands(), "at which speed was it well?");
+    let mut never_turned = Watch::new(config);
+    never_turned.tach = false;
+    never_turned.run(4.0, 12.0);
+    assert!(never_turned.stands());
+    never_turned.run(4.0, 3.0);
+    assert!(!never_turned.stands());
 }
 
 #[test]

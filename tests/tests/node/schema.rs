@@ -129,6 +129,17 @@ fn fault_a_shortened_configuration_of_the_present_schema_is_no_older_one() {
 }
 
 #[test]
+fn regress_a_configuration_of_the_schema_before_levels_expects_none() {
+    let mut buffer = [0; Configuration::MAX_SERIALISED];
+    let former = Configuration { schema: 3, latched: 5, ..Configuration::default() };
+    let with_list = postcard::to_slice(&former, &mut buffer).expect("fits");
+    let without = &with_list[..with_list.len() - 1];
+    let read = Configuration::from_stored(without).expect("an older one");
+    assert_eq!(read, Configuration { latched: 5, ..Configuration::default() });
+    assert!(read.levels.is_empty());
+}
+
+#[test]
 fn theory_readers_of_another_age_take_what_they_know() {
     // What a newer writer would write: one list, one float and one number more than `(u8, u16)`.
     let newer: (u8, u16, Vec<u8>, f32, u64) = (3, 500, vec![1, 2], 1.5, 9);

@@ -43,7 +43,7 @@ fn stored() -> Configuration {
 /// A node that measures with its stored configuration.
 fn running(image: &Image) -> Node {
     let mut node = Node::new(image);
-    let mut bytes = [0; 512];
+    let mut bytes = [0; Configuration::MAX_SERIALISED];
     let payload = postcard::to_slice(&stored(), &mut bytes).expect("fits").to_vec();
     super::records::put(node.board.chip_mut(), 0, 0, &payload);
     node.start();

@@ -1,5 +1,6 @@
 //! The released image in the emulated board. Two views of it: [`compared`] holds every frame against the host's node, [`spoken`] talks to it.
 
+mod alarms;
 mod compared;
 mod crashes;
 mod image;

@@ -11,7 +11,7 @@ use meshband::units::Hertz;
 use std::sync::Arc;
 
 const PORT_C: usize = 2;
-const ALARM: u32 = 8;
+pub const ALARM: u32 = 8;
 const SENSOR_SUPPLY: u32 = 9;
 const GAIN_FAULT: u32 = 8;
 
@@ -28,14 +28,14 @@ fn amplifier(node: &mut Node) -> Vec<[u8; 2]> {
 }
 
 /// Levels of a pin of port C since power, with their instants, s.
-fn history(node: &mut Node, pin: u32) -> Vec<(f64, bool)> {
+pub fn history(node: &mut Node, pin: u32) -> Vec<(f64, bool)> {
     let seen = std::mem::take(&mut node.board.seen().pins);
     let own = seen.into_iter().filter(|change| (change.port, change.pin) == (PORT_C, pin));
     own.map(|change| (node.board.chip().seconds_at(change.at), change.level)).collect()
 }
 
 /// An alarm on the signal's strength, at a low rate, so that a run is cheap.
-fn watched(sensor_supply: SensorSupply) -> Configuration {
+pub fn watched(sensor_supply: SensorSupply) -> Configuration {
     let alarm = AlarmBand {
         watched: Watched::Rms,
         from: Hertz(10.0),

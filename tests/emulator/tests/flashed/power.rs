@@ -36,7 +36,7 @@ const OLD: u16 = 48;
 const NEW: u16 = 61;
 
 fn stored(config: &Configuration) -> Vec<u8> {
-    let mut bytes = [0; 512];
+    let mut bytes = [0; Configuration::MAX_SERIALISED];
     postcard::to_slice(config, &mut bytes).expect("fits").to_vec()
 }
 

@@ -1,0 +1,221 @@
+//! A table of expected levels from values of the sound machine.
+//!
+//! Least squares in decibels over the logarithm of the speed with the node's own interpolation (hat functions between the table's
+//! speeds), so that what is fitted is what the node will expect. Steady speeds give one point each; where they run into each other
+//! (a run-up, a machine that wanders) the points lie at equal ratios. The standard uncertainty of a point is that of one further value
+//! there: the scatter about the fit, what the fit itself is uncertain by, the owner's allowance for what the observed hours did not
+//! show, and a tenth of a decibel for filters. A point with fewer than [`LEAST`] values expects nothing of that quantity.
+//!
+//! Limits: a resonance narrower than the distance of two points shows as scatter, honestly but bluntly; loads that did not occur while
+//! it was learned are departures afterwards.
+
+use super::observe::{Observation, Observations, QUANTITIES};
+use crate::{Error, Result};
+use meshband::levels::{ExpectedLevel, LevelPoint, MAX_LEVELS};
+use meshband::units::Hertz;
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+/// Least values behind a point.
+pub const LEAST: f64 = 3.0;
+/// Uncertainty that no scatter shows, dB: ripple of the filters from speed to speed.
+const FLOOR_DB: f64 = 0.1;
+/// Speeds whose ratio is larger than this are two steady speeds.
+const APART: f64 = 1.03;
+/// One steady speed does not wander by more than this ratio.
+const STEADY: f64 = 1.05;
+/// The outermost points lie this ratio outside the outermost values, so that the next value there is still within.
+const MARGIN: f64 = 1.01;
+
+/// A table and what it rests on.
+#[derive(Debug, Clone, Serialize)]
+pub struct Learned {
+    /// The table, as the node takes it.
+    pub levels: Vec<LevelPoint>,
+    /// Values behind it, by quantity.
+    pub values: [usize; 4],
+}
+
+/// Makes a table; `allowance_db` is the owner's standard uncertainty for what the values do not show (load, temperature).
+///
+/// # Errors
+/// [`Error::Invalid`] for an allowance that is none, and for values at fewer than two speeds.
+pub fn learn(observations: &Observations, allowance_db: f64) -> Result<Learned> {
+    if !(0.0..=40.0).contains(&allowance_db) {
+        return Err(Error::invalid("--allowance", format!("{allowance_db} dB is not within 0 to 40 dB")));
+    }
+    let speeds = knots(&observations.by_quantity[0]);
+    if speeds.len() < 2 {
+        let what = "values of good quality at two speeds at least are needed: a longer record, or one more speed";
+        return Err(Error::invalid("levels", what));
+    }
+    let mut levels: Vec<LevelPoint> =
+        speeds.iter().map(|&speed| LevelPoint { speed: Hertz(speed as f32), ..LevelPoint::default() }).collect();
+    for (quantity, values) in observations.by_quantity.iter().enumerate() {
+        for (point, level) in levels.iter_mut().zip(fitted(&speeds, values, allowance_db)) {
+            *place(point, quantity) = level;
+        }
+    }
+    Ok(Learned { levels, values: observations.by_quantity.each_ref().map(Vec::len) })
+}
+
+/// A quantity's entry, in the order of [`QUANTITIES`].
+fn place(point: &mut LevelPoint, quantity: usize) -> &mut ExpectedLevel {
+    match quantity {
+        0 => &mut point.rms,
+        1 => &mut point.velocity_rms,
+        2 => &mut point.mesh_amplitude,
+        _ => &mut point.residual_rms,
+    }
+}
+
+/// Speeds of the table, ascending.
+fn knots(values: &[Observation]) -> Vec<f64> {
+    let mut speeds: Vec<f64> = values.iter().map(|o| o.speed_hz).collect();
+    speeds.sort_by(f64::total_cmp);
+    let (Some(&lowest), Some(&highest)) = (speeds.first(), speeds.last()) else { return Vec::new() };
+    let steady: Vec<&[f64]> = speeds.chunk_by(|a, b| b / a <= APART).collect();
+    let wanders = steady.iter().any(|run| run.last().zip(run.first()).is_some_and(|(b, a)| b / a > STEADY));
+    let mut knots: Vec<f64> = if wanders || steady.len() > MAX_LEVELS {
+        let steps = (MAX_LEVELS - 1) as f64;
+        (0..MAX_LEVELS).map(|n| lowest * (highest / lowest).powf(n as f64 / steps)).collect()
+    } else {
+        steady.iter().map(|run| run[run.len() / 2]).collect()
+    };
+    if let [first, .., last] = &mut knots[..] {
+        *first = lowest / MARGIN;
+        *last = highest * MARGIN;
+    }
+    knots
+}
+
+/// The knots on both sides of a speed, and the share of the upper one.
+fn between(speeds: &[f64], speed: f64) -> Option<(usize, f64)> {
+    let at = speeds.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&speed))?;
+    Some((at, (speed / speeds[at]).ln() / (speeds[at + 1] / speeds[at]).ln()))
+}
+
+fn fitted(speeds: &[f64], values: &[Observation], allowance_db: f64) -> Vec<ExpectedLevel> {
+    let n = speeds.len();
+    let (mut normal, mut right) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
+    let mut weight = vec![0.0; n];
+    let rows: Vec<(usize, f64, f64)> =
+        values.iter().filter_map(|o| between(speeds, o.speed_hz).map(|(at, t)| (at, t, o.level_db))).collect();
+    for &(at, t, level) in &rows {
+        for (i, a) in [(at, 1.0 - t), (at + 1, t)] {
+            right[i] += a * level;
+            weight[i] += a;
+            for (j, b) in [(at, 1.0 - t), (at + 1, t)] {
+                normal[(i, j)] += a * b;
+            }
+        }
+    }
+    // Points without values stay where nothing pulls; they are left out below.
+    for i in 0..n {
+        normal[(i, i)] += 1e-9;
+    }
+    let Some(solved) = normal.cholesky().map(|factor| factor.solve(&right)) else {
+        return vec![ExpectedLevel::default(); n];
+    };
+    let mut scatter = vec![0.0; n];
+    for &(at, t, level) in &rows {
+        let miss = level - (1.0 - t) * solved[at] - t * solved[at + 1];
+        scatter[at] += (1.0 - t) * miss * miss;
+        scatter[at + 1] += t * miss * miss;
+    }
+    let level = |k: usize| {
+        if weight[k] < LEAST {
+            return ExpectedLevel::default();
+        }
+        // One parameter per point: its variance is that of the values over their number.
+        let variance = scatter[k] / (weight[k] - 1.0) * (1.0 + 1.0 / weight[k]);
+        let uncertainty = (variance + FLOOR_DB * FLOOR_DB + allowance_db * allowance_db).sqrt();
+        ExpectedLevel { level_db: solved[k] as f32, uncertainty_db: uncertainty as f32 }
+    };
+    (0..n).map(level).collect()
+}
+
+impl Learned {
+    /// As a settings file of `meshband configure`.
+    pub fn to_toml(&self) -> String {
+        let mut text =
+            String::from("# Expected levels; dB of m/s2 (velocity: m/s). For `meshband configure PORT --settings`.\n");
+        for point in &self.levels {
+            text += &format!("\n[[levels]]\nspeed = {:.4}\n", point.speed.0);
+            let mut point = *point;
+            for (quantity, name) in QUANTITIES.iter().enumerate() {
+                let level = *place(&mut point, quantity);
+                text += &format!(
+                    "{name} = {{ level_db = {:.3}, uncertainty_db = {:.3} }}\n",
+                    level.level_db, level.uncertainty_db
+                );
+            }
+        }
+        text
+    }
+
+    /// One row per point: speed, then level and uncertainty of each quantity.
+    pub fn rows(&self) -> Vec<Vec<String>> {
+        let cell = |level: ExpectedLevel| match level.uncertainty_db {
+            0.0 => "-".to_owned(),
+            uncertainty => format!("{:.1} +- {uncertainty:.1}", level.level_db),
+        };
+        let row = |point: &LevelPoint| {
+            let levels = [point.rms, point.velocity_rms, point.mesh_amplitude, point.residual_rms];
+            std::iter::once(format!("{:.2}", point.speed.0)).chain(levels.map(cell)).collect()
+        };
+        self.levels.iter().map(row).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshband::levels::departure;
+
+    fn observed(values: impl Iterator<Item = (f64, f64)>) -> Observations {
+        let rms = values.map(|(speed_hz, level_db)| Observation { speed_hz, level_db }).collect();
+        Observations { by_quantity: [rms, Vec::new(), Vec::new(), Vec::new()] }
+    }
+
+    #[test]
+    fn theory_a_line_over_the_logarithm_of_the_speed_is_learned_exactly() {
+        let line = |speed: f64| 3.0 + 10.0 * speed.ln();
+        let sweep = (0..600).map(|n| 5.0 * 5.0f64.powf(f64::from(n) / 599.0)).map(|speed| (speed, line(speed)));
+        let learned = learn(&observed(sweep), 0.0).expect("a sweep");
+        assert_eq!((learned.levels.len(), learned.values[0]), (MAX_LEVELS, 600));
+        for speed in [5.0, 7.3, 12.0, 24.9] {
+            let value = 10f64.powf(line(speed) / 20.0) as f32;
+            let found = departure(&learned.levels, Hertz(speed as f32), 0.0, value, |p| p.rms).expect("within");
+            assert!(found.departure_db.abs() < 1e-3 && (found.uncertainty_db - 0.1).abs() < 1e-3, "{found:?}");
+        }
+        assert!(departure(&learned.levels, Hertz(10.0), 0.0, 1.0, |p| p.velocity_rms).is_none());
+    }
+
+    #[test]
+    fn theory_steady_speeds_give_a_point_each_with_their_scatter_and_the_allowance() {
+        let values = (0..200).map(|n| (if n < 100 { 10.0 } else { 20.0 }, if n % 2 == 0 { 1.0 } else { -1.0 }));
+        let learned = learn(&observed(values), 2.0).expect("two speeds");
+        assert_eq!(learned.levels.len(), 2);
+        for point in &learned.levels {
+            // Variance 1 of the values, 4 of the allowance, 0.01 of the filters.
+            assert!((point.rms.uncertainty_db - 5.03f32.sqrt()).abs() < 0.01, "{point:?}");
+        }
+        let one = observed((0..50).map(|_| (10.0, 0.0)));
+        assert!(learn(&one, 0.0).is_err() && learn(&Observations::default(), 0.0).is_err());
+    }
+
+    #[test]
+    fn theory_the_file_is_one_that_settings_read() {
+        let values = (0..30).map(|n| (if n < 15 { 10.0 } else { 20.0 }, -7.5));
+        let learned = learn(&observed(values), 1.0).expect("two speeds");
+        let settings = crate::link::settings::Settings::from_toml(&learned.to_toml(), "levels.toml").expect("reads");
+        let mut config = meshband::config::Configuration::default();
+        settings.apply(&mut config).expect("applies");
+        assert_eq!(config.levels.len(), 2);
+        assert!(
+            (config.levels[1].rms.level_db + 7.5).abs() < 1e-3 && config.levels[1].residual_rms.uncertainty_db == 0.0
+        );
+        config.validate(meshband::board::Timing::STM32F405).expect("sound");
+    }
+}

@@ -1,0 +1,103 @@
+//! Expected levels: what the table says between its points, and the departure of a running node from it.
+
+use crate::node_alarms::{Watch, configuration};
+use meshband::alarm::{AlarmBand, Watched};
+use meshband::board::Timing;
+use meshband::config::{Configuration, ConfigurationError};
+use meshband::events::EventKind;
+use meshband::levels::{ExpectedLevel, LevelPoint, departure};
+use meshband::units::Hertz;
+
+fn point(speed: f32, level_db: f32, uncertainty_db: f32) -> LevelPoint {
+    LevelPoint { speed: Hertz(speed), rms: ExpectedLevel { level_db, uncertainty_db }, ..LevelPoint::default() }
+}
+
+/// Acceleration of 3 m/s2 amplitude is expected at every speed from 10 to 40 Hz, to 1 dB; four of them are an alarm.
+fn watching() -> Configuration {
+    let mut config = configuration();
+    let level = 20.0 * (3.0f32 / 2.0f32.sqrt()).log10();
+    config.levels = [point(10.0, level, 1.0), point(40.0, level, 1.0)].into_iter().collect();
+    let band = AlarmBand {
+        watched: Watched::Departure,
+        from: Hertz(0.0),
+        to: Hertz(100.0),
+        raise: 4.0,
+        clear: 3.0,
+        persistence: 2,
+    };
+    config.alarms = [band].into_iter().collect();
+    config.holding.latching = false;
+    config
+}
+
+#[test]
+fn theory_levels_are_linear_in_decibels_over_the_logarithm_of_the_speed() {
+    let table = [point(5.0, -10.0, 1.0), point(20.0, 10.0, 2.0), point(30.0, 12.0, 0.0)];
+    let at = |speed: f32, value: f32| departure(&table, Hertz(speed), 0.0, value, |p| p.rms);
+    let middle = at(10.0, 1.0).expect("within the table");
+    assert!(middle.departure_db.abs() < 1e-5 && (middle.uncertainty_db - 1.5).abs() < 1e-5, "{middle:?}");
+    let twice = at(10.0, 2.0).expect("within the table");
+    assert!((twice.departure_db - 6.0206).abs() < 1e-4 && (twice.normalised() - 4.0137).abs() < 1e-4);
+    assert!((at(5.0, 1.0).expect("the first point").departure_db - 10.0).abs() < 1e-4);
+    assert_eq!((at(4.9, 1.0), at(31.0, 1.0)), (None, None), "no extrapolation");
+    assert_eq!(at(25.0, 1.0), None, "one neighbour expects nothing");
+    assert_eq!((at(10.0, 0.0), at(10.0, f32::NAN), at(10.0, f32::INFINITY)), (None, None, None));
+    assert_eq!(departure(&table, Hertz(10.0), 0.0, 1.0, |p| p.velocity_rms), None, "another quantity");
+    // A tenth of uncertainty in the speed on a slope of 20 dB per ln 4.
+    let slope = 20.0 / 4.0f32.ln();
+    let unsure = departure(&table, Hertz(10.0), 0.1, 1.0, |p| p.rms).expect("within").uncertainty_db;
+    assert!((unsure - f32::hypot(1.5, 0.1 * slope)).abs() < 1e-4, "{unsure}");
+}
+
+#[test]
+fn fault_tables_that_say_nothing_sound_are_refused() {
+    let refused = |points: &[LevelPoint]| {
+        let levels = points.iter().copied().collect();
+        Configuration { levels, ..Configuration::default() }.validate(Timing::STM32F405)
+            == Err(ConfigurationError::Levels)
+    };
+    assert!(!refused(&[point(1.0, 0.0, 1.0), point(2.0, 0.0, 0.0)]));
+    let descending = [point(2.0, 0.0, 1.0), point(1.0, 0.0, 1.0)];
+    let twice = [point(2.0, 0.0, 1.0), point(2.0, 0.0, 1.0)];
+    let alone = [point(2.0, 0.0, 1.0)];
+    assert!(refused(&descending) && refused(&twice) && refused(&alone));
+    for wrong in [point(0.0, 0.0, 1.0), point(f32::NAN, 0.0, 1.0), point(1.0, f32::NAN, 1.0), point(1.0, 0.0, -1.0)] {
+        assert!(refused(&[wrong, point(50.0, 0.0, 1.0)]), "{wrong:?}");
+    }
+    assert!(refused(&[point(1.0, 0.0, 61.0), point(50.0, 0.0, 1.0)]));
+}
+
+#[test]
+fn theory_the_node_reports_the_departure_and_its_alarm_watches_it() {
+    let mut watch = Watch::new(watching());
+    watch.run(5.0, 3.0);
+    let healthy = watch.indicators.expect("values").departures;
+    let rms = healthy.rms.expect("a level is expected");
+    assert!(rms.departure_db.abs() < 0.01 && (rms.uncertainty_db - 1.0).abs() < 0.01, "{rms:?}");
+    assert_eq!((healthy.velocity_rms, healthy.mesh_amplitude, healthy.residual_rms), (None, None, None));
+    assert!(!watch.stands());
+    // 20 log10 (5 / 3) = 4.4 dB.
+    watch.run(6.0, 5.0);
+    let raised = watch.indicators.expect("values").departures.rms.expect("expected");
+    assert!((raised.departure_db - 4.437).abs() < 0.01, "{raised:?}");
+    assert_eq!(watch.said(EventKind::AlarmRaised), [0]);
+    watch.run(6.0, 3.0);
+    assert!(!watch.stands());
+}
+
+#[test]
+fn fault_without_speed_or_with_a_bad_signal_there_is_no_departure_and_its_alarm_stays_as_it_is() {
+    let mut watch = Watch::new(watching());
+    watch.run(5.0, 3.0);
+    watch.tach = false;
+    watch.run(6.0, 20.0);
+    assert_eq!(watch.indicators.expect("values").departures, Default::default());
+    assert_eq!(watch.said(EventKind::AlarmRaised), [0u32; 0], "at which speed nobody knows");
+    let mut watch = Watch::new(watching());
+    watch.run(6.0, 6.0);
+    assert_eq!(watch.said(EventKind::AlarmRaised), [0]);
+    // Clipped: the alarm stands, and so does the signal's own.
+    watch.run(5.0, 90.0);
+    assert_eq!(watch.indicators.expect("values").departures.rms, None);
+    assert_eq!(watch.said(EventKind::AlarmCleared), [0u32; 0]);
+}
