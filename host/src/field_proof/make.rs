@@ -181,8 +181,8 @@ fn strongest(bench: &Bench, clean: &Clean, difference: &[Vec<f64>], noise: &[Vec
     for (channel, (signal, noise)) in difference.iter().zip(noise).enumerate() {
         let (line, noise) = (spectrum(signal), spectrum(noise));
         let mean = smoothed(&noise.values);
-        for i in 1..line.values.len() {
-            let (place, over_noise) = (line.frequency(i), line.values[i] / (FLOOR_OVER_NOISE * mean[i]));
+        for (i, (value, mean)) in line.values.iter().zip(&mean).enumerate().skip(1) {
+            let (place, over_noise) = (line.frequency(i), value / (FLOOR_OVER_NOISE * mean));
             if (low..high).contains(&place) && !on_mesh(place) && over_noise > strongest.over_noise {
                 strongest = Strongest { over_noise, place, channel };
             }

@@ -17,3 +17,4 @@ mod monitor;
 #[cfg(unix)]
 mod outputs_cli;
 mod outputs_text;
+mod reference;

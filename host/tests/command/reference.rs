@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-const COMMAND: &str = "MESHBAND_BLESS=1 cargo test --release -p meshband-host --test reference";
+const COMMAND: &str = "MESHBAND_BLESS=1 cargo test --release -p meshband-host --test command reference";
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference.md");
 const SOURCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/src");
 
