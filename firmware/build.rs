@@ -30,7 +30,8 @@ fn main() {
     println!("cargo:rustc-link-arg-bins=--nmagic");
 }
 
-/// The commit's short hash into the image; nothing where there is no git, and the image then says `unknown`.
+/// The commit's short hash into the image: `MESHBAND_COMMIT` where sources are built without their repository, else git's; nothing where
+/// there is neither, and the image then says `unknown`.
 fn name_commit(root: &Path) {
     let ask = |arguments: &[&str]| {
         let output = Command::new("git").arg("-C").arg(root).args(arguments).output().ok()?;
@@ -43,7 +44,9 @@ fn name_commit(root: &Path) {
             println!("cargo:rerun-if-changed={}", root.join(path).display());
         }
     }
-    if let Some(hash) = ask(&["rev-parse", "--short=10", "HEAD"]) {
+    println!("cargo:rerun-if-env-changed=MESHBAND_COMMIT");
+    let given = std::env::var("MESHBAND_COMMIT").ok().filter(|hash| !hash.is_empty());
+    if let Some(hash) = given.or_else(|| ask(&["rev-parse", "--short=10", "HEAD"])) {
         println!("cargo:rustc-env=MESHBAND_BUILD={hash}");
     }
 }

@@ -127,11 +127,12 @@ fn build_in(place: &Path, sources: &str, images: &[(&str, &str)]) -> Outcome {
     let archive = place.join("sources.tar");
     capture(command(&["git", "-C"]).arg(root()).args(["archive", "--format=tar", sources, "-o"]).arg(&archive))?;
     capture(command(&["tar", "-xf"]).arg(&archive).arg("-C").arg(place))?;
+    let commit = capture(command(&["git", "-C"]).arg(root()).args(["rev-parse", "--short=10", "HEAD"]))?;
     for (image, board) in images {
         let feature = format!("board-{board}");
         let mut build = cargo(&["build", "--quiet", "--locked", "--package", "meshband-node", "--target", TARGET]);
         build.args(["--profile", "firmware", "--bin", image, "--features", &feature]).current_dir(place);
-        build.arg("--target-dir").arg(place.join("target"));
+        build.arg("--target-dir").arg(place.join("target")).env("MESHBAND_COMMIT", commit.trim());
         run(&mut build)?;
     }
     Ok(())
