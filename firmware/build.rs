@@ -45,7 +45,7 @@ fn name_commit(root: &Path) {
         }
     }
     println!("cargo:rerun-if-env-changed=MESHBAND_COMMIT");
-    let given = std::env::var("MESHBAND_COMMIT").ok().filter(|hash| !hash.is_empty());
+    let given = env::var("MESHBAND_COMMIT").ok().filter(|hash| !hash.is_empty());
     if let Some(hash) = given.or_else(|| ask(&["rev-parse", "--short=10", "HEAD"])) {
         println!("cargo:rustc-env=MESHBAND_BUILD={hash}");
     }
