@@ -4,7 +4,7 @@ use super::Losses;
 use super::words::words;
 use crate::terminal::table;
 use meshband::events::Event;
-use meshband::levels::Departures;
+use meshband::levels::{Departure, Departures};
 use meshband::message::{
     AlarmState, Bound, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics, Status,
 };
@@ -173,20 +173,21 @@ fn overall(i: &Indicators) -> String {
 }
 
 /// What is expected and how far from it the values are; empty without a table of levels or outside it.
-pub fn departure_line(departures: &Departures) -> String {
-    let of = [
-        ("RMS", departures.rms),
-        ("velocity", departures.velocity_rms),
-        ("first mesh harmonic", departures.mesh_amplitude),
-        ("residual", departures.residual_rms),
-    ];
-    let parts: Vec<String> = of
-        .iter()
-        .filter_map(|(name, departure)| {
-            departure.map(|d| format!("{name} {:+.1} dB (+- {:.1})", d.departure_db, d.uncertainty_db))
-        })
-        .collect();
+pub fn departure_line(all: &Departures) -> String {
+    let part = |(name, d): (&str, Departure)| format!("{name} {:+.1} dB (+- {:.1})", d.departure_db, d.uncertainty_db);
+    let parts: Vec<String> = departures(all).map(part).collect();
     if parts.is_empty() { String::new() } else { format!("against the expected levels: {}\n", parts.join("   ")) }
+}
+
+/// The departures that are known, by name.
+pub(super) fn departures(all: &Departures) -> impl Iterator<Item = (&'static str, Departure)> {
+    let of = [
+        ("RMS", all.rms),
+        ("velocity", all.velocity_rms),
+        ("first mesh harmonic", all.mesh_amplitude),
+        ("residual", all.residual_rms),
+    ];
+    of.into_iter().filter_map(|(name, departure)| Some((name, departure?)))
 }
 
 /// What a value rests on, in words.

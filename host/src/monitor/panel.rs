@@ -85,7 +85,7 @@ pub struct Panel {
 }
 
 /// Values shown, in order, with their digits after the point.
-pub const VALUES: [(&str, usize); 11] = [
+pub const VALUES: [(&str, usize); 12] = [
     ("RMS, m/s2", 4),
     ("peak, m/s2", 3),
     ("crest factor", 2),
@@ -97,6 +97,7 @@ pub const VALUES: [(&str, usize); 11] = [
     ("residual RMS", 4),
     ("bandwidth, Hz", 0),
     ("measured / law", 3),
+    ("departure, dB", 1),
 ];
 
 impl Panel {
@@ -135,6 +136,12 @@ impl Panel {
         if let Some(measured) = &i.bandwidth {
             push("bandwidth, Hz", measured.bandwidth_hz);
             push("measured / law", measured.bandwidth_hz / measured.law_hz);
+        }
+        // Of the quantity that stands out most of its expectation.
+        let all = [i.departures.rms, i.departures.velocity_rms, i.departures.mesh_amplitude, i.departures.residual_rms];
+        let largest = all.iter().flatten().max_by(|a, b| a.normalised().total_cmp(&b.normalised()));
+        if let Some(departure) = largest {
+            push("departure, dB", departure.departure_db);
         }
     }
 

@@ -1,5 +1,6 @@
 //! The live view: its picture at both sizes, and the whole of it in a real terminal with a virtual node that freezes, dies and comes back.
 
+use meshband::levels::{Departure, Departures};
 use meshband::message::{GearIndicators, Indicators, MeshBand, Message, SpectralLine, Spectrum, Status};
 use meshband::node::State;
 use meshband::tach::Validity;
@@ -51,7 +52,11 @@ fn spectrum() -> Spectrum {
 
 fn indicators(gear: bool) -> Indicators {
     let gear = gear.then(|| GearIndicators { fm0: 2.5, fm4: 3.25, na4: 1.125, ..GearIndicators::default() });
-    Indicators { rms: 1.25, peak: 4.0, crest: 3.2, kurtosis: 2.9, gear, ..Indicators::default() }
+    let departure = |departure_db, uncertainty_db| Some(Departure { departure_db, uncertainty_db });
+    // The mesh is the one that stands out most of what scatters.
+    let departures =
+        Departures { rms: departure(7.5, 3.0), mesh_amplitude: departure(6.25, 1.0), ..Departures::default() };
+    Indicators { rms: 1.25, peak: 4.0, crest: 3.2, kurtosis: 2.9, gear, departures, ..Indicators::default() }
 }
 
 /// A panel that has heard everything by 1 s.
@@ -88,9 +93,20 @@ fn claim_everything_that_matters_is_seen_at_80x24_and_200x60() {
         let all = rows.join("\n");
         assert!(rows[0].contains("MEASURING") && rows[0].contains("no reservation"), "{all}");
         assert!(rows[1].contains("40.0000 Hz") && rows[2].contains("granted 51300 Hz"), "{all}");
-        for part in
-            ["no alarm", "1x", "6x", "4080.00", "RMS, m/s2", "1.2500", "FM0", "2.500", "NA4", "no events", "q quit"]
-        {
+        for part in [
+            "no alarm",
+            "1x",
+            "6x",
+            "4080.00",
+            "RMS, m/s2",
+            "1.2500",
+            "FM0",
+            "2.500",
+            "NA4",
+            "departure, dB          6.2",
+            "no events",
+            "q quit",
+        ] {
             assert!(all.contains(part), "{part} at {size:?}:\n{all}");
         }
     }
