@@ -55,8 +55,9 @@ fn main() -> ! {
 #[inline(never)]
 fn operate(record: Replay<'static>, boot: StackUse, buffers: &'static mut Buffers) -> ! {
     let mut store = Store::new(Flash::take(), 0);
+    let place = &raw mut SESSION;
     // SAFETY: the only reference to it, taken once: this function is entered once and never left.
-    let place = unsafe { &mut *(&raw mut SESSION) };
+    let place = unsafe { &mut *place };
     let session = place.write(open_session(&record, &mut store, buffers));
     let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
     let mut wire = Wire::open();

@@ -46,8 +46,9 @@ fn open(power: &Power) -> (Runner<ConfigFlash>, u32) {
     };
     let crystal = power.oscillator == Oscillator::Crystal;
     let failures = crash::count_start(start_of(power.reset_cause));
+    let session = &raw mut SESSION;
     // SAFETY: the only reference to it, taken once: this function is entered once and never left.
-    let place = unsafe { &mut *(&raw mut SESSION) };
+    let place = unsafe { &mut *session };
     (Runner::open(place, Store::new(flash, 0), TIMING, crystal, failures, buffers), failures)
 }
 
