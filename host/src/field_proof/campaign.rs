@@ -51,7 +51,7 @@ fn items(plan: &Plan) -> Vec<Item> {
         id: format!("{}-{n}", all[n % all.len()].name),
         number: 1_000_000 + n as u64,
         hidden: Some(all[n % all.len()]),
-        level: plan.levels[(n / all.len() + n) % plan.levels.len()],
+        level: plan.levels[(n / all.len() + n % all.len()) % plan.levels.len()],
     });
     null.chain(power).collect()
 }
