@@ -151,14 +151,19 @@ fn interleaved(channels: &[Vec<f64>]) -> Vec<f64> {
     (0..channels[0].len()).flat_map(|n| channels.iter().map(move |c| c[n])).collect()
 }
 
+fn writer(
+    path: &Path,
+    channels: usize,
+    bits_per_sample: u16,
+    sample_format: hound::SampleFormat,
+) -> hound::WavWriter<std::io::BufWriter<std::fs::File>> {
+    let spec =
+        hound::WavSpec { channels: channels as u16, sample_rate: RATE_HZ as u32, bits_per_sample, sample_format };
+    hound::WavWriter::create(path, spec).expect("a wav")
+}
+
 fn wav(path: &Path, channels: &[Vec<f64>]) -> String {
-    let spec = hound::WavSpec {
-        channels: channels.len() as u16,
-        sample_rate: RATE_HZ as u32,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut writer = hound::WavWriter::create(path, spec).expect("a wav");
+    let mut writer = writer(path, channels.len(), 32, hound::SampleFormat::Float);
     interleaved(channels).into_iter().for_each(|x| writer.write_sample(x as f32).expect("written"));
     writer.finalize().expect("written");
     text(path)
@@ -166,13 +171,7 @@ fn wav(path: &Path, channels: &[Vec<f64>]) -> String {
 
 /// Every channel in 16 bits, nine tenths of them used.
 fn integer_wav(path: &Path, channels: &[Vec<f64>]) -> String {
-    let spec = hound::WavSpec {
-        channels: channels.len() as u16,
-        sample_rate: RATE_HZ as u32,
-        bits_per_sample: 16,
-        sample_format: hound::SampleFormat::Int,
-    };
-    let mut writer = hound::WavWriter::create(path, spec).expect("a wav");
+    let mut writer = writer(path, channels.len(), 16, hound::SampleFormat::Int);
     let largest = |c: &Vec<f64>| c.iter().fold(f64::MIN_POSITIVE, |m: f64, x| m.max(x.abs()));
     let shares: Vec<Vec<f64>> = channels.iter().map(|c| c.iter().map(|x| x / largest(c)).collect()).collect();
     interleaved(&shares).into_iter().for_each(|x| writer.write_sample((29_490.0 * x) as i16).expect("written"));
