@@ -56,7 +56,7 @@ def ours(binary, pair, root, folder):
     )
     out = Path(folder) / "out.json"
     start = time.perf_counter()
-    subprocess.run([binary, "stiffness", machine, "--points", "1000", "--json", out], check=True, capture_output=True)
+    subprocess.run([binary, "stiffness", machine, "--points", "1000", "--json", out, "--force"], check=True, capture_output=True)
     return json.loads(out.read_text()), time.perf_counter() - start
 
 
