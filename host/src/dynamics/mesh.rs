@@ -282,8 +282,7 @@ impl<'a> Mesh<'a> {
         let facts = self.facts;
         let moment = (!self.effects.is_empty()).then(|| moment_of(&facts, t, h, turns));
         let mut total = Series::ZERO;
-        let mut friction = [Series::ZERO; 9];
-        let mut slides = false;
+        let mut friction: Option<[Series; 9]> = None;
         let mut pairs_of_effects = Vec::new();
         for number in first..=last {
             let s0 = start - number as f64;
@@ -343,7 +342,7 @@ impl<'a> Mesh<'a> {
             let Some(moment) = &moment else { continue };
             for effect in self.effects {
                 let Some(coefficient) = effect.friction(moment, &pairs_of_effects[i]) else { continue };
-                slides = true;
+                let friction = friction.get_or_insert([Series::ZERO; 9]);
                 let s = &pairs_of_effects[i].position;
                 let arms = [
                     coefficient,
@@ -358,7 +357,7 @@ impl<'a> Mesh<'a> {
             }
         }
         terms.channels.push(mesh);
-        if slides {
+        if let Some(friction) = friction {
             let outputs = [Some(CROSS), self.unit(Coordinate::Rotation(0)), self.unit(Coordinate::Rotation(1))];
             for (slot, output) in outputs.into_iter().enumerate() {
                 let Some(output) = output else { continue };

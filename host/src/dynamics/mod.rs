@@ -5,6 +5,7 @@ pub mod crossings;
 pub mod decimate;
 pub mod energy;
 pub mod excitation;
+mod expansion;
 pub mod inertia;
 pub mod kinematics;
 pub mod mesh;

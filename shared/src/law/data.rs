@@ -41,7 +41,7 @@ pub fn law() -> Law {
         form: LawForm::Tabulated(table),
         lowest: Hertz(1.0),
         highest: Hertz(25.0),
-        machine_hash: 0xdc44544bcc1622f5,
+        machine_hash: 0xd02343aecaaabbd5,
         ramp: RampDescription::PaperTable,
         relative_uncertainty: 0.00423416,
         provisional: false,
