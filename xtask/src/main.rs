@@ -11,6 +11,7 @@ mod elf;
 mod flash;
 mod fuzz;
 mod gateway;
+mod mutants;
 mod node_build;
 mod pace;
 mod prove;
@@ -48,6 +49,7 @@ cargo xtask TASK
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
   fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md;
                names of targets may follow (then only printed), MESHBAND_FUZZ_JOBS run at a time
+  mutants      cargo-mutants on every N-th mutant: `mutants shared 40`, `mutants inference 16`, into docs/mutation.md
   soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into docs/soak.md
   supply-chain bill of materials, and cargo-deny where it is installed
   reproducible all images twice in two folders, compared byte by byte, into docs/reproducible.md
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
         "bench" => bench::run_task(&rest),
         "bench-node" => bench::node::run_task(&rest),
         "fuzz" => fuzz::run_task(&rest),
+        "mutants" => mutants::run_task(&rest),
         "soak" => soak::run_task(&rest),
         "supply-chain" => supply::chain(&rest),
         "reproducible" => supply::reproducible(&rest),
