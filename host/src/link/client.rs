@@ -169,7 +169,9 @@ impl Client {
             (Some(why), ..) => why,
             _ if self.ended => format!("the link ended before {} was answered", name(request)),
             (_, 0, _) => {
-                format!("silent for {patience} s: no power, no node on this port, its two lines interchanged, or a node that speaks Modbus (`configure --at-start`)")
+                format!(
+                    "silent for {patience} s: no power, no node on this port, its two lines interchanged, or a node that speaks Modbus (`configure --at-start`)"
+                )
             }
             (_, bytes, 0) => format!(
                 "{bytes} bytes in {patience} s and no frame among them: another bit rate than {BITS_PER_SECOND}, or no node"
