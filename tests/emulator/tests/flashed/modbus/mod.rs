@@ -1,5 +1,6 @@
 //! The released image as a Modbus station: read by an independent master, against what the same node says over its own link.
 
+mod load;
 mod master;
 
 use super::image::image;
