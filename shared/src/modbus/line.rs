@@ -7,7 +7,7 @@
 //! valid checksum, its last eight bytes are tried. (They pass by chance once in 2^16 runs that end in this node's address and a
 //! function, and then the answer is one that nobody waits for.)
 //!
-//! What was received while the loop stood still for longer than [`STALE_MS`] (an erasure of the flash) is not answered: the master has
+//! What was received while the loop stood still for longer than 0.1 s (an erasure of the flash) is not answered: the master has
 //! given up meanwhile, and an answer would meet its next request. An interface that hears itself gives back the node's own answer:
 //! it is recognised by length and checksum and taken off. Damage is silent and counted.
 

@@ -2,7 +2,7 @@
 //!
 //! The second personality of the line ([`crate::config::LinkConfig`]); everything else of the node is the same. Results are kept as they
 //! would have left as messages ([`bank`]), so that a register holds what the link would have said, bit for bit. [`map`] is the one
-//! definition of the registers: requests are answered from it, and `docs/reference.md` is made from it. [`line`] finds the requests
+//! definition of the registers: requests are answered from it, and `docs/reference.md` is made from it. [`mod@line`] finds the requests
 //! among the bytes, [`server`] answers one, [`station`] puts them together and holds the way back to the link.
 //!
 //! Nothing can be written: what a plant's master may do to a node is to read it. Configuration and acknowledgement stay with the link.
