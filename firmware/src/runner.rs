@@ -11,7 +11,7 @@ use core::mem::MaybeUninit;
 use embedded_storage::nor_flash::NorFlash;
 use meshband::board::{Board, Due, Link, Timing};
 use meshband::buffers::Buffers;
-use meshband::config::Configuration;
+use meshband::config::{Configuration, LineFormat};
 use meshband::events::EventKind;
 use meshband::identity::Identity;
 use meshband::message::Request;
@@ -77,6 +77,8 @@ pub struct Runner<F: NorFlash> {
     block_seen: Option<u32>,
     stack_seen: u32,
     stack_due: u32,
+    /// As the board's line is set.
+    format: LineFormat,
 }
 
 impl<F: NorFlash> Runner<F> {
@@ -111,6 +113,7 @@ impl<F: NorFlash> Runner<F> {
             block_seen: None,
             stack_seen: 0,
             stack_due: 0,
+            format: LineFormat::MESHBAND,
             session: place.write(Session::of_valid(configuration, timing, buffers)),
         }
     }
@@ -146,6 +149,7 @@ impl<F: NorFlash> Runner<F> {
             block_seen,
             stack_seen,
             stack_due,
+            format: LineFormat::MESHBAND,
         }
     }
 
@@ -193,6 +197,7 @@ impl<F: NorFlash> Runner<F> {
         }
         board.pump();
         self.serve_link(board);
+        self.follow_line(board);
         board.catch_up();
         let due = Due::of(horizon, board.pending_end());
         while let Some(edge) = board.next_edge_before(due.edges_before) {
@@ -223,6 +228,20 @@ impl<F: NorFlash> Runner<F> {
                 crash::forgive();
             }
             self.session.on_stored(stored);
+        }
+    }
+
+    /// Answers a Modbus master, and sets the board's line to what is spoken on it.
+    fn follow_line(&mut self, board: &mut impl Board) {
+        // Read behind the bytes: what was not there by now has not ended.
+        let now = board.now();
+        self.session.follow_line(now, &mut |answer| {
+            board.send(answer);
+        });
+        let format = self.session.line_format();
+        if format != self.format {
+            self.format = format;
+            board.set_format(format);
         }
     }
 

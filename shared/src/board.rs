@@ -4,6 +4,7 @@
 //! timer and tach capture, so that every block's first sample has a tick. The configuration's place is any
 //! `embedded_storage::nor_flash::NorFlash` of two sectors.
 
+use crate::config::LineFormat;
 use crate::node::Block;
 use crate::units::{Hertz, TicksPerSecond};
 
@@ -88,6 +89,10 @@ pub trait Link {
     fn pump(&mut self);
     /// Frames refused and not yet reported, once there is room again.
     fn take_dropped(&mut self) -> Option<u32>;
+    /// Sets rate and character of the line; where there is no wire to set, nothing.
+    fn set_format(&mut self, format: LineFormat) {
+        let _ = format;
+    }
 }
 
 /// Life of the main loop.

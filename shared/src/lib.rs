@@ -19,6 +19,7 @@ pub mod identity;
 pub mod law;
 pub mod link;
 pub mod math;
+pub mod modbus;
 pub mod node;
 pub mod pipeline;
 pub mod replay;

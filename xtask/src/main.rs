@@ -12,6 +12,7 @@ mod flash;
 mod fuzz;
 mod gateway;
 mod mutants;
+mod modbus;
 mod node_build;
 mod pace;
 mod prove;
@@ -44,6 +45,7 @@ cargo xtask TASK
   bench        kernels beside SciPy and ROSS, whole commands, node stages, into docs/benchmarks.md (--without-ross)
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
+  modbus       the released image as a Modbus station, read by pymodbus (skipped without Python)
   screenshots  pictures of the reports and of the live view, into docs/pictures (names of pictures may follow)
   gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
@@ -74,6 +76,7 @@ fn main() -> ExitCode {
         "pace" => pace::run_task(&rest),
         "screenshots" => screenshots::run_task(&rest),
         "wheel" => wheel::run_task(),
+        "modbus" => modbus::run_task(),
         "bench" => bench::run_task(&rest),
         "bench-node" => bench::node::run_task(&rest),
         "fuzz" => fuzz::run_task(&rest),

@@ -3,7 +3,7 @@
 use crate::node_build::{self, IMAGES};
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, capture, cargo, command, root, timed};
-use crate::{supply, wheel};
+use crate::{modbus, supply, wheel};
 use std::fmt::Write;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -25,6 +25,7 @@ pub fn run() -> Outcome {
     report.step("documentation", || {
         crate::shell::run(cargo(&["doc", "--quiet", "--release", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"))
     });
+    report.step_or_skip("an independent Modbus master", modbus::environment);
     let mut tests = TestLog::default();
     report.step("tests", || tests.run(&[]));
     report.step_or_skip("advisories", supply::advisories);

@@ -1,9 +1,10 @@
 //! STM32F405RG at 168 MHz: the register programs of `meshband-stm32` put to work on the chip.
 //!
-//! Three interrupts, of one priority: a tach edge, a complete block, an overrun of the converter. Everything else is polled by the main loop behind
+//! Four interrupts, of one priority: a tach edge, a complete block, an overrun of the converter, the end of an answer on a shared line. Everything else is polled by the main loop behind
 //! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
 
 pub mod config_flash;
+mod line;
 pub mod outputs;
 mod sampling;
 mod tach;
@@ -13,7 +14,7 @@ use core::ptr;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
 use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture, Timing};
-use meshband::config::{TachEdge, TachWheel};
+use meshband::config::{LineFormat, TachEdge, TachWheel};
 use meshband::link::QUEUE;
 use meshband::link::receive_circle::ReceiveCircle;
 use meshband::link::send_ring::SendRing;
@@ -69,6 +70,8 @@ pub struct Board {
     wheel: TachWheel,
     edge: Edge,
     outputs: Outputs,
+    /// Others speak on the line, too.
+    shared: bool,
 }
 
 macro_rules! device {
@@ -173,7 +176,7 @@ impl Board {
         tach::install(outlets.edges);
         sampling::install(period_ticks, outlets.blocks, outlets.free, &REQUEST)?;
         // All of one priority, as reset leaves them: none interrupts another.
-        for line in [Interrupt::TIM5, Interrupt::DMA2_STREAM0, Interrupt::ADC] {
+        for line in [Interrupt::TIM5, Interrupt::DMA2_STREAM0, Interrupt::ADC, Interrupt::USART1] {
             // SAFETY: the state the handlers work on is complete, and nothing relies on these lines being masked.
             unsafe { cortex_m::peripheral::NVIC::unmask(line) };
         }
@@ -185,7 +188,7 @@ impl Board {
         system_timer.enable_interrupt();
         system_timer.enable_counter();
         let outputs = Outputs::start();
-        Some(Self { inbox, received, circle: ReceiveCircle::new(), ring, wheel: *wheel, edge, outputs })
+        Some(Self { inbox, received, circle: ReceiveCircle::new(), ring, wheel: *wheel, edge, outputs, shared: false })
     }
 
     /// Sets the tach's filter and edge to another wheel and front end, where they are others.
@@ -289,13 +292,24 @@ impl Link for Board {
             return;
         }
         if let Some(run) = self.ring.next_run() {
+            if self.shared {
+                line::seize();
+            }
             // SAFETY: the ring is static memory in SRAM and leaves a lent run alone until the next one is asked for.
             unsafe { uart::start_sending(dma2(), data_address(), run.as_ptr() as u32, run.len() as u16) };
+            if self.shared {
+                line::release_at_end();
+            }
         }
     }
 
     fn take_dropped(&mut self) -> Option<u32> {
         self.ring.take_unreported()
+    }
+
+    fn set_format(&mut self, format: LineFormat) {
+        self.shared = format.shared;
+        line::set_format(format);
     }
 }
 

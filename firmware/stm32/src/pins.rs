@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | PA0 | tach, TIM5 channel 1 | pulled up |
 //! | PA1 | signal, ADC1 channel 1 | analogue |
+//! | PA8 | driver enable of a shared line, high while sending | low: others speak |
 //! | PA9, PA10 | link, USART1 | idle |
 //! | PB12 | select of the amplifier | high: not selected |
 //! | PB13, PB15 | clock and data to the amplifier, SPI2 | low |
@@ -17,6 +18,8 @@
 use crate::output::Port;
 use crate::pac::{gpioa, gpiob, gpioi};
 
+/// Pin at port A that switches the driver of a shared line on.
+pub const DRIVER_ENABLE: u8 = 8;
 /// Pin at port B that selects the amplifier.
 pub const AMPLIFIER_SELECT: u8 = 12;
 /// Pin at port C of the alarm output.
@@ -34,7 +37,11 @@ pub fn configure(port_a: &gpioa::RegisterBlock, port_b: &gpiob::RegisterBlock, p
     port_a.afrh().modify(|_, w| unsafe { w.afr(1).bits(7).afr(2).bits(7) });
     // A tach pick-up is most often an open collector; the idle link is high.
     port_a.pupdr().modify(|_, w| w.pupdr0().pull_up().pupdr10().pull_up());
-    port_a.moder().modify(|_, w| w.moder0().alternate().moder1().analog().moder9().alternate().moder10().alternate());
+    port_a.set_reset(1 << (DRIVER_ENABLE + 16));
+    port_a.moder().modify(|_, w| {
+        let w = w.moder0().alternate().moder1().analog().moder8().output();
+        w.moder9().alternate().moder10().alternate()
+    });
     configure_amplifier(port_b);
     port_c.set_reset(1 << LIGHT | 1 << (ALARM + 16) | 1 << (SENSOR_SUPPLY + 16));
     port_c.moder().modify(|_, w| w.moder8().output().moder9().output().moder12().output());

@@ -21,6 +21,60 @@ pub const fn divider(clock_hz: u32, bits_per_second: u32) -> u32 {
     (clock_hz + bits_per_second / 2) / bits_per_second
 }
 
+/// Character on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Character {
+    /// 8 bits, even parity, one stop bit.
+    Even,
+    /// 8 bits, odd parity, one stop bit.
+    Odd,
+    /// 8 bits, no parity, two stop bits.
+    TwoStop,
+    /// 8 bits, no parity, one stop bit.
+    OneStop,
+}
+
+/// Sets another rate and character, while nothing is being sent. Reception goes on; a character under way is lost.
+pub fn set_format(usart: &usart1::RegisterBlock, bits_per_second: u32, character: Character) {
+    usart.cr1().modify(|_, w| w.ue().disabled());
+    let divider = divider(APB2_HZ, bits_per_second.max(1)).clamp(16, u32::from(u16::MAX)) as u16;
+    // SAFETY: every divider from 16 on is a rate.
+    usart.brr().write(|w| unsafe { w.bits(divider) });
+    usart.cr2().write(|w| match character {
+        Character::TwoStop => w.stop().stop2(),
+        _ => w.stop().stop1(),
+    });
+    // The parity is the ninth bit of a word; the DMA takes the lower eight.
+    usart.cr1().write(|w| {
+        let w = match character {
+            Character::Even => w.m().m9().pce().enabled().ps().even(),
+            Character::Odd => w.m().m9().pce().enabled().ps().odd(),
+            Character::TwoStop | Character::OneStop => w.m().m8(),
+        };
+        w.ue().enabled().te().enabled().re().enabled()
+    });
+}
+
+/// Forgets that what was sent before has ended; to be called before sending what [`announce_end`] is to tell the end of.
+pub fn forget_end(usart: &usart1::RegisterBlock) {
+    // SAFETY: zero clears the end of transmission, ones leave the other flags alone.
+    usart.sr().write(|w| unsafe { w.bits(0x03ff).tc().clear() });
+}
+
+/// Lets the end of what is being sent, its last stop bit, raise the interrupt.
+pub fn announce_end(usart: &usart1::RegisterBlock) {
+    usart.cr1().modify(|_, w| w.tcie().enabled());
+}
+
+/// In the interrupt: whether everything has been sent. Raises no other.
+pub fn take_end(usart: &usart1::RegisterBlock) -> bool {
+    let ended = usart.sr().read().tc().bit_is_set();
+    if ended {
+        usart.cr1().modify(|_, w| w.tcie().disabled());
+    }
+    ended
+}
+
 /// Sets the UART up: 8 bits, no parity, one stop bit, DMA both ways.
 pub fn start(usart: &usart1::RegisterBlock) {
     // SAFETY: the divider of 84 MHz by the bit rate is 91, above the least of 16.

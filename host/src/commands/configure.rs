@@ -3,11 +3,16 @@
 use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband::board::Timing;
+use meshband::config::{LinkConfig, Personality};
 use meshband::units::TicksPerSecond;
 use meshband_host::link::setup::{Installation, Sources};
 use meshband_host::link::{Client, report};
 use meshband_host::{Error, Result, say};
 use std::path::PathBuf;
+use std::time::Duration;
+
+/// How long the node's next start is waited for.
+const START_PATIENCE: Duration = Duration::from_secs(60);
 
 /// Arguments of `meshband configure`.
 #[derive(ClapArgs)]
@@ -20,7 +25,7 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
-    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass (docs/node.md). Options below go before it.
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link (docs/node.md). Options below go before it.
     #[arg(long)]
     settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.
@@ -56,6 +61,9 @@ pub struct Args {
     /// Starts measuring afterwards.
     #[arg(long)]
     start: bool,
+    /// Calls the node until it starts (60 s at most): the way back to one that speaks Modbus. Switch it off and on meanwhile.
+    #[arg(long)]
+    at_start: bool,
     /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
     #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio", "sensitivity",
         "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json", "report"])]
@@ -67,14 +75,14 @@ pub struct Args {
 /// Reads the node's configuration, changes what the arguments say, sends, stores and reads back.
 pub fn run(args: Args) -> Result<()> {
     if args.acknowledge {
-        Client::open(&args.port)?.acknowledge_alarms()?;
+        open(&args)?.acknowledge_alarms()?;
         return say!("alarms acknowledged");
     }
     // Files first: their errors need no node.
     let read = [&args.machine, &args.law, &args.settings].into_iter().flatten().map(PathBuf::as_path);
     let mut files = args.results.announce(&mut args.results.outputs(read))?;
     let sources = Sources::read(args.machine.as_deref(), args.law.as_deref(), args.settings.as_deref())?;
-    let mut client = Client::open(&args.port)?;
+    let mut client = open(&args)?;
     let identity = client.identify()?;
     let mut config = client.configuration()?;
     // The node's own: another configuration begins without alarms.
@@ -124,5 +132,30 @@ pub fn run(args: Args) -> Result<()> {
         if held.law.provisional { " (provisional)" } else { "" },
         held.alarms.len(),
         if args.volatile { "not stored" } else { "stored" },
+    )?;
+    match held.link.personality {
+        Personality::Meshband => Ok(()),
+        Personality::Modbus => say!("{}", from_next_start(&held.link, args.volatile, &args.port)),
+    }
+}
+
+fn open(args: &Args) -> Result<Client> {
+    let mut client = Client::open(&args.port)?;
+    if args.at_start {
+        say!("calling the node: switch it off and on")?;
+        client.call(START_PATIENCE)?;
+    }
+    Ok(client)
+}
+
+/// What a node that was told to speak Modbus does, and how it is reached again.
+fn from_next_start(link: &LinkConfig, volatile: bool, port: &str) -> String {
+    if volatile {
+        return "Modbus is not stored: the line stays as it is".into();
+    }
+    let LinkConfig { address, parity, .. } = link;
+    format!(
+        "from its next start on it speaks Modbus: address {address}, {} bit/s, parity {parity:?}; back: `meshband configure {port} --at-start`",
+        link.rate()
     )
 }

@@ -19,6 +19,9 @@ pub const ATTEMPTS: u32 = 3;
 /// How long one attempt waits for its answer.
 pub const ANSWER_PATIENCE: Duration = Duration::from_secs(2);
 
+/// How often a node is called that may only just be starting.
+const CALL_EVERY: Duration = Duration::from_millis(250);
+
 /// Most answers kept that no command has taken yet.
 pub const REPLIES: usize = 64;
 /// Most streamed messages kept that nobody has read yet: half a minute of a busy node.
@@ -166,7 +169,9 @@ impl Client {
             (Some(why), ..) => why,
             _ if self.ended => format!("the link ended before {} was answered", name(request)),
             (_, 0, _) => {
-                format!("silent for {patience} s: no power, no node on this port, or its two lines interchanged")
+                format!(
+                    "silent for {patience} s: no power, no node on this port, its two lines interchanged, or a node that speaks Modbus (`configure --at-start`)"
+                )
             }
             (_, bytes, 0) => format!(
                 "{bytes} bytes in {patience} s and no frame among them: another bit rate than {BITS_PER_SECOND}, or no node"
@@ -184,6 +189,31 @@ impl Client {
             Reply::Identity(identity) => Ok(identity),
             other => Err(unexpected(&other)),
         }
+    }
+
+    /// Calls a node until it answers: one that speaks Modbus listens for its link in the first seconds of a start only.
+    ///
+    /// # Errors
+    /// As [`Client::request`], when `patience` is over or the link ends.
+    pub fn call(&mut self, patience: Duration) -> Result<Identification> {
+        let deadline = Instant::now() + patience;
+        while Instant::now() < deadline && !self.ended {
+            self.send(&Request::Identify)?;
+            let again = Instant::now() + CALL_EVERY;
+            while Instant::now() < again && !self.ended {
+                self.receive()?;
+                if let Some(Reply::Identity(identity)) =
+                    self.replies.iter().find(|reply| answers(&Request::Identify, reply)).cloned()
+                {
+                    return Ok(identity);
+                }
+            }
+        }
+        let seconds = patience.as_secs();
+        Err(Error::tool(
+            "node",
+            format!("no start of a node within {seconds} s: it has to be switched off and on meanwhile"),
+        ))
     }
 
     /// The configuration in force.

@@ -26,6 +26,9 @@
 //! watch_signal = true
 //! [pass]
 //! analogue = 40000.0               # Hz, 0 for not declared
+//! [link]                           # from the node's next start on
+//! personality = "Modbus"           # or "Meshband"
+//! address = 17
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
@@ -87,7 +90,8 @@ impl Settings {
         for (key, new) in &self.tables {
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels";
+                    let known =
+                        "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("policy", Some(held), new) => {

@@ -13,6 +13,7 @@ mod hostile_machine;
 mod import_tach;
 mod link_cli;
 mod machine_wizard;
+mod modbus_link;
 mod monitor;
 #[cfg(unix)]
 mod outputs_cli;

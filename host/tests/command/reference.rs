@@ -7,6 +7,8 @@
 
 use meshband::config::{Configuration, SCHEMA};
 use meshband::message::{OLDEST_READER, WIRE_SCHEMA};
+use meshband::modbus::MAP_VERSION;
+use meshband::modbus::map::{INPUTS, Kind, REGISTERS};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -298,6 +300,37 @@ fn shown(value: Option<&Value>) -> String {
     }
 }
 
+/// The register map, from the table that requests are answered from.
+fn modbus() -> String {
+    let mut text = format!(
+        "\n## Modbus\n\nRegister map, version {MAP_VERSION}: input registers (function 4; function 3 reads the same), addresses from 0 as they are on the line: manuals that count \
+         from 1 or write 3xxxx have one more. `word`: one register; `long` and `float` (IEEE 754 single): two, the high word first. A float that does not exist is not a number, an age \
+         without a result is 65535, other words are 0 then. Addresses that are not listed are refused.\n"
+    );
+    let mut group = "";
+    for row in REGISTERS {
+        if row.group != group {
+            group = row.group;
+            text += &format!(
+                "\n### Registers: {group}\n\n| address | type | name | unit | meaning |\n|---|---|---|---|---|\n"
+            );
+        }
+        let kind = match row.kind {
+            Kind::Word => "word",
+            Kind::Long => "long",
+            Kind::Float => "float",
+        };
+        text += &format!("| {} | {kind} | `{}` | {} | {} |\n", row.address, row.name, row.unit, row.meaning);
+    }
+    text += "\n### Discrete inputs\n\nFunction 2.\n\n| address | name | meaning of 1 |\n|---|---|---|\n";
+    for input in INPUTS {
+        let last = input.address + input.count - 1;
+        let place = if input.count == 1 { last.to_string() } else { format!("{} to {last}", input.address) };
+        text += &format!("| {place} | `{}` | {} |\n", input.name, input.meaning);
+    }
+    text
+}
+
 fn page() -> String {
     let items = items();
     let defaults = serde_json::to_value(Configuration::default()).unwrap();
@@ -327,7 +360,7 @@ fn page() -> String {
         }
         page.rest();
     }
-    page.text
+    page.text + &modbus()
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! to [`Configuration`] itself, and what is appended means at its first value what was so before: configurations of older
 //! schemas are thus read by the present layout ([`crate::schema`]).
 
+use super::LinkConfig;
 use crate::alarm::{AlarmBand, AlarmHolding};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
@@ -16,8 +17,8 @@ use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels.
-pub const SCHEMA: u16 = 4;
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link.
+pub const SCHEMA: u16 = 5;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -218,6 +219,8 @@ pub struct Configuration {
     pub latched: u8,
     /// Levels expected over speed; empty where none are known.
     pub levels: Vec<LevelPoint, MAX_LEVELS>,
+    /// What the line speaks from the next start on.
+    pub link: LinkConfig,
 }
 
 /// The first field found wrong.
@@ -262,6 +265,8 @@ pub enum ConfigurationError {
     PassBand,
     /// `levels`
     Levels,
+    /// `link.address` or `link.bits_per_second`
+    Link,
 }
 
 impl ConfigurationError {
@@ -293,6 +298,9 @@ impl ConfigurationError {
             Self::Levels => {
                 "needs two points or none, ascending speeds of 0.01 to 1000 Hz, levels of -200 to 200 dB, uncertainties of 0.01 to 60 dB or 0"
             }
+            Self::Link => {
+                "must be a Modbus address of 1 to 247 (0 only without Modbus), and 2400 to 115200 bit/s or 0 for 19200"
+            }
         }
     }
 
@@ -318,6 +326,7 @@ impl ConfigurationError {
             Self::Holding => "holding.persistence_s",
             Self::PassBand => "pass.analogue, pass.sensor",
             Self::Levels => "levels",
+            Self::Link => "link.address, link.bits_per_second",
         }
     }
 }
@@ -360,6 +369,7 @@ impl Default for Configuration {
             pass: PassBand::default(),
             latched: 0,
             levels: Vec::new(),
+            link: LinkConfig::default(),
         }
     }
 }
@@ -427,6 +437,7 @@ impl Configuration {
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
         ensure(levels::are_sane(&self.levels), E::Levels)?;
+        ensure(self.link.is_sane(), E::Link)?;
         Ok(())
     }
 

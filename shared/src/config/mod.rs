@@ -3,7 +3,9 @@
 //! Bytes in, one validated [`Configuration`] out; the node takes nothing else.
 
 mod configuration;
+mod link;
 pub mod schema;
 pub mod store;
 
 pub use configuration::*;
+pub use link::*;

@@ -16,7 +16,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 5;
+pub const WIRE_SCHEMA: u8 = 6;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;

@@ -75,6 +75,10 @@ impl<const N: usize> SendRing<N> {
         if self.tail >= N {
             self.tail -= N;
         }
+        // Nothing waits: the next frame need not be cut in two at the end, which on a line with silences would be two frames.
+        if self.waiting == 0 {
+            self.tail = 0;
+        }
     }
 
     /// Bytes waiting, those in flight included.

@@ -5,12 +5,14 @@
 
 use crate::board::Timing;
 use crate::buffers::Buffers;
+use crate::config::LineFormat;
 use crate::config::{Configuration, ConfigurationError};
 use crate::events::EventKind;
 use crate::frame::{self, Decoder, Incoming, MAX_FRAME, PacketRef};
 use crate::identity::Identity;
 use crate::link::pace::{Pace, Room};
 use crate::message::{Message, Request};
+use crate::modbus::station::{Mode, Station};
 use crate::node::{Block, Node};
 use crate::self_test::SelfTestRun;
 use core::borrow::BorrowMut;
@@ -22,6 +24,7 @@ pub struct Session<B = Buffers> {
     decoder: Decoder<Incoming>,
     test: SelfTestRun,
     pace: Pace,
+    station: Station,
     sequence: u16,
     unsent: u32,
     commit: bool,
@@ -74,6 +77,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
             decoder: Decoder::new(),
             test: SelfTestRun::at_start(board.clock, true),
             pace: Pace::new(board.clock),
+            station: Station::new(config.link, board.clock),
             sequence: 0,
             unsent: 0,
             commit: false,
@@ -129,8 +133,18 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     /// Sends what the node has to say at an instant, as far as the line's pace allows; the rest comes later.
     pub fn send_messages(&mut self, now_tick: u32, send: &mut impl FnMut(&[u8])) {
         self.pace.advance(now_tick);
+        if self.station.mode() != Mode::Meshband {
+            return self.keep_messages(now_tick);
+        }
         while let Some(message) = self.next_message(now_tick) {
             self.send(PacketRef::Message(&message), send);
+        }
+    }
+
+    /// Where the line is not the link's, results are kept for those who read them as registers.
+    fn keep_messages(&mut self, now_tick: u32) {
+        while let Some(message) = self.node.poll_results(now_tick) {
+            self.station.take(&message, self.node.lifetime().0);
         }
     }
 
@@ -144,7 +158,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
 
     /// Whether a command may be taken: there is room for its reply. Otherwise the bytes wait where they were received.
     pub fn takes_commands(&self) -> bool {
-        self.pace.room() >= Room::Reply
+        self.station.mode() != Mode::Meshband || self.pace.room() >= Room::Reply
     }
 
     /// The board sees that the line has sent everything; for times in which no block tells how late it is.
@@ -159,15 +173,42 @@ impl<B: BorrowMut<Buffers>> Session<B> {
 
     /// A byte from the link; a complete command is carried out and answered at once.
     pub fn on_byte(&mut self, byte: u8, send: &mut impl FnMut(&[u8])) {
+        if self.station.mode() == Mode::Modbus {
+            return self.station.push(byte);
+        }
         match self.decoder.push(byte) {
             Some(Ok(frame)) => {
                 // A node has no use for replies and messages.
                 if let Incoming::Request(request) = frame.packet {
+                    self.find_link();
                     self.on_request(request, send);
                 }
             }
-            Some(Err(_)) => self.node.note(EventKind::FramesRefused, 1),
-            None => {}
+            // What a PLC says at another rate is no frame of anybody's.
+            Some(Err(_)) if self.station.mode() == Mode::Meshband => self.node.note(EventKind::FramesRefused, 1),
+            Some(Err(_)) | None => {}
+        }
+    }
+
+    /// Once per turn of the main loop, after the bytes that were there, with a tick read behind them: the part of Modbus that
+    /// goes by the clock.
+    pub fn follow_line(&mut self, now_tick: u32, send: &mut impl FnMut(&[u8])) {
+        if let Some(answer) = self.station.follow(&self.node, now_tick) {
+            send(&answer);
+        }
+    }
+
+    /// How the board's line is to be set at present.
+    pub fn line_format(&self) -> LineFormat {
+        self.station.format()
+    }
+
+    /// The link's own request has come: where the node was still listening, the line is the link's, and what was said to nobody
+    /// is said again.
+    fn find_link(&mut self) {
+        if self.station.mode() != Mode::Meshband {
+            self.station.yield_to_link();
+            self.node.on_request(Request::Events);
         }
     }
 

@@ -86,7 +86,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     /// The alarms as a status shows them.
-    pub(super) fn alarm_state(&self) -> AlarmState {
+    pub(crate) fn alarm_state(&self) -> AlarmState {
         AlarmState {
             raised: mask(&self.alarms, Alarm::is_raised),
             standing: mask(&self.alarms, Alarm::stands),

@@ -295,6 +295,17 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.restart_stream(0);
     }
 
+    /// Latest instant known, and that of the start, ticks.
+    pub(crate) fn lifetime(&self) -> (u64, u64) {
+        let now = self.next_tick.max(self.time.latest());
+        (now, self.started.unwrap_or(now))
+    }
+
+    /// On which board the node runs.
+    pub(crate) fn identity(&self) -> Identity {
+        self.identity
+    }
+
     /// What the self-test has found so far.
     pub fn set_self_test(&mut self, result: SelfTest) {
         let before = core::mem::replace(&mut self.self_test, result);

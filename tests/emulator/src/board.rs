@@ -9,8 +9,6 @@ use crate::world::{Analogue, Seen};
 
 /// Cycles per instruction unless told otherwise: on the safe side of what the core's manual gives for this program.
 pub const CYCLES_PER_INSTRUCTION: f64 = 2.0;
-/// Bit rate of the line from the host.
-pub const BITS_PER_SECOND: f64 = 921_600.0;
 /// How long a tach pulse lasts at most, s.
 const PULSE_S: f64 = 0.005;
 /// Share of the interval to the next pulse that a pulse lasts at most.
@@ -85,7 +83,8 @@ impl Board {
 
     /// Bytes from the host, one behind the other as fast as the line goes, from now or from the end of those given before.
     pub fn send(&mut self, bytes: &[u8]) {
-        let byte_s = 10.0 / BITS_PER_SECOND;
+        let inputs = &self.chip().inputs;
+        let byte_s = inputs.bits as f64 / inputs.bits_per_second;
         self.line_free_s = self.line_free_s.max(self.seconds());
         for &byte in bytes {
             self.line_free_s += byte_s;
@@ -93,6 +92,12 @@ impl Board {
             self.chip_mut().inputs.bytes.push_back((at, byte));
         }
         self.chip_mut().follow_inputs();
+    }
+
+    /// From now on the host sends at another rate, so many bits per character; a program that listens otherwise hears other bytes.
+    pub fn set_line(&mut self, bits_per_second: f64, bits: u64) {
+        let inputs = &mut self.chip_mut().inputs;
+        (inputs.bits_per_second, inputs.bits) = (bits_per_second, bits);
     }
 
     /// Takes the bytes that the board has sent.

@@ -152,6 +152,7 @@ impl Chip {
             Device::Usart => {
                 self.usart.write(offset, value, now, apb2)?;
                 self.schedule.set(Source::Sent, self.usart.due());
+                self.nvic.set_line(interrupt::USART1, self.usart.interrupt());
                 self.ask_dma();
             }
             Device::Adc => {

@@ -52,7 +52,7 @@
 //! | watchdog's oscillator at its limits | `chip_mut().watchdog.cycle` |
 //! | bus to the amplifier that hangs | `chip_mut().spi2.dead` |
 //! | bounces, glitches, storms at the tach | [`board::Board::add_tach_levels`] |
-//! | bytes from the host | [`board::Board::send`] |
+//! | bytes from the host | [`board::Board::send`], at another rate [`board::Board::set_line`] |
 //! | slow or fast core | [`cpu::Cpu::set_pace`] |
 //! | wild program, stack overflow | [`cpu::Cpu::set_program_counter`], [`cpu::Cpu::set_register`], and [`cpu::Cpu::take_faults`], without which they end the run |
 //! | memory of the program | [`chip::Chip::peek`] and [`chip::Chip::poke`] at an address of [`elf::Image::symbols`] |

@@ -1,4 +1,5 @@
-//! USART1: 8 bits without parity at the programmed rate, both ways by DMA. RM0090 section 30.
+//! USART1: 8 bits with or without parity, one or two stop bits, at the programmed rate; both ways by DMA, and the interrupt at the end of
+//! what was sent. RM0090 section 30.
 
 use crate::error::{Access, Refusal, within};
 use crate::time::{NEVER, Time};
@@ -9,11 +10,20 @@ const TC: u32 = 1 << 6;
 const TXE: u32 = 1 << 7;
 const RE: u32 = 1 << 2;
 const TE: u32 = 1 << 3;
+const TCIE: u32 = 1 << 6;
+const PS: u32 = 1 << 9;
+const PCE: u32 = 1 << 10;
+/// Nine bits a word, of which the last is the parity where there is one.
+const M: u32 = 1 << 12;
 const UE: u32 = 1 << 13;
+/// Two stop bits.
+const STOP_2: u32 = 2 << 12;
 const DMAR: u32 = 1 << 6;
 const DMAT: u32 = 1 << 7;
 /// Start, eight bits, stop.
 const BITS: Time = 10;
+/// A rate that is off by more than this share is not understood.
+const TOLERANCE: f64 = 0.03;
 
 /// The interface.
 #[derive(Clone, Debug)]
@@ -21,6 +31,7 @@ pub struct Usart {
     sr: u32,
     brr: u32,
     cr1: u32,
+    cr2: u32,
     cr3: u32,
     received: u8,
     /// Waits behind the byte on the wire.
@@ -31,14 +42,30 @@ pub struct Usart {
 
 impl Default for Usart {
     fn default() -> Self {
-        Self { sr: TXE | TC, brr: 0, cr1: 0, cr3: 0, received: 0, waiting: None, sending: None }
+        Self { sr: TXE | TC, brr: 0, cr1: 0, cr2: 0, cr3: 0, received: 0, waiting: None, sending: None }
     }
 }
 
 impl Usart {
     /// Length of a byte on the wire, units; `None` before it is programmed.
     pub fn byte_time(&self, apb2: Time) -> Option<Time> {
-        (self.brr >= 16).then(|| BITS * Time::from(self.brr) * apb2)
+        (self.brr >= 16).then(|| self.bits() * Time::from(self.brr) * apb2)
+    }
+
+    /// Bits of a character on the wire.
+    pub fn bits(&self) -> Time {
+        BITS + Time::from(self.cr1 & M != 0) + Time::from(self.cr2 & STOP_2 != 0)
+    }
+
+    /// Whether a character that takes so many units, of so many bits, is understood.
+    pub fn understands(&self, units: f64, bits: Time, apb2: Time) -> bool {
+        let own = self.byte_time(apb2).unwrap_or(0) as f64;
+        bits == self.bits() && (own / units - 1.0).abs() <= TOLERANCE
+    }
+
+    /// Whether the end of what was sent interrupts.
+    pub fn interrupt(&self) -> bool {
+        self.cr1 & TCIE != 0 && self.sr & TC != 0
     }
 
     /// Whether bytes are received.
@@ -113,7 +140,7 @@ impl Usart {
             }
             0x08 => self.brr,
             0x0c => self.cr1,
-            0x10 => 0,
+            0x10 => self.cr2,
             0x14 => self.cr3,
             _ => return Err(Refusal::Register),
         })
@@ -129,8 +156,8 @@ impl Usart {
             0x00 => self.sr &= value | !(RXNE | TC),
             0x04 => self.send(value as u8, now, apb2),
             0x08 => self.brr = within(value, 0xffff)?,
-            0x0c => self.cr1 = within(value, UE | TE | RE)?,
-            0x10 => drop(within(value, 0)?),
+            0x0c => self.cr1 = within(value, UE | TE | RE | TCIE | M | PCE | PS)?,
+            0x10 => self.cr2 = within(value, STOP_2)?,
             0x14 => self.cr3 = within(value, DMAR | DMAT)?,
             _ => return Err(Refusal::Register),
         }

@@ -4,6 +4,9 @@ use crate::time::{Time, UNITS_PER_SECOND};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Bit rate of the line unless told otherwise.
+pub const BITS_PER_SECOND: f64 = 921_600.0;
+
 /// The analogue input: share of the reference voltage (0 to 1) at an instant, s since power first came.
 pub type Analogue = Arc<dyn Fn(f64) -> f64 + Send + Sync>;
 
@@ -104,11 +107,21 @@ pub struct Inputs {
     pub tach: VecDeque<(f64, bool)>,
     /// Bytes to come over the line, s at which their stop bit ends, in order.
     pub bytes: VecDeque<(f64, u8)>,
+    /// Rate at which they are sent.
+    pub bits_per_second: f64,
+    /// Bits of each on the line, start, parity and stop included.
+    pub bits: Time,
 }
 
 impl Default for Inputs {
     fn default() -> Self {
-        Self { analogue: Arc::new(|_| 0.5), tach: VecDeque::new(), bytes: VecDeque::new() }
+        Self {
+            analogue: Arc::new(|_| 0.5),
+            tach: VecDeque::new(),
+            bytes: VecDeque::new(),
+            bits_per_second: BITS_PER_SECOND,
+            bits: 10,
+        }
     }
 }
 

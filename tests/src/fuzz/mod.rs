@@ -6,6 +6,7 @@
 //! Targets that read files write each input into a folder of their own first: what is tested is what a command calls.
 
 mod files;
+mod modbus;
 mod node;
 mod texts;
 
@@ -55,6 +56,14 @@ pub const TARGETS: &[Target] = &[
         seeds: node::session_seeds,
         change: node::change_bytes,
         run: node::session,
+    },
+    Target {
+        name: "modbus",
+        reads: "bytes of a Modbus line at any times",
+        inputs: 4_000,
+        seeds: modbus::seeds,
+        change: node::change_bytes,
+        run: modbus::run,
     },
     Target {
         name: "tach",

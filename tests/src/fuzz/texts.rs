@@ -157,7 +157,8 @@ pub fn settings_seeds() -> Vec<Vec<u8>> {
     let whole = "policy = \"Spectrum\"\n[tach]\npulses_per_turn = 60\nmissing = 2\n[sensor]\nacceleration_per_code = 0.00494\n[limits]\n\
         analogue_stop = 100000.0\n[front_end]\ntach_edge = \"Falling\"\ngain = \"X4\"\nsensor_supply = \"On\"\n[[alarms]]\nwatched = \"Rms\"\n\
         from = 5.0\nto = 25.0\nraise = 12.0\nclear = 10.0\npersistence = 3\n[holding]\nlatching = true\npersistence_s = 2.0\n\
-        watch_signal = true\n[pass]\nanalogue = 40000.0\n";
+        watch_signal = true\n[pass]\nanalogue = 40000.0\n\
+        [link]\npersonality = \"Modbus\"\naddress = 17\nbits_per_second = 9600\nparity = \"Odd\"\n";
     let waveform = "[policy.Waveform]\nmultiple = 8.0\n[gears]\npinion_teeth = 19\ngear_teeth = 48\n[mesh]\nharmonics = 3\nsidebands = 2\n";
     [whole, waveform].map(|text| text.as_bytes().to_vec()).to_vec()
 }

@@ -408,6 +408,41 @@ fn theory_link_runs_within_a_fifth_of_a_percent_and_by_dma() {
 }
 
 #[test]
+fn theory_a_shared_lines_characters_and_the_end_of_what_is_sent() {
+    let (ue_te_re, m, pce, ps, tcie) = ((1 << 13) | (1 << 3) | (1 << 2), 1 << 12, 1 << 10, 1 << 9, 1 << 6);
+    for (character, control, stop) in [
+        (uart::Character::Even, m | pce, 0),
+        (uart::Character::Odd, m | pce | ps, 0),
+        (uart::Character::TwoStop, 0, 0b10 << 12),
+        (uart::Character::OneStop, 0, 0),
+    ] {
+        let usart = block::<pac::usart1::RegisterBlock>();
+        uart::start(&usart);
+        for rate in [2400, 9600, 19_200, 115_200] {
+            uart::set_format(&usart, rate, character);
+            let divider = word(&*usart, 0x08) & 0xffff;
+            let real = f64::from(design_parameters::APB2_HZ) / f64::from(divider);
+            assert!((real / f64::from(rate) - 1.0).abs() < 0.001, "{rate}: {real}");
+            assert_eq!(word(&*usart, 0x0c) & 0xffff, ue_te_re | control, "{character:?}");
+            assert_eq!(word(&*usart, 0x10) & 0xffff, stop, "{character:?}");
+            assert_eq!(word(&*usart, 0x14) & 0xffff, (1 << 7) | (1 << 6), "by DMA as before");
+        }
+        // The end of what was sent before is forgotten, received bytes are not.
+        set(&*usart, 0x00, 0xc0 | 1 << 5);
+        uart::forget_end(&usart);
+        assert_eq!(word(&*usart, 0x00) & (1 << 6 | 1 << 5), 1 << 5);
+        uart::announce_end(&usart);
+        assert_eq!(word(&*usart, 0x0c) & tcie, tcie);
+        set(&*usart, 0x00, 1 << 7);
+        assert!(!uart::take_end(&usart), "still sending");
+        assert_eq!(word(&*usart, 0x0c) & tcie, tcie);
+        set(&*usart, 0x00, 0xc0);
+        assert!(uart::take_end(&usart));
+        assert_eq!(word(&*usart, 0x0c) & 0xffff, ue_te_re | control, "once");
+    }
+}
+
+#[test]
 fn theory_pins_of_tach_signal_and_link_and_watchdog() {
     let (port_a, port_b, port_c) = (
         block::<pac::gpioa::RegisterBlock>(),
@@ -417,7 +452,8 @@ fn theory_pins_of_tach_signal_and_link_and_watchdog() {
     // As reset leaves port A: the debug pins in alternate function.
     set(&*port_a, 0x00, 0xa800_0000);
     pins::configure(&port_a, &port_b, &port_c);
-    assert_eq!(word(&*port_a, 0x00), 0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b11 << 2) | 0b10);
+    assert_eq!(word(&*port_a, 0x00), 0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b01 << 16) | (0b11 << 2) | 0b10);
+    assert_eq!(word(&*port_a, 0x18), 1 << (8 + 16), "PA8: others speak on a shared line");
     assert_eq!(word(&*port_a, 0x20), 2, "PA0: TIM5");
     assert_eq!(word(&*port_a, 0x24), (7 << 8) | (7 << 4), "PA9, PA10: USART1");
     assert_eq!(word(&*port_a, 0x0c), (0b01 << 20) | 0b01);

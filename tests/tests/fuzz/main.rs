@@ -38,6 +38,7 @@ campaigns! {
     fault_frames_of_any_bytes: "frames",
     fault_stored_configurations_of_any_bytes: "store",
     fault_sessions_under_any_sequence_of_edges_blocks_and_bytes: "session",
+    fault_modbus_lines_of_any_bytes_at_any_times: "modbus",
     fault_pulses_at_any_instants: "tach",
     fault_records_with_any_damage: "record",
     fault_measurement_files_with_any_damage: "import",

@@ -13,6 +13,7 @@ mod indicators;
 mod link_pace;
 mod math;
 mod mesh_decimator;
+mod modbus;
 mod node_alarms;
 mod node_host;
 mod node_levels;

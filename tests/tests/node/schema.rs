@@ -3,7 +3,7 @@
 use meshband::alarm::Watched;
 use meshband::board::Timing;
 use meshband::config::{
-    Configuration, ConfigurationError, FrontEnd, Gain, OLDEST_SCHEMA, SCHEMA, SensorSupply, TachEdge,
+    Configuration, ConfigurationError, FrontEnd, Gain, OLDEST_SCHEMA, Personality, SCHEMA, SensorSupply, TachEdge,
 };
 use meshband::events::{Event, EventKind};
 use meshband::frame::{CRC32, Decoder, Frame, FrameError, Packet, encode};
@@ -133,10 +133,21 @@ fn regress_a_configuration_of_the_schema_before_levels_expects_none() {
     let mut buffer = [0; Configuration::MAX_SERIALISED];
     let former = Configuration { schema: 3, latched: 5, ..Configuration::default() };
     let with_list = postcard::to_slice(&former, &mut buffer).expect("fits");
-    let without = &with_list[..with_list.len() - 1];
+    // The empty list, and the link in four bytes.
+    let without = &with_list[..with_list.len() - 5];
     let read = Configuration::from_stored(without).expect("an older one");
     assert_eq!(read, Configuration { latched: 5, ..Configuration::default() });
     assert!(read.levels.is_empty());
+}
+
+#[test]
+fn regress_a_configuration_of_the_schema_before_the_link_speaks_the_link() {
+    let mut buffer = [0; Configuration::MAX_SERIALISED];
+    let former = Configuration { schema: 4, latched: 5, ..Configuration::default() };
+    let with_link = postcard::to_slice(&former, &mut buffer).expect("fits");
+    let read = Configuration::from_stored(&with_link[..with_link.len() - 4]).expect("an older one");
+    assert_eq!(read, Configuration { latched: 5, ..Configuration::default() });
+    assert_eq!(read.link.personality, Personality::Meshband);
 }
 
 #[test]

@@ -257,3 +257,41 @@ fn one_byte_over_an_idle_line_ends_its_stream() {
     assert_eq!(chip.seen.sent.iter().map(|sent| sent.1).collect::<Vec<_>>(), [0x5a]);
     assert_eq!(get(&mut chip, stream) & EN, 0);
 }
+
+#[test]
+fn parity_and_a_second_stop_bit_lengthen_a_character_and_its_end_interrupts() {
+    let (on, m, pce, tcie) = (1 << 13 | 1 << 3 | 1 << 2, 1 << 12, 1 << 10, 1 << 6);
+    for (control, stop, bits) in [(m | pce, 0, 11), (0, 2 << 12, 11), (0, 0, 10)] {
+        let mut chip = connected();
+        set(&mut chip, USART1 + 8, 4375);
+        set(&mut chip, USART1 + 0x10, stop);
+        set(&mut chip, USART1 + 0xc, on | control);
+        let pending = |chip: &mut Chip| get(chip, SYSTEM + 0x204) & 1 << (37 - 32);
+        // The end of what was sent before is there from the reset on.
+        set(&mut chip, USART1, !(1 << 6));
+        let start = chip.now;
+        set(&mut chip, USART1 + 4, 0x55);
+        set(&mut chip, USART1 + 0xc, on | control | tcie);
+        wait(&mut chip, bits * 4375 * 4 - 1);
+        assert_eq!((pending(&mut chip), chip.seen.sent.len()), (0, 0));
+        wait(&mut chip, 1);
+        assert_ne!(pending(&mut chip), 0);
+        assert_eq!(chip.seen.sent, [(start + bits * 4375 * 4, 0x55)]);
+    }
+    assert!(matches!(refusal(&mut connected(), USART1 + 0xc, on | 1 << 8), Refusal::Bits(_)), "not modelled");
+}
+
+#[test]
+fn a_byte_of_another_rate_or_length_is_another_byte() {
+    for (rate, bits, understood) in
+        [(921_600.0, 10, true), (935_000.0, 10, true), (460_800.0, 10, false), (921_600.0, 11, false)]
+    {
+        let mut chip = connected();
+        (chip.inputs.bits_per_second, chip.inputs.bits) = (rate, bits);
+        let now = chip.seconds();
+        chip.inputs.bytes.push_back((now + 1e-5, b'a'));
+        chip.follow_inputs();
+        wait(&mut chip, seconds(1e-4));
+        assert_eq!(get(&mut chip, USART1 + 4) == u32::from(b'a'), understood, "{rate} {bits}");
+    }
+}

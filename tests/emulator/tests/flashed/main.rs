@@ -6,6 +6,7 @@ mod crashes;
 mod image;
 mod link;
 mod loader;
+mod modbus;
 mod outputs;
 mod pace;
 mod power;

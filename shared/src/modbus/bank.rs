@@ -1,0 +1,157 @@
+//! The latest result of each kind, with its age and its number, taken from the messages that would otherwise leave over the link.
+//!
+//! A register's value is therefore the message's own. A group is replaced as a whole between two requests, never within one: values
+//! read by one request belong together.
+
+use crate::config::MAX_HARMONICS;
+use crate::message::{
+    GearIndicators, Indicators, MeasuredBandwidth, MeshBand, Message, SpectralLine, Spectrum, Status, Tag,
+};
+use crate::shaft_lines::ShaftOrders;
+
+/// What a register of an age shows where there is no result, or one older than it can say.
+pub const NEVER: u16 = u16::MAX;
+
+/// A result with the instant at which it was complete, and how many of its kind there were.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept<T> {
+    /// The result.
+    pub latest: Option<T>,
+    tick: u64,
+    /// Results since the start, beginning again at 0 behind 65535.
+    pub number: u16,
+}
+
+impl<T> Default for Kept<T> {
+    fn default() -> Self {
+        Self { latest: None, tick: 0, number: 0 }
+    }
+}
+
+impl<T: Copy> Kept<T> {
+    fn keep(&mut self, value: T, tick: u64) {
+        *self = Self { latest: Some(value), tick, number: self.number.wrapping_add(1) };
+    }
+
+    /// Whole seconds since it was complete.
+    pub fn age_s(&self, now: u64, ticks_per_second: u32) -> u16 {
+        let seconds = now.saturating_sub(self.tick) / u64::from(ticks_per_second.max(1));
+        if self.latest.is_some() { seconds.min(u64::from(NEVER)) as u16 } else { NEVER }
+    }
+
+    /// A value of it; not a number where there is no result.
+    pub fn float(&self, of: impl FnOnce(&T) -> f32) -> f32 {
+        self.latest.as_ref().map_or(f32::NAN, of)
+    }
+
+    /// A number of it; 0 where there is no result.
+    pub fn word(&self, of: impl FnOnce(&T) -> u16) -> u16 {
+        self.latest.as_ref().map_or(0, of)
+    }
+}
+
+/// One mesh harmonic: itself and the first pair of sidebands of either shaft; not a number where there is none.
+#[derive(Clone, Copy, Debug)]
+pub struct Harmonic {
+    /// The harmonic.
+    pub mesh: f32,
+    /// Below it by the pinion's rate, above it.
+    pub pinion: [f32; 2],
+    /// Below it by the gear's rate, above it.
+    pub gear: [f32; 2],
+}
+
+impl Harmonic {
+    /// There is none.
+    pub const NONE: Self = Self { mesh: f32::NAN, pinion: [f32::NAN; 2], gear: [f32::NAN; 2] };
+
+    fn of(band: &MeshBand) -> Self {
+        Self { mesh: band.line.amplitude, pinion: nearest(&band.sidebands), gear: nearest(&band.gear_sidebands) }
+    }
+}
+
+/// The pair next to the harmonic, of sidebands in ascending order.
+fn nearest(sidebands: &[SpectralLine]) -> [f32; 2] {
+    let (below, above) = sidebands.split_at(sidebands.len() / 2);
+    [below.last(), above.first()].map(|line| line.map_or(f32::NAN, |line| line.amplitude))
+}
+
+/// A mesh-band record.
+#[derive(Clone, Copy, Debug)]
+pub struct Mesh {
+    /// Circumstances.
+    pub tag: Tag,
+    /// Turns of the pinion.
+    pub turns: u16,
+    /// The first harmonics, as many as there are.
+    pub harmonics: [Harmonic; MAX_HARMONICS],
+    /// How many.
+    pub count: u16,
+}
+
+impl Mesh {
+    fn of(spectrum: &Spectrum) -> Self {
+        let mut harmonics = [Harmonic::NONE; MAX_HARMONICS];
+        for (place, band) in harmonics.iter_mut().zip(&spectrum.bands) {
+            *place = Harmonic::of(band);
+        }
+        Self { tag: spectrum.tag, turns: spectrum.turns, harmonics, count: spectrum.bands.len() as u16 }
+    }
+
+    /// A harmonic, from 0.
+    pub fn harmonic(&self, index: usize) -> Harmonic {
+        self.harmonics.get(index).copied().unwrap_or(Harmonic::NONE)
+    }
+}
+
+/// All that is kept.
+#[derive(Clone, Debug, Default)]
+pub struct Bank {
+    /// Speed, rates, state.
+    pub status: Kept<Status>,
+    /// Overall values with their quality.
+    pub values: Kept<Indicators>,
+    /// Orders of the pinion.
+    pub pinion: Kept<ShaftOrders>,
+    /// Orders of the gear.
+    pub wheel: Kept<ShaftOrders>,
+    /// Condition of the synchronous average.
+    pub gear: Kept<GearIndicators>,
+    /// Bandwidth by rise times.
+    pub bandwidth: Kept<MeasuredBandwidth>,
+    /// Mesh bands.
+    pub mesh: Kept<Mesh>,
+}
+
+impl Bank {
+    /// Keeps what a message says, at an instant.
+    pub fn take(&mut self, message: &Message, tick: u64) {
+        match message {
+            Message::Status(status) => self.status.keep(*status, tick),
+            Message::Spectrum(spectrum) => self.mesh.keep(Mesh::of(spectrum), tick),
+            Message::Indicators(indicators) => self.take_indicators(indicators, tick),
+            // Alarms and counters are read from the node itself; waveforms, lines and events are not for a PLC.
+            Message::Peaks(_)
+            | Message::Snapshot(_)
+            | Message::Event(_)
+            | Message::Statistics(_)
+            | Message::SelfTest(_) => {}
+        }
+    }
+
+    fn take_indicators(&mut self, indicators: &Indicators, tick: u64) {
+        self.values.keep(*indicators, tick);
+        if let Some(orders) = indicators.pinion {
+            self.pinion.keep(orders, tick);
+        }
+        if let Some(orders) = indicators.wheel {
+            self.wheel.keep(orders, tick);
+        }
+        if let Some(gear) = indicators.gear {
+            self.gear.keep(gear, tick);
+        }
+        if let Some(bandwidth) = indicators.bandwidth {
+            self.bandwidth.keep(bandwidth, tick);
+        }
+    }
+}
