@@ -147,9 +147,8 @@ impl Base {
                     .collect()
             })
             .collect();
-        self.nuisances = (0..TOLERANCES.len())
-            .map(|p| Template { runs: per_run.iter().map(|run| run[p].clone()).collect() })
-            .collect();
+        self.nuisances =
+            (0..TOLERANCES.len()).map(|p| Template::new(per_run.iter().map(|run| run[p].clone()))).collect();
         self.priors =
             TOLERANCES.iter().zip(&self.change).map(|((_, sigma), done)| (1.0 / (sigma * sigma), -done)).collect();
         for r in 0..self.runs.len() {
@@ -165,7 +164,7 @@ impl Base {
             let alone = |parts: [Sparse; 2]| {
                 let mut all = vec![[Vec::new(), Vec::new()]; self.runs.len()];
                 all[r] = parts;
-                Template { runs: all }
+                Template::new(all)
             };
             self.nuisances.push(alone(parts));
             self.priors.push((run.angle.sigma_rad.powi(-2), 0.0));
@@ -231,7 +230,7 @@ impl Base {
         let columns = self.nuisances.iter().zip(&self.priors).skip(first).take(2);
         let mut power = [0, 1].map(|_| vec![0.0; self.analyser.bins]);
         for (template, (precision, _)) in columns {
-            for (power, part) in power.iter_mut().zip(&template.runs[run]) {
+            for (power, part) in power.iter_mut().zip(template.runs[run].iter()) {
                 for (bin, value) in part {
                     power[*bin as usize] += value.norm_sqr() / precision;
                 }

@@ -5,19 +5,28 @@ use crate::effects::hypothesis::{Hypothesis, Seat, Site, Tooth, Wave};
 use crate::model::forward::Line;
 use crate::observation::spectrum::{Analyser, REACH, Sparse, sparse};
 use rustfft::num_complex::Complex64 as C;
+use std::sync::Arc;
 
 /// Response to one unit of one real parameter: sparse bins per run and channel.
+///
+/// Candidates that differ in what they claim share the bins, which make up most of the loop's memory.
 #[derive(Debug, Clone)]
 pub struct Template {
     /// Per run, per channel.
-    pub runs: Vec<[Sparse; 2]>,
+    pub runs: Vec<Arc<[Sparse; 2]>>,
 }
 
 impl Template {
+    /// From the bins of each run.
+    pub fn new(runs: impl IntoIterator<Item = [Sparse; 2]>) -> Self {
+        Self { runs: runs.into_iter().map(Arc::new).collect() }
+    }
+
     /// The template restricted to one run.
     pub fn only(&self, run: usize) -> Self {
-        let empty = || [Vec::new(), Vec::new()];
-        Self { runs: (0..self.runs.len()).map(|r| if r == run { self.runs[r].clone() } else { empty() }).collect() }
+        let empty = Arc::new([Vec::new(), Vec::new()]);
+        let of = |(r, bins): (usize, &Arc<[Sparse; 2]>)| Arc::clone(if r == run { bins } else { &empty });
+        Self { runs: self.runs.iter().enumerate().map(of).collect() }
     }
 }
 
@@ -163,7 +172,7 @@ impl Candidate {
                     let [a, b] = [0, 1].map(|i| &self.templates[2 * j + i].runs[run][channel]);
                     let pair = [mixed(a, cos, b, sin), mixed(a, -sin, b, cos)];
                     for (i, part) in pair.into_iter().enumerate() {
-                        turned.templates[2 * j + i].runs[run][channel] = part;
+                        Arc::make_mut(&mut turned.templates[2 * j + i].runs[run])[channel] = part;
                     }
                 }
             }
@@ -195,15 +204,11 @@ fn mixed(a: &Sparse, p: f64, b: &Sparse, q: f64) -> Sparse {
 
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.
 pub fn quadrature(analyser: &Analyser, angles: &[(f64, f64)], lines: &[Vec<Line>]) -> [Template; 2] {
-    [C::ONE, C::I].map(|factor| Template {
-        runs: lines
-            .iter()
-            .zip(angles)
-            .map(|(lines, &(offset, shaft_hz))| {
-                let turned: Vec<Line> =
-                    lines.iter().map(|l| Line { order: l.order, amplitude: l.amplitude.map(|a| a * factor) }).collect();
-                [0, 1].map(|channel| sparse(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
-            })
-            .collect(),
+    [C::ONE, C::I].map(|factor| {
+        Template::new(lines.iter().zip(angles).map(|(lines, &(offset, shaft_hz))| {
+            let turned: Vec<Line> =
+                lines.iter().map(|l| Line { order: l.order, amplitude: l.amplitude.map(|a| a * factor) }).collect();
+            [0, 1].map(|channel| sparse(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
+        }))
     })
 }

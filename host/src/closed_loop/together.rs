@@ -103,26 +103,24 @@ fn straight_lines(
             let mut changed = x.to_vec();
             changed[i][u] += step;
             let there = at(&changed)?;
-            let runs = (0..here.len())
-                .map(|r| {
-                    [0, 1].map(|c| {
-                        let weight = &data.weight[r][c];
-                        let slope: Bins = there[r][c]
-                            .iter()
-                            .zip(&here[r][c])
-                            .zip(weight)
-                            .map(|((a, b), w)| {
-                                let slope = (a - b) / step;
-                                let informs = slope.norm_sqr() * size(&x[i]).powi(2) * w > LEAST_INFORMATION;
-                                if informs { slope } else { C::ZERO }
-                            })
-                            .collect();
-                        rest[r][c].iter_mut().zip(&slope).for_each(|(rest, s)| *rest -= s * x[i][u]);
-                        sparse(&slope)
-                    })
+            let runs = (0..here.len()).map(|r| {
+                [0, 1].map(|c| {
+                    let weight = &data.weight[r][c];
+                    let slope: Bins = there[r][c]
+                        .iter()
+                        .zip(&here[r][c])
+                        .zip(weight)
+                        .map(|((a, b), w)| {
+                            let slope = (a - b) / step;
+                            let informs = slope.norm_sqr() * size(&x[i]).powi(2) * w > LEAST_INFORMATION;
+                            if informs { slope } else { C::ZERO }
+                        })
+                        .collect();
+                    rest[r][c].iter_mut().zip(&slope).for_each(|(rest, s)| *rest -= s * x[i][u]);
+                    sparse(&slope)
                 })
-                .collect();
-            own.push(Template { runs });
+            });
+            own.push(Template::new(runs));
         }
         all.push(own);
     }

@@ -30,9 +30,11 @@ pub(super) struct Resolution {
 
 /// Measures a channel for codes of this step.
 pub(super) fn resolution(channel: &[f64], step: f64) -> Resolution {
-    let mut sorted = channel.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
+    let mut values = channel.to_vec();
+    let mut at = |share: f64| {
+        let place = ((values.len() - 1) as f64 * share).round() as usize;
+        *values.select_nth_unstable_by(place, f64::total_cmp).1
+    };
     let level = (at(0.99) - at(0.01)) / RANGE;
     let peak_at = (0..channel.len()).max_by(|&a, &b| channel[a].abs().total_cmp(&channel[b].abs())).unwrap_or(0);
     Resolution { snr_db: 20.0 * (level / step * 12.0_f64.sqrt()).log10(), level, peak_at, peak: channel[peak_at] }

@@ -99,9 +99,7 @@ fn kind(column: &[f64], called_time: bool) -> Kind {
         let rate = 1.0 / mean;
         return Kind::Time(if (rate / rate.round() - 1.0).abs() < 1e-5 { rate.round() } else { rate });
     }
-    let mut sorted = steps.clone();
-    sorted.sort_by(f64::total_cmp);
-    let usual = sorted[sorted.len() / 2];
+    let usual = *steps.clone().select_nth_unstable_by(steps.len() / 2, f64::total_cmp).1;
     let equal = steps.iter().filter(|&&s| even(s, usual)).count() as f64 / steps.len() as f64;
     if usual > 0.0 && (called_time || (n >= FEW && equal > MOSTLY)) {
         let uneven = |i: &usize| (steps[*i] / usual - 1.0).abs();

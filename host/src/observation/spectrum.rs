@@ -153,7 +153,11 @@ impl Analyser {
 
 /// Non-zero entries of dense bins.
 pub fn sparse(bins: &[C]) -> Sparse {
-    bins.iter().enumerate().filter(|(_, x)| x.norm_sqr() > 0.0).map(|(i, x)| (i as u32, *x)).collect()
+    let used = || bins.iter().enumerate().filter(|(_, x)| x.norm_sqr() > 0.0);
+    // As large as needed: many are kept for long.
+    let mut sparse = Vec::with_capacity(used().count());
+    sparse.extend(used().map(|(i, x)| (i as u32, *x)));
+    sparse
 }
 
 #[cfg(test)]

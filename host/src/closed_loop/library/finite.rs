@@ -170,5 +170,5 @@ impl Bench<'_> {
 fn add(template: &mut Template, run: usize, channel: usize, bins: &[C], factor: f64) {
     let mut dense: Vec<C> = bins.iter().map(|x| x * factor).collect();
     template.runs[run][channel].iter().for_each(|&(b, t)| dense[b as usize] += t);
-    template.runs[run][channel] = crate::observation::spectrum::sparse(&dense);
+    std::sync::Arc::make_mut(&mut template.runs[run])[channel] = crate::observation::spectrum::sparse(&dense);
 }

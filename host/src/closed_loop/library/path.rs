@@ -71,32 +71,22 @@ fn hat(knot: usize, f: f64) -> f64 {
 /// All path candidates, per channel.
 pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
     let duration = bench.base.analyser.duration_s();
-    let filtered = |channel: usize, h: &(dyn Fn(f64) -> C + Sync)| Template {
-        runs: bench
-            .base
-            .runs
-            .iter()
-            .map(|run| {
-                let mut parts = [Vec::new(), Vec::new()];
-                let bins: Bins =
-                    run.model[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
-                parts[channel] = sparse(&bins);
-                parts
-            })
-            .collect(),
+    let filtered = |channel: usize, h: &(dyn Fn(f64) -> C + Sync)| {
+        Template::new(bench.base.runs.iter().map(|run| {
+            let mut parts = [Vec::new(), Vec::new()];
+            let bins: Bins = run.model[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
+            parts[channel] = sparse(&bins);
+            parts
+        }))
     };
     // From the prediction, not the measured signal: powers of measured noise would explain the noise itself.
-    let made = |channel: usize, f: &dyn Fn(usize, f64) -> f64| Template {
-        runs: bench
-            .waveforms
-            .iter()
-            .map(|run| {
-                let mut parts = [Vec::new(), Vec::new()];
-                let signal: Vec<f64> = run[channel].iter().enumerate().map(|(i, &x)| f(i, x)).collect();
-                parts[channel] = sparse(&bench.base.analyser.bins_of(&signal));
-                parts
-            })
-            .collect(),
+    let made = |channel: usize, f: &dyn Fn(usize, f64) -> f64| {
+        Template::new(bench.waveforms.iter().map(|run| {
+            let mut parts = [Vec::new(), Vec::new()];
+            let signal: Vec<f64> = run[channel].iter().enumerate().map(|(i, &x)| f(i, x)).collect();
+            parts[channel] = sparse(&bench.base.analyser.bins_of(&signal));
+            parts
+        }))
     };
     let mut list = Vec::new();
     let samples = bench.base.analyser.samples as f64;
@@ -153,31 +143,26 @@ fn folded(bench: &Bench<'_>) -> Candidate {
     let analyser = &bench.base.analyser;
     let rate = analyser.rate_hz;
     let z = f64::from(machine.teeth[0]);
-    let runs = bench
-        .base
-        .runs
-        .iter()
-        .map(|run| {
-            let f = run.angle.shaft_hz;
-            let inner = &run.inner.approach;
-            let half = (inner.len() / 2) as i64;
-            let first = (0.5 * rate / (f * z)).ceil() as i64;
-            let last = ((rate + BAND_HZ) / (f * z)) as i64;
-            let lines: Vec<Line> = (first..=last)
-                .map(|n| {
-                    let force: C = (-half..=half).map(|l| machine.stiffness(n - l) * inner[(l + half) as usize]).sum();
-                    let order = n as f64 * z - rate / f;
-                    // The phase belongs to the true order, not to the folded one.
-                    let turn = C::cis(run.angle.offset_rad * rate / f);
-                    let [m1, m2] = machine.shafts.mass_kg;
-                    // Twice: the negative order folds onto the same place.
-                    Line { order, amplitude: [-force * turn * 2.0 / m1, force * turn * 2.0 / m2] }
-                })
-                .collect();
-            [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
-        })
-        .collect();
-    named(Path::Folding, "path", Template { runs }, [0.0, 1.0])
+    let runs = bench.base.runs.iter().map(|run| {
+        let f = run.angle.shaft_hz;
+        let inner = &run.inner.approach;
+        let half = (inner.len() / 2) as i64;
+        let first = (0.5 * rate / (f * z)).ceil() as i64;
+        let last = ((rate + BAND_HZ) / (f * z)) as i64;
+        let lines: Vec<Line> = (first..=last)
+            .map(|n| {
+                let force: C = (-half..=half).map(|l| machine.stiffness(n - l) * inner[(l + half) as usize]).sum();
+                let order = n as f64 * z - rate / f;
+                // The phase belongs to the true order, not to the folded one.
+                let turn = C::cis(run.angle.offset_rad * rate / f);
+                let [m1, m2] = machine.shafts.mass_kg;
+                // Twice: the negative order folds onto the same place.
+                Line { order, amplitude: [-force * turn * 2.0 / m1, force * turn * 2.0 / m2] }
+            })
+            .collect();
+        [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
+    });
+    named(Path::Folding, "path", Template::new(runs), [0.0, 1.0])
 }
 
 /// Delay (s, within 200 us) of a channel that explains the residual best.
@@ -281,22 +266,17 @@ fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
 pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate {
     let duration = bench.base.analyser.duration_s();
     let response = |f: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
-    let [in_phase, quadrature] = [C::ONE, C::I].map(|factor| Template {
-        runs: bench
-            .base
-            .runs
-            .iter()
-            .map(|run| {
-                let mut parts = [Vec::new(), Vec::new()];
-                parts[channel] = run.model[channel]
-                    .iter()
-                    .enumerate()
-                    .filter(|(_, x)| x.norm_sqr() > 0.0)
-                    .map(|(b, x)| (b as u32, x * factor * response(b as f64 / duration)))
-                    .collect();
-                parts
-            })
-            .collect(),
+    let [in_phase, quadrature] = [C::ONE, C::I].map(|factor| {
+        Template::new(bench.base.runs.iter().map(|run| {
+            let mut parts = [Vec::new(), Vec::new()];
+            parts[channel] = run.model[channel]
+                .iter()
+                .enumerate()
+                .filter(|(_, x)| x.norm_sqr() > 0.0)
+                .map(|(b, x)| (b as u32, x * factor * response(b as f64 / duration)))
+                .collect();
+            parts
+        }))
     });
     let hypothesis = on_path(Path::Mode);
     Candidate {

@@ -193,22 +193,20 @@ impl Families {
     }
 
     fn tooth(&self, tooth: impl Fn(usize) -> u32, z: u32, bins: usize) -> Template {
-        let runs = (0..self.mesh.runs.len())
-            .map(|r| {
-                [0, 1].map(|c| {
-                    let mut dense = vec![C::ZERO; bins];
-                    self.mesh.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t);
-                    for (m, pair) in self.pairs.iter().enumerate() {
-                        let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth(r)) / f64::from(z);
-                        for (part, factor) in pair.iter().zip([phase.cos(), phase.sin()]) {
-                            part.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t * factor);
-                        }
+        let runs = (0..self.mesh.runs.len()).map(|r| {
+            [0, 1].map(|c| {
+                let mut dense = vec![C::ZERO; bins];
+                self.mesh.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t);
+                for (m, pair) in self.pairs.iter().enumerate() {
+                    let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth(r)) / f64::from(z);
+                    for (part, factor) in pair.iter().zip([phase.cos(), phase.sin()]) {
+                        part.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t * factor);
                     }
-                    sparse(&dense)
-                })
+                }
+                sparse(&dense)
             })
-            .collect();
-        Template { runs }
+        });
+        Template::new(runs)
     }
 }
 
