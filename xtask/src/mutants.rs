@@ -86,7 +86,8 @@ pub fn run_task(args: &[String]) -> Outcome {
             let tree = folder.join("tree");
             timed("a tree of its own", || reduced(&tree))?;
             mutants.arg("--dir").arg(&tree).args(["--package", "meshband", "--test-package", "meshband-tests"]);
-            mutants.args(["--profile", "mutants"]);
+            // Far beyond what the tests take, so that a busy machine kills nothing.
+            mutants.args(["--profile", "mutants", "--timeout", "300"]);
         }
         "inference" => {
             mutants.args(["--package", "meshband-host", "--profile", "release", "--in-place"]);
