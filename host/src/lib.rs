@@ -13,6 +13,7 @@ pub mod field_proof;
 pub mod import;
 pub mod injection;
 pub mod kinematic;
+pub(crate) mod lanes;
 pub mod law;
 pub mod levels;
 pub mod link;

@@ -87,7 +87,7 @@ pub fn run_task(args: &[String]) -> Outcome {
             timed("a tree of its own", || reduced(&tree))?;
             mutants.arg("--dir").arg(&tree).args(["--package", "meshband", "--test-package", "meshband-tests"]);
             // Far beyond what the tests take, so that a busy machine kills nothing.
-            mutants.args(["--profile", "mutants", "--timeout", "300"]);
+            mutants.args(["--profile", "mutants", "--timeout", "1200"]);
         }
         "inference" => {
             mutants.args(["--package", "meshband-host", "--profile", "release", "--in-place"]);

@@ -10,7 +10,7 @@ use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::model::harmonic_balance::{Balanced, Machine, Solution};
 use crate::observation::angle::Angle;
 use crate::observation::input::Record;
-use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE, sparse};
+use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE};
 use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -141,7 +141,13 @@ impl Base {
                     .iter()
                     .map(|lines| {
                         [0, 1].map(|c| {
-                            sparse(&analyser.bins_of_lines(lines, angle.offset_rad, angle.shaft_hz, c, NUISANCE_REACH))
+                            Sparse::of(&analyser.bins_of_lines(
+                                lines,
+                                angle.offset_rad,
+                                angle.shaft_hz,
+                                c,
+                                NUISANCE_REACH,
+                            ))
                         })
                     })
                     .collect()
@@ -159,10 +165,10 @@ impl Base {
                 .map(|line| Line { order: line.order, amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)) })
                 .collect();
             let parts = [0, 1].map(|c| {
-                sparse(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
+                Sparse::of(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
             });
             let alone = |parts: [Sparse; 2]| {
-                let mut all = vec![[Vec::new(), Vec::new()]; self.runs.len()];
+                let mut all = vec![<[Sparse; 2]>::default(); self.runs.len()];
                 all[r] = parts;
                 Template::new(all)
             };
@@ -180,7 +186,7 @@ impl Base {
             let parts = [0, 1].map(|c| {
                 let (up, down) = (shifted(half_step, c), shifted(-half_step, c));
                 let slope: Bins = up.iter().zip(&down).map(|(u, d)| (u - d) * per_sigma).collect();
-                sparse(&slope)
+                Sparse::of(&slope)
             });
             self.nuisances.push(alone(parts));
             self.priors.push((1.0, 0.0));
@@ -231,8 +237,8 @@ impl Base {
         let mut power = [0, 1].map(|_| vec![0.0; self.analyser.bins]);
         for (template, (precision, _)) in columns {
             for (power, part) in power.iter_mut().zip(template.runs[run].iter()) {
-                for (bin, value) in part {
-                    power[*bin as usize] += value.norm_sqr() / precision;
+                for (bin, value) in part.iter() {
+                    power[bin] += value.norm_sqr() / precision;
                 }
             }
         }

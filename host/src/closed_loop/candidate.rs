@@ -3,7 +3,7 @@
 use super::start::Start;
 use crate::effects::hypothesis::{Hypothesis, Seat, Site, Tooth, Wave};
 use crate::model::forward::Line;
-use crate::observation::spectrum::{Analyser, REACH, Sparse, sparse};
+use crate::observation::spectrum::{Analyser, REACH, Sparse};
 use rustfft::num_complex::Complex64 as C;
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ impl Template {
 
     /// The template restricted to one run.
     pub fn only(&self, run: usize) -> Self {
-        let empty = Arc::new([Vec::new(), Vec::new()]);
+        let empty = Arc::<[Sparse; 2]>::default();
         let of = |(r, bins): (usize, &Arc<[Sparse; 2]>)| Arc::clone(if r == run { bins } else { &empty });
         Self { runs: self.runs.iter().enumerate().map(of).collect() }
     }
@@ -170,7 +170,7 @@ impl Candidate {
                 let (sin, cos) = start.phase_rad(run, order).sin_cos();
                 for channel in 0..2 {
                     let [a, b] = [0, 1].map(|i| &self.templates[2 * j + i].runs[run][channel]);
-                    let pair = [mixed(a, cos, b, sin), mixed(a, -sin, b, cos)];
+                    let pair = [Sparse::mixed(a, cos, b, sin), Sparse::mixed(a, -sin, b, cos)];
                     for (i, part) in pair.into_iter().enumerate() {
                         Arc::make_mut(&mut turned.templates[2 * j + i].runs[run])[channel] = part;
                     }
@@ -182,33 +182,13 @@ impl Candidate {
     }
 }
 
-/// `p a + q b`, bins in order.
-fn mixed(a: &Sparse, p: f64, b: &Sparse, q: f64) -> Sparse {
-    let (mut i, mut j) = (0, 0);
-    let mut sum = Vec::with_capacity(a.len().max(b.len()));
-    while i < a.len() || j < b.len() {
-        let at = [a.get(i), b.get(j)].into_iter().flatten().map(|x| x.0).min().unwrap_or(0);
-        let mut value = C::ZERO;
-        if a.get(i).is_some_and(|x| x.0 == at) {
-            value += a[i].1 * p;
-            i += 1;
-        }
-        if b.get(j).is_some_and(|x| x.0 == at) {
-            value += b[j].1 * q;
-            j += 1;
-        }
-        sum.push((at, value));
-    }
-    sum
-}
-
 /// Per-run lines as a pair of quadrature templates: parameters `a`, `b` give `Re((a + i b) line)`.
 pub fn quadrature(analyser: &Analyser, angles: &[(f64, f64)], lines: &[Vec<Line>]) -> [Template; 2] {
     [C::ONE, C::I].map(|factor| {
         Template::new(lines.iter().zip(angles).map(|(lines, &(offset, shaft_hz))| {
             let turned: Vec<Line> =
                 lines.iter().map(|l| Line { order: l.order, amplitude: l.amplitude.map(|a| a * factor) }).collect();
-            [0, 1].map(|channel| sparse(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
+            [0, 1].map(|channel| Sparse::of(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
         }))
     })
 }

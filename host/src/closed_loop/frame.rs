@@ -1,10 +1,12 @@
 //! Bordered normal equations: the columns common to all candidates are weighted and multiplied once, a candidate adds its border.
 //!
 //! Everything is kept per run, so that any split of the runs is a sum of small matrices. The common columns are stored bin by bin
-//! (single precision), which turns a candidate's products into streams. Cost of a border: non-zero bins times common columns.
+//! (single precision), which turns a candidate's products into streams; bins that no common column has, nine of ten beside the mesh
+//! lines, take no room. Cost of a border: non-zero bins times common columns.
 
 use super::candidate::Template;
 use super::least_squares::{Column, Data, Estimate, Normal, solve};
+use crate::observation::spectrum::Sparse;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -13,10 +15,45 @@ use rustfft::num_complex::Complex64 as C;
 struct RunFrame {
     /// Columns with bins in this run.
     active: Vec<usize>,
-    /// Real and imaginary parts per channel, `active.len()` values per bin.
-    parts: [(Vec<f32>, Vec<f32>); 2],
+    /// Their values per channel.
+    parts: [Rows; 2],
     /// Gram over all common columns and right-hand side, without priors.
     own: Normal,
+}
+
+/// Values of all active columns, bin by bin where any of them has one.
+struct Rows {
+    /// Each bin's row; [`NONE`] where no column has a value.
+    row: Vec<u32>,
+    /// Real and imaginary parts, one value per active column in each row.
+    re: Vec<f32>,
+    im: Vec<f32>,
+}
+
+/// No row.
+const NONE: u32 = u32::MAX;
+
+impl Rows {
+    /// Of `columns` over so many bins.
+    fn new(columns: &[&Sparse], bins: usize) -> Self {
+        let mut row = vec![NONE; bins];
+        columns.iter().flat_map(|column| column.iter()).for_each(|(b, _)| row[b] = 0);
+        let mut rows = 0;
+        for row in row.iter_mut().filter(|row| **row != NONE) {
+            *row = rows;
+            rows += 1;
+        }
+        let width = columns.len();
+        let mut re = vec![0.0_f32; rows as usize * width];
+        let mut im = re.clone();
+        for (slot, column) in columns.iter().enumerate() {
+            for (b, t) in column.iter() {
+                let at = row[b] as usize * width + slot;
+                (re[at], im[at]) = (t.re as f32, t.im as f32);
+            }
+        }
+        Self { row, re, im }
+    }
 }
 
 /// The common columns of all candidates.
@@ -44,16 +81,8 @@ impl<'a> Frame<'a> {
                 let active: Vec<usize> =
                     (0..m).filter(|&i| columns[i].template.runs[r].iter().any(|part| !part.is_empty())).collect();
                 let parts = [0, 1].map(|c| {
-                    let bins = data.residual[r][c].len();
-                    let mut re = vec![0.0_f32; bins * active.len()];
-                    let mut im = re.clone();
-                    for (slot, &i) in active.iter().enumerate() {
-                        for &(b, t) in &columns[i].template.runs[r][c] {
-                            re[b as usize * active.len() + slot] = t.re as f32;
-                            im[b as usize * active.len() + slot] = t.im as f32;
-                        }
-                    }
-                    (re, im)
+                    let own: Vec<&Sparse> = active.iter().map(|&i| &columns[i].template.runs[r][c]).collect();
+                    Rows::new(&own, data.residual[r][c].len())
                 });
                 let own = Normal { gram: DMatrix::zeros(m, m), right: DVector::zeros(m) };
                 let mut run = RunFrame { active, parts, own };
@@ -80,7 +109,7 @@ impl<'a> Frame<'a> {
                 let mut cross = DMatrix::zeros(k, m);
                 let mut right = DVector::zeros(k);
                 for (i, template) in templates.iter().enumerate() {
-                    if template.runs[r].iter().all(Vec::is_empty) {
+                    if template.runs[r].iter().all(Sparse::is_empty) {
                         continue;
                     }
                     let (products, dot) = products(&self.runs[r], self.data, r, template);
@@ -94,16 +123,15 @@ impl<'a> Frame<'a> {
                     let mut dense = vec![C::ZERO; if k > 0 { weight.len() } else { 0 }];
                     for i in 0..k {
                         let own = &templates[i].runs[r][c];
-                        own.iter().for_each(|&(b, t)| dense[b as usize] = t.conj() * weight[b as usize]);
+                        own.iter().for_each(|(b, t)| dense[b] = t.conj() * weight[b]);
                         for j in i..k {
-                            let sum: f64 =
-                                templates[j].runs[r][c].iter().map(|&(b, t)| (dense[b as usize] * t).re).sum();
+                            let sum: f64 = templates[j].runs[r][c].iter().map(|(b, t)| (dense[b] * t).re).sum();
                             gram[(i, j)] += sum;
                             if i != j {
                                 gram[(j, i)] += sum;
                             }
                         }
-                        own.iter().for_each(|&(b, _)| dense[b as usize] = C::ZERO);
+                        own.iter().for_each(|(b, _)| dense[b] = C::ZERO);
                     }
                 }
                 (gram, cross, right)
@@ -214,13 +242,15 @@ fn products(run: &RunFrame, data: &Data, r: usize, template: &Template) -> (Vec<
     let mut dot = 0.0;
     for c in 0..2 {
         let (residual, weight) = (&data.residual[r][c], &data.weight[r][c]);
-        let (re, im) = &run.parts[c];
-        for &(b, t) in &template.runs[r][c] {
-            let b = b as usize;
+        let Rows { row, re, im } = &run.parts[c];
+        for (b, t) in template.runs[r][c].iter() {
             let (a, d) = (t.re * weight[b], t.im * weight[b]);
             dot += a * residual[b].re + d * residual[b].im;
-            let row = b * m..(b + 1) * m;
-            for ((sum, x), y) in sums.iter_mut().zip(&re[row.clone()]).zip(&im[row]) {
+            if row[b] == NONE {
+                continue;
+            }
+            let own = row[b] as usize * m..(row[b] as usize + 1) * m;
+            for ((sum, x), y) in sums.iter_mut().zip(&re[own.clone()]).zip(&im[own]) {
                 *sum += a * f64::from(*x) + d * f64::from(*y);
             }
         }

@@ -57,8 +57,7 @@ pub fn normal(data: &Data, runs: &[usize], columns: &[Column<'_>]) -> Normal {
                     continue;
                 }
                 let mut dot = 0.0;
-                for &(b, t) in own {
-                    let b = b as usize;
+                for (b, t) in own.iter() {
                     let weighted = t.conj() * weight[b];
                     dense[b] = weighted;
                     dot += (weighted * residual[b]).re;
@@ -66,10 +65,10 @@ pub fn normal(data: &Data, runs: &[usize], columns: &[Column<'_>]) -> Normal {
                 right[i] += dot;
                 for j in i..k {
                     let other = &columns[j].template.runs[r][c];
-                    let dot: f64 = other.iter().map(|&(b, t)| (dense[b as usize] * t).re).sum();
+                    let dot: f64 = other.iter().map(|(b, t)| (dense[b] * t).re).sum();
                     gram[(i, j)] += dot;
                 }
-                own.iter().for_each(|&(b, _)| dense[b as usize] = C::ZERO);
+                own.iter().for_each(|(b, _)| dense[b] = C::ZERO);
             }
         }
     }
@@ -104,7 +103,7 @@ pub fn subtract(data: &mut Data, columns: &[Column<'_>], x: &[f64]) {
     for (column, &value) in columns.iter().zip(x) {
         for (run, parts) in column.template.runs.iter().enumerate() {
             for (channel, part) in parts.iter().enumerate() {
-                part.iter().for_each(|&(b, t)| data.residual[run][channel][b as usize] -= t * value);
+                part.iter().for_each(|(b, t)| data.residual[run][channel][b] -= t * value);
             }
         }
     }

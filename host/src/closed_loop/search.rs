@@ -15,7 +15,7 @@ use super::library::finite::Company;
 use super::options::Options;
 use super::remainder::power_and_noise;
 use super::start::Start;
-use super::strength::{STRONG_SCORE, Strengths, at_their_strength, refuted_by_tachometer, tune};
+use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_be_simulated, refuted_by_tachometer, tune};
 use super::together::{together, unknowns};
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
@@ -26,6 +26,10 @@ const MOST_CENTRED: usize = 2;
 const LEAST_DEPARTURE: f64 = 3.0;
 /// Share of the power beyond noise that a strong term leaves from which another strong effect is looked for before parameters move.
 const MUCH: f64 = 0.2;
+/// Candidates of every round that a term's name is later compared with.
+const MOST_RIVALS: usize = 60;
+/// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may become one.
+const MOST_KEPT: usize = MOST_RIVALS + 20;
 /// Candidates of every round whose refusal is noted.
 const MOST_NOTED: usize = 30;
 
@@ -90,13 +94,15 @@ pub fn search(
         let mut frequencies = detect::frequencies(base, &rest, &seen, 2);
         frequencies.extend(detect::modulations(base, &rest, &seen, 1));
         say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
-        let mut candidates = bench.candidates(&rest, split, &orders, &frequencies, turns.as_deref());
-        withhold(&mut candidates, &options.withheld);
-        candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
         let judge = Judge::new(base, &data, split, &terms);
-        let mut judged: Vec<Judged> =
-            candidates.into_par_iter().map(|c| judge.judge_started(c, turns.as_deref())).collect();
-        judged.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let mut judged: Vec<Judged> = Vec::new();
+        bench.candidates(&rest, split, &orders, &frequencies, turns.as_deref(), |mut candidates| {
+            withhold(&mut candidates, &options.withheld);
+            candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
+            judged.par_extend(candidates.into_par_iter().map(|c| judge.judge_started(c, turns.as_deref())));
+            judged.sort_by(|a, b| b.score.total_cmp(&a.score));
+            forget_responses(&mut judged);
+        });
         tune(bench, &judge, &mut judged);
         let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
         at_their_strength(bench, &judge, &data, &company, &mut memory.strengths, &mut judged);
@@ -130,7 +136,8 @@ pub fn search(
         let winner = winner(&judged, &accepted, tests);
         note_refused(&judged, &mut accepted, winner, tests);
         let winner = winner.map(|i| judged[i].clone());
-        pool.extend(judged.into_iter().filter(|j| j.score > 0.0).take(60).map(|j| j.candidate));
+        let rivals = judged.into_iter().filter(|j| j.score > 0.0 && !j.candidate.templates.is_empty());
+        pool.extend(rivals.take(MOST_RIVALS).map(|j| j.candidate));
         let Some(winner) = winner else { break };
         let (strong, figures) = (winner.gain > STRONG_SCORE, winner.figures(tests));
         let winner = winner.candidate;
@@ -184,6 +191,15 @@ fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<usize>
         }
     }
     accepted.refusals.extend(refusals);
+}
+
+/// Drops the responses, most of the loop's memory, of candidates (best first) that nothing more will be asked of but their score.
+fn forget_responses(judged: &mut [Judged]) {
+    for (rank, j) in judged.iter_mut().enumerate() {
+        if (rank >= MOST_KEPT || j.score <= 0.0) && !may_be_simulated(j) {
+            j.candidate.templates = Vec::new();
+        }
+    }
 }
 
 /// Power of a residual beyond its local noise.

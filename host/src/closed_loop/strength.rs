@@ -84,6 +84,19 @@ pub fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
     }
 }
 
+/// Whether contacts are carried along by a shaft's own order.
+fn carried(bench: &Bench<'_>, judged: &Judged) -> bool {
+    let candidate = &judged.candidate;
+    (candidate.has_wave(Wave::RollingDisplacement) || candidate.has_wave(Wave::Position))
+        && bench.shaft_orders()[..2].iter().any(|o| candidate.order == Some(*o))
+}
+
+/// Whether it gains enough, and bends, so that its response at its own strength may be asked for.
+pub fn may_be_simulated(judged: &Judged) -> bool {
+    let candidate = &judged.candidate;
+    candidate.bends() && !candidate.phase_free && judged.gain > FINITE_GAIN && !judged.x.is_empty()
+}
+
 /// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.
 ///
 /// Contacts carried along their path by a few percent of a pitch turn the high mesh orders by radians: a first-order fit then sees a part of
@@ -97,17 +110,8 @@ pub fn at_their_strength(
     judged: &mut [Judged],
 ) {
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
-    let carried = |j: &Judged| {
-        (j.candidate.has_wave(Wave::RollingDisplacement) || j.candidate.has_wave(Wave::Position))
-            && bench.shaft_orders()[..2].iter().any(|o| j.candidate.order == Some(*o))
-    };
-    let may_win = |j: &Judged| {
-        j.candidate.bends()
-            && !j.candidate.phase_free
-            && j.gain > FINITE_GAIN
-            && (j.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(j))
-            && !j.x.is_empty()
-    };
+    let may_win =
+        |j: &Judged| may_be_simulated(j) && (j.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(bench, j));
     let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     chosen.truncate(MOST_FINITE);

@@ -110,7 +110,7 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
             let own = at..at + candidate.templates.len();
             at = own.end;
             let size = |c: usize| {
-                let bins = candidate.templates.iter().flat_map(|t| &t.runs).flat_map(|run| &run[c]);
+                let bins = candidate.templates.iter().flat_map(|t| &t.runs).flat_map(|run| run[c].iter());
                 bins.map(|(_, value)| value.norm_sqr()).sum::<f64>().sqrt()
             };
             let sizes = [size(0), size(1)];

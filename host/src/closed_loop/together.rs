@@ -11,7 +11,7 @@ use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::{LEAST_INFORMATION, Played};
 use super::strength::size;
-use crate::observation::spectrum::{Bins, sparse};
+use crate::observation::spectrum::{Bins, Sparse};
 use rustfft::num_complex::Complex64 as C;
 
 /// Most steps.
@@ -117,7 +117,7 @@ fn straight_lines(
                         })
                         .collect();
                     rest[r][c].iter_mut().zip(&slope).for_each(|(rest, s)| *rest -= s * x[i][u]);
-                    sparse(&slope)
+                    Sparse::of(&slope)
                 })
             });
             own.push(Template::new(runs));

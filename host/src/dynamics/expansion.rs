@@ -1,7 +1,7 @@
 //! Taylor coefficients of one step, for one solution or for several side by side.
 //!
 //! `q[n+2] = h^2 a[n] / ((n+1)(n+2))` with `a = M^-1 (f - K0 q - C0 q' - sum out (k*(in.q) + c*(in.q') - g))`: what varies with
-//! time costs scalar convolutions only (reference/simulation-and-correction.md 2.4). What a channel measures, `in.q`, has a
+//! time costs scalar convolutions only. What a channel measures, `in.q`, has a
 //! recurrence of its own, `(in.q)[n+2] = h^2/((n+1)(n+2)) (in.b - sum (in.out) force)` with `b` what the constant matrices give:
 //! its scalar product does not wait for the force, which halves the chain of dependent operations that bounds one solution
 //! (about 24 cycles per order). Several solutions in lanes are bound by the arithmetic units.
@@ -13,7 +13,7 @@
 use super::assembly::System;
 use super::mesh::{CHANNELS, Mesh, Terms};
 use super::series::{LENGTH, ORDER, Series};
-use std::ops::{Add, Mul, Sub};
+use crate::lanes::Lane;
 
 /// `1 / ((n + 1) (n + 2))`.
 const TWICE_INTEGRATED: [f64; LENGTH] = {
@@ -132,83 +132,6 @@ impl<const N: usize> Premultiplied<N> {
             sums[i % 4] = sums[i % 4] + weighted * weighted;
         }
         (sums[0] + sums[1]) + (sums[2] + sums[3])
-    }
-}
-
-/// A number of one solution, or of several side by side.
-pub(super) trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// Whether all coordinates of an order fit into the processor's registers.
-    const IN_REGISTERS: bool;
-    /// The same value for all.
-    fn of(value: f64) -> Self;
-    /// One value for each solution.
-    fn each(&self) -> &[f64];
-}
-
-impl Lane for f64 {
-    const IN_REGISTERS: bool = true;
-
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value
-    }
-
-    #[inline(always)]
-    fn each(&self) -> &[f64] {
-        std::slice::from_ref(self)
-    }
-}
-
-/// Numbers of several solutions side by side.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(align(32))]
-pub(super) struct Several(pub [f64; LANES]);
-
-/// Solutions whose coefficients are computed side by side.
-pub(super) const LANES: usize = 4;
-
-impl Several {
-    #[inline(always)]
-    fn with(self, other: Self, operation: impl Fn(f64, f64) -> f64) -> Self {
-        Self(std::array::from_fn(|l| operation(self.0[l], other.0[l])))
-    }
-}
-
-impl Add for Several {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.with(other, |a, b| a + b)
-    }
-}
-
-impl Sub for Several {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.with(other, |a, b| a - b)
-    }
-}
-
-impl Mul for Several {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.with(other, |a, b| a * b)
-    }
-}
-
-impl Lane for Several {
-    const IN_REGISTERS: bool = false;
-
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        Self([value; LANES])
-    }
-
-    #[inline(always)]
-    fn each(&self) -> &[f64] {
-        &self.0
     }
 }
 

@@ -12,9 +12,10 @@
 //! at rest cost nothing that can be measured. Explicit: the printed damping needs tiny steps.
 
 use super::assembly::System;
-use super::expansion::{Expansion, LANES, Lane, Premultiplied, Several, Start, along, in_order, place, placed};
+use super::expansion::{Expansion, Premultiplied, Start, along, in_order, place, placed};
 use super::mesh::{MESH, Mesh, Terms};
 use super::series::{LENGTH, ORDER, Series};
+use crate::lanes::{LANES, Lane, Several};
 use crate::{Error, Result};
 use serde::Serialize;
 

@@ -6,3 +6,5 @@
 pub mod fixed_step;
 pub mod forward;
 pub mod harmonic_balance;
+mod stepped_bodies;
+mod stepped_mesh;

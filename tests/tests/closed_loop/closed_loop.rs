@@ -98,7 +98,8 @@ fn ref_every_template_is_the_simulators_own_effect() {
     let data = base.data();
     let all: Vec<usize> = (0..record.runs.len()).collect();
     let split = Split { fit: all, select: Vec::new(), held_out: Vec::new() };
-    let mut candidates = bench.candidates(&data, &split, &[], &[], None);
+    let mut candidates = Vec::new();
+    bench.candidates(&data, &split, &[], &[], None, |part| candidates.extend(part));
     candidates.extend([31.0, 3.57].into_iter().flat_map(|at| order::at_order(&bench, at, 1.0)));
     let mut seen: BTreeSet<&str> = BTreeSet::new();
     let plain = bench.plain();
@@ -121,7 +122,7 @@ fn ref_every_template_is_the_simulators_own_effect() {
             let one = |r: usize, c: usize| {
                 let mut sum = vec![C::ZERO; bins];
                 for (template, x) in candidate.templates.iter().zip(x) {
-                    template.runs[r][c].iter().for_each(|&(b, t)| sum[b as usize] += t * x);
+                    template.runs[r][c].iter().for_each(|(b, t)| sum[b] += t * x);
                 }
                 sum
             };
@@ -210,8 +211,9 @@ fn templates_explain(step: usize) {
             at.map(|at| Found { at, statistic: 1e3, places: 1.0, modulation: false }).into_iter().collect()
         };
         let (order, hz) = place(&scenario.effects);
-        let mut shares: Vec<(String, f64)> = bench
-            .candidates(&data, &split, &found(order), &found(hz), None)
+        let mut candidates = Vec::new();
+        bench.candidates(&data, &split, &found(order), &found(hz), None, |part| candidates.extend(part));
+        let mut shares: Vec<(String, f64)> = candidates
             .iter()
             .map(|candidate| {
                 let frame = Frame::new(&data, &[]);

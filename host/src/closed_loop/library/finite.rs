@@ -13,9 +13,9 @@ use crate::closed_loop::start::Start;
 use crate::dynamics::Effect;
 use crate::effects::hypothesis::Fitted;
 use crate::effects::of_table;
-use crate::model::fixed_step::{Point, accelerations};
+use crate::model::fixed_step::{Point, Run, of_runs};
 use crate::model::harmonic_balance::Machine;
-use crate::observation::spectrum::Bins;
+use crate::observation::spectrum::{Bins, Sparse};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -110,16 +110,15 @@ impl Bench<'_> {
             };
             Some(terms.iter().map(of).collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
         };
-        let bins = base.runs.par_iter().enumerate().map(|(r, run)| {
-            let at = Point {
-                start_rad: run.angle.offset_rad + TAU * f64::from(later(r)),
-                speed_hz: run.angle.shaft_hz,
-                torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
-            };
-            let signal = accelerations(machine, &effects(r)?, at, base.analyser.samples, base.analyser.rate_hz);
-            Some(signal.map(|signal| base.analyser.bins_of(&signal)))
+        let points = base.runs.iter().enumerate().map(|(r, run)| Point {
+            start_rad: run.angle.offset_rad + TAU * f64::from(later(r)),
+            speed_hz: run.angle.shaft_hz,
+            torque_n_m: run.torque_n_m * (1.0 + base.change[14]),
         });
-        bins.collect()
+        let effects = (0..base.runs.len()).map(effects).collect::<Option<Vec<_>>>()?;
+        let runs: Vec<Run<'_>> = effects.iter().zip(points).map(|(effects, at)| Run { effects, at }).collect();
+        let signals = of_runs(machine, &runs, base.analyser.samples, base.analyser.rate_hz);
+        Some(signals.into_par_iter().map(|signals| signals.map(|signal| base.analyser.bins_of(&signal))).collect())
     }
 
     /// The candidate with templates that give the simulated response at the strength `x` on a machine with the `company`; `None` where they
@@ -150,7 +149,7 @@ impl Bench<'_> {
                     }
                 }
                 for (template, value) in candidate.templates.iter().zip(x) {
-                    template.runs[r][c].iter().for_each(|&(b, t)| missing[b as usize] -= t * value);
+                    template.runs[r][c].iter().for_each(|(b, t)| missing[b] -= t * value);
                 }
                 for (template, value) in bent.templates.iter_mut().zip(x) {
                     add(template, r, c, &missing, value / square);
@@ -169,6 +168,6 @@ impl Bench<'_> {
 /// Adds `factor` times dense `bins` to one part of a template.
 fn add(template: &mut Template, run: usize, channel: usize, bins: &[C], factor: f64) {
     let mut dense: Vec<C> = bins.iter().map(|x| x * factor).collect();
-    template.runs[run][channel].iter().for_each(|&(b, t)| dense[b as usize] += t);
-    std::sync::Arc::make_mut(&mut template.runs[run])[channel] = crate::observation::spectrum::sparse(&dense);
+    template.runs[run][channel].iter().for_each(|(b, t)| dense[b] += t);
+    std::sync::Arc::make_mut(&mut template.runs[run])[channel] = Sparse::of(&dense);
 }

@@ -93,7 +93,7 @@ impl<'a> Bench<'a> {
         (0..count).map(|e| per_run.iter().map(|run| run[e].clone()).collect()).collect()
     }
 
-    /// All candidates for the present residual: fixed library, detected orders, detected frequencies.
+    /// Hands out all candidates for the present residual, part by part because of their size: fixed library, detected orders, detected frequencies.
     ///
     /// `turns`: starts of the runs in the hunting period, where an effect of the gear has told them.
     pub fn candidates(
@@ -103,11 +103,12 @@ impl<'a> Bench<'a> {
         orders: &[Found],
         frequencies: &[Found],
         turns: Option<&[u32]>,
-    ) -> Vec<Candidate> {
+        mut take: impl FnMut(Vec<Candidate>),
+    ) {
         let fit = split.fit.as_slice();
-        let mut all = self.teeth.candidates(self, data, split, turns);
-        all.extend(self.fixed.iter().cloned());
-        all.extend(path::candidates(self, data, fit));
+        take(self.teeth.candidates(self, data, split, turns));
+        take(self.fixed.clone());
+        take(path::candidates(self, data, fit));
         let mut done = self.shaft_orders().to_vec();
         for found in orders {
             // A line may be a sideband of the excitation: try the comb's lowest members as its seat.
@@ -126,15 +127,14 @@ impl<'a> Bench<'a> {
                     let near = if own.is_some() { 0.05 * self.snapped() } else { 0.01 };
                     if seat > 0.05 && seat < 6.0 * z && done.iter().all(|d| (d - seat).abs() > near) {
                         done.push(seat);
-                        all.extend(chosen_from(order::at_order(self, seat, 200.0), found));
+                        take(chosen_from(order::at_order(self, seat, 200.0), found));
                     }
                 }
             }
         }
         for found in frequencies {
-            all.extend(chosen_from(order::at_frequency(self, data, fit, *found), found));
+            take(chosen_from(order::at_frequency(self, data, fit, *found), found));
         }
-        all
     }
 
     /// Order of the largest summed line power near a detected one.

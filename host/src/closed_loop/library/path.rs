@@ -8,7 +8,7 @@ use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tunin
 use crate::closed_loop::least_squares::Data;
 use crate::effects::hypothesis::Path;
 use crate::model::forward::Line;
-use crate::observation::spectrum::{BAND_HZ, Bins, REACH, sparse};
+use crate::observation::spectrum::{BAND_HZ, Bins, REACH, Sparse};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -73,18 +73,18 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
     let duration = bench.base.analyser.duration_s();
     let filtered = |channel: usize, h: &(dyn Fn(f64) -> C + Sync)| {
         Template::new(bench.base.runs.iter().map(|run| {
-            let mut parts = [Vec::new(), Vec::new()];
+            let mut parts = <[Sparse; 2]>::default();
             let bins: Bins = run.model[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
-            parts[channel] = sparse(&bins);
+            parts[channel] = Sparse::of(&bins);
             parts
         }))
     };
     // From the prediction, not the measured signal: powers of measured noise would explain the noise itself.
     let made = |channel: usize, f: &dyn Fn(usize, f64) -> f64| {
         Template::new(bench.waveforms.iter().map(|run| {
-            let mut parts = [Vec::new(), Vec::new()];
+            let mut parts = <[Sparse; 2]>::default();
             let signal: Vec<f64> = run[channel].iter().enumerate().map(|(i, &x)| f(i, x)).collect();
-            parts[channel] = sparse(&bench.base.analyser.bins_of(&signal));
+            parts[channel] = Sparse::of(&bench.base.analyser.bins_of(&signal));
             parts
         }))
     };
@@ -160,7 +160,7 @@ fn folded(bench: &Bench<'_>) -> Candidate {
                 Line { order, amplitude: [-force * turn * 2.0 / m1, force * turn * 2.0 / m2] }
             })
             .collect();
-        [0, 1].map(|c| sparse(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
+        [0, 1].map(|c| Sparse::of(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
     });
     named(Path::Folding, "path", Template::new(runs), [0.0, 1.0])
 }
@@ -202,7 +202,7 @@ fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
     let duration = bench.base.analyser.duration_s();
     let response = |f: f64, f0: f64, zeta: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
     // Bins that carry the model, so that scanning touches only those.
-    let active: Vec<[Vec<(u32, C)>; 2]> = bench
+    let active: Vec<[Vec<(usize, C)>; 2]> = bench
         .base
         .runs
         .iter()
@@ -214,7 +214,7 @@ fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
                     .iter()
                     .enumerate()
                     .filter(|(b, x)| x.norm_sqr() * weight[*b] > 1.0)
-                    .map(|(b, x)| (b as u32, *x))
+                    .map(|(b, x)| (b, *x))
                     .collect()
             })
         })
@@ -231,9 +231,9 @@ fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
             let (mut dot, mut energy) = (0.0, 1e-30);
             for &r in fit {
                 for &(b, x) in &active[r][channel] {
-                    let t = x * response(f64::from(b) / duration, f0, zeta);
-                    let w = data.weight[r][channel][b as usize];
-                    dot += (t.conj() * data.residual[r][channel][b as usize]).re * w;
+                    let t = x * response(b as f64 / duration, f0, zeta);
+                    let w = data.weight[r][channel][b];
+                    dot += (t.conj() * data.residual[r][channel][b]).re * w;
                     energy += t.norm_sqr() * w;
                 }
             }
@@ -268,13 +268,9 @@ pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate 
     let response = |f: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
     let [in_phase, quadrature] = [C::ONE, C::I].map(|factor| {
         Template::new(bench.base.runs.iter().map(|run| {
-            let mut parts = [Vec::new(), Vec::new()];
-            parts[channel] = run.model[channel]
-                .iter()
-                .enumerate()
-                .filter(|(_, x)| x.norm_sqr() > 0.0)
-                .map(|(b, x)| (b as u32, x * factor * response(b as f64 / duration)))
-                .collect();
+            let mut parts = <[Sparse; 2]>::default();
+            let path = |(b, x): (usize, &C)| x * factor * response(b as f64 / duration);
+            parts[channel] = Sparse::of(&run.model[channel].iter().enumerate().map(path).collect::<Bins>());
             parts
         }))
     });

@@ -14,7 +14,7 @@ use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Seat, Tooth};
 use crate::machine::Hunting;
 use crate::model::forward::Line;
-use crate::observation::spectrum::sparse;
+use crate::observation::spectrum::Sparse;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -196,14 +196,14 @@ impl Families {
         let runs = (0..self.mesh.runs.len()).map(|r| {
             [0, 1].map(|c| {
                 let mut dense = vec![C::ZERO; bins];
-                self.mesh.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t);
+                self.mesh.runs[r][c].iter().for_each(|(b, t)| dense[b] += t);
                 for (m, pair) in self.pairs.iter().enumerate() {
                     let phase = -TAU * (m as f64 + 1.0) * f64::from(tooth(r)) / f64::from(z);
                     for (part, factor) in pair.iter().zip([phase.cos(), phase.sin()]) {
-                        part.runs[r][c].iter().for_each(|&(b, t)| dense[b as usize] += t * factor);
+                        part.runs[r][c].iter().for_each(|(b, t)| dense[b] += t * factor);
                     }
                 }
-                sparse(&dense)
+                Sparse::of(&dense)
             })
         });
         Template::new(runs)
