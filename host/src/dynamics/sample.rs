@@ -2,13 +2,14 @@
 //!
 //! Where many samples fall into a step, its polynomial is re-expanded about the middle of short blocks:
 //! there a few terms give full precision, and the evaluation is a short loop over independent pairs of samples that
-//! the compiler vectorises. Cost: `docs/benchmarks.md`.
+//! the compiler vectorises; four blocks are expanded side by side. Cost: `docs/benchmarks.md`.
 
 use super::series::{LENGTH, Series};
 use super::taylor::Step;
+use crate::lanes::{LANES, Lane, Several};
 
 /// Samples evaluated about one expansion point.
-const BLOCK: usize = 256;
+const BLOCK: usize = 320;
 /// Terms of a block's expansion below this share of the largest coefficient are dropped.
 const NEGLIGIBLE: f64 = 1e-13;
 /// Pairs of samples evaluated side by side.
@@ -60,12 +61,12 @@ impl Sampler {
         if count == 0 {
             return;
         }
-        let mut values = [0.0; BLOCK];
+        let mut values = [0.0; BLOCK * LANES];
         for channel in 0..quantities {
             let series = of(channel);
             let mut done = 0;
             while done < count {
-                let n = BLOCK.min(count - done);
+                let n = values.len().min(count - done);
                 evaluate(&series, first + done as f64 * spacing, spacing, &mut values[..n]);
                 sink(channel, self.next + done as i64, &values[..n]);
                 done += n;
@@ -103,40 +104,58 @@ impl pulp::WithSimd for Evaluation<'_> {
         let Self { c, first, spacing, values } = self;
         let size: f64 = c.iter().fold(0.0, |size, c| size.max(c.abs()));
         let mut start = first;
-        for block in values.chunks_mut(BLOCK) {
-            let half = 0.5 * (block.len() - 1) as f64;
-            let (middle, radius) = (start + half * spacing, half * spacing);
-            let expanded = block_of::<8>(c, size, middle, radius, block)
-                || block_of::<12>(c, size, middle, radius, block)
-                || block_of::<LENGTH>(c, size, middle, radius, block);
+        for blocks in values.chunks_mut(BLOCK * LANES) {
+            let (mut middles, mut radii) = ([0.0; LANES], [0.0; LANES]);
+            for ((middle, radius), block) in middles.iter_mut().zip(&mut radii).zip(blocks.chunks(BLOCK)) {
+                let half = 0.5 * (block.len() - 1) as f64;
+                (*middle, *radius) = (start + half * spacing, half * spacing);
+                start += block.len() as f64 * spacing;
+            }
+            let at = Blocks { middle: Several(middles), radius: Several(radii) };
+            let expanded = at.evaluate::<8>(c, size, blocks)
+                || at.evaluate::<12>(c, size, blocks)
+                || at.evaluate::<LENGTH>(c, size, blocks);
             debug_assert!(expanded, "all terms are enough");
-            start += block.len() as f64 * spacing;
         }
     }
 }
 
-/// Evaluates a block from `TERMS` terms about its middle; does nothing where they are not enough.
-#[inline(always)]
-fn block_of<const TERMS: usize>(c: &[f64], size: f64, middle: f64, radius: f64, values: &mut [f64]) -> bool {
-    // Horner's rule for the value and all derivatives at once: the inner steps are independent.
-    let mut d = [0.0; TERMS];
-    for &c in c.iter().rev() {
-        for k in (1..TERMS).rev() {
-            d[k] = d[k] * middle + d[k - 1];
+/// Middles and half lengths of [`LANES`] blocks, expanded side by side: one expansion is a long chain of dependent operations.
+struct Blocks {
+    middle: Several,
+    radius: Several,
+}
+
+impl Blocks {
+    /// Evaluates the blocks from `TERMS` terms about their middles; does nothing where they are not enough.
+    #[inline(always)]
+    fn evaluate<const TERMS: usize>(&self, c: &[f64], size: f64, values: &mut [f64]) -> bool {
+        // Horner's rule for the value and all derivatives at once: the inner steps are independent.
+        let mut d = [Several::of(0.0); TERMS];
+        for &c in c.iter().rev() {
+            for k in (1..TERMS).rev() {
+                d[k] = d[k] * self.middle + d[k - 1];
+            }
+            d[0] = d[0] * self.middle + Several::of(c);
         }
-        d[0] = d[0] * middle + c;
+        let mut power = Several::of(1.0);
+        for d in &mut d {
+            *d = *d * power;
+            power = power * self.radius;
+        }
+        let enough = NEGLIGIBLE * size;
+        let short = |lane: usize| {
+            let radius = self.radius.0[lane];
+            d[TERMS - 1].0[lane].abs() > enough || d[TERMS - 2].0[lane].abs() * radius > enough
+        };
+        if TERMS < LENGTH && TERMS < c.len() && (0..LANES).any(short) {
+            return false;
+        }
+        for (lane, block) in values.chunks_mut(BLOCK).enumerate() {
+            symmetric(&d.map(|d| d.0[lane]), block);
+        }
+        true
     }
-    let mut power = 1.0;
-    for d in &mut d {
-        *d *= power;
-        power *= radius;
-    }
-    let enough = NEGLIGIBLE * size;
-    if TERMS < LENGTH && TERMS < c.len() && (d[TERMS - 1].abs() > enough || d[TERMS - 2].abs() > enough / radius) {
-        return false;
-    }
-    symmetric(&d, values);
-    true
 }
 
 /// Values of a polynomial at as many points between -1 and 1, ends included: powers of even and odd order are summed once for

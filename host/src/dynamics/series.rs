@@ -7,7 +7,7 @@
 //! (Griewank and Walther, Evaluating Derivatives, table 13.2). Cost: O(degree^2) per product.
 
 /// Highest power kept in a step.
-pub const ORDER: usize = 36;
+pub const ORDER: usize = 48;
 /// Number of coefficients of a full series.
 pub const LENGTH: usize = ORDER + 1;
 

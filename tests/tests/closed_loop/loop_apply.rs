@@ -15,7 +15,7 @@ use meshband_host::effects;
 use meshband_host::effects::catalogue::argument;
 use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
-use meshband_host::model::fixed_step::{Point, accelerations};
+use meshband_host::model::fixed_step::{self, Point, accelerations, of_runs};
 use meshband_host::model::harmonic_balance;
 use meshband_host::observation::input;
 use meshband_host::output::Outputs;
@@ -107,6 +107,23 @@ fn ref_fixed_steps_do_what_the_taylor_solver_does_with_every_effect_of_the_regis
         }
     }
     assert!(compared >= 14, "{compared} effects act on the machine");
+}
+
+#[test]
+fn ref_a_run_in_fixed_steps_has_the_same_bits_whoever_stands_beside_it() {
+    let declared = input::read(&vectors()).unwrap();
+    let model = harmonic_balance::Machine::new(&declared.pair, &declared.shafts, &declared.curve);
+    let words = ["eccentricity:amplitude=3e-5,gear=1", "tooth-crack:loss=0.2,tooth=3", "friction:coefficient=0.05"];
+    // Seven runs: a full group of lanes and one that is not.
+    let effects: Vec<Vec<_>> = (0..7).map(|i| vec![effects::parse(words[i % 3]).unwrap()]).collect();
+    let at = |i: usize| Point { start_rad: i as f64, speed_hz: 12.0 + 3.0 * i as f64, torque_n_m: 8.0 + i as f64 };
+    let runs: Vec<_> = effects.iter().enumerate().map(|(i, effects)| fixed_step::Run { effects, at: at(i) }).collect();
+    let together = of_runs(&model, &runs, 600, 51_200.0);
+    assert_eq!(together.len(), runs.len());
+    for (run, beside) in runs.iter().zip(&together) {
+        assert!(rms(beside[0].iter()) > 0.0);
+        assert_eq!(*beside, accelerations(&model, run.effects, run.at, 600, 51_200.0));
+    }
 }
 
 #[test]

@@ -7,7 +7,6 @@ use meshband_host::dynamics::assembly::{Damping, Model, Options as AssemblyOptio
 use meshband_host::dynamics::energy::Meter;
 use meshband_host::dynamics::mesh::MeshDamping;
 use meshband_host::dynamics::predict::Predictor;
-use meshband_host::dynamics::sample::Sampler;
 use meshband_host::dynamics::steady::steady_state;
 use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Mesh, Solver, State, System};
