@@ -24,6 +24,11 @@ fn main() {
         // Chooses this board's addresses in memory.x.
         println!("cargo:rustc-link-arg-bins=--defsym=_board_an386=1");
     }
+    if env::var_os("CARGO_FEATURE_BOARD_STM32F405").is_some() {
+        // Their places in memory.x; the lower slot is the default.
+        println!("cargo:rustc-link-arg-bin=loader=--defsym=_place_loader=1");
+        println!("cargo:rustc-link-arg-bin=stm32f405_b=--defsym=_place_slot_b=1");
+    }
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     // Sections packed without page alignment: a page of zeros per section would not fit a small flash.

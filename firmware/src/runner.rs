@@ -19,6 +19,8 @@ use meshband::safe_start::{GoodRun, is_safe_start};
 use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
+use meshband::update::trial::Trial;
+use meshband::update::{RunningImage, Stage, StartCause, UpdateRequest, UpdateStatus, Updater};
 use meshband_drivers::status_light::FlashCode;
 
 /// What a board's own event ([`EventKind::Board`]) tells: kind in the detail's highest byte, number below.
@@ -55,6 +57,8 @@ impl BoardEvent {
 const BLOCK_PATIENCE_S: u32 = 1;
 /// Seconds between looks at the stack's paint.
 const STACK_PERIOD_S: u32 = 10;
+/// Share of a second in which the answer to an update's last step leaves: the whole queue takes a tenth.
+const FAREWELL_PER_SECOND: u32 = 5;
 /// Growth of the stack that is worth an event, bytes.
 const STACK_STEP: u32 = 1024;
 
@@ -62,7 +66,7 @@ const STACK_STEP: u32 = 1024;
 pub type NodeSession = Session<&'static mut Buffers>;
 
 /// State of the main loop.
-pub struct Runner<F: NorFlash> {
+pub struct Runner<F: NorFlash + 'static> {
     session: &'static mut NodeSession,
     store: Store<F>,
     clock: TicksPerSecond,
@@ -79,9 +83,16 @@ pub struct Runner<F: NorFlash> {
     stack_due: u32,
     /// As the board's line is set.
     format: LineFormat,
+    /// The slots of images, where the board has some.
+    updater: Option<&'static mut Updater<F>>,
+    trial: Trial,
+    /// The stored configuration is the one in force, or there is none.
+    configuration_taken: bool,
+    /// Since when a complete update waits for its answer to leave.
+    restart_since: Option<u32>,
 }
 
-impl<F: NorFlash> Runner<F> {
+impl<F: NorFlash + 'static> Runner<F> {
     /// The node with its stored configuration, or the default where none is to be had or too many `failures` came in a row, and
     /// what it has to say about the one that was not taken; for [`Runner::begin`].
     ///
@@ -95,6 +106,7 @@ impl<F: NorFlash> Runner<F> {
         crystal: bool,
         failures: u32,
         buffers: &'static mut Buffers,
+        updater: Option<&'static mut Updater<F>>,
     ) -> Self {
         let safe = is_safe_start(failures);
         let (configuration, origin) = if safe { (Configuration::default(), Origin::Blank) } else { store.load(timing) };
@@ -114,8 +126,17 @@ impl<F: NorFlash> Runner<F> {
             stack_seen: 0,
             stack_due: 0,
             format: LineFormat::MESHBAND,
+            updater,
+            trial: Trial::new(timing.clock),
+            configuration_taken: !safe && !matches!(origin, Origin::Refused | Origin::Unreadable),
+            restart_since: None,
             session: place.write(Session::of_valid(configuration, timing, buffers)),
         }
+    }
+
+    /// Which image runs, and why it started.
+    pub fn running_image(&self, started: StartCause) -> RunningImage {
+        self.updater.as_ref().map_or(RunningImage::NONE, |updater| updater.running(started))
     }
 
     /// Begins the session and notes what is to be said of the start after `failures` in a row.
@@ -150,6 +171,10 @@ impl<F: NorFlash> Runner<F> {
             stack_seen,
             stack_due,
             format: LineFormat::MESHBAND,
+            updater: None,
+            trial: Trial::new(clock),
+            configuration_taken: true,
+            restart_since: None,
         }
     }
 
@@ -189,9 +214,12 @@ impl<F: NorFlash> Runner<F> {
         // Read before the queue of blocks: what they promise then holds for everything found in it.
         let (horizon, now) = (board.horizon(), board.now());
         // A converter that has stopped is as bad as a loop that hangs: the watchdog restarts both.
-        if now.wrapping_sub(*self.block_seen.get_or_insert(now)) < self.clock.0.saturating_mul(BLOCK_PATIENCE_S) {
+        let sampling =
+            now.wrapping_sub(*self.block_seen.get_or_insert(now)) < self.clock.0.saturating_mul(BLOCK_PATIENCE_S);
+        if sampling {
             board.feed_watchdog();
         }
+        self.follow_update(now, sampling);
         if self.good_run.is_reached(now) {
             crash::forgive();
         }
@@ -217,7 +245,13 @@ impl<F: NorFlash> Runner<F> {
         while self.session.takes_commands()
             && let Some(byte) = link.receive()
         {
-            self.session.on_byte(byte, &mut |frame| {
+            let (trial, taken, test) = (&self.trial, self.configuration_taken, self.session.node().self_test());
+            let updater = &mut self.updater;
+            let mut update = |step: &UpdateRequest| match updater {
+                Some(updater) => updater.on_request(step, trial.missing(taken, test)),
+                None => UpdateStatus::NOT_SUPPORTED,
+            };
+            self.session.on_byte_with(byte, &mut update, &mut |frame| {
                 link.send(frame);
             });
         }
@@ -229,6 +263,28 @@ impl<F: NorFlash> Runner<F> {
             }
             self.session.on_stored(stored);
         }
+    }
+
+    /// The part of an update that goes by turns and by the clock: erasing, events, the restart into a new image, and the end of a
+    /// trial that nobody has confirmed.
+    fn follow_update(&mut self, now: u32, sampling: bool) {
+        let Some(updater) = &mut self.updater else { return };
+        self.trial.follow(now, sampling);
+        if let Some(detail) = updater.take_step() {
+            let node = self.session.node_mut();
+            node.note(EventKind::Update, detail);
+            let identity = node.identity();
+            node.set_identity(Identity { image: updater.running(identity.image.started), ..identity });
+        }
+        if updater.is_on_trial() && self.trial.is_over() {
+            crash::restart()
+        }
+        if updater.stage() == Stage::Restarting
+            && now.wrapping_sub(*self.restart_since.get_or_insert(now)) > self.clock.0 / FAREWELL_PER_SECOND
+        {
+            crash::restart()
+        }
+        updater.work();
     }
 
     /// Answers a Modbus master, and sets the board's line to what is spoken on it.

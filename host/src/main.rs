@@ -35,6 +35,8 @@ enum Command {
     Machine(commands::machine::Args),
     /// Tells a node its machine and law, and has it stored.
     Configure(commands::configure::Args),
+    /// Another image for a node, over its link, with the way back.
+    Update(commands::update::Args),
     /// Live view of a node in the terminal, or of a captured link.
     Monitor(commands::monitor::Args),
     /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
@@ -83,6 +85,7 @@ fn run(command: Command) -> Result<()> {
         Command::Levels(args) => commands::levels::run(args),
         Command::Machine(args) => commands::machine::run(args),
         Command::Configure(args) => commands::configure::run(args),
+        Command::Update(args) => commands::update::run(args),
         Command::Monitor(args) => commands::monitor::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
         Command::Node(args) => commands::node::run(args),

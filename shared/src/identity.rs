@@ -1,5 +1,7 @@
 //! Which node this is: what a board knows of itself and passes in when its session is built.
 
+use crate::update::RunningImage;
+
 /// Version of this crate, hence of everything the node computes: major, minor, patch.
 pub const VERSION: [u8; 3] = [
     number(env!("CARGO_PKG_VERSION_MAJOR")),
@@ -21,11 +23,13 @@ pub struct Identity {
     pub build: &'static str,
     /// The chip's own number, 96 bits; zero where it has none.
     pub unique_id: [u32; 3],
+    /// Which image runs and why; the default on a board without slots.
+    pub image: RunningImage,
 }
 
 impl Identity {
     /// A node without a board: simulations and tests.
-    pub const HOST: Self = Self { board: "host", build: "unknown", unique_id: [0; 3] };
+    pub const HOST: Self = Self { board: "host", build: "unknown", unique_id: [0; 3], image: RunningImage::NONE };
 }
 
 /// A decimal number from the manifest.

@@ -26,6 +26,7 @@ pub mod replay;
 pub mod tach;
 pub mod time;
 pub mod units;
+pub mod update;
 
 // The names by which the other crates know what lies in the rooms.
 pub use config::{schema, store};

@@ -209,6 +209,23 @@ fn sections(bytes: &[u8]) -> Option<impl Iterator<Item = Section>> {
     sections.map(Vec::into_iter)
 }
 
+/// What is programmed, with its addresses in flash: of initialised variables the place that start-up copies them from.
+pub fn segments(bytes: &[u8]) -> Option<Vec<(u32, &[u8])>> {
+    const LOAD: u32 = 1;
+    if bytes.get(..6)? != [0x7f, b'E', b'L', b'F', 1, 1] {
+        return None;
+    }
+    let (table, entry, count) = (word(bytes, 0x1c)? as usize, half(bytes, 0x2a)? as usize, half(bytes, 0x2c)? as usize);
+    let mut segments = Vec::new();
+    for header in (0..count).map(|n| table + n * entry) {
+        let (offset, size) = (word(bytes, header + 4)? as usize, word(bytes, header + 16)? as usize);
+        if word(bytes, header)? == LOAD && size > 0 {
+            segments.push((word(bytes, header + 12)?, bytes.get(offset..offset + size)?));
+        }
+    }
+    Some(segments)
+}
+
 const SHF_WRITE: u32 = 1;
 const SHF_ALLOC: u32 = 2;
 const SHT_SYMTAB: u32 = 2;

@@ -1,6 +1,10 @@
-//! `cargo xtask flash`: the STM32F405 image onto a connected board.
+//! `cargo xtask flash`: the STM32F405's loader and image onto a connected board.
+//!
+//! One file from the first address on, so that one command makes a blank chip a node. The header of the upper slot is made void: an image that came
+//! there over the link would be newer than the one that is flashed now. The configuration's sectors are left alone.
 
 use crate::node_build;
+use crate::release;
 use crate::setup;
 use crate::shell::{Outcome, TemporaryFolder, command, on_path};
 
@@ -13,21 +17,21 @@ pub fn run(args: &[String]) -> Outcome {
     };
     setup::run()?;
     node_build::build()?;
-    let image = node_build::image("stm32f405");
+    let flash = release::first_flash()?;
+    let folder = TemporaryFolder::new("flash")?;
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.0.join(name);
+        std::fs::write(&path, bytes).map(|()| path.clone()).map_err(|e| format!("{}: {e}", path.display()))
+    };
     if by_dfu {
-        for tool in ["dfu-util", "rust-objcopy"] {
-            need(
-                tool,
-                "dfu-util is a package of most distributions, rust-objcopy comes with `cargo install cargo-binutils`",
-            )?;
-        }
-        let folder = TemporaryFolder::new("dfu")?;
-        let raw = folder.0.join("node.bin");
-        run_tool(command(&["rust-objcopy", "-O", "binary"]).arg(&image).arg(&raw))?;
+        need("dfu-util", "it is a package of most distributions")?;
+        let raw = write("node.bin", &flash)?;
         return run_tool(command(&["dfu-util", "-a", "0", "-s", "0x08000000:leave", "-D"]).arg(&raw));
     }
     need("probe-rs", "install it from probe.rs, or use `cargo xtask flash --dfu`")?;
-    run_tool(command(&["probe-rs", "download", "--chip", "STM32F405RGTx", "--verify"]).arg(&image))?;
+    let hex = write("node.hex", release::intel_hex(&flash).as_bytes())?;
+    let download = ["probe-rs", "download", "--chip", "STM32F405RGTx", "--binary-format", "hex", "--verify"];
+    run_tool(command(&download).arg(&hex))?;
     run_tool(&mut command(&["probe-rs", "reset", "--chip", "STM32F405RGTx"]))
 }
 

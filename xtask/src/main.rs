@@ -16,6 +16,7 @@ mod mutants;
 mod node_build;
 mod pace;
 mod prove;
+mod release;
 mod screenshots;
 mod setup;
 mod shell;

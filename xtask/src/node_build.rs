@@ -2,6 +2,7 @@
 //! panic.
 
 use crate::elf::{self, PanicSite, Sizes};
+use crate::release;
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, cargo, root, timed};
 use crate::stack_use::{self, StackUse};
@@ -9,16 +10,25 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// One binary per board; the feature of the same name selects it.
-pub const BOARDS: [&str; 2] = ["an386", "stm32f405"];
+/// Images whose sizes are watched, with what their board needs.
+const SIZED: [&str; 3] = ["an386", "loader", "stm32f405"];
 
-/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu/qemu_runner.rs`.
-pub const IMAGES: [(&str, &str); 3] = [("an386", "an386"), ("restart", "an386"), ("stm32f405", "stm32f405")];
+/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu/qemu_runner.rs`; the released node is linked for
+/// each of its two slots.
+pub const IMAGES: [(&str, &str); 5] = [
+    ("an386", "an386"),
+    ("restart", "an386"),
+    ("loader", "stm32f405"),
+    ("stm32f405", "stm32f405"),
+    ("stm32f405_b", "stm32f405"),
+];
 
 /// The board the limits are meant for.
 pub const RELEASED: &str = "stm32f405";
 /// Bytes of flash a released image may take (issue 6).
 const FLASH_LIMIT: u64 = 160 * 1024;
+/// Bytes of flash that the loader may take: the first sector.
+const LOADER_LIMIT: u64 = 16 * 1024;
 /// Bytes of static RAM a released image may take (issue 6): CCM and SRAM of the STM32F405 less the stack.
 const RAM_LIMIT: u64 = 160 * 1024;
 /// Bytes of the released image's stack that must stay free.
@@ -36,9 +46,10 @@ pub fn run() -> Outcome {
     size(&[])
 }
 
-/// Builds all images.
+/// Builds all images, and the update file of them.
 pub fn build() -> Outcome {
-    IMAGES.iter().try_for_each(|(image, board)| timed(&format!("firmware {image}"), || run_build(image, board)))
+    IMAGES.iter().try_for_each(|(image, board)| timed(&format!("firmware {image}"), || run_build(image, board)))?;
+    release::write_update()
 }
 
 fn run_build(image: &str, board: &str) -> Outcome {
@@ -71,7 +82,7 @@ pub fn size(args: &[String]) -> Outcome {
         format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM", "stack");
     let (mut complaints, mut stacks) = (Vec::new(), Vec::new());
     let before = std::fs::read_to_string(snapshot("size.txt")).unwrap_or_default();
-    for board in BOARDS {
+    for board in SIZED {
         let path = image(board);
         if !path.exists() {
             return Err(format!("no image of {board}: run `cargo xtask node-build` first"));
@@ -88,6 +99,9 @@ pub fn size(args: &[String]) -> Outcome {
             stack.sum()
         );
         stacks.push((board, stack));
+        if board == "loader" {
+            complain_above(&mut complaints, board, "flash", flash, LOADER_LIMIT);
+        }
         if board == RELEASED {
             complain_above(&mut complaints, board, "flash", flash, FLASH_LIMIT);
             complain_above(&mut complaints, board, "RAM", ram, RAM_LIMIT);

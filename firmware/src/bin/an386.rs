@@ -26,7 +26,7 @@ use meshband_node::runner::{NodeSession, Runner};
 use meshband_node::stack::{self, StackUse};
 use semihosting::{eprintln, process};
 
-const IDENTITY: Identity = Identity { board: "an386", build: meshband_node::BUILD, unique_id: [0; 3] };
+const IDENTITY: Identity = Identity { board: "an386", build: meshband_node::BUILD, ..Identity::HOST };
 
 /// The node's state, beside the stack as on the released board.
 #[unsafe(link_section = ".core")]

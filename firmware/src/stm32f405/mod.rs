@@ -3,10 +3,10 @@
 //! Four interrupts, of one priority: a tach edge, a complete block, an overrun of the converter, the end of an answer on a shared line. Everything else is polled by the main loop behind
 //! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
 
-pub mod config_flash;
 mod line;
 pub mod outputs;
 mod sampling;
+pub mod sector_flash;
 mod tach;
 
 use crate::crash::{self, Cause};
@@ -117,8 +117,21 @@ pub fn power_up() -> Power {
     };
     clock::enable_peripherals(rcc());
     pins::configure(port_a(), port_b(), port_c());
-    watchdog::start(iwdg());
+    start_watchdog();
     Power { oscillator, reset_cause, brown_out: flash::brown_out(flash_control()) }
+}
+
+/// Starts the watchdog; again where it runs already, as behind the loader.
+pub fn start_watchdog() {
+    watchdog::start(iwdg());
+}
+
+/// First address of the slot that this program is linked for (`memory.x`).
+pub fn own_base() -> u32 {
+    unsafe extern "C" {
+        static _slot_start: u8;
+    }
+    &raw const _slot_start as u32
 }
 
 /// No interrupt and no system timer from whoever ran before, the boot loader in ROM above all; then lets interrupts in.

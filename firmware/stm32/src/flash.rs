@@ -1,6 +1,6 @@
-//! Flash: erasure and word writes in the two sectors of the configuration.
+//! Flash: erasure and word writes in sectors of 128 KiB.
 //!
-//! Sectors 10 and 11, 128 KiB each: the stored configuration needs two to survive a power cut at any instant. The core
+//! Two hold the configuration, which needs two to survive a power cut at any instant; two and two hold the images. The core
 //! stands still while flash is busy (it fetches from the same bank): 16 us per word, 1 s to 2 s per erasure; blocks
 //! are lost meanwhile and counted. RM0090 section 3.6.
 //!
@@ -9,14 +9,37 @@
 
 use crate::pac::flash;
 
-/// First address of the configuration.
-pub const START: u32 = 0x080c_0000;
 /// Bytes of one sector.
 pub const SECTOR_BYTES: u32 = 128 * 1024;
-/// Number of the first of the two sectors.
-pub const FIRST_SECTOR: u8 = 10;
-/// Sectors in use.
-pub const SECTORS: u8 = 2;
+/// The first of this size, and its address; those before it are smaller.
+const FIRST: (u8, u32) = (5, 0x0802_0000);
+
+/// Sectors of 128 KiB in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sectors {
+    first: u8,
+    count: u8,
+}
+
+impl Sectors {
+    /// The lower slot of images.
+    pub const SLOT_A: Self = Self { first: 5, count: 2 };
+    /// The upper slot of images.
+    pub const SLOT_B: Self = Self { first: 7, count: 2 };
+    /// The configuration: the last two.
+    pub const CONFIGURATION: Self = Self { first: 10, count: 2 };
+
+    /// First address.
+    pub const fn start(self) -> u32 {
+        FIRST.1 + (self.first - FIRST.0) as u32 * SECTOR_BYTES
+    }
+
+    /// All their bytes.
+    pub const fn bytes(self) -> u32 {
+        self.count as u32 * SECTOR_BYTES
+    }
+}
+
 /// Polls of a busy flash; an erasure holds the core for its whole length anyway.
 const PATIENCE: u32 = 50_000_000;
 
@@ -34,12 +57,12 @@ pub enum FlashFault {
     Busy,
 }
 
-/// Erases sector 0 or 1 of the configuration.
+/// Erases one of them, counted from 0.
 ///
 /// # Errors
 /// As [`FlashFault`] says; the sector is then undefined.
-pub fn erase(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault> {
-    select(flash, sector)?;
+pub fn erase(flash: &flash::RegisterBlock, sectors: Sectors, number: u8) -> Result<(), FlashFault> {
+    select(flash, sectors, number)?;
     flash.cr().modify(|_, w| w.strt().set_bit());
     let outcome = finish(flash);
     flush_caches(flash);
@@ -83,15 +106,14 @@ pub fn brown_out(flash: &flash::RegisterBlock) -> BrownOut {
 ///
 /// # Errors
 /// As [`FlashFault`] says.
-pub fn select(flash: &flash::RegisterBlock, sector: u8) -> Result<(), FlashFault> {
-    if sector >= SECTORS {
+pub fn select(flash: &flash::RegisterBlock, sectors: Sectors, number: u8) -> Result<(), FlashFault> {
+    if number >= sectors.count {
         return Err(FlashFault::Range);
     }
     unlock(flash)?;
-    // SAFETY: sectors 10 and 11 exist and hold no code (memory.x).
-    flash
-        .cr()
-        .write(|w| unsafe { w.lock().unlocked().psize().psize32().ser().set_bit().snb().bits(FIRST_SECTOR + sector) });
+    let sector = sectors.first + number;
+    // SAFETY: sectors 5 to 11 exist; whoever holds the sectors sees to it that no code runs there (memory.x).
+    flash.cr().write(|w| unsafe { w.lock().unlocked().psize().psize32().ser().set_bit().snb().bits(sector) });
     Ok(())
 }
 

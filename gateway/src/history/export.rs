@@ -189,6 +189,7 @@ mod tests {
             unique_id: [7, 8, 9],
             ticks_per_second: 1000,
             self_test: Default::default(),
+            image: Default::default(),
         })
     }
 

@@ -218,6 +218,7 @@ mod tests {
             unique_id: [1, 2, 3],
             ticks_per_second: 1_000_000,
             self_test: Default::default(),
+            image: Default::default(),
         }
     }
 

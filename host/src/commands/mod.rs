@@ -22,3 +22,4 @@ pub mod prove;
 pub mod results;
 pub mod simulate;
 pub mod stiffness;
+pub mod update;

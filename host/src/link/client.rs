@@ -10,6 +10,7 @@ use meshband::events::{Event, EventKind};
 use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
 use meshband::law::Law;
 use meshband::message::{Identification, Message, Reply, Request, SelfTest, Statistics, WIRE_SCHEMA};
+use meshband::update::{UpdateRequest, UpdateStatus};
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::time::{Duration, Instant};
@@ -197,6 +198,7 @@ impl Client {
     /// As [`Client::request`], when `patience` is over or the link ends.
     pub fn call(&mut self, patience: Duration) -> Result<Identification> {
         let deadline = Instant::now() + patience;
+        self.replies.clear();
         while Instant::now() < deadline && !self.ended {
             self.send(&Request::Identify)?;
             let again = Instant::now() + CALL_EVERY;
@@ -296,6 +298,14 @@ impl Client {
     pub fn statistics(&mut self) -> Result<Statistics> {
         match self.request(&Request::Statistics)? {
             Reply::Statistics(statistics) => Ok(statistics),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// A step of an update, and how far it then is.
+    pub fn update(&mut self, step: &UpdateRequest) -> Result<UpdateStatus> {
+        match self.request(&Request::Update(step.clone()))? {
+            Reply::Update(status) => Ok(status),
             other => Err(unexpected(&other)),
         }
     }
@@ -410,6 +420,7 @@ fn answers(request: &Request, reply: &Reply) -> bool {
         Request::SelfTest => matches!(reply, Reply::SelfTest(_)),
         Request::Statistics => matches!(reply, Reply::Statistics(_)),
         Request::CommitConfiguration => matches!(reply, Reply::Committing),
+        Request::Update(_) => matches!(reply, Reply::Update(_)),
         Request::SetConfiguration(_) | Request::PutLaw(_) => matches!(reply, Reply::Done | Reply::Refused(_)),
         Request::Start | Request::Stop | Request::Snapshot | Request::Events | Request::AcknowledgeAlarms => {
             matches!(reply, Reply::Done)

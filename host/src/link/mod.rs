@@ -10,6 +10,7 @@ pub mod report;
 pub mod settings;
 pub mod setup;
 pub mod transport;
+pub mod update;
 pub mod view;
 pub mod words;
 

@@ -8,6 +8,7 @@ use crate::report::Report;
 use crate::report::plot::{self, Axes, Series};
 use meshband::config::Configuration;
 use meshband::message::{Identification, SelfTest, Spectrum, Status};
+use meshband::update::{RunningImage, Slot};
 use serde_json::Value;
 
 /// Items of the boot self-test, by bit.
@@ -39,9 +40,23 @@ pub fn identity(node: &Identification) -> String {
     let [a, b, c] = node.unique_id;
     let chip = if node.unique_id == [0; 3] { String::new() } else { format!(", chip {a:08x}{b:08x}{c:08x}") };
     format!(
-        "{} with firmware {major}.{minor}.{patch} ({}){chip}; schemas: link {}, configuration {}",
-        node.board, node.build, node.wire_schema, node.configuration_schema
+        "{} with firmware {major}.{minor}.{patch} ({}){chip}{}; schemas: link {}, configuration {}",
+        node.board,
+        node.build,
+        image(&node.image),
+        node.wire_schema,
+        node.configuration_schema
     )
+}
+
+/// Which image runs and why, where the board has slots.
+fn image(image: &RunningImage) -> String {
+    if image.slot == Slot::None {
+        return String::new();
+    }
+    let given_up = image.given_up.map(|[major, minor, patch]| format!(", {major}.{minor}.{patch} given up"));
+    let (standing, started) = (words(&image.standing), words(&image.started));
+    format!(", slot {:?} {standing}{}, started by {started}", image.slot, given_up.unwrap_or_default())
 }
 
 /// The report of `meshband monitor`.

@@ -31,6 +31,7 @@ fn regress_monitor_of_a_node_without_messages_ends_with_a_line_and_exit_code_2()
             unique_id: [0; 3],
             ticks_per_second: 1_000_000,
             self_test: SelfTest::default(),
+            image: Default::default(),
         };
         let mut asked = [0; 64];
         let mut sequence = 0;

@@ -19,3 +19,4 @@ mod monitor;
 mod outputs_cli;
 mod outputs_text;
 mod reference;
+mod update;

@@ -385,20 +385,23 @@ impl Configuration {
         if !(OLDEST_SCHEMA..=SCHEMA).contains(&written) {
             return None;
         }
-        let config: Self = schema::read(bytes, written.cmp(&SCHEMA))?;
-        Some(Self { schema: SCHEMA, ..config })
+        // Changed in its place: another kilobyte on the stack would be at its deepest here.
+        let mut config: Option<Self> = schema::read(bytes, written.cmp(&SCHEMA));
+        if let Some(config) = &mut config {
+            config.schema = SCHEMA;
+        }
+        config
     }
 
     /// A stored configuration on a board that keeps up with less than an earlier version promised: its highest rates are lowered to what
     /// the board does, so that the rest of it is kept.
-    pub fn within(mut self, board: Timing) -> Self {
+    pub fn lower_to(&mut self, board: Timing) {
         let highest = board.highest_adc.0;
         let lowered = |rate: Hertz| if rate.0 > highest { Hertz(highest) } else { rate };
         self.limits.highest_adc = lowered(self.limits.highest_adc);
         if let RatePolicy::Forced { rate } = self.policy {
             self.policy = RatePolicy::Forced { rate: lowered(rate) };
         }
-        self
     }
 
     /// Checks every field against its range and the board.

@@ -106,10 +106,16 @@ impl<F: NorFlash> Store<F> {
         let mut payload = [0; PAYLOAD];
         let board = board.into();
         match self.read_newest(&mut payload) {
-            Ok((Some(bytes), origin)) => match Configuration::from_stored(bytes).map(|stored| stored.within(board)) {
-                Some(config) if config.validate(board).is_ok() => (config, origin),
-                _ => (Configuration::default(), Origin::Refused),
-            },
+            Ok((Some(bytes), origin)) => {
+                let mut stored = Configuration::from_stored(bytes);
+                if let Some(config) = &mut stored {
+                    config.lower_to(board);
+                }
+                match stored {
+                    Some(config) if config.validate(board).is_ok() => (config, origin),
+                    _ => (Configuration::default(), Origin::Refused),
+                }
+            }
             Ok((None, origin)) => (Configuration::default(), origin),
             Err(_) => (Configuration::default(), Origin::Unreadable),
         }

@@ -12,11 +12,12 @@ use crate::levels::Departures;
 use crate::node::State;
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
+use crate::update::{RunningImage, UpdateRequest, UpdateStatus};
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 6;
+pub const WIRE_SCHEMA: u8 = 7;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -64,6 +65,8 @@ pub enum Request {
     Statistics,
     /// A person has seen all alarms that stand: latched ones end.
     AcknowledgeAlarms,
+    /// A step of an update.
+    Update(UpdateRequest),
 }
 
 /// Answers.
@@ -87,6 +90,8 @@ pub enum Reply {
     SelfTest(SelfTest),
     /// Counters.
     Statistics(Statistics),
+    /// How far an update is.
+    Update(UpdateStatus),
 }
 
 /// Who a node is; the schema numbers come first, so that every program can read them.
@@ -108,6 +113,8 @@ pub struct Identification {
     pub ticks_per_second: u32,
     /// Newest result of the self-test.
     pub self_test: SelfTest,
+    /// Which image runs and why.
+    pub image: RunningImage,
 }
 
 /// Self-test ([`crate::self_test`]). A set bit in `failed` is a failed item of `run`.

@@ -11,10 +11,11 @@ use crate::events::EventKind;
 use crate::frame::{self, Decoder, Incoming, MAX_FRAME, PacketRef};
 use crate::identity::Identity;
 use crate::link::pace::{Pace, Room};
-use crate::message::{Message, Request};
+use crate::message::{Message, Reply, Request};
 use crate::modbus::station::{Mode, Station};
 use crate::node::{Block, Node};
 use crate::self_test::SelfTestRun;
+use crate::update::{UpdateRequest, UpdateStatus};
 use core::borrow::BorrowMut;
 
 /// A node, the receiver of its commands and the counter of its frames.
@@ -173,6 +174,16 @@ impl<B: BorrowMut<Buffers>> Session<B> {
 
     /// A byte from the link; a complete command is carried out and answered at once.
     pub fn on_byte(&mut self, byte: u8, send: &mut impl FnMut(&[u8])) {
+        self.on_byte_with(byte, &mut |_| UpdateStatus::NOT_SUPPORTED, send);
+    }
+
+    /// As [`Session::on_byte`]; `update` carries out a step of an update, for boards with slots.
+    pub fn on_byte_with(
+        &mut self,
+        byte: u8,
+        update: &mut impl FnMut(&UpdateRequest) -> UpdateStatus,
+        send: &mut impl FnMut(&[u8]),
+    ) {
         if self.station.mode() == Mode::Modbus {
             return self.station.push(byte);
         }
@@ -181,7 +192,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
                 // A node has no use for replies and messages.
                 if let Incoming::Request(request) = frame.packet {
                     self.find_link();
-                    self.on_request(request, send);
+                    self.on_request_with(request, update, send);
                 }
             }
             // What a PLC says at another rate is no frame of anybody's.
@@ -214,8 +225,26 @@ impl<B: BorrowMut<Buffers>> Session<B> {
 
     /// A command, answered at once.
     pub fn on_request(&mut self, request: Request, send: &mut impl FnMut(&[u8])) {
-        self.commit |= request == Request::CommitConfiguration;
-        if request == Request::SelfTest {
+        self.on_request_with(request, &mut |_| UpdateStatus::NOT_SUPPORTED, send);
+    }
+
+    /// As [`Session::on_request`]; `update` carries out a step of an update. A refusal is counted.
+    #[inline(never)]
+    pub fn on_request_with(
+        &mut self,
+        request: Request,
+        update: &mut impl FnMut(&UpdateRequest) -> UpdateStatus,
+        send: &mut impl FnMut(&[u8]),
+    ) {
+        if let Request::Update(step) = &request {
+            let status = update(step);
+            if let Some(refusal) = status.refusal {
+                self.node.note(EventKind::RequestRefused, refusal as u32);
+            }
+            return self.send(PacketRef::Reply(&Reply::Update(status)), send);
+        }
+        self.commit |= matches!(request, Request::CommitConfiguration);
+        if matches!(request, Request::SelfTest) {
             self.test = SelfTestRun::again(self.node.check_mathematics());
             self.node.set_self_test(self.test.result());
         }

@@ -52,7 +52,7 @@ pub enum EventKind {
     SelfTestFailed,
     /// The newest stored configuration was not taken; detail says why ([`crate::store::Origin::complaint`]).
     ConfigurationRefused,
-    /// A request was refused.
+    /// A request was refused; detail is 0, or the number of an update's refusal ([`crate::update::Refusal`]).
     RequestRefused,
     /// Reported by the board's own code; detail is the board's number.
     Board,
@@ -70,10 +70,12 @@ pub enum EventKind {
     SignalGood,
     /// A person has acknowledged all alarms.
     AlarmsAcknowledged,
+    /// A step of an update; detail has the step ([`crate::update::receiver::Step`]) in its highest byte, the image's version below.
+    Update,
 }
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::AlarmsAcknowledged as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::Update as usize + 1;
 
 const _: () = assert!(EVENT_KINDS <= MAX_EVENT_COUNTS);
 

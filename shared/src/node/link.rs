@@ -15,6 +15,7 @@ use crate::message::{Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Sn
 use crate::rate_plan::RatePlan;
 use crate::stream::WIDE_POINTS;
 use crate::turn_marks::TurnMarks;
+use crate::update::UpdateStatus;
 use core::borrow::BorrowMut;
 use heapless::{String, Vec};
 
@@ -139,6 +140,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
                 self.acknowledge();
                 Reply::Done
             }
+            // A session takes it before it comes here.
+            Request::Update(_) => Reply::Update(UpdateStatus::NOT_SUPPORTED),
         }
     }
 
@@ -185,6 +188,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             unique_id: self.identity.unique_id,
             ticks_per_second: self.clock.0,
             self_test: self.self_test,
+            image: self.identity.image,
         }
     }
 }

@@ -302,7 +302,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     }
 
     /// On which board the node runs.
-    pub(crate) fn identity(&self) -> Identity {
+    pub fn identity(&self) -> Identity {
         self.identity
     }
 

@@ -9,6 +9,8 @@
 
 #[path = "../tests/flashed/compared/mod.rs"]
 mod compared;
+#[path = "../tests/flashed/image.rs"]
+mod image;
 
 use compared::TICKS_PER_SECOND;
 use compared::load::{Outcome, SPEEDS_HZ, configured_for, run};
@@ -23,8 +25,8 @@ const PERIODS: [u32; 18] = [112, 124, 136, 148, 160, 172, 184, 192, 200, 208, 21
 const IN_A_ROW: usize = 3;
 
 fn main() -> ExitCode {
-    let Some(image) = std::env::args_os().nth(1).and_then(|path| Image::read(path.as_ref()).ok()) else {
-        eprintln!("usage: pace IMAGE, the ELF file of the STM32F405 with the feature rate-sweep");
+    let Some(image) = std::env::args_os().nth(1).and_then(|path| image::with_loader(path.as_ref()).ok()) else {
+        eprintln!("usage: pace IMAGE, the ELF file of the STM32F405 with the feature rate-sweep, its loader beside it");
         return ExitCode::from(2);
     };
     let [a, b, c] = SPEEDS_HZ;

@@ -12,9 +12,11 @@ use crate::frame::{self, Frame};
 use crate::nvic::{Masks, exception, fault};
 use crate::rcc::cause;
 use crate::time::{NEVER, Time};
-use crate::unicorn::{Code, EXECUTE, Engine, Handle, READ, Register, WRITE};
+use crate::unicorn::{Code, EXECUTE, Engine, Handle, READ, Register, WRITE, WRITE_REFUSED};
 use std::ffi::{c_int, c_uint, c_void};
 
+/// Bytes of flash that the engine executes from; a write to them is the hook's business.
+const CODE_BYTES: usize = (DATA_START - flash::START) as usize;
 /// Fractions of a unit in which instructions are charged.
 const FRACTIONS: u64 = 256;
 /// Bits of the status register that tell that a block of conditional instructions is under way.
@@ -61,6 +63,10 @@ struct Core {
     /// The next block runs whatever waits.
     defer: bool,
     stop: Option<Stop>,
+    /// A word of the code's flash that the engine is about to store into, and what it holds until the controller has programmed it.
+    stored: Option<(usize, [u8; 4])>,
+    /// The code in flash as the engine knows it.
+    known: Vec<u8>,
     /// Bytes and instructions of a block by its half-word in flash.
     lengths: Vec<(u16, u16)>,
     instructions: u64,
@@ -117,6 +123,8 @@ impl Cpu {
             instruction: None,
             defer: false,
             stop: None,
+            stored: None,
+            known: Vec::new(),
             lengths,
             instructions: 0,
             limit: u64::MAX,
@@ -260,6 +268,7 @@ impl Cpu {
 
     /// Stack pointer and program counter from the vector table, everything else as after reset.
     fn start(&mut self) -> Result<()> {
+        self.follow_code()?;
         frame::reset(&mut self.engine);
         self.frames.clear();
         self.sleeping = false;
@@ -271,6 +280,27 @@ impl Cpu {
         }
         self.engine.set(Register::SP, vectors[0] & !3);
         self.pc = vectors[1] & !1;
+        Ok(())
+    }
+
+    /// Forgets what the engine has translated of sectors that hold something else by now. A program is only ever changed while another runs,
+    /// so it is enough to look at each start, and where everything is put back.
+    fn follow_code(&mut self) -> Result<()> {
+        const SECTOR: usize = 0x2_0000;
+        // SAFETY: as in `core_mut`; the engine beside it is another value and does not run.
+        let core = unsafe { &mut *self.core };
+        let code = &core.chip.cells[..CODE_BYTES];
+        if core.known.is_empty() {
+            core.known = code.to_vec();
+        }
+        for (n, (known, now)) in core.known.chunks_mut(SECTOR).zip(code.chunks(SECTOR)).enumerate() {
+            if known != now {
+                known.copy_from_slice(now);
+                core.lengths[n * SECTOR / 2..][..now.len() / 2].fill((0, 0));
+                let start = flash::START + (n * SECTOR) as u32;
+                self.engine.forget_range(start, start + now.len() as u32)?;
+            }
+        }
         Ok(())
     }
 
@@ -337,6 +367,7 @@ impl Cpu {
         let stop = self.core_mut().stop.take();
         self.pc = self.engine.get(Register::PC) & !1;
         let core = self.core_mut();
+        core.unstore();
         core.charge();
         core.chip.advance(core.now);
         if let (Some(Stop::Refused(..) | Stop::Unmapped(_)), Some(exact)) = (&stop, core.instruction) {
@@ -398,7 +429,7 @@ impl Cpu {
         for (register, value) in frame::all_registers().zip(&snapshot.registers) {
             self.engine.set(register, *value);
         }
-        Ok(())
+        self.follow_code()
     }
 }
 
@@ -424,14 +455,13 @@ fn describe(refusal: &Refusal) -> String {
 unsafe fn connect(engine: &mut Engine, core: *mut Core) -> Result<()> {
     // SAFETY: passed on to the caller.
     let chip = unsafe { &mut (*core).chip };
-    let code_bytes = (DATA_START - flash::START) as usize;
     let user = core.cast();
     // SAFETY: the pages keep their place as long as the chip lives, and the functions expect a `Core`.
     unsafe {
-        engine.map(flash::START, code_bytes, READ | EXECUTE, chip.cells.address())?;
+        engine.map(flash::START, CODE_BYTES, READ | EXECUTE, chip.cells.address())?;
         engine.map(SRAM_START, SRAM_BYTES as usize, READ | WRITE | EXECUTE, chip.sram.address())?;
         engine.map(CCM_START, CCM_BYTES as usize, READ | WRITE, chip.ccm.address())?;
-        let data_bytes = flash::BYTES as usize - code_bytes;
+        let data_bytes = flash::BYTES as usize - CODE_BYTES;
         engine.map_device(DATA_START, data_bytes, (read::<DATA_START>, write::<DATA_START>), user)?;
         engine.map_device(IDENTITY.0, IDENTITY.1, (read::<{ IDENTITY.0 }>, write::<{ IDENTITY.0 }>), user)?;
         let [apb, own] = DEVICES;
@@ -507,6 +537,7 @@ impl Core {
 unsafe extern "C" fn on_block(engine: Handle, address: u64, size: u32, user: *mut c_void) {
     // SAFETY: by contract; nobody else uses the core while the engine runs.
     let core = unsafe { &mut *user.cast::<Core>() };
+    core.unstore();
     core.charge();
     core.block = address as u32;
     let due = core.now >= core.attention || core.instructions >= core.limit;
@@ -547,9 +578,25 @@ unsafe extern "C" fn on_exception(engine: Handle, number: u32, user: *mut c_void
 
 /// # Safety
 /// As [`on_block`].
-unsafe extern "C" fn on_unmapped(_: Handle, _: c_int, address: u64, _: c_int, _: i64, user: *mut c_void) -> bool {
+unsafe extern "C" fn on_unmapped(
+    engine: Handle,
+    kind: c_int,
+    address: u64,
+    size: c_int,
+    value: i64,
+    user: *mut c_void,
+) -> bool {
     // SAFETY: as above.
     let core = unsafe { &mut *user.cast::<Core>() };
+    if kind == WRITE_REFUSED && (flash::START..DATA_START).contains(&(address as u32)) {
+        // The engine now stores it, where the controller would first have to program it.
+        let at = (address as u32 - flash::START) as usize & !3;
+        let mut before = [0; 4];
+        before.copy_from_slice(&core.chip.cells[at..at + 4]);
+        core.write(engine, address as u32, size as u32, value as u32);
+        core.stored = Some((at, before));
+        return true;
+    }
     core.stop = Some(Stop::Unmapped(address as u32));
     false
 }
@@ -560,6 +607,7 @@ unsafe extern "C" fn read<const START: u32>(engine: Handle, offset: u64, size: c
     // SAFETY: as above.
     let core = unsafe { &mut *user.cast::<Core>() };
     let address = START + offset as u32;
+    core.unstore();
     core.chip.advance(core.now);
     let value = core.chip.read(address, size);
     core.attention = 0;
@@ -576,15 +624,27 @@ unsafe extern "C" fn read<const START: u32>(engine: Handle, offset: u64, size: c
 unsafe extern "C" fn write<const START: u32>(engine: Handle, offset: u64, size: c_uint, value: u64, user: *mut c_void) {
     // SAFETY: as above.
     let core = unsafe { &mut *user.cast::<Core>() };
-    let address = START + offset as u32;
-    core.chip.advance(core.now);
-    if let Err(refusal) = core.chip.write(address, size, value as u32) {
-        core.refuse(engine, address, refusal);
-    }
-    core.attention = 0;
+    core.write(engine, START + offset as u32, size, value as u32);
 }
 
 impl Core {
+    /// Takes back what the engine has stored into flash.
+    fn unstore(&mut self) {
+        if let Some((at, before)) = self.stored.take() {
+            self.chip.cells[at..at + 4].copy_from_slice(&before);
+        }
+    }
+
+    fn write(&mut self, engine: Handle, address: u32, size: u32, value: u32) {
+        self.unstore();
+        self.chip.advance(self.now);
+        self.chip.flash.fetching = Some(self.block);
+        if let Err(refusal) = self.chip.write(address, size, value) {
+            self.refuse(engine, address, refusal);
+        }
+        self.attention = 0;
+    }
+
     fn refuse(&mut self, engine: Handle, address: u32, refusal: Refusal) {
         if self.stop.is_none() {
             self.stop = Some(Stop::Refused(address, refusal));

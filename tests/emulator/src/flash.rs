@@ -11,13 +11,14 @@ use crate::time::{NEVER, Time, UNITS_PER_SECOND};
 pub const START: u32 = 0x0800_0000;
 /// Size: 1 MiB.
 pub const BYTES: u32 = 1 << 20;
-/// First address of the part that programs may change here: sectors 10 and 11.
+/// First address of the part that holds no code: sectors 10 and 11. Its reads go through the data cache; those before it do not.
 pub const DATA_START: u32 = 0x080c_0000;
 
 /// A word, data sheet: 16 us typical.
 const PROGRAM_TIME: Time = UNITS_PER_SECOND * 16 / 1_000_000;
 /// A sector of 128 KiB by words, data sheet: 1 s typical.
 const ERASE_TIME: Time = UNITS_PER_SECOND;
+const SECTOR_OF_ERASE_TIME: u32 = 0x2_0000;
 const ERASED: u8 = 0xff;
 
 /// Option bytes as the factory leaves them: no protection, brown-out reset off.
@@ -59,6 +60,11 @@ pub fn sector(number: u32) -> (u32, u32) {
     }
 }
 
+/// The sector that an offset lies in.
+fn sector_of(offset: u32) -> u32 {
+    (0..12).rev().find(|number| sector(*number).0 <= offset).unwrap_or(0)
+}
+
 /// Controller and caches; the cells themselves are the caller's.
 #[derive(Clone, Debug)]
 pub struct Flash {
@@ -70,6 +76,8 @@ pub struct Flash {
     barred: bool,
     work: Option<(Work, Time, Time)>,
     lines: Vec<Line>,
+    /// Where the core fetches from: a program may not erase the sector that it runs in, and of its words only make some void.
+    pub fetching: Option<u32>,
     /// Option bytes, `FLASH_OPTCR`; the lowest level of the brown-out reset is 3 at bits 2 and 3.
     pub options: u32,
     /// Words programmed since power came for the first time.
@@ -88,6 +96,7 @@ impl Default for Flash {
             barred: false,
             work: None,
             lines: Vec::new(),
+            fetching: None,
             options: FACTORY_OPTIONS,
             programmed: 0,
             erased: 0,
@@ -197,7 +206,7 @@ impl Flash {
         if self.cr >> 8 & 3 != 2 || size != 4 || !offset.is_multiple_of(4) {
             return Err(Refusal::Forbidden("only whole words are programmed"));
         }
-        if offset < DATA_START - START {
+        if value != 0 && self.is_fetched_from(sector_of(offset)) {
             self.sr |= WRPERR;
             return Err(Refusal::Forbidden("the program overwrites itself"));
         }
@@ -210,6 +219,10 @@ impl Flash {
         }
         self.begin(Work::Program { offset, value }, now, PROGRAM_TIME);
         Ok(())
+    }
+
+    fn is_fetched_from(&self, number: u32) -> bool {
+        self.fetching.is_some_and(|address| sector_of(address.wrapping_sub(START)) == number)
     }
 
     fn begin(&mut self, work: Work, now: Time, length: Time) {
@@ -284,8 +297,11 @@ impl Flash {
             if value & SER == 0 || number > 11 {
                 return Err(Refusal::Forbidden("only sectors are erased"));
             }
-            if sector(number).0 < DATA_START - START {
+            if self.is_fetched_from(number) {
                 return Err(Refusal::Forbidden("the program erases itself"));
+            }
+            if sector(number).1 != SECTOR_OF_ERASE_TIME {
+                return Err(Refusal::Forbidden("the time to erase a small sector is not modelled"));
             }
             self.cr |= STRT;
             self.begin(Work::Erase { sector: number }, now, ERASE_TIME);

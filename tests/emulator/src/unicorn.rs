@@ -31,6 +31,8 @@ const ARCH_ARM: c_int = 1;
 const MODE_THUMB_M_CLASS: c_int = 1 << 4 | 1 << 5;
 /// `uc_ctl`: set the processor's model, one argument, write.
 const CONTROL_MODEL: c_uint = 7 | 1 << 26 | 1 << 30;
+/// `uc_ctl`: forget the code translated from a range, two arguments, write.
+const CONTROL_FORGET: c_uint = 9 | 2 << 26 | 1 << 30;
 /// `uc_ctl`: forget all translated code, no argument, write.
 const CONTROL_FLUSH: c_uint = 10 | 1 << 30;
 const CORTEX_M4: c_int = 9;
@@ -38,6 +40,9 @@ const HOOK_INTERRUPT: c_int = 1 << 0;
 const HOOK_INSTRUCTION: c_int = 1 << 2;
 const HOOK_BLOCK: c_int = 1 << 3;
 const HOOK_UNMAPPED_AND_PROTECTED: c_int = 0b11_1111 << 4;
+
+/// Kind of an access that is told to [`UnmappedHook`]: a write to memory that cannot be written.
+pub const WRITE_REFUSED: c_int = 22;
 
 /// Memory that may be read, written, executed.
 pub const READ: u32 = 1;
@@ -283,6 +288,15 @@ impl Engine {
         let value = [value, 0, 0, 0];
         // SAFETY: as for reading.
         unsafe { (self.functions.write_register)(self.handle, register.0, value.as_ptr().cast()) };
+    }
+
+    /// Forgets the code translated from these addresses: others' bytes lie there now.
+    ///
+    /// # Errors
+    /// [`Error::Engine`].
+    pub fn forget_range(&mut self, start: u32, end: u32) -> Result<()> {
+        // SAFETY: the handle is open, and the two arguments are of 64 bits.
+        self.check(unsafe { (self.functions.control)(self.handle, CONTROL_FORGET, u64::from(start), u64::from(end)) })
     }
 
     /// Forgets translated code. Takes seconds.

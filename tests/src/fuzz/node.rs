@@ -143,7 +143,11 @@ pub fn store(bytes: &[u8]) -> String {
         }
         Err(_) => assert_eq!(found.validate(BOARD), Ok(())),
     }
-    let alone = bytes.get(length..).and_then(Configuration::from_stored).map(|c| c.within(BOARD).validate(BOARD));
+    let lowered = |mut config: Configuration| {
+        config.lower_to(BOARD);
+        config.validate(BOARD)
+    };
+    let alone = bytes.get(length..).and_then(Configuration::from_stored).map(lowered);
     format!("{origin:?} {} {alone:?}", saved.is_ok())
 }
 

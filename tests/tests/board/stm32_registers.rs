@@ -8,7 +8,7 @@ use meshband_stm32::block_stamp::Captured;
 use meshband_stm32::clock::{self, Oscillator, ResetCause};
 use meshband_stm32::design_parameters::{self, SHORTEST_PERIOD};
 use meshband_stm32::filter::{FILTERS, Filter};
-use meshband_stm32::flash::BrownOut;
+use meshband_stm32::flash::{BrownOut, Sectors};
 use meshband_stm32::period::reload_of;
 use meshband_stm32::time_base::{self, Capture, Edge};
 use meshband_stm32::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
@@ -469,11 +469,11 @@ fn theory_pins_of_tach_signal_and_link_and_watchdog() {
 }
 
 #[test]
-fn theory_flash_erases_only_the_configurations_sectors() {
+fn theory_flash_erases_only_the_sectors_it_is_given() {
     for sector in 0..4 {
         let controller = block::<pac::flash::RegisterBlock>();
         set(&*controller, 0x10, 1 << 31);
-        let outcome = flash::erase(&controller, sector);
+        let outcome = flash::erase(&controller, Sectors::CONFIGURATION, sector);
         if sector < 2 {
             assert_eq!(outcome, Ok(()));
             assert_eq!(word(&*controller, 0x04), 0xcdef_89ab, "second key last");
@@ -486,22 +486,30 @@ fn theory_flash_erases_only_the_configurations_sectors() {
     // Caches are on behind an erasure, neither held in reset.
     let controller = block::<pac::flash::RegisterBlock>();
     set(&*controller, 0x00, (0b11 << 11) | 5);
-    flash::erase(&controller, 0).unwrap();
+    flash::erase(&controller, Sectors::CONFIGURATION, 0).unwrap();
     assert_eq!(word(&*controller, 0x00), (0b11 << 9) | 5, "emptied and on, wait states as before");
     for (option, level) in [(0, BrownOut::Level3), (1, BrownOut::Level2), (2, BrownOut::Level1), (3, BrownOut::Off)] {
         set(&*controller, 0x14, 0x0fff_aae1 | option << 2);
         assert_eq!(flash::brown_out(&controller), level);
     }
-    for sector in 0..2u8 {
-        let controller = block::<pac::flash::RegisterBlock>();
-        flash::select(&controller, sector).unwrap();
-        // Words, sector 10 or 11, sector erase; neither locked nor started.
-        assert_eq!(word(&*controller, 0x10), (0b10 << 8) | ((10 + u32::from(sector)) << 3) | 2);
+    // Addresses of RM0090, table 5.
+    let places = [
+        (Sectors::SLOT_A, 5, 0x0802_0000),
+        (Sectors::SLOT_B, 7, 0x0806_0000),
+        (Sectors::CONFIGURATION, 10, 0x080c_0000),
+    ];
+    for (sectors, first, start) in places {
+        assert_eq!((sectors.start(), sectors.bytes()), (start, 0x4_0000));
+        for number in 0..2 {
+            let controller = block::<pac::flash::RegisterBlock>();
+            flash::select(&controller, sectors, number).unwrap();
+            // Words, the sector's number, sector erase; neither locked nor started.
+            assert_eq!(word(&*controller, 0x10), (0b10 << 8) | ((first + u32::from(number)) << 3) | 2);
+        }
     }
     let controller = block::<pac::flash::RegisterBlock>();
     flash::begin_write(&controller).unwrap();
     assert_eq!(word(&*controller, 0x10), (0b10 << 8) | 1, "words, programming");
     set(&*controller, 0x0c, 1 << 4);
     assert_eq!(flash::settle(&controller), Err(flash::FlashFault::Refused));
-    assert_eq!(flash::START + 2 * flash::SECTOR_BYTES, 0x0810_0000, "the end of 1 MiB");
 }

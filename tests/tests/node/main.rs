@@ -31,5 +31,6 @@ mod spectral;
 mod spectrum;
 mod store;
 mod tach;
+mod update;
 mod window;
 mod zoom;

@@ -203,7 +203,12 @@ fn fault_a_node_that_cannot_be_read_is_named_by_its_schema() {
 
 #[test]
 fn theory_the_node_says_who_it_is() {
-    let identity = Identity { board: "a-board-with-a-long-name", build: "0123456789abcdef", unique_id: [1, 2, 3] };
+    let identity = Identity {
+        board: "a-board-with-a-long-name",
+        build: "0123456789abcdef",
+        unique_id: [1, 2, 3],
+        ..Identity::HOST
+    };
     let clock = TicksPerSecond(CLOCK_HZ);
     let mut session = Session::new(Configuration::default(), clock, identity).expect("valid");
     let mut bytes = Vec::new();

@@ -5,6 +5,7 @@
 //! edges to the node's own code on the host; [`store`] is the configuration in its flash. The converter has twelve bits and its
 //! codes are what the chip's timers, filters and DMA made of the signal: nothing is taken from the firmware but frames.
 
+mod flashed;
 pub mod play;
 pub mod reference;
 pub mod run;

@@ -1,12 +1,11 @@
 //! A run of the emulated board: signal and edges in, bytes, codes and captures out.
 
-use super::store;
+use super::{flashed, store};
 use crate::virtual_node::qemu::built_firmware;
 use crate::{Error, Result};
 use meshband::config::Configuration;
 use meshband::replay::BLOCK_SAMPLES;
 use meshband_emulator::board::{Board, CYCLES_PER_INSTRUCTION};
-use meshband_emulator::elf::Image;
 use meshband_emulator::flash::{DATA_START, START};
 use meshband_emulator::unicorn;
 use meshband_emulator::world::{Analogue, Sampled};
@@ -96,7 +95,7 @@ impl Emulated {
             let what = format!("no image at {}: build it with `cargo xtask node-build`", self.firmware.display());
             return Err(Error::tool("firmware", what));
         }
-        let image = Image::read(&self.firmware).map_err(as_tool)?;
+        let image = flashed::read(&self.firmware)?;
         let mut board = Board::new(&image).map_err(as_tool)?;
         board.cpu().set_pace(self.cycles_per_instruction);
         if let Some(config) = config {

@@ -138,9 +138,16 @@ fn a_sector_cut_short_is_neither_what_it_was_nor_blank() {
 
 #[test]
 fn the_program_can_not_change_itself() {
-    let mut chip = unlocked();
+    let running_in = |address| {
+        let mut chip = unlocked();
+        chip.flash.fetching = Some(address);
+        chip
+    };
+    let mut chip = running_in(0x0806_0200);
     set(&mut chip, CR, 0x201);
-    assert!(matches!(refusal(&mut chip, 0x0800_4000, 0), Refusal::Forbidden(_)));
-    let mut chip = unlocked();
-    assert!(matches!(refusal(&mut chip, CR, 0x202 | 3 << 3 | 1 << 16), Refusal::Forbidden(_)));
+    assert!(matches!(refusal(&mut chip, 0x0806_4000, 1), Refusal::Forbidden(_)));
+    program(&mut chip, 0x0808_0000, 0);
+    assert_eq!(chip.peek(0x0808_0000), Some(0), "another sector is not its own");
+    let mut chip = running_in(0x0806_0200);
+    assert!(matches!(refusal(&mut chip, CR, 0x202 | 7 << 3 | 1 << 16), Refusal::Forbidden(_)));
 }

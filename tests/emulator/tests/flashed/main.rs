@@ -16,3 +16,4 @@ mod registers;
 mod spoken;
 mod starts;
 mod tach;
+mod update;
