@@ -54,6 +54,7 @@ cargo xtask TASK
                names of targets may follow (then only printed), MESHBAND_FUZZ_JOBS run at a time
   mutants      cargo-mutants on every N-th mutant: `mutants shared 40`, `mutants inference 16`, into docs/mutation.md
   soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into docs/soak.md
+  soak-image   the released image in the emulator for --hours H (1), likewise, into docs/soak-image.md
   supply-chain bill of materials, and cargo-deny where it is installed
   reproducible all images twice in two folders, compared byte by byte, into docs/reproducible.md
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
@@ -83,6 +84,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::run_task(&rest),
         "mutants" => mutants::run_task(&rest),
         "soak" => soak::run_task(&rest),
+        "soak-image" => soak::run_image(&rest),
         "supply-chain" => supply::chain(&rest),
         "reproducible" => supply::reproducible(&rest),
         "flash" => flash::run(&rest),
