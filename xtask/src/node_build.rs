@@ -49,7 +49,7 @@ pub fn run() -> Outcome {
 /// Builds all images, and the update file of them.
 pub fn build() -> Outcome {
     IMAGES.iter().try_for_each(|(image, board)| timed(&format!("firmware {image}"), || run_build(image, board)))?;
-    release::write_update()
+    release::write()
 }
 
 fn run_build(image: &str, board: &str) -> Outcome {

@@ -29,9 +29,10 @@ pub fn run_task(args: &[String]) -> Outcome {
     }
     setup::run()?;
     timed("the image and its run", || {
-        let image = ["--package", "meshband-node", "--bin", "stm32f405", "--features", "board-stm32f405,rate-sweep"];
+        let image = ["--package", "meshband-node", "--bin", "loader", "--bin", "stm32f405"];
+        let features = ["--features", "board-stm32f405,rate-sweep"];
         let place = ["--target", TARGET, "--profile", "firmware", "--target-dir", FOLDER];
-        crate::shell::run(cargo(&["build", "--quiet"]).args(image).args(place))?;
+        crate::shell::run(cargo(&["build", "--quiet"]).args(image).args(features).args(place))?;
         let example = ["build", "--quiet", "--release", "--package", "meshband-emulator", "--example", "pace"];
         crate::shell::run(&mut cargo(&example))
     })?;

@@ -7,7 +7,7 @@
 use crate::elf::{self, Image};
 use crate::node_build::{RELEASED, image};
 use crate::shell::Outcome;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// First address of flash.
 const FLASH: u32 = 0x0800_0000;
@@ -21,21 +21,21 @@ const LENGTH_STEP: usize = 8;
 /// Behind the header: the first sequence with its complement, three starts not used, confirmed.
 const FIRST_MARKS: [u32; 6] = [1, !1, u32::MAX, u32::MAX, u32::MAX, 0];
 
-/// Where the update file lies.
-pub fn update_path() -> PathBuf {
-    image(RELEASED).with_extension("update")
-}
-
-/// Writes the update file.
-pub fn write_update() -> Outcome {
+/// Writes the update file, `stm32f405.update`, and what a new board's flash holds, `stm32f405.flash`.
+pub fn write() -> Outcome {
+    write_beside("flash", &first_flash()?)?;
     let mut file = Vec::new();
     for (name, base) in SLOTS {
         let (header, bytes) = whole(&image(name), base)?;
         file.extend(header);
         file.extend(bytes);
     }
-    let path = update_path();
-    std::fs::write(&path, file).map_err(|e| format!("{}: {e}", path.display()))
+    write_beside("update", &file)
+}
+
+fn write_beside(ending: &str, bytes: &[u8]) -> Outcome {
+    let path = image(RELEASED).with_extension(ending);
+    std::fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 /// The flash of a new board from its first address on: loader, the image of the lower slot, confirmed, and no header in the upper slot.

@@ -10,7 +10,7 @@ use meshband::frame::CRC32;
 use meshband::message::Identification;
 use meshband::update::header::{HEADER_BYTES, Header};
 use meshband::update::vocabulary::MAX_CHUNK;
-use meshband::update::{ImageStanding, Refusal, Slot, Stage, UpdateRequest, UpdateStatus};
+use meshband::update::{ImageStanding, Slot, Stage, UpdateRefused, UpdateRequest, UpdateStatus};
 use std::io::Read;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -242,11 +242,11 @@ fn confirm(client: &mut Client, tell: &mut impl FnMut(Progress) -> Result<()>) -
         let status = client.update(&UpdateRequest::Confirm)?;
         match status.refusal {
             None => return client.identify(),
-            Some(Refusal::Unwell) if Instant::now() < deadline => {
+            Some(UpdateRefused::Unwell) if Instant::now() < deadline => {
                 tell(Progress::Waiting(status.missing))?;
                 std::thread::sleep(PAUSE);
             }
-            Some(Refusal::Unwell) => {
+            Some(UpdateRefused::Unwell) => {
                 let what = format!(
                     "the new image is not well after {} s ({}); it is given up if nothing changes",
                     RECOVERY.as_secs(),
@@ -273,20 +273,20 @@ pub fn lacking(missing: u8) -> String {
 fn accepted(status: UpdateStatus) -> Result<UpdateStatus> {
     let Some(refusal) = status.refusal else { return Ok(status) };
     let what = match refusal {
-        Refusal::NotSupported => "takes no updates: it was not started by a loader",
-        Refusal::Header => "refuses the update: its header is damaged",
-        Refusal::Board => "refuses the update: it is for another board",
-        Refusal::Place => "refuses the update: it is linked for another slot",
-        Refusal::Length => "refuses the update: its length does not fit the slot",
-        Refusal::OlderSchema => "refuses the update: it could not read the stored configuration",
-        Refusal::OnTrial => "takes no update while its own image is on trial",
-        Refusal::NotReady => "has forgotten the update: it restarted meanwhile; begin again",
-        Refusal::Range => "refuses a part of the update: bytes behind its end",
-        Refusal::Incomplete => "misses bytes of the update",
-        Refusal::Damaged => "refuses the update: its checksum differs from what arrived",
-        Refusal::Vectors => "refuses the update: it begins with no vector table",
-        Refusal::Flash => "could not erase or write its flash: supply below 2.7 V, or worn out",
-        Refusal::Unwell => "is not well",
+        UpdateRefused::NotSupported => "takes no updates: it was not started by a loader",
+        UpdateRefused::Header => "refuses the update: its header is damaged",
+        UpdateRefused::Board => "refuses the update: it is for another board",
+        UpdateRefused::Place => "refuses the update: it is linked for another slot",
+        UpdateRefused::Length => "refuses the update: its length does not fit the slot",
+        UpdateRefused::OlderSchema => "refuses the update: it could not read the stored configuration",
+        UpdateRefused::OnTrial => "takes no update while its own image is on trial",
+        UpdateRefused::NotReady => "has forgotten the update: it restarted meanwhile; begin again",
+        UpdateRefused::Range => "refuses a part of the update: bytes behind its end",
+        UpdateRefused::Incomplete => "misses bytes of the update",
+        UpdateRefused::Damaged => "refuses the update: its checksum differs from what arrived",
+        UpdateRefused::Vectors => "refuses the update: it begins with no vector table",
+        UpdateRefused::Flash => "could not erase or write its flash: supply below 2.7 V, or worn out",
+        UpdateRefused::Unwell => "is not well",
     };
     Err(Error::tool("node", what))
 }

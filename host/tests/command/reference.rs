@@ -159,7 +159,8 @@ fn inner(kind: &str) -> (&str, String) {
         return ("String", format!("text, at most {text} letters"));
     }
     if let Some(of) = inside("Option<") {
-        return (of, format!("{of}, or none"));
+        let (of, said) = inner(of);
+        return (of, format!("{said}, or none"));
     }
     match kind.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).and_then(|rest| rest.split_once("; ")) {
         Some((of, count)) => (of, format!("{count} times {of}")),

@@ -52,7 +52,7 @@ pub enum EventKind {
     SelfTestFailed,
     /// The newest stored configuration was not taken; detail says why ([`crate::store::Origin::complaint`]).
     ConfigurationRefused,
-    /// A request was refused; detail is 0, or the number of an update's refusal ([`crate::update::Refusal`]).
+    /// A request was refused; detail is 0, or the number of an update's refusal ([`crate::update::UpdateRefused`]).
     RequestRefused,
     /// Reported by the board's own code; detail is the board's number.
     Board,

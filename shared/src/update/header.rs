@@ -9,7 +9,7 @@ use crate::config::SCHEMA;
 use crate::frame::CRC32;
 use crate::identity::{BOARD_LENGTH, BUILD_LENGTH, VERSION};
 use crate::message::WIRE_SCHEMA;
-use crate::update::vocabulary::Refusal;
+use crate::update::vocabulary::UpdateRefused;
 
 /// Bytes of a header.
 pub const HEADER_BYTES: usize = 64;
@@ -109,19 +109,19 @@ impl Header {
     ///
     /// # Errors
     /// What speaks against it.
-    pub fn check(&self, base: u32, slot_bytes: u32, running: &[u8; HEADER_BYTES]) -> Result<(), Refusal> {
+    pub fn check(&self, base: u32, slot_bytes: u32, running: &[u8; HEADER_BYTES]) -> Result<(), UpdateRefused> {
         let room = slot_bytes.saturating_sub(IMAGE_OFFSET);
         if self.board != taken(running, 24) {
-            return Err(Refusal::Board);
+            return Err(UpdateRefused::Board);
         }
         if self.configuration_schema < half(running, 6) {
-            return Err(Refusal::OlderSchema);
+            return Err(UpdateRefused::OlderSchema);
         }
         if self.base != base {
-            return Err(Refusal::Place);
+            return Err(UpdateRefused::Place);
         }
         if !(SHORTEST..=room).contains(&self.length) || !self.length.is_multiple_of(LENGTH_STEP) {
-            return Err(Refusal::Length);
+            return Err(UpdateRefused::Length);
         }
         Ok(())
     }

@@ -20,4 +20,6 @@ pub mod trial;
 pub mod vocabulary;
 
 pub use receiver::Updater;
-pub use vocabulary::{ImageStanding, Refusal, RunningImage, Slot, Stage, StartCause, UpdateRequest, UpdateStatus};
+pub use vocabulary::{
+    ImageStanding, RunningImage, Slot, Stage, StartCause, UpdateRefused, UpdateRequest, UpdateStatus,
+};

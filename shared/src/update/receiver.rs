@@ -10,7 +10,7 @@ use crate::frame::CRC32;
 use crate::update::header::{HEADER_BYTES, Header, IMAGE_OFFSET};
 use crate::update::slots::{CONFIRMED_AT, DONE, HEAD_BYTES, SEQUENCE_AT, Standing, sequence_words};
 use crate::update::vocabulary::{
-    ImageStanding, Refusal, RunningImage, Slot, Stage, StartCause, UpdateRequest, UpdateStatus,
+    ImageStanding, RunningImage, Slot, Stage, StartCause, UpdateRefused, UpdateRequest, UpdateStatus,
 };
 use embedded_storage::nor_flash::NorFlash;
 
@@ -38,27 +38,27 @@ impl<F: NorFlash> Place<F> {
 
     /// Writes whole words and reads them back.
     #[inline(never)]
-    fn write(&mut self, at: u32, bytes: &[u8]) -> Result<(), Refusal> {
-        self.flash.write(at, bytes).map_err(|_| Refusal::Flash)?;
+    fn write(&mut self, at: u32, bytes: &[u8]) -> Result<(), UpdateRefused> {
+        self.flash.write(at, bytes).map_err(|_| UpdateRefused::Flash)?;
         let mut kept = [0; 64];
         for (n, written) in bytes.chunks(kept.len()).enumerate() {
             let place = at.saturating_add((n * 64) as u32);
             let kept = kept.get_mut(..written.len()).unwrap_or_default();
-            self.flash.read(place, kept).map_err(|_| Refusal::Flash)?;
+            self.flash.read(place, kept).map_err(|_| UpdateRefused::Flash)?;
             if kept != written {
-                return Err(Refusal::Flash);
+                return Err(UpdateRefused::Flash);
             }
         }
         Ok(())
     }
 
     /// CRC-32 of the first bytes of the image.
-    fn checksum(&mut self, length: u32) -> Result<u32, Refusal> {
+    fn checksum(&mut self, length: u32) -> Result<u32, UpdateRefused> {
         let (mut digest, mut part) = (CRC32.digest(), [0; 64]);
         let mut at = 0;
         while at < length {
             let piece = part.get_mut(..(length - at).min(64) as usize).unwrap_or_default();
-            self.flash.read(IMAGE_OFFSET.saturating_add(at), piece).map_err(|_| Refusal::Flash)?;
+            self.flash.read(IMAGE_OFFSET.saturating_add(at), piece).map_err(|_| UpdateRefused::Flash)?;
             digest.update(piece);
             at += 64;
         }
@@ -170,18 +170,18 @@ impl<F: NorFlash> Updater<F> {
         }
     }
 
-    fn begin(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
-        let bytes: &[u8; HEADER_BYTES] = bytes.try_into().map_err(|_| Refusal::Header)?;
+    fn begin(&mut self, bytes: &[u8]) -> Result<(), UpdateRefused> {
+        let bytes: &[u8; HEADER_BYTES] = bytes.try_into().map_err(|_| UpdateRefused::Header)?;
         if self.stage == Stage::Restarting || self.header.is_some_and(|(_, known)| known == *bytes) {
             return Ok(());
         }
         if self.standing.is_none() {
-            return Err(Refusal::NotSupported);
+            return Err(UpdateRefused::NotSupported);
         }
         if self.is_on_trial() {
-            return Err(Refusal::OnTrial);
+            return Err(UpdateRefused::OnTrial);
         }
-        let header = Header::read(bytes).ok_or(Refusal::Header)?;
+        let header = Header::read(bytes).ok_or(UpdateRefused::Header)?;
         header.check(self.free.base, self.free.bytes(), self.description)?;
         (self.stage, self.header) = (Stage::Erasing, Some((header, *bytes)));
         (self.erased, self.next, self.given_up) = (0, 0, None);
@@ -208,32 +208,32 @@ impl<F: NorFlash> Updater<F> {
         (self.stage, self.header, self.next) = (Stage::Idle, None, 0);
     }
 
-    fn take(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refusal> {
+    fn take(&mut self, offset: u32, bytes: &[u8]) -> Result<(), UpdateRefused> {
         let Some((header, _)) = self.header.filter(|_| self.stage == Stage::Receiving) else {
-            return Err(Refusal::NotReady);
+            return Err(UpdateRefused::NotReady);
         };
         let end = offset.checked_add(bytes.len() as u32).filter(|&end| end <= header.length);
-        let Some(end) = end.filter(|_| bytes.len().is_multiple_of(4)) else { return Err(Refusal::Range) };
+        let Some(end) = end.filter(|_| bytes.len().is_multiple_of(4)) else { return Err(UpdateRefused::Range) };
         if offset != self.next {
             return Ok(());
         }
         if self.free.write(IMAGE_OFFSET.saturating_add(offset), bytes).is_err() {
             self.abandon();
-            return Err(Refusal::Flash);
+            return Err(UpdateRefused::Flash);
         }
         self.next = end;
         Ok(())
     }
 
-    fn activate(&mut self) -> Result<(), Refusal> {
+    fn activate(&mut self) -> Result<(), UpdateRefused> {
         if self.stage == Stage::Restarting {
             return Ok(());
         }
         let Some((header, bytes)) = self.header.filter(|_| self.stage == Stage::Receiving) else {
-            return Err(Refusal::NotReady);
+            return Err(UpdateRefused::NotReady);
         };
         if self.next != header.length {
-            return Err(Refusal::Incomplete);
+            return Err(UpdateRefused::Incomplete);
         }
         let outcome = self.seal(&header, &bytes);
         match outcome {
@@ -247,16 +247,16 @@ impl<F: NorFlash> Updater<F> {
     }
 
     /// Checks the whole image and makes it one that the loader knows: the header's checksum is the last word written.
-    fn seal(&mut self, header: &Header, bytes: &[u8; HEADER_BYTES]) -> Result<(), Refusal> {
+    fn seal(&mut self, header: &Header, bytes: &[u8; HEADER_BYTES]) -> Result<(), UpdateRefused> {
         if self.free.checksum(header.length)? != header.checksum {
-            return Err(Refusal::Damaged);
+            return Err(UpdateRefused::Damaged);
         }
         let mut vectors = [0; 8];
-        self.free.flash.read(IMAGE_OFFSET, &mut vectors).map_err(|_| Refusal::Flash)?;
+        self.free.flash.read(IMAGE_OFFSET, &mut vectors).map_err(|_| UpdateRefused::Flash)?;
         let (words, _) = vectors.as_chunks::<4>();
         if !matches!(words, [stack, entry] if header.fits_vectors(u32::from_le_bytes(*stack), u32::from_le_bytes(*entry)))
         {
-            return Err(Refusal::Vectors);
+            return Err(UpdateRefused::Vectors);
         }
         let sequence = self.standing.map_or(0, |standing| standing.sequence).wrapping_add(1);
         for (n, word) in (0..).zip(sequence_words(sequence)) {
@@ -265,14 +265,14 @@ impl<F: NorFlash> Updater<F> {
         let (body, sum) = bytes.split_at(HEADER_BYTES - 4);
         self.free.write(0, body)?;
         self.free.write(HEADER_BYTES as u32 - 4, sum)?;
-        if self.free.standing().is_some() { Ok(()) } else { Err(Refusal::Flash) }
+        if self.free.standing().is_some() { Ok(()) } else { Err(UpdateRefused::Flash) }
     }
 
-    fn confirm(&mut self, missing: u8) -> Result<(), Refusal> {
+    fn confirm(&mut self, missing: u8) -> Result<(), UpdateRefused> {
         match self.standing {
-            None => Err(Refusal::NotSupported),
+            None => Err(UpdateRefused::NotSupported),
             Some(standing) if standing.confirmed => Ok(()),
-            Some(_) if missing != 0 => Err(Refusal::Unwell),
+            Some(_) if missing != 0 => Err(UpdateRefused::Unwell),
             Some(standing) => {
                 self.own.write(CONFIRMED_AT, &DONE.to_le_bytes())?;
                 self.standing = Some(Standing { confirmed: true, ..standing });

@@ -82,10 +82,7 @@ impl Standing {
 
     /// As a running image tells it.
     pub fn told(&self) -> ImageStanding {
-        match self {
-            Self { confirmed: true, .. } => ImageStanding::Confirmed,
-            Self { .. } => ImageStanding::OnTrial,
-        }
+        if self.confirmed { ImageStanding::Confirmed } else { ImageStanding::OnTrial }
     }
 
     /// Whether this image was given up for `running`: newer, and with no start left.

@@ -141,7 +141,7 @@ impl RunningImage {
 /// Why a step was refused; the number is the detail of the event ([`crate::events::EventKind::RequestRefused`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u8)]
-pub enum Refusal {
+pub enum UpdateRefused {
     /// The board has no second slot.
     NotSupported = 1,
     /// No header, or a damaged one.
@@ -188,7 +188,7 @@ pub struct UpdateStatus {
     /// What a new image still lacks to be confirmed, by bit: 0 the stored configuration, 1 the self-test, 2 five seconds of sampling.
     pub missing: u8,
     /// Why the step was refused.
-    pub refusal: Option<Refusal>,
+    pub refusal: Option<UpdateRefused>,
 }
 
 impl UpdateStatus {
@@ -200,6 +200,6 @@ impl UpdateStatus {
         free: 0,
         standing: ImageStanding::Unmanaged,
         missing: 0,
-        refusal: Some(Refusal::NotSupported),
+        refusal: Some(UpdateRefused::NotSupported),
     };
 }

@@ -22,7 +22,8 @@
 //! use std::sync::Arc;
 //!
 //! # fn main() -> meshband_emulator::error::Result<()> {
-//! let mut board = Board::new(&Image::read("stm32f405".as_ref())?)?;
+//! // Its vectors at the first address of flash, as the loader's are; the segments of several images may be put together.
+//! let mut board = Board::new(&Image::read("loader".as_ref())?)?;
 //! board.set_analogue(Arc::new(|time_s| 0.5 + 0.3 * (3000.0 * time_s).sin()));
 //! board.add_tach_edges(&[0.30, 0.34, 0.38]);
 //! board.run_until(1.0)?;

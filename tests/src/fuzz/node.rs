@@ -13,6 +13,7 @@ use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::tach::TachTracker;
 use meshband::units::Hertz;
+use meshband::update::UpdateRequest;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -37,6 +38,10 @@ pub fn frame_seeds() -> Vec<Vec<u8>> {
         Packet::Request(Request::Identify),
         Packet::Request(Request::SetConfiguration(configuration())),
         Packet::Request(Request::PutLaw(configuration().law)),
+        Packet::Request(Request::Update(UpdateRequest::Chunk {
+            offset: 512,
+            bytes: [7; 64][..].try_into().expect("fits"),
+        })),
         Packet::Reply(Reply::Configuration(Configuration::default())),
         Packet::Message(Message::Peaks(Peaks { lines, ..Peaks::default() })),
     ];

@@ -10,7 +10,7 @@ use meshband::update::receiver::Place;
 use meshband::update::slots::{DONE, HEAD_BYTES, Standing, TRIALS, choose, first_marks};
 use meshband::update::trial::{SAMPLING_S, TRIAL_S, Trial};
 use meshband::update::vocabulary::MAX_CHUNK;
-use meshband::update::{ImageStanding, Refusal, Slot, Stage, StartCause, UpdateRequest, UpdateStatus, Updater};
+use meshband::update::{ImageStanding, Slot, Stage, StartCause, UpdateRefused, UpdateRequest, UpdateStatus, Updater};
 use meshband_tests::mock_flash::{MockError, MockFlash, TornErase};
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -158,7 +158,7 @@ fn send(node: &mut Node, header: &[u8; HEADER_BYTES], bytes: &[u8]) -> Option<Up
 #[test]
 fn ref_checksum_by_slices_is_that_of_the_frames() {
     assert_eq!(checksum::of_image(b"123456789"), 0xcbf4_3926, "check value of CRC-32/ISO-HDLC");
-    let bytes: Vec<u8> = (0..1027u32).map(|n| (n * n >> 3) as u8).collect();
+    let bytes: Vec<u8> = (0..1027u32).map(|n| ((n * n) >> 3) as u8).collect();
     for length in 0..bytes.len() {
         assert_eq!(checksum::of_image(&bytes[..length]), CRC32.checksum(&bytes[..length]), "{length}");
     }
@@ -237,7 +237,7 @@ fn theory_a_confirmed_image_stays_and_updates_go_from_slot_to_slot() {
         let mut node = Node::new(slots, running);
         if node.updater.is_on_trial() {
             let refused = node.ask(&UpdateRequest::Confirm, 4);
-            assert_eq!((refused.refusal, refused.missing), (Some(Refusal::Unwell), 4));
+            assert_eq!((refused.refusal, refused.missing), (Some(UpdateRefused::Unwell), 4));
             assert_eq!(node.ask(&UpdateRequest::Confirm, 0).refusal, None);
             assert_eq!(node.ask(&UpdateRequest::Status, 4).missing, 0, "nothing is lacking any more");
         }

@@ -35,6 +35,11 @@ pub fn image(test: &str) -> Option<Image> {
     Some(with_loader(&path()).expect("an image and its loader"))
 }
 
+/// What `cargo xtask flash` writes, from the first address of flash on.
+pub fn flashed() -> Vec<u8> {
+    std::fs::read(path().with_extension("flash")).expect("made by `cargo xtask node-build`")
+}
+
 /// What is built for the lower slot (0) or the upper one: header and bytes, as an update has them.
 pub fn for_slot(slot: usize) -> ([u8; HEADER_BYTES], Vec<u8>) {
     let image = Image::read(&built(["stm32f405", "stm32f405_b"][slot])).expect("an image");

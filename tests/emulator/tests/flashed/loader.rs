@@ -15,7 +15,7 @@ fn fault_a_jump_into_the_image_without_a_reset_starts_a_node_whose_frames_are_ri
     let mut node = Node::new(&image, &configuration());
     node.board.set_analogue(machine(25.0));
     // PLL as the clock, every device running, interrupts let in: more than a loader leaves.
-    node.run_until(0.12);
+    node.run_until(0.22);
     assert!(!node.blocks.is_empty(), "it samples");
     node.forget();
     let board = &mut node.board;

@@ -1,6 +1,6 @@
 //! An update as it goes when nothing fails.
 
-use super::super::image::image;
+use super::super::image::{self, SLOTS, image};
 use super::{Update, activate, chunk, confirm, erase, running, send_until, started, step, transfer};
 use crate::update::begin;
 use meshband::config::{Configuration, GearPair};
@@ -9,7 +9,8 @@ use meshband::message::{Reply, Request};
 use meshband::rate_plan::RatePolicy;
 use meshband::units::Hertz;
 use meshband::update::receiver::Step;
-use meshband::update::{ImageStanding, Refusal, Slot, Stage, StartCause, UpdateRequest};
+use meshband::update::{ImageStanding, Slot, Stage, StartCause, UpdateRefused, UpdateRequest};
+use meshband_emulator::flash::START;
 
 /// At a low rate, so that a run is cheap.
 fn configuration() -> Configuration {
@@ -18,6 +19,30 @@ fn configuration() -> Configuration {
         policy: RatePolicy::Forced { rate: Hertz(20_000.0) },
         ..Configuration::default()
     }
+}
+
+#[test]
+fn claim_what_is_flashed_is_the_board_of_these_tests_and_starts_whatever_lay_in_the_upper_slot() {
+    let Some(image) = image("what is flashed") else { return };
+    let flashed = image::flashed();
+    let mut expected = vec![0xff; flashed.len()];
+    for segment in &image.segments {
+        let at = (segment.address - START) as usize;
+        expected[at..at + segment.bytes.len()].copy_from_slice(&segment.bytes);
+    }
+    let upper = (SLOTS[1] - START) as usize;
+    assert_eq!(flashed[..upper], expected[..upper]);
+    // A newer image in the upper slot, then a probe.
+    let mut node = started(&image);
+    transfer(&mut node, &Update::built(1));
+    activate(&mut node);
+    confirm(&mut node);
+    assert_eq!(running(&mut node).slot, Slot::B);
+    node.board.chip_mut().cells[..flashed.len()].copy_from_slice(&flashed);
+    node.cycle_power();
+    node.start();
+    let image = running(&mut node);
+    assert_eq!((image.slot, image.standing, image.given_up), (Slot::A, ImageStanding::Confirmed, None));
 }
 
 #[test]
@@ -36,7 +61,7 @@ fn loop_an_update_is_received_started_confirmed_and_stays_and_the_next_one_goes_
     assert_eq!(node.configuration(), configuration(), "the stored one is kept");
     // Not well before it has sampled for five seconds.
     let status = step(&mut node, UpdateRequest::Confirm);
-    assert_eq!((status.refusal, status.missing & 4), (Some(Refusal::Unwell), 4));
+    assert_eq!((status.refusal, status.missing & 4), (Some(UpdateRefused::Unwell), 4));
     confirm(&mut node);
     node.cycle_power();
     node.start();

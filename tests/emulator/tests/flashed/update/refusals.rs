@@ -7,7 +7,7 @@ use meshband::config::{Configuration, SCHEMA};
 use meshband::events::EventKind;
 use meshband::message::{Reply, Request};
 use meshband::update::header::{HEADER_BYTES, describe, seal};
-use meshband::update::{ImageStanding, Refusal, Slot, Stage, UpdateRequest};
+use meshband::update::{ImageStanding, Slot, Stage, UpdateRefused, UpdateRequest};
 
 /// Refusals counted since the start.
 fn counted(node: &mut Node) -> u32 {
@@ -31,13 +31,13 @@ fn fault_headers_that_do_not_fit_are_refused_before_anything_is_erased() {
     damaged[30] ^= 4;
     older[6..8].copy_from_slice(&(SCHEMA - 1).to_le_bytes());
     let cases = [
-        (damaged, Refusal::Header),
-        (header("stm32f407", SLOTS[1], &bytes), Refusal::Board),
-        (header("stm32f405", SLOTS[0], &bytes), Refusal::Place),
-        (header("stm32f405", SLOTS[1], &vec![0; 0x4_0000]), Refusal::Length),
-        (header("stm32f405", SLOTS[1], &bytes[..4092]), Refusal::Length),
-        (header("stm32f405", SLOTS[1], &bytes[..64]), Refusal::Length),
-        (seal(&older, SLOTS[1], &bytes), Refusal::OlderSchema),
+        (damaged, UpdateRefused::Header),
+        (header("stm32f407", SLOTS[1], &bytes), UpdateRefused::Board),
+        (header("stm32f405", SLOTS[0], &bytes), UpdateRefused::Place),
+        (header("stm32f405", SLOTS[1], &vec![0; 0x4_0000]), UpdateRefused::Length),
+        (header("stm32f405", SLOTS[1], &bytes[..4092]), UpdateRefused::Length),
+        (header("stm32f405", SLOTS[1], &bytes[..64]), UpdateRefused::Length),
+        (seal(&older, SLOTS[1], &bytes), UpdateRefused::OlderSchema),
     ];
     let upper = (SLOTS[1] - 0x0800_0000) as usize;
     node.board.chip_mut().cells[upper] = 0x5a;
@@ -47,9 +47,9 @@ fn fault_headers_that_do_not_fit_are_refused_before_anything_is_erased() {
         assert_eq!(counted(&mut node), n, "{refusal:?}");
     }
     let event = node.wait_for_event(EventKind::RequestRefused);
-    assert_eq!(event.detail, Refusal::Header as u32);
-    assert_eq!(begin(&mut node, &good[..63]).refusal, Some(Refusal::Header));
-    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(Refusal::NotReady));
+    assert_eq!(event.detail, UpdateRefused::Header as u32);
+    assert_eq!(begin(&mut node, &good[..63]).refusal, Some(UpdateRefused::Header));
+    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(UpdateRefused::NotReady));
     assert_eq!((node.board.chip().flash.erased, node.board.chip().cells[upper]), (0, 0x5a));
     assert_eq!(step(&mut node, UpdateRequest::Confirm).refusal, None, "confirmed it was before");
 }
@@ -62,11 +62,11 @@ fn fault_an_image_that_is_not_what_its_header_says_is_never_started() {
     update.bytes[70_000] ^= 0x10;
     transfer(&mut node, &update);
     let status = step(&mut node, UpdateRequest::Activate);
-    assert_eq!((status.stage, status.refusal), (Stage::Idle, Some(Refusal::Damaged)));
+    assert_eq!((status.stage, status.refusal), (Stage::Idle, Some(UpdateRefused::Damaged)));
     assert_eq!(counted(&mut node), 1);
     let update = Update::changed(|bytes| bytes[4] &= !1);
     transfer(&mut node, &update);
-    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(Refusal::Vectors));
+    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(UpdateRefused::Vectors));
     node.cycle_power();
     node.start();
     let image = running(&mut node);
@@ -79,7 +79,7 @@ fn fault_parts_that_are_missing_or_behind_the_end_are_refused() {
     let mut node = started(&image);
     let update = Update::built(1);
     super::erase(&mut node, &update);
-    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(Refusal::Incomplete));
+    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(UpdateRefused::Incomplete));
     let part = |offset: u32, count: usize| UpdateRequest::Chunk {
         offset,
         bytes: vec![0; count][..].try_into().expect("fits"),
@@ -87,10 +87,10 @@ fn fault_parts_that_are_missing_or_behind_the_end_are_refused() {
     let end = update.bytes.len() as u32;
     for (offset, count) in [(end - 4, 8), (end, 4), (u32::MAX - 3, 8), (0, 6)] {
         let status = step(&mut node, part(offset, count));
-        assert_eq!((status.next, status.refusal), (0, Some(Refusal::Range)), "{count} at {offset}");
+        assert_eq!((status.next, status.refusal), (0, Some(UpdateRefused::Range)), "{count} at {offset}");
     }
     super::send_until(&mut node, &update, 1024);
-    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(Refusal::Incomplete));
+    assert_eq!(step(&mut node, UpdateRequest::Activate).refusal, Some(UpdateRefused::Incomplete));
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn fault_no_update_is_taken_while_the_running_image_is_on_trial() {
     transfer(&mut node, &Update::built(1));
     activate(&mut node);
     let lower = Update::built(0);
-    assert_eq!(begin(&mut node, &lower.header).refusal, Some(Refusal::OnTrial));
+    assert_eq!(begin(&mut node, &lower.header).refusal, Some(UpdateRefused::OnTrial));
     confirm(&mut node);
     assert_eq!(begin(&mut node, &lower.header).refusal, None);
 }
@@ -118,5 +118,8 @@ fn fault_an_image_that_could_not_take_the_stored_configuration_is_not_confirmed(
     activate(&mut node);
     node.run(5.5);
     let status = step(&mut node, UpdateRequest::Confirm);
-    assert_eq!((status.standing, status.missing, status.refusal), (ImageStanding::OnTrial, 1, Some(Refusal::Unwell)));
+    assert_eq!(
+        (status.standing, status.missing, status.refusal),
+        (ImageStanding::OnTrial, 1, Some(UpdateRefused::Unwell))
+    );
 }

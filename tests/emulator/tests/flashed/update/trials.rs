@@ -6,7 +6,7 @@ use crate::spoken::Node;
 use meshband::events::EventKind;
 use meshband::update::receiver::Step;
 use meshband::update::slots::TRIALS;
-use meshband::update::{ImageStanding, Refusal, Slot, StartCause, UpdateRequest};
+use meshband::update::{ImageStanding, Slot, StartCause, UpdateRefused, UpdateRequest};
 use meshband_emulator::rcc::cause;
 
 /// Count of TIM5, and its ticks per second.
@@ -122,7 +122,7 @@ fn fault_power_lost_in_every_start_of_a_trial_goes_back_and_the_image_can_be_sen
     activate(&mut node);
     for _ in 1..TRIALS {
         assert_eq!(running(&mut node).standing, ImageStanding::OnTrial);
-        assert_eq!(step(&mut node, UpdateRequest::Confirm).refusal, Some(Refusal::Unwell));
+        assert_eq!(step(&mut node, UpdateRequest::Confirm).refusal, Some(UpdateRefused::Unwell));
         node.cycle_power();
         node.start();
     }
