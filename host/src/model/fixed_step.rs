@@ -10,6 +10,7 @@
 
 use super::harmonic_balance::Machine;
 use super::stepped_bodies::Bodies;
+pub use super::stepped_mesh::Point;
 use super::stepped_mesh::SteppedMesh;
 use crate::dynamics::excitation::Effect;
 use crate::dynamics::series::Series;
@@ -24,17 +25,6 @@ const LEAST_STEP_RATE_HZ: f64 = 200_000.0;
 const RUN_IN_S: f64 = 0.35;
 /// Fine samples that are kept before they are decimated.
 const KEPT: usize = 4096;
-
-/// Where and how one run is taken.
-#[derive(Debug, Clone, Copy)]
-pub struct Point {
-    /// Angle of the pinion at the first sample, rad.
-    pub start_rad: f64,
-    /// Pinion speed, Hz.
-    pub speed_hz: f64,
-    /// Input torque, N m.
-    pub torque_n_m: f64,
-}
 
 /// What is known of one run: the effects in it and where it is taken.
 pub struct Run<'a> {

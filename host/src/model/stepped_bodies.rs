@@ -2,9 +2,8 @@
 //!
 //! One run is bound by the latency of its chain of dependent operations; four in the vector units' lanes take little longer than one.
 
-use super::fixed_step::Point;
 use super::harmonic_balance::Machine;
-use super::stepped_mesh::{Node, SteppedMesh};
+use super::stepped_mesh::{Node, Point, SteppedMesh};
 use crate::lanes::{LANES, Lane, Several};
 
 /// Coordinates: rotations of motor, pinion, gear, load; translations of pinion and gear.

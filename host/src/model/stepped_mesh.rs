@@ -3,7 +3,6 @@
 //! Effects are asked once per block of a few steps for their Taylor series, as the Taylor solver asks them; the series are sampled at
 //! the nodes of the steps, and the stiffness table is looked up there.
 
-use super::fixed_step::Point;
 use super::harmonic_balance::Machine;
 use crate::dynamics::excitation::{Effect, Facts, Forces, Moment, PairOnPath, Place};
 use crate::dynamics::mesh::moment_of;
@@ -19,6 +18,17 @@ const NODES: usize = 2 * STEPS + 1;
 const FINE: usize = 4096;
 /// Base pitches beside the path within which a pair may enter it between the places looked at.
 const BESIDE: f64 = 0.05;
+
+/// Where and how one run is taken.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    /// Angle of the pinion at the first sample, rad.
+    pub start_rad: f64,
+    /// Pinion speed, Hz.
+    pub speed_hz: f64,
+    /// Input torque, N m.
+    pub torque_n_m: f64,
+}
 
 /// What acts at one node: `F = k (d + tau d') - g` in the mesh, `k` and `g` of the friction's torques, the rest by place.
 #[derive(Debug, Clone, Copy, Default)]
