@@ -2,6 +2,7 @@
 
 use super::super::image::{self, SLOTS, image};
 use super::{Update, activate, chunk, confirm, erase, running, send_until, started, step, transfer};
+use crate::spoken::Node;
 use crate::update::begin;
 use meshband::config::{Configuration, GearPair};
 use meshband::events::EventKind;
@@ -73,6 +74,17 @@ fn loop_an_update_is_received_started_confirmed_and_stays_and_the_next_one_goes_
     let fourth = running(&mut node);
     assert_eq!((fourth.slot, fourth.standing, fourth.given_up), (Slot::A, ImageStanding::Confirmed, None));
     assert_eq!(node.configuration(), configuration());
+}
+
+#[test]
+fn theory_the_loader_takes_less_than_an_eighth_of_a_second() {
+    let Some(image) = image("loader's time") else { return };
+    let mut node = Node::new(&image);
+    while node.board.cpu().program_counter() < SLOTS[0] {
+        node.run(0.001);
+    }
+    println!("the image begins {:.0} ms after power", 1e3 * node.board.seconds());
+    assert!(node.board.seconds() < 0.125);
 }
 
 #[test]
