@@ -10,12 +10,14 @@ use crate::stack::{self, StackUse};
 use core::mem::MaybeUninit;
 use embedded_storage::nor_flash::NorFlash;
 use meshband::board::{Board, Due, Link, Timing};
-use meshband::buffers::Buffers;
+use meshband::buffers::LentArrays;
+use meshband::capture::Capture;
 use meshband::config::{Configuration, LineFormat};
 use meshband::events::EventKind;
 use meshband::identity::Identity;
 use meshband::message::Request;
 use meshband::safe_start::{GoodRun, is_safe_start};
+use meshband::sample_ring::SampleRing;
 use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
@@ -62,8 +64,21 @@ const FAREWELL_PER_SECOND: u32 = 5;
 /// Growth of the stack that is worth an event, bytes.
 const STACK_STEP: u32 = 1024;
 
-/// A session whose node keeps its arrays in a static.
-pub type NodeSession = Session<&'static mut Buffers>;
+/// A session whose node keeps its arrays in statics.
+pub type NodeSession = Session<LentArrays<'static>>;
+
+/// Waveforms of a node whose samples lie in a static.
+pub type NodeCapture = Capture<&'static mut SampleRing>;
+
+/// The memory of waveforms in its places: the samples are written there and never lie on the stack. A function of its own, because what its caller calls
+/// next is the deepest there is.
+#[inline(never)]
+pub fn open_capture(
+    place: &'static mut MaybeUninit<NodeCapture>,
+    ring: &'static mut MaybeUninit<SampleRing>,
+) -> &'static mut NodeCapture {
+    place.write(Capture::new(ring.write(SampleRing::EMPTY)))
+}
 
 /// State of the main loop.
 pub struct Runner<F: NorFlash + 'static> {
@@ -105,7 +120,7 @@ impl<F: NorFlash + 'static> Runner<F> {
         timing: Timing,
         crystal: bool,
         failures: u32,
-        buffers: &'static mut Buffers,
+        arrays: LentArrays<'static>,
         updater: Option<&'static mut Updater<F>>,
     ) -> Self {
         let safe = is_safe_start(failures);
@@ -130,7 +145,7 @@ impl<F: NorFlash + 'static> Runner<F> {
             trial: Trial::new(timing.clock),
             configuration_taken: !safe && !matches!(origin, Origin::Refused | Origin::Unreadable),
             restart_since: None,
-            session: place.write(Session::of_valid(configuration, timing, buffers)),
+            session: place.write(Session::of_valid(configuration, timing, arrays)),
         }
     }
 

@@ -4,6 +4,7 @@ pub mod analysis;
 pub mod budget;
 pub mod check;
 pub mod closed_loop;
+pub mod commissioning;
 pub mod confined;
 pub mod dynamics;
 pub mod effects;

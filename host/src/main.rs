@@ -21,6 +21,8 @@ enum Command {
     Alias(commands::alias::Args),
     /// Order spectrum and map, sidebands, averages, envelope, and the orders that the mesh does not explain.
     Analyse(commands::analyse::Args),
+    /// The waveform that a node holds for an alarm, as a record.
+    Capture(commands::capture::Args),
     /// What is wrong with a record, before anything is inferred from it.
     Check(commands::check::Args),
     /// The library of effects: names, keys, signatures, pictures.
@@ -35,6 +37,8 @@ enum Command {
     Machine(commands::machine::Args),
     /// Tells a node its machine and law, and has it stored.
     Configure(commands::configure::Args),
+    /// A node from wired to watching: identify, wiring, run-up, law, baseline, alarms, stored, report.
+    Commission(commands::commission::Args),
     /// Another image for a node, over its link, with the way back.
     Update(commands::update::Args),
     /// Live view of a node in the terminal, or of a captured link.
@@ -78,6 +82,7 @@ fn run(command: Command) -> Result<()> {
     match command {
         Command::Alias(args) => commands::alias::run(args),
         Command::Analyse(args) => commands::analyse::run(args),
+        Command::Capture(args) => commands::capture::run(args),
         Command::Check(args) => commands::check::run(args),
         Command::Effects(args) => commands::effects::run(args),
         Command::Import(args) => commands::import::run(args),
@@ -85,6 +90,7 @@ fn run(command: Command) -> Result<()> {
         Command::Levels(args) => commands::levels::run(args),
         Command::Machine(args) => commands::machine::run(args),
         Command::Configure(args) => commands::configure::run(args),
+        Command::Commission(args) => commands::commission::run(args),
         Command::Update(args) => commands::update::run(args),
         Command::Monitor(args) => commands::monitor::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),

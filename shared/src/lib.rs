@@ -31,10 +31,11 @@ pub mod update;
 // The names by which the other crates know what lies in the rooms.
 pub use config::{schema, store};
 pub use dsp::{
-    alias, band_velocity, code_moments, comb, decimate, envelope, gear_condition, indicators, mesh_decimator, order,
-    order_chain, peaks, rise_time, shaft_lines, spectrum, stream, tsa, window, zoom,
+    alias, band_velocity, capture_decimator, code_moments, comb, decimate, envelope, gear_condition, indicators,
+    mesh_decimator, order, order_chain, peaks, rise_time, sample_ring, shaft_lines, spectrum, stream, tsa, window,
+    zoom,
 };
 pub use law::{data as law_data, rate_plan};
-pub use link::{frame, message, session};
-pub use node::{alarm, bandwidth_watch, buffers, events, levels, mesh_band, safe_start, self_test};
+pub use link::{frame, message, session, waveform};
+pub use node::{alarm, bandwidth_watch, buffers, capture, events, levels, mesh_band, safe_start, self_test};
 pub use tach::{angle_filter, turn_marks};

@@ -5,9 +5,11 @@
 
 Processor time is that of the command and its threads, user and system; the peak is its largest resident set.
 With `--make FOLDER` it writes the signal files whose import `cargo xtask bench` times, instead: two channels of
-noise from a fixed seed as npy (16 bit), wav and csv.
+noise from a fixed seed as npy (16 bit), wav and csv, and eight MAT-files of one channel in double precision each, as many and as
+long as the measured bench's of eight accelerometers. With `--disk WRITTEN FILES...` it takes as long as the disk does, instead: FILES read past
+the page cache and a copy of WRITTEN written and brought to the disk.
 """
-import resource, subprocess, sys, time
+import mmap, os, resource, subprocess, sys, time
 
 
 def cost(words):
@@ -33,7 +35,36 @@ def make(folder):
         file.setframerate(50_000)
         file.writeframes(codes.tobytes())
     np.savetxt(Path(folder) / "signal.csv", codes[:1_000_000] / 1000.0, fmt="%.3f", delimiter=",")
+    import scipy.io
+
+    noise = np.random.default_rng(2)
+    for channel in range(8):
+        data = {"Data": noise.standard_normal((283_000, 1))}
+        scipy.io.savemat(Path(folder) / f"channel{channel}.mat", data)
+
+
+def disk(written, files):
+    with open(written, "rb") as file:
+        content = file.read()
+    buffer = mmap.mmap(-1, 1 << 20)
+    start = time.perf_counter()
+    for name in files:
+        descriptor = os.open(name, os.O_RDONLY | os.O_DIRECT)
+        while os.readv(descriptor, [buffer]) > 0:
+            pass
+        os.close(descriptor)
+    # Beside the record, whose folder is its own.
+    with open(os.path.join(os.path.dirname(os.path.dirname(written)), "disk.copy"), "wb") as file:
+        file.write(content)
+        os.fsync(file.fileno())
+    print(f"0 {time.perf_counter() - start:.4f} 0")
 
 
 if __name__ == "__main__":
-    make(sys.argv[2]) if sys.argv[1] == "--make" else cost(sys.argv[1:])
+    match sys.argv[1:]:
+        case ["--make", folder]:
+            make(folder)
+        case ["--disk", written, *files]:
+            disk(written, files)
+        case words:
+            cost(words)

@@ -54,6 +54,8 @@ pub struct Plant {
     pub ring: SendRing<QUEUE>,
     /// Bytes per second that the line takes.
     pub line: f64,
+    /// Vibration over speed, as a factor on the signal.
+    pub strength: fn(f64) -> f64,
     /// Bytes that the line has had the time for.
     credit: f64,
     /// Everything that reached the host.
@@ -92,6 +94,7 @@ impl Plant {
             session,
             ring: SendRing::new(),
             line: f64::from(BITS_PER_SECOND) / 10.0,
+            strength: |_| 1.0,
             credit: 0.0,
             frames: Vec::new(),
             decoder: Decoder::new(),
@@ -117,7 +120,8 @@ impl Plant {
             let mut edges = Vec::new();
             for (n, code) in codes.iter_mut().enumerate() {
                 let tick = first + n as u64 * u64::from(self.period);
-                let moved = speed_hz((tick - start) as f64 / clock) * step;
+                let speed = speed_hz((tick - start) as f64 / clock);
+                let moved = speed * step;
                 let before = self.turns;
                 self.turns += moved;
                 let border = before.max(self.turns).floor();
@@ -126,7 +130,7 @@ impl Plant {
                     edges.push(tick + (share * f64::from(self.period)) as u64);
                 }
                 let noise = self.random.random_range(-2.0..2.0);
-                let value = acceleration(before, TEETH) / f64::from(PER_CODE_M_S2) + noise;
+                let value = (self.strength)(speed) * acceleration(before, TEETH) / f64::from(PER_CODE_M_S2) + noise;
                 *code = (value + 32_768.0).round().clamp(0.0, 65_535.0) as u16;
                 if let Fault::Codes(fault) = fault {
                     *code = fault(*code, &mut self.random);

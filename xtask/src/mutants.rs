@@ -2,8 +2,10 @@
 //!
 //! A mutant of `shared` would have everything rebuilt that stands on it, the host above all. So it runs in a tree of its own under
 //! `target/mutants`: `shared`, and the node's tests that need nothing else, which takes seconds per mutant instead of minutes; what only
-//! host, QEMU or emulator tests would notice counts as a survivor there. The inference is mutated in the workspace as it is.
-//! The sample is every n-th mutant in the order of the list (`--shard 0/N --sharding round-robin`), the same every time.
+//! host, QEMU or emulator tests would notice counts as a survivor there. The inference is mutated in the workspace as it is; what only
+//! whole records would notice counts as a survivor.
+//! The sample is every n-th mutant in the order of the list (`--shard K/N --sharding round-robin`), the same every time. Once its
+//! survivors are killed by new tests it says too much of the rest: another one, of another first mutant, says what they are worth.
 
 use crate::shell::{Outcome, capture, cargo, command, on_path, root, run, timed};
 use std::fmt::Write;
@@ -43,6 +45,7 @@ rand_distr = "0.6"
 heapless = "0.9.3"
 cobs = { version = "0.5", default-features = false }
 serde_json = "1"
+serde = { version = "1", features = ["derive"] }
 proptest = { version = "1", default-features = false, features = ["std"] }
 "#;
 
@@ -65,22 +68,29 @@ extern "C" fn end_at_first_panic() {
 
 /// Files of the inference, of `host/src/kinematic`.
 const INFERENCE: [&str; 5] = ["accept", "choice", "errors", "evidence", "naming"];
+/// Tests that know what these must say: seconds for each mutant.
+const INFERENCE_TESTS: [&str; 3] = ["gate::", "names::", "stages::"];
 
-/// `shared` or `inference`, and N: every N-th mutant is tried (40).
+/// `shared` or `inference`, N and K: every N-th mutant is tried (40), beginning with K (0).
 pub fn run_task(args: &[String]) -> Outcome {
-    let (what, every) = match args {
-        [what] => (what.as_str(), 40),
-        [what, every] => (what.as_str(), every.parse().map_err(|_| format!("{every} is no number"))?),
-        [] => return Err("mutants takes `shared` or `inference`, then N of every N-th".into()),
-        _ => return Err("mutants takes at most two arguments".into()),
+    let number = |text: &String| text.parse::<u32>().map_err(|_| format!("{text} is no number"));
+    let (what, every, first) = match args {
+        [what] => (what.as_str(), 40, 0),
+        [what, every] => (what.as_str(), number(every)?, 0),
+        [what, every, first] => (what.as_str(), number(every)?, number(first)?),
+        [] => return Err("mutants takes `shared` or `inference`, then N of every N-th, then the first".into()),
+        _ => return Err("mutants takes at most three arguments".into()),
     };
+    if first >= every {
+        return Err(format!("the first mutant of every {every}th is 0 to {}, not {first}", every.saturating_sub(1)));
+    }
     if on_path("cargo-mutants").is_none() {
         return Err("cargo-mutants is not installed (`cargo install --locked cargo-mutants`)".into());
     }
     let folder = root().join("target/mutants").join(what);
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut mutants = cargo(&["mutants", "--no-times", "--colors", "never", "--sharding", "round-robin", "--shard"]);
-    mutants.arg(format!("0/{every}")).arg("--output").arg(&folder);
+    mutants.arg(format!("{first}/{every}")).arg("--output").arg(&folder);
     match what {
         "shared" => {
             let tree = folder.join("tree");
@@ -94,13 +104,13 @@ pub fn run_task(args: &[String]) -> Outcome {
             for file in INFERENCE {
                 mutants.arg("--file").arg(format!("host/src/kinematic/{file}.rs"));
             }
-            mutants.args(["--", "--lib", "--test", "kinematic"]);
+            mutants.args(["--", "--test", "kinematic", "--"]).args(INFERENCE_TESTS);
         }
         other => return Err(format!("mutants takes `shared` or `inference`, not {other}")),
     }
     // Exit codes say whether mutants survived; the lists say it, too.
     let _ = timed("mutants", || run(&mut mutants));
-    let section = section(what, every, &folder.join("mutants.out"))?;
+    let section = section(what, [every, first], &folder.join("mutants.out"))?;
     let path = root().join("docs/mutation.md");
     let before = std::fs::read_to_string(&path).unwrap_or_default();
     // The other part's section stays.
@@ -116,7 +126,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-fn section(what: &str, every: u32, folder: &Path) -> Outcome<String> {
+fn section(what: &str, [every, first]: [u32; 2], folder: &Path) -> Outcome<String> {
     let list = |name: &str| -> Outcome<Vec<String>> {
         let path = folder.join(name);
         let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -131,7 +141,7 @@ fn section(what: &str, every: u32, folder: &Path) -> Outcome<String> {
     let [low, high] = wilson(killed as f64, viable as f64).map(|share| 100.0 * share);
     let said = |words: &[&str]| capture(command(words).current_dir(root())).map(|text| text.trim().to_owned());
     let mut text = format!(
-        "## `{what}`\n\n`cargo xtask mutants {what} {every}`, commit {}, {}: every {every}th mutant; {viable} viable ({} more do not compile), \
+        "## `{what}`\n\n`cargo xtask mutants {what} {every} {first}`, commit {}, {}: every {every}th mutant; {viable} viable ({} more do not compile), \
          {killed} killed ({} of them by the time limit): {:.1} %, {low:.1} to {high:.1} %.\n\n| survivor | why |\n| --- | --- |\n",
         said(&["git", "rev-parse", "--short", "HEAD"])?,
         said(&["date", "-u", "+%Y-%m-%d"])?,

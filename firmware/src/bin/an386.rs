@@ -8,13 +8,14 @@ use core::mem::MaybeUninit;
 use cortex_m_rt::{entry, exception};
 use defmt_semihosting as _;
 use meshband::board::{Link, Supervision};
-use meshband::buffers::Buffers;
+use meshband::buffers::{Buffers, LentArrays};
 use meshband::config::Configuration;
 use meshband::events::EventKind;
 use meshband::identity::Identity;
 use meshband::message::Request;
 use meshband::node::State;
 use meshband::replay::{Drill, Replay, START_TICK};
+use meshband::sample_ring::SampleRing;
 use meshband::session::Session;
 use meshband::store::{Origin, Store};
 use meshband::units::TicksPerSecond;
@@ -22,7 +23,7 @@ use meshband_kit::golden;
 use meshband_node::an386::flash::Flash;
 use meshband_node::an386::registers::CLOCK_HZ;
 use meshband_node::an386::{self, Board, Statistics, Wire};
-use meshband_node::runner::{NodeSession, Runner};
+use meshband_node::runner::{NodeCapture, NodeSession, Runner, open_capture};
 use meshband_node::stack::{self, StackUse};
 use semihosting::{eprintln, process};
 
@@ -32,10 +33,15 @@ const IDENTITY: Identity = Identity { board: "an386", build: meshband_node::BUIL
 #[unsafe(link_section = ".core")]
 static mut SESSION: MaybeUninit<NodeSession> = MaybeUninit::uninit();
 
+/// The samples of the waveform it keeps.
+#[unsafe(link_section = ".core")]
+static mut SAMPLES: MaybeUninit<SampleRing> = MaybeUninit::uninit();
+
 #[entry]
 fn main() -> ! {
     // All zero bytes, hence in .bss.
     static mut BUFFERS: Buffers = Buffers::ZERO;
+    static mut CAPTURE: MaybeUninit<NodeCapture> = MaybeUninit::uninit();
     let record = Replay::parse(an386::image()).unwrap_or_else(|reason| {
         eprintln!("node: no usable record in PSRAM: {reason:?}");
         process::exit(1)
@@ -48,17 +54,23 @@ fn main() -> ! {
     // That took much stack; what comes after it is measured by itself.
     let boot = stack::high_water();
     stack::repaint();
-    operate(record, boot, BUFFERS)
+    operate(record, boot, BUFFERS, CAPTURE)
 }
 
 /// The node in operation.
 #[inline(never)]
-fn operate(record: Replay<'static>, boot: StackUse, buffers: &'static mut Buffers) -> ! {
+fn operate(
+    record: Replay<'static>,
+    boot: StackUse,
+    buffers: &'static mut Buffers,
+    capture: &'static mut MaybeUninit<NodeCapture>,
+) -> ! {
     let mut store = Store::new(Flash::take(), 0);
-    let place = &raw mut SESSION;
-    // SAFETY: the only reference to it, taken once: this function is entered once and never left.
-    let place = unsafe { &mut *place };
-    let session = place.write(open_session(&record, &mut store, buffers));
+    let (place, samples) = (&raw mut SESSION, &raw mut SAMPLES);
+    // SAFETY: the only references to them, taken once: this function is entered once and never left.
+    let (place, samples) = unsafe { (&mut *place, &mut *samples) };
+    let arrays = LentArrays { buffers, capture: open_capture(capture, samples) };
+    let session = place.write(open_session(&record, &mut store, arrays));
     let mut runner = Runner::new(session, store, TicksPerSecond(CLOCK_HZ), true);
     let mut wire = Wire::open();
     if record.header().waits_for_start {
@@ -114,7 +126,7 @@ fn flush(wire: &mut Wire) {
 }
 
 /// The node with the stored or the record's configuration.
-fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'static mut Buffers) -> NodeSession {
+fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, arrays: LentArrays<'static>) -> NodeSession {
     let fail = |what: &str, reason: &dyn core::fmt::Debug| -> ! {
         eprintln!("node: {what}: {reason:?}");
         process::exit(1)
@@ -132,7 +144,7 @@ fn open_session(record: &Replay<'static>, store: &mut Store<Flash>, buffers: &'s
         fail("the record is for another time base", &clock);
     }
     let mut session =
-        Session::with_buffers(config, clock, IDENTITY, buffers).unwrap_or_else(|e| fail("configuration", &e));
+        Session::with_arrays(config, clock, IDENTITY, arrays).unwrap_or_else(|e| fail("configuration", &e));
     if let Some(complaint) = origin.complaint() {
         session.node_mut().note(EventKind::ConfigurationRefused, complaint);
     }

@@ -6,10 +6,11 @@
 #![no_std]
 #![no_main]
 
+use core::mem::MaybeUninit;
 use cortex_m_rt::entry;
 use defmt_semihosting as _;
-use meshband::buffers::Buffers;
-use meshband::config::{Configuration, Sensor, TachWheel};
+use meshband::buffers::{Buffers, LentArrays};
+use meshband::config::{CaptureConfig, CaptureRate, Configuration, Sensor, TachWheel};
 use meshband::decimate::Cascade;
 use meshband::gear_condition;
 use meshband::identity::Identity;
@@ -23,6 +24,7 @@ use meshband::peaks;
 use meshband::pipeline::BLOCK_SAMPLES;
 use meshband::rate_plan::{RateGrant, RatePlan};
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig};
+use meshband::sample_ring::SampleRing;
 use meshband::session::Session;
 use meshband::stream::{CHUNK, Stream};
 use meshband::tach::TachTracker;
@@ -31,6 +33,7 @@ use meshband::window::Window;
 use meshband::zoom::{Averaging, ZoomConfig};
 use meshband_node::an386::registers::CLOCK_HZ;
 use meshband_node::an386::time::TimeBase;
+use meshband_node::runner::{NodeCapture, open_capture};
 use semihosting::{eprintln, process};
 
 const CLOCK: TicksPerSecond = TicksPerSecond(CLOCK_HZ);
@@ -100,21 +103,35 @@ fn grant(config: &Configuration, speed_hz: u32) -> RateGrant {
     RatePlan::new(CLOCK, config.limits).grant(config.policy.rate(law.bandwidth))
 }
 
+/// Samples of the whole node's waveform, where the released board has them.
+#[unsafe(link_section = ".core")]
+static mut SAMPLES: MaybeUninit<SampleRing> = MaybeUninit::uninit();
+
 #[entry]
 fn main() -> ! {
     static mut BUFFERS: Buffers = Buffers::ZERO;
     static mut RECORD: [f32; 4096] = [0.0; 4096];
+    static mut CAPTURE: MaybeUninit<NodeCapture> = MaybeUninit::uninit();
     let counter = Counter::start();
     let config = configuration();
     stages(counter, RECORD);
     for speed_hz in [1, 2, 5, 10, 15, 20, 25] {
         mesh_path(counter, &config, speed_hz, BUFFERS.chain());
     }
-    whole(counter, config.clone(), 25, "chain", BUFFERS);
+    let samples = &raw mut SAMPLES;
+    // SAFETY: the only reference to it, taken once: this function is entered once.
+    let samples = unsafe { &mut *samples };
+    let arrays = &mut LentArrays { buffers: BUFFERS, capture: open_capture(CAPTURE, samples) };
+    whole(counter, config.clone(), 25, "chain", arrays);
     // A law that asks for the highest rate the limits allow.
     let mut fast = config;
     fast.law.form = LawForm::Quadratic { a_per_hz: 0.0, b: 0.0, c_hz: 77_900.0 };
-    whole(counter, fast, 25, "chain-highest-rate", BUFFERS);
+    whole(counter, fast.clone(), 25, "chain-highest-rate", arrays);
+    for (keep, name) in [(CaptureRate::Fixed, "chain-with-waveform"), (CaptureRate::Law, "chain-with-waveform-at-law")]
+    {
+        fast.capture = CaptureConfig { keep, rate: Hertz(0.0) };
+        whole(counter, fast.clone(), 25, name, arrays);
+    }
     eprintln!("node: finished");
     process::exit(0)
 }
@@ -266,8 +283,9 @@ fn mesh_path(counter: Counter, config: &Configuration, speed_hz: u32, chain: &mu
 }
 
 /// The whole node with its link, instructions per second of signal and the costliest block.
-fn whole(counter: Counter, config: Configuration, speed_hz: u32, name: &str, buffers: &mut Buffers) {
-    let Ok(mut session) = Session::with_buffers(config, CLOCK, Identity::HOST, buffers) else { process::exit(1) };
+fn whole(counter: Counter, config: Configuration, speed_hz: u32, name: &str, arrays: &mut LentArrays<'_>) {
+    let arrays = LentArrays { buffers: arrays.buffers, capture: arrays.capture };
+    let Ok(mut session) = Session::with_arrays(config, CLOCK, Identity::HOST, arrays) else { process::exit(1) };
     let turn_ticks = CLOCK_HZ / speed_hz;
     let (mut ticks, mut edge, mut sequence, mut turn) = (0u64, 0u64, 0u32, 0u32);
     let (mut total, mut counted, mut worst, mut bytes) = (0u64, 0u64, 0u64, 0u64);

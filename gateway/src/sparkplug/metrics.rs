@@ -194,6 +194,8 @@ pub fn reply_kind(reply: &Reply) -> &'static str {
         Reply::SelfTest(_) => "self_test",
         Reply::Done | Reply::Committing => "done",
         Reply::Refused(_) => "refused",
+        Reply::Update(_) => "update",
+        Reply::Capture(_) | Reply::CapturePart(_) => "capture",
     }
 }
 

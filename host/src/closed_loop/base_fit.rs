@@ -139,17 +139,7 @@ impl Base {
                 machine
                     .jacobian(&run.own)
                     .iter()
-                    .map(|lines| {
-                        [0, 1].map(|c| {
-                            Sparse::of(&analyser.bins_of_lines(
-                                lines,
-                                angle.offset_rad,
-                                angle.shaft_hz,
-                                c,
-                                NUISANCE_REACH,
-                            ))
-                        })
-                    })
+                    .map(|lines| analyser.templates_of_lines(lines, angle.offset_rad, angle.shaft_hz, NUISANCE_REACH))
                     .collect()
             })
             .collect();
@@ -164,9 +154,7 @@ impl Base {
                 .iter()
                 .map(|line| Line { order: line.order, amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)) })
                 .collect();
-            let parts = [0, 1].map(|c| {
-                Sparse::of(&self.analyser.bins_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, c, REACH))
-            });
+            let parts = self.analyser.templates_of_lines(&turned, run.angle.offset_rad, run.angle.shaft_hz, REACH);
             let alone = |parts: [Sparse; 2]| {
                 let mut all = vec![<[Sparse; 2]>::default(); self.runs.len()];
                 all[r] = parts;

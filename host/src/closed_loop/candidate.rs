@@ -188,7 +188,7 @@ pub fn quadrature(analyser: &Analyser, angles: &[(f64, f64)], lines: &[Vec<Line>
         Template::new(lines.iter().zip(angles).map(|(lines, &(offset, shaft_hz))| {
             let turned: Vec<Line> =
                 lines.iter().map(|l| Line { order: l.order, amplitude: l.amplitude.map(|a| a * factor) }).collect();
-            [0, 1].map(|channel| Sparse::of(&analyser.bins_of_lines(&turned, offset, shaft_hz, channel, REACH)))
+            analyser.templates_of_lines(&turned, offset, shaft_hz, REACH)
         }))
     })
 }

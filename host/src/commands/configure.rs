@@ -1,11 +1,12 @@
 //! `meshband configure`: tells a node its machine and law, and has it stored.
 
+use super::installation::InstallationArgs;
 use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband::board::Timing;
 use meshband::config::{LinkConfig, Personality};
 use meshband::units::TicksPerSecond;
-use meshband_host::link::setup::{Installation, Sources};
+use meshband_host::link::setup::Sources;
 use meshband_host::link::{Client, report};
 use meshband_host::{Error, Result, say};
 use std::path::PathBuf;
@@ -25,36 +26,14 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
-    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link (docs/node.md). Options below go before it.
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture (docs/node.md). Options below go before it.
     #[arg(long)]
     settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.
     #[arg(long, num_args = 2, value_names = ["PINION", "GEAR"])]
     teeth: Option<Vec<u16>>,
-    /// Tach pulse positions per turn, missing ones included.
-    #[arg(long)]
-    pulses: Option<u16>,
-    /// Adjacent missing teeth of the tach wheel.
-    #[arg(long)]
-    missing: Option<u16>,
-    /// Turns of the pinion per turn of the tach shaft.
-    #[arg(long)]
-    ratio: Option<f32>,
-    /// Acceleration per 16-bit ADC code, m/s2.
-    #[arg(long, allow_negative_numbers = true)]
-    sensitivity: Option<f32>,
-    /// Stop edge of the analogue filter, Hz.
-    #[arg(long)]
-    analogue_stop: Option<f32>,
-    /// Highest ADC rate, Hz.
-    #[arg(long)]
-    highest_adc: Option<f32>,
-    /// Mesh harmonics to report.
-    #[arg(long)]
-    harmonics: Option<u8>,
-    /// Sideband pairs to report per harmonic.
-    #[arg(long)]
-    sidebands: Option<u8>,
+    #[command(flatten)]
+    installation: InstallationArgs,
     /// Only until the next power-up: does not store it.
     #[arg(long)]
     volatile: bool,
@@ -87,17 +66,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut config = client.configuration()?;
     // The node's own: another configuration begins without alarms.
     config.latched = 0;
-    let installation = Installation {
-        teeth: args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()),
-        pulses_per_turn: args.pulses,
-        missing: args.missing,
-        pinion_per_tach: args.ratio,
-        acceleration_per_code: args.sensitivity,
-        analogue_stop_hz: args.analogue_stop,
-        highest_adc_hz: args.highest_adc,
-        harmonics: args.harmonics,
-        sidebands: args.sidebands,
-    };
+    let installation = args.installation.facts(args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()));
     sources.apply(&mut config, &installation)?;
     config
         .validate(Timing::of(&identity.board, TicksPerSecond(identity.ticks_per_second)))

@@ -4,13 +4,16 @@
 
 pub mod alias;
 pub mod analyse;
+pub mod capture;
 pub mod check;
 #[path = "loop.rs"]
 pub mod close;
+pub mod commission;
 pub mod configure;
 pub mod effects;
 pub mod import;
 pub mod inject;
+pub mod installation;
 pub mod law;
 pub mod levels;
 pub mod machine;

@@ -15,12 +15,12 @@ use super::mesh::{CHANNELS, Mesh, Terms};
 use super::series::{LENGTH, ORDER, Series};
 use crate::lanes::Lane;
 
-/// `1 / ((n + 1) (n + 2))`.
-const TWICE_INTEGRATED: [f64; LENGTH] = {
-    let mut table = [0.0; LENGTH];
+/// `1 / (n + 1)` and `1 / ((n + 1) (n + 2))`: an order's acceleration integrated once and twice.
+const INTEGRATED: [[f64; 2]; LENGTH] = {
+    let mut table = [[0.0; 2]; LENGTH];
     let mut n = 0;
     while n < LENGTH {
-        table[n] = 1.0 / ((n + 1) * (n + 2)) as f64;
+        table[n] = [1.0 / (n + 1) as f64, 1.0 / ((n + 1) * (n + 2)) as f64];
         n += 1;
     }
     table
@@ -92,17 +92,17 @@ impl<const N: usize> Premultiplied<N> {
         }
     }
 
-    /// What the constant matrices give of one order's deflections and rates.
+    /// What the constant matrices give of one order's deflections and velocities.
     #[inline(always)]
-    fn elastic<V: Lane>(&self, q: &[V; N], next: &[V; N], rate: f64, a: &mut [V; N]) {
+    fn elastic<V: Lane>(&self, q: &[V; N], v: &[V; N], a: &mut [V; N]) {
         let half = N / 2;
         for i in 0..half {
-            a[i] = self.row(i, (q[i], q[i + half]), (next[i], next[i + half]), rate);
+            a[i] = self.row(i, (q[i], q[i + half]), (v[i], v[i + half]));
         }
         for i in half..N {
-            a[i] = self.row(i, (q[i], q[i - half]), (next[i], next[i - half]), rate);
+            a[i] = self.row(i, (q[i], q[i - half]), (v[i], v[i - half]));
         }
-        let given = |c: &Coupling| V::of(c.stiffness) * q[c.column] + V::of(c.damping * rate) * next[c.column];
+        let given = |c: &Coupling| V::of(c.stiffness) * q[c.column] + V::of(c.damping) * v[c.column];
         if V::IN_REGISTERS {
             if self.couplings.is_empty() {
                 return;
@@ -117,9 +117,9 @@ impl<const N: usize> Premultiplied<N> {
     }
 
     #[inline(always)]
-    fn row<V: Lane>(&self, i: usize, q: (V, V), next: (V, V), rate: f64) -> V {
-        let own = V::of(self.stiffness[i]) * q.0 + V::of(rate * self.damping[i]) * next.0;
-        let neighbour = V::of(self.neighbour_stiffness[i]) * q.1 + V::of(rate * self.neighbour_damping[i]) * next.1;
+    fn row<V: Lane>(&self, i: usize, q: (V, V), v: (V, V)) -> V {
+        let own = V::of(self.stiffness[i]) * q.0 + V::of(self.damping[i]) * v.0;
+        let neighbour = V::of(self.neighbour_stiffness[i]) * q.1 + V::of(self.neighbour_damping[i]) * v.1;
         own + neighbour
     }
 
@@ -189,29 +189,31 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
             series.resize(used, [V::of(0.0); LENGTH]);
         }
         let square = h * h;
-        let per_h = 1.0 / h;
         let enough = allowed * V::of(NEGLIGIBLE);
         let enough = enough * enough;
         let disturbed = start.errors.each().iter().any(|&errors| errors != 0.0);
         table[0] = start.q;
         table[1] = start.v.map(|v| v * V::of(h));
-        // The newest coefficient of what each channel measures.
-        let mut newest = [V::of(0.0); C];
+        // Coefficients of the velocities, which are integrated once instead of being derived from the deflections.
+        let mut v = start.v;
+        // The newest coefficients of what each channel measures, deflection and velocity.
+        let (mut newest, mut newest_rate) = ([V::of(0.0); C], [V::of(0.0); C]);
         let inputs: [&[f64; N]; C] = std::array::from_fn(|i| &system.directions[channels[i.min(used - 1)].input]);
         let outputs: [&[f64; N]; C] = std::array::from_fn(|i| &system.outputs[channels[i.min(used - 1)].output]);
         for i in 0..used {
             d[i][0] = along(inputs[i], &table[0]);
             newest[i] = along(inputs[i], &table[1]);
+            newest_rate[i] = along(inputs[i], &v);
         }
         let mut first = V::of(0.0);
         // Of two neighbouring orders in four, and of the last two.
         let mut squares = [V::of(0.0); 2];
         for n in 0..=ORDER - 2 {
-            let rate = (n + 1) as f64 * per_h;
-            let factor = V::of(square * TWICE_INTEGRATED[n]);
+            let once = V::of(h * INTEGRATED[n][0]);
+            let twice = V::of(square * INTEGRATED[n][1]);
             let (done, rest) = table.split_at_mut(n + 2);
             let mut a = [V::of(0.0); N];
-            system.elastic(&done[n], &done[n + 1], rate, &mut a);
+            system.elastic(&done[n], &v, &mut a);
             if n == 0 {
                 a.iter_mut().zip(&start.acceleration).for_each(|(a, start)| *a = *a + *start);
             }
@@ -230,8 +232,8 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
                 if disturbed {
                     known = known - start.errors * V::of(channel.g.coefficient(n));
                 }
-                forces[i] = known + V::of(rate * channel.c.coefficient(0)) * newest[i];
-                w[i][n] = V::of(rate) * newest[i];
+                forces[i] = known + V::of(channel.c.coefficient(0)) * newest_rate[i];
+                w[i][n] = newest_rate[i];
                 d[i][n + 1] = newest[i];
             }
             for i in 0..used {
@@ -240,7 +242,8 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
                 for j in 0..used {
                     sum = sum - V::of(seen[channels[j].output]) * forces[j];
                 }
-                newest[i] = factor * sum;
+                newest[i] = twice * sum;
+                newest_rate[i] = once * sum;
             }
             for i in 0..used {
                 a.iter_mut().zip(outputs[i]).for_each(|(a, &output)| *a = *a - forces[i] * V::of(output));
@@ -250,8 +253,9 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
             } else if n % 4 >= 2 || n + 4 > ORDER {
                 squares = [system.squared_norm(&a), squares[0]];
             }
-            for (next, a) in rest[0].iter_mut().zip(&a) {
-                *next = factor * *a;
+            for i in 0..N {
+                rest[0][i] = twice * a[i];
+                v[i] = once * a[i];
             }
             *degree = n + 2;
             let small = |square: &V| square.each().iter().zip(enough.each()).all(|(square, enough)| square < enough);

@@ -31,11 +31,13 @@ pub(super) struct Resolution {
 /// Measures a channel for codes of this step.
 pub(super) fn resolution(channel: &[f64], step: f64) -> Resolution {
     let mut values = channel.to_vec();
-    let mut at = |share: f64| {
-        let place = ((values.len() - 1) as f64 * share).round() as usize;
-        *values.select_nth_unstable_by(place, f64::total_cmp).1
+    let place = |share: f64| ((channel.len() - 1) as f64 * share).round() as usize;
+    let (below, &mut high, _) = values.select_nth_unstable_by(place(0.99), f64::total_cmp);
+    let low = match below {
+        [] => high,
+        below => *below.select_nth_unstable_by(place(0.01), f64::total_cmp).1,
     };
-    let level = (at(0.99) - at(0.01)) / RANGE;
+    let level = (high - low) / RANGE;
     let peak_at = (0..channel.len()).max_by(|&a, &b| channel[a].abs().total_cmp(&channel[b].abs())).unwrap_or(0);
     Resolution { snr_db: 20.0 * (level / step * 12.0_f64.sqrt()).log10(), level, peak_at, peak: channel[peak_at] }
 }

@@ -8,6 +8,7 @@ use crate::budget::VALUES;
 use crate::machine::Machine;
 use crate::record::{Acquisition, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale};
 use crate::{Error, Result};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
 use toml::{Table, Value};
@@ -236,21 +237,25 @@ fn check_full_scale(options: &ImportOptions) -> Result<()> {
 fn read_all(files: &[PathBuf], options: &ImportOptions) -> Result<Vec<Columns>> {
     let mut sources: Vec<Columns> = Vec::new();
     let mut values = 0;
-    for file in files {
-        let source = read_as(file, &options.reading)?;
-        values += source.channels.iter().map(Vec::len).sum::<usize>();
-        VALUES.check(file.display(), values as f64, "import fewer files at once")?;
-        sources.push(source);
+    // As many at once as there are processors: the budget is looked at in between.
+    for some in files.chunks(rayon::current_num_threads()) {
+        let read: Vec<Result<Columns>> = some.par_iter().map(|file| read_as(file, &options.reading)).collect();
+        for (file, source) in some.iter().zip(read) {
+            let source = source?;
+            values += source.channels.iter().map(Vec::len).sum::<usize>();
+            VALUES.check(file.display(), values as f64, "import fewer files at once")?;
+            sources.push(source);
+        }
     }
     Ok(sources)
 }
 
 /// A hint for every channel that would be an acceleration and looks like a tachometer's.
 fn overlooked(run: &Group) -> Vec<String> {
-    let channels = run.channels.iter().zip(&run.names).enumerate();
-    let found = channels.filter(|(_, (channel, _))| tach::looks_like_a_tach(channel));
-    found
-        .map(|(i, (_, name))| {
+    let found: Vec<bool> = run.channels.par_iter().map(|channel| tach::looks_like_a_tach(channel)).collect();
+    let channels = run.names.iter().enumerate().zip(found).filter(|(_, found)| *found);
+    channels
+        .map(|((i, name), _)| {
             format!(
                 "{}: channel {} '{name}' has two levels like a tachometer; --tach {} makes it one",
                 run.label,
@@ -279,11 +284,13 @@ fn convert(runs: &mut [Group], options: &ImportOptions) -> Result<Option<String>
             "a record has one unit; channels without a sensitivity need a record of their own",
         ));
     }
-    for (c, channel) in runs.iter_mut().flat_map(|run| run.channels.iter_mut().enumerate()) {
+    let all: Vec<(usize, &mut Vec<f64>)> =
+        runs.iter_mut().flat_map(|run| run.channels.iter_mut().enumerate()).collect();
+    all.into_par_iter().for_each(|(c, channel)| {
         let factor = conversions[c % conversions.len()].0;
         let mean = if options.remove_mean { channel.iter().sum::<f64>() / channel.len() as f64 } else { 0.0 };
         channel.iter_mut().for_each(|x| *x = factor * (*x - mean));
-    }
+    });
     Ok(unit)
 }
 
@@ -360,8 +367,8 @@ fn quantisation_snr_db(
     let step = full_scale / crate::record::CODE_MAX;
     let mut worst = vec![f64::INFINITY; names.len()];
     for run in runs {
-        for ((channel, name), worst) in run.channels.iter().zip(names).zip(&mut worst) {
-            let found = quantisation::resolution(channel, step);
+        let found: Vec<_> = run.channels.par_iter().map(|channel| quantisation::resolution(channel, step)).collect();
+        for ((found, name), worst) in found.into_iter().zip(names).zip(&mut worst) {
             remarks.extend(quantisation::judge(&run.label, name, &found, full_scale, given)?);
             *worst = worst.min(found.snr_db);
         }

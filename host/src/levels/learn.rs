@@ -2,7 +2,7 @@
 //!
 //! Least squares in decibels over the logarithm of the speed with the node's own interpolation (hat functions between the table's
 //! speeds), so that what is fitted is what the node will expect. Steady speeds give one point each; where they run into each other
-//! (a run-up, a machine that wanders) the points lie at equal ratios. The standard uncertainty of a point is that of one further value
+//! (a run-up, a machine that wanders) the points lie at equal ratios, as many as the values can carry. The standard uncertainty of a point is that of one further value
 //! there: the scatter about the fit, what the fit itself is uncertain by, the owner's allowance for what the observed hours did not
 //! show, and a tenth of a decibel for filters. A point with fewer than [`LEAST`] values expects nothing of that quantity.
 //!
@@ -19,7 +19,7 @@ use serde::Serialize;
 /// Least values behind a point.
 pub const LEAST: f64 = 3.0;
 /// Uncertainty that no scatter shows, dB: ripple of the filters from speed to speed.
-const FLOOR_DB: f64 = 0.1;
+pub const FLOOR_DB: f64 = 0.1;
 /// Speeds whose ratio is larger than this are two steady speeds.
 const APART: f64 = 1.03;
 /// One steady speed does not wander by more than this ratio.
@@ -77,8 +77,10 @@ fn knots(values: &[Observation]) -> Vec<f64> {
     let steady: Vec<&[f64]> = speeds.chunk_by(|a, b| b / a <= APART).collect();
     let wanders = steady.iter().any(|run| run.last().zip(run.first()).is_some_and(|(b, a)| b / a > STEADY));
     let mut knots: Vec<f64> = if wanders || steady.len() > MAX_LEVELS {
-        let steps = (MAX_LEVELS - 1) as f64;
-        (0..MAX_LEVELS).map(|n| lowest * (highest / lowest).powf(n as f64 / steps)).collect()
+        // No more points than there are values to tell each one and its scatter from.
+        let points = ((speeds.len() as f64 / (2.0 * LEAST)) as usize).clamp(2, MAX_LEVELS);
+        let steps = (points - 1) as f64;
+        (0..points).map(|n| lowest * (highest / lowest).powf(n as f64 / steps)).collect()
     } else {
         steady.iter().map(|run| run[run.len() / 2]).collect()
     };

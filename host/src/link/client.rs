@@ -11,6 +11,7 @@ use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
 use meshband::law::Law;
 use meshband::message::{Identification, Message, Reply, Request, SelfTest, Statistics, WIRE_SCHEMA};
 use meshband::update::{UpdateRequest, UpdateStatus};
+use meshband::waveform::{CapturePart, CaptureReport};
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::time::{Duration, Instant};
@@ -114,6 +115,17 @@ impl Client {
             }
             self.receive()?;
         }
+    }
+
+    /// Takes in what comes until an instant; it stays in the stream.
+    ///
+    /// # Errors
+    /// Of the transport.
+    pub fn listen(&mut self, until: Instant) -> Result<()> {
+        while !self.ended && Instant::now() < until {
+            self.receive()?;
+        }
+        Ok(())
     }
 
     /// Waits for an event of a kind; other messages stay in the stream.
@@ -310,6 +322,31 @@ impl Client {
         }
     }
 
+    /// What the node does about waveforms, after one was begun where `trigger` says so.
+    pub fn capture(&mut self, trigger: bool) -> Result<CaptureReport> {
+        self.capture_report(if trigger { &Request::TriggerCapture } else { &Request::GetCapture })
+    }
+
+    /// Part of the bytes of the waveform held, from `offset` on.
+    pub fn capture_part(&mut self, number: u32, offset: u32) -> Result<CapturePart> {
+        match self.request(&Request::ReadCapture { number, offset })? {
+            Reply::CapturePart(part) => Ok(part),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// Lets the node use the memory of this waveform again.
+    pub fn release_capture(&mut self, number: u32) -> Result<CaptureReport> {
+        self.capture_report(&Request::ReleaseCapture { number })
+    }
+
+    fn capture_report(&mut self, request: &Request) -> Result<CaptureReport> {
+        match self.request(request)? {
+            Reply::Capture(report) => Ok(report),
+            other => Err(unexpected(&other)),
+        }
+    }
+
     /// The newest answers received that no command waits for, as the node's closing statistics; at most [`REPLIES`].
     pub fn take_replies(&mut self) -> Vec<Reply> {
         self.replies.drain(..).collect()
@@ -424,6 +461,12 @@ fn answers(request: &Request, reply: &Reply) -> bool {
         Request::SetConfiguration(_) | Request::PutLaw(_) => matches!(reply, Reply::Done | Reply::Refused(_)),
         Request::Start | Request::Stop | Request::Snapshot | Request::Events | Request::AcknowledgeAlarms => {
             matches!(reply, Reply::Done)
+        }
+        Request::TriggerCapture | Request::GetCapture | Request::ReleaseCapture { .. } => {
+            matches!(reply, Reply::Capture(_))
+        }
+        Request::ReadCapture { number, offset } => {
+            matches!(reply, Reply::CapturePart(part) if (part.number, part.offset) == (*number, *offset))
         }
     }
 }

@@ -137,15 +137,20 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
 
 /// The report of `meshband configure`.
 pub fn of_configuration(config: &Configuration, node: &Identification, stored: bool, source: &str) -> Report {
-    let mut rows = Vec::new();
-    flatten(&serde_json::to_value(config).unwrap_or_default(), "", &mut rows);
     Report::new("Configuration", &format!("In force on the node at {source}"))
         .figure("Node", identity(node))
         .figure("Time base", format!("{} Hz", node.ticks_per_second))
         .figure("Self-test", self_test(node.self_test))
         .figure("Stored", if stored { "yes" } else { "no: until the next power-up" })
         .section("Settings")
-        .table("As the node gave them back.", &["key", "value"], &rows)
+        .table("As the node gave them back.", &["key", "value"], &settings_rows(config))
+}
+
+/// Every setting as a row of key and value.
+pub fn settings_rows(config: &Configuration) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    flatten(&serde_json::to_value(config).unwrap_or_default(), "", &mut rows);
+    rows
 }
 
 fn row(name: &str, value: String) -> Vec<String> {

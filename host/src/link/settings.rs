@@ -29,6 +29,9 @@
 //! [link]                           # from the node's next start on
 //! personality = "Modbus"           # or "Meshband"
 //! address = 17
+//! [capture]                        # waveforms for alarms
+//! keep = "Fixed"                   # or "Law", "Off"
+//! rate = 10000.0                   # Hz
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
@@ -90,8 +93,7 @@ impl Settings {
         for (key, new) in &self.tables {
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known =
-                        "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link";
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("policy", Some(held), new) => {

@@ -8,6 +8,7 @@ use meshband::levels::{Departure, Departures};
 use meshband::message::{
     AlarmState, Bound, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics, Status,
 };
+use meshband::waveform::CapturePhase;
 use std::collections::VecDeque;
 
 /// Events shown.
@@ -137,7 +138,7 @@ fn status_lines(s: &Status) -> String {
     let notes = if notes.is_empty() { String::new() } else { format!("({})\n", notes.join("; ")) };
     format!(
         "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} Hz   granted {:.1} Hz   \
-         ADC {:.1} Hz / 2^{}\n{notes}{}",
+         ADC {:.1} Hz / 2^{}\n{notes}{}{}",
         words(&s.state),
         s.speed_hz,
         s.speed_uncertainty,
@@ -149,7 +150,8 @@ fn status_lines(s: &Status) -> String {
         s.granted_hz,
         s.adc_hz,
         s.stages,
-        alarm_line(&s.alarms)
+        alarm_line(&s.alarms),
+        capture_text(s.capture).map_or(String::new(), |text| format!("{text}\n"))
     )
 }
 
@@ -208,6 +210,15 @@ pub fn quality_text(quality: &Quality) -> String {
         }
     }
     text
+}
+
+/// What is to be said of waveforms.
+pub fn capture_text(phase: CapturePhase) -> Option<&'static str> {
+    match phase {
+        CapturePhase::Off | CapturePhase::Watching => None,
+        CapturePhase::Collecting | CapturePhase::Sealing => Some("a waveform is being taken"),
+        CapturePhase::Held => Some("a WAVEFORM IS HELD: `meshband capture` fetches it"),
+    }
 }
 
 /// Alarms by their number in the configuration.

@@ -11,6 +11,7 @@ use crate::link::words::{watched, words};
 use meshband::message::{SpectralLine, Spectrum, Status};
 use meshband::node::State;
 use meshband::tach::Validity;
+use meshband::waveform::CapturePhase;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -191,10 +192,12 @@ fn state_line(status: Option<&Status>, panel: &Panel, losses: Losses) -> Line<'s
     let quality = if notes.is_empty() { "no reservation".to_owned() } else { notes.join("; ") };
     let who = panel.identity.as_ref().map_or(String::new(), |node| format!("   {}", node.board));
     let colour = if notes.is_empty() { Color::Green } else { Color::Yellow };
+    let held = if s.capture == CapturePhase::Held { "   WAVEFORM HELD" } else { "" };
     Line::from(vec![
         Span::styled(format!(" {} ", words(&s.state).to_uppercase()), style),
         Span::styled(format!(" {quality}"), Style::new().fg(colour)),
         Span::raw(who),
+        Span::styled(held, Style::new().cyan().bold()),
     ])
 }
 

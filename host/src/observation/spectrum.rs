@@ -6,10 +6,12 @@
 
 use crate::model::forward::Line;
 use rustfft::{
-    FftPlanner,
+    Fft, FftPlanner,
     num_complex::{Complex32, Complex64 as C},
 };
 use std::f64::consts::PI;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Comparison stops here: the acquisition filter rolls off above, Hz.
 pub const BAND_HZ: f64 = 15_000.0;
@@ -41,25 +43,35 @@ pub struct Sparse {
 impl Sparse {
     /// Non-zero entries of dense bins.
     pub fn of(bins: &[C]) -> Self {
+        Self::from_parts(bins, std::iter::once((0, bins.len())))
+    }
+
+    /// Non-zero entries of parts of a spectrum, of first bins and lengths `parts` and with `values` one after the other.
+    fn from_parts(values: &[C], parts: impl Iterator<Item = (usize, usize)>) -> Self {
         let used = |x: &C| (x.re != 0.0) | (x.im != 0.0);
         // As large as needed: many are kept for long.
-        let mut values = Vec::with_capacity(bins.iter().map(|x| usize::from(used(x))).sum());
+        let mut kept = Vec::with_capacity(values.iter().map(|x| usize::from(used(x))).sum());
         let mut stretches: Vec<(u32, u32)> = Vec::new();
-        for (group, near) in bins.chunks(GROUP).enumerate() {
-            // Most are wholly zero, which is seen without looking at each.
-            if !near.iter().fold(false, |any, x| any | used(x)) {
-                continue;
-            }
-            for (i, x) in near.iter().enumerate().filter(|(_, x)| used(x)) {
-                let bin = (group * GROUP + i) as u32;
-                match stretches.last_mut() {
-                    Some((first, count)) if *first + *count == bin => *count += 1,
-                    _ => stretches.push((bin, 1)),
+        let mut rest = values;
+        for (first, length) in parts {
+            let (own, after) = rest.split_at(length);
+            rest = after;
+            for (group, near) in own.chunks(GROUP).enumerate() {
+                // Most are wholly zero, which is seen without looking at each.
+                if !near.iter().fold(false, |any, x| any | used(x)) {
+                    continue;
                 }
-                values.push(Complex32::new(x.re as f32, x.im as f32));
+                for (i, x) in near.iter().enumerate().filter(|(_, x)| used(x)) {
+                    let bin = (first + group * GROUP + i) as u32;
+                    match stretches.last_mut() {
+                        Some((first, count)) if *first + *count == bin => *count += 1,
+                        _ => stretches.push((bin, 1)),
+                    }
+                    kept.push(Complex32::new(x.re as f32, x.im as f32));
+                }
             }
         }
-        Self { stretches: stretches.into(), values: values.into() }
+        Self { stretches: stretches.into(), values: kept.into() }
     }
 
     /// Whether no bin is other than zero.
@@ -109,6 +121,9 @@ pub struct Analyser {
     window: Vec<f64>,
     kernel: Vec<f64>,
     scale: f64,
+    /// Phase factor of the kernel from bin to bin.
+    turn_per_bin: C,
+    transform: Arc<dyn Fft<f64>>,
 }
 
 impl Analyser {
@@ -133,7 +148,9 @@ impl Analyser {
             })
             .collect();
         let bins = ((BAND_HZ.min(0.45 * rate_hz)) * samples as f64 / rate_hz) as usize;
-        Self { samples, rate_hz, bins, window, kernel, scale: 2.0 / sum }
+        let turn_per_bin = C::cis(-PI * (samples as f64 - 1.0) / samples as f64);
+        let transform = FftPlanner::new().plan_fft_forward(samples);
+        Self { samples, rate_hz, bins, window, kernel, scale: 2.0 / sum, turn_per_bin, transform }
     }
 
     /// Leaves out the bins above `top_hz`, where one is given.
@@ -156,7 +173,7 @@ impl Analyser {
     pub fn bins_of(&self, signal: &[f64]) -> Bins {
         let mut buffer: Vec<C> =
             signal.iter().zip(&self.window).map(|(x, w)| C::new(x * w * self.scale, 0.0)).collect();
-        FftPlanner::new().plan_fft_forward(self.samples).process(&mut buffer);
+        self.transform.process(&mut buffer);
         buffer.truncate(self.bins);
         buffer.shrink_to_fit();
         buffer
@@ -172,25 +189,40 @@ impl Analyser {
         self.kernel[i] + (x - i as f64) * (self.kernel[i + 1] - self.kernel[i])
     }
 
-    /// Phase factor of the kernel `distance` bins from the line, and its step from bin to bin.
-    fn phase_from(&self, distance: f64) -> (C, C) {
-        let per_bin = -PI * (self.samples as f64 - 1.0) / self.samples as f64;
-        (C::cis(per_bin * distance), C::cis(per_bin))
+    /// Phase factor of the kernel `distance` bins from the line.
+    fn phase_at(&self, distance: f64) -> C {
+        C::cis(-PI * (self.samples as f64 - 1.0) / self.samples as f64 * distance)
+    }
+
+    /// Those of `bins` bins that a line at `position` bins reaches.
+    fn reached(position: f64, bins: usize, reach: i64) -> Range<usize> {
+        // Lines that no bin sees, however far they lie, would leave the range of whole numbers.
+        if position.is_nan() || position.abs() > bins as f64 + reach as f64 {
+            return 0..0;
+        }
+        let first = (position.ceil() as i64 - reach).max(0);
+        let end = (position.floor() as i64 + reach + 1).min(bins as i64);
+        first as usize..end.max(first) as usize
+    }
+
+    /// Values of the kernel of a line at `position` bins in the bins of `range`.
+    fn kernel(&self, position: f64, range: Range<usize>) -> impl Iterator<Item = C> {
+        let mut turn = self.phase_at(range.start as f64 - position);
+        range.map(move |b| {
+            let value = turn * self.magnitude_at(b as f64 - position);
+            turn *= self.turn_per_bin;
+            value
+        })
     }
 
     /// Adds a line of complex amplitude `a` at `hz` (either sign) to `bins`.
     pub fn add_line(&self, bins: &mut [C], hz: f64, a: C, reach: i64) {
         let duration = self.duration_s();
-        // Lines that no bin sees, however far they lie, would leave the range of whole numbers.
-        let farthest = bins.len() as f64 + reach as f64;
-        let reached = |line: &(f64, C)| line.0.abs() <= farthest;
-        for (position, amplitude) in [(hz * duration, a), (-hz * duration, a.conj())].into_iter().filter(reached) {
-            let first = (position.ceil() as i64 - reach).max(0);
-            let last = (position.floor() as i64 + reach).min(bins.len() as i64 - 1);
-            let (mut turn, step) = self.phase_from(first as f64 - position);
-            for b in first..=last {
-                bins[b as usize] += amplitude * turn * self.magnitude_at(b as f64 - position);
-                turn *= step;
+        for (position, amplitude) in [(hz * duration, a), (-hz * duration, a.conj())] {
+            let range = Self::reached(position, bins.len(), reach);
+            if !range.is_empty() {
+                let near = bins[range.clone()].iter_mut();
+                near.zip(self.kernel(position, range)).for_each(|(bin, value)| *bin += amplitude * value);
             }
         }
     }
@@ -207,24 +239,70 @@ impl Analyser {
         bins
     }
 
+    /// [`Self::bins_of_lines`] of both channels, without the bins that no line reaches.
+    ///
+    /// A spectrum has thousands of bins, a template's lines reach some hundreds.
+    pub fn templates_of_lines(&self, lines: &[Line], offset_rad: f64, shaft_hz: f64, reach: i64) -> [Sparse; 2] {
+        let duration = self.duration_s();
+        let position = |line: &Line| line.order * shaft_hz * duration;
+        let range = |position: f64| Self::reached(position, self.bins, reach);
+        let both = lines.iter().flat_map(|line| [range(position(line)), range(-position(line))]);
+        let parts = joined(both.filter(|range| !range.is_empty()).collect());
+        let place = |bin: usize| {
+            let (range, before) = &parts[parts.partition_point(|(range, _)| range.end <= bin)];
+            before + bin - range.start
+        };
+        let size = parts.last().map_or(0, |(range, before)| before + range.len());
+        let mut values = [vec![C::ZERO; size], vec![C::ZERO; size]];
+        for line in lines {
+            let amplitude = line.amplitude.map(|a| a * C::cis(line.order * offset_rad));
+            for (position, sign) in [(position(line), 1.0), (-position(line), -1.0)] {
+                let range = range(position);
+                if range.is_empty() {
+                    continue;
+                }
+                let from = place(range.start);
+                let [a, b] = amplitude.map(|a| C::new(a.re, sign * a.im));
+                let [one, other] = values.each_mut().map(|values| values[from..from + range.len()].iter_mut());
+                for ((one, other), value) in one.zip(other).zip(self.kernel(position, range)) {
+                    *one += a * value;
+                    *other += b * value;
+                }
+            }
+        }
+        let lengths = || parts.iter().map(|(range, _)| (range.start, range.len()));
+        values.map(|values| Sparse::from_parts(&values, lengths()))
+    }
+
     /// Least-squares complex amplitude of a line at `hz` in `bins`, and the sum of squared kernel values used.
     pub fn amplitude(&self, bins: &[C], hz: f64) -> (C, f64) {
         let position = hz * self.duration_s();
-        if !position.is_finite() || position.abs() > bins.len() as f64 + 3.0 {
-            return (C::ZERO, 1e-30);
-        }
-        let first = (position.ceil() as i64 - 3).max(0);
-        let last = (position.floor() as i64 + 3).min(bins.len() as i64 - 1);
+        let range = Self::reached(position, bins.len(), 3);
         let (mut sum, mut energy) = (C::ZERO, 1e-30);
-        let (mut turn, step) = self.phase_from(first as f64 - position);
-        for b in first..=last {
-            let magnitude = self.magnitude_at(b as f64 - position);
-            sum += turn.conj() * magnitude * bins[b as usize];
-            energy += magnitude * magnitude;
-            turn *= step;
+        if !range.is_empty() {
+            for (bin, value) in bins[range.clone()].iter().zip(self.kernel(position, range)) {
+                sum += value.conj() * bin;
+                energy += value.norm_sqr();
+            }
         }
         (sum / energy, energy)
     }
+}
+
+/// Ranges that touch or overlap made one, ascending, each with the number of bins in those before it.
+fn joined(mut ranges: Vec<Range<usize>>) -> Vec<(Range<usize>, usize)> {
+    ranges.sort_unstable_by_key(|range| range.start);
+    let mut parts: Vec<(Range<usize>, usize)> = Vec::new();
+    for range in ranges {
+        match parts.last_mut() {
+            Some((last, _)) if range.start <= last.end => last.end = last.end.max(range.end),
+            last => {
+                let before = last.map_or(0, |(last, before)| *before + last.len());
+                parts.push((range, before));
+            }
+        }
+    }
+    parts
 }
 
 #[cfg(test)]
@@ -248,6 +326,25 @@ mod tests {
         let expected: Vec<C> = a.iter().zip(&b).map(|(a, b)| a * 0.5 - b * 2.0).collect();
         assert_eq!(dense(&mixed), expected);
         assert!(Sparse::default().is_empty() && Sparse::of(&[C::ZERO; 3]).is_empty() && !mixed.is_empty());
+    }
+
+    #[test]
+    fn ref_templates_of_lines_are_their_dense_bins() {
+        let analyser = Analyser::new(4096, 1000.0);
+        let amplitude = |i: usize| [C::new(1.0, i as f64), if i == 3 { C::ZERO } else { C::new(-0.5, 0.25) }];
+        // Neighbours that overlap, one beside zero, one beside the last bin, one out of sight.
+        let orders = [0.01, 3.1, 3.3, 20.0, 43.9, 1e6];
+        let lines: Vec<Line> =
+            orders.iter().enumerate().map(|(i, &order)| Line { order, amplitude: amplitude(i) }).collect();
+        let templates = analyser.templates_of_lines(&lines, 0.7, 10.2, REACH);
+        for (channel, template) in templates.iter().enumerate() {
+            let dense = analyser.bins_of_lines(&lines, 0.7, 10.2, channel, REACH);
+            let mut found = vec![C::ZERO; analyser.bins];
+            template.iter().for_each(|(bin, x)| found[bin] += x);
+            let worst = dense.iter().zip(&found).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            assert!(worst < 1e-6, "channel {channel}: {worst}");
+            assert_eq!(template.iter().count(), dense.iter().filter(|x| **x != C::ZERO).count());
+        }
     }
 
     #[test]

@@ -12,10 +12,14 @@ pub enum Content {
     Record,
     /// Predictions: float32 arrays and nothing else.
     Predictions,
+    /// What a commissioning writes: [`COMMISSIONING`].
+    Commissioning,
     /// Files of an acquisition system as `meshband simulate --as` writes them: `runNN` with one of its endings.
     Recordings,
 }
 
+/// Files of a commissioning.
+pub const COMMISSIONING: [&str; 4] = ["commissioning.json", "report.html", "node.toml", "law.toml"];
 /// Endings of recordings.
 const RECORDINGS: [&str; 3] = ["wav", "csv", "npy"];
 
@@ -61,6 +65,7 @@ pub(super) fn replaceable(folder: &Path, content: Content) -> Result<()> {
         Content::Recordings if folder.join("record.toml").symlink_metadata().is_ok() => {
             return Err(Error::invalid(folder.display(), "is a record; recordings need a folder of their own"));
         }
+        Content::Commissioning => COMMISSIONING.map(PathBuf::from).to_vec(),
         Content::Predictions | Content::Recordings => Vec::new(),
     };
     for entry in std::fs::read_dir(folder).map_err(Error::file(folder))? {
@@ -68,7 +73,7 @@ pub(super) fn replaceable(folder: &Path, content: Content) -> Result<()> {
         let (path, name) = (entry.path(), PathBuf::from(entry.file_name()));
         let found = path.symlink_metadata().map_err(Error::file(&path))?;
         let ours = match content {
-            Content::Record => declared.contains(&name),
+            Content::Record | Content::Commissioning => declared.contains(&name),
             Content::Recordings => is_recording(&name),
             Content::Predictions => name.extension().is_some_and(|e| e == "npy") && is_float32(&path),
         };

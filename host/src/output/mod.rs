@@ -18,7 +18,7 @@ mod set;
 
 pub use file::OutputFile;
 pub use folder::OutputFolder;
-pub use inventory::Content;
+pub use inventory::{COMMISSIONING, Content};
 pub use lock::Lock;
 pub use place::is_left_over;
 pub use prose::{CLOSED_EXIT_CODE, show};

@@ -4,6 +4,10 @@
 //! within half a step and its variance step^2 / 12. Values beyond full scale are refused, never clipped.
 
 use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// Samples of all channels that are coded together.
+const STRETCH: usize = 16_384;
 
 /// Code of +full scale.
 pub const CODE_MAX: f64 = 32767.0;
@@ -22,24 +26,41 @@ pub fn encode(place: &str, channels: &[Vec<f64>], full_scale: f64) -> Result<Vec
     if samples == 0 {
         return Err(Error::invalid(place, "has no samples"));
     }
-    let mut codes = vec![0_i16; samples * channels.len()];
     for (c, channel) in channels.iter().enumerate() {
         if channel.len() != samples {
             let what = format!("channel {c} has {} samples, channel 0 has {samples}", channel.len());
             return Err(Error::invalid(place, what));
         }
-        for (i, &value) in channel.iter().enumerate() {
-            if !value.is_finite() {
-                return Err(Error::invalid(place, format!("channel {c}, sample {i} is {value}")));
-            }
-            if value.abs() > full_scale {
-                let what = format!("channel {c}, sample {i}: {value:.6} would clip at full scale {full_scale}");
-                return Err(Error::invalid(place, what));
-            }
-            codes[i * channels.len() + c] = (value / full_scale * CODE_MAX).round() as i16;
-        }
     }
+    // Not a number is not within full scale either.
+    let beyond = |channel: &Vec<f64>| channel.iter().position(|x| x.is_nan() || x.abs() > full_scale);
+    let beyond: Vec<Option<usize>> = channels.par_iter().map(beyond).collect();
+    if let Some((c, i)) = beyond.iter().enumerate().find_map(|(c, i)| Some((c, (*i)?))) {
+        return Err(Error::invalid(
+            place,
+            match channels[c][i] {
+                value if value.is_finite() => {
+                    format!("channel {c}, sample {i}: {value:.6} would clip at full scale {full_scale}")
+                }
+                value => format!("channel {c}, sample {i} is {value}"),
+            },
+        ));
+    }
+    let count = channels.len();
+    let mut codes = vec![0_i16; samples * count];
+    codes.par_chunks_mut(STRETCH * count).enumerate().for_each(|(part, codes)| {
+        for (c, channel) in channels.iter().enumerate() {
+            let codes = codes.iter_mut().skip(c).step_by(count);
+            codes.zip(&channel[part * STRETCH..]).for_each(|(code, value)| *code = coded(value / full_scale));
+        }
+    });
     Ok(codes)
+}
+
+/// Code of a share of the full scale. The cast cuts off; `f64::round` would be a call of the library.
+fn coded(share: f64) -> i16 {
+    let code = share * CODE_MAX;
+    (code + 0.5_f64.copysign(code)) as i16
 }
 
 /// A full scale with 10 % head room over the largest magnitude, rounded up to two significant digits.

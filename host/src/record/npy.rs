@@ -1,11 +1,12 @@
 //! NumPy array files of records and predictions: int16 codes and float32 predictions, samples x channels.
 //!
-//! The header is parsed by `npyz`; the size is checked against the file before anything is allocated, so a
-//! header that promises too much is a truncated file and not an allocation.
+//! The header is parsed and written by `npyz`; the size is checked against the file before anything is allocated, so a
+//! header that promises too much is a truncated file and not an allocation. The numbers behind it are taken and put here, all at
+//! once: one by one through the library's reader and writer they cost ten times as much.
 
 use crate::budget::{self, VALUES};
 use crate::{Error, Result};
-use npyz::{NpyFile, Order, WriterBuilder};
+use npyz::{Order, WriterBuilder};
 use std::path::Path;
 
 /// Reads little-endian int16 codes; returns them interleaved (samples x channels) with the channel count.
@@ -21,7 +22,7 @@ pub fn read_i16(path: &Path) -> Result<(Vec<i16>, usize)> {
         let what = format!("dtype is {}, a record needs little-endian int16 '<i2'", header.dtype);
         return Err(Error::invalid(path.display(), what));
     }
-    let values = header.values::<i16>(path, &bytes)?;
+    let values = header.values(&bytes, i16::from_le_bytes);
     Ok((values, header.columns))
 }
 
@@ -36,7 +37,7 @@ pub fn read_f32(path: &Path) -> Result<(Vec<f32>, usize)> {
         let what = format!("dtype is {}, a record of code_bits = 32 needs little-endian float32 '<f4'", header.dtype);
         return Err(Error::invalid(path.display(), what));
     }
-    let values = header.values::<f32>(path, &bytes)?;
+    let values = header.values(&bytes, f32::from_le_bytes);
     Ok((values, header.columns))
 }
 
@@ -65,14 +66,22 @@ pub fn largest(bytes: &[u8]) -> Option<f64> {
 pub fn parse_f64(path: &Path, bytes: &[u8]) -> Result<(Vec<f64>, usize)> {
     let header = Header::parse(path, bytes)?;
     VALUES.check(path.display(), header.rows as f64 * header.columns as f64, "cut the file into parts")?;
+    let big_endian = header.dtype.starts_with('>');
+    macro_rules! read {
+        ($type:ty) => {
+            header.values(bytes, |number| {
+                (if big_endian { <$type>::from_be_bytes(number) } else { <$type>::from_le_bytes(number) }) as f64
+            })
+        };
+    }
     let values: Vec<f64> = match &header.dtype[1..] {
-        "f4" => header.values::<f32>(path, bytes)?.into_iter().map(f64::from).collect(),
-        "f8" => header.values::<f64>(path, bytes)?,
-        "i2" => header.values::<i16>(path, bytes)?.into_iter().map(f64::from).collect(),
-        "i4" => header.values::<i32>(path, bytes)?.into_iter().map(f64::from).collect(),
-        "i8" => header.values::<i64>(path, bytes)?.into_iter().map(|v| v as f64).collect(),
-        "u1" => header.values::<u8>(path, bytes)?.into_iter().map(f64::from).collect(),
-        "u2" => header.values::<u16>(path, bytes)?.into_iter().map(f64::from).collect(),
+        "f4" => read!(f32),
+        "f8" => read!(f64),
+        "i2" => read!(i16),
+        "i4" => read!(i32),
+        "i8" => read!(i64),
+        "u1" => read!(u8),
+        "u2" => read!(u16),
         _ => return Err(Error::invalid(path.display(), format!("dtype {} is not supported", header.dtype))),
     };
     Ok((values, header.columns))
@@ -83,7 +92,7 @@ pub fn parse_f64(path: &Path, bytes: &[u8]) -> Result<(Vec<f64>, usize)> {
 /// # Panics
 /// If the codes are not a whole number of samples: a programming error of the caller.
 pub fn bytes_i16(codes: &[i16], channels: usize) -> Vec<u8> {
-    bytes(codes, channels, "<i2")
+    bytes(codes, channels, "<i2", i16::to_le_bytes)
 }
 
 /// An array file of a prediction as `<f4`, shape samples x channels.
@@ -91,21 +100,23 @@ pub fn bytes_i16(codes: &[i16], channels: usize) -> Vec<u8> {
 /// # Panics
 /// If the values are not a whole number of samples: a programming error of the caller.
 pub fn bytes_f32(values: &[f32], channels: usize) -> Vec<u8> {
-    bytes(values, channels, "<f4")
+    bytes(values, channels, "<f4", f32::to_le_bytes)
 }
 
-fn bytes<T: npyz::Serialize + Copy>(values: &[T], channels: usize, dtype: &str) -> Vec<u8> {
+fn bytes<T: npyz::Serialize + Copy, const SIZE: usize>(
+    values: &[T],
+    channels: usize,
+    dtype: &str,
+    number: impl Fn(T) -> [u8; SIZE],
+) -> Vec<u8> {
     assert!(channels > 0 && values.len().is_multiple_of(channels), "whole samples");
     let shape = [(values.len() / channels) as u64, channels as u64];
     let mut bytes = Vec::with_capacity(size_of_val(values) + 128);
-    let written = (|| {
-        let dtype = npyz::DType::Plain(dtype.parse().expect("a valid type string"));
-        let options = npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(&mut bytes);
-        let mut writer = options.begin_nd()?;
-        writer.extend(values.iter().copied())?;
-        writer.finish()
-    })();
-    written.expect("memory takes every byte of an array of its type");
+    let dtype = npyz::DType::Plain(dtype.parse().expect("a valid type string"));
+    let options = npyz::WriteOptions::<T>::new().dtype(dtype).shape(&shape).writer(&mut bytes);
+    // The header is written with the first call; the writer itself would only count the numbers.
+    drop(options.begin_nd().expect("memory takes every header"));
+    bytes.extend(values.iter().flat_map(|&value| number(value)));
     bytes
 }
 
@@ -115,6 +126,8 @@ struct Header {
     rows: usize,
     columns: usize,
     fortran: bool,
+    /// Where the numbers begin.
+    data: usize,
 }
 
 impl Header {
@@ -151,17 +164,17 @@ impl Header {
             return Err(refuse(what));
         }
         let fortran = header.order() == Order::Fortran;
-        Ok(Self { dtype, rows: rows as usize, columns: columns as usize, fortran })
+        Ok(Self { dtype, rows: rows as usize, columns: columns as usize, fortran, data: bytes.len() - rest.len() })
     }
 
-    /// Values in rows x columns order.
-    fn values<T: npyz::Deserialize + Copy>(&self, path: &Path, bytes: &[u8]) -> Result<Vec<T>> {
-        let values: Vec<T> = NpyFile::new(bytes).and_then(|file| file.into_vec()).map_err(Error::file(path))?;
+    /// Numbers in rows x columns order.
+    fn values<T: Copy, const SIZE: usize>(&self, bytes: &[u8], number: impl Fn([u8; SIZE]) -> T) -> Vec<T> {
+        let (numbers, _) = bytes[self.data..].as_chunks();
         if !self.fortran || self.columns == 1 {
-            return Ok(values);
+            return numbers.iter().map(|bytes| number(*bytes)).collect();
         }
         let index = (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| column * self.rows + row));
-        Ok(index.map(|i| values[i]).collect())
+        index.map(|i| number(numbers[i])).collect()
     }
 }
 

@@ -309,6 +309,34 @@ pub fn fit_with_residual(
     Ok(hover.onto(svg))
 }
 
+/// Points with curves through and above them.
+///
+/// # Errors
+/// A picture that cannot be drawn.
+pub fn scatter(points: &Series, curves: &[Series], axes: Axes) -> Result<String> {
+    let (dots, lines): (_, Vec<_>) = (points.finite(), curves.iter().map(Series::finite).collect());
+    let all = || dots.iter().chain(lines.iter().flatten());
+    let x = range(all().map(|p| p.0), 0.02);
+    let y = range(all().map(|p| p.1), 0.06);
+    draw(380, |area| {
+        let mut chart = chart!(area, x.clone(), headroom(y, 1 + lines.len()), axes, 12);
+        let style = colour(0).mix(0.5).filled();
+        chart
+            .draw_series(dots.iter().map(|&p| Circle::new(p, 2, style)))?
+            .label(&points.name)
+            .legend(|(x, y)| Circle::new((x + 9, y), 3, colour(0).filled()));
+        for (i, (series, line)) in curves.iter().zip(lines).enumerate() {
+            let style = colour(i + 1).stroke_width(2);
+            chart
+                .draw_series(LineSeries::new(line, style))?
+                .label(&series.name)
+                .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
+        }
+        legend!(chart, 1 + curves.len());
+        Ok(())
+    })
+}
+
 /// Stems from zero: line tables, orders, coefficients.
 ///
 /// # Errors

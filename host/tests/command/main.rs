@@ -4,7 +4,10 @@
 mod common;
 
 mod analyse;
+mod capture;
 mod cli;
+mod commission;
+mod emulated_line;
 mod field;
 mod foreign_formats;
 mod hostile_import;

@@ -34,6 +34,7 @@ fn status() -> Status {
         limited: false,
         safe_rate: false,
         block: 0,
+        capture: meshband::waveform::CapturePhase::Watching,
     }
 }
 

@@ -4,7 +4,10 @@ mod adverse;
 mod carried;
 #[path = "../common/mod.rs"]
 mod common;
+mod gate;
 mod generator;
+mod names;
+mod stages;
 
 use generator::{BENCH, Bench, Impacts, Line};
 use meshband_host::kinematic::baseline::Baseline;

@@ -5,11 +5,12 @@
 //! to [`Configuration`] itself, and what is appended means at its first value what was so before: configurations of older
 //! schemas are thus read by the present layout ([`crate::schema`]).
 
-use super::LinkConfig;
+use super::{CaptureConfig, LinkConfig};
 use crate::alarm::{AlarmBand, AlarmHolding};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
 use crate::levels::{self, LevelPoint, MAX_LEVELS};
+use crate::link::compact;
 use crate::message::Bound;
 use crate::rate_plan::{RateLimits, RatePolicy};
 use crate::schema;
@@ -17,8 +18,8 @@ use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link.
-pub const SCHEMA: u16 = 5;
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link, 5 without capture.
+pub const SCHEMA: u16 = 6;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -221,6 +222,8 @@ pub struct Configuration {
     pub levels: Vec<LevelPoint, MAX_LEVELS>,
     /// What the line speaks from the next start on.
     pub link: LinkConfig,
+    /// Which waveforms are kept.
+    pub capture: CaptureConfig,
 }
 
 /// The first field found wrong.
@@ -267,6 +270,8 @@ pub enum ConfigurationError {
     Levels,
     /// `link.address` or `link.bits_per_second`
     Link,
+    /// `capture.rate`: neither 0 nor 4 to 100 kHz.
+    Capture,
 }
 
 impl ConfigurationError {
@@ -301,6 +306,7 @@ impl ConfigurationError {
             Self::Link => {
                 "must be a Modbus address of 1 to 247 (0 only without Modbus), and 2400 to 115200 bit/s or 0 for 19200"
             }
+            Self::Capture => "must be 0 for 10 kHz, or 4000 Hz to 100 kHz",
         }
     }
 
@@ -327,6 +333,7 @@ impl ConfigurationError {
             Self::PassBand => "pass.analogue, pass.sensor",
             Self::Levels => "levels",
             Self::Link => "link.address, link.bits_per_second",
+            Self::Capture => "capture.rate",
         }
     }
 }
@@ -370,6 +377,7 @@ impl Default for Configuration {
             latched: 0,
             levels: Vec::new(),
             link: LinkConfig::default(),
+            capture: CaptureConfig::default(),
         }
     }
 }
@@ -377,6 +385,12 @@ impl Default for Configuration {
 impl Configuration {
     /// Upper bound of the postcard form, bytes.
     pub const MAX_SERIALISED: usize = 1024;
+
+    /// Writes the postcard form to the beginning of `room`: how many bytes, or `None` where they do not fit. One copy of its code in an image.
+    #[inline(never)]
+    pub fn to_stored(&self, room: &mut [u8]) -> Option<usize> {
+        compact::write(self, room)
+    }
 
     /// A configuration in postcard form, of this schema or brought up to it from an older one; `None` for one that is not
     /// understood, a newer one above all.
@@ -441,6 +455,7 @@ impl Configuration {
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
         ensure(levels::are_sane(&self.levels), E::Levels)?;
         ensure(self.link.is_sane(), E::Link)?;
+        ensure(self.capture.is_sane(), E::Capture)?;
         Ok(())
     }
 

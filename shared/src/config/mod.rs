@@ -2,10 +2,12 @@
 //!
 //! Bytes in, one validated [`Configuration`] out; the node takes nothing else.
 
+mod capture;
 mod configuration;
 mod link;
 pub mod schema;
 pub mod store;
 
+pub use capture::{CaptureConfig, CaptureRate};
 pub use configuration::*;
 pub use link::*;

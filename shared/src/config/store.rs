@@ -129,7 +129,7 @@ impl<F: NorFlash> Store<F> {
         self.check_geometry()?;
         let mut record = [BLANK; SLOT];
         let (header, payload) = record.split_at_mut(HEADER);
-        let length = postcard::to_slice(config, payload).map_err(|_| StoreError::TooLong)?.len();
+        let length = config.to_stored(payload).ok_or(StoreError::TooLong)?;
         let newest = self.find_newest().map_err(StoreError::Flash)?;
         let sequence = newest.map_or(0, |newest| newest.sequence.wrapping_add(1));
         write_header(header, sequence, payload.get(..length).unwrap_or_default());

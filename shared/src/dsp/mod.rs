@@ -4,6 +4,7 @@
 
 pub mod alias;
 pub mod band_velocity;
+pub mod capture_decimator;
 pub mod code_moments;
 pub mod comb;
 pub mod decimate;
@@ -16,6 +17,7 @@ pub mod order;
 pub mod order_chain;
 pub mod peaks;
 pub mod rise_time;
+pub mod sample_ring;
 pub mod shaft_lines;
 pub mod spectrum;
 pub mod stream;

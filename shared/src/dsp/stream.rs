@@ -19,15 +19,15 @@ pub const CHUNK: usize = 128;
 
 /// What the clock of an output needs to know of its filter.
 #[derive(Clone, Copy, Debug)]
-struct Filter {
-    ratio: u32,
-    delay_samples: u32,
-    settling_outputs: u32,
+pub(crate) struct Filter {
+    pub(crate) ratio: u32,
+    pub(crate) delay_samples: u32,
+    pub(crate) settling_outputs: u32,
 }
 
 /// The time of a filter's outputs.
 #[derive(Clone, Debug)]
-struct OutputClock {
+pub(crate) struct OutputClock {
     /// Tick of the first ADC sample.
     origin: u64,
     period_ticks: u32,
@@ -35,12 +35,17 @@ struct OutputClock {
 }
 
 impl OutputClock {
-    fn new(origin: u64, period_ticks: u32) -> Self {
+    pub(crate) const fn new(origin: u64, period_ticks: u32) -> Self {
         Self { origin, period_ticks, outputs: 0 }
     }
 
+    /// Ticks from one ADC sample to the next.
+    pub(crate) fn period_ticks(&self) -> u32 {
+        self.period_ticks
+    }
+
     /// Counts outputs; the settled ones and the tick of the first of them.
-    fn take<'a>(&mut self, outputs: &'a [f32], filter: Filter) -> (&'a [f32], u64) {
+    pub(crate) fn take<'a>(&mut self, outputs: &'a [f32], filter: Filter) -> (&'a [f32], u64) {
         let first = self.outputs;
         let count = outputs.len() as u64;
         self.outputs += count;

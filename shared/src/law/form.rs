@@ -173,8 +173,8 @@ impl LawForm {
 
     fn is_finite(&self) -> bool {
         match *self {
-            LawForm::Quadratic { a_per_hz, b, c_hz } => (a_per_hz + b + c_hz).is_finite(),
-            LawForm::Physical { ramp_turns, mode_rise_s } => (ramp_turns + mode_rise_s).is_finite(),
+            LawForm::Quadratic { a_per_hz, b, c_hz } => a_per_hz.is_finite() && b.is_finite() && c_hz.is_finite(),
+            LawForm::Physical { ramp_turns, mode_rise_s } => ramp_turns.is_finite() && mode_rise_s.is_finite(),
             // Judged by its own check.
             LawForm::Tabulated(_) => true,
         }

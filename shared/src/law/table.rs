@@ -1,8 +1,8 @@
 //! The tabulated law: knots in speed and bandwidth with a monotone cubic between their logarithms.
 //!
 //! Around the knee between the mode-limited and the ramp-limited range no form with two or three coefficients follows
-//! the bandwidth. Piecewise cubic Hermite in log speed and log bandwidth with three-point slopes and their limiter
-//! (Fritsch and Carlson 1980) follows it and never overshoots its knots. Above the last knot the bandwidth is
+//! the bandwidth. Piecewise cubic Hermite in log speed and log bandwidth, its slopes weighted harmonic means of the secants
+//! (Fritsch and Butland 1984), follows it and never overshoots its knots. Above the last knot the bandwidth is
 //! proportional to speed (ramp-limited), below the first constant (mode-limited). The host's `law::table` is the same in
 //! double precision; the two agree within 1e-5.
 //!

@@ -9,6 +9,7 @@
 //! Readers of another schema take what they know of a frame ([`crate::schema`]); a kind of message that is not known is
 //! skipped and counted ([`FrameError::Unknown`]), and a sender that cannot be read at all is named ([`FrameError::Version`]).
 
+use crate::link::compact;
 use crate::message::{Message, OLDEST_READABLE, OLDEST_READER, Reply, Request, WIRE_SCHEMA};
 use crate::schema;
 use core::cmp::Ordering;
@@ -152,7 +153,7 @@ pub fn encode<'b, 'p>(
     content[1] = OLDEST_READER;
     content[2..HEADER].copy_from_slice(&sequence.to_le_bytes());
     let body = &mut content[HEADER..MAX_CONTENT - CHECKSUM];
-    let length = postcard::to_slice(&packet.into(), body).map_err(|_| FrameError::NoRoom)?.len();
+    let length = compact::write(&packet.into(), body).ok_or(FrameError::NoRoom)?;
     let end = HEADER + length;
     let checksum = CRC32.checksum(content.get(..end).ok_or(FrameError::NoRoom)?);
     let place = content.get_mut(end..end + CHECKSUM).ok_or(FrameError::NoRoom)?;

@@ -13,11 +13,12 @@ use crate::node::State;
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
 use crate::update::{RunningImage, UpdateRequest, UpdateStatus};
+use crate::waveform::{CapturePart, CapturePhase, CaptureReport};
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 7;
+pub const WIRE_SCHEMA: u8 = 8;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -57,7 +58,7 @@ pub enum Request {
     Stop,
     /// Send the next wideband waveform.
     Snapshot,
-    /// Run the self-test again; its result comes as a message.
+    /// Run the self-test again, unless the last request for it is less than a second old; its result comes as a message.
     SelfTest,
     /// Send all kept events again.
     Events,
@@ -67,6 +68,22 @@ pub enum Request {
     AcknowledgeAlarms,
     /// A step of an update.
     Update(UpdateRequest),
+    /// Begin a waveform now, as an alarm does; answered by what the node does about waveforms.
+    TriggerCapture,
+    /// What the node does about waveforms, and which one it holds.
+    GetCapture,
+    /// Part of the bytes of the waveform held.
+    ReadCapture {
+        /// Which waveform.
+        number: u32,
+        /// First byte.
+        offset: u32,
+    },
+    /// The waveform of this number has arrived, or is not wanted: the memory may be used again.
+    ReleaseCapture {
+        /// Which waveform.
+        number: u32,
+    },
 }
 
 /// Answers.
@@ -92,6 +109,10 @@ pub enum Reply {
     Statistics(Statistics),
     /// How far an update is.
     Update(UpdateStatus),
+    /// What the node does about waveforms.
+    Capture(CaptureReport),
+    /// Part of a waveform.
+    CapturePart(CapturePart),
 }
 
 /// Who a node is; the schema numbers come first, so that every program can read them.
@@ -194,6 +215,8 @@ pub struct Status {
     pub bound: Bound,
     /// Alarms.
     pub alarms: AlarmState,
+    /// What the node does about waveforms.
+    pub capture: CapturePhase,
 }
 
 /// What bounds the available bandwidth.

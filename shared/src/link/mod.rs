@@ -6,12 +6,14 @@
 //! line, a little faster than the pace, may in addition stand still for what fills the rest of [`QUEUE`], 45 ms: longer than
 //! the longest turn of any main loop. Only a line that really stops (a host that does not read) loses frames, whole and counted.
 
+pub mod compact;
 pub mod frame;
 pub mod message;
 pub mod pace;
 pub mod receive_circle;
 pub mod send_ring;
 pub mod session;
+pub mod waveform;
 
 use crate::frame::MAX_FRAME;
 

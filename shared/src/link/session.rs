@@ -4,7 +4,7 @@
 //! frames, byte for byte. The session also runs the self-test, and paces what leaves ([`crate::link`]).
 
 use crate::board::Timing;
-use crate::buffers::Buffers;
+use crate::buffers::{Arrays, LentArrays, OwnArrays};
 use crate::config::LineFormat;
 use crate::config::{Configuration, ConfigurationError};
 use crate::events::EventKind;
@@ -16,12 +16,11 @@ use crate::modbus::station::{Mode, Station};
 use crate::node::{Block, Node};
 use crate::self_test::SelfTestRun;
 use crate::update::{UpdateRequest, UpdateStatus};
-use core::borrow::BorrowMut;
 
 /// A node, the receiver of its commands and the counter of its frames.
 #[derive(Clone, Debug)]
-pub struct Session<B = Buffers> {
-    node: Node<B>,
+pub struct Session<A = OwnArrays> {
+    node: Node<A>,
     decoder: Decoder<Incoming>,
     test: SelfTestRun,
     pace: Pace,
@@ -34,7 +33,7 @@ pub struct Session<B = Buffers> {
 }
 
 /// A session whose arrays lie in a static of the board.
-pub type BoardSession = Session<&'static mut Buffers>;
+pub type BoardSession = Session<LentArrays<'static>>;
 
 impl Session {
     /// A node with its arrays inside that waits for its tach, with a fresh link.
@@ -46,34 +45,34 @@ impl Session {
         board: impl Into<Timing>,
         identity: Identity,
     ) -> Result<Self, ConfigurationError> {
-        Session::with_buffers(config, board, identity, Buffers::ZERO)
+        Session::with_arrays(config, board, identity, OwnArrays::new())
     }
 }
 
-impl<B: BorrowMut<Buffers>> Session<B> {
-    /// A node with its arrays elsewhere, see [`Node::with_buffers`].
+impl<A: Arrays> Session<A> {
+    /// A node with its arrays elsewhere, see [`Node::with_arrays`].
     ///
     /// # Errors
     /// The first field of the configuration that is out of range.
-    pub fn with_buffers(
+    pub fn with_arrays(
         config: Configuration,
         board: impl Into<Timing>,
         identity: Identity,
-        buffers: B,
+        arrays: A,
     ) -> Result<Self, ConfigurationError> {
         let board = board.into();
         config.validate(board)?;
-        let mut session = Self::of_valid(config, board, buffers);
+        let mut session = Self::of_valid(config, board, arrays);
         session.begin(identity);
         Ok(session)
     }
 
-    /// As [`Session::with_buffers`], of a configuration that [`Configuration::validate`] accepts for this board; another one
+    /// As [`Session::with_arrays`], of a configuration that [`Configuration::validate`] accepts for this board; another one
     /// gives a node whose figures mean nothing. Not yet begun: whoever holds the session calls [`Session::begin`] in its place.
     /// What is only put together, and changed nowhere before it lies where it stays, is built there; anything else is a copy
     /// of 13 KB on a board's stack.
     #[inline(never)]
-    pub fn of_valid(config: Configuration, board: Timing, buffers: B) -> Self {
+    pub fn of_valid(config: Configuration, board: Timing, arrays: A) -> Self {
         Self {
             decoder: Decoder::new(),
             test: SelfTestRun::at_start(board.clock, true),
@@ -83,7 +82,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
             unsent: 0,
             commit: false,
             commits: 0,
-            node: Node::of_valid(config, board, buffers),
+            node: Node::of_valid(config, board, arrays),
         }
     }
 
@@ -96,12 +95,12 @@ impl<B: BorrowMut<Buffers>> Session<B> {
     }
 
     /// The node itself.
-    pub fn node(&self) -> &Node<B> {
+    pub fn node(&self) -> &Node<A> {
         &self.node
     }
 
     /// The node itself, for the board's own notes and self-test.
-    pub fn node_mut(&mut self) -> &mut Node<B> {
+    pub fn node_mut(&mut self) -> &mut Node<A> {
         &mut self.node
     }
 
@@ -244,7 +243,7 @@ impl<B: BorrowMut<Buffers>> Session<B> {
             return self.send(PacketRef::Reply(&Reply::Update(status)), send);
         }
         self.commit |= matches!(request, Request::CommitConfiguration);
-        if matches!(request, Request::SelfTest) {
+        if matches!(request, Request::SelfTest) && !self.test.is_recent(self.node.clock()) {
             self.test = SelfTestRun::again(self.node.check_mathematics());
             self.node.set_self_test(self.test.result());
         }

@@ -12,7 +12,7 @@
 use super::MAP_VERSION;
 use super::bank::{Bank, Harmonic, Mesh};
 use super::line::Heard;
-use crate::buffers::Buffers;
+use crate::buffers::Arrays;
 use crate::config::{GearPair, SCHEMA};
 use crate::identity::VERSION;
 use crate::levels::{Departure, Departures};
@@ -20,7 +20,6 @@ use crate::message::{AlarmState, Indicators, Quality, SelfTest, Statistics, Stat
 use crate::node::{Node, State};
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
-use core::borrow::BorrowMut;
 
 /// What of a frame's life on the line is told in registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,7 +49,7 @@ pub struct View<'a> {
 
 impl<'a> View<'a> {
     /// A node with what was kept of its results.
-    pub fn of<B: BorrowMut<Buffers>>(node: &Node<B>, bank: &'a Bank, traffic: Traffic) -> Self {
+    pub fn of<A: Arrays>(node: &Node<A>, bank: &'a Bank, traffic: Traffic) -> Self {
         let ticks_per_second = node.clock().0;
         let (now, started) = node.lifetime();
         Self {

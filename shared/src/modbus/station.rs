@@ -11,12 +11,11 @@ use super::bank::Bank;
 use super::line::Line;
 use super::map::{Traffic, View};
 use super::server::{self, Answer};
-use crate::buffers::Buffers;
+use crate::buffers::Arrays;
 use crate::config::{LineFormat, LinkConfig, Personality};
 use crate::message::Message;
 use crate::node::Node;
 use crate::units::TicksPerSecond;
-use core::borrow::BorrowMut;
 
 /// How long a node listens for the link before it speaks Modbus.
 pub const LISTENING_S: u32 = 3;
@@ -86,7 +85,7 @@ impl Station {
     }
 
     /// Once per turn of the main loop, after the bytes that were there: ends the listening, or gives the answer to a request.
-    pub fn follow<B: BorrowMut<Buffers>>(&mut self, node: &Node<B>, now: u32) -> Option<Answer> {
+    pub fn follow<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<Answer> {
         match self.mode {
             Mode::Meshband => None,
             Mode::Listening { since } => {
@@ -99,7 +98,7 @@ impl Station {
         }
     }
 
-    fn serve<B: BorrowMut<Buffers>>(&mut self, node: &Node<B>, now: u32) -> Option<Answer> {
+    fn serve<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<Answer> {
         let request = self.line.look(self.link.address, now)?;
         let traffic = Traffic { heard: self.line.heard(), exceptions: self.exceptions };
         let view = View::of(node, &self.bank, traffic);

@@ -6,14 +6,14 @@
 
 use super::Node;
 use crate::alarm::{Alarm, AlarmChange, Watched};
-use crate::buffers::Buffers;
+use crate::buffers::Arrays;
 use crate::config::{Configuration, MAX_ALARMS};
 use crate::events::EventKind;
 use crate::message::{AlarmState, Quality};
 use crate::units::Hertz;
-use core::borrow::BorrowMut;
+use crate::waveform::Trigger;
 
-impl<B: BorrowMut<Buffers>> Node<B> {
+impl<A: Arrays> Node<A> {
     /// Puts a value to the limits of its quantity; `speed` where there is one to believe.
     pub(super) fn watch(&mut self, watched: Watched, speed: Option<Hertz>, value: f32) {
         let holding = self.config.holding;
@@ -31,7 +31,10 @@ impl<B: BorrowMut<Buffers>> Node<B> {
                 alarm.raised_by(speed);
             }
             match change {
-                Some(AlarmChange::Raised) => self.note(EventKind::AlarmRaised, index as u32),
+                Some(AlarmChange::Raised) => {
+                    self.note(EventKind::AlarmRaised, index as u32);
+                    self.trigger_capture(Trigger::Alarm { index: index as u8 });
+                }
                 Some(AlarmChange::Cleared) => self.note(EventKind::AlarmCleared, index as u32),
                 None => {}
             }

@@ -1,13 +1,17 @@
 //! The node's large memory, apart from its state.
 //!
-//! All arrays, all zero at the start: a static of this type lies in .bss, costs no flash and no start-up time, and is
-//! never on the stack. The node itself is a few KiB that may be moved.
+//! [`Buffers`] are all zero at the start: a static of this type lies in .bss, costs no flash and no start-up time, and is
+//! never on the stack. [`Capture`], which no more RAM than this is left for, lies where a board has other memory. The node itself is a few
+//! KiB that may be moved.
 //!
 //! RAM: order tracking 32 KiB, mesh bands 12 bytes per point and harmonic, average 8 KiB, wideband record 16 KiB, kept
 //! snapshot 8 KiB; the sum is asserted below.
 
+use crate::capture::Capture;
 use crate::mesh_band::Chain;
+use crate::sample_ring::SampleRing;
 use crate::stream::WIDE_POINTS;
+use core::borrow::BorrowMut;
 
 /// Order chain, wideband record and snapshot.
 #[derive(Clone, Debug)]
@@ -30,4 +34,94 @@ impl Buffers {
 /// Most bytes of [`Buffers`].
 pub const BUDGET: usize = 87 * 1024;
 
+/// Most bytes of [`Capture`] with its samples.
+const CAPTURE_BUDGET: usize = 25 * 1024;
+
 const _: () = assert!(core::mem::size_of::<Buffers>() <= BUDGET);
+const _: () = assert!(core::mem::size_of::<Capture>() <= CAPTURE_BUDGET);
+
+/// Where a node's arrays lie.
+pub trait Arrays {
+    /// How the samples of waveforms are held.
+    type Ring: BorrowMut<SampleRing>;
+
+    /// All of them.
+    fn parts(&mut self) -> (&mut Buffers, &mut Capture<Self::Ring>);
+
+    /// What the products are made in.
+    fn buffers(&self) -> &Buffers;
+
+    /// Waveforms.
+    fn capture(&self) -> &Capture<Self::Ring>;
+
+    /// What the products are made in.
+    fn buffers_mut(&mut self) -> &mut Buffers {
+        self.parts().0
+    }
+
+    /// Waveforms.
+    fn capture_mut(&mut self) -> &mut Capture<Self::Ring> {
+        self.parts().1
+    }
+}
+
+/// Arrays of a node's own.
+#[derive(Clone, Debug)]
+pub struct OwnArrays {
+    buffers: Buffers,
+    capture: Capture,
+}
+
+impl OwnArrays {
+    /// Empty arrays.
+    pub fn new() -> Self {
+        Self { buffers: Buffers::ZERO, capture: Capture::new(SampleRing::EMPTY) }
+    }
+}
+
+impl Default for OwnArrays {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Arrays for OwnArrays {
+    type Ring = SampleRing;
+
+    fn parts(&mut self) -> (&mut Buffers, &mut Capture) {
+        (&mut self.buffers, &mut self.capture)
+    }
+
+    fn buffers(&self) -> &Buffers {
+        &self.buffers
+    }
+
+    fn capture(&self) -> &Capture {
+        &self.capture
+    }
+}
+
+/// Arrays in statics of a board.
+#[derive(Debug)]
+pub struct LentArrays<'a> {
+    /// What the products are made in.
+    pub buffers: &'a mut Buffers,
+    /// Waveforms.
+    pub capture: &'a mut Capture<&'static mut SampleRing>,
+}
+
+impl Arrays for LentArrays<'_> {
+    type Ring = &'static mut SampleRing;
+
+    fn parts(&mut self) -> (&mut Buffers, &mut Capture<&'static mut SampleRing>) {
+        (self.buffers, self.capture)
+    }
+
+    fn buffers(&self) -> &Buffers {
+        self.buffers
+    }
+
+    fn capture(&self) -> &Capture<&'static mut SampleRing> {
+        self.capture
+    }
+}

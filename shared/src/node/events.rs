@@ -72,10 +72,14 @@ pub enum EventKind {
     AlarmsAcknowledged,
     /// A step of an update; detail has the step ([`crate::update::receiver::Step`]) in its highest byte, the image's version below.
     Update,
+    /// A waveform is complete and held until a host releases it; detail is its number.
+    CaptureHeld,
+    /// A trigger found another waveform begun or held; detail is how many have so far.
+    CaptureMissed,
 }
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::Update as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::CaptureMissed as usize + 1;
 
 const _: () = assert!(EVENT_KINDS <= MAX_EVENT_COUNTS);
 

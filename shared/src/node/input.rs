@@ -2,15 +2,15 @@
 
 use super::{Block, HOLD_AFTER_TURN, Node, RISE_INTERVAL_S, State, WIDE_PER_SECOND, WideUse};
 use crate::bandwidth_watch::BandwidthWatch;
-use crate::buffers::Buffers;
+use crate::buffers::{Arrays, Buffers};
 use crate::events::EventKind;
 use crate::mesh_band::{self, MeshPlan};
 
 use crate::stream::WIDE_POINTS;
 use crate::tach::Validity;
-use core::borrow::BorrowMut;
+use crate::waveform::CaptureEnd;
 
-impl<B: BorrowMut<Buffers>> Node<B> {
+impl<A: Arrays> Node<A> {
     /// Sequence, time and overrun: anything that breaks the sample grid restarts the records.
     pub(super) fn check_continuity(&mut self, block: &Block<'_>, first: u64, period: u32) {
         let mut broken = block.overrun;
@@ -31,6 +31,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.next_tick = first + u64::from(period) * block.codes.len() as u64;
         if broken {
             self.values.note_gap(first);
+            self.break_capture(CaptureEnd::SamplesLost);
             // The wideband record's search is the longest turn there is: begun at every gap it would cause the next one.
             // One that was cut short has not cost it yet.
             let due = if self.wide_use == WideUse::Record { first } else { self.wide_due };
@@ -40,6 +41,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             self.stream.set_origin(first);
         }
         if fresh {
+            self.break_capture(CaptureEnd::Commanded);
             self.values.restart(first);
         }
     }
@@ -61,6 +63,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.active = wanted;
         if !same_chain {
             self.note(EventKind::RateChanged, period);
+            self.break_capture(CaptureEnd::RateChanged);
             self.restart_stream(first);
             self.post_status(sequence);
         }
@@ -69,7 +72,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     pub(super) fn restart_stream(&mut self, first: u64) {
         self.mesh_plan = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.adc);
         self.stream.restart(first, self.active.period_ticks, self.mesh_plan.decimation);
-        self.buffers.borrow_mut().chain.set_samples_per_pitch(usize::from(self.mesh_plan.samples_per_pitch));
+        self.arrays.buffers_mut().chain.set_samples_per_pitch(usize::from(self.mesh_plan.samples_per_pitch));
         self.wide_use = WideUse::Idle;
         self.wide_due = first;
         if matches!(self.state, State::Settling | State::Measuring) {
@@ -133,7 +136,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// Filters at most [`CHUNK`] codes and takes what comes out.
     pub(super) fn take_chunk(&mut self, codes: &[u16]) {
         let sensor = self.sensor();
-        let Buffers { chain, wide: record, .. } = self.buffers.borrow_mut();
+        let Buffers { chain, wide: record, .. } = self.arrays.buffers_mut();
         let (wide_use, watch) = (self.wide_use, &mut self.bandwidth_watch);
         let (count, from) = (&mut self.wide_count, &mut self.wide_tick);
         let mut complete = false;
@@ -165,7 +168,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     /// Resamples complete turns and takes what they complete.
     pub(super) fn follow_turns(&mut self) {
-        let chain = &mut self.buffers.borrow_mut().chain;
+        let chain = &mut self.arrays.buffers_mut().chain;
         let progress = chain.process();
         if progress.turns > 0 {
             self.hold = self.hold.max(HOLD_AFTER_TURN);
@@ -173,7 +176,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if progress.records > 0 {
             self.finish_mesh();
         }
-        let chain = &mut self.buffers.borrow_mut().chain;
+        let chain = &mut self.arrays.buffers_mut().chain;
         let wanted = mesh_band::average_turns(self.config.gears.pinion_teeth, self.config.gears.gear_teeth).0;
         if chain.average().turns() >= wanted {
             self.finish_average();

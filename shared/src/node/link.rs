@@ -4,7 +4,7 @@ use super::planning::safe_grant;
 use super::{Node, State, value_record};
 use crate::alarm::Alarm;
 use crate::bandwidth_watch::BandwidthWatch;
-use crate::buffers::Buffers;
+use crate::buffers::Arrays;
 use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
 use crate::events::EventKind;
 use crate::identity::VERSION;
@@ -16,10 +16,10 @@ use crate::rate_plan::RatePlan;
 use crate::stream::WIDE_POINTS;
 use crate::turn_marks::TurnMarks;
 use crate::update::UpdateStatus;
-use core::borrow::BorrowMut;
+use crate::waveform::{CaptureEnd, Trigger};
 use heapless::{String, Vec};
 
-impl<B: BorrowMut<Buffers>> Node<B> {
+impl<A: Arrays> Node<A> {
     pub(super) fn post_status(&mut self, block: u32) {
         let speed = self.present_speed();
         let law = self.config.law.bandwidth(if self.safe_rate { self.config.law.highest } else { speed.pinion });
@@ -48,6 +48,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             available_hz,
             bound,
             alarms: self.alarm_state(),
+            capture: self.arrays.capture().phase(),
         });
         self.status_due = self.next_tick + u64::from(self.clock.0);
     }
@@ -84,7 +85,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     pub(super) fn next_snapshot(&mut self) -> Option<Snapshot> {
         let offset = self.snapshot_sent?;
-        let rest = self.buffers.borrow().snapshot.get(offset..)?;
+        let rest = self.arrays.buffers().snapshot.get(offset..)?;
         let samples: Vec<i16, SNAPSHOT_CHUNK> = rest.iter().take(SNAPSHOT_CHUNK).copied().collect();
         let next = offset + samples.len();
         self.snapshot_sent = (next < WIDE_POINTS).then_some(next);
@@ -124,6 +125,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             }
             Request::Stop => {
                 self.state = State::Stopped;
+                self.break_capture(CaptureEnd::Commanded);
                 Reply::Done
             }
             Request::Snapshot => {
@@ -142,6 +144,13 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             }
             // A session takes it before it comes here.
             Request::Update(_) => Reply::Update(UpdateStatus::NOT_SUPPORTED),
+            Request::TriggerCapture => {
+                self.trigger_capture(Trigger::Request);
+                Reply::Capture(self.arrays.capture().report())
+            }
+            Request::GetCapture => Reply::Capture(self.arrays.capture().report()),
+            Request::ReadCapture { number, offset } => Reply::CapturePart(self.capture_part(number, offset)),
+            Request::ReleaseCapture { number } => Reply::Capture(self.release_capture(number)),
         }
     }
 
@@ -155,6 +164,8 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if let Err(error) = config.validate(self.plan.timing()) {
             return self.refuse(error);
         }
+        // What was taken under the old one is described by it.
+        self.break_capture(CaptureEnd::Commanded);
         self.plan = RatePlan::new(self.plan.timing(), config.limits);
         self.tach = self.tach.for_wheel(config.tach);
         self.tach_locked = false;
@@ -168,13 +179,14 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.departures = Departures::NONE;
         self.bandwidth_watch = BandwidthWatch::default();
         self.config = Configuration { latched: 0, ..config };
-        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config, self.clock);
+        mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);
         self.values = value_record(&self.config, self.clock);
         self.values.restart(self.next_tick);
         if self.state != State::Stopped {
             self.state = State::WaitingForTach;
         }
         self.restart_stream(self.next_tick);
+        self.configure_capture();
         Reply::Done
     }
 

@@ -12,13 +12,13 @@
 //! than [`REPLAN_NOW`]: the spectrum policy's margin (2.56 against 2) covers that, so no bandwidth is lost in between.
 //! A record of 16 turns thus completes while the speed changes by less than a fifth within 20 turns: 5 %/s from 5 Hz on.
 //!
-//! The arrays lie in [`Buffers`]: inside the node on a host, in a static of their own on a board.
+//! The arrays lie in [`Arrays`]: inside the node on a host, in a static of their own on a board.
 
 use crate::alarm::Alarm;
 use crate::band_velocity::Edges;
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::board::Timing;
-use crate::buffers::Buffers;
+use crate::buffers::{Arrays, Buffers, OwnArrays};
 use crate::config::{Configuration, ConfigurationError, Gain, MAX_ALARMS, Sensor};
 use crate::events::{EventKind, EventLog};
 use crate::identity::Identity;
@@ -34,13 +34,15 @@ use crate::tach::{Speed, TachTracker};
 use crate::time::TickExtender;
 use crate::turn_marks::{Continuity, TurnMarks};
 use crate::units::{Acceleration, TicksPerSecond};
-use core::borrow::BorrowMut;
+use crate::waveform::CaptureEnd;
 use serde::{Deserialize, Serialize};
 
 pub mod alarm;
 mod alarms;
 pub mod bandwidth_watch;
 pub mod buffers;
+pub mod capture;
+mod capturing;
 pub mod events;
 mod input;
 pub mod levels;
@@ -71,7 +73,7 @@ const VELOCITY_TO_HZ: f32 = 1000.0;
 /// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
 const HOLD_AFTER_RECORD: u32 = 16;
 const HOLD_AFTER_TURN: u32 = 4;
-/// Most bytes of a node without its buffers.
+/// Most bytes of a node without its arrays.
 const STATE_BUDGET: usize = 13 * 1024;
 
 const _: () = assert!(core::mem::size_of::<Node<()>>() <= STATE_BUDGET);
@@ -134,9 +136,9 @@ enum WideUse {
     Edges,
 }
 
-/// The node; `B` is where its arrays are.
+/// The node; `A` is where its arrays are.
 #[derive(Clone, Debug)]
-pub struct Node<B = Buffers> {
+pub struct Node<A = OwnArrays> {
     config: Configuration,
     clock: TicksPerSecond,
     identity: Identity,
@@ -156,7 +158,7 @@ pub struct Node<B = Buffers> {
     safe_rate: bool,
     law_clamped: bool,
     stream: Stream,
-    buffers: B,
+    arrays: A,
     marks: TurnMarks,
     values: ValueRecord,
     /// Blocks still to pass before another rate may be asked for.
@@ -202,28 +204,24 @@ impl Node {
     /// A node that waits for its tach, with its arrays inside (about 90 KiB). `board` tells the common time
     /// base of samples and pulses and what sampling is bound to.
     pub fn new(config: Configuration, board: impl Into<Timing>) -> Result<Node, ConfigurationError> {
-        Node::with_buffers(config, board, Buffers::ZERO)
+        Node::with_arrays(config, board, OwnArrays::new())
     }
 }
 
-impl<B: BorrowMut<Buffers>> Node<B> {
-    /// A node with its arrays elsewhere: boards give a `&'static mut Buffers`.
-    pub fn with_buffers(
-        config: Configuration,
-        board: impl Into<Timing>,
-        buffers: B,
-    ) -> Result<Self, ConfigurationError> {
+impl<A: Arrays> Node<A> {
+    /// A node with its arrays elsewhere: boards give [`buffers::LentArrays`].
+    pub fn with_arrays(config: Configuration, board: impl Into<Timing>, arrays: A) -> Result<Self, ConfigurationError> {
         let timing = board.into();
         config.validate(timing)?;
-        let mut node = Self::of_valid(config, timing, buffers);
+        let mut node = Self::of_valid(config, timing, arrays);
         node.begin();
         Ok(node)
     }
 
-    /// As [`Node::with_buffers`], of a configuration known to be valid and before [`Node::begin`]: whoever holds the node
+    /// As [`Node::with_arrays`], of a configuration known to be valid and before [`Node::begin`]: whoever holds the node
     /// begins it in its place, so that the deepest call does not stand on top of copies of its 12 KB.
     #[inline(never)]
-    pub(crate) fn of_valid(config: Configuration, timing: Timing, buffers: B) -> Self {
+    pub(crate) fn of_valid(config: Configuration, timing: Timing, arrays: A) -> Self {
         let clock = timing.clock;
         let mut plan = RatePlan::new(timing, config.limits);
         let grant = safe_grant(&config, &mut plan);
@@ -243,7 +241,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             safe_rate: true,
             law_clamped: false,
             stream: Stream::new(),
-            buffers,
+            arrays,
             marks: TurnMarks::new(&config.tach),
             values: value_record(&config, clock),
             hold: 0,
@@ -291,8 +289,9 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     /// Sets up what lies in the buffers and waits for the first block.
     pub(crate) fn begin(&mut self) {
-        mesh_band::configure(&mut self.buffers.borrow_mut().chain, &self.config, self.clock);
+        mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);
         self.restart_stream(0);
+        self.configure_capture();
     }
 
     /// Latest instant known, and that of the start, ticks.
@@ -331,7 +330,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if self.wide_use == WideUse::Record {
             self.wide_count = 0;
         }
-        self_test::mathematics(&mut self.buffers.borrow_mut().wide) == self_test::MATHEMATICS_HASH
+        self_test::mathematics(&mut self.arrays.buffers_mut().wide) == self_test::MATHEMATICS_HASH
     }
 
     /// Tells the node on which board it runs.
@@ -342,6 +341,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     /// The board's amplifier has another gain from the next block on: amplitudes are scaled with it, and records begin anew.
     pub fn set_gain(&mut self, gain: Gain) {
         if self.gain != gain {
+            self.break_capture(CaptureEnd::Commanded);
             self.gain = gain;
             self.values.restart(self.next_tick);
             self.restart_stream(self.next_tick);
@@ -369,16 +369,18 @@ impl<B: BorrowMut<Buffers>> Node<B> {
     pub fn on_tach_edge(&mut self, tick: u32) {
         let instant = self.extend(tick);
         self.tach.on_pulse(instant);
-        let chain = &mut self.buffers.borrow_mut().chain;
+        let (Buffers { chain, .. }, capture) = self.arrays.parts();
         let values = &mut self.values;
         let mark = |instant: u64| {
             chain.push_mark(instant as u32);
             values.push_mark(instant);
+            capture.push_mark(instant);
         };
         if self.marks.follow(&self.tach, mark) == Continuity::Broken {
             chain.lose_tach();
             chain.average().reset();
             values.lose_tach();
+            capture.lose_marks();
         }
     }
 
@@ -428,6 +430,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         let period = block.period_ticks.max(1);
         let first = self.extend(block.first_tick);
         self.check_continuity(&block, first, period);
+        self.go_on_sealing();
         if self.state == State::Stopped || block.codes.is_empty() {
             return;
         }
@@ -436,6 +439,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.follow_period(period, first, block.sequence);
         self.watch_input(block.codes);
         self.follow_values(block.codes, first, period);
+        self.follow_capture(block.codes, first, period);
         if !self.stream.wide_runs() {
             self.start_wide(first);
         }

@@ -1,14 +1,13 @@
 //! Which rate comes next: speed, law, rate plan, and what a lost or a new tach means.
 
 use super::{Node, REPLAN_AT_RECORD, REPLAN_NOW, State};
-use crate::buffers::Buffers;
+use crate::buffers::Arrays;
 use crate::config::Configuration;
 use crate::events::EventKind;
 use crate::rate_plan::{RateGrant, RatePlan, RatePolicy};
 use crate::tach::{Speed, Validity};
-use core::borrow::BorrowMut;
 
-impl<B: BorrowMut<Buffers>> Node<B> {
+impl<A: Arrays> Node<A> {
     /// Speed, law and plan; called at block borders.
     pub(super) fn replan(&mut self) {
         let speed = self.present_speed();
@@ -70,7 +69,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
             }
             (State::Settling | State::Measuring, Validity::None) => {
                 self.state = State::WaitingForTach;
-                let chain = &mut self.buffers.borrow_mut().chain;
+                let chain = &mut self.arrays.buffers_mut().chain;
                 chain.lose_tach();
                 chain.average().reset();
             }

@@ -4,7 +4,7 @@ use super::values::Values;
 use super::{HOLD_AFTER_RECORD, Node, State, VELOCITY_FROM_HZ, WideUse};
 use crate::alarm::Watched;
 use crate::bandwidth_watch::Verdict;
-use crate::buffers::Buffers;
+use crate::buffers::{Arrays, Buffers};
 use crate::events::EventKind;
 use crate::gear_condition;
 use crate::indicators::Moments;
@@ -15,10 +15,9 @@ use crate::peaks;
 use crate::stream::WIDE_POINTS;
 use crate::tach::Validity;
 use crate::units::Hertz;
-use core::borrow::BorrowMut;
 use heapless::Vec;
 
-impl<B: BorrowMut<Buffers>> Node<B> {
+impl<A: Arrays> Node<A> {
     pub(super) fn tag(&self, first_tick: u64, rate: Hertz, stages: u8, resolution_hz: f32) -> Tag {
         let speed = self.present_speed();
         Tag {
@@ -38,7 +37,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         self.hold = HOLD_AFTER_RECORD;
         let (rate, stages) = (self.active.output, self.active.stages);
         let tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
-        let Buffers { wide, snapshot, .. } = self.buffers.borrow_mut();
+        let Buffers { wide, snapshot, .. } = self.arrays.buffers_mut();
         if self.snapshot_wanted && self.snapshot_sent.is_none() {
             self.snapshot_wanted = false;
             self.snapshot_scale = keep_snapshot(wide, snapshot);
@@ -66,7 +65,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         let codes = &values.codes;
         let (rms, peak, crest, kurtosis) = (codes.rms * per_code, codes.peak * per_code, codes.crest(), codes.kurtosis);
         let velocity_rms = values.velocity_rms * per_code;
-        let (pinion, wheel) = self.buffers.borrow_mut().chain.shafts().take();
+        let (pinion, wheel) = self.arrays.buffers_mut().chain.shafts().take();
         if believed(&tag).is_none() {
             self.departures = Departures::NONE;
         }
@@ -130,7 +129,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
 
     pub(super) fn finish_mesh(&mut self) {
         let (stages, rate) = self.stream.mesh_format(self.clock);
-        let chain = &self.buffers.borrow().chain;
+        let chain = &self.arrays.buffers().chain;
         let (record, zoom) = (*chain.record(), chain.mesh_bands());
         let speed_hz = record.mean_hz(self.clock.0);
         let first_tick = self.time.peek(record.first_tick);
@@ -167,7 +166,7 @@ impl<B: BorrowMut<Buffers>> Node<B> {
         if self.wide_use == WideUse::Record {
             self.wide_count = 0;
         }
-        let Buffers { chain, wide, .. } = self.buffers.borrow_mut();
+        let Buffers { chain, wide, .. } = self.arrays.buffers_mut();
         let average = chain.average();
         let points = average.points();
         let (work, split) = wide.split_at_mut(WIDE_POINTS / 2);

@@ -9,6 +9,9 @@
 //! has just been switched on lies at its rail for seconds: rails and noise fail only after [`SETTLING_S`]. A machine that stands
 //! gives no tach edge, which tells nothing: that item runs with the first edge and cannot fail; the node's state says that there is
 //! no speed. When things happen depends on the blocks alone, so the result comes at the same block wherever the node runs.
+//!
+//! The mathematics hold the processor for longer than a block, and blocks that waited for it arrive faster than they were
+//! sampled: counting begins once none waits. For the same reason a test is not begun anew within [`APART_S`].
 
 use crate::decimate::Cascade;
 use crate::frame::CRC32;
@@ -31,6 +34,10 @@ pub const MATHEMATICS: u8 = 1 << 4;
 
 /// Blocks looked at together.
 pub const BLOCKS: u32 = 32;
+/// Blocks after which counting begins even where the newest one waited.
+pub const WAITING: u32 = 64;
+/// Seconds from one test on request to the next.
+pub const APART_S: u64 = 1;
 /// Seconds that a sensor may lie at its rail after the start.
 pub const SETTLING_S: u64 = 5;
 /// Largest relative difference of the sample count from the timer's; covers the main loop's latency.
@@ -62,20 +69,29 @@ pub struct SelfTestRun {
     stretch: Stretch,
     /// Arrival and sequence of the block before.
     before: Option<(u32, u32)>,
+    /// Blocks left that are not counted as long as they arrive late.
+    waiting: u32,
+    /// Ticks since a request began the test.
+    age: u64,
     edge: bool,
 }
 
 impl SelfTestRun {
     /// The test at the start of a node; `mathematics`: [`crate::node::Node::check_mathematics`].
     pub fn at_start(clock: TicksPerSecond, mathematics: bool) -> Self {
-        Self { settling: u64::from(clock.0) * SETTLING_S, ..Self::again(mathematics) }
+        Self { settling: u64::from(clock.0) * SETTLING_S, age: u64::MAX, ..Self::again(mathematics) }
     }
 
     /// The test on request: nothing has to settle.
     pub fn again(mathematics: bool) -> Self {
         let failed = if mathematics { 0 } else { MATHEMATICS };
         let result = SelfTest { run: MATHEMATICS, failed };
-        Self { result, settling: 0, stretch: Stretch::NONE, before: None, edge: false }
+        Self { result, settling: 0, stretch: Stretch::NONE, before: None, waiting: WAITING, age: 0, edge: false }
+    }
+
+    /// Whether the last request's test was begun so recently that this one's is the same.
+    pub fn is_recent(&self, clock: TicksPerSecond) -> bool {
+        self.age < u64::from(clock.0) * APART_S
     }
 
     /// What is known so far.
@@ -91,11 +107,18 @@ impl SelfTestRun {
     /// A block came at `now_tick`; gives the result whenever it has changed.
     pub fn on_block(&mut self, block: &Block<'_>, now_tick: u32) -> Option<SelfTest> {
         let before = self.result;
+        let ticks = block.period_ticks.saturating_mul(block.codes.len() as u32);
+        self.age = self.age.saturating_add(u64::from(ticks));
         if self.edge {
             self.judge(TACH, true);
         }
         let open = SAMPLE_COUNT | RAILS | NOISE;
-        if self.result.run & !self.result.failed & open != open {
+        if self.waiting > 0 {
+            // The clock may be read a little before the block's end.
+            let late = now_tick.wrapping_sub(block.end_tick()).cast_signed();
+            self.waiting = if late > ticks.cast_signed() { self.waiting - 1 } else { 0 };
+        }
+        if self.waiting == 0 && self.result.run & !self.result.failed & open != open {
             self.look(block, now_tick);
         }
         (self.result != before).then_some(self.result)

@@ -84,6 +84,13 @@ impl Watch {
         self
     }
 
+    /// The next block is missing.
+    pub fn lose_block(&mut self) -> &mut Self {
+        self.first += BLOCK as u64 * u64::from(self.session.node().requested_period_ticks());
+        self.sequence += 1;
+        self
+    }
+
     fn ask(&mut self, request: Request) {
         self.session.on_request(request, &mut |_| ());
     }

@@ -93,6 +93,23 @@ fn fault_a_converter_that_does_not_follow_its_timer_fails_until_it_does() {
 }
 
 #[test]
+fn regress_blocks_that_waited_for_the_mathematics_fail_no_sample_count() {
+    let mut test = SelfTestRun::again(true);
+    let (length, codes) = (PERIOD * SAMPLES as u32, (0..SAMPLES).map(moving).collect::<Vec<u16>>());
+    // Six blocks wait at first; the processor takes three in the time of one.
+    let mut free = 7 * length;
+    let mut results = Vec::new();
+    for sequence in 0..4 * BLOCKS {
+        let first_tick = sequence * length;
+        let block = Block { codes: &codes, first_tick, period_ticks: PERIOD, sequence, overrun: false };
+        let arrived = free.max(block.end_tick());
+        free = arrived + length / 3;
+        results.extend(test.on_block(&block, arrived));
+    }
+    assert_eq!(results, [SelfTest { run: CHAIN, failed: 0 }]);
+}
+
+#[test]
 fn golden_the_signal_chain_gives_the_recorded_hash() {
     let mut work = Box::new([f32::NAN; WIDE_POINTS]);
     assert_eq!(mathematics(&mut work), MATHEMATICS_HASH, "{:#010x}", mathematics(&mut work));
@@ -154,6 +171,8 @@ fn regress_a_request_runs_the_self_test_and_its_result_is_reported() {
     assert_eq!(run.request(Request::SelfTest), begun, "what is known at once");
     run.blocks(2 * BLOCKS, |_| 700);
     let failed = SelfTest { run: CHAIN, failed: NOISE };
+    assert_eq!(run.request(Request::SelfTest), Reply::SelfTest(failed), "within a second it is the same test");
+    run.blocks(2 * PER_SECOND, |_| 700);
     assert_eq!(run.take_results(), [failed]);
     assert_eq!(
         (run.session.node().self_test(), run.session.node().statistics().count(EventKind::SelfTestFailed)),

@@ -36,6 +36,27 @@ fn image(slot: usize, length: usize, build: &str) -> ([u8; HEADER_BYTES], Vec<u8
     (seal(&describe("board", build), BASES[slot], &bytes), bytes)
 }
 
+#[test]
+fn fault_vectors_that_are_not_of_this_image_are_told() {
+    let (header, _) = image(0, 2048, "x");
+    let header = Header::read(&header).expect("a header");
+    let (first, stack) = (BASES[0] + IMAGE_OFFSET, 0x1000_a000);
+    assert!(header.fits_vectors(stack, first + 1) && header.fits_vectors(stack, first + 2047));
+    assert!(header.fits_vectors(0x1001_0000, first + 1) && header.fits_vectors(0x2002_0000, first + 1));
+    for (stack, entry) in [
+        (stack, first),
+        (stack, first - 1),
+        (stack, first + 2049),
+        (stack + 4, first + 1),
+        (0x1000_0000, first + 1),
+        (0x1001_0008, first + 1),
+        (0x2002_0008, first + 1),
+        (0x1fff_fff8, first + 1),
+    ] {
+        assert!(!header.fits_vectors(stack, entry), "stack {stack:#x}, entry {entry:#x}");
+    }
+}
+
 /// A flash that can be looked at while a node holds it.
 #[derive(Clone)]
 struct Seen(Rc<RefCell<Flash>>);

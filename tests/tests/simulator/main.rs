@@ -4,7 +4,6 @@ mod dynamics;
 mod effects;
 mod golden_pair;
 mod import;
-mod law;
 mod law_edges;
 mod law_fit;
 mod law_learn;

@@ -19,6 +19,12 @@ const COMMANDS: [(&str, &str, Option<&str>); 6] = [
     ("import csv, 15 MB", "import @signal.csv --rate 50000 --no-tach -o @from-csv", Some("signal.csv")),
 ];
 
+/// Files of a measurement on eight channels.
+const CHANNELS: &str =
+    "@channel0.mat @channel1.mat @channel2.mat @channel3.mat @channel4.mat @channel5.mat @channel6.mat @channel7.mat";
+/// How often each of import and disk is timed, in turns.
+const TURNS: usize = 5;
+
 /// Goals of the loop's medians: processor seconds and MB.
 const LOOP: (f64, f64) = (15.0, 300.0);
 /// Machine and layout of the loop's records, the same as the first command's, with runs started anywhere.
@@ -83,7 +89,35 @@ pub fn table(python: &Path, program: &Path, folder: &Path) -> Outcome<String> {
         let pace = bytes.map_or(String::new(), |bytes| format!("{:.0}", 1e-6 * bytes / processor));
         let _ = writeln!(text, "| {name} | {processor:.2} | {wall:.2} | {peak:.0} | {pace} |");
     }
-    Ok(text + &loops(&bench, folder)?)
+    Ok(text + &beside_disk(&bench, folder)? + &loops(&bench, folder)?)
+}
+
+/// Import of eight channels beside what the disk alone takes for the same bytes, in turns; medians.
+fn beside_disk(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
+    let (mut imports, mut disks) = (Vec::new(), Vec::new());
+    for _ in 0..TURNS {
+        let words = format!("import {CHANNELS} --rate 25600 --no-tach --force -o @from-mat");
+        imports.push(bench.cost("import of eight channels", arguments(&words, folder))?[1]);
+        let mut words = command(&[bench.python, bench.script, "--disk"]);
+        words.arg(folder.join("from-mat/run00.npy")).args(arguments(CHANNELS, folder));
+        let said = timed("the disk alone", || capture(&mut words))?;
+        let wall = said.split_whitespace().nth(1).and_then(|word| word.parse().ok());
+        disks.push(wall.ok_or_else(|| format!("cost.py: {said}"))?);
+    }
+    let [import, disk] = [imports, disks].map(|mut all: Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        all[TURNS / 2]
+    });
+    let bytes: u64 = arguments(CHANNELS, folder).filter_map(|path| Some(std::fs::metadata(path).ok()?.len())).sum();
+    Ok(format!(
+        "\nImport of eight MAT-files, {:.0} MB, wall time, median of {TURNS} in turns: {:.0} ms ({:.0} MB/s). The disk alone, the same bytes read past \
+         the page cache and the record's written and synced: {:.0} ms. Import over disk: {:.1}.\n",
+        1e-6 * bytes as f64,
+        1e3 * import,
+        1e-6 * bytes as f64 / import,
+        1e3 * disk,
+        import / disk,
+    ))
 }
 
 /// The loop on records of 8 runs of 2 s, one for each row.

@@ -5,17 +5,18 @@ use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use defmt_rtt as _;
 use meshband::board::SampleClock;
-use meshband::buffers::Buffers;
+use meshband::buffers::{Buffers, LentArrays};
 use meshband::config::{FrontEnd, SensorSupply};
 use meshband::identity::Identity;
 use meshband::safe_start::Start;
+use meshband::sample_ring::SampleRing;
 use meshband::store::Store;
 use meshband::update::header::{HEADER_BYTES, describe};
 use meshband::update::receiver::Place;
 use meshband::update::{Slot, StartCause, Updater};
 use meshband_drivers::programmable_gain::Gain;
 use meshband_node::crash::{self, Cause};
-use meshband_node::runner::{BoardEvent, NodeSession, Runner};
+use meshband_node::runner::{BoardEvent, NodeCapture, NodeSession, Runner, open_capture};
 use meshband_node::stm32f405::outputs::Wanted;
 use meshband_node::stm32f405::sector_flash::{Parts, SectorFlash};
 use meshband_node::stm32f405::{Board, Power, TIMING, own_base, power_up, set_light, unique_id};
@@ -35,6 +36,10 @@ static IMAGE_DESCRIPTION: [u8; HEADER_BYTES] = describe(BOARD, meshband_node::BU
 #[unsafe(link_section = ".core")]
 static mut SESSION: MaybeUninit<NodeSession> = MaybeUninit::uninit();
 
+/// The samples of the waveform it keeps, for which the memory that DMA reaches has no room.
+#[unsafe(link_section = ".core")]
+static mut SAMPLES: MaybeUninit<SampleRing> = MaybeUninit::uninit();
+
 #[entry]
 fn main() -> ! {
     let power = power_up();
@@ -48,7 +53,11 @@ fn main() -> ! {
 /// stack holds the one or the other.
 #[inline(never)]
 fn open(power: &Power) -> (Runner<SectorFlash>, u32) {
-    let (Some(flash), Some(buffers)) = (Parts::take(), singleton!(: Buffers = Buffers::ZERO)) else {
+    let (Some(flash), Some(buffers), Some(capture)) = (
+        Parts::take(),
+        singleton!(: Buffers = Buffers::ZERO),
+        singleton!(: MaybeUninit<NodeCapture> = MaybeUninit::uninit()),
+    ) else {
         crash::on_cause(Cause::Start)
     };
     let Some(updater) = updater(flash.slots) else { crash::on_cause(Cause::Start) };
@@ -59,10 +68,12 @@ fn open(power: &Power) -> (Runner<SectorFlash>, u32) {
     let crystal = power.oscillator == Oscillator::Crystal;
     let failures = crash::count_start(start_of(power.reset_cause));
     let session = &raw mut SESSION;
-    // SAFETY: the only reference to it, taken once: this function is entered once and never left.
-    let place = unsafe { &mut *session };
+    let samples = &raw mut SAMPLES;
+    // SAFETY: the only references to them, taken once: this function is entered once.
+    let (place, samples) = unsafe { (&mut *session, &mut *samples) };
+    let arrays = LentArrays { buffers, capture: open_capture(capture, samples) };
     let store = Store::new(flash.configuration, 0);
-    (Runner::open(place, store, TIMING, crystal, failures, buffers, Some(updater)), failures)
+    (Runner::open(place, store, TIMING, crystal, failures, arrays, Some(updater)), failures)
 }
 
 /// The node in operation.

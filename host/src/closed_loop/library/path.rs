@@ -160,7 +160,7 @@ fn folded(bench: &Bench<'_>) -> Candidate {
                 Line { order, amplitude: [-force * turn * 2.0 / m1, force * turn * 2.0 / m2] }
             })
             .collect();
-        [0, 1].map(|c| Sparse::of(&analyser.bins_of_lines(&lines, run.angle.offset_rad, f, c, REACH)))
+        analyser.templates_of_lines(&lines, run.angle.offset_rad, f, REACH)
     });
     named(Path::Folding, "path", Template::new(runs), [0.0, 1.0])
 }

@@ -48,6 +48,21 @@ fn theory_five_requests_are_answered_in_their_order() {
     assert!(statistics.blocks > 100 && statistics.blocks_lost == 0, "{statistics:?}");
 }
 
+#[test]
+fn regress_a_burst_of_self_tests_loses_no_block_and_fails_nothing() {
+    let Some(mut node) = measuring("self-tests", 4.0) else { return };
+    for _ in 0..3 {
+        for _ in 0..12 {
+            node.ask(Request::SelfTest);
+        }
+        node.run_for(0.7);
+    }
+    let tested = node.packets().iter().filter(|packet| matches!(packet, Packet::Reply(Reply::SelfTest(_)))).count();
+    assert_eq!(tested, 36);
+    let events = [EventKind::SelfTestFailed, EventKind::BlocksLost, EventKind::Overrun].map(|kind| node.details(kind));
+    assert!(events.iter().all(Vec::is_empty), "{events:?}");
+}
+
 /// 32 parts of 128 samples: 11 KB at 92 KB/s beside spectra, statuses and averages.
 #[test]
 fn regress_a_waveform_of_4096_samples_arrives_whole_20_of_20_times_while_everything_else_is_sent() {

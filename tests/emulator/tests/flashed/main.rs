@@ -1,6 +1,7 @@
 //! The released image in the emulated board. Two views of it: [`compared`] holds every frame against the host's node, [`spoken`] talks to it.
 
 mod alarms;
+mod capture;
 mod compared;
 mod crashes;
 mod image;

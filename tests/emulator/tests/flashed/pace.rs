@@ -5,7 +5,8 @@ use super::compared::configuration;
 use super::compared::load::{Outcome, SPEEDS_HZ, configured_for, run};
 use super::image::image;
 use meshband::board::Timing;
-use meshband::config::Configuration;
+use meshband::config::{CaptureConfig, CaptureRate, Configuration};
+use meshband::units::Hertz;
 
 /// Cycles per instruction: the core's manual gives 1 to 2.5, most of them nearer to one.
 const CYCLES: f64 = 2.0;
@@ -36,4 +37,25 @@ fn regress_the_highest_rate_that_is_accepted_loses_no_block() {
     config.limits.highest_adc = Timing::STM32F405.highest_adc;
     let Some(rate_hz) = assert_kept_up("highest rate", &config) else { return };
     assert!((rate_hz / accepted_hz - 1.0).abs() < 0.01, "{rate_hz} Hz");
+}
+
+/// Waveforms at the standard rate.
+fn with_waveforms(config: Configuration) -> Configuration {
+    Configuration { capture: CaptureConfig { keep: CaptureRate::Fixed, rate: Hertz(0.0) }, ..config }
+}
+
+#[test]
+fn regress_waveforms_at_the_standard_rate_lose_no_block_up_to_half_the_highest_rate() {
+    let half_hz = 0.5 * f64::from(Timing::STM32F405.highest_adc.0);
+    assert_kept_up("waveforms at half the highest rate", &with_waveforms(configured_for(half_hz)));
+}
+
+#[test]
+fn regress_waveforms_at_the_standard_rate_lose_no_block_at_the_highest_rate_and_a_usual_speed() {
+    let Some(image) = image("waveforms at the highest rate") else { return };
+    let mut config = with_waveforms(configured_for(f64::from(Timing::STM32F405.highest_adc.0)));
+    config.limits.highest_adc = Timing::STM32F405.highest_adc;
+    let Outcome { lost, spectra, load, .. } = run(&image, &config, CYCLES, SPEEDS_HZ[0]);
+    println!("{} turns/s with waveforms: load {:.0} %, {lost} blocks lost", SPEEDS_HZ[0], 100.0 * load);
+    assert!(lost == 0 && spectra >= 3, "{lost} blocks lost, {spectra} spectra");
 }

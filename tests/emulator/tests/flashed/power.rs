@@ -313,8 +313,8 @@ fn loop_configuration_stored_by_the_firmware_before_is_kept() {
     let Some(image) = image("former schema") else { return };
     let config = Configuration { front_end: FrontEnd::default(), ..with_gear(OLD) };
     // Schema 1 is the same without the front end and what came after it: three bytes, six of the alarms' holding, eight of the
-    // pass band, one of what is latched, one of the empty list of levels, four of the link, all zero.
-    const LATER: usize = 3 + 6 + 8 + 1 + 1 + 4;
+    // pass band, one of what is latched, one of the empty list of levels, four of the link, five of the waveforms, all zero.
+    const LATER: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5;
     let mut bytes = stored(&config);
     assert_eq!((bytes[0], &bytes[bytes.len() - LATER..]), (SCHEMA as u8, &[0; LATER][..]));
     bytes[0] = 1;

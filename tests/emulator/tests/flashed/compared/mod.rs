@@ -12,6 +12,7 @@ use meshband::config::{Configuration, GearPair};
 use meshband::events::{Event, EventKind};
 use meshband::frame::{self, Decoder, Packet, PacketRef};
 use meshband::message::{Message, Request};
+use meshband::session::Session;
 use meshband_emulator::board::Board;
 use meshband_emulator::elf::Image;
 use meshband_emulator::flash::{DATA_START, START};
@@ -191,6 +192,11 @@ impl Node {
     /// As [`Node::compare`], after a start of another cause.
     pub fn compare_started(&self, cause: u32) -> Comparison {
         host::compare(self, cause)
+    }
+
+    /// The host's node after the same blocks and edges.
+    pub fn host_node(&self) -> Box<Session> {
+        host::node_after(self)
     }
 
     fn take_seen(&mut self) {

@@ -32,8 +32,14 @@ fn fault_speeds_outside_the_domain_are_clamped_and_say_so() {
 fn fault_impossible_laws_are_refused() {
     let mut law = Law::PROVISIONAL;
     assert_eq!(law.validate(), Ok(()));
-    law.form = LawForm::Quadratic { a_per_hz: f32::NAN, b: 1.0, c_hz: 0.0 };
-    assert_eq!(law.validate(), Err(LawError::NotFinite));
+    for [a_per_hz, b, c_hz] in [[f32::NAN, 1.0, 0.0], [1.0, f32::INFINITY, 0.0], [1.0, 1.0, f32::NAN]] {
+        law.form = LawForm::Quadratic { a_per_hz, b, c_hz };
+        assert_eq!(law.validate(), Err(LawError::NotFinite));
+    }
+    for [ramp_turns, mode_rise_s] in [[f32::NAN, 1e-6], [1e-4, f32::INFINITY]] {
+        law.form = LawForm::Physical { ramp_turns, mode_rise_s };
+        assert_eq!(law.validate(), Err(LawError::NotFinite));
+    }
     law.form = LawForm::Quadratic { a_per_hz: 1.0, b: -26.0, c_hz: 30.0 };
     assert_eq!(law.validate(), Err(LawError::Bandwidth));
     law = Law::PROVISIONAL;

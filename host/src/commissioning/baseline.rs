@@ -1,0 +1,118 @@
+//! Fifth step: the levels of the sound machine over its speeds, by the same table as `meshband levels learn`.
+//!
+//! A table of twelve points from a hundred values has a handful behind each point, and a spread from a handful is hardly known: limits from it would be several times too wide or too bold. So the
+//! spread about the table is pooled over all points of a quantity, and no point counts as less uncertain than that. A quantity with too few values to tell its spread is not expected at all.
+
+use super::run_up::Heard;
+use super::step::{Finding, Step, StepRecord};
+use crate::Result;
+use crate::levels::learn::{FLOOR_DB, Learned, learn};
+use meshband::levels::{ExpectedLevel, LevelPoint, departure};
+use meshband::units::Hertz;
+use serde::Serialize;
+
+/// Largest useful standard uncertainty of an expected level, dB: beyond it a fault has to triple the value before anybody is told.
+const USEFUL_DB: f32 = 3.0;
+/// Names of the quantities and what selects them.
+type Quantity = (&'static str, fn(&LevelPoint) -> ExpectedLevel);
+/// In the order of the observations.
+pub const QUANTITIES: [Quantity; 4] = [
+    ("RMS", |point| point.rms),
+    ("velocity RMS", |point| point.velocity_rms),
+    ("first mesh harmonic", |point| point.mesh_amplitude),
+    ("residual RMS", |point| point.residual_rms),
+];
+
+/// Fewest degrees of freedom behind a spread.
+pub const FEWEST_FREEDOM: f64 = 10.0;
+
+/// The spread of a quantity about the table, over all speeds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Spread {
+    /// Variance of a value, dB squared.
+    pub variance: f64,
+    /// Values less points of the table.
+    pub freedom: f64,
+}
+
+/// Learns the table from what lies within the filled classes.
+///
+/// # Errors
+/// An allowance that is none, values at fewer than two speeds.
+pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, [Spread; 4], StepRecord)> {
+    if let Some([slowest, fastest]) = heard.coverage.covered_hz() {
+        for values in &mut heard.levels.by_quantity {
+            values.retain(|value| (slowest..=fastest).contains(&value.speed_hz));
+        }
+        heard.shapes.retain(|value| (slowest..=fastest).contains(&value.speed_hz));
+    }
+    let mut learned = learn(&heard.levels, allowance_db)?;
+    let spreads = pool(heard, &mut learned, allowance_db);
+    let ends = [learned.levels.first(), learned.levels.last()].map(|point| point.map_or(0.0, |point| point.speed.0));
+    let seen = format!("{} points, {:.2} to {:.2} Hz", learned.levels.len(), ends[0], ends[1]);
+    let is_empty = QUANTITIES.iter().all(|(_, of)| learned.levels.iter().all(|point| of(point).uncertainty_db == 0.0));
+    let mut findings = vec![match is_empty {
+        true => Finding::refused(
+            "table of expected levels",
+            seen,
+            "nothing can be expected from so few values: more of them (--values)",
+        ),
+        false => Finding::passed("table of expected levels", seen),
+    }];
+    for ((name, of), values) in QUANTITIES.iter().zip(learned.values) {
+        let levels: Vec<ExpectedLevel> = learned.levels.iter().map(of).filter(|l| l.uncertainty_db > 0.0).collect();
+        let worst = levels.iter().map(|level| level.uncertainty_db).fold(0.0, f32::max);
+        let seen = format!(
+            "{} of {} points from {values} values, standard uncertainty {worst:.2} dB at most",
+            levels.len(),
+            learned.levels.len()
+        );
+        findings.push(match levels.len() {
+            0 => Finding::warned(*name, seen, "nothing is expected of it: too few values (--values), or no mesh line"),
+            _ if worst > USEFUL_DB => {
+                let advice = "it scatters much at one speed: steadier load while commissioning, or a resonance between two points";
+                Finding::warned(*name, seen, advice)
+            }
+            _ => Finding::passed(*name, seen),
+        });
+    }
+    Ok((learned, spreads, StepRecord::new(Step::Baseline, findings)))
+}
+
+/// Pools each quantity's spread, and raises the points that claim less.
+fn pool(heard: &Heard, learned: &mut Learned, allowance_db: f64) -> [Spread; 4] {
+    let mut spreads = [Spread::default(); 4];
+    for ((quantity, spread), (_, of)) in spreads.iter_mut().enumerate().zip(QUANTITIES) {
+        let squares: Vec<f64> = heard.levels.by_quantity[quantity]
+            .iter()
+            .filter_map(|value| {
+                let linear = 10f64.powf(value.level_db / 20.0) as f32;
+                let found = departure(&learned.levels, Hertz(value.speed_hz as f32), 0.0, linear, of)?;
+                Some(f64::from(found.departure_db).powi(2))
+            })
+            .collect();
+        let points = learned.levels.iter().filter(|point| of(point).uncertainty_db > 0.0).count();
+        spread.freedom = (squares.len() as f64 - points as f64).max(0.0);
+        spread.variance = squares.iter().sum::<f64>() / spread.freedom.max(1.0);
+        let least = (spread.variance + FLOOR_DB * FLOOR_DB + allowance_db * allowance_db).sqrt() as f32;
+        for point in &mut learned.levels {
+            let level = entry(point, quantity);
+            level.uncertainty_db = match level.uncertainty_db {
+                0.0 => 0.0,
+                _ if spread.freedom < FEWEST_FREEDOM => 0.0,
+                own => own.max(least),
+            };
+        }
+    }
+    spreads
+}
+
+/// A point's entry, in the order of [`QUANTITIES`].
+fn entry(point: &mut LevelPoint, quantity: usize) -> &mut ExpectedLevel {
+    match quantity {
+        0 => &mut point.rms,
+        1 => &mut point.velocity_rms,
+        2 => &mut point.mesh_amplitude,
+        _ => &mut point.residual_rms,
+    }
+}

@@ -1,0 +1,126 @@
+//! The report of a commissioning: what every step saw, and the baseline over speed.
+
+use super::baseline::QUANTITIES;
+use super::outcome::Commissioning;
+use super::run_up::Heard;
+use super::step::StepRecord;
+use crate::Result;
+use crate::levels::learn::Learned;
+use crate::report::Report;
+use crate::report::plot::{self, Axes, Series};
+use meshband::alarm::AlarmBand;
+use meshband::levels::LevelPoint;
+
+/// Points of a drawn curve between two points of the table.
+const FINE: usize = 16;
+
+/// Makes it.
+///
+/// # Errors
+/// A picture that cannot be drawn.
+pub fn of(done: &Commissioning) -> Result<Report> {
+    let verdict = match (done.refusal(), done.stored) {
+        (Some((step, _)), _) => format!("refused at {}", step.step.name()),
+        (None, true) => "watching".into(),
+        (None, false) => "ready, not stored".into(),
+    };
+    let mut report = Report::new("Commissioning", &format!("{} with the node at {}", done.machine, done.port))
+        .figure("Verdict", verdict)
+        .figure("Node", done.node.board.to_string());
+    if let Some(coverage) = &done.coverage {
+        report = report.figure("Speed classes", format!("{} of {}", coverage.filled().count(), coverage.classes.len()));
+    }
+    if let Some(proposal) = &done.alarms {
+        report = report.figure("False alarms", format!("{} a year of turning", proposal.false_alarms_per_year));
+    }
+    if let Some((step, finding)) = done.refusal() {
+        report = report.note(&format!("{}: {}, {}. {}", step.step.name(), finding.what, finding.seen, finding.advice));
+    }
+    for step in &done.steps {
+        report = section(report, step);
+    }
+    if let Some(coverage) = &done.coverage {
+        let row = |class: &super::coverage::SpeedClass| {
+            vec![format!("{:.2}", class.from_hz), format!("{:.2}", class.to_hz), class.values.to_string()]
+        };
+        let rows: Vec<Vec<String>> = coverage.classes.iter().map(row).collect();
+        let caption = format!("Values by class of speed; {} fill one.", coverage.wanted);
+        report = report.section("Speeds").table(&caption, &["from, Hz", "to, Hz", "values"], &rows);
+    }
+    if let (Some(learned), Some(heard), Some(proposal)) = (&done.levels, &done.heard, &done.alarms) {
+        let limit = proposal.alarms.first().map_or(0.0, |alarm| f64::from(alarm.raise));
+        report = levels(report, learned, heard, limit)?;
+        report = alarms(report, &proposal.alarms);
+    }
+    if !done.changes.is_empty() {
+        let row = |change: &super::settings_text::Change| {
+            vec![change.key.clone(), change.before.clone(), change.after.clone()]
+        };
+        let rows: Vec<Vec<String>> = done.changes.iter().map(row).collect();
+        report =
+            report.section("Configuration").table("What differs from the one found.", &["key", "before", "now"], &rows);
+    }
+    Ok(report)
+}
+
+fn section(report: Report, step: &StepRecord) -> Report {
+    let row = |finding: &super::step::Finding| {
+        vec![finding.what.clone(), finding.outcome.name().into(), finding.seen.clone(), finding.advice.clone()]
+    };
+    let rows: Vec<Vec<String>> = step.findings.iter().map(row).collect();
+    let name = step.step.name();
+    let heading = format!("Step {}: {}", name, step.outcome.name());
+    report.section(&heading).table("", &["looked at", "outcome", "seen", "what to do"], &rows)
+}
+
+/// Each quantity over speed: the values, the expectation, and where its alarm lies.
+fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> Result<Report> {
+    report = report.section("Baseline over speed").text(
+        "Dots are the node's values of the sound machine, the line what is expected of it from now on, the upper line where the departure's alarm lies for this quantity alone.",
+    );
+    for ((name, of), values) in QUANTITIES.iter().zip(&heard.levels.by_quantity) {
+        let known: Vec<&LevelPoint> = learned.levels.iter().filter(|point| of(point).uncertainty_db > 0.0).collect();
+        if values.is_empty() || known.len() < 2 {
+            report = report.note(&format!("{name}: nothing is expected of it."));
+            continue;
+        }
+        let curve = |by: f64| -> Vec<(f64, f64)> {
+            let at = |pair: &[&LevelPoint], t: f64| {
+                let (a, b) = (of(pair[0]), of(pair[1]));
+                let between = |x: f32, y: f32| f64::from(x) + t * f64::from(y - x);
+                let speed = f64::from(pair[0].speed.0) * f64::from(pair[1].speed.0 / pair[0].speed.0).powf(t);
+                let height = between(a.level_db, b.level_db) + by * between(a.uncertainty_db, b.uncertainty_db);
+                (speed, height)
+            };
+            let pieces = known.windows(2).flat_map(|pair| (0..=FINE).map(move |n| at(pair, n as f64 / FINE as f64)));
+            pieces.collect()
+        };
+        let dots = values.iter().map(|value| (value.speed_hz, value.level_db)).collect();
+        let unit = if *name == "velocity RMS" { "level, dB re 1 m/s" } else { "level, dB re 1 m/s2" };
+        let picture = plot::scatter(
+            &Series::new("sound machine", dots),
+            &[Series::new("expected", curve(0.0)), Series::new("alarm", curve(limit))],
+            Axes { x: "pinion speed, Hz", y: unit },
+        )?;
+        report = report.picture(&picture, &format!("{name}, {} values.", values.len()));
+    }
+    let head = ["Hz", "RMS, dB", "velocity RMS, dB", "first mesh harmonic, dB", "residual RMS, dB"];
+    Ok(report.table("Expected levels and standard uncertainties.", &head, &learned.rows()))
+}
+
+fn alarms(report: Report, alarms: &[AlarmBand]) -> Report {
+    let row = |alarm: &AlarmBand| {
+        vec![
+            crate::link::words::watched(alarm.watched).to_owned(),
+            format!("{:.2}", alarm.from.0),
+            format!("{:.2}", alarm.to.0),
+            format!("{:.4}", alarm.raise),
+            format!("{:.4}", alarm.clear),
+            alarm.persistence.to_string(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = alarms.iter().map(row).collect();
+    let head = ["watched", "from, Hz", "to, Hz", "raises", "clears", "values in a row"];
+    let note = "Outside these speeds only the signal itself is watched.";
+    report.section("Alarms").table("", &head, &rows).note(note)
+}

@@ -1,0 +1,80 @@
+//! A configuration as the settings file that `meshband configure --settings` reads, and its difference to another one.
+
+use crate::link::report::settings_rows;
+use crate::{Error, Result};
+use meshband::config::Configuration;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+/// What a settings file does not hold: the law has a file of its own, the other two are the node's.
+const NOT_SETTINGS: [&str; 3] = ["schema", "law", "latched"];
+
+/// A setting that differs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Change {
+    /// Table and key.
+    pub key: String,
+    /// Before; empty where there was none.
+    pub before: String,
+    /// Now.
+    pub after: String,
+}
+
+/// All settings as TOML.
+///
+/// # Errors
+/// [`Error::Invalid`] for a configuration that has no such form: none that a node holds.
+pub fn to_toml(config: &Configuration, head: &str) -> Result<String> {
+    let refuse = |e: &dyn std::fmt::Display| Error::invalid("configuration", e);
+    let Value::Object(mut tables) = serde_json::to_value(config).map_err(|e| refuse(&e))? else {
+        return Err(refuse(&"is no table"));
+    };
+    tables.retain(|key, _| !NOT_SETTINGS.contains(&key.as_str()));
+    let tables: Map<String, Value> = tables.into_iter().map(|(key, value)| (key, short(value))).collect();
+    let table = toml::Table::try_from(tables).map_err(|e| refuse(&e))?;
+    Ok(format!("{head}{}", toml::to_string(&table).map_err(|e| refuse(&e))?))
+}
+
+/// Numbers of single precision with as many digits as they have.
+fn short(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let shortest = number.as_f64().and_then(|x| format!("{}", x as f32).parse::<f64>().ok());
+            shortest.and_then(serde_json::Number::from_f64).map_or(Value::Number(number), Value::Number)
+        }
+        Value::Array(items) => Value::Array(items.into_iter().map(short).collect()),
+        Value::Object(entries) => Value::Object(entries.into_iter().map(|(key, value)| (key, short(value))).collect()),
+        other => other,
+    }
+}
+
+/// Settings that differ, in the order of the configuration; long lists by their length.
+pub fn changes(before: &Configuration, after: &Configuration) -> Vec<Change> {
+    let rows = |config: &Configuration| -> Vec<(String, String)> {
+        let of = |mut row: Vec<String>| Some((row.first().cloned()?, row.pop()?));
+        settings_rows(config).into_iter().filter_map(of).collect()
+    };
+    let (before, after) = (rows(before), rows(after));
+    let held = |rows: &[(String, String)], key: &str| {
+        rows.iter().find(|(name, _)| name == key).map_or_else(String::new, |(_, value)| value.clone())
+    };
+    let mut keys: Vec<&String> = after.iter().map(|(key, _)| key).collect();
+    keys.extend(before.iter().map(|(key, _)| key).filter(|key| !after.iter().any(|(name, _)| name == *key)));
+    let change = |key: &String| Change { key: key.clone(), before: held(&before, key), after: held(&after, key) };
+    keys.into_iter()
+        .map(change)
+        .filter(|change| change.before != change.after && change.key != "latched")
+        .map(brief)
+        .collect()
+}
+
+/// Longest value that is shown whole.
+const LONGEST: usize = 60;
+
+fn brief(change: Change) -> Change {
+    let shown = |text: String| match serde_json::from_str::<Value>(&text) {
+        Ok(Value::Array(items)) if text.len() > LONGEST => format!("{} entries", items.len()),
+        _ => text,
+    };
+    Change { before: shown(change.before), after: shown(change.after), ..change }
+}
