@@ -21,25 +21,29 @@ const DAMAGED: u32 = 100;
 /// Amplitude of the mesh at the converter, volts.
 const LEVEL: f64 = 0.15;
 
-/// Waveforms at 10 kHz, and a limit that the mesh is beyond.
-fn configuration() -> Configuration {
-    let (from, to) = (Hertz(5.0), Hertz(60.0));
-    let alarm = AlarmBand { watched: Watched::Rms, from, to, raise: 0.01, clear: 0.005, persistence: 1 };
+/// Waveforms at 10 kHz, and no limit.
+fn quiet() -> Configuration {
     Configuration {
         gears: GearPair { pinion_teeth: TEETH, gear_teeth: 48 },
-        alarms: [alarm].into_iter().collect(),
         capture: CaptureConfig { keep: CaptureRate::Fixed, rate: Hertz(0.0) },
         ..Configuration::default()
     }
 }
 
-/// A board whose gears turn from the start, or `None` after saying why the test is skipped.
-fn line(test: &str) -> Option<Line> {
+/// The same with a limit that the mesh is beyond.
+fn watchful() -> Configuration {
+    let (from, to) = (Hertz(5.0), Hertz(60.0));
+    let alarm = AlarmBand { watched: Watched::Rms, from, to, raise: 0.01, clear: 0.005, persistence: 1 };
+    Configuration { alarms: [alarm].into_iter().collect(), ..quiet() }
+}
+
+/// A board with this configuration, whose gears turn from the start, or `None` after saying why the test is skipped.
+fn line(test: &str, configuration: &Configuration) -> Option<Line> {
     let Some(emulated) = Emulated::of_board() else {
         println!("skipped {test}: Unicorn or the firmware image is absent (cargo xtask setup, cargo xtask node-build)");
         return None;
     };
-    let mut board = emulated.power_up(Some(&configuration())).expect("powers up");
+    let mut board = emulated.power_up(Some(configuration)).expect("powers up");
     board.set_analogue(Arc::new(|time_s| {
         let turn = TAU * SPEED_HZ * time_s;
         0.5 + LEVEL * (1.0 + 0.2 * turn.cos()) * (f64::from(TEETH) * turn).cos()
@@ -55,7 +59,7 @@ fn phase(port: &str) -> CapturePhase {
 
 #[test]
 fn loop_an_alarm_s_waveform_crosses_a_bad_line_and_is_analysed() {
-    let Some(line) = line("waveform of an alarm") else { return };
+    let Some(line) = line("waveform of an alarm", &watchful()) else { return };
     let folder = folder("capture-of-an-alarm").join("record");
     let deadline = Instant::now() + Duration::from_secs(300);
     while phase(&line.port) != CapturePhase::Held {
@@ -84,15 +88,13 @@ fn loop_an_alarm_s_waveform_crosses_a_bad_line_and_is_analysed() {
 
 #[test]
 fn fault_a_node_that_holds_none_is_asked_by_name_and_one_that_keeps_none_says_which_setting() {
-    let Some(line) = line("no waveform") else { return };
+    let Some(line) = line("no waveform", &quiet()) else { return };
     let folder = folder("capture-of-nothing").join("record");
-    let mut client = Client::open(&line.port).expect("connects");
-    let quiet = Configuration { alarms: Default::default(), ..configuration() };
-    client.set_configuration(&quiet).expect("accepted");
     refused(&["capture", &line.port, "-o", &text(&folder)], &["holds no waveform", "--trigger"]);
     let asked = accepted(&["capture", &line.port, "-o", &text(&folder), "--trigger", "--wait", "300"]);
     assert!(asked.contains("asked for") && asked.contains("released"), "{asked}");
-    client = Client::open(&line.port).expect("connects");
-    client.set_configuration(&Configuration { capture: CaptureConfig::default(), ..quiet }).expect("accepted");
+    let mut client = Client::open(&line.port).expect("connects");
+    let kept_off = Configuration { capture: CaptureConfig::default(), ..quiet() };
+    client.set_configuration(&kept_off).expect("accepted");
     refused(&["capture", &line.port, "-o", &text(&folder), "--force"], &["keeps no waveforms", "[capture] keep"]);
 }
