@@ -6,8 +6,8 @@
 use super::run_up::Heard;
 use super::step::{Finding, Step, StepRecord};
 use crate::Result;
-use crate::levels::learn::{FLOOR_DB, Learned, learn};
-use meshband::levels::{ExpectedLevel, LevelPoint, departure};
+use crate::levels::learn::{FLOOR_DB, Learned, entry, learn};
+use meshband::levels::{Departure, ExpectedLevel, LevelPoint, departure};
 use meshband::units::Hertz;
 use serde::Serialize;
 
@@ -62,11 +62,13 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, [Sprea
     for ((name, of), values) in QUANTITIES.iter().zip(learned.values) {
         let levels: Vec<ExpectedLevel> = learned.levels.iter().map(of).filter(|l| l.uncertainty_db > 0.0).collect();
         let worst = levels.iter().map(|level| level.uncertainty_db).fold(0.0, f32::max);
-        let seen = format!(
-            "{} of {} points from {values} values, standard uncertainty {worst:.2} dB at most",
-            levels.len(),
-            learned.levels.len()
-        );
+        let seen = match levels.len() {
+            0 => format!("{values} values"),
+            known => format!(
+                "{known} of {} points from {values} values, standard uncertainty {worst:.2} dB at most",
+                learned.levels.len()
+            ),
+        };
         findings.push(match levels.len() {
             0 => Finding::warned(*name, seen, "nothing is expected of it: too few values (--values), or no mesh line"),
             _ if worst > USEFUL_DB => {
@@ -83,14 +85,8 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, [Sprea
 fn pool(heard: &Heard, learned: &mut Learned, allowance_db: f64) -> [Spread; 4] {
     let mut spreads = [Spread::default(); 4];
     for ((quantity, spread), (_, of)) in spreads.iter_mut().enumerate().zip(QUANTITIES) {
-        let squares: Vec<f64> = heard.levels.by_quantity[quantity]
-            .iter()
-            .filter_map(|value| {
-                let linear = 10f64.powf(value.level_db / 20.0) as f32;
-                let found = departure(&learned.levels, Hertz(value.speed_hz as f32), 0.0, linear, of)?;
-                Some(f64::from(found.departure_db).powi(2))
-            })
-            .collect();
+        let squares: Vec<f64> =
+            departures(heard, &learned.levels, quantity).map(|found| f64::from(found.departure_db).powi(2)).collect();
         let points = learned.levels.iter().filter(|point| of(point).uncertainty_db > 0.0).count();
         spread.freedom = (squares.len() as f64 - points as f64).max(0.0);
         spread.variance = squares.iter().sum::<f64>() / spread.freedom.max(1.0);
@@ -107,12 +103,10 @@ fn pool(heard: &Heard, learned: &mut Learned, allowance_db: f64) -> [Spread; 4] 
     spreads
 }
 
-/// A point's entry, in the order of [`QUANTITIES`].
-fn entry(point: &mut LevelPoint, quantity: usize) -> &mut ExpectedLevel {
-    match quantity {
-        0 => &mut point.rms,
-        1 => &mut point.velocity_rms,
-        2 => &mut point.mesh_amplitude,
-        _ => &mut point.residual_rms,
-    }
+/// What a quantity's values depart by from the table, where it expects something of them.
+pub(super) fn departures(heard: &Heard, levels: &[LevelPoint], quantity: usize) -> impl Iterator<Item = Departure> {
+    heard.levels.by_quantity[quantity].iter().filter_map(move |value| {
+        let linear = 10f64.powf(value.level_db / 20.0) as f32;
+        departure(levels, Hertz(value.speed_hz as f32), 0.0, linear, QUANTITIES[quantity].1)
+    })
 }

@@ -7,14 +7,14 @@
 //!
 //! Limits: the tail of a distribution is assumed where nothing has been seen; what the baseline did not meet (load, temperature) is the allowance's business.
 
-use super::baseline::{FEWEST_FREEDOM, QUANTITIES, Spread};
+use super::baseline::{FEWEST_FREEDOM, QUANTITIES, Spread, departures};
 use super::run_up::{Heard, ShapeValue};
 use super::step::{Finding, Step, StepRecord};
 use crate::levels::learn::{FLOOR_DB, Learned};
 use crate::link::words;
 use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::MAX_ALARMS;
-use meshband::levels::{LevelPoint, departure};
+use meshband::levels::LevelPoint;
 use meshband::units::Hertz;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -144,8 +144,9 @@ fn is_proposed(watched: Watched) -> bool {
 }
 
 fn departure_finding(limit: f64, by_chance: f64, freedom: f64, largest_seen: f64, per_year: f64) -> Finding {
+    let freedoms = if freedom < MOST_FREEDOM { format!("{freedom:.0}") } else { format!("more than {MOST_FREEDOM}") };
     let seen = format!(
-        "{limit:.2} standard uncertainties, {PERSISTENCE} values in a row: {per_year} false alarms per year of turning at {freedom:.0} degrees of freedom; largest of the sound machine {largest_seen:.2}"
+        "{limit:.2} standard uncertainties, {PERSISTENCE} values in a row: false alarms per year of turning {per_year} at {freedoms} degrees of freedom; largest of the sound machine {largest_seen:.2}"
     );
     if limit > by_chance {
         let advice = "the sound machine itself departed by more than its spread says: more values per class (--values) or a larger --allowance";
@@ -175,12 +176,7 @@ fn freedom(spreads: &[Spread; 4], allowance_db: f64) -> f64 {
 
 /// Largest departure of the values that the table was learned from.
 fn largest(heard: &Heard, learned: &Learned) -> f64 {
-    let all = QUANTITIES.iter().zip(&heard.levels.by_quantity).flat_map(|(&(_, of), values)| {
-        values.iter().filter_map(move |value| {
-            let linear = 10f64.powf(value.level_db / 20.0) as f32;
-            departure(&learned.levels, Hertz(value.speed_hz as f32), 0.0, linear, of)
-        })
-    });
+    let all = (0..QUANTITIES.len()).flat_map(|quantity| departures(heard, &learned.levels, quantity));
     all.map(|departure| f64::from(departure.normalised())).fold(0.0, f64::max)
 }
 
@@ -201,14 +197,6 @@ pub fn shape(logs: &[f64], allowance_db: f64, chance: f64) -> Option<[f64; 2]> {
 
 /// What Student's variable of so many degrees of freedom exceeds with this chance.
 pub fn quantile(chance: f64, freedom: f64) -> f64 {
-    let Ok(student) = StudentsT::new(0.0, 1.0, freedom.clamp(1.0, MOST_FREEDOM)) else { return f64::INFINITY };
-    let (mut low, mut high) = (0.0, 1.0);
-    while student.sf(high) > chance && high < 1e6 {
-        high *= 2.0;
-    }
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if student.sf(middle) > chance { low = middle } else { high = middle }
-    }
-    high
+    let student = StudentsT::new(0.0, 1.0, freedom.clamp(1.0, MOST_FREEDOM));
+    student.map_or(f64::INFINITY, |student| -student.inverse_cdf(chance))
 }

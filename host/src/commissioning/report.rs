@@ -31,7 +31,8 @@ pub fn of(done: &Commissioning) -> Result<Report> {
         report = report.figure("Speed classes", format!("{} of {}", coverage.filled().count(), coverage.classes.len()));
     }
     if let Some(proposal) = &done.alarms {
-        report = report.figure("False alarms", format!("{} a year of turning", proposal.false_alarms_per_year));
+        report =
+            report.figure("False alarms asked for", format!("{} a year of turning", proposal.false_alarms_per_year));
     }
     if let Some((step, finding)) = done.refusal() {
         report = report.note(&format!("{}: {}, {}. {}", step.step.name(), finding.what, finding.seen, finding.advice));
@@ -64,13 +65,17 @@ pub fn of(done: &Commissioning) -> Result<Report> {
 }
 
 fn section(report: Report, step: &StepRecord) -> Report {
+    let head = ["looked at", "outcome", "seen", "what to do"];
+    let has_advice = step.findings.iter().any(|finding| !finding.advice.is_empty());
+    let columns = if has_advice { head.len() } else { head.len() - 1 };
     let row = |finding: &super::step::Finding| {
-        vec![finding.what.clone(), finding.outcome.name().into(), finding.seen.clone(), finding.advice.clone()]
+        let cells = [&finding.what, finding.outcome.name(), &finding.seen, &finding.advice];
+        cells[..columns].iter().map(|&cell| cell.to_owned()).collect()
     };
     let rows: Vec<Vec<String>> = step.findings.iter().map(row).collect();
     let name = step.step.name();
     let heading = format!("Step {}: {}", name, step.outcome.name());
-    report.section(&heading).table("", &["looked at", "outcome", "seen", "what to do"], &rows)
+    report.section(&heading).table("", &head[..columns], &rows)
 }
 
 /// Each quantity over speed: the values, the expectation, and where its alarm lies.

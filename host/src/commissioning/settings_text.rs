@@ -1,6 +1,6 @@
 //! A configuration as the settings file that `meshband configure --settings` reads, and its difference to another one.
 
-use crate::link::report::settings_rows;
+use crate::link::report::{settings_rows, shortest_digits};
 use crate::{Error, Result};
 use meshband::config::Configuration;
 use serde::Serialize;
@@ -30,22 +30,9 @@ pub fn to_toml(config: &Configuration, head: &str) -> Result<String> {
         return Err(refuse(&"is no table"));
     };
     tables.retain(|key, _| !NOT_SETTINGS.contains(&key.as_str()));
-    let tables: Map<String, Value> = tables.into_iter().map(|(key, value)| (key, short(value))).collect();
+    let tables: Map<String, Value> = tables.into_iter().map(|(key, value)| (key, shortest_digits(value))).collect();
     let table = toml::Table::try_from(tables).map_err(|e| refuse(&e))?;
     Ok(format!("{head}{}", toml::to_string(&table).map_err(|e| refuse(&e))?))
-}
-
-/// Numbers of single precision with as many digits as they have.
-fn short(value: Value) -> Value {
-    match value {
-        Value::Number(number) if number.is_f64() => {
-            let shortest = number.as_f64().and_then(|x| format!("{}", x as f32).parse::<f64>().ok());
-            shortest.and_then(serde_json::Number::from_f64).map_or(Value::Number(number), Value::Number)
-        }
-        Value::Array(items) => Value::Array(items.into_iter().map(short).collect()),
-        Value::Object(entries) => Value::Object(entries.into_iter().map(|(key, value)| (key, short(value))).collect()),
-        other => other,
-    }
 }
 
 /// Settings that differ, in the order of the configuration; long lists by their length.
@@ -74,6 +61,9 @@ const LONGEST: usize = 60;
 fn brief(change: Change) -> Change {
     let shown = |text: String| match serde_json::from_str::<Value>(&text) {
         Ok(Value::Array(items)) if text.len() > LONGEST => format!("{} entries", items.len()),
+        Ok(Value::Number(number)) if change.key.ends_with("hash") => {
+            number.as_u64().map_or(text, |hash| format!("{hash:#018x}"))
+        }
         _ => text,
     };
     Change { before: shown(change.before), after: shown(change.after), ..change }

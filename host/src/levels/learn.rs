@@ -53,14 +53,14 @@ pub fn learn(observations: &Observations, allowance_db: f64) -> Result<Learned> 
         speeds.iter().map(|&speed| LevelPoint { speed: Hertz(speed as f32), ..LevelPoint::default() }).collect();
     for (quantity, values) in observations.by_quantity.iter().enumerate() {
         for (point, level) in levels.iter_mut().zip(fitted(&speeds, values, allowance_db)) {
-            *place(point, quantity) = level;
+            *entry(point, quantity) = level;
         }
     }
     Ok(Learned { levels, values: observations.by_quantity.each_ref().map(Vec::len) })
 }
 
-/// A quantity's entry, in the order of [`QUANTITIES`].
-fn place(point: &mut LevelPoint, quantity: usize) -> &mut ExpectedLevel {
+/// A point's entry of a quantity, by its place in [`QUANTITIES`].
+pub fn entry(point: &mut LevelPoint, quantity: usize) -> &mut ExpectedLevel {
     match quantity {
         0 => &mut point.rms,
         1 => &mut point.velocity_rms,
@@ -146,7 +146,7 @@ impl Learned {
             text += &format!("\n[[levels]]\nspeed = {:.4}\n", point.speed.0);
             let mut point = *point;
             for (quantity, name) in QUANTITIES.iter().enumerate() {
-                let level = *place(&mut point, quantity);
+                let level = *entry(&mut point, quantity);
                 text += &format!(
                     "{name} = {{ level_db = {:.3}, uncertainty_db = {:.3} }}\n",
                     level.level_db, level.uncertainty_db

@@ -149,8 +149,23 @@ pub fn of_configuration(config: &Configuration, node: &Identification, stored: b
 /// Every setting as a row of key and value.
 pub fn settings_rows(config: &Configuration) -> Vec<Vec<String>> {
     let mut rows = Vec::new();
-    flatten(&serde_json::to_value(config).unwrap_or_default(), "", &mut rows);
+    flatten(&shortest_digits(serde_json::to_value(config).unwrap_or_default()), "", &mut rows);
     rows
+}
+
+/// Numbers of single precision with as many digits as they have.
+pub fn shortest_digits(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let shortest = number.as_f64().and_then(|x| format!("{}", x as f32).parse::<f64>().ok());
+            shortest.and_then(serde_json::Number::from_f64).map_or(Value::Number(number), Value::Number)
+        }
+        Value::Array(items) => Value::Array(items.into_iter().map(shortest_digits).collect()),
+        Value::Object(entries) => {
+            Value::Object(entries.into_iter().map(|(key, value)| (key, shortest_digits(value))).collect())
+        }
+        other => other,
+    }
 }
 
 fn row(name: &str, value: String) -> Vec<String> {

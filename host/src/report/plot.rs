@@ -320,11 +320,6 @@ pub fn scatter(points: &Series, curves: &[Series], axes: Axes) -> Result<String>
     let y = range(all().map(|p| p.1), 0.06);
     draw(380, |area| {
         let mut chart = chart!(area, x.clone(), headroom(y, 1 + lines.len()), axes, 12);
-        let style = colour(0).mix(0.5).filled();
-        chart
-            .draw_series(dots.iter().map(|&p| Circle::new(p, 2, style)))?
-            .label(&points.name)
-            .legend(|(x, y)| Circle::new((x + 9, y), 3, colour(0).filled()));
         for (i, (series, line)) in curves.iter().zip(lines).enumerate() {
             let style = colour(i + 1).stroke_width(2);
             chart
@@ -332,6 +327,12 @@ pub fn scatter(points: &Series, curves: &[Series], axes: Axes) -> Result<String>
                 .label(&series.name)
                 .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
         }
+        // On top: where the points lie close to a curve it would hide them.
+        let style = colour(0).mix(0.6).filled();
+        chart
+            .draw_series(dots.iter().map(|&p| Circle::new(p, 3, style)))?
+            .label(&points.name)
+            .legend(|(x, y)| Circle::new((x + 9, y), 3, colour(0).filled()));
         legend!(chart, 1 + curves.len());
         Ok(())
     })

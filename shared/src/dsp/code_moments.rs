@@ -11,9 +11,13 @@ use crate::math;
 
 /// Codes summed in single precision.
 const RUN: usize = 64;
-/// Codes this close to either end are at the rail: the lowest one, and the highest of a 12-bit converter.
-const LOWEST_USABLE: u16 = 1;
-const HIGHEST_USABLE: u16 = 0xffef;
+/// Codes between the rails: all but the lowest one, and but the highest of a 12-bit converter and what lies above it.
+const USABLE: u16 = 0xffef;
+
+/// Whether a code is at either end of the converter's range.
+pub(crate) const fn is_railed(code: u16) -> bool {
+    code.wrapping_sub(1) >= USABLE
+}
 
 /// Sums under way.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +107,7 @@ impl CodeMoments {
             if code > highest {
                 highest = code;
             }
-            railed += u32::from(!(LOWEST_USABLE..HIGHEST_USABLE).contains(&code));
+            railed += u32::from(is_railed(code));
             let offset = i32::from(code) - centre;
             first += offset;
             let x = offset as f32;

@@ -55,6 +55,8 @@ pub struct Capture<R = SampleRing> {
 /// A block of codes and what has to be known of it.
 pub(super) struct Codes<'a> {
     pub(super) codes: &'a [u16],
+    /// Whether some are at a rail.
+    pub(super) railed: bool,
     /// Tick of the first code.
     pub(super) first: u64,
     /// Ticks from code to code.
@@ -156,7 +158,7 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
             self.decimator.restart(block.over);
             self.clock = OutputClock::new(block.first, block.period);
         }
-        if block.codes.iter().any(|code| code.wrapping_sub(1) >= 0xffef) {
+        if block.railed {
             self.railed = Some(block.first + u64::from(block.period) * block.codes.len() as u64);
         }
         for codes in block.codes.chunks(BATCH) {
@@ -231,11 +233,11 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
         let end_tick = self.end_tick.saturating_sub(waiting * period);
         let first_tick = end_tick.saturating_sub(samples * period);
         let last = end_tick.saturating_sub(1);
-        while self.marks.front().is_some_and(|&mark| mark.wrapping_sub(first_tick as u32) > (last - first_tick) as u32)
-        {
+        let is_outside = |mark: &u32| mark.wrapping_sub(first_tick as u32) > (last - first_tick) as u32;
+        while self.marks.front().is_some_and(is_outside) {
             self.marks.pop_front();
         }
-        while self.marks.back().is_some_and(|&mark| mark.wrapping_sub(first_tick as u32) > (last - first_tick) as u32) {
+        while self.marks.back().is_some_and(is_outside) {
             self.marks.pop_back();
         }
         self.number += 1;

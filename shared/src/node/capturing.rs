@@ -25,10 +25,10 @@ impl<A: Arrays> Node<A> {
     }
 
     /// A block of codes into the memory.
-    pub(super) fn follow_capture(&mut self, codes: &[u16], first: u64, period: u32) {
+    pub(super) fn follow_capture(&mut self, codes: &[u16], railed: bool, first: u64, period: u32) {
         let Some(wanted) = self.config.capture.wanted(self.active.output) else { return };
         let (over, zero) = (self.active.adc.0 / wanted.0, self.config.sensor.zero_code);
-        if self.arrays.capture_mut().take(&Codes { codes, first, period, over, zero }) {
+        if self.arrays.capture_mut().take(&Codes { codes, railed, first, period, over, zero }) {
             self.seal_capture(CaptureEnd::Full);
         }
     }

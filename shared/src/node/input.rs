@@ -3,9 +3,9 @@
 use super::{Block, HOLD_AFTER_TURN, Node, RISE_INTERVAL_S, State, WIDE_PER_SECOND, WideUse};
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::buffers::{Arrays, Buffers};
+use crate::code_moments::is_railed;
 use crate::events::EventKind;
 use crate::mesh_band::{self, MeshPlan};
-
 use crate::stream::WIDE_POINTS;
 use crate::tach::Validity;
 use crate::waveform::CaptureEnd;
@@ -80,12 +80,13 @@ impl<A: Arrays> Node<A> {
         }
     }
 
-    pub(super) fn watch_input(&mut self, codes: &[u16]) {
-        // One pass without branches; railed are 0 and the upper 16 codes.
+    /// Notes codes at the rails and an input that does not move; true where any is at a rail.
+    pub(super) fn watch_input(&mut self, codes: &[u16]) -> bool {
+        // One pass without branches.
         let first = codes[0];
         let (mut railed, mut moved) = (0usize, 0u16);
         for &code in codes {
-            railed += usize::from(code.wrapping_sub(1) >= 0xffef);
+            railed += usize::from(is_railed(code));
             moved |= code ^ first;
         }
         if railed * 1000 > codes.len() {
@@ -94,6 +95,7 @@ impl<A: Arrays> Node<A> {
         if codes.len() >= 64 && moved == 0 {
             self.note(EventKind::Stuck, u32::from(first));
         }
+        railed > 0
     }
 
     /// All codes into the overall values, cut at the turns.

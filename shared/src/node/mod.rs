@@ -437,9 +437,9 @@ impl<A: Arrays> Node<A> {
         self.totals.blocks = self.totals.blocks.wrapping_add(1);
         self.totals.samples += block.codes.len() as u64;
         self.follow_period(period, first, block.sequence);
-        self.watch_input(block.codes);
+        let railed = self.watch_input(block.codes);
         self.follow_values(block.codes, first, period);
-        self.follow_capture(block.codes, first, period);
+        self.follow_capture(block.codes, railed, first, period);
         if !self.stream.wide_runs() {
             self.start_wide(first);
         }

@@ -13,6 +13,7 @@
 //! The mathematics hold the processor for longer than a block, and blocks that waited for it arrive faster than they were
 //! sampled: counting begins once none waits. For the same reason a test is not begun anew within [`APART_S`].
 
+use crate::code_moments::is_railed;
 use crate::decimate::Cascade;
 use crate::frame::CRC32;
 use crate::message::SelfTest;
@@ -135,7 +136,7 @@ impl SelfTestRun {
         }
         self.before = Some((now_tick, block.sequence));
         for &code in block.codes {
-            stretch.railed += u32::from(code == 0 || code >= 0xfff0);
+            stretch.railed += u32::from(is_railed(code));
             stretch.lowest = stretch.lowest.min(code);
             stretch.highest = stretch.highest.max(code);
         }

@@ -40,6 +40,7 @@ mod settling;
 mod spectral;
 mod spectrum;
 mod store;
+mod streams;
 mod strongest_lines;
 mod tach;
 mod update;
