@@ -82,8 +82,10 @@ pub fn open(path: &Path) -> Result<File> {
 /// # Errors
 /// As [`open`].
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
     let file = open(path)?;
+    // All at once: a vector that grows is copied as often as its length doubles.
+    let announced = file.metadata().map_or(0, |found| found.len().min(FILE.most as u64));
+    let mut bytes = Vec::with_capacity(announced as usize + 1);
     file.take(FILE.most as u64).read_to_end(&mut bytes).map_err(Error::file(path))?;
     Ok(bytes)
 }

@@ -6,8 +6,9 @@
 Processor time is that of the command and its threads, user and system; the peak is its largest resident set.
 With `--make FOLDER` it writes the signal files whose import `cargo xtask bench` times, instead: two channels of
 noise from a fixed seed as npy (16 bit), wav and csv, and eight MAT-files of one channel in double precision each, as many and as
-long as the measured bench's of eight accelerometers. With `--disk WRITTEN FILES...` it takes as long as the disk does, instead: FILES read past
-the page cache and a copy of WRITTEN written and brought to the disk.
+long as the measured bench's of eight accelerometers. With `--disk RECORD FILES...` it takes as long as the disk does, instead: FILES read past
+the page cache, and a copy of the folder RECORD written so that a power cut would leave it or nothing: its files and itself brought to the
+disk, a new name, the folder above brought to the disk.
 """
 import mmap, os, resource, subprocess, sys, time
 
@@ -43,9 +44,18 @@ def make(folder):
         scipy.io.savemat(Path(folder) / f"channel{channel}.mat", data)
 
 
-def disk(written, files):
-    with open(written, "rb") as file:
-        content = file.read()
+def to_disk(path):
+    descriptor = os.open(path, os.O_RDONLY)
+    os.fsync(descriptor)
+    os.close(descriptor)
+
+
+def disk(record, files):
+    contents = {}
+    for name in os.listdir(record):
+        with open(os.path.join(record, name), "rb") as file:
+            contents[name] = file.read()
+    copy = record.rstrip("/") + ".copy"
     buffer = mmap.mmap(-1, 1 << 20)
     start = time.perf_counter()
     for name in files:
@@ -53,10 +63,15 @@ def disk(written, files):
         while os.readv(descriptor, [buffer]) > 0:
             pass
         os.close(descriptor)
-    # Beside the record, whose folder is its own.
-    with open(os.path.join(os.path.dirname(os.path.dirname(written)), "disk.copy"), "wb") as file:
-        file.write(content)
-        os.fsync(file.fileno())
+    os.mkdir(copy + ".tmp")
+    paths = [os.path.join(copy + ".tmp", name) for name in contents]
+    for path, content in zip(paths, contents.values()):
+        with open(path, "wb") as file:
+            file.write(content)
+    for path in [*paths, copy + ".tmp"]:
+        to_disk(path)
+    os.rename(copy + ".tmp", copy)
+    to_disk(os.path.dirname(os.path.abspath(copy)))
     print(f"0 {time.perf_counter() - start:.4f} 0")
 
 
@@ -64,7 +79,7 @@ if __name__ == "__main__":
     match sys.argv[1:]:
         case ["--make", folder]:
             make(folder)
-        case ["--disk", written, *files]:
-            disk(written, files)
+        case ["--disk", record, *files]:
+            disk(record, files)
         case words:
             cost(words)

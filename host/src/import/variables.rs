@@ -53,7 +53,7 @@ pub(super) fn columns(path: &Path, variables: Vec<Variable>, skipped: usize, ste
     let rate_hz = take_rate(path, &mut kept, &mut remarks)?;
     let longest = kept.iter().map(|v| v.rows.max(v.columns)).max().unwrap_or(0);
     let (mut names, mut channels, mut small) = (Vec::new(), Vec::new(), Vec::new());
-    for variable in kept {
+    for mut variable in kept {
         let (rows, columns) = (variable.rows, variable.columns);
         if rows.max(columns) != longest || longest < 2 {
             small.push(variable.name);
@@ -67,7 +67,9 @@ pub(super) fn columns(path: &Path, variables: Vec<Variable>, skipped: usize, ste
             } else {
                 format!("{stem} {} {c}", variable.name)
             });
-            channels.push(if rows >= columns {
+            channels.push(if count == 1 {
+                std::mem::take(&mut variable.values)
+            } else if rows >= columns {
                 variable.values[c * rows..(c + 1) * rows].to_vec()
             } else {
                 variable.values.iter().skip(c).step_by(rows).copied().collect()

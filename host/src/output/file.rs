@@ -122,7 +122,17 @@ impl OutputFile {
 
 /// Writes a new file and waits until it is on the disk.
 pub(super) fn write_durably(path: &Path, content: &[u8]) -> std::io::Result<()> {
-    let mut file = undisturbed(|| File::create(path))?;
-    file.write_all(content)?;
-    file.sync_all()
+    write_new(path, content)?;
+    sync(path)
+}
+
+/// Writes a new file; it is on the disk after [`sync`].
+pub(super) fn write_new(path: &Path, content: &[u8]) -> std::io::Result<()> {
+    undisturbed(|| File::create(path))?.write_all(content)
+}
+
+/// Waits until a file is on the disk.
+pub(super) fn sync(path: &Path) -> std::io::Result<()> {
+    // Some systems bring to the disk only what was opened for writing.
+    std::fs::OpenOptions::new().write(true).open(path)?.sync_all()
 }

@@ -1,16 +1,21 @@
 //! A whole folder or none: written beside its place under a hidden name, then put there in one step.
 //!
+//! What is written is brought to the disk at the end, all files at once: one after the other they would each wait for the disk's journal.
+//!
 //! An existing folder is replaced only where it is what this program would have written, file by file: a user's own file
 //! in it is never lost, whatever options say.
 
-use super::file::write_durably;
+use super::file::{sync, write_new};
 use super::interrupt::{Temporary, undisturbed};
 use super::inventory::Content;
 use super::lock::Lock;
 use super::place::beside;
 use super::{inventory, rename};
 use crate::{Error, Result};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// A folder that a command has announced ([`super::Outputs::folder`]).
 #[derive(Debug)]
@@ -18,6 +23,8 @@ pub struct OutputFolder {
     target: PathBuf,
     replace: bool,
     temporary: Temporary,
+    /// Names of the files written so far.
+    written: Mutex<BTreeSet<PathBuf>>,
     _lock: Lock,
     _parents: Parents,
 }
@@ -45,7 +52,7 @@ impl OutputFolder {
         };
         let temporary = Temporary::register(beside(&target, "tmp"));
         undisturbed(|| std::fs::create_dir(temporary.path())).map_err(Error::file(&target))?;
-        Ok(Self { target, replace, temporary, _lock: lock, _parents: parents })
+        Ok(Self { target, replace, temporary, written: Mutex::default(), _lock: lock, _parents: parents })
     }
 
     /// Writes one file of the folder; callable from several threads.
@@ -58,8 +65,10 @@ impl OutputFolder {
         let folder = path.parent().unwrap_or(self.temporary.path());
         // Not while an interrupt removes the temporary, which would come back with this.
         let made = undisturbed(|| std::fs::create_dir_all(folder));
-        let done = made.and_then(|()| write_durably(&path, content.as_ref()));
-        done.map_err(Error::file(&self.target.join(name)))
+        let done = made.and_then(|()| write_new(&path, content.as_ref()));
+        done.map_err(Error::file(&self.target.join(name)))?;
+        self.written.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned());
+        Ok(())
     }
 
     /// Puts the folder into its place.
@@ -67,13 +76,23 @@ impl OutputFolder {
     /// # Errors
     /// The place was taken meanwhile, or what the operating system says; the old state then stands.
     pub fn commit(self) -> Result<()> {
-        rename::settle(self.temporary.path());
+        self.settle()?;
         let (from, target) = (self.temporary.path(), self.target.as_path());
         let put =
             || if self.replace { rename::replace_folder(from, target) } else { rename::put_new_folder(from, target) };
         undisturbed(put).map_err(Error::file(target))?;
         rename::settle(target.parent().unwrap_or(Path::new(".")));
         Ok(())
+    }
+
+    /// Waits until all files and the folders they are in are on the disk.
+    fn settle(&self) -> Result<()> {
+        let written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        let folders: BTreeSet<&Path> = written.iter().flat_map(|name| name.ancestors().skip(1)).collect();
+        let to_disk =
+            |name: &PathBuf| sync(&self.temporary.path().join(name)).map_err(Error::file(&self.target.join(name)));
+        let settled = || folders.par_iter().for_each(|name| rename::settle(&self.temporary.path().join(name)));
+        rayon::join(|| written.par_iter().try_for_each(to_disk), settled).0
     }
 }
 

@@ -1,9 +1,9 @@
-//! Which sampling rates the flashed image keeps up with, against cycles per instruction: the table of `docs/pace.md`.
+//! Which sampling rates the flashed image keeps up with, against cycles per instruction, and with waveforms kept: the tables of `docs/pace.md`.
 //!
 //! Every run is the image's heaviest ordinary work ([`compared::load`]): the wideband path at the law's rate, mesh records, synchronous averages,
 //! edges timed for the law's check, waveforms asked for without end, at three speeds up to the highest. A rate is kept up with where no
 //! block is lost at any of them. From the converter's own limit downwards the first rate is printed that holds together with the two
-//! below it: a single one may hold by luck.
+//! below it: a single one may hold by luck. Waveforms ([`WAVEFORMS`]) cost a filter more; at two cycles every loss is printed.
 //!
 //! The image must accept such rates (feature `rate-sweep`): `cargo xtask pace` builds it and runs this. Cost: some minutes of one core.
 
@@ -14,6 +14,8 @@ mod image;
 
 use compared::TICKS_PER_SECOND;
 use compared::load::{Outcome, SPEEDS_HZ, configured_for, run};
+use meshband::config::{CaptureConfig, CaptureRate, Configuration};
+use meshband::units::Hertz;
 use meshband_emulator::elf::Image;
 use std::process::ExitCode;
 
@@ -21,6 +23,15 @@ use std::process::ExitCode;
 const CYCLES: [f64; 7] = [1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5];
 /// Sample periods tried, ticks of 84 MHz: multiples of the converter's four, from the shortest that it follows.
 const PERIODS: [u32; 18] = [112, 124, 136, 148, 160, 172, 184, 192, 200, 208, 216, 224, 240, 260, 284, 312, 344, 380];
+/// Waveforms tried.
+const WAVEFORMS: [(&str, CaptureConfig); 3] = [
+    ("10 kHz", CaptureConfig { keep: CaptureRate::Fixed, rate: Hertz(0.0) }),
+    ("20 kHz", CaptureConfig { keep: CaptureRate::Fixed, rate: Hertz(20_000.0) }),
+    ("at the law's rate", CaptureConfig { keep: CaptureRate::Law, rate: Hertz(0.0) }),
+];
+/// Converter rates that they are tried with, and cycles per instruction.
+const WITH_WAVEFORMS_HZ: [f64; 3] = [210_000.0, 300_000.0, 420_000.0];
+const WITH_WAVEFORMS_CYCLES: f64 = 2.0;
 /// Rates that must hold in a row.
 const IN_A_ROW: usize = 3;
 
@@ -37,7 +48,22 @@ fn main() -> ExitCode {
     for cycles in CYCLES {
         println!("{}", row(&image, cycles));
     }
+    println!("\n| waveforms | converter, kHz | blocks lost in 4 s at {a:.0}, {b:.0}, {c:.0} turns/s | load there |");
+    println!("| --- | --- | --- | --- |");
+    for (name, capture) in WAVEFORMS {
+        for rate_hz in WITH_WAVEFORMS_HZ {
+            println!("{}", row_with_waveforms(&image, name, capture, rate_hz));
+        }
+    }
     ExitCode::SUCCESS
+}
+
+fn row_with_waveforms(image: &Image, name: &str, capture: CaptureConfig, rate_hz: f64) -> String {
+    let config = Configuration { capture, ..configured_for(rate_hz) };
+    let outcomes = SPEEDS_HZ.map(|speed_hz| run(image, &config, WITH_WAVEFORMS_CYCLES, speed_hz));
+    let lost = outcomes.map(|outcome| outcome.lost.to_string()).join(", ");
+    let loads = outcomes.map(|outcome| format!("{:.0} %", 100.0 * outcome.load)).join(", ");
+    format!("| {name} | {:.0} | {lost} | {loads} |", outcomes[0].rate_hz / 1e3)
 }
 
 fn row(image: &Image, cycles: f64) -> String {

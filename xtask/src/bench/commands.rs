@@ -95,11 +95,11 @@ pub fn table(python: &Path, program: &Path, folder: &Path) -> Outcome<String> {
 /// Import of eight channels beside what the disk alone takes for the same bytes, in turns; medians.
 fn beside_disk(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
     let (mut imports, mut disks) = (Vec::new(), Vec::new());
-    for _ in 0..TURNS {
-        let words = format!("import {CHANNELS} --rate 25600 --no-tach --force -o @from-mat");
+    for turn in 0..TURNS {
+        let words = format!("import {CHANNELS} --rate 25600 --no-tach -o @from-mat-{turn}");
         imports.push(bench.cost("import of eight channels", arguments(&words, folder))?[1]);
         let mut words = command(&[bench.python, bench.script, "--disk"]);
-        words.arg(folder.join("from-mat/run00.npy")).args(arguments(CHANNELS, folder));
+        words.arg(folder.join(format!("from-mat-{turn}"))).args(arguments(CHANNELS, folder));
         let said = timed("the disk alone", || capture(&mut words))?;
         let wall = said.split_whitespace().nth(1).and_then(|word| word.parse().ok());
         disks.push(wall.ok_or_else(|| format!("cost.py: {said}"))?);
@@ -111,7 +111,7 @@ fn beside_disk(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
     let bytes: u64 = arguments(CHANNELS, folder).filter_map(|path| Some(std::fs::metadata(path).ok()?.len())).sum();
     Ok(format!(
         "\nImport of eight MAT-files, {:.0} MB, wall time, median of {TURNS} in turns: {:.0} ms ({:.0} MB/s). The disk alone, the same bytes read past \
-         the page cache and the record's written and synced: {:.0} ms. Import over disk: {:.1}.\n",
+         the page cache and the record's written as safely (files, folder and the folder above synced): {:.0} ms. Import over disk: {:.1}.\n",
         1e-6 * bytes as f64,
         1e3 * import,
         1e-6 * bytes as f64 / import,

@@ -61,7 +61,7 @@ pub(super) fn edges(
     threshold: Option<f64>,
 ) -> Result<Edges> {
     let mut sorted = signal.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_unstable_by(f64::total_cmp);
     let levels = match threshold {
         Some(threshold) => around(&sorted, threshold).ok_or_else(|| {
             let (least, most) = (sorted[0], sorted[sorted.len() - 1]);
@@ -98,7 +98,7 @@ pub(super) fn hinted(signal: &[f64]) -> Vec<f64> {
     }
     // Every so many samples are enough for levels.
     let mut some: Vec<f64> = signal.iter().step_by(signal.len().div_ceil(LEVEL_SAMPLES)).copied().collect();
-    some.sort_by(f64::total_cmp);
+    some.sort_unstable_by(f64::total_cmp);
     plateaus(&some).map_or(Vec::new(), |levels| crossings(signal, &levels, false))
 }
 
