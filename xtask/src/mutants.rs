@@ -49,9 +49,6 @@ serde = { version = "1", features = ["derive"] }
 proptest = { version = "1", default-features = false, features = ["std"] }
 "#;
 
-/// Optimised as far as compiling stays quick; checks as in the tests.
-const PROFILE: &str = "\n[profile.mutants]\ninherits = \"dev\"\nopt-level = 1\ndebug = false\n";
-
 /// The first failed test is enough: the others, and the shrinking of a found case, would only take time.
 const FIRST_PANIC: &str = r#"
 #[used]
@@ -100,7 +97,7 @@ pub fn run_task(args: &[String]) -> Outcome {
             mutants.args(["--profile", "mutants", "--timeout", "1200"]);
         }
         "inference" => {
-            mutants.args(["--package", "meshband-host", "--profile", "release", "--in-place"]);
+            mutants.args(["--package", "meshband-host", "--profile", "mutants", "--in-place"]);
             for file in INFERENCE {
                 mutants.arg("--file").arg(format!("host/src/kinematic/{file}.rs"));
             }
@@ -197,7 +194,7 @@ fn reduced(tree: &Path) -> Outcome {
         lines.map(
             |line| if line.starts_with("members") { "members = [\"shared\", \"tests\", \"tests/kit\"]" } else { line },
         );
-    write(tree.join("Cargo.toml"), &(lines.collect::<Vec<_>>().join("\n") + PROFILE))?;
+    write(tree.join("Cargo.toml"), &(lines.collect::<Vec<_>>().join("\n") + "\n"))?;
     write(tree.join("Cargo.lock"), &read(root().join("Cargo.lock"))?)?;
     write(tree.join("tests/Cargo.toml"), MANIFEST)?;
     for place in ["tests/src", "tests/tests/node"] {

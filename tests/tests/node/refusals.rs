@@ -34,6 +34,17 @@ fn fault_a_replayed_record_takes_no_edge_twice() {
 }
 
 #[test]
+fn fault_a_replayed_record_lasts_less_than_a_turn_of_the_counter() {
+    // 3855 times 1 114 129 is one tick less than the counter's turn.
+    let written = |samples: usize| {
+        let samples = vec![0; samples];
+        let mut image = vec![0; image_bytes(0, 0, samples.len())];
+        write(&Header::new(84_000_000, 3855, 100.0), &[], &[], &samples, &mut image).map(|_| ())
+    };
+    assert_eq!((written(1_114_129), written(1_114_130)), (Ok(()), Err(ReplayError::Length)));
+}
+
+#[test]
 fn ref_a_replayed_record_gives_what_was_written_and_rounds_half_up_between_samples() {
     for forced in [None, Some(7)] {
         let header = Header { forced_period_ticks: forced, ..Header::new(84_000_000, 4, 100.0) };

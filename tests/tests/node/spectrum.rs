@@ -100,6 +100,15 @@ fn theory_lines_between_bins_are_read_within_a_hundredth_of_a_bin() {
 }
 
 #[test]
+fn fault_noise_is_not_told_from_fewer_than_eight_lines() {
+    let of = |lines: usize| {
+        let (amplitudes, mut scratch) = (vec![1.0; lines + 2], vec![0.0; lines]);
+        spectrum::noise_density(&amplitudes, Window::Hann, 1.0, &mut scratch).is_some()
+    };
+    assert_eq!((of(7), of(8)), (false, true));
+}
+
+#[test]
 fn theory_noise_density_is_read_under_lines() {
     let rate_hz = 10_000.0;
     for window in [Window::Rectangular, Window::Hann, Window::FlatTop] {
