@@ -50,6 +50,21 @@ fn theory_levels_are_linear_in_decibels_over_the_logarithm_of_the_speed() {
 }
 
 #[test]
+fn fault_nothing_is_expected_between_a_point_that_expects_and_one_that_does_not() {
+    let known = |uncertainties: [f32; 2], value: f32| {
+        let [low, high] = uncertainties;
+        let points = [point(10.0, 0.0, low), point(40.0, 0.0, high)];
+        departure(&points, Hertz(20.0), 0.0, value, |point| point.rms).is_some()
+    };
+    assert!(known([1.0, 1.0], 1.0));
+    for (uncertainties, value) in
+        [([0.0, 1.0], 1.0), ([1.0, 0.0], 1.0), ([1.0, 1.0], 0.0), ([1.0, 1.0], f32::INFINITY), ([1.0, 1.0], -1.0)]
+    {
+        assert!(!known(uncertainties, value), "{uncertainties:?} {value}");
+    }
+}
+
+#[test]
 fn fault_tables_that_say_nothing_sound_are_refused() {
     let refused = |points: &[LevelPoint]| {
         let levels = points.iter().copied().collect();
