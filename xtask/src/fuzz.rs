@@ -4,8 +4,8 @@
 //! itself is C++ and is compiled once. No address sanitizer: what is fuzzed has no unsafe code of ours. The corpus stays in
 //! `target/fuzz/corpus` and grows from one run to the next.
 
-use crate::shell::{Outcome, capture, cargo, command, root, run, say, timed};
-use std::collections::VecDeque;
+use crate::shell::{Outcome, capture, cargo, command, root, run, say, stamp, timed};
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -37,7 +37,7 @@ that inputs per second say little.
 
 ";
 
-/// Names of targets may follow; `MESHBAND_FUZZ_JOBS` targets run at a time (1); `MESHBAND_FUZZ_PROGRAM` is built already.
+/// Names of targets may follow, the others keep their rows; `MESHBAND_FUZZ_JOBS` targets run at a time (1); `MESHBAND_FUZZ_PROGRAM` is built already.
 pub fn run_task(args: &[String]) -> Outcome {
     let variable = |name: &str, usual: &str| std::env::var(name).unwrap_or_else(|_| usual.into());
     let seconds = variable("MESHBAND_FUZZ_SECONDS", SECONDS);
@@ -68,28 +68,34 @@ pub fn run_task(args: &[String]) -> Outcome {
     });
     let mut done = done.into_inner().expect("no panic");
     done.sort_by_key(|(place, ..)| *place);
-    let date = capture(&mut command(&["date", "-u", "+%Y-%m-%d"]))?;
-    let compiler = capture(&mut command(&["rustc", "--version"]))?;
-    let mut page = format!(
-        "{HEAD}{}, {}, {seconds} s per target, {jobs} at a time.\n\n\
-         | target | reads | inputs | edges | inputs kept | longest, s | memory, MB | found |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-        date.trim(),
-        compiler.trim()
-    );
-    let mut failed = Vec::new();
+    let (when, mut failed, mut fresh) = (stamp()?, Vec::new(), BTreeMap::new());
     for (_, name, reads, found) in done {
         let found = found?;
         let [inputs, edges, kept, longest, memory] = found.figures;
         let case = found.case.as_ref().map_or("nothing", |_| "1 case");
-        let _ = writeln!(page, "| {name} | {reads} | {inputs} | {edges} | {kept} | {longest} | {memory} | {case} |");
+        let row = format!(
+            "| {name} | {reads} | {inputs} | {edges} | {kept} | {longest} | {memory} | {case} | {when}, {seconds} s, {jobs} at a time |"
+        );
+        fresh.insert(name, row);
         failed.extend(found.case.map(|case| format!("{name}: {case}")));
     }
-    print!("{page}");
-    if args.is_empty() {
-        let path = root().join("docs/fuzzing.md");
-        std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?;
+    let path = root().join("docs/fuzzing.md");
+    let before = std::fs::read_to_string(&path).unwrap_or_default();
+    let mut page = format!(
+        "{HEAD}| target | reads | inputs | edges | inputs kept | longest, s | memory, MB | found | run |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    );
+    for (name, _) in &known {
+        let kept = || before.lines().find(|line| line.starts_with(&format!("| {name} |"))).map(str::to_owned);
+        if let Some(row) = fresh.remove(name).or_else(kept) {
+            let _ = writeln!(page, "{row}");
+        }
     }
+    // Remarks behind the table are people's.
+    let remarks = before.rsplit_once("|\n").map_or("", |(_, remarks)| remarks);
+    page.push_str(remarks);
+    print!("{page}");
+    std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?;
     if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
 }
 

@@ -7,7 +7,7 @@
 //! The sample is every n-th mutant in the order of the list (`--shard K/N --sharding round-robin`), the same every time. Once its
 //! survivors are killed by new tests it says too much of the rest: another one, of another first mutant, says what they are worth.
 
-use crate::shell::{Outcome, capture, cargo, command, on_path, root, run, timed};
+use crate::shell::{Outcome, capture, cargo, command, on_path, root, run, stamp, timed};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -136,12 +136,10 @@ fn section(what: &str, [every, first]: [u32; 2], folder: &Path) -> Outcome<Strin
         return Err("no mutant was tried".into());
     }
     let [low, high] = wilson(killed as f64, viable as f64).map(|share| 100.0 * share);
-    let said = |words: &[&str]| capture(command(words).current_dir(root())).map(|text| text.trim().to_owned());
     let mut text = format!(
-        "## `{what}`\n\n`cargo xtask mutants {what} {every} {first}`, commit {}, {}: every {every}th mutant; {viable} viable ({} more do not compile), \
+        "## `{what}`\n\n`cargo xtask mutants {what} {every} {first}`, {}: every {every}th mutant; {viable} viable ({} more do not compile), \
          {killed} killed ({} of them by the time limit): {:.1} %, {low:.1} to {high:.1} %.\n\n| survivor | why |\n| --- | --- |\n",
-        said(&["git", "rev-parse", "--short", "HEAD"])?,
-        said(&["date", "-u", "+%Y-%m-%d"])?,
+        stamp()?,
         unviable.len(),
         timeout.len(),
         100.0 * killed as f64 / viable as f64,

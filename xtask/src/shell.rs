@@ -49,6 +49,13 @@ pub fn capture(command: &mut Command) -> Outcome<String> {
     Err(format!("`{}` failed ({}):\n    {reason}", describe(command), output.status))
 }
 
+/// What a generated page is of: the commit of the sources and the day.
+pub fn stamp() -> Outcome<String> {
+    let commit = capture(command(&["git", "rev-parse", "--short", "HEAD"]).current_dir(root()))?;
+    let date = capture(&mut command(&["date", "-u", "+%Y-%m-%d"]))?;
+    Ok(format!("commit {}, {}", commit.trim(), date.trim()))
+}
+
 /// Builds programs of the workspace and gives their places. A test is built along: the packages then get the features that they have in
 /// the tests, so that nothing is built a second time.
 pub fn programs<const N: usize>(names: [&str; N]) -> Outcome<[PathBuf; N]> {

@@ -3,7 +3,9 @@
 use crate::elf::Image;
 use crate::node_build::{IMAGES, RELEASED};
 use crate::setup::{self, TARGET};
-use crate::shell::{Outcome, TemporaryFolder, capture, cargo, command, on_path, programs, root, run, say, timed};
+use crate::shell::{
+    Outcome, TemporaryFolder, capture, cargo, command, on_path, programs, root, run, say, stamp, timed,
+};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -72,14 +74,7 @@ pub fn reproducible(args: &[String]) -> Outcome {
         timed(&format!("images in {}", place.display()), || build_in(place, "HEAD", &IMAGES))?;
     }
     let mut page = String::from(PAGE_HEAD);
-    let commit = capture(command(&["git", "-C"]).arg(root()).args(["rev-parse", "--short", "HEAD"]))?;
-    let date = capture(&mut command(&["date", "-u", "+%Y-%m-%d"]))?;
-    let _ = writeln!(
-        page,
-        "Commit {}, {}.\n\n| image | bytes loaded | same in both |\n| --- | --- | --- |",
-        commit.trim(),
-        date.trim()
-    );
+    let _ = writeln!(page, "Of {}.\n\n| image | bytes loaded | same in both |\n| --- | --- | --- |", stamp()?);
     let mut different = Vec::new();
     for (image, _) in IMAGES {
         let [first, second] = [loaded(&places[0], image)?, loaded(&places[1], image)?];
