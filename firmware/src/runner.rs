@@ -340,6 +340,7 @@ impl<F: NorFlash + 'static> Runner<F> {
             self.lost_edges = lost;
             self.note(BoardEvent::EdgesLost, lost);
         }
+        self.session.node_mut().note_waiting(board.most_waiting());
     }
 
     /// Looks at the stack's paint every few seconds and reports a new depth; not called where frames are compared with

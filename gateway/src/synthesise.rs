@@ -15,6 +15,7 @@ use meshband::message::{AlarmState, Bound, GearIndicators, Indicators, Message, 
 use meshband::node::State;
 use meshband::shaft_lines::{OrderLine, ShaftOrders};
 use meshband::tach::Validity;
+use meshband::waveform::CapturePhase;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -185,9 +186,9 @@ fn values(seed: u64, machine: u32, node: u32, second: u64) -> [Message; 2] {
         quality: Quality { turns: 48, duration_s: 48.0 / speed, ..Quality::default() },
         velocity_rms: rms / (core::f32::consts::TAU * 20.0 * speed),
         velocity_band_hz: [10.0, 1000.0],
-        departures: Default::default(),
         pinion: orders(48, 0.02 * rms, scatter),
         wheel: orders(24, 0.015 * rms, |salt| scatter(salt + 6)),
+        ..Indicators::default()
     };
     [Message::Status(status(tick, speed)), Message::Indicators(indicators)]
 }
@@ -225,6 +226,7 @@ pub fn status(tick: u64, speed_hz: f32) -> Status {
         available_hz: 650.0 * speed_hz,
         bound: Bound::AnalogueFilter,
         alarms: AlarmState::default(),
+        capture: CapturePhase::default(),
     }
 }
 

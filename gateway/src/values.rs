@@ -18,7 +18,7 @@ const fn quantity(column: &'static str, metric: &'static str, unit: &'static str
 }
 
 /// All figures. Only append: the history's columns and the broker's aliases count on the order.
-pub const QUANTITIES: [Quantity; 43] = [
+pub const QUANTITIES: [Quantity; 48] = [
     quantity("speed_hz", "Speed", "Hz"),
     quantity("speed_uncertainty", "Speed/Uncertainty", ""),
     quantity("speed_age_s", "Speed/Age", "s"),
@@ -62,6 +62,11 @@ pub const QUANTITIES: [Quantity; 43] = [
     quantity("gear_1", "Shaft/Gear/1", "m/s2"),
     quantity("gear_2", "Shaft/Gear/2", "m/s2"),
     quantity("gear_3", "Shaft/Gear/3", "m/s2"),
+    quantity("second_rms", "Second/RMS", "m/s2"),
+    quantity("second_peak", "Second/Peak", "m/s2"),
+    quantity("second_crest", "Second/Crest", ""),
+    quantity("second_kurtosis", "Second/Kurtosis", ""),
+    quantity("second_velocity_rms", "Second/VelocityRMS", "m/s"),
 ];
 
 /// Column of the first mesh harmonic.
@@ -72,6 +77,9 @@ const AVAILABLE: usize = 35;
 const VELOCITY: usize = 36;
 /// Columns of each shaft's first order.
 const SHAFTS: [usize; 2] = [37, 40];
+
+/// First column of the second sensor.
+const SECOND: usize = 43;
 
 /// The figures of a message, each with its place in [`QUANTITIES`].
 pub fn figures(message: &Message) -> Vec<(usize, f32)> {
@@ -122,6 +130,9 @@ pub fn figures(message: &Message) -> Vec<(usize, f32)> {
             figures.push((VELOCITY, i.velocity_rms));
             for (first, orders) in SHAFTS.into_iter().zip([i.pinion, i.wheel]) {
                 figures.extend((first..).zip(orders.iter().flat_map(|shaft| shaft.lines).map(|line| line.amplitude)));
+            }
+            if let Some(s) = &i.second {
+                figures.extend((SECOND..).zip([s.rms, s.peak, s.crest, s.kurtosis, s.velocity_rms]));
             }
             figures
         }
@@ -286,6 +297,7 @@ mod tests {
             available_hz: 450.0,
             bound: Bound::Sensor,
             alarms: AlarmState::default(),
+            capture: Default::default(),
         }
     }
 }

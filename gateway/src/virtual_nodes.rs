@@ -81,7 +81,12 @@ impl Served {
         config.limits.analogue_stop = Hertz(2_000.0);
         config.limits.highest_adc = Hertz(8_000.0);
         config.sensor.acceleration_per_code = Acceleration(0.001);
-        let identity = Identity { board: "virtual", build: "gateway", unique_id: [unit, 0x6d65_7368, 0x6261_6e64], ..Identity::HOST };
+        let identity = Identity {
+            board: "virtual",
+            build: "gateway",
+            unique_id: [unit, 0x6d65_7368, 0x6261_6e64],
+            ..Identity::HOST
+        };
         let session = Session::new(config, TicksPerSecond(CLOCK), identity)
             .unwrap_or_else(|e| unreachable!("own configuration: {e}"));
         let gear = Gear::new(index);
@@ -145,6 +150,7 @@ impl Served {
         }
         let block = Block {
             codes: &codes,
+            second: &[],
             first_tick: first as u32,
             period_ticks: period,
             sequence: self.blocks,

@@ -19,15 +19,22 @@ pub struct Timing {
     pub period_step: u32,
     /// Highest ADC rate that a configuration may ask for: converter and processor keep up with margin.
     pub highest_adc: Hertz,
+    /// The same with a second sensor, each converter; `None` where there is one converter.
+    pub highest_of_two: Option<Hertz>,
 }
 
 impl Timing {
-    /// QEMU's `mps2-an386`: no converter that could be too slow.
-    pub const AN386: Self = Self { clock: TicksPerSecond(25_000_000), period_step: 1, highest_adc: Hertz(1.0e7) };
+    /// QEMU's `mps2-an386`: no converter that could be too slow, and no second one.
+    pub const AN386: Self =
+        Self { clock: TicksPerSecond(25_000_000), period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: None };
     /// STM32F405: the converter runs on a quarter of the timer's clock and could follow 750 kHz; the highest rate is what the main loop
     /// keeps up with at two cycles per instruction, with margin (`docs/pace.md`).
-    pub const STM32F405: Self =
-        Self { clock: TicksPerSecond(84_000_000), period_step: 4, highest_adc: Hertz(420_000.0) };
+    pub const STM32F405: Self = Self {
+        clock: TicksPerSecond(84_000_000),
+        period_step: 4,
+        highest_adc: Hertz(420_000.0),
+        highest_of_two: Some(Hertz(210_000.0)),
+    };
 
     /// Of a node that says which board it is and what its clock is; a board not known here is bound by its clock alone.
     pub fn of(board: &str, clock: TicksPerSecond) -> Self {
@@ -43,7 +50,7 @@ impl Timing {
 /// A timer without a converter behind it that limits anything: tests and hosts that know no more of a node than its clock.
 impl From<TicksPerSecond> for Timing {
     fn from(clock: TicksPerSecond) -> Self {
-        Self { clock, period_step: 1, highest_adc: Hertz(1.0e7) }
+        Self { clock, period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: Some(Hertz(1.0e7)) }
     }
 }
 
@@ -65,6 +72,8 @@ pub trait BlockSource {
     fn horizon(&self) -> u32;
     /// Gives up all waiting blocks after one was lost because none was taken for too long; the node sees one gap.
     fn catch_up(&mut self);
+    /// Most complete blocks that ever waited for the main loop.
+    fn most_waiting(&self) -> u32;
     /// First tick behind the oldest complete block; `None` if there is no complete block.
     fn pending_end(&self) -> Option<u32>;
     /// Hands the oldest complete block to `consume`; false if there is none. The block is only valid inside the call.

@@ -9,6 +9,7 @@
 //! gap leaves all buffers free for what the restart costs.
 
 pub use crate::config::BLOCK_SAMPLES;
+use crate::config::Configuration;
 use crate::node::Block;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use heapless::spsc::{Consumer, Producer, Queue};
@@ -18,13 +19,40 @@ pub const MOST_BUFFERS: usize = 26;
 /// Edges that may wait for the main loop.
 pub const EDGE_QUEUE: usize = 256;
 
-/// Codes of one block.
+/// Codes of one block: of one channel, or one half of each of two.
 pub type Codes = [u16; BLOCK_SAMPLES];
+
+/// Channels that share a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Channels {
+    /// The first alone.
+    #[default]
+    One,
+    /// Both: the first one's samples, then the second one's of the same instants.
+    Two,
+}
+
+impl Channels {
+    /// What a configuration asks for.
+    pub fn of(config: &Configuration) -> Self {
+        if config.second.is_some() { Self::Two } else { Self::One }
+    }
+
+    /// Instants in a block.
+    pub const fn instants(self) -> usize {
+        match self {
+            Self::One => BLOCK_SAMPLES,
+            Self::Two => BLOCK_SAMPLES / 2,
+        }
+    }
+}
 
 /// A filled buffer on its way to the main loop; the main loop gives `codes` back through the free queue.
 pub struct Filled {
     /// The samples.
     pub codes: &'static mut Codes,
+    /// Whose they are.
+    pub channels: Channels,
     /// Instant of the first sample, time base of the tachometer.
     pub first_tick: u32,
     /// Sample period, ticks.
@@ -38,8 +66,10 @@ pub struct Filled {
 impl Filled {
     /// The block as the node takes it.
     pub fn as_block(&self) -> Block<'_> {
+        let (codes, second) = self.codes.split_at(self.channels.instants());
         Block {
-            codes: &self.codes[..],
+            codes,
+            second,
             first_tick: self.first_tick,
             period_ticks: self.period_ticks,
             sequence: self.sequence,
@@ -49,7 +79,9 @@ impl Filled {
 
     /// First instant behind the block's last sample.
     pub fn end_tick(&self) -> u32 {
-        self.first_tick.wrapping_add(self.period_ticks.wrapping_mul(BLOCK_SAMPLES as u32 - 1)).wrapping_add(1)
+        self.first_tick
+            .wrapping_add(self.period_ticks.wrapping_mul(self.channels.instants() as u32 - 1))
+            .wrapping_add(1)
     }
 }
 
@@ -153,7 +185,7 @@ impl Queues {
         }
         let starved = &self.starved;
         let outlets = Outlets { blocks: blocks_in, free: EmptyBuffers { queue: free_out, starved }, edges: edges_in };
-        (outlets, Inbox { blocks, free, edges, starved })
+        (outlets, Inbox { blocks, free, edges, starved, most_waiting: 0 })
     }
 }
 
@@ -169,12 +201,18 @@ pub struct Inbox {
     free: Producer<'static, &'static mut Codes>,
     edges: Consumer<'static, u32>,
     starved: &'static AtomicBool,
+    most_waiting: u32,
 }
 
 impl Inbox {
     /// Whether a block waits.
     pub fn has_block(&self) -> bool {
         self.blocks.ready()
+    }
+
+    /// Most blocks that ever waited when one was taken.
+    pub fn most_waiting(&self) -> u32 {
+        self.most_waiting
     }
 
     /// First instant behind the oldest block.
@@ -184,6 +222,7 @@ impl Inbox {
 
     /// Lends the oldest block and takes its buffer back as empty; false if there is none.
     pub fn with_block(&mut self, consume: impl FnOnce(&Filled)) -> bool {
+        self.most_waiting = self.most_waiting.max(self.blocks.len() as u32);
         let Some(block) = self.blocks.dequeue() else { return false };
         consume(&block);
         // The queue of empty buffers has room for all of them.

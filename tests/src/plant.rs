@@ -159,6 +159,7 @@ impl Plant {
             if !(tenth && matches!(fault, Fault::LostBlocks)) {
                 let block = Block {
                     codes: &codes,
+                    second: &[],
                     first_tick: first as u32,
                     period_ticks: self.period,
                     sequence: self.sequence,

@@ -12,7 +12,7 @@
 use super::registers::{Device, TimerBlock};
 use super::time::TimeBase;
 use heapless::spsc::Producer;
-use meshband::pipeline::{BLOCK_SAMPLES, Codes, EmptyBuffers, Filled, Periods, Request};
+use meshband::pipeline::{BLOCK_SAMPLES, Channels, Codes, EmptyBuffers, Filled, Periods, Request};
 use meshband::replay::{LONGEST_PERIOD, Replay, SamplingMode};
 
 const RUN: u32 = 1;
@@ -153,7 +153,14 @@ impl Sampler {
         match (self.filling.take(), next) {
             (Some(codes), Some(fresh)) => {
                 let (sequence, period_ticks) = (self.sequence, self.periods.running);
-                let filled = Filled { codes, first_tick, period_ticks, sequence, overrun: self.overrun };
+                let filled = Filled {
+                    codes,
+                    channels: Channels::One,
+                    first_tick,
+                    period_ticks,
+                    sequence,
+                    overrun: self.overrun,
+                };
                 self.overrun = false;
                 self.filling = Some(fresh);
                 self.counters.blocks += 1;

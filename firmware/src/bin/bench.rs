@@ -301,7 +301,8 @@ fn whole(counter: Counter, config: Configuration, speed_hz: u32, name: &str, arr
                 session.on_edge(edge as u32);
                 edge += u64::from(turn_ticks);
             }
-            let block = Block { codes: &codes, first_tick: ticks as u32, period_ticks, sequence, overrun: false };
+            let block =
+                Block { codes: &codes, second: &[], first_tick: ticks as u32, period_ticks, sequence, overrun: false };
             session.on_block(block, &mut |frame| bytes += frame.len() as u64);
         });
         // The first half second finds the speed and the rate.

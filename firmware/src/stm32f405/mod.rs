@@ -19,7 +19,7 @@ use meshband::link::QUEUE;
 use meshband::link::receive_circle::ReceiveCircle;
 use meshband::link::send_ring::SendRing;
 use meshband::node::Block;
-use meshband::pipeline::{Codes, Inbox, Queues, Request};
+use meshband::pipeline::{Channels, Codes, Inbox, Queues, Request};
 use meshband::units::{Hertz, TicksPerSecond};
 use meshband_stm32::clock::{self, Oscillator, ResetCause};
 use meshband_stm32::design_parameters::{
@@ -94,6 +94,7 @@ device! {
     tim3: tim3, TIM3;
     tim5: tim5, TIM5;
     adc1: adc1, ADC1;
+    adc2: adc1, ADC2;
     adc_common: adc_common, ADC_COMMON;
     dma1: dma2, DMA1;
     dma2: dma2, DMA2;
@@ -171,7 +172,7 @@ pub fn set_light(lit: bool) {
 
 impl Board {
     /// Starts link, time base, tach and sampling at `period_ticks`; `None` when called twice.
-    pub fn start(period_ticks: u32, wheel: &TachWheel, edge: TachEdge) -> Option<Self> {
+    pub fn start(period_ticks: u32, wheel: &TachWheel, edge: TachEdge, channels: Channels) -> Option<Self> {
         let buffers = singleton!(: [Codes; BUFFERS] = [[0; _]; BUFFERS])?;
         let (outlets, inbox) = singleton!(: Queues = Queues::new())?.split(buffers);
         let received = singleton!(: [u8; RECEIVE_BYTES] = [0; RECEIVE_BYTES])?;
@@ -187,7 +188,7 @@ impl Board {
         time_base::start(tim5(), edge, filter);
         tach::set_filter(filter);
         tach::install(outlets.edges);
-        sampling::install(period_ticks, outlets.blocks, outlets.free, &REQUEST)?;
+        sampling::install(period_ticks, outlets.blocks, outlets.free, &REQUEST, channels)?;
         // All of one priority, as reset leaves them: none interrupts another.
         for line in [Interrupt::TIM5, Interrupt::DMA2_STREAM0, Interrupt::ADC, Interrupt::USART1] {
             // SAFETY: the state the handlers work on is complete, and nothing relies on these lines being masked.
@@ -214,6 +215,11 @@ impl Board {
             self.wheel = *wheel;
             tach::set_filter(Filter::for_wheel(wheel.highest.0, wheel.pulses_per_turn, TIMER_HZ));
         }
+    }
+
+    /// Samples a second sensor or not, as the configuration has it.
+    pub fn follow_channels(&mut self, channels: Channels) {
+        sampling::follow(channels);
     }
 
     /// What the board switches.
@@ -266,6 +272,10 @@ impl BlockSource for Board {
 
     fn catch_up(&mut self) {
         self.inbox.catch_up();
+    }
+
+    fn most_waiting(&self) -> u32 {
+        self.inbox.most_waiting()
     }
 
     fn pending_end(&self) -> Option<u32> {

@@ -5,7 +5,6 @@
 //! section 10.3.13). So nothing is concluded from what was published: after each border the timer's register says which
 //! period the block has that has just begun.
 
-use crate::BLOCK_SAMPLES;
 use crate::period::{reload_of, served};
 
 /// What a block carries.
@@ -33,6 +32,8 @@ pub struct Captured {
 /// Book of periods and sequence.
 #[derive(Clone, Copy, Debug)]
 pub struct Borders {
+    /// Samples of a block.
+    samples: u16,
     /// Of the block that runs; `None` where it could not be read in time.
     running: Option<u32>,
     published: u32,
@@ -43,10 +44,10 @@ pub struct Borders {
 }
 
 impl Borders {
-    /// The first block has this period, or the shortest one served.
-    pub const fn starting(period_ticks: u32) -> Self {
+    /// The first block has this period, or the shortest one served; every block has so many samples.
+    pub const fn starting(period_ticks: u32, samples: u16) -> Self {
         let period = served(period_ticks);
-        Self { running: Some(period), published: period, sequence: 0, overrun: false, before: None }
+        Self { samples, running: Some(period), published: period, sequence: 0, overrun: false, before: None }
     }
 
     /// A block is complete. Where other borders passed unnoticed before the one captured, the time since the last one noticed
@@ -74,7 +75,7 @@ impl Borders {
         self.before = Some((last_tick, ended.unwrap_or(self.published)));
         let overrun = core::mem::replace(&mut self.overrun, ended.is_none());
         let period_ticks = ended?;
-        let first_tick = last_tick.wrapping_sub(period_ticks.wrapping_mul(u32::from(BLOCK_SAMPLES) - 1));
+        let first_tick = last_tick.wrapping_sub(period_ticks.wrapping_mul(u32::from(self.samples) - 1));
         Some(Stamp { first_tick, period_ticks, sequence, overrun })
     }
 
@@ -87,7 +88,7 @@ impl Borders {
     /// Blocks between the one that ended before and the one that ends now.
     fn unnoticed(&self, last_tick: u32) -> u32 {
         let Some((before, period)) = self.before else { return 1 };
-        let samples = u32::from(BLOCK_SAMPLES);
+        let samples = u32::from(self.samples);
         // A block's first sample follows its predecessor's last at the predecessor's period.
         let with_one = period + self.running.unwrap_or(self.published) * samples + self.published * (samples - 1);
         let more = last_tick.wrapping_sub(before).saturating_sub(with_one);
@@ -99,8 +100,9 @@ impl Borders {
         self.overrun = true;
     }
 
-    /// Sampling was stopped and starts anew with the published period: the running block is lost.
-    pub fn restart(&mut self) {
+    /// Sampling was stopped and starts anew with the published period, in blocks of so many samples: the running block is lost.
+    pub fn restart(&mut self, samples: u16) {
+        self.samples = samples;
         self.running = Some(self.published);
         self.sequence = self.sequence.wrapping_add(1);
         self.overrun = true;
@@ -113,10 +115,10 @@ impl Borders {
     }
 }
 
-/// Whether the converter's transfers keep step with the triggers: TIM3's count against the stream's remaining
-/// transfers, read one after the other. A conversion takes less than two sample periods, so more than two triggers
+/// Whether a converter's transfers keep step with the triggers: TIM3's count against the stream's remaining
+/// transfers of a block of `samples`, read one after the other. A conversion takes less than two sample periods, so more than two triggers
 /// without a transfer mean that a sample was lost and every later one of the block is one place early.
-pub const fn is_aligned(counted: u16, remaining: u16) -> bool {
-    let transferred = BLOCK_SAMPLES.wrapping_sub(remaining) % BLOCK_SAMPLES;
-    counted.wrapping_sub(transferred) % BLOCK_SAMPLES <= 2
+pub const fn is_aligned(counted: u16, remaining: u16, samples: u16) -> bool {
+    let transferred = samples.wrapping_sub(remaining) % samples;
+    counted.wrapping_sub(transferred) % samples <= 2
 }

@@ -1,14 +1,28 @@
-//! DMA: the converter's double buffer, and what all streams share.
+//! DMA: the converters' double buffers, and what all streams share.
 //!
 //! Double-buffer mode: while one buffer fills, the other's address may be exchanged, so each block lands in a buffer
 //! of its own and nothing is copied. RM0090 section 10.
 
 pub use crate::pac::dma2::{RegisterBlock, ST as Stream};
 
-/// Stream of DMA2 that serves ADC1.
-pub const ADC_STREAM: usize = 0;
-/// Request channel of ADC1 in that stream.
-const ADC_CHANNEL: u8 = 0;
+/// A stream of DMA2 that serves a converter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConverterStream {
+    /// Number of the stream.
+    pub number: usize,
+    /// Request channel.
+    channel: u8,
+    /// Of four, 3 highest.
+    priority: u8,
+    /// A complete buffer asks for an interrupt.
+    interrupts: bool,
+}
+
+/// That of ADC1.
+pub const ADC1_STREAM: ConverterStream = ConverterStream { number: 0, channel: 0, priority: 2, interrupts: true };
+/// That of ADC2. Both converters ask at the same instant; this one is served first, so that behind the other one's interrupt both
+/// buffers are complete.
+pub const ADC2_STREAM: ConverterStream = ConverterStream { number: 3, channel: 1, priority: 3, interrupts: false };
 /// Polls until a stream has stopped; the last transfer takes some tens of clocks.
 const PATIENCE: u32 = 10_000;
 
@@ -86,6 +100,7 @@ pub fn take_flags(dma: &RegisterBlock, stream: usize) -> Flags {
 /// # Safety
 /// `register` must be the one of the device that will request the transfers, and `memory` of `count` items in what the DMA
 /// reaches: writable, or unchanged until the stream is idle.
+#[inline(always)]
 pub unsafe fn prepare(dma: &RegisterBlock, number: usize, register: u32, memory: u32, count: u16) -> &Stream {
     let stream = dma.st(number);
     stop(stream);
@@ -100,20 +115,28 @@ pub unsafe fn prepare(dma: &RegisterBlock, number: usize, register: u32, memory:
     stream
 }
 
-/// Starts the converter's double buffer: `samples` half-words each.
+/// Starts a converter's double buffer: `samples` half-words each.
 ///
 /// # Safety
-/// `data_register` must be ADC1's data register; both buffers must be writable memory of `samples` half-words that
+/// `data_register` must be the data register of the stream's converter; both buffers must be writable memory of `samples` half-words that
 /// DMA2 reaches, and nobody else may use a buffer while it is the stream's target.
-pub unsafe fn start_double_buffer(dma2: &RegisterBlock, data_register: u32, buffers: [u32; 2], samples: u16) {
+// Inlined, so that the stream's number is a constant and no check of it is left.
+#[inline(always)]
+pub unsafe fn start_double_buffer(
+    dma2: &RegisterBlock,
+    of: ConverterStream,
+    data_register: u32,
+    buffers: [u32; 2],
+    samples: u16,
+) {
     // SAFETY: passed on to the caller.
-    let stream = unsafe { prepare(dma2, ADC_STREAM, data_register, buffers[0], samples) };
+    let stream = unsafe { prepare(dma2, of.number, data_register, buffers[0], samples) };
     // SAFETY: as above.
     stream.m1ar().write(|w| unsafe { w.m1a().bits(buffers[1]) });
     stream.cr().write(|w| {
-        let w = w.chsel().set(ADC_CHANNEL).pl().very_high().dbm().enabled().circ().enabled();
+        let w = w.chsel().set(of.channel).pl().set(of.priority).dbm().enabled().circ().enabled();
         let w = w.dir().peripheral_to_memory().minc().incremented().pinc().fixed();
-        w.psize().bits16().msize().bits16().tcie().enabled().teie().enabled()
+        w.psize().bits16().msize().bits16().tcie().bit(of.interrupts).teie().bit(of.interrupts)
     });
     stream.cr().modify(|_, w| w.en().enabled());
 }

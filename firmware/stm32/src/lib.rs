@@ -9,9 +9,10 @@
 //! How the parts work together, all on one clock of 84 MHz:
 //!
 //! ```text
-//! TIM2 (32 bit) --update = TRGO--> ADC1 --DMA2 stream 0, double buffer--> blocks of 512 codes
+//! TIM2 (32 bit) --update = TRGO--> ADC1 --DMA2 stream 0, double buffer--> blocks of 512 codes, or of 256 with a second sensor,
+//!   |   |                     +--> ADC2 --DMA2 stream 3, double buffer--> and its 256 codes behind them
 //!   ^   |
-//!   |   +--ITR1--> TIM3 counts 512 samples --update--> DMA1 stream 2 writes TIM2's preloaded reload
+//!   |   +--ITR1--> TIM3 counts a block's samples --update--> DMA1 stream 2 writes TIM2's preloaded reload
 //!   +--------------------------------------------------+       (the next block's period)
 //!                  TIM3 --TRGO, ITR1--> TIM5 channel 2 captures the instant of the block's last sample
 //! tach, PA0 --filter--> TIM5 channel 1 captures the edge            (TIM5, 32 bit, free: the time base)

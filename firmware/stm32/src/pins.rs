@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | PA0 | tach, TIM5 channel 1 | pulled up |
 //! | PA1 | signal, ADC1 channel 1 | analogue |
+//! | PA2 | second sensor's signal, ADC2 channel 2 | analogue |
 //! | PA8 | driver enable of a shared line, high while sending | low: others speak |
 //! | PA9, PA10 | link, USART1 | idle |
 //! | PB12 | select of the amplifier | high: not selected |
@@ -39,7 +40,7 @@ pub fn configure(port_a: &gpioa::RegisterBlock, port_b: &gpiob::RegisterBlock, p
     port_a.pupdr().modify(|_, w| w.pupdr0().pull_up().pupdr10().pull_up());
     port_a.set_reset(1 << (DRIVER_ENABLE + 16));
     port_a.moder().modify(|_, w| {
-        let w = w.moder0().alternate().moder1().analog().moder8().output();
+        let w = w.moder0().alternate().moder1().analog().moder2().analog().moder8().output();
         w.moder9().alternate().moder10().alternate()
     });
     configure_amplifier(port_b);

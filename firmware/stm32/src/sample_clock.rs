@@ -4,18 +4,18 @@
 //! by DMA at TIM3's update, which is the trigger of a block's *last* sample; TIM2 takes the value at its next
 //! update, the trigger of the next block's first sample. So the distance from a block's last sample to the next
 //! block's first is the old period, every distance inside the new block is the new one, and a block's first sample
-//! comes exactly `512 x period` after its predecessor's. RM0090 sections 18.3 and 18.4.
+//! comes exactly `samples x period` after its predecessor's. RM0090 sections 18.3 and 18.4.
 
+use crate::dma;
 use crate::pac::{tim2, tim3};
 use crate::period::reload_of;
-use crate::{BLOCK_SAMPLES, dma};
 
 /// Stream of DMA1 that TIM3's update requests.
 pub const RELOAD_STREAM: usize = 2;
 /// Request channel of TIM3's update in that stream.
 const RELOAD_CHANNEL: u8 = 5;
-/// Sets both timers up, stopped.
-pub fn configure(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock, period_ticks: u32) {
+/// Sets both timers up for blocks of so many samples (at least 1), stopped.
+pub fn configure(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock, period_ticks: u32, samples: u16) {
     tim2.cr1().write(|w| w.arpe().enabled().urs().counter_only());
     tim2.cr2().write(|w| w.mms().update());
     tim2.psc().write(|w| w.psc().set(0));
@@ -26,7 +26,7 @@ pub fn configure(tim2: &tim2::RegisterBlock, tim3: &tim3::RegisterBlock, period_
     tim3.cr1().write(|w| w.urs().counter_only());
     tim3.cr2().write(|w| w.mms().update());
     tim3.psc().write(|w| w.psc().set(0));
-    tim3.arr().write(|w| w.arr().set(BLOCK_SAMPLES - 1));
+    tim3.arr().write(|w| w.arr().set(samples.saturating_sub(1)));
     tim3.egr().write(|w| w.ug().update());
     // Counts TIM2's updates: external clock mode 1 from ITR1, which is TIM2 (RM0090, TIMx internal trigger connection).
     tim3.smcr().write(|w| w.ts().itr1().sms().ext_clock_mode());

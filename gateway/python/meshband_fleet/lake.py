@@ -16,6 +16,7 @@ QUANTITIES = (
     "rms", "peak", "crest", "kurtosis", "sideband_energy_ratio", "gear_rms", "fm0", "fm4", "m6a", "na4",
     "gear_sideband_energy_ratio", "measured_bandwidth_hz", "mesh_1", "mesh_2", "mesh_3", "wideband_rms",
     "velocity_rms", "pinion_1", "pinion_2", "pinion_3", "gear_1", "gear_2", "gear_3",
+    "second_rms", "second_peak", "second_crest", "second_kurtosis", "second_velocity_rms",
 )
 
 

@@ -93,7 +93,7 @@ impl Node {
             let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
             let mut sent = Vec::new();
             edges.iter().for_each(|&tick| session.on_edge(tick));
-            let block = Block { codes: &codes, first_tick, period_ticks, sequence, overrun: false };
+            let block = Block { codes: &codes, second: &[], first_tick, period_ticks, sequence, overrun: false };
             session.on_block(block, &mut |frame| sent.extend_from_slice(frame));
             sent
         });

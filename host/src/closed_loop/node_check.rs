@@ -108,7 +108,7 @@ pub fn node_check(record: &Record, outcome: &Outcome, applied: &Applied) -> Resu
             (0..2)
                 .into_par_iter()
                 .map(|channel| {
-                    let signal = Signal::of_record(record, index, &channel.to_string(), 0.0, None)?;
+                    let signal = Signal::of_record(record, index, (&channel.to_string(), None), 0.0, None)?;
                     let with = |samples: &[f64]| Signal { samples: samples.to_vec(), ..signal.clone() };
                     Ok(RunCheck {
                         run: run.declaration.signal.clone(),

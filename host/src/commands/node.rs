@@ -35,6 +35,9 @@ pub struct Args {
     /// Channel: its number from 0, its name, or a part of it (machine: 0 pinion bearing, 1 gear bearing).
     #[arg(long, default_value = "0")]
     channel: String,
+    /// Channel of a second sensor, named alike: for an emulated STM32F405 and for --serve; an386 has one converter.
+    #[arg(long, value_name = "CHANNEL")]
+    second: Option<String>,
     /// Board: an386 in QEMU, or an emulated STM32F405 with the very image that is flashed.
     #[arg(long, value_enum, default_value = "an386")]
     board: BoardName,
@@ -137,6 +140,9 @@ pub fn run(args: Args) -> Result<()> {
             ShownUnit::Gravity => Unit::Gravity,
         };
     }
+    if args.second.is_some() && args.serve.is_none() && args.board == BoardName::An386 {
+        return Err(Error::invalid("--second", "an386 has one converter: --board stm32f405, or --serve"));
+    }
     let mut config = configuration(&signal, args.rate)?;
     if let Some(file) = &law {
         config.law = file.for_node()?;
@@ -231,7 +237,8 @@ fn of_record(args: &Args) -> Result<Signal> {
     if let Some((option, _)) = given.iter().find(|(_, is)| *is) {
         return Err(Error::invalid(option, "is for machines; a record has its own"));
     }
-    Signal::of_record(&Record::read(args.input())?, args.run, &args.channel, args.start, args.duration)
+    let channels = (args.channel.as_str(), args.second.as_deref());
+    Signal::of_record(&Record::read(args.input())?, args.run, channels, args.start, args.duration)
 }
 
 fn of_machine(args: &Args) -> Result<Signal> {
@@ -253,11 +260,13 @@ fn of_machine(args: &Args) -> Result<Signal> {
     };
     let torque_n_m = nominal(args.torque, "--torque", machine.nominal.map(|n| n.torque_n_m))?;
     let effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
-    let channel = match args.channel.as_str() {
-        "0" | "pinion" => 0,
-        "1" | "gear" => 1,
-        other => return Err(Error::invalid("--channel", format!("'{other}': a machine has 0 (pinion) and 1 (gear)"))),
+    let body = |wanted: &str, option: &str| match wanted {
+        "0" | "pinion" => Ok(0),
+        "1" | "gear" => Ok(1),
+        other => Err(Error::invalid(option, format!("'{other}': a machine has 0 (pinion) and 1 (gear)"))),
     };
+    let channel = body(&args.channel, "--channel")?;
+    let second = args.second.as_deref().map(|wanted| body(wanted, "--second")).transpose()?;
     let duration_s = args.duration.unwrap_or(if final_speed_hz.is_some() { 8.0 } else { 3.0 });
     if !(0.1..=60.0).contains(&duration_s) {
         return Err(Error::invalid("--duration", format!("{duration_s} s is not within 0.1 to 60 s")));
@@ -270,7 +279,7 @@ fn of_machine(args: &Args) -> Result<Signal> {
         noise_m_s2: 0.0,
         seed: 1,
     };
-    let operation = Operation { speed_hz, final_speed_hz, torque_n_m, effects: &effects, acquisition, channel };
+    let operation = Operation { speed_hz, final_speed_hz, torque_n_m, effects: &effects, acquisition, channel, second };
     progress(&format!("simulating {duration_s} s of {}", machine.title));
     Signal::of_machine(&machine, &operation)
 }

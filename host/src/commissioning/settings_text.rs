@@ -30,7 +30,9 @@ pub fn to_toml(config: &Configuration, head: &str) -> Result<String> {
         return Err(refuse(&"is no table"));
     };
     tables.retain(|key, _| !NOT_SETTINGS.contains(&key.as_str()));
-    let tables: Map<String, Value> = tables.into_iter().map(|(key, value)| (key, shortest_digits(value))).collect();
+    // TOML has no word for what is not there; settings have.
+    let said = |value| if value == Value::Null { Value::from("None") } else { shortest_digits(value) };
+    let tables: Map<String, Value> = tables.into_iter().map(|(key, value)| (key, said(value))).collect();
     let table = toml::Table::try_from(tables).map_err(|e| refuse(&e))?;
     Ok(format!("{head}{}", toml::to_string(&table).map_err(|e| refuse(&e))?))
 }

@@ -7,9 +7,9 @@ use super::ear::{Ear, Operator, Waveform};
 use super::step::{Finding, Outcome};
 use crate::Result;
 use crate::spectral::{Window, amplitude_spectrum};
-use meshband::config::Configuration;
-use meshband::events::EventKind;
-use meshband::message::{Indicators, Message};
+use meshband::config::{Configuration, SecondSensor};
+use meshband::events::{EventKind, OF_SECOND};
+use meshband::message::{ChannelValues, Indicators, Message};
 use meshband::self_test::{MATHEMATICS, NOISE, RAILS, SAMPLE_COUNT};
 
 /// How long sensor and converter are watched, s of the node: two stretches of the self-test and five values.
@@ -33,7 +33,7 @@ pub fn signal(ear: &mut Ear<'_>, config: &Configuration, operator: &mut dyn Oper
     ear.listen(WATCHED_S, operator, |message, _, _| {
         match message {
             Message::Indicators(indicators) => values.push(*indicators),
-            Message::Event(event) if event.kind == EventKind::Saturated => {
+            Message::Event(event) if event.kind == EventKind::Saturated && event.detail & OF_SECOND == 0 => {
                 clipped_per_mille = clipped_per_mille.max(event.detail);
             }
             _ => {}
@@ -43,6 +43,10 @@ pub fn signal(ear: &mut Ear<'_>, config: &Configuration, operator: &mut dyn Oper
     let mut findings = vec![items(test.run, test.failed)];
     findings.push(rails(&values, test.failed & RAILS != 0, clipped_per_mille));
     findings.push(moves(&values, test.failed & NOISE != 0));
+    if let Some(second) = &config.second {
+        let heard: Vec<ChannelValues> = values.iter().filter_map(|values| values.second).collect();
+        findings.push(second_sensor(&heard, second));
+    }
     if findings.iter().all(|finding| finding.outcome != Outcome::Refused) {
         match ear.waveform(operator)? {
             Some(waveform) => findings.extend(of_waveform(&waveform, config)),
@@ -85,6 +89,32 @@ fn moves(values: &[Indicators], failed: bool) -> Finding {
     match values.last() {
         None => Finding::refused("sensor", "no values", "the node sends no values: is it stopped?"),
         Some(value) => Finding::passed("sensor", format!("RMS {:.4} m/s2, peak {:.4} m/s2", value.rms, value.peak)),
+    }
+}
+
+/// The second sensor by its values alone: no waveform is taken of it.
+fn second_sensor(values: &[ChannelValues], declared: &SecondSensor) -> Finding {
+    let name = "second sensor";
+    let Some(last) = values.last() else {
+        let advice = "the node sends none: a board with one converter, or an image older than this setting";
+        return Finding::refused(name, "no values", advice);
+    };
+    let bias = f64::from(last.mean_code);
+    let away = (bias - f64::from(declared.zero_code)).abs() / CODES;
+    let volts = bias / CODES * REFERENCE_V;
+    let seen = format!("RMS {:.4} m/s2, peak {:.4} m/s2, bias {volts:.3} V of {REFERENCE_V} V", last.rms, last.peak);
+    if values.iter().all(|values| values.quality.stuck) {
+        return Finding::refused(name, "codes that never move", "it is dead: its supply, its wire, the input");
+    }
+    if values.iter().any(|values| values.quality.overload) {
+        return Finding::warned(name, seen, "it reaches the converter's rails: bias, supply, or a less sensitive one");
+    }
+    match away {
+        _ if away > BIAS[1] => Finding::refused(name, seen, "its bias is at a rail: supply, wire, or short"),
+        _ if away > BIAS[0] => {
+            Finding::warned(name, seen, "its bias lies beside [second] zero_code: coupling or midpoint")
+        }
+        _ => Finding::passed(name, seen),
     }
 }
 

@@ -142,7 +142,14 @@ pub fn run(bench: &Bench, config: &Configuration, hour: Hour) -> Result<(Vec<Sam
             node.on_tach_edge(at.round() as u64 as u32);
             edge += 1.0;
         }
-        let block = Block { codes: &codes, first_tick: tick as u32, period_ticks: period, sequence, overrun: false };
+        let block = Block {
+            codes: &codes,
+            second: &[],
+            first_tick: tick as u32,
+            period_ticks: period,
+            sequence,
+            overrun: false,
+        };
         node.on_block(block);
         (tick, turns, sequence) = (tick + BLOCK as u64 * u64::from(period), after, sequence.wrapping_add(1));
         while let Some(message) = node.poll(tick as u32) {

@@ -20,7 +20,7 @@ pub fn observe(path: &Path, channel: &str) -> Result<Observations> {
 
 fn of_record(record: &Record, channel: &str) -> Result<Observations> {
     let of_run = |run: usize| {
-        let signal = Signal::of_record(record, run, channel, 0.0, None)?;
+        let signal = Signal::of_record(record, run, (channel, None), 0.0, None)?;
         let image = signal.image(&configuration(&signal, None)?)?;
         Ok(of_bytes(&simulation::run(&image.bytes)?.link))
     };

@@ -107,6 +107,15 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
                 rows.push(row(&format!("{order}x of the {shaft}, m/s2 at degrees"), value));
             }
         }
+        if let Some(second) = &i.second {
+            rows.push(row("second sensor: RMS, m/s2", format!("{:.5}", second.rms)));
+            rows.push(row("second sensor: peak, m/s2", format!("{:.5}", second.peak)));
+            rows.push(row("second sensor: crest factor", format!("{:.3}", second.crest)));
+            rows.push(row("second sensor: kurtosis", format!("{:.3}", second.kurtosis)));
+            rows.push(row("second sensor: velocity RMS, mm/s", format!("{:.4}", 1e3 * second.velocity_rms)));
+            rows.push(row("second sensor: bias, code of 65536", format!("{:.0}", second.mean_code)));
+            rows.push(row("second sensor: all of these from", quality_text(&second.quality)));
+        }
         if let Some(gear) = &i.gear {
             rows.push(row("FM0", format!("{:.4}", gear.fm0)));
             rows.push(row("FM4", format!("{:.4}", gear.fm4)));

@@ -32,6 +32,9 @@
 //! [capture]                        # waveforms for alarms
 //! keep = "Fixed"                   # or "Law", "Off"
 //! rate = 10000.0                   # Hz
+//! [second]                         # a second accelerometer; second = "None" takes it away
+//! acceleration_per_code = 0.00494  # m/s^2
+//! band = 10000.0                   # Hz, 0 for not declared
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
@@ -40,7 +43,7 @@
 
 use crate::{Error, Result};
 use meshband::alarm::AlarmBand;
-use meshband::config::Configuration;
+use meshband::config::{Configuration, SecondSensor};
 use meshband::levels::LevelPoint;
 use meshband::rate_plan::RatePolicy;
 use serde::de::DeserializeOwned;
@@ -91,11 +94,15 @@ impl Settings {
         let refuse = |key: &str, what: String| Error::invalid(format!("{}: {key}", self.place), what);
         let mut whole = serde_json::to_value(&*config).map_err(|e| Error::invalid("configuration", e))?;
         for (key, new) in &self.tables {
+            if key == "second" {
+                whole[key] = second(&whole[key], new).map_err(|what| refuse(key, what))?;
+            }
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture";
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture, second";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
+                ("second", Some(Value::Null), _) => {}
                 ("policy", Some(held), new) => {
                     read::<RatePolicy>(new).map_err(|what| refuse(key, what))?;
                     *held = new.clone();
@@ -137,6 +144,18 @@ impl Settings {
             *config = read(&whole).map_err(|what| refuse(key, what))?;
         }
         Ok(())
+    }
+}
+
+/// The table that the settings of a second sensor are written onto, or none where it is taken away.
+fn second(held: &Value, new: &Value) -> std::result::Result<Value, String> {
+    match (held, new) {
+        (_, Value::String(word)) if word == "None" => Ok(Value::Null),
+        (Value::Null, Value::Object(_)) => {
+            serde_json::to_value(SecondSensor::default()).map_err(|error| error.to_string())
+        }
+        (held, Value::Object(_)) => Ok(held.clone()),
+        _ => Err("must be a table, or \"None\" where there is no second sensor".into()),
     }
 }
 

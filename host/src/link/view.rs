@@ -6,7 +6,8 @@ use crate::terminal::table;
 use meshband::events::Event;
 use meshband::levels::{Departure, Departures};
 use meshband::message::{
-    AlarmState, Bound, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics, Status,
+    AlarmState, Bound, ChannelValues, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics,
+    Status,
 };
 use meshband::waveform::CapturePhase;
 use std::collections::VecDeque;
@@ -171,7 +172,21 @@ fn overall(i: &Indicators) -> String {
             .collect();
         out += &format!("{shaft} {} ({} turns)\n", lines.join("   "), orders.turns);
     }
-    out + &departure_line(&i.departures)
+    out + &second_line(i.second.as_ref()) + &departure_line(&i.departures)
+}
+
+/// Values of the second sensor; empty without one.
+pub fn second_line(second: Option<&ChannelValues>) -> String {
+    let Some(s) = second else { return String::new() };
+    format!(
+        "second sensor RMS {:.4} m/s2   peak {:.4} m/s2   crest {:.2}   kurtosis {:.2}   velocity {:.3} mm/s   ({})\n",
+        s.rms,
+        s.peak,
+        s.crest,
+        s.kurtosis,
+        1e3 * s.velocity_rms,
+        quality_text(&s.quality)
+    )
 }
 
 /// What is expected and how far from it the values are; empty without a table of levels or outside it.

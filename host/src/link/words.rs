@@ -32,6 +32,11 @@ pub fn watched(watched: Watched) -> &'static str {
         Watched::VelocityRms => "velocity RMS, m/s",
         Watched::OncePerTurn => "once per turn, m/s2",
         Watched::Departure => "departure from the expected levels, standard uncertainties",
+        Watched::SecondRms => "RMS of the second sensor, m/s2",
+        Watched::SecondPeak => "peak of the second sensor, m/s2",
+        Watched::SecondCrest => "crest factor of the second sensor",
+        Watched::SecondKurtosis => "kurtosis of the second sensor",
+        Watched::SecondVelocityRms => "velocity RMS of the second sensor, m/s",
     }
 }
 

@@ -137,6 +137,12 @@ impl Panel {
             push("bandwidth, Hz", measured.bandwidth_hz);
             push("measured / law", measured.bandwidth_hz / measured.law_hz);
         }
+        if let Some(second) = &i.second {
+            push("2nd RMS, m/s2", second.rms);
+            push("2nd peak, m/s2", second.peak);
+            push("2nd kurtosis", second.kurtosis);
+            push("2nd velocity, mm/s", 1e3 * second.velocity_rms);
+        }
         // Of the quantity that stands out most of its expectation.
         let all = [i.departures.rms, i.departures.velocity_rms, i.departures.mesh_amplitude, i.departures.residual_rms];
         let largest = all.iter().flatten().max_by(|a, b| a.normalised().total_cmp(&b.normalised()));

@@ -137,6 +137,12 @@ impl Header {
         if values_announced(bytes).is_none() {
             return Err(refuse("announces more values than a file can hold".into()));
         }
+        // It takes twice as long for every level of brackets.
+        if depth(header_text(bytes)) > DEEPEST_HEADER {
+            return Err(refuse(
+                "is not a NumPy array file (its header's brackets are nested deeper than any array's)".into(),
+            ));
+        }
         let mut rest = bytes;
         let header = npyz::NpyHeader::from_reader(&mut rest)
             .map_err(|error| refuse(format!("is not a NumPy array file ({})", first_line(&error.to_string()))))?;
@@ -180,6 +186,34 @@ impl Header {
 
 /// Longest header that is looked at, bytes.
 const LONGEST_HEADER: usize = 65_536;
+
+/// Most brackets within each other in a header: a dictionary with a list of fields, of lists, of shapes.
+const DEEPEST_HEADER: usize = 8;
+
+/// The header's text by the length that the file states: two bytes in version 1, four in later ones.
+fn header_text(bytes: &[u8]) -> &[u8] {
+    let (length, begin) = match bytes {
+        [_, _, _, _, _, _, 1, _, low, high, ..] => (usize::from(u16::from_le_bytes([*low, *high])), 10),
+        [_, _, _, _, _, _, _, _, a, b, c, d, ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 12),
+        _ => return &[],
+    };
+    let rest = &bytes[begin..];
+    &rest[..length.min(rest.len())]
+}
+
+/// Most brackets within each other.
+fn depth(text: &[u8]) -> usize {
+    let (mut depth, mut deepest) = (0usize, 0);
+    for byte in text {
+        match byte {
+            b'(' | b'[' | b'{' => depth += 1,
+            b')' | b']' | b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(depth);
+    }
+    deepest
+}
 
 /// Product of the numbers behind the header's word `shape`, 1 where there are none to be found; `None` beyond 64 bits.
 fn values_announced(bytes: &[u8]) -> Option<u64> {

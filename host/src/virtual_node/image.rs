@@ -43,6 +43,11 @@ pub struct Image {
 }
 
 impl Image {
+    /// What a code of it means, m/s^2.
+    pub fn acceleration_per_code(&self) -> Acceleration {
+        per_code(self.full_scale_m_s2)
+    }
+
     /// Interpolates a signal and sets the configuration's sensitivity to the image's scale.
     ///
     /// # Errors
@@ -78,7 +83,7 @@ impl Image {
         let full_scale = peak / PEAK_SHARE;
         let codes: Vec<i16> = values.iter().map(|x| (x / full_scale * 32_767.0).round() as i16).collect();
         let mut config = config.clone();
-        config.sensor.acceleration_per_code = Acceleration((full_scale / 32_767.0) as f32);
+        config.sensor.acceleration_per_code = per_code(full_scale);
         config.sensor.zero_code = 0x8000;
         let mut buffer = [0; MAX_CONFIGURATION];
         let config: &[u8] =
@@ -102,6 +107,11 @@ impl Image {
             duration_s: count as f64 * f64::from(ticks_per_sample) / clock,
         })
     }
+}
+
+/// Acceleration of a code of 16 bits, where the largest means this.
+fn per_code(full_scale: f64) -> Acceleration {
+    Acceleration((full_scale / 32_767.0) as f32)
 }
 
 /// Edge times in ticks; edges before the signal's start and behind its end are left out.

@@ -18,6 +18,7 @@ pub mod profile;
 pub mod qemu;
 pub mod reference;
 pub mod report;
+pub mod second;
 pub mod serve;
 pub mod setup;
 pub mod signal;

@@ -11,6 +11,7 @@ use crate::{Error, Result};
 use meshband::config::Configuration;
 use meshband::identity::Identity;
 use meshband::node::Block;
+use meshband::pipeline::Channels;
 use meshband::replay::{BLOCK_SAMPLES, LONGEST_PERIOD, Replay};
 use meshband::session::Session;
 use meshband::units::TicksPerSecond;
@@ -24,6 +25,8 @@ const MOST_LATE: Duration = Duration::from_secs(1);
 /// A node on a looped replay image.
 pub struct Looped<'a> {
     replay: Replay<'a>,
+    /// What a second sensor hears.
+    second: Option<Replay<'a>>,
     session: Session,
     /// First and last tick of the loop.
     from: u32,
@@ -38,13 +41,14 @@ pub struct Looped<'a> {
 }
 
 impl<'a> Looped<'a> {
-    /// A node on `image`; `turns` are the tach turns that a loop should be a multiple of, where the signal holds them.
+    /// A node on `image` and, for a second sensor, another without edges; `turns` are the tach turns that a loop should be a multiple of, where the signal holds them.
     ///
     /// # Errors
     /// An image that the firmware would refuse, and a signal without a whole turn.
-    pub fn new(image: &'a [u8], pulses_per_turn: u32, turns: u32) -> Result<Self> {
+    pub fn new(image: &'a [u8], second: Option<&'a [u8]>, pulses_per_turn: u32, turns: u32) -> Result<Self> {
         let refuse = |what: String| Error::invalid("virtual node", what);
-        let replay = Replay::parse(image).map_err(|e| refuse(format!("its image cannot be read: {e:?}")))?;
+        let parse = |image| Replay::parse(image).map_err(|e| refuse(format!("its image cannot be read: {e:?}")));
+        let (replay, second) = (parse(image)?, second.map(parse).transpose()?);
         let config: Configuration =
             postcard::from_bytes(replay.configuration()).map_err(|e| refuse(format!("configuration: {e}")))?;
         let all: Vec<u32> = (0..).map_while(|i| replay.edge(i)).collect();
@@ -61,7 +65,7 @@ impl<'a> Looped<'a> {
         let first = session.node().requested_period_ticks().clamp(1, LONGEST_PERIOD);
         let length = u64::from(end - from);
         let (next_edge, now, sequence) = (0, 0, 0);
-        Ok(Self { replay, session, from, length, edges, next_edge, now, sequence, periods: [first; 2] })
+        Ok(Self { replay, second, session, from, length, edges, next_edge, now, sequence, periods: [first; 2] })
     }
 
     /// Length of the loop, s.
@@ -71,21 +75,38 @@ impl<'a> Looped<'a> {
 
     /// End of the next block, s since the start.
     pub fn block_end_s(&self) -> f64 {
-        (self.now + u64::from(self.periods[0]) * BLOCK_SAMPLES as u64) as f64 / f64::from(TICKS_PER_SECOND)
+        self.block_end() as f64 / f64::from(TICKS_PER_SECOND)
+    }
+
+    /// As a board shares a block among its channels.
+    fn instants(&self) -> usize {
+        if self.second.is_some() { Channels::Two.instants() } else { Channels::One.instants() }
+    }
+
+    fn block_end(&self) -> u64 {
+        self.now + u64::from(self.periods[0]) * self.instants() as u64
     }
 
     /// The next block; what the node says goes to `send`.
     pub fn block(&mut self, send: &mut impl FnMut(&[u8])) {
         let period = self.periods[0];
-        let end = self.now + u64::from(period) * BLOCK_SAMPLES as u64;
+        let end = self.block_end();
         while self.edge_tick(self.next_edge) < end {
             self.session.on_edge(self.edge_tick(self.next_edge) as u32);
             self.next_edge += 1;
         }
         let mut codes = [0; BLOCK_SAMPLES];
-        self.sample(period, &mut codes);
+        let (codes, rest) = codes.split_at_mut(self.instants());
+        self.sample(&self.replay, period, codes);
+        let second = match &self.second {
+            Some(replay) => {
+                self.sample(replay, period, rest);
+                &*rest
+            }
+            None => &[],
+        };
         let (first_tick, sequence) = (self.now as u32, self.sequence);
-        let block = Block { codes: &codes, first_tick, period_ticks: period, sequence, overrun: false };
+        let block = Block { codes, second, first_tick, period_ticks: period, sequence, overrun: false };
         self.session.on_block(block, send);
         if self.session.take_commit() {
             // There is no flash to fail: what is in force stays until the program ends.
@@ -109,12 +130,12 @@ impl<'a> Looped<'a> {
     }
 
     /// Samples of the block that begins now, across the loop's seam.
-    fn sample(&self, period: u32, codes: &mut [u16]) {
+    fn sample(&self, replay: &Replay<'_>, period: u32, codes: &mut [u16]) {
         let mut done = 0;
         while done < codes.len() {
             let within = (self.now + done as u64 * u64::from(period)) % self.length;
             let count = ((self.length - within).div_ceil(u64::from(period)) as usize).min(codes.len() - done);
-            self.replay.sample(self.from + within as u32, period, &mut codes[done..done + count]);
+            replay.sample(self.from + within as u32, period, &mut codes[done..done + count]);
             done += count;
         }
     }
@@ -142,10 +163,12 @@ pub fn serve(
     ended: impl Fn() -> bool,
 ) -> Result<()> {
     let refuse = |error: std::io::Error| Error::invalid(format!("tcp:{address}"), error);
-    let image = signal.image(config)?;
+    let (config, second) = signal.second_image(config)?;
+    let image = signal.image(&config)?;
     let hunting = crate::machine::Hunting::of(signal.teeth).turns;
     let turns = (f64::from(hunting) / signal.pinion_per_tach).round().max(1.0) as u32;
-    let mut node = Looped::new(&image.bytes, signal.pulses_per_turn, turns)?;
+    let mut node =
+        Looped::new(&image.bytes, second.as_ref().map(|image| &image.bytes[..]), signal.pulses_per_turn, turns)?;
     let listener = TcpListener::bind(address).map_err(refuse)?;
     listener.set_nonblocking(true).map_err(refuse)?;
     ready(&listener.local_addr().map_err(refuse)?.to_string(), node.loop_s())?;

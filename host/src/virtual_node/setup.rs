@@ -3,7 +3,7 @@
 use super::signal::Signal;
 use crate::{Error, Result};
 use meshband::board::Timing;
-use meshband::config::{Configuration, GearPair, TachWheel};
+use meshband::config::{Configuration, GearPair, SecondSensor, TachWheel};
 use meshband::rate_plan::RatePolicy;
 use meshband::units::Hertz;
 
@@ -26,6 +26,11 @@ pub fn configuration(signal: &Signal, forced_rate_hz: Option<f64>) -> Result<Con
         },
         ..defaults
     };
+    let board = if signal.second.is_some() { Timing::STM32F405 } else { Timing::AN386 };
+    if let (Some(_), Some(highest)) = (&signal.second, board.highest_of_two) {
+        config.second = Some(SecondSensor::default());
+        config.limits.highest_adc = highest;
+    }
     if let Some(rate) = forced_rate_hz {
         let highest = f64::from(config.limits.highest_adc.0);
         if !(100.0..=highest).contains(&rate) {
@@ -33,6 +38,6 @@ pub fn configuration(signal: &Signal, forced_rate_hz: Option<f64>) -> Result<Con
         }
         config.policy = RatePolicy::Forced { rate: Hertz(rate as f32) };
     }
-    config.validate(Timing::AN386).map_err(|error| Error::invalid("the node's configuration", error))?;
+    config.validate(board).map_err(|error| Error::invalid("the node's configuration", error))?;
     Ok(config)
 }

@@ -39,6 +39,15 @@ impl std::fmt::Display for Unit {
     }
 }
 
+/// The channel of a second sensor.
+#[derive(Debug, Clone)]
+pub struct Second {
+    /// Name of the channel.
+    pub channel: String,
+    /// As many samples as the first one's.
+    pub samples: Vec<f64>,
+}
+
 /// A channel with its tachometer.
 #[derive(Debug, Clone)]
 pub struct Signal {
@@ -52,6 +61,8 @@ pub struct Signal {
     pub unit: Unit,
     /// Samples from the window's start.
     pub samples: Vec<f64>,
+    /// What a second sensor hears at the same instants, where there is one.
+    pub second: Option<Second>,
     /// Their rate, Hz.
     pub rate_hz: f64,
     /// Tach edges, s from the first sample, ascending; those before it are negative.
@@ -82,21 +93,30 @@ pub struct Operation<'a> {
     pub acquisition: Acquisition,
     /// 0 for the pinion's bearing, 1 for the gear's.
     pub channel: usize,
+    /// The same of a second sensor.
+    pub second: Option<usize>,
 }
 
 impl Signal {
-    /// A channel of a run, from `start_s` on, for `length_s` or to the end.
+    /// A channel of a run with, if wanted, a second one, from `start_s` on, for `length_s` or to the end.
     ///
     /// # Errors
     /// A record without tach or tooth counts, no such run or channel, a window outside the run, or one without two
     /// tach edges.
-    pub fn of_record(record: &Record, run: usize, channel: &str, start_s: f64, length_s: Option<f64>) -> Result<Self> {
+    pub fn of_record(
+        record: &Record,
+        run: usize,
+        (channel, second): (&str, Option<&str>),
+        start_s: f64,
+        length_s: Option<f64>,
+    ) -> Result<Self> {
         let declaration = &record.declaration;
         let place = record.folder.display();
         let tach = record.require_tach()?;
         let run = record.run(run)?;
         let teeth = declaration.teeth().ok_or_else(|| Error::invalid(place, "[pair] teeth: missing"))?;
-        let (index, name) = find_channel(declaration, channel)?;
+        let (index, name) = find_channel(declaration, channel, "--channel")?;
+        let second = second.map(|wanted| find_channel(declaration, wanted, "--second")).transpose()?;
         let (rate_hz, duration_s) = (run.sample_rate_hz(), run.duration_s());
         if !(0.0..duration_s).contains(&start_s) {
             return Err(Error::invalid("--start", format!("{start_s} s is not within the run's {duration_s:.3} s")));
@@ -108,7 +128,10 @@ impl Signal {
         }
         let first = (start_s * rate_hz).round() as usize;
         let count = (length_s * rate_hz).round() as usize;
-        let samples: Vec<f64> = run.signal_m_s2(index).into_iter().skip(first).take(count).collect();
+        let window =
+            |index: usize| -> Vec<f64> { run.signal_m_s2(index).into_iter().skip(first).take(count).collect() };
+        let samples = window(index);
+        let second = second.map(|(index, channel)| Second { channel, samples: window(index) });
         let offset_s = first as f64 / rate_hz;
         let edges_s: Vec<f64> = run.edges_s.iter().map(|t| t - offset_s).collect();
         let end_s = count as f64 / rate_hz;
@@ -128,6 +151,7 @@ impl Signal {
             channel: name,
             unit: declaration.acquisition.unit.clone().map_or(Unit::Acceleration, Unit::Other),
             samples,
+            second,
             rate_hz,
             edges_s,
             pulses_per_turn: tach.pulses_per_rev,
@@ -150,14 +174,21 @@ impl Signal {
             Some(to_hz) => run_up(operation.speed_hz, to_hz, acquisition.duration_s),
         };
         let simulated = simulate(&rig, &motion, operation.torque_n_m, operation.effects, acquisition)?;
-        let name = ["pinion bearing, line of action", "gear bearing, line of action"][operation.channel];
-        let [first, second] = simulated.channels;
+        let names = ["pinion bearing, line of action", "gear bearing, line of action"];
+        let (name, mut channels) = (names[operation.channel], simulated.channels);
+        let samples = std::mem::take(&mut channels[operation.channel]);
+        let second = operation.second.map(|second| {
+            let samples =
+                if second == operation.channel { samples.clone() } else { std::mem::take(&mut channels[second]) };
+            Second { channel: names[second].into(), samples }
+        });
         Ok(Self {
             title: machine.title.clone(),
             place: machine.title.clone(),
             channel: name.into(),
             unit: Unit::Acceleration,
-            samples: if operation.channel == 0 { first } else { second },
+            samples,
+            second,
             rate_hz: acquisition.rate_hz,
             edges_s: simulated.edges_s,
             pulses_per_turn: acquisition.pulses_per_turn,
@@ -182,6 +213,25 @@ impl Signal {
             Error::Invalid { what, .. } => Error::invalid(format!("{}, channel {}", self.place, self.channel), what),
             other => other,
         })
+    }
+
+    /// The replay image of the second sensor's signal, without edges, and the configuration with that sensor's scale.
+    ///
+    /// # Errors
+    /// As [`Signal::image`].
+    pub fn second_image(&self, config: &Configuration) -> Result<(Configuration, Option<Image>)> {
+        let mut config = config.clone();
+        let Some(second) = &self.second else { return Ok((config, None)) };
+        let source = Source { samples: &second.samples, rate_hz: self.rate_hz, edges_s: &[] };
+        let image = Image::new(source, &config, |header| header).map_err(|error| match error {
+            Error::Invalid { what, .. } => Error::invalid(format!("{}, channel {}", self.place, second.channel), what),
+            other => other,
+        })?;
+        if let Some(sensor) = &mut config.second {
+            sensor.acceleration_per_code = image.acceleration_per_code();
+            sensor.zero_code = 0x8000;
+        }
+        Ok((config, Some(image)))
     }
 
     /// For the replay image.
@@ -209,14 +259,14 @@ fn run_up(from_hz: f64, to_hz: f64, duration_s: f64) -> Motion {
 }
 
 /// A channel by its number, its name, or a part that only one name has.
-fn find_channel(declaration: &Declaration, wanted: &str) -> Result<(usize, String)> {
+fn find_channel(declaration: &Declaration, wanted: &str, option: &str) -> Result<(usize, String)> {
     let names = &declaration.acquisition.channels;
-    let refuse = |what: &str| Err(Error::invalid("--channel", format!("'{wanted}' {what}: {}", names.join(", "))));
+    let refuse = |what: &str| Err(Error::invalid(option, format!("'{wanted}' {what}: {}", names.join(", "))));
     if let Ok(index) = wanted.parse::<usize>() {
         return match names.get(index) {
             Some(name) => Ok((index, name.clone())),
             None => Err(Error::invalid(
-                "--channel",
+                option,
                 format!("{index}: the record has {} channels, numbered from 0", names.len()),
             )),
         };

@@ -124,8 +124,14 @@ impl<'a> Host<'a> {
         self.digest.update(&codes);
         self.blocks.push(block);
         let TakenBlock { sequence, first_tick, period: period_ticks, overrun } = block;
-        let block =
-            Block { codes: &codes, first_tick: START_TICK.wrapping_add(first_tick), period_ticks, sequence, overrun };
+        let block = Block {
+            codes: &codes,
+            second: &[],
+            first_tick: START_TICK.wrapping_add(first_tick),
+            period_ticks,
+            sequence,
+            overrun,
+        };
         self.session.on_block(block, &mut |frame| self.link.extend_from_slice(frame));
     }
 

@@ -137,6 +137,24 @@ pub fn verdicts(trial: &Trial, signal: &Signal) -> Vec<(String, String)> {
         }
     };
     let i = &trial.integrity;
+    let second = signal.second.as_ref().map(|second| {
+        let largest = trial.second.iter().fold(0.0, |largest: f64, row| largest.max(row.rms_error().abs()));
+        let text = match trial.second.last() {
+            None => "no record of values within the signal".into(),
+            Some(last) => format!(
+                "RMS {} {} (signal {}, worst of {}: {:.3} %), peak {}, kurtosis {:.3}, velocity {:.3} mm/s",
+                significant(last.rms),
+                signal.unit,
+                significant(last.reference_rms),
+                trial.second.len(),
+                100.0 * largest,
+                significant(last.peak),
+                last.kurtosis,
+                1e3 * last.velocity_rms
+            ),
+        };
+        (format!("second sensor, {}", second.channel), text)
+    });
     let mut lines = vec![
         ("spectra".into(), format!("{} compared, {} not covered by the signal", trial.spectra.len(), trial.uncompared)),
         ("harmonics".into(), worst(trial.worst_harmonics)),
@@ -144,6 +162,7 @@ pub fn verdicts(trial: &Trial, signal: &Signal) -> Vec<(String, String)> {
         ("same bytes on the board and on the host".into(), yes(i.identical_to_host)),
         ("same codes sampled".into(), yes(i.identical_codes)),
     ];
+    lines.extend(second);
     if let Some(same) = i.identical_runs {
         lines.push(("same bytes in every run".into(), yes(same)));
     }

@@ -3,6 +3,7 @@
 use super::board::{Clock, Played, VirtualBoard};
 use super::frames::Received;
 use super::reference::{Reference, Shaft};
+use super::second::{self, SecondRow};
 use super::signal::Signal;
 use crate::link::words::words;
 use crate::{Error, Result};
@@ -197,6 +198,8 @@ pub struct Trial {
     pub peaks: Vec<PeakRow>,
     /// Line spacing of the wideband spectrum, Hz.
     pub peak_resolution_hz: f64,
+    /// Values of a second sensor.
+    pub second: Vec<SecondRow>,
     /// Losses and identities.
     pub integrity: Integrity,
     /// Wall-clock time of the run, s.
@@ -245,6 +248,7 @@ pub fn run(signal: &Signal, config: &Configuration, board: &impl VirtualBoard, r
         spectra,
         peaks: last_peaks.map(|p| comparison.peaks(p)).unwrap_or_default(),
         peak_resolution_hz: last_peaks.map_or(0.0, |p| f64::from(p.tag.resolution_hz)),
+        second: second::rows(signal, &received, played.clock),
         integrity: integrity(&played, &received),
         wall_time_s: played.wall_time_s,
         samples: played.samples.iter().map(|&(time_s, value)| (time_s, value / scale)).collect(),

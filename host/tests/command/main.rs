@@ -22,4 +22,5 @@ mod monitor;
 mod outputs_cli;
 mod outputs_text;
 mod reference;
+mod second_sensor;
 mod update;

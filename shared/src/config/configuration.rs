@@ -18,8 +18,9 @@ use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link, 5 without capture.
-pub const SCHEMA: u16 = 6;
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link, 5 without
+/// capture, 6 without second sensor.
+pub const SCHEMA: u16 = 7;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -72,6 +73,38 @@ pub struct Sensor {
     pub acceleration_per_code: Acceleration,
     /// Code of zero acceleration.
     pub zero_code: u16,
+}
+
+/// Accelerometer at the second converter, sampled at the same instants as the first.
+///
+/// Overall values and alarms are made of it ([`crate::message::ChannelValues`]); spectra, orders, averages and waveforms are the first
+/// one's. No amplifier: its sensitivity is that at the
+/// converter. A board takes a change up at once; its sampling begins anew.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SecondSensor {
+    /// Acceleration per ADC code (16-bit, left-aligned), m/s^2; may be negative for an inverted sensor.
+    pub acceleration_per_code: Acceleration,
+    /// Code of zero acceleration.
+    pub zero_code: u16,
+    /// Upper edge of its band, Hz; 0 for not declared.
+    pub band: Hertz,
+}
+
+impl SecondSensor {
+    fn is_sane(&self) -> bool {
+        is_sensitivity(self.acceleration_per_code) && is_sane_edge(self.band, HIGHEST_SENSOR_HZ)
+    }
+}
+
+/// As the first sensor's default.
+impl Default for SecondSensor {
+    fn default() -> Self {
+        Self { acceleration_per_code: Acceleration(0.03), zero_code: 32_768, band: Hertz(0.0) }
+    }
+}
+
+fn is_sensitivity(per_code: Acceleration) -> bool {
+    per_code.0.is_finite() && per_code.0 != 0.0
 }
 
 /// Edge of the tach's signal that counts.
@@ -169,6 +202,12 @@ impl PassBand {
         Hertz(declared(self.analogue).min(declared(self.sensor)).min(bandwidth.0))
     }
 
+    /// Upper edge of what filter and sensor pass together; 0 where neither is declared.
+    pub fn upper_edge(&self) -> Hertz {
+        let edge = declared(self.analogue).min(declared(self.sensor));
+        Hertz(if edge < f32::MAX { edge } else { 0.0 })
+    }
+
     /// Bandwidth that is really there of the law's, and what bounds it; `usable` is what the granted rate carries.
     pub fn available(&self, law: Hertz, usable: Hertz) -> (f32, Bound) {
         let bounds = [
@@ -180,9 +219,15 @@ impl PassBand {
     }
 
     fn is_sane(&self, stop: Hertz) -> bool {
-        let sane = |edge: f32, highest: f32| edge == 0.0 || (10.0..=highest).contains(&edge);
-        sane(self.analogue.0, stop.0) && sane(self.sensor.0, 5.0e6)
+        is_sane_edge(self.analogue, stop.0) && is_sane_edge(self.sensor, HIGHEST_SENSOR_HZ)
     }
+}
+
+/// Highest edge of a sensor's band that is believed, Hz.
+const HIGHEST_SENSOR_HZ: f32 = 5.0e6;
+
+fn is_sane_edge(edge: Hertz, highest: f32) -> bool {
+    edge.0 == 0.0 || (10.0..=highest).contains(&edge.0)
 }
 
 fn declared(edge: Hertz) -> f32 {
@@ -224,6 +269,8 @@ pub struct Configuration {
     pub link: LinkConfig,
     /// Which waveforms are kept.
     pub capture: CaptureConfig,
+    /// A second accelerometer, where there is one.
+    pub second: Option<SecondSensor>,
 }
 
 /// The first field found wrong.
@@ -272,6 +319,12 @@ pub enum ConfigurationError {
     Link,
     /// `capture.rate`: neither 0 nor 4 to 100 kHz.
     Capture,
+    /// `second`: sensitivity zero or not finite, or its band.
+    Second,
+    /// `second`: this board has one converter.
+    OneConverter,
+    /// `limits.highest_adc` is above what the board keeps up with on two channels ([`Timing::highest_of_two`]).
+    HighestOfTwo,
 }
 
 impl ConfigurationError {
@@ -297,7 +350,9 @@ impl ConfigurationError {
             Self::Law(_) => "is not sound",
             Self::Harmonics => "must be 1 to 6",
             Self::Sidebands => "must be 0 to 4",
-            Self::Alarm(_) => "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more",
+            Self::Alarm(_) => {
+                "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more, and the second sensor where it watches that"
+            }
             Self::Holding => "must be 0 to 3600 s",
             Self::PassBand => "must be 0 for not declared, or 10 Hz up to limits.analogue_stop (sensor: 5 MHz)",
             Self::Levels => {
@@ -307,6 +362,9 @@ impl ConfigurationError {
                 "must be a Modbus address of 1 to 247 (0 only without Modbus), and 2400 to 115200 bit/s or 0 for 19200"
             }
             Self::Capture => "must be 0 for 10 kHz, or 4000 Hz to 100 kHz",
+            Self::Second => "needs a sensitivity other than 0, and a band of 0 for not declared, or 10 Hz to 5 MHz",
+            Self::OneConverter => "cannot be had: this board samples one channel",
+            Self::HighestOfTwo => "must be lower with a second sensor: what this board keeps up with on two channels",
         }
     }
 
@@ -334,6 +392,8 @@ impl ConfigurationError {
             Self::Levels => "levels",
             Self::Link => "link.address, link.bits_per_second",
             Self::Capture => "capture.rate",
+            Self::Second | Self::OneConverter => "second",
+            Self::HighestOfTwo => "limits.highest_adc",
         }
     }
 }
@@ -378,6 +438,7 @@ impl Default for Configuration {
             levels: Vec::new(),
             link: LinkConfig::default(),
             capture: CaptureConfig::default(),
+            second: None,
         }
     }
 }
@@ -410,7 +471,7 @@ impl Configuration {
     /// A stored configuration on a board that keeps up with less than an earlier version promised: its highest rates are lowered to what
     /// the board does, so that the rest of it is kept.
     pub fn lower_to(&mut self, board: Timing) {
-        let highest = board.highest_adc.0;
+        let highest = self.highest_on(board).unwrap_or(board.highest_adc).0;
         let lowered = |rate: Hertz| if rate.0 > highest { Hertz(highest) } else { rate };
         self.limits.highest_adc = lowered(self.limits.highest_adc);
         if let RatePolicy::Forced { rate } = self.policy {
@@ -421,7 +482,8 @@ impl Configuration {
     /// Checks every field against its range and the board.
     pub fn validate(&self, board: impl Into<Timing>) -> Result<(), ConfigurationError> {
         use ConfigurationError as E;
-        let Timing { clock, highest_adc, .. } = board.into();
+        let board = board.into();
+        let Timing { clock, highest_adc, .. } = board;
         let clock_hz = clock.0;
         let teeth = 4..=1000;
         let ensure = |holds: bool, error: E| if holds { Ok(()) } else { Err(error) };
@@ -436,8 +498,7 @@ impl Configuration {
         let (lowest, highest) = (tach.lowest.0, tach.highest.0);
         ensure(lowest >= 0.01 && lowest < highest && highest <= 1000.0, E::TachRange)?;
         ensure(highest * f32::from(tach.pulses_per_turn) * 4.0 <= clock_hz as f32, E::TachTooFastForClock)?;
-        let sensitivity = self.sensor.acceleration_per_code.0;
-        ensure(sensitivity.is_finite() && sensitivity != 0.0, E::Sensitivity)?;
+        ensure(is_sensitivity(self.sensor.acceleration_per_code), E::Sensitivity)?;
         let (stop, adc) = (self.limits.analogue_stop.0, self.limits.highest_adc.0);
         ensure((LOWEST_ADC_HZ / 2.0..=5.0e6).contains(&stop), E::AnalogueStop)?;
         ensure(
@@ -449,14 +510,22 @@ impl Configuration {
         ensure((1..=MAX_HARMONICS as u8).contains(&self.mesh.harmonics), E::Harmonics)?;
         ensure(self.mesh.sidebands <= MAX_SIDEBANDS as u8, E::Sidebands)?;
         for (index, alarm) in self.alarms.iter().enumerate() {
-            ensure(alarm.is_sane(), E::Alarm(index as u8))?;
+            let watches_something = self.second.is_some() || !alarm.watched.is_of_second();
+            ensure(alarm.is_sane() && watches_something, E::Alarm(index as u8))?;
         }
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
         ensure(levels::are_sane(&self.levels), E::Levels)?;
         ensure(self.link.is_sane(), E::Link)?;
         ensure(self.capture.is_sane(), E::Capture)?;
-        Ok(())
+        ensure(self.second.as_ref().is_none_or(SecondSensor::is_sane), E::Second)?;
+        let highest = self.highest_on(board).ok_or(E::OneConverter)?;
+        ensure(adc <= highest.0, E::HighestOfTwo)
+    }
+
+    /// Highest ADC rate on a board with as many sensors as there are; `None` where it has no second converter.
+    fn highest_on(&self, board: Timing) -> Option<Hertz> {
+        if self.second.is_some() { board.highest_of_two } else { Some(board.highest_adc) }
     }
 
     fn policy_is_sane(&self) -> bool {

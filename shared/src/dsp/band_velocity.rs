@@ -73,54 +73,40 @@ impl Section {
     }
 }
 
-/// Comb and filters.
+/// The band at a rate: what all sensors that are sampled together share.
 #[derive(Clone, Debug)]
-pub struct BandVelocity {
+pub struct VelocityBand {
     edges: Edges,
     upper_hz: f32,
     ratio: u32,
-    filled: u32,
-    sums: [i32; 3],
-    earlier: [i32; 3],
-    /// Outputs of the comb that do not count yet: those that still see what lay before the restart.
-    skipped: u32,
     scale: f32,
     /// Outer tap of the three.
     tap: f32,
-    held: [f32; 2],
     /// From the first section's band part to velocity, s.
     integration: f32,
     coefficients: [Coefficients; 4],
-    sections: [Section; 4],
 }
 
-impl BandVelocity {
-    /// At rest, for codes at a rate of [`BandVelocity::set_rate`].
+impl VelocityBand {
+    /// For codes at a rate of [`VelocityBand::set_rate`].
     pub fn new(edges: Edges) -> Self {
         Self {
             edges,
             upper_hz: edges.to_hz,
             ratio: 1,
-            filled: 0,
-            sums: [0; 3],
-            earlier: [0; 3],
-            skipped: 0,
             scale: 1.0,
             tap: 0.0,
-            held: [0.0; 2],
             integration: 0.0,
             coefficients: [Coefficients::default(); 4],
-            sections: [Section::default(); 4],
         }
     }
 
-    /// The codes come at another rate from now on; the filters' states stay.
+    /// The codes come at another rate from now on; each sensor's comb begins anew ([`BandVelocity::begin_comb`]), its filters' states stay.
     pub fn set_rate(&mut self, adc_hz: f32) {
         let ratio = ((adc_hz / OUTPUT_HZ) as u32).clamp(1, HIGHEST_RATIO);
         let rate = adc_hz / ratio as f32;
         self.upper_hz = self.edges.to_hz.min(HIGHEST_SHARE * rate);
-        (self.ratio, self.filled, self.skipped) = (ratio, 0, 2);
-        (self.sums, self.earlier) = ([0; 3], [0; 3]);
+        self.ratio = ratio;
         self.scale = 1.0 / (ratio * ratio * ratio) as f32;
         let angle = |hz: f32| core::f32::consts::PI * hz / rate;
         let tangent = |hz: f32| math::sin(angle(hz)) / math::cos(angle(hz));
@@ -143,21 +129,40 @@ impl BandVelocity {
     pub fn codes_per_output(&self) -> u32 {
         self.ratio
     }
+}
+
+/// One sensor's comb and filters.
+#[derive(Clone, Debug, Default)]
+pub struct BandVelocity {
+    filled: u32,
+    sums: [i32; 3],
+    earlier: [i32; 3],
+    /// Outputs of the comb that do not count yet: those that still see what lay before it began.
+    skipped: u32,
+    held: [f32; 2],
+    sections: [Section; 4],
+}
+
+impl BandVelocity {
+    /// The codes come at another rate: the comb begins anew, the filters' states stay.
+    pub fn begin_comb(&mut self) {
+        (self.sums, self.earlier, self.filled, self.skipped) = ([0; 3], [0; 3], 0, 2);
+    }
 
     /// Forgets the signal.
     pub fn restart(&mut self) {
         self.sections = [Section::default(); 4];
         self.held = [0.0; 2];
-        (self.sums, self.earlier, self.filled, self.skipped) = ([0; 3], [0; 3], 0, 2);
+        self.begin_comb();
     }
 
     /// Takes codes above `zero`; returns the sum of the squared velocities (codes times seconds, squared) and their number.
-    pub fn push(&mut self, codes: &[u16], zero: u16) -> (f32, u32) {
+    pub fn push(&mut self, band: &VelocityBand, codes: &[u16], zero: u16) -> (f32, u32) {
         let zero = i32::from(zero);
         let (mut squares, mut outputs) = (0.0f32, 0);
         let mut rest = codes;
         while !rest.is_empty() {
-            let wanted = self.ratio.saturating_sub(self.filled).max(1) as usize;
+            let wanted = band.ratio.saturating_sub(self.filled).max(1) as usize;
             let (now, later) = rest.split_at(wanted.min(rest.len()));
             let [mut first, mut second, mut third] = self.sums;
             for &code in now {
@@ -168,9 +173,9 @@ impl BandVelocity {
             self.sums = [first, second, third];
             self.filled += now.len() as u32;
             rest = later;
-            if self.filled >= self.ratio {
+            if self.filled >= band.ratio {
                 self.filled = 0;
-                if let Some(velocity) = self.output() {
+                if let Some(velocity) = self.output(band) {
                     squares += velocity * velocity;
                     outputs += 1;
                 }
@@ -180,7 +185,7 @@ impl BandVelocity {
     }
 
     /// One output of the comb through the filters.
-    fn output(&mut self) -> Option<f32> {
+    fn output(&mut self, band: &VelocityBand) -> Option<f32> {
         let once = self.sums[2].wrapping_sub(self.earlier[0]);
         let twice = once.wrapping_sub(self.earlier[1]);
         let thrice = twice.wrapping_sub(self.earlier[2]);
@@ -189,16 +194,16 @@ impl BandVelocity {
             self.skipped -= 1;
             return None;
         }
-        let sample = thrice as f32 * self.scale;
+        let sample = thrice as f32 * band.scale;
         let [oldest, middle] = self.held;
         self.held = [middle, sample];
-        let flat = middle + self.tap * (oldest - 2.0 * middle + sample);
+        let flat = middle + band.tap * (oldest - 2.0 * middle + sample);
         let [first, second, third, fourth] = &mut self.sections;
-        let [a, b, c, d] = &self.coefficients;
+        let [a, b, c, d] = &band.coefficients;
         let integrated = first.pass(flat, a).band;
         let high = second.pass(integrated, b).high;
         let low = third.pass(high, c).low;
-        Some(fourth.pass(low, d).low * self.integration)
+        Some(fourth.pass(low, d).low * band.integration)
     }
 }
 

@@ -4,11 +4,12 @@
 //! [`crate::indicators`]. Regular lines are the constant, shaft orders 1 and 2 and all mesh harmonics; the difference
 //! signal also lacks their first sidebands.
 //!
-//! Cost: three FFTs and two inverse ones, about 0.5 M instructions for 1024 samples, once per average.
+//! The regular signal itself is not needed: its power is that of its lines. Cost: two FFTs and two inverse ones, about 0.35 M instructions
+//! for 1024 samples, once per average.
 
-use crate::indicators::{Moments, RunEnsemble, fm0};
+use crate::indicators::{Moments, RunEnsemble, fm0_of};
 use crate::message::GearIndicators;
-use crate::spectrum::SpectrumError;
+use crate::spectrum::{SpectrumError, real_fft};
 use crate::tsa::{self, RegularLines};
 
 /// Shaft orders that count as regular.
@@ -30,10 +31,14 @@ pub fn of_average(
 ) -> Result<GearIndicators, SpectrumError> {
     let lines = RegularLines { teeth: pinion_teeth, shaft_orders: SHAFT_ORDERS, sidebands: SIDEBANDS };
     let whole = Moments::of(average);
-    let fm0 = fm0(average, pinion_teeth, work)?;
-    tsa::regular(average, &lines, work, split)?;
-    let regular = Moments::of(split);
-    tsa::residual(average, &lines, work, split)?;
+    if work.len() != average.len() {
+        return Err(SpectrumError::Output);
+    }
+    work.copy_from_slice(average);
+    let bins = real_fft(work)?;
+    let fm0 = fm0_of(bins, pinion_teeth, &whole);
+    let regular_rms = tsa::regular_rms(bins, &lines);
+    tsa::residual_of(bins, &lines, split)?;
     let residual = Moments::of(split);
     tsa::difference(average, &lines, work, split)?;
     let difference = Moments::of(split);
@@ -41,7 +46,7 @@ pub fn of_average(
         rms: whole.rms(),
         crest: whole.crest(),
         kurtosis: whole.kurtosis,
-        regular_rms: regular.rms(),
+        regular_rms,
         residual_rms: residual.rms(),
         difference_rms: difference.rms(),
         fm0: fm0.unwrap_or(0.0),

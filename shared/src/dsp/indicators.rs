@@ -18,6 +18,7 @@
 
 use crate::math;
 use crate::spectrum::{self, SpectrumError, mean};
+use microfft::Complex32;
 
 /// Central moments of a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -110,11 +111,14 @@ pub fn fm0(average: &[f32], teeth: u16, work: &mut [f32]) -> Result<Option<f32>,
         return Err(SpectrumError::Output);
     }
     work.copy_from_slice(average);
-    let scale = 2.0 / average.len() as f32;
-    let bins = spectrum::real_fft(work)?;
+    Ok(fm0_of(spectrum::real_fft(work)?, teeth, &Moments::of(average)))
+}
+
+/// FM0 of an average whose spectrum (packed line at half the rate) and moments are known.
+pub fn fm0_of(bins: &[Complex32], teeth: u16, average: &Moments) -> Option<f32> {
+    let scale = 1.0 / bins.len().max(1) as f32;
     let sum: f32 = bins.iter().step_by(usize::from(teeth).max(1)).skip(1).map(|bin| math::sqrt(bin.norm_sqr())).sum();
-    let span = Moments::of(average).peak_to_peak();
-    Ok((sum > 0.0).then(|| span / (sum * scale)))
+    (sum > 0.0).then(|| average.peak_to_peak() / (sum * scale))
 }
 
 /// The mean variance over all runs so far, the denominator of NA4 and NB4.

@@ -126,11 +126,6 @@ impl Stream {
         self.wide_runs = false;
     }
 
-    /// Whether the wideband path runs.
-    pub fn wide_runs(&self) -> bool {
-        self.wide_runs
-    }
-
     /// Takes at most [`CHUNK`] codes. Settled samples of both paths are handed on with the tick of the first; those of the
     /// mesh bands with their period as well.
     pub fn push(

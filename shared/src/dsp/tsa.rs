@@ -11,6 +11,7 @@
 //!
 //! Cost (Cortex-M4F in QEMU): averaging 6 instructions per sample on top of resampling; a split of 1024 points 133 k.
 
+use crate::math;
 use crate::spectrum::{self, SpectrumError};
 use microfft::Complex32;
 
@@ -120,6 +121,21 @@ impl RegularLines {
     }
 }
 
+/// Root mean square of the regular signal about its mean, from the average's spectrum (packed line at half the rate).
+pub fn regular_rms(bins: &[Complex32], lines: &RegularLines) -> f32 {
+    let regular = |order: usize| lines.contains(order, 0);
+    let inner =
+        bins.iter().enumerate().skip(1).filter(|(order, _)| regular(*order)).map(|(_, bin)| 2.0 * bin.norm_sqr());
+    let nyquist = bins.first().filter(|_| regular(bins.len())).map_or(0.0, |packed| packed.im * packed.im);
+    math::sqrt(inner.sum::<f32>() + nyquist) / (2 * bins.len().max(1)) as f32
+}
+
+/// The residual signal from the average's spectrum, which is overwritten; `out` takes twice as many samples as there are bins.
+pub fn residual_of(bins: &mut [Complex32], lines: &RegularLines, out: &mut [f32]) -> Result<(), SpectrumError> {
+    clear_lines(bins, |order| lines.contains(order, 0));
+    spectrum::real_ifft(bins, out)
+}
+
 /// Removes constant, shaft orders and mesh harmonics: the residual signal. `work` and `out` as long as `average`.
 pub fn residual(average: &[f32], lines: &RegularLines, work: &mut [f32], out: &mut [f32]) -> Result<(), SpectrumError> {
     keep_lines(average, work, out, |order| !lines.contains(order, 0))
@@ -153,18 +169,24 @@ fn keep_lines(
     }
     work.copy_from_slice(samples);
     let bins = spectrum::real_fft(work)?;
+    clear_lines(bins, |order| !keep(order));
+    spectrum::real_ifft(bins, out)
+}
+
+/// Clears orders of a spectrum with packed line at half the rate.
+fn clear_lines(bins: &mut [Complex32], clear: impl Fn(usize) -> bool) {
+    let nyquist = bins.len();
     if let Some(packed) = bins.first_mut() {
-        if !keep(0) {
+        if clear(0) {
             packed.re = 0.0;
         }
-        if !keep(count / 2) {
+        if clear(nyquist) {
             packed.im = 0.0;
         }
     }
     for (order, bin) in bins.iter_mut().enumerate().skip(1) {
-        if !keep(order) {
+        if clear(order) {
             *bin = Complex32::new(0.0, 0.0);
         }
     }
-    spectrum::real_ifft(bins, out)
 }

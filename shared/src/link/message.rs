@@ -18,7 +18,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 8;
+pub const WIRE_SCHEMA: u8 = 9;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -410,6 +410,27 @@ impl Quality {
     }
 }
 
+/// Overall values of the second sensor, of the same instants as the first one's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChannelValues {
+    /// Root mean square about the mean, m/s^2.
+    pub rms: f32,
+    /// Largest distance from the mean, m/s^2.
+    pub peak: f32,
+    /// Peak over RMS.
+    pub crest: f32,
+    /// Kurtosis, 3 for Gaussian noise.
+    pub kurtosis: f32,
+    /// Velocity in the first one's band, root mean square, m/s.
+    pub velocity_rms: f32,
+    /// What they rest on.
+    pub quality: Quality,
+    /// Mean of the converter's codes: the sensor's bias.
+    pub mean_code: f32,
+    /// Upper edge of what filter and sensor pass, Hz; 0 where neither is declared.
+    pub passed_hz: f32,
+}
+
 /// Overall values and condition indicators, of whole turns of the pinion and of at least a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Indicators {
@@ -441,6 +462,8 @@ pub struct Indicators {
     pub wheel: Option<ShaftOrders>,
     /// From the expected levels, at a locked speed within their table.
     pub departures: Departures,
+    /// Of the second sensor, where there is one.
+    pub second: Option<ChannelValues>,
 }
 
 /// Counters since start.
@@ -464,6 +487,8 @@ pub struct Statistics {
     pub messages_dropped: u32,
     /// Kinds of events that have occurred, with their counts.
     pub events: Vec<EventCount, MAX_EVENT_COUNTS>,
+    /// Most blocks that ever waited for the main loop, as the board says; blocks are lost where its memory holds no more.
+    pub most_waiting: u32,
 }
 
 impl Statistics {

@@ -16,7 +16,7 @@ use crate::buffers::Arrays;
 use crate::config::{GearPair, SCHEMA};
 use crate::identity::VERSION;
 use crate::levels::{Departure, Departures};
-use crate::message::{AlarmState, Indicators, Quality, SelfTest, Statistics, Status};
+use crate::message::{AlarmState, ChannelValues, Quality, SelfTest, Statistics, Status, Tag};
 use crate::node::{Node, State};
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
@@ -70,6 +70,14 @@ impl<'a> View<'a> {
 
     fn harmonic(&self, index: usize) -> Harmonic {
         self.bank.mesh.latest.map_or(Harmonic::NONE, |mesh: Mesh| mesh.harmonic(index))
+    }
+
+    fn second(&self) -> Option<ChannelValues> {
+        self.bank.values.latest.and_then(|values| values.second)
+    }
+
+    fn second_float(&self, of: fn(&ChannelValues) -> f32) -> f32 {
+        self.second().as_ref().map_or(f32::NAN, of)
     }
 
     fn departure(&self, of: fn(&Departures) -> Option<Departure>) -> Departure {
@@ -189,7 +197,7 @@ registers! {
     "values" {
         96 Word "age" ["s"] "since the record of the values was complete; 65535: none yet, or older" = |v| v.bank.values.age_s(v.now, v.ticks_per_second);
         97 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.values.number;
-        98 Word "quality" [""] "bit 0: clipped, 1: samples missing, 2: filters settling, 3: signal still, 4: no locked speed; 0 for good values" = |v| v.bank.values.word(quality);
+        98 Word "quality" [""] "bit 0: clipped, 1: samples missing, 2: filters settling, 3: signal still, 4: no locked speed; 0 for good values" = |v| v.bank.values.word(|i| quality(&i.quality, &i.tag));
         99 Word "turns" [""] "whole turns of the pinion in the record; 0 where the clock cut it" = |v| v.bank.values.word(|i| i.quality.turns);
         100 Float "duration" ["s"] "of the record" = |v| v.bank.values.float(|i| i.quality.duration_s);
         102 Float "speed" ["Hz"] "rate of the pinion at the record" = |v| v.bank.values.float(|i| if i.tag.validity == Validity::None { f32::NAN } else { i.tag.speed_hz });
@@ -315,6 +323,17 @@ registers! {
         371 Word "line_late" [""] "runs found too late to be answered" = |v| v.traffic.heard.late;
         372 Word "line_exceptions" [""] "requests refused" = |v| v.traffic.exceptions;
     }
+    "second sensor" {
+        384 Word "present" [""] "1: the latest values have some of a second sensor; age, number, turns and speed are those of the values" = |v| v.second().is_some().into();
+        385 Word "quality" [""] "as of the values" = |v| v.bank.values.word(|i| i.second.map_or(0, |second| quality(&second.quality, &i.tag)));
+        386 Float "rms" ["m/s^2"] "root mean square of the acceleration about its mean" = |v| v.second_float(|s| s.rms);
+        388 Float "peak" ["m/s^2"] "largest distance from the mean" = |v| v.second_float(|s| s.peak);
+        390 Float "crest" [""] "peak over RMS" = |v| v.second_float(|s| s.crest);
+        392 Float "kurtosis" [""] "3 for Gaussian noise" = |v| v.second_float(|s| s.kurtosis);
+        394 Float "velocity_rms" ["m/s"] "root mean square of the velocity in its band" = |v| v.second_float(|s| s.velocity_rms);
+        396 Float "mean_code" [""] "mean of the converter's codes, 0 to 65535: the bias of the sensor" = |v| v.second_float(|s| s.mean_code);
+        398 Float "passed" ["Hz"] "upper edge of what filter and sensor pass; 0 where neither is declared" = |v| v.second_float(|s| s.passed_hz);
+    }
 }
 
 /// Discrete inputs.
@@ -341,7 +360,7 @@ pub const BITS: u32 = 30;
 pub fn bits(view: &View<'_>) -> u64 {
     let AlarmState { raised, standing, unseen, signal_bad } = view.alarms;
     let locked = view.bank.status.latest.is_some_and(|status| status.validity == Validity::Locked);
-    let good = view.bank.values.latest.is_some_and(|values| quality(&values) & !NO_SPEED == 0);
+    let good = view.bank.values.latest.is_some_and(|values| quality(&values.quality, &values.tag) & !NO_SPEED == 0);
     let single =
         [signal_bad, view.alarm_stands, locked, view.state == State::Measuring, good, view.self_test.failed != 0];
     let single = single.iter().enumerate().fold(0, |bits, (place, &is)| bits | u64::from(is) << place);
@@ -351,9 +370,9 @@ pub fn bits(view: &View<'_>) -> u64 {
 /// Bit of [`quality`] for a record without a locked speed: its values are good all the same.
 const NO_SPEED: u16 = 1 << 4;
 
-fn quality(indicators: &Indicators) -> u16 {
-    let Quality { overload, gap, settling, stuck, .. } = indicators.quality;
-    let no_speed = indicators.tag.validity != Validity::Locked;
+fn quality(quality: &Quality, tag: &Tag) -> u16 {
+    let Quality { overload, gap, settling, stuck, .. } = *quality;
+    let no_speed = tag.validity != Validity::Locked;
     [overload, gap, settling, stuck, no_speed].iter().rev().fold(0, |bits, &is| bits << 1 | u16::from(is))
 }
 

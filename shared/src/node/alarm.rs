@@ -35,6 +35,24 @@ pub enum Watched {
     OncePerTurn,
     /// Largest departure from the expected levels, in its standard uncertainties ([`crate::levels`]).
     Departure,
+    /// Root mean square at the second sensor, m/s^2.
+    SecondRms,
+    /// Peak at the second sensor, m/s^2.
+    SecondPeak,
+    /// Crest factor at the second sensor.
+    SecondCrest,
+    /// Kurtosis at the second sensor.
+    SecondKurtosis,
+    /// Root mean square of the velocity at the second sensor, m/s.
+    SecondVelocityRms,
+}
+
+impl Watched {
+    /// Whether it is a value of the second sensor.
+    pub fn is_of_second(self) -> bool {
+        use Watched::{SecondCrest, SecondKurtosis, SecondPeak, SecondRms, SecondVelocityRms};
+        matches!(self, SecondRms | SecondPeak | SecondCrest | SecondKurtosis | SecondVelocityRms)
+    }
 }
 
 /// One limit.

@@ -42,13 +42,14 @@ impl<A: Arrays> Node<A> {
         self.follow_latch();
     }
 
-    /// What the latest record says of the signal itself.
-    pub(super) fn watch_signal(&mut self, quality: &Quality) {
-        let bad = quality.overload || quality.stuck;
+    /// What the latest record says of the signals themselves.
+    pub(super) fn watch_signal(&mut self, first: &Quality, second: Option<&Quality>) {
+        let bits = |quality: &Quality| u32::from(quality.overload) | u32::from(quality.stuck) << 1;
+        let detail = bits(first) | second.map_or(0, bits) << 2;
+        let bad = detail != 0;
         if bad != self.signal_bad {
             self.signal_bad = bad;
-            let kind = if bad { EventKind::SignalBad } else { EventKind::SignalGood };
-            self.note(kind, u32::from(quality.overload) | u32::from(quality.stuck) << 1);
+            self.note(if bad { EventKind::SignalBad } else { EventKind::SignalGood }, detail);
         }
     }
 

@@ -32,9 +32,9 @@ pub enum EventKind {
     UnexpectedPeriod,
     /// A block's first tick does not follow from the block before; detail is the difference in ticks.
     TimeJump,
-    /// Input at its rails; detail is the share of codes in parts per thousand.
+    /// Input at its rails; detail is the share of codes in parts per thousand, with [`OF_SECOND`] for the second sensor.
     Saturated,
-    /// Input does not move at all.
+    /// Input does not move at all; detail is its code, with [`OF_SECOND`] for the second sensor.
     Stuck,
     /// Speed outside the law's domain.
     LawClamped,
@@ -64,7 +64,7 @@ pub enum EventKind {
     BandwidthDeparts,
     /// Measured bandwidth and law agree again; detail as before.
     BandwidthAgrees,
-    /// The signal is clipped or does not move; detail has bit 0 for clipped, bit 1 for still.
+    /// The signal is clipped or does not move; detail has bit 0 for clipped, bit 1 for still, bits 2 and 3 for the second sensor's.
     SignalBad,
     /// The signal can be judged again.
     SignalGood,
@@ -77,6 +77,9 @@ pub enum EventKind {
     /// A trigger found another waveform begun or held; detail is how many have so far.
     CaptureMissed,
 }
+
+/// Bit of a detail that tells the second sensor's input from the first one's.
+pub const OF_SECOND: u32 = 1 << 31;
 
 /// Number of event kinds.
 pub const EVENT_KINDS: usize = EventKind::CaptureMissed as usize + 1;

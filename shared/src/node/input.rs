@@ -73,33 +73,37 @@ impl<A: Arrays> Node<A> {
         self.mesh_plan = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.adc);
         self.stream.restart(first, self.active.period_ticks, self.mesh_plan.decimation);
         self.arrays.buffers_mut().chain.set_samples_per_pitch(usize::from(self.mesh_plan.samples_per_pitch));
-        self.wide_use = WideUse::Idle;
+        // A record that is complete is of one stream, whatever becomes of it.
+        if !matches!(self.wide_use, WideUse::Analysis(_)) {
+            self.wide_use = WideUse::Idle;
+        }
         self.wide_due = first;
         if matches!(self.state, State::Settling | State::Measuring) {
             self.state = State::Settling;
         }
     }
 
-    /// Notes codes at the rails and an input that does not move; true where any is at a rail.
-    pub(super) fn watch_input(&mut self, codes: &[u16]) -> bool {
+    /// Notes codes at the rails and an input that does not move, whose detail gets `mark`; true where any is at a rail.
+    pub(super) fn watch_input(&mut self, codes: &[u16], mark: u32) -> bool {
         // One pass without branches.
-        let first = codes[0];
+        let Some(&first) = codes.first() else { return false };
         let (mut railed, mut moved) = (0usize, 0u16);
         for &code in codes {
             railed += usize::from(is_railed(code));
             moved |= code ^ first;
         }
         if railed * 1000 > codes.len() {
-            self.note(EventKind::Saturated, (railed * 1000 / codes.len()) as u32 / 100 * 100);
+            let hundreds = (railed * 1000 / codes.len()) as u32 / 100;
+            self.note(EventKind::Saturated, (hundreds * 100) | mark);
         }
         if codes.len() >= 64 && moved == 0 {
-            self.note(EventKind::Stuck, u32::from(first));
+            self.note(EventKind::Stuck, u32::from(first) | mark);
         }
         railed > 0
     }
 
-    /// All codes into the overall values, cut at the turns.
-    pub(super) fn follow_values(&mut self, codes: &[u16], first: u64, period: u32) {
+    /// All codes of both sensors into the overall values, cut at the turns.
+    pub(super) fn follow_values(&mut self, codes: [&[u16]; 2], first: u64, period: u32) {
         let locked = self.tach_locked;
         self.values.follow_speed(self.present_speed().pinion.0, period);
         let mut complete = None;
@@ -143,7 +147,7 @@ impl<A: Arrays> Node<A> {
         let (count, from) = (&mut self.wide_count, &mut self.wide_tick);
         let mut complete = false;
         let take_wide = |samples: &[f32], tick: u64| match wide_use {
-            WideUse::Idle => {}
+            WideUse::Idle | WideUse::Analysis(_) => {}
             WideUse::Edges => complete = watch.push(samples),
             WideUse::Record => {
                 if *count == 0 {
@@ -162,7 +166,7 @@ impl<A: Arrays> Node<A> {
         if complete {
             self.stream.stop_wide();
             match core::mem::replace(&mut self.wide_use, WideUse::Idle) {
-                WideUse::Record => self.finish_wide(),
+                WideUse::Record => self.begin_analysis(),
                 _ => self.finish_edges(),
             }
         }

@@ -180,6 +180,7 @@ impl<A: Arrays> Node<A> {
         self.bandwidth_watch = BandwidthWatch::default();
         self.config = Configuration { latched: 0, ..config };
         mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);
+        self.take_over_wide();
         self.values = value_record(&self.config, self.clock);
         self.values.restart(self.next_tick);
         if self.state != State::Stopped {

@@ -72,6 +72,8 @@ const VELOCITY_TO_HZ: f32 = 1000.0;
 /// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
 /// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
 const HOLD_AFTER_RECORD: u32 = 16;
+/// Part of a second from long work to the next step of the wideband analysis: what the main loop fell behind by is worked off meanwhile.
+const SPARED_PER_SECOND: u32 = 64;
 const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its arrays.
 const STATE_BUDGET: usize = 13 * 1024;
@@ -84,6 +86,8 @@ const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 100 * 1024);
 pub struct Block<'a> {
     /// Raw ADC codes, offset binary, left-aligned to 16 bit.
     pub codes: &'a [u16],
+    /// Those of the second sensor at the same instants; empty without one.
+    pub second: &'a [u16],
     /// Capture time of the first code in the tach's time base (wrapping).
     pub first_tick: u32,
     /// Sample period, ticks of the time base.
@@ -123,6 +127,7 @@ struct Totals {
     blocks_lost: u32,
     samples: u64,
     messages_dropped: u32,
+    most_waiting: u32,
 }
 
 /// What the wideband path does.
@@ -134,6 +139,19 @@ enum WideUse {
     Record,
     /// Times edges. Left when enough teeth have passed.
     Edges,
+    /// The record is full and analysed step by step, blocks apart. Left after the last step.
+    Analysis(WideStep),
+}
+
+/// The record's analysis, a step per turn of the main loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum WideStep {
+    /// Snapshot, root mean square, window.
+    Window,
+    /// Transform.
+    Transform,
+    /// Strongest lines, and the message.
+    Search,
 }
 
 /// The node; `A` is where its arrays are.
@@ -169,6 +187,10 @@ pub struct Node<A = OwnArrays> {
     wide_use: WideUse,
     wide_count: usize,
     wide_tick: u64,
+    /// Of the record that is analysed.
+    wide_tag: Tag,
+    /// When its next step may be taken.
+    spared_until: u64,
     wide_due: u64,
     rise_due: u64,
     signal_rms: f32,
@@ -250,6 +272,8 @@ impl<A: Arrays> Node<A> {
             wide_use: WideUse::Idle,
             wide_count: 0,
             wide_tick: 0,
+            wide_tag: Tag::default(),
+            spared_until: 0,
             wide_due: 0,
             rise_due: 0,
             signal_rms: 0.0,
@@ -327,9 +351,7 @@ impl<A: Arrays> Node<A> {
     /// Whether the signal chain gives the recorded result ([`self_test::mathematics`]). The wideband record serves as work
     /// space; one under way begins anew.
     pub fn check_mathematics(&mut self) -> bool {
-        if self.wide_use == WideUse::Record {
-            self.wide_count = 0;
-        }
+        self.take_over_wide();
         self_test::mathematics(&mut self.arrays.buffers_mut().wide) == self_test::MATHEMATICS_HASH
     }
 
@@ -422,7 +444,13 @@ impl<A: Arrays> Node<A> {
             pulses_spurious: tach.spurious,
             relocks: tach.relocks,
             events: self.events.counts(),
+            most_waiting: self.totals.most_waiting,
         }
+    }
+
+    /// Tells the node, for its counters, how many blocks waited for it at most.
+    pub fn note_waiting(&mut self, most: u32) {
+        self.totals.most_waiting = most;
     }
 
     /// Takes a block; cannot fail. Empty blocks only advance the sequence.
@@ -437,10 +465,14 @@ impl<A: Arrays> Node<A> {
         self.totals.blocks = self.totals.blocks.wrapping_add(1);
         self.totals.samples += block.codes.len() as u64;
         self.follow_period(period, first, block.sequence);
-        let railed = self.watch_input(block.codes);
-        self.follow_values(block.codes, first, period);
+        let railed = self.watch_input(block.codes, 0);
+        let has_second = self.config.second.is_some() && block.second.len() == block.codes.len();
+        let second = if has_second { block.second } else { &[] };
+        self.watch_input(second, events::OF_SECOND);
+        self.follow_values([block.codes, second], first, period);
         self.follow_capture(block.codes, railed, first, period);
-        if !self.stream.wide_runs() {
+        self.go_on_with_wide();
+        if self.wide_use == WideUse::Idle {
             self.start_wide(first);
         }
         for codes in block.codes.chunks(CHUNK) {
@@ -479,5 +511,6 @@ impl<A: Arrays> Node<A> {
 /// The overall values' record for a configuration.
 fn value_record(config: &Configuration, clock: TicksPerSecond) -> ValueRecord {
     let edges = Edges { from_hz: VELOCITY_FROM_HZ, to_hz: VELOCITY_TO_HZ };
-    ValueRecord::new(clock, edges, config.sensor.zero_code)
+    let second = config.second.unwrap_or_default();
+    ValueRecord::new(clock, edges, [config.sensor.zero_code, second.zero_code])
 }

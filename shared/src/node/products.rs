@@ -1,20 +1,22 @@
 //! What complete records give: peaks and indicators, the law's check, mesh bands, condition indicators, and their alarms.
 
-use super::values::Values;
-use super::{HOLD_AFTER_RECORD, Node, State, VELOCITY_FROM_HZ, WideUse};
+use super::values::{OfChannel, Values};
+use super::{HOLD_AFTER_RECORD, Node, SPARED_PER_SECOND, State, VELOCITY_FROM_HZ, WideStep, WideUse};
 use crate::alarm::Watched;
 use crate::bandwidth_watch::Verdict;
 use crate::buffers::{Arrays, Buffers};
+use crate::config::PassBand;
 use crate::events::EventKind;
 use crate::gear_condition;
-use crate::indicators::Moments;
 use crate::levels::{self, Departure, Departures, ExpectedLevel, LevelPoint};
+use crate::math;
 use crate::mesh_band;
-use crate::message::{GearIndicators, Indicators, Peaks, Spectrum, Tag};
+use crate::message::{ChannelValues, GearIndicators, Indicators, Peaks, Spectrum, Tag};
 use crate::peaks;
+use crate::spectrum::mean;
 use crate::stream::WIDE_POINTS;
 use crate::tach::Validity;
-use crate::units::Hertz;
+use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 
 impl<A: Arrays> Node<A> {
@@ -33,27 +35,76 @@ impl<A: Arrays> Node<A> {
         }
     }
 
-    pub(super) fn finish_wide(&mut self) {
-        self.hold = HOLD_AFTER_RECORD;
+    /// The wideband record is full.
+    pub(super) fn begin_analysis(&mut self) {
         let (rate, stages) = (self.active.output, self.active.stages);
-        let tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
+        self.wide_tag = self.tag(self.wide_tick, rate, stages, rate.0 / WIDE_POINTS as f32);
+        self.wide_use = WideUse::Analysis(WideStep::Window);
+    }
+
+    /// The next step of the wideband analysis, where it is due.
+    pub(super) fn go_on_with_wide(&mut self) {
+        let WideUse::Analysis(step) = self.wide_use else { return };
+        if self.next_tick < self.spared_until {
+            return;
+        }
+        self.note_long_work();
+        self.wide_use = match step {
+            WideStep::Window => {
+                self.prepare_wide();
+                WideUse::Analysis(WideStep::Transform)
+            }
+            WideStep::Transform => {
+                peaks::transform(&mut self.arrays.buffers_mut().wide);
+                WideUse::Analysis(WideStep::Search)
+            }
+            WideStep::Search => {
+                self.finish_wide();
+                WideUse::Idle
+            }
+        };
+    }
+
+    /// The main loop may be behind for a while.
+    fn note_long_work(&mut self) {
+        self.hold = HOLD_AFTER_RECORD;
+        self.spared_until = self.next_tick + u64::from(self.clock.0 / SPARED_PER_SECOND);
+    }
+
+    /// The wideband record's memory is needed for something else: what is under way begins anew.
+    pub(super) fn take_over_wide(&mut self) {
+        match self.wide_use {
+            WideUse::Record => self.wide_count = 0,
+            WideUse::Analysis(_) => {
+                self.wide_use = WideUse::Idle;
+                self.wide_due = self.next_tick;
+            }
+            WideUse::Idle | WideUse::Edges => {}
+        }
+    }
+
+    fn prepare_wide(&mut self) {
         let Buffers { wide, snapshot, .. } = self.arrays.buffers_mut();
         if self.snapshot_wanted && self.snapshot_sent.is_none() {
             self.snapshot_wanted = false;
             self.snapshot_scale = keep_snapshot(wide, snapshot);
-            self.snapshot_tag = tag;
+            self.snapshot_tag = self.wide_tag;
             self.snapshot_sent = Some(0);
         }
-        let rms = Moments::of(wide).rms();
-        let (lines, digest) = peaks::strongest(wide, tag.resolution_hz);
+        self.signal_rms = rms_about_mean(wide);
+        peaks::window(wide);
+    }
+
+    fn finish_wide(&mut self) {
+        let (tag, rms) = (self.wide_tag, self.signal_rms);
+        let (lines, digest) = peaks::search(&self.arrays.buffers().wide, tag.resolution_hz);
         let mesh_hz = f32::from(self.config.gears.pinion_teeth) * tag.speed_hz;
-        let reach = peaks::reach_hz(rate.0, stages, self.config.limits.analogue_stop.0);
+        let reach = peaks::reach_hz(tag.rate_hz, tag.stages, self.config.limits.analogue_stop.0);
         let origins = if tag.validity == Validity::Locked {
-            peaks::label(&lines, mesh_hz, rate.0, tag.resolution_hz, reach)
+            peaks::label(&lines, mesh_hz, tag.rate_hz, tag.resolution_hz, reach)
         } else {
             Vec::new()
         };
-        self.signal_rms = rms;
         let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest, origins }).is_some();
         self.count_dropped(dropped);
     }
@@ -61,15 +112,17 @@ impl<A: Arrays> Node<A> {
     /// Overall values in units, with what has become complete since the last ones.
     pub(super) fn finish_values(&mut self, values: &Values) {
         let tag = self.tag(values.first_tick, self.active.adc, 0, 0.0);
-        let per_code = self.sensor().acceleration_per_code.0.abs();
-        let codes = &values.codes;
-        let (rms, peak, crest, kurtosis) = (codes.rms * per_code, codes.peak * per_code, codes.crest(), codes.kurtosis);
-        let velocity_rms = values.velocity_rms * per_code;
+        let ChannelValues { rms, peak, crest, kurtosis, velocity_rms, quality, .. } =
+            in_units(&values.first, self.sensor().acceleration_per_code, Hertz(0.0));
+        let second = values.second.as_ref().zip(self.config.second.as_ref()).map(|(values, second)| {
+            let bounds = PassBand { sensor: second.band, ..self.config.pass };
+            in_units(values, second.acceleration_per_code, bounds.upper_edge())
+        });
         let (pinion, wheel) = self.arrays.buffers_mut().chain.shafts().take();
         if believed(&tag).is_none() {
             self.departures = Departures::NONE;
         }
-        let good = values.quality.is_good();
+        let good = quality.is_good();
         self.departures.rms = self.departure(&tag, rms, |point| point.rms).filter(|_| good);
         self.departures.velocity_rms = self.departure(&tag, velocity_rms, |point| point.velocity_rms).filter(|_| good);
         let indicators = Indicators {
@@ -81,20 +134,24 @@ impl<A: Arrays> Node<A> {
             sideband_energy_ratio: self.sideband_energy[0],
             gear: self.gear.take(),
             bandwidth: self.bandwidth.take(),
-            quality: values.quality,
+            quality,
             velocity_rms,
             velocity_band_hz: [VELOCITY_FROM_HZ, values.velocity_to_hz],
             pinion,
             wheel,
             departures: self.departures,
+            second,
         };
         let dropped = self.indicators.replace(indicators).is_some();
         self.count_dropped(dropped);
-        self.watch_signal(&values.quality);
+        self.watch_signal(&quality, second.as_ref().map(|second| &second.quality));
+        let speed = believed(&tag);
+        if let Some(second) = second.filter(|second| second.quality.is_good()) {
+            self.watch_second(speed, &second);
+        }
         if !good {
             return;
         }
-        let speed = believed(&tag);
         let of_the_whole = [
             (Watched::Rms, rms),
             (Watched::Peak, peak),
@@ -110,6 +167,19 @@ impl<A: Arrays> Node<A> {
         }
         if let (Some(largest), Some(_)) = (self.departures.largest(), speed) {
             self.watch(Watched::Departure, speed, largest);
+        }
+    }
+
+    fn watch_second(&mut self, speed: Option<Hertz>, second: &ChannelValues) {
+        let values = [
+            (Watched::SecondRms, second.rms),
+            (Watched::SecondPeak, second.peak),
+            (Watched::SecondCrest, second.crest),
+            (Watched::SecondKurtosis, second.kurtosis),
+            (Watched::SecondVelocityRms, second.velocity_rms),
+        ];
+        for (watched, value) in values {
+            self.watch(watched, speed, value);
         }
     }
 
@@ -154,18 +224,16 @@ impl<A: Arrays> Node<A> {
             self.count_dropped(dropped);
         }
         self.record_complete = true;
-        self.hold = HOLD_AFTER_RECORD;
+        self.note_long_work();
     }
 
     /// Indicators of a complete average. The wideband record serves as work space; one under way begins anew.
     pub(super) fn finish_average(&mut self) {
-        self.hold = HOLD_AFTER_RECORD;
+        self.note_long_work();
         let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
         let teeth = self.config.gears.pinion_teeth;
         let (turns, hunting_broken) = mesh_band::average_turns(teeth, self.config.gears.gear_teeth);
-        if self.wide_use == WideUse::Record {
-            self.wide_count = 0;
-        }
+        self.take_over_wide();
         let Buffers { chain, wide, .. } = self.arrays.buffers_mut();
         let average = chain.average();
         let points = average.points();
@@ -204,6 +272,28 @@ impl<A: Arrays> Node<A> {
         if dropped {
             self.totals.messages_dropped = self.totals.messages_dropped.saturating_add(1);
         }
+    }
+}
+
+/// Root mean square about the mean.
+fn rms_about_mean(record: &[f32]) -> f32 {
+    let mean = mean(record);
+    let squares = |run: &[f32]| run.iter().fold(0.0f32, |sum, x| sum + (x - mean) * (x - mean));
+    math::sqrt(record.chunks(64).map(squares).sum::<f32>() / record.len().max(1) as f32)
+}
+
+/// A channel's values by its sensitivity.
+fn in_units(values: &OfChannel, per_code: Acceleration, passed: Hertz) -> ChannelValues {
+    let (codes, per_code) = (&values.codes, per_code.0.abs());
+    ChannelValues {
+        rms: codes.rms * per_code,
+        peak: codes.peak * per_code,
+        crest: codes.crest(),
+        kurtosis: codes.kurtosis,
+        velocity_rms: values.velocity_rms * per_code,
+        quality: values.quality,
+        mean_code: codes.mean,
+        passed_hz: passed.0,
     }
 }
 

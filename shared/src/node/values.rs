@@ -3,9 +3,9 @@
 //! A record begins at a turn mark, is cut at the sample before the first mark behind a second, and the next one begins there:
 //! no sample is left out, so what happens once per turn is in every record. Without a locked tach a record lasts a second by
 //! the clock. A new rate goes on with the same record; lost samples, another gain and the filters' start stay in the record's
-//! [`Quality`], since a value that cannot be judged must still be seen.
+//! [`Quality`], since a value that cannot be judged must still be seen. A second sensor's codes are of the same instants and are cut at the same ones.
 
-use crate::band_velocity::{BandVelocity, Edges};
+use crate::band_velocity::{BandVelocity, Edges, VelocityBand};
 use crate::code_moments::{CodeMoments, CodeValues};
 use crate::math;
 use crate::message::Quality;
@@ -35,31 +35,80 @@ const MOST_MARKS: usize = 32;
 pub struct Values {
     /// Tick of the first sample.
     pub first_tick: u64,
+    /// Upper edge of the velocity's band, Hz.
+    pub velocity_to_hz: f32,
+    /// Of the first sensor.
+    pub first: OfChannel,
+    /// Of the second one, where its codes came.
+    pub second: Option<OfChannel>,
+}
+
+/// What a record holds of one sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct OfChannel {
     /// Acceleration, in codes.
     pub codes: CodeValues,
     /// RMS velocity, codes times seconds.
     pub velocity_rms: f32,
-    /// Upper edge of the velocity's band, Hz.
-    pub velocity_to_hz: f32,
-    /// What it rests on.
+    /// What both rest on.
     pub quality: Quality,
+}
+
+/// Sums of one sensor.
+#[derive(Clone, Debug)]
+struct Channel {
+    zero_code: u16,
+    codes: CodeMoments,
+    velocity: BandVelocity,
+    squares: f64,
+    outputs_ticks: f64,
+}
+
+impl Channel {
+    fn new(zero_code: u16) -> Self {
+        let (codes, velocity) = (CodeMoments::about(zero_code), BandVelocity::default());
+        Self { zero_code, codes, velocity, squares: 0.0, outputs_ticks: 0.0 }
+    }
+
+    fn begin(&mut self) {
+        self.codes = self.codes.next();
+        (self.squares, self.outputs_ticks) = (0.0, 0.0);
+    }
+
+    fn add(&mut self, codes: &[u16], period: u32, step: usize) {
+        self.codes.add(codes, period, step);
+    }
+
+    fn add_velocity(&mut self, band: &VelocityBand, codes: &[u16], period: u32) {
+        let (squares, outputs) = self.velocity.push(band, codes, self.zero_code);
+        // Outputs before and behind a change of the rate count by the time they stand for.
+        let ticks = f64::from(band.codes_per_output().saturating_mul(period));
+        self.squares += f64::from(squares) * ticks;
+        self.outputs_ticks += f64::from(outputs) * ticks;
+    }
+
+    /// Of the codes since the beginning; `None` where none came.
+    fn values(&self, of_record: Quality) -> Option<OfChannel> {
+        let codes = self.codes.values()?;
+        let mean_square = if self.outputs_ticks > 0.0 { self.squares / self.outputs_ticks } else { 0.0 };
+        let quality = Quality { overload: codes.railed > 0, stuck: codes.rms == 0.0, ..of_record };
+        Some(OfChannel { codes, velocity_rms: math::sqrt(mean_square as f32), quality })
+    }
 }
 
 /// The record under way.
 #[derive(Clone, Debug)]
 pub struct ValueRecord {
     clock: TicksPerSecond,
-    edges: Edges,
-    zero_code: u16,
+    settling_s: f32,
+    band: VelocityBand,
     period: u32,
     /// Codes from one that enters the moments to the next.
     step: usize,
     /// See [`ValueRecord::follow_speed`].
     beyond: bool,
-    codes: CodeMoments,
-    velocity: BandVelocity,
-    squares: f64,
-    outputs_ticks: f64,
+    first: Channel,
+    second: Channel,
     marks: Deque<u64, MOST_MARKS>,
     first_tick: u64,
     /// The record began at a turn mark.
@@ -71,19 +120,18 @@ pub struct ValueRecord {
 }
 
 impl ValueRecord {
-    /// A record that has not begun.
-    pub fn new(clock: TicksPerSecond, edges: Edges, zero_code: u16) -> Self {
+    /// A record that has not begun, for sensors with these codes of zero acceleration.
+    pub fn new(clock: TicksPerSecond, edges: Edges, zero_codes: [u16; 2]) -> Self {
+        let [first, second] = zero_codes.map(Channel::new);
         Self {
             clock,
-            edges,
-            zero_code,
+            settling_s: SETTLING_PERIODS / edges.from_hz,
+            band: VelocityBand::new(edges),
             period: 0,
             step: 1,
             beyond: false,
-            codes: CodeMoments::about(zero_code),
-            velocity: BandVelocity::new(edges),
-            squares: 0.0,
-            outputs_ticks: 0.0,
+            first,
+            second,
             marks: Deque::new(),
             first_tick: 0,
             at_mark: false,
@@ -95,9 +143,11 @@ impl ValueRecord {
 
     /// Begins anew at a tick: another gain, a start.
     pub fn restart(&mut self, tick: u64) {
-        self.velocity.restart();
-        self.codes = self.codes.next();
-        self.settled_at = tick + self.ticks(SETTLING_PERIODS / self.edges.from_hz);
+        for channel in [&mut self.first, &mut self.second] {
+            channel.velocity.restart();
+            channel.begin();
+        }
+        self.settled_at = tick + self.ticks(self.settling_s);
         self.marks.clear();
         self.begin(tick, false);
     }
@@ -105,7 +155,7 @@ impl ValueRecord {
     /// Samples are missing before the next block.
     pub fn note_gap(&mut self, tick: u64) {
         self.gap = true;
-        self.settled_at = tick + self.ticks(SETTLING_PERIODS / self.edges.from_hz);
+        self.settled_at = tick + self.ticks(self.settling_s);
     }
 
     /// The pinion passes angle zero.
@@ -127,8 +177,17 @@ impl ValueRecord {
         self.beyond = speed_hz > HIGHEST_SPEED_HZ && self.clock.rate(period).0 > EVERY_CODE_TO_HZ;
     }
 
-    /// Takes a block whose marks are all known; `complete` gets every record that ends in it. `locked`: the tach has a speed.
-    pub fn push(&mut self, codes: &[u16], first: u64, period: u32, locked: bool, mut complete: impl FnMut(Values)) {
+    /// Takes a block whose marks are all known, of both sensors (the second one's may be missing); `complete` gets every record that ends in it. `locked`: the
+    /// tach has a speed.
+    pub fn push(
+        &mut self,
+        codes: [&[u16]; 2],
+        first: u64,
+        period: u32,
+        locked: bool,
+        mut complete: impl FnMut(Values),
+    ) {
+        let samples = codes[0].len();
         if period != self.period {
             self.period = period;
             let rate_hz = self.clock.rate(period).0;
@@ -137,25 +196,27 @@ impl ValueRecord {
                 ..=SECOND_CODE_TO_HZ => 2,
                 _ => 8,
             };
-            self.velocity.set_rate(rate_hz);
+            self.band.set_rate(rate_hz);
+            self.first.velocity.begin_comb();
+            self.second.velocity.begin_comb();
         }
         let mut taken = 0;
         while let Some(&mark) = self.marks.front() {
             // The first sample at or behind the mark.
             let place = mark.saturating_sub(first).div_ceil(u64::from(period.max(1))) as usize;
-            if place >= codes.len() {
+            if place >= samples {
                 break;
             }
             self.marks.pop_front();
-            self.add(codes.get(taken..place.max(taken)).unwrap_or_default());
+            self.add(codes.map(|codes| codes.get(taken..place.max(taken)).unwrap_or_default()));
             taken = taken.max(place);
             self.pass_mark(first + place as u64 * u64::from(period), &mut complete);
         }
-        self.add(codes.get(taken..).unwrap_or_default());
+        self.add(codes.map(|codes| codes.get(taken..).unwrap_or_default()));
         let longest = if locked && self.at_mark { LONGEST_S } else { SHORTEST_S };
-        if self.codes.ticks() >= f64::from(self.clock.0) * f64::from(longest) {
+        if self.ticks_so_far() >= f64::from(self.clock.0) * f64::from(longest) {
             (self.at_mark, self.turns) = (false, 0);
-            self.finish(first + codes.len() as u64 * u64::from(period), false, &mut complete);
+            self.finish(first + samples as u64 * u64::from(period), false, &mut complete);
         }
     }
 
@@ -163,7 +224,7 @@ impl ValueRecord {
         self.turns = if self.at_mark { self.turns.saturating_add(1) } else { 0 };
         // A sample of tolerance: a turn of just a second is long enough.
         let long_enough =
-            self.codes.ticks() + f64::from(self.period) >= f64::from(self.clock.0) * f64::from(SHORTEST_S);
+            self.ticks_so_far() + f64::from(self.period) >= f64::from(self.clock.0) * f64::from(SHORTEST_S);
         if long_enough && self.turns > 0 {
             self.finish(tick, true, complete);
         } else if !self.at_mark {
@@ -172,47 +233,46 @@ impl ValueRecord {
         }
     }
 
-    fn add(&mut self, codes: &[u16]) {
-        if codes.is_empty() {
-            return;
+    fn ticks_so_far(&self) -> f64 {
+        self.first.codes.ticks()
+    }
+
+    fn add(&mut self, [first, second]: [&[u16]; 2]) {
+        for (channel, codes) in [(&mut self.first, first), (&mut self.second, second)] {
+            if codes.is_empty() {
+                continue;
+            }
+            if self.beyond {
+                channel.add(codes, self.period, BEYOND_STEP);
+                self.gap = true;
+                continue;
+            }
+            channel.add(codes, self.period, self.step);
+            channel.add_velocity(&self.band, codes, self.period);
         }
-        if self.beyond {
-            self.codes.add(codes, self.period, BEYOND_STEP);
-            self.gap = true;
-            return;
-        }
-        self.codes.add(codes, self.period, self.step);
-        let (squares, outputs) = self.velocity.push(codes, self.zero_code);
-        // Outputs before and behind a change of the rate count by the time they stand for.
-        let ticks = f64::from(self.velocity.codes_per_output().saturating_mul(self.period));
-        self.squares += f64::from(squares) * ticks;
-        self.outputs_ticks += f64::from(outputs) * ticks;
     }
 
     fn finish(&mut self, tick: u64, at_mark: bool, complete: &mut impl FnMut(Values)) {
-        if let Some(codes) = self.codes.values() {
-            let mean_square = if self.outputs_ticks > 0.0 { self.squares / self.outputs_ticks } else { 0.0 };
-            complete(Values {
-                first_tick: self.first_tick,
-                codes,
-                velocity_rms: math::sqrt(mean_square as f32),
-                velocity_to_hz: self.velocity.upper_hz(),
-                quality: Quality {
-                    turns: self.turns,
-                    duration_s: (self.codes.ticks() / f64::from(self.clock.0)) as f32,
-                    overload: codes.railed > 0,
-                    gap: self.gap,
-                    settling: self.first_tick < self.settled_at,
-                    stuck: codes.rms == 0.0,
-                },
-            });
+        let quality = Quality {
+            turns: self.turns,
+            duration_s: (self.ticks_so_far() / f64::from(self.clock.0)) as f32,
+            gap: self.gap,
+            settling: self.first_tick < self.settled_at,
+            ..Quality::default()
+        };
+        if let Some(first) = self.first.values(quality) {
+            // A sensor that joined within the record lacks what came before.
+            let incomplete = self.second.codes.ticks() < self.ticks_so_far();
+            let second = self.second.values(Quality { gap: quality.gap || incomplete, ..quality });
+            let velocity_to_hz = self.band.upper_hz();
+            complete(Values { first_tick: self.first_tick, velocity_to_hz, first, second });
         }
         self.begin(tick, at_mark);
     }
 
     fn begin(&mut self, tick: u64, at_mark: bool) {
-        self.codes = self.codes.next();
-        (self.squares, self.outputs_ticks) = (0.0, 0.0);
+        self.first.begin();
+        self.second.begin();
         (self.first_tick, self.at_mark, self.turns, self.gap) = (tick, at_mark, 0, false);
     }
 

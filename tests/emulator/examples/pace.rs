@@ -14,7 +14,7 @@ mod image;
 
 use compared::TICKS_PER_SECOND;
 use compared::load::{Outcome, SPEEDS_HZ, configured_for, run};
-use meshband::config::{CaptureConfig, CaptureRate, Configuration};
+use meshband::config::{CaptureConfig, CaptureRate, Configuration, SecondSensor};
 use meshband::units::Hertz;
 use meshband_emulator::elf::Image;
 use std::process::ExitCode;
@@ -32,6 +32,8 @@ const WAVEFORMS: [(&str, CaptureConfig); 3] = [
 /// Converter rates that they are tried with, and cycles per instruction.
 const WITH_WAVEFORMS_HZ: [f64; 3] = [210_000.0, 300_000.0, 420_000.0];
 const WITH_WAVEFORMS_CYCLES: f64 = 2.0;
+/// Converter rates tried with two sensors.
+const OF_TWO_HZ: [f64; 3] = [150_000.0, 180_000.0, 209_000.0];
 /// Rates that must hold in a row.
 const IN_A_ROW: usize = 3;
 
@@ -55,7 +57,26 @@ fn main() -> ExitCode {
             println!("{}", row_with_waveforms(&image, name, capture, rate_hz));
         }
     }
+    println!(
+        "\n| sensors | converter, kHz | blocks lost in 4 s at {a:.0}, {b:.0}, {c:.0} turns/s | load there | buffers free at worst there |"
+    );
+    println!("| --- | --- | --- | --- | --- |");
+    for (sensors, rates_hz) in [(1, WITH_WAVEFORMS_HZ), (2, OF_TWO_HZ)] {
+        for rate_hz in rates_hz {
+            println!("{}", row_of_sensors(&image, sensors, rate_hz));
+        }
+    }
     ExitCode::SUCCESS
+}
+
+fn row_of_sensors(image: &Image, sensors: usize, rate_hz: f64) -> String {
+    let second = (sensors == 2).then(SecondSensor::default);
+    let config = Configuration { second, ..configured_for(rate_hz) };
+    let outcomes = SPEEDS_HZ.map(|speed_hz| run(image, &config, WITH_WAVEFORMS_CYCLES, speed_hz));
+    let lost = outcomes.map(|outcome| outcome.lost.to_string()).join(", ");
+    let loads = outcomes.map(|outcome| format!("{:.0} %", 100.0 * outcome.load)).join(", ");
+    let free = outcomes.map(|outcome| format!("{:.0} %", 100.0 * outcome.buffers_free())).join(", ");
+    format!("| {sensors} | {:.0} | {lost} | {loads} | {free} |", outcomes[0].rate_hz / 1e3)
 }
 
 fn row_with_waveforms(image: &Image, name: &str, capture: CaptureConfig, rate_hz: f64) -> String {

@@ -1,4 +1,4 @@
-//! ADC1: one regular channel, started by a timer, read by DMA. RM0090 section 13.
+//! ADC1 and ADC2: one regular channel each, started by a timer, read by DMA; independent mode. RM0090 section 13.
 //!
 //! A trigger takes effect at the converter's next clock: with a period that is no multiple of it the aperture jitters, as
 //! on the chip. A trigger during a conversion is lost. An overrun ends requests and conversions until it is cleared.
@@ -37,7 +37,78 @@ pub struct Conversion {
     pub channel: u32,
 }
 
-/// The converter.
+/// Both converters and what they share.
+#[derive(Clone, Debug, Default)]
+pub struct Converters {
+    /// ADC1 and ADC2.
+    pub each: [Adc; 2],
+    ccr: u32,
+}
+
+/// A register's converter and its place there.
+enum Place {
+    Own(usize, u32),
+    Common,
+}
+
+fn place(offset: u32) -> Access<Place> {
+    match offset {
+        0x000..0x100 => Ok(Place::Own(0, offset)),
+        0x100..0x200 => Ok(Place::Own(1, offset - 0x100)),
+        0x304 => Ok(Place::Common),
+        _ => Err(Refusal::Register),
+    }
+}
+
+impl Converters {
+    /// TIM2's trigger output; `apb2` is the period of the bus's clock.
+    pub fn trigger(&mut self, at: Time, apb2: Time) {
+        let clock = apb2 * 2 * (1 + Time::from(self.ccr >> 16 & 3));
+        self.each.iter_mut().filter(|adc| adc.listens_to_tim2()).for_each(|adc| adc.trigger(at, clock));
+    }
+
+    /// When the next conversion under way ends.
+    pub fn due(&self) -> Time {
+        self.each.iter().map(Adc::due).min().unwrap_or(NEVER)
+    }
+
+    /// Whether the interrupt, which they share, is asked for.
+    pub fn interrupt(&self) -> bool {
+        self.each.iter().any(Adc::interrupt)
+    }
+
+    /// Which converter's registers lie at an offset; `None` for those in common.
+    pub fn owner(offset: u32) -> Option<usize> {
+        if let Ok(Place::Own(number, _)) = place(offset) { Some(number) } else { None }
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// [`Refusal::Register`].
+    pub fn read(&mut self, offset: u32) -> Access<u32> {
+        match place(offset)? {
+            Place::Own(number, offset) => self.each[number].read(offset),
+            Place::Common => Ok(self.ccr),
+        }
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// A register or bit that is not modelled, or what the manual forbids.
+    pub fn write(&mut self, offset: u32, value: u32) -> Access<()> {
+        match place(offset)? {
+            Place::Own(number, offset) => self.each[number].write(offset, value),
+            Place::Common => {
+                self.ccr = within(value, 3 << 16)?;
+                Ok(())
+            }
+        }
+    }
+}
+
+/// A converter.
 #[derive(Clone, Debug, Default)]
 pub struct Adc {
     sr: u32,
@@ -48,7 +119,6 @@ pub struct Adc {
     sqr1: u32,
     sqr3: u32,
     dr: u32,
-    ccr: u32,
     running: Option<Conversion>,
     /// A result waits for the DMA.
     pub request: bool,
@@ -60,13 +130,12 @@ impl Adc {
         self.cr2 & ADON != 0 && self.cr2 & 0x3f00_0000 == FROM_TIM2
     }
 
-    /// A trigger; `apb2` is its bus's clock.
-    pub fn trigger(&mut self, at: Time, apb2: Time) {
+    /// A trigger; `clock` is the period of the converters' clock.
+    pub fn trigger(&mut self, at: Time, clock: Time) {
         let blocked = self.cr2 & ADON == 0 || self.running.is_some() || self.sr & OVR != 0;
         if blocked {
             return;
         }
-        let clock = apb2 * 2 * (1 + Time::from(self.ccr >> 16 & 3));
         let channel = self.sqr3 & 0x1f;
         let code = if channel < 10 { self.smpr2 >> (3 * channel) } else { self.smpr1 >> (3 * (channel - 10)) } & 7;
         let start = at.div_ceil(clock) * clock;
@@ -108,7 +177,7 @@ impl Adc {
         self.sr & EOC != 0 && self.cr1 & EOCIE != 0 || self.sr & OVR != 0 && self.cr1 & OVRIE != 0
     }
 
-    /// Reads a register of ADC1, or the common one behind `0x300`.
+    /// Reads a register.
     ///
     /// # Errors
     /// [`Refusal::Register`].
@@ -126,7 +195,6 @@ impl Adc {
                 self.request = false;
                 self.dr
             }
-            0x304 => self.ccr,
             _ => return Err(Refusal::Register),
         })
     }
@@ -146,7 +214,6 @@ impl Adc {
             // One conversion.
             0x2c => self.sqr1 = within(value, 0)?,
             0x34 => self.sqr3 = within(value, 0x1f)?,
-            0x304 => self.ccr = within(value, 3 << 16)?,
             _ => return Err(Refusal::Register),
         }
         Ok(())

@@ -59,6 +59,11 @@ impl Board {
         Ok(())
     }
 
+    /// The signal at the second converter's pin from now on.
+    pub fn set_second(&mut self, analogue: Analogue) {
+        self.chip_mut().inputs.second = analogue;
+    }
+
     /// The signal at the converter's pin from now on.
     pub fn set_analogue(&mut self, analogue: Analogue) {
         self.chip_mut().inputs.analogue = analogue;

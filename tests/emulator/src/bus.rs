@@ -3,6 +3,7 @@
 //! Strict: what the model does not serve is an error. Devices are accessed by aligned words; those whose registers are narrow by
 //! half-words as well, flash's data by any size.
 
+use crate::adc::Converters;
 use crate::chip::{Chip, interrupt};
 use crate::error::{Access, Refusal};
 use crate::flash;
@@ -41,7 +42,8 @@ fn device(address: u32) -> Option<(Device, u32, Option<Gate>)> {
         0x4000_3800 => (Device::Spi, page, Some(Gate::Apb1(14))),
         0x4000_7000 => (Device::Power, page, Some(Gate::Apb1(28))),
         0x4001_1000 => (Device::Usart, page, Some(Gate::Apb2(4))),
-        0x4001_2000 => (Device::Adc, page, Some(Gate::Apb2(8))),
+        // What both have in common takes the first one's clock.
+        0x4001_2000 => (Device::Adc, page, Some(Gate::Apb2(8 + Converters::owner(address - page).unwrap_or(0) as u8))),
         0x4002_0000..0x4002_2400 => {
             let port = (page - 0x4002_0000) / 0x400;
             (Device::Gpio(port as usize), page, Some(Gate::Ahb1(port as u8)))
@@ -76,7 +78,7 @@ impl Chip {
     }
 
     fn is_data(&self, address: u32) -> bool {
-        matches!(address, 0x4001_204c | 0x4001_1004)
+        matches!(address, 0x4001_204c | 0x4001_214c | 0x4001_1004)
     }
 
     /// Reads registers, or flash as data.

@@ -5,11 +5,12 @@
 //!
 //! ```text
 //! TIM2 update --> ADC1 --> DMA2 stream 0        TIM2 update --> TIM3 (ITR1) --> TIM5 channel 2 (ITR1)
+//!             --> ADC2 --> DMA2 stream 3
 //! TIM3 update --> DMA1 stream 2                 PA0 --filter--> TIM5 channel 1
 //! USART1 <--> DMA2 streams 5 and 7
 //! ```
 
-use crate::adc::Adc;
+use crate::adc::Converters;
 use crate::dma::{Direction, Dma};
 use crate::flash::{self, Flash};
 use crate::gpio::{Mode, Port};
@@ -108,7 +109,7 @@ pub struct Chip {
     pub(crate) tim2: Timer,
     pub(crate) tim3: Timer,
     pub(crate) tim5: Timer,
-    pub(crate) adc: Adc,
+    pub(crate) adc: Converters,
     pub(crate) dma: [Dma; 2],
     pub(crate) usart: Usart,
     /// Bus to the amplifier.
@@ -147,7 +148,7 @@ impl Chip {
             tim2: timer(32),
             tim3: timer(16),
             tim5: timer(32),
-            adc: Adc::default(),
+            adc: Converters::default(),
             dma: [Dma::default(), Dma::default()],
             usart: Usart::default(),
             spi2: Spi::default(),
@@ -307,7 +308,7 @@ impl Chip {
             self.schedule.set(Source::Sent, NEVER);
         }
         if apb2 & 1 << 8 != 0 {
-            self.adc = Adc::default();
+            self.adc = Converters::default();
             self.schedule.set(Source::Converter, NEVER);
         }
         self.schedule.set(Source::Dma, self.dma[0].due().min(self.dma[1].due()));
@@ -456,10 +457,8 @@ impl Chip {
             return;
         }
         if timer == 2 {
-            if self.adc.listens_to_tim2() {
-                self.adc.trigger(at, self.clocks.apb2);
-                self.schedule.set(Source::Converter, self.adc.due());
-            }
+            self.adc.trigger(at, self.clocks.apb2);
+            self.schedule.set(Source::Converter, self.adc.due());
             if self.tim3.trigger_input().is_some() {
                 self.schedule.set(Source::Tim3Trigger, behind);
             }
@@ -469,23 +468,40 @@ impl Chip {
     }
 
     fn on_conversion(&mut self) {
-        let Some(conversion) = self.adc.finish() else { return };
-        let routed = conversion.channel == 1 && self.ports[0].mode(1) == Mode::Analogue;
-        // An input that is not connected floats; half is as good as anything.
-        let level = if routed { (self.inputs.analogue)(self.time.seconds(conversion.held)) } else { 0.5 };
-        let code = (level * CODES).round().clamp(0.0, CODES - 1.0) as u16;
-        self.adc.deliver(code);
-        if self.seen.keep_conversions {
-            self.seen.conversions.push(Sampled { trigger: conversion.trigger, code: self.adc.result() });
+        for number in [0, 1] {
+            if self.adc.each[number].due() <= self.now {
+                self.finish_conversion(number);
+            }
         }
+        self.schedule.set(Source::Converter, self.adc.due());
         self.nvic.set_line(interrupt::ADC, self.adc.interrupt());
         self.ask_dma();
     }
 
+    fn finish_conversion(&mut self, number: usize) {
+        let Some(conversion) = self.adc.each[number].finish() else { return };
+        let at = self.time.seconds(conversion.held);
+        // An input that is not connected floats; half is as good as anything.
+        let level = match conversion.channel {
+            channel @ 1..=2 if self.ports[0].mode(channel) != Mode::Analogue => 0.5,
+            1 => (self.inputs.analogue)(at),
+            2 => (self.inputs.second)(at),
+            _ => 0.5,
+        };
+        let code = (level * CODES).round().clamp(0.0, CODES - 1.0) as u16;
+        let adc = &mut self.adc.each[number];
+        adc.deliver(code);
+        if self.seen.keep_conversions {
+            let sampled = Sampled { trigger: conversion.trigger, code: adc.result() };
+            [&mut self.seen.conversions, &mut self.seen.second][number].push(sampled);
+        }
+    }
+
     /// Wired requests: controller, stream, channel, and whether the device asks.
-    fn requests(&self) -> [(usize, usize, u32, bool); 4] {
+    fn requests(&self) -> [(usize, usize, u32, bool); 5] {
         [
-            (1, 0, 0, self.adc.request),
+            (1, 0, 0, self.adc.each[0].request),
+            (1, 3, 1, self.adc.each[1].request),
             (0, 2, 5, self.tim3.request),
             (1, 5, 4, self.usart.offers_byte()),
             (1, 7, 4, self.usart.asks_for_byte()),
@@ -587,7 +603,7 @@ impl Chip {
     fn device_for_dma(&self, controller: usize, address: u32) -> Option<()> {
         let served = match controller {
             0 => address == TIM2_RELOAD,
-            _ => matches!(address, ADC_DATA | USART_DATA),
+            _ => matches!(address, ADC1_DATA | ADC2_DATA | USART_DATA),
         };
         served.then_some(())
     }
@@ -689,5 +705,6 @@ impl Default for Chip {
 }
 
 const TIM2_RELOAD: u32 = 0x4000_002c;
-const ADC_DATA: u32 = 0x4001_204c;
+const ADC1_DATA: u32 = 0x4001_204c;
+const ADC2_DATA: u32 = 0x4001_214c;
 const USART_DATA: u32 = 0x4001_1004;

@@ -3,7 +3,7 @@
 //! Of the processor the instructions are executed by Unicorn's shared library, an external tool as QEMU is ([`unicorn`]). Everything
 //! else is modelled here after the reference manual RM0090 and the Armv7-M manual: exceptions, priorities, sleep and faults ([`cpu`],
 //! [`nvic`]), clocks ([`rcc`]), flash with its data cache, programming and erasure ([`flash`]), timers with triggers and filtered captures
-//! ([`timer`]), converter ([`adc`]), DMA ([`dma`]), line ([`usart`]), bus to the amplifier ([`spi`]), ports ([`gpio`]), watchdog ([`watchdog`]). [`chip`] wires them, [`bus`] is
+//! ([`timer`]), converters ([`adc`]), DMA ([`dma`]), line ([`usart`]), bus to the amplifier ([`spi`]), ports ([`gpio`]), watchdog ([`watchdog`]). [`chip`] wires them, [`bus`] is
 //! their addresses, [`world`] what is around them and what was seen of them. Depends on nothing of the project, so that it
 //! cannot share its mistakes.
 //!

@@ -101,8 +101,10 @@ pub struct Clocked {
 /// What the world does to the chip.
 #[derive(Clone)]
 pub struct Inputs {
-    /// At the converter's pin.
+    /// At the first converter's pin.
     pub analogue: Analogue,
+    /// At the second one's.
+    pub second: Analogue,
     /// Changes of the tach's pin to come, s and level, in order.
     pub tach: VecDeque<(f64, bool)>,
     /// Bytes to come over the line, s at which their stop bit ends, in order.
@@ -117,6 +119,7 @@ impl Default for Inputs {
     fn default() -> Self {
         Self {
             analogue: Arc::new(|_| 0.5),
+            second: Arc::new(|_| 0.5),
             tach: VecDeque::new(),
             bytes: VecDeque::new(),
             bits_per_second: BITS_PER_SECOND,
@@ -130,8 +133,10 @@ impl Default for Inputs {
 pub struct Seen {
     /// Bytes that left the chip, with the end of their stop bit.
     pub sent: Vec<(Time, u8)>,
-    /// Conversions, if they are wanted.
+    /// Conversions of ADC1, if they are wanted.
     pub conversions: Vec<Sampled>,
+    /// Conversions of ADC2, if they are wanted.
+    pub second: Vec<Sampled>,
     /// Whether conversions are wanted.
     pub keep_conversions: bool,
     /// Captured edges.

@@ -38,10 +38,10 @@ pub struct StageHash {
 /// The hashes every target must give.
 pub const EXPECTED: [StageHash; STAGES] = [
     StageHash { stage: "math", hash: 0xe638_42a1 },
-    StageHash { stage: "window", hash: 0x926e_928e },
+    StageHash { stage: "window", hash: 0x5745_6861 },
     StageHash { stage: "spectrum", hash: 0xe3ef_d032 },
     StageHash { stage: "order", hash: 0xd728_e2c2 },
-    StageHash { stage: "zoom", hash: 0x631c_224b },
+    StageHash { stage: "zoom", hash: 0xcf78_98c8 },
     StageHash { stage: "tsa", hash: 0x8739_766f },
     StageHash { stage: "envelope", hash: 0xa80b_c33a },
     StageHash { stage: "rise_time", hash: 0xa6e3_6ebc },

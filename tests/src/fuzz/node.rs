@@ -208,8 +208,11 @@ pub fn session(bytes: &[u8]) -> String {
                 let period_ticks = if gap & 0x40 == 0 { requested } else { 1 + u32::from(size) };
                 let count = if overrun & 0x40 == 0 { codes.len() } else { usize::from(size) };
                 sequence = sequence.wrapping_add(u32::from(gap & 3) + 1);
-                let (codes, overrun) = (&codes[..count], overrun & 1 == 1);
-                let block = Block { codes, first_tick: tick, period_ticks, sequence, overrun };
+                // A second sensor's codes: none, as many, or too few.
+                let of_second = [0, 0, count, count / 2][usize::from(gap >> 4 & 3)];
+                let (second, overrun) = (&codes[..of_second], overrun & 1 == 1);
+                let codes = &codes[..count];
+                let block = Block { codes, second, first_tick: tick, period_ticks, sequence, overrun };
                 tick = block.end_tick();
                 session.on_block(block, &mut hear);
             }

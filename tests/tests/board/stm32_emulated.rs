@@ -6,7 +6,7 @@ use meshband::message::Message;
 use meshband_host::virtual_node::emulated::reference;
 use meshband_host::virtual_node::emulated::run::{Emulated, Feed, Heard};
 use meshband_host::virtual_node::frames::Received;
-use meshband_host::virtual_node::signal::{Signal, Unit};
+use meshband_host::virtual_node::signal::{Second, Signal, Unit};
 use meshband_host::virtual_node::trial;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -55,7 +55,7 @@ fn edges(turns: impl Fn(f64) -> f64, duration_s: f64) -> Vec<f64> {
 /// Plays a signal at `turns(t)` with these edges and asserts that every frame is the host's.
 fn assert_equal_frames(board: &Emulated, duration_s: f64, turns: fn(f64) -> f64, edges_s: &[f64]) -> Heard {
     let config = configuration();
-    let feed = Feed { analogue: signal(turns), edges_s, duration_s, config: Some(&config) };
+    let feed = Feed { analogue: signal(turns), second: None, edges_s, duration_s, config: Some(&config) };
     let heard = board.run(&feed).expect("runs to its end");
     let comparison = reference::compare(&heard, &config).expect("the host runs it");
     println!(
@@ -114,12 +114,17 @@ fn ref_mesh_lines_of_a_record_on_the_emulated_board_are_those_of_the_f64_referen
     let Some(board) = board("record") else { return };
     let (rate_hz, seconds, speed_hz) = (51_200.0, 4.0, 20.0);
     let level = signal(move |time_s| speed_hz * time_s);
+    let of_second = |time_s: f64| 3.0 * (TAU * 160.0 * time_s).cos() + (TAU * 2_400.0 * time_s).sin();
     let record = Signal {
         title: "tones".into(),
         place: "tones".into(),
         channel: "bearing".into(),
         unit: Unit::Acceleration,
         samples: (0..(seconds * rate_hz) as usize).map(|n| 40.0 * (level(n as f64 / rate_hz) - 0.5)).collect(),
+        second: Some(Second {
+            channel: "motor".into(),
+            samples: (0..(seconds * rate_hz) as usize).map(|n| of_second(n as f64 / rate_hz)).collect(),
+        }),
         rate_hz,
         edges_s: (0..(seconds * speed_hz) as usize).map(|n| n as f64 / speed_hz).collect(),
         pulses_per_turn: 1,
@@ -138,4 +143,12 @@ fn ref_mesh_lines_of_a_record_on_the_emulated_board_are_those_of_the_f64_referen
     // Twelve bits, and edges on a grid of 1.5 us.
     assert!(trial.worst_harmonics.frequency_error < 5e-4, "{:?}", trial.worst_harmonics);
     assert!(trial.worst_harmonics.amplitude_error_db < 0.2, "{:?}", trial.worst_harmonics);
+    // The second sensor over the same turns.
+    assert!(trial.second.len() >= 2, "{:?}", trial.second);
+    for row in &trial.second {
+        assert!(row.rms_error().abs() < 1e-3 && row.turns == 20, "{row:?}");
+        assert!((row.kurtosis / row.reference_kurtosis - 1.0).abs() < 1e-2, "{row:?}");
+        let velocity = 3.0 / (TAU * 160.0) / 2f64.sqrt();
+        assert!((row.velocity_rms / velocity - 1.0).abs() < 5e-3, "{row:?}");
+    }
 }

@@ -23,7 +23,7 @@ fn theory_every_rate_of_the_plan_is_programmed_as_granted() {
         // The converter's clock is a quarter of the timer's: other periods would be taken up to 36 ns late, by turns.
         assert_eq!(period % 4, 0, "{period} is no whole number of the converter's cycles");
         let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
-        sample_clock::configure(&tim2, &tim3, period);
+        sample_clock::configure(&tim2, &tim3, period, BLOCK_SAMPLES);
         assert_eq!(word(&*tim2, ARR), period - 1);
         assert_eq!(word(&*tim2, PSC), 0);
         // The triggers' rate from the registers alone.
@@ -56,7 +56,7 @@ fn theory_periods_the_converter_cannot_follow_become_the_shortest() {
 #[test]
 fn theory_sample_counter_counts_triggers_and_requests_the_reload() {
     let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
-    sample_clock::configure(&tim2, &tim3, 420);
+    sample_clock::configure(&tim2, &tim3, 420, BLOCK_SAMPLES);
     // TS = 001 (ITR1 = TIM2), SMS = 111 (external clock mode 1).
     assert_eq!(word(&*tim3, SMCR), (0b001 << 4) | 0b111);
     assert_eq!(word(&*tim3, ARR), u32::from(BLOCK_SAMPLES) - 1);
@@ -93,7 +93,8 @@ fn theory_sample_counter_counts_triggers_and_requests_the_reload() {
 #[test]
 fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
     let (adc1, common) = (block::<pac::adc1::RegisterBlock>(), block::<pac::adc_common::RegisterBlock>());
-    adc::start(&adc1, &common);
+    adc::configure(&common);
+    adc::start(&adc1, adc::CHANNEL);
     let control = word(&*adc1, 0x08);
     assert_fields(
         control,
@@ -116,6 +117,11 @@ fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
     assert_eq!(word(&*common, 0x04), 0b01 << 16);
     let conversion_s = 27.0 / (f64::from(design_parameters::APB2_HZ) / 4.0);
     assert!(1.0 / f64::from(design_parameters::HIGHEST_RATE_HZ) > conversion_s);
+    // The second one takes the same trigger on the same clock, another pin.
+    let adc2 = block::<pac::adc1::RegisterBlock>();
+    adc::start(&adc2, adc::SECOND_CHANNEL);
+    assert_eq!(word(&*adc2, 0x08), control);
+    assert_eq!((word(&*adc2, 0x10), word(&*adc2, 0x34)), (0b001 << 6, 2), "channel 2: 15 cycles");
 }
 
 #[test]
@@ -135,7 +141,10 @@ fn fault_converter_overrun_is_taken_once() {
 fn theory_double_buffer_takes_half_words_of_the_converter() {
     let dma2 = block::<dma::RegisterBlock>();
     // SAFETY: plain memory, nothing is transferred.
-    unsafe { dma::start_double_buffer(&dma2, 0x4001_204c, [0x2000_4000, 0x2000_4400], BLOCK_SAMPLES) };
+    unsafe {
+        dma::start_double_buffer(&dma2, dma::ADC1_STREAM, 0x4001_204c, [0x2000_4000, 0x2000_4400], BLOCK_SAMPLES);
+        dma::start_double_buffer(&dma2, dma::ADC2_STREAM, 0x4001_214c, [0x2000_4200, 0x2000_4600], BLOCK_SAMPLES / 2);
+    }
     let control = word(&*dma2, 0x10);
     assert_fields(
         control,
@@ -143,7 +152,7 @@ fn theory_double_buffer_takes_half_words_of_the_converter() {
             (25, 7, 0, "channel 0: ADC1"),
             (18, 1, 1, "double buffer"),
             (19, 1, 0, "first target memory 0"),
-            (16, 3, 3, "highest priority"),
+            (16, 3, 2, "priority below ADC2's"),
             (13, 3, 1, "half-words to memory"),
             (11, 3, 1, "half-words from the register"),
             (10, 1, 1, "memory address moves"),
@@ -158,7 +167,16 @@ fn theory_double_buffer_takes_half_words_of_the_converter() {
     assert_eq!(word(&*dma2, 0x1c), 0x2000_4000);
     assert_eq!(word(&*dma2, 0x20), 0x2000_4400);
 
-    let stream = dma2.st(dma::ADC_STREAM);
+    let second = word(&*dma2, 0x58);
+    assert_eq!(
+        second,
+        control & !(7 << 25 | 3 << 16 | 0x3f) | 1 << 25 | 3 << 16 | 1,
+        "channel 1, served first, no interrupts of its own"
+    );
+    assert_eq!(word(&*dma2, 0x5c), u32::from(BLOCK_SAMPLES / 2));
+    assert_eq!((word(&*dma2, 0x60), word(&*dma2, 0x64), word(&*dma2, 0x68)), (0x4001_214c, 0x2000_4200, 0x2000_4600));
+
+    let stream = dma2.st(dma::ADC1_STREAM.number);
     assert_eq!(dma::target(stream), dma::Target::Memory0);
     // SAFETY: as above.
     unsafe { dma::exchange(stream, dma::Target::Memory1, 0x2000_4800) };
@@ -360,7 +378,7 @@ fn theory_peripheral_clocks_and_reset_causes() {
     clock::enable_peripherals(&rcc);
     assert_eq!(word(&*rcc, 0x30), (1 << 22) | (1 << 21) | (1 << 20) | (1 << 2) | (1 << 1) | 1);
     assert_eq!(word(&*rcc, 0x40), (1 << 14) | (1 << 3) | (1 << 1) | 1);
-    assert_eq!(word(&*rcc, 0x44), (1 << 8) | (1 << 4));
+    assert_eq!(word(&*rcc, 0x44), (1 << 9) | (1 << 8) | (1 << 4));
     // The pin's flag (bit 26) accompanies every other cause.
     for (flags, cause) in [
         (1 << 29 | 1 << 26, ResetCause::Watchdog),
@@ -452,7 +470,10 @@ fn theory_pins_of_tach_signal_and_link_and_watchdog() {
     // As reset leaves port A: the debug pins in alternate function.
     set(&*port_a, 0x00, 0xa800_0000);
     pins::configure(&port_a, &port_b, &port_c);
-    assert_eq!(word(&*port_a, 0x00), 0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b01 << 16) | (0b11 << 2) | 0b10);
+    assert_eq!(
+        word(&*port_a, 0x00),
+        0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b01 << 16) | (0b11 << 4) | (0b11 << 2) | 0b10
+    );
     assert_eq!(word(&*port_a, 0x18), 1 << (8 + 16), "PA8: others speak on a shared line");
     assert_eq!(word(&*port_a, 0x20), 2, "PA0: TIM5");
     assert_eq!(word(&*port_a, 0x24), (7 << 8) | (7 << 4), "PA9, PA10: USART1");

@@ -32,7 +32,7 @@ impl Timers {
     fn start(period: u32, reads_ahead: bool) -> Self {
         let (tim2, tim3) = (block::<pac::tim2::RegisterBlock>(), block::<pac::tim3::RegisterBlock>());
         let tim5 = block::<pac::tim5::RegisterBlock>();
-        sample_clock::configure(&tim2, &tim3, period);
+        sample_clock::configure(&tim2, &tim3, period, BLOCK_SAMPLES);
         time_base::start(&tim5, Edge::Rising, FILTERS[0]);
         sample_clock::start(&tim2, &tim3);
         let shadow = u64::from(word(&*tim2, ARR));
@@ -121,7 +121,7 @@ impl Late {
     const RELOAD: u64 = 20;
 
     fn start(period: u32, reads_ahead: bool) -> Self {
-        let (timers, borders) = (Timers::start(period, reads_ahead), Borders::starting(period));
+        let (timers, borders) = (Timers::start(period, reads_ahead), Borders::starting(period, BLOCK_SAMPLES));
         let published = reload_of(borders.published());
         Self { timers, borders, published, reload_at: None, complete_at: None, flag: false, complete: 0 }
     }
@@ -205,7 +205,7 @@ fn theory_rate_changes_fall_on_block_borders_and_stamps_are_exact() {
     let wanted = planned_periods();
     for reads_ahead in [false, true] {
         let mut timers = Timers::start(wanted[0], reads_ahead);
-        let mut borders = Borders::starting(wanted[0]);
+        let mut borders = Borders::starting(wanted[0], BLOCK_SAMPLES);
         let samples = usize::from(BLOCK_SAMPLES);
         let mut expected_first = None;
         let mut changes = 0;
@@ -239,7 +239,7 @@ fn theory_rate_changes_fall_on_block_borders_and_stamps_are_exact() {
 fn fault_after_a_missed_border_one_block_is_given_up_and_the_next_stamps_are_right() {
     for reads_ahead in [false, true] {
         let mut timers = Timers::start(420, reads_ahead);
-        let mut borders = Borders::starting(420);
+        let mut borders = Borders::starting(420, BLOCK_SAMPLES);
         let ends = |timers: &mut Timers, borders: &mut Borders, wanted| {
             timers.run_block(reload_of(borders.published()));
             timers.interrupt(borders, wanted)
@@ -261,7 +261,7 @@ fn fault_after_a_missed_border_one_block_is_given_up_and_the_next_stamps_are_rig
 
 #[test]
 fn fault_period_read_too_late_costs_a_block_and_no_wrong_stamp() {
-    let mut borders = Borders::starting(400);
+    let mut borders = Borders::starting(400, BLOCK_SAMPLES);
     assert!(borders.on_border(at(300_000), None).is_some(), "this block's own period is known");
     assert_eq!(borders.on_border(at(504_800), Some(400)), None, "the next one's is not");
     let stamp = borders.on_border(at(709_600), Some(400)).expect("a stamp");
@@ -274,7 +274,7 @@ fn fault_every_block_of_a_long_silence_is_counted() {
     for asleep in [1, 2, 3, 10, 977] {
         for (period, reads_ahead) in [(112, false), (420, true), (900, true)] {
             let mut timers = Timers::start(period, reads_ahead);
-            let mut borders = Borders::starting(period);
+            let mut borders = Borders::starting(period, BLOCK_SAMPLES);
             timers.run_block(reload_of(borders.published()));
             assert!(timers.interrupt(&mut borders, period).is_some());
             (0..=asleep).for_each(|_| timers.run_block(reload_of(borders.published())));
@@ -292,7 +292,7 @@ fn fault_period_the_converter_cannot_follow_is_stamped_as_it_is_served() {
     // A configuration may ask for 1 MHz; the timer then runs at the converter's fastest, and the stamps say so.
     for reads_ahead in [false, true] {
         let mut timers = Timers::start(84, reads_ahead);
-        let mut borders = Borders::starting(84);
+        let mut borders = Borders::starting(84, BLOCK_SAMPLES);
         for index in 0..4 {
             timers.run_block(reload_of(borders.published()));
             let stamp = timers.interrupt(&mut borders, 84).expect("a stamp");
@@ -310,17 +310,17 @@ fn fault_samples_shifted_against_their_count_are_seen() {
             // Transfers behind the triggers by `lag`; the stream counts down from a block's length.
             let transferred = (counted + samples - lag) % samples;
             let remaining = samples - transferred;
-            assert_eq!(block_stamp::is_aligned(counted, remaining), lag <= 2, "{counted} {lag}");
+            assert_eq!(block_stamp::is_aligned(counted, remaining, samples), lag <= 2, "{counted} {lag}");
         }
     }
 }
 
 #[test]
 fn regress_restarted_sampling_leaves_a_gap_and_keeps_the_period_asked_for() {
-    let mut borders = Borders::starting(400);
+    let mut borders = Borders::starting(400, BLOCK_SAMPLES);
     assert!(borders.on_border(at(300_000), Some(400)).is_some());
     assert_eq!(borders.publish(500), 499);
-    borders.restart();
+    borders.restart(BLOCK_SAMPLES);
     let stamp = borders.on_border(at(900_000), Some(500)).expect("a stamp");
     assert_eq!((stamp.sequence, stamp.period_ticks, stamp.overrun), (2, 500, true));
 }

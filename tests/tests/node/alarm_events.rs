@@ -1,12 +1,28 @@
 //! Alarm bands, event ring and configuration checks.
 
 use meshband::alarm::{Alarm, AlarmBand, AlarmChange, AlarmHolding, Watched};
-use meshband::config::{Configuration, ConfigurationError};
+use meshband::config::{Configuration, ConfigurationError, SecondSensor};
 use meshband::events::{EventKind, EventLog, KEPT, QUOTA};
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 
 fn band() -> AlarmBand {
     AlarmBand { watched: Watched::Rms, from: Hertz(5.0), to: Hertz(20.0), raise: 2.0, clear: 1.5, persistence: 3 }
+}
+
+#[test]
+fn theory_a_second_sensor_needs_a_second_converter_and_a_rate_that_both_keep() {
+    use meshband::board::Timing;
+    let mut config = Configuration { second: Some(SecondSensor::default()), ..Configuration::default() };
+    assert_eq!(config.validate(Timing::STM32F405), Err(ConfigurationError::HighestOfTwo), "420 kHz is of one channel");
+    config.limits.highest_adc = Timing::STM32F405.highest_of_two.expect("two converters");
+    assert_eq!(config.validate(Timing::STM32F405), Ok(()));
+    assert_eq!(config.validate(Timing::AN386), Err(ConfigurationError::OneConverter));
+    config.alarms.push(AlarmBand { watched: Watched::SecondVelocityRms, ..band() }).expect("room");
+    assert_eq!(config.validate(Timing::STM32F405), Ok(()));
+    // What an older image promised is lowered, the rest kept.
+    config.limits.highest_adc = Hertz(420_000.0);
+    config.lower_to(Timing::STM32F405);
+    assert_eq!(config.validate(Timing::STM32F405), Ok(()));
 }
 
 #[test]
@@ -171,7 +187,7 @@ fn fault_a_full_history_keeps_the_newest_of_each_kind_and_reports_each_once() {
 #[test]
 fn fault_each_absurd_field_is_named() {
     type Spoil = fn(&mut Configuration);
-    let cases: [(Spoil, ConfigurationError); 11] = [
+    let cases: [(Spoil, ConfigurationError); 14] = [
         (|c| c.schema = 9, ConfigurationError::Schema),
         (|c| c.gears.pinion_teeth = 3, ConfigurationError::PinionTeeth),
         (|c| c.gears.gear_teeth = 60_000, ConfigurationError::GearTeeth),
@@ -183,6 +199,15 @@ fn fault_each_absurd_field_is_named() {
         (|c| c.alarms.push(AlarmBand { clear: 3.0, ..band() }).expect("room"), ConfigurationError::Alarm(0)),
         (|c| c.holding.persistence_s = f32::NAN, ConfigurationError::Holding),
         (|c| c.pass.analogue = Hertz(200_000.0), ConfigurationError::PassBand),
+        (|c| c.second = Some(SecondSensor { band: Hertz(5.0), ..SecondSensor::default() }), ConfigurationError::Second),
+        (
+            |c| c.second = Some(SecondSensor { acceleration_per_code: Acceleration(0.0), ..SecondSensor::default() }),
+            ConfigurationError::Second,
+        ),
+        (
+            |c| c.alarms.push(AlarmBand { watched: Watched::SecondRms, ..band() }).expect("room"),
+            ConfigurationError::Alarm(0),
+        ),
     ];
     assert_eq!(Configuration::default().validate(meshband::board::Timing::STM32F405), Ok(()));
     for (spoil, error) in cases {

@@ -74,6 +74,7 @@ fn theory_the_relay_falls_while_the_nodes_alarm_stands() {
         }
         node.on_block(Block {
             codes: &codes,
+            second: &[],
             first_tick: first as u32,
             period_ticks: period,
             sequence,

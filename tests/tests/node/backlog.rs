@@ -6,7 +6,7 @@
 use meshband::config::Configuration;
 use meshband::message::Message;
 use meshband::node::{Block, Node};
-use meshband::pipeline::{BLOCK_SAMPLES, Inbox, Outlets, Queues};
+use meshband::pipeline::{BLOCK_SAMPLES, Channels, Inbox, Outlets, Queues};
 use meshband::units::TicksPerSecond;
 
 /// Buffers of the board that is modelled.
@@ -94,7 +94,14 @@ impl Loaded {
 }
 
 fn filled(codes: &'static mut [u16; BLOCK_SAMPLES], sequence: u32) -> meshband::pipeline::Filled {
-    meshband::pipeline::Filled { codes, first_tick: sequence, period_ticks: 1, sequence, overrun: false }
+    meshband::pipeline::Filled {
+        codes,
+        channels: Channels::One,
+        first_tick: sequence,
+        period_ticks: 1,
+        sequence,
+        overrun: false,
+    }
 }
 
 #[test]
@@ -147,7 +154,7 @@ fn fault_lost_blocks_do_not_bring_the_costly_wideband_records_closer_together() 
     let (mut first_tick, mut sequence, mut records) = (0u32, 0u32, 0u32);
     while first_tick < SECONDS * CLOCK {
         let period_ticks = node.requested_period_ticks();
-        node.on_block(Block { codes: &codes, first_tick, period_ticks, sequence, overrun: false });
+        node.on_block(Block { codes: &codes, second: &[], first_tick, period_ticks, sequence, overrun: false });
         let length = period_ticks * BLOCK_SAMPLES as u32;
         while let Some(message) = node.poll(first_tick + length) {
             records += u32::from(matches!(message, Message::Peaks(_)));

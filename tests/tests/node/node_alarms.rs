@@ -69,7 +69,8 @@ impl Watch {
                 self.edge += u64::from(CLOCK / SPEED);
             }
             let (first_tick, sequence) = (self.first as u32, self.sequence);
-            let block = Block { codes: &codes, first_tick, period_ticks: period, sequence, overrun: false };
+            let block =
+                Block { codes: &codes, second: &[], first_tick, period_ticks: period, sequence, overrun: false };
             self.session.take_block(block, end as u32);
             (self.first, self.sequence) = (end, self.sequence + 1);
             while let Some(message) = self.session.node_mut().poll(end as u32) {

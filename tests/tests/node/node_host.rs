@@ -59,7 +59,14 @@ impl Rig {
                 self.next_turn += 1.0;
             }
             let (first_tick, period_ticks, sequence) = (first as u32, self.period, self.sequence);
-            self.node.on_block(Block { codes: &codes, first_tick, period_ticks, sequence, overrun: false });
+            self.node.on_block(Block {
+                codes: &codes,
+                second: &[],
+                first_tick,
+                period_ticks,
+                sequence,
+                overrun: false,
+            });
             self.sequence += 1;
             self.time_ticks = end;
             self.period = self.node.requested_period_ticks();
@@ -193,7 +200,14 @@ fn fault_no_input_makes_the_node_panic_and_it_recovers() {
                     if random.random_bool(0.8) { node.requested_period_ticks() } else { random.random() };
                 let (first_tick, sequence) = (random.random(), random.random());
                 let overrun = random.random_bool(0.1);
-                node.on_block(Block { codes: &codes[..length], first_tick, period_ticks, sequence, overrun });
+                node.on_block(Block {
+                    codes: &codes[..length],
+                    second: &[],
+                    first_tick,
+                    period_ticks,
+                    sequence,
+                    overrun,
+                });
             }
             4 => {
                 let request = match random.random_range(0..5) {
@@ -261,7 +275,7 @@ fn fault_lost_blocks_are_counted_and_never_spliced() {
     let mut first_tick = 0u32;
     let mut feed = |node: &mut Node, sequence: u32, jump: u32| {
         first_tick = first_tick.wrapping_add(jump);
-        node.on_block(Block { codes: &codes, first_tick, period_ticks, sequence, overrun: false });
+        node.on_block(Block { codes: &codes, second: &[], first_tick, period_ticks, sequence, overrun: false });
         first_tick = first_tick.wrapping_add(512 * period_ticks);
     };
     for sequence in 0..10 {

@@ -58,7 +58,7 @@ fn run(
             next_turn += 1.0;
         }
         let first_tick = first as u32;
-        node.on_block(Block { codes: &codes, first_tick, period_ticks: period, sequence, overrun: false });
+        node.on_block(Block { codes: &codes, second: &[], first_tick, period_ticks: period, sequence, overrun: false });
         (sequence, first, period) = (sequence + 1, end, node.requested_period_ticks());
         while let Some(message) = node.poll(end as u32) {
             match message {

@@ -65,7 +65,7 @@ fn ref_mesh_harmonics_of_gear0_are_those_of_the_f64_reference_with_sidebands_res
     let Some(files) = measured("gear0", &names.each_ref().map(String::as_str)) else { return };
     let record = imported(&files, [23, 46], 25_600.0, SourceUnit::MetrePerSecondSquared);
     for channel in ["0", "1", "2", "3"] {
-        let signal = Signal::of_record(&record, 0, channel, 1.0, Some(3.5)).expect("a channel");
+        let signal = Signal::of_record(&record, 0, (channel, None), 1.0, Some(3.5)).expect("a channel");
         let config = configuration(&signal, None).expect("accepted");
         let trial = trial::run(&signal, &config, &machine, 1).expect("runs");
         assert_sound(&trial);
@@ -102,7 +102,7 @@ fn ref_the_same_works_on_the_spectraquest_box() {
     let Some(machine) = machine("gfd") else { return };
     let Some(files) = measured("gfd", &["gfd/h30hz0.csv.gz"]) else { return };
     let record = imported(&files, [32, 80], 12_800.0, SourceUnit::Unknown);
-    let signal = Signal::of_record(&record, 0, "a2", 0.0, Some(4.0)).expect("a channel");
+    let signal = Signal::of_record(&record, 0, ("a2", None), 0.0, Some(4.0)).expect("a channel");
     assert_eq!(signal.unit, Unit::Other("unknown".into()));
     let config = configuration(&signal, None).expect("accepted");
     let trial = trial::run(&signal, &config, &machine, 1).expect("runs");
@@ -130,6 +130,7 @@ fn folding_signal() -> Signal {
         channel: "synthetic".into(),
         unit: Unit::Acceleration,
         samples: (0..(seconds * rate_hz) as usize).map(value).collect(),
+        second: None,
         rate_hz,
         edges_s: (0..(seconds * shaft_hz * 8.0) as usize).map(|n| (n as f64 + 0.5) / (8.0 * shaft_hz)).collect(),
         pulses_per_turn: 8,
@@ -183,8 +184,15 @@ fn paper_rig(speed_hz: f64, final_speed_hz: Option<f64>, duration_s: f64) -> Sig
     let effects = [effects::parse("eccentricity:amplitude=20e-6").expect("an effect")];
     let acquisition =
         Acquisition { rate_hz: 204_800.0, duration_s, pulses_per_turn: 8, jitter_s: 0.0, noise_m_s2: 0.0, seed: 1 };
-    let operation =
-        Operation { speed_hz, final_speed_hz, torque_n_m: 12.0, effects: &effects, acquisition, channel: 0 };
+    let operation = Operation {
+        speed_hz,
+        final_speed_hz,
+        torque_n_m: 12.0,
+        effects: &effects,
+        acquisition,
+        channel: 0,
+        second: None,
+    };
     Signal::of_machine(&machine, &operation).expect("simulates")
 }
 
@@ -255,7 +263,7 @@ fn fault_a_window_without_two_tach_edges_is_refused() {
     declaration.runs.push(table.clone());
     let run = record::Run::from_signals(table, &acquisition, &[vec![1.0; 20_000]], vec![0.1, 0.2, 1.9]).expect("sound");
     let record = Record { folder: folder.path().to_owned(), declaration, runs: vec![run] };
-    assert!(Signal::of_record(&record, 0, "case", 0.0, None).is_ok());
-    let refused = Signal::of_record(&record, 0, "case", 1.0, None).expect_err("one edge only").to_string();
+    assert!(Signal::of_record(&record, 0, ("case", None), 0.0, None).is_ok());
+    let refused = Signal::of_record(&record, 0, ("case", None), 1.0, None).expect_err("one edge only").to_string();
     assert!(refused.contains("tach"), "{refused}");
 }

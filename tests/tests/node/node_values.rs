@@ -1,6 +1,6 @@
 //! Overall values, velocity and shaft orders of the node against references in double precision, over the very turns they name.
 
-use meshband::config::Configuration;
+use meshband::config::{Configuration, SecondSensor};
 use meshband::message::{Indicators, Message};
 use meshband::node::{Block, Node};
 use meshband::shaft_lines::ShaftOrders;
@@ -10,6 +10,10 @@ use std::f64::consts::TAU;
 const BLOCK: usize = 512;
 const CLOCK: f64 = 25.0e6;
 const PER_CODE: f64 = 0.002;
+/// The second sensor hears the same, the other way round, another scale and another zero; from this time on, s.
+const PER_CODE_OF_SECOND: f64 = -0.003;
+const ZERO_OF_SECOND: f64 = 31_000.0;
+const SECOND_JOINS: f64 = 0.5;
 /// Step of the reference, s.
 const STEP: f64 = 4.0e-6;
 const PINION: f64 = 19.0;
@@ -71,13 +75,17 @@ fn listen(
     let mut node = Box::new(Node::new(config, TicksPerSecond(CLOCK as u32)).expect("a sound configuration"));
     let mut heard = Vec::new();
     let (mut first, mut turn, mut sequence) = (0u64, 0.0, 0);
-    let mut codes = [0u16; BLOCK];
+    let (mut codes, mut second) = ([0u16; BLOCK], [0u16; BLOCK]);
     while (first as f64) < seconds * CLOCK {
         let period = node.requested_period_ticks();
-        for (n, code) in codes.iter_mut().enumerate() {
+        for (n, (code, of_second)) in codes.iter_mut().zip(&mut second).enumerate() {
             let t = (first + n as u64 * u64::from(period)) as f64 / CLOCK;
-            *code = ((signal(t, run.turns(t)) / PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
+            let value = signal(t, run.turns(t));
+            *code = ((value / PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
+            *of_second = ((value / PER_CODE_OF_SECOND).round() + ZERO_OF_SECOND).clamp(0.0, 65_535.0) as u16;
         }
+        // A sensor that joins late lacks what came before.
+        let heard_of_second = first as f64 >= SECOND_JOINS * CLOCK;
         let end = first + BLOCK as u64 * u64::from(period);
         while with_tach && run.time_of(turn) * CLOCK < end as f64 {
             node.on_tach_edge((run.time_of(turn) * CLOCK).round() as u32);
@@ -85,6 +93,7 @@ fn listen(
         }
         node.on_block(Block {
             codes: &codes,
+            second: if heard_of_second { &second } else { &[] },
             first_tick: first as u32,
             period_ticks: period,
             sequence,
@@ -181,10 +190,15 @@ fn assert_close(what: &str, found: f32, wanted: f64, relative: f64) {
 }
 
 /// The largest relative errors of RMS, peak, kurtosis and velocity over the records behind `from`.
-fn assert_values(run: Run, seconds: f64) {
-    let heard = listen(configuration(), run, seconds, true, signal);
+fn assert_values(config: Configuration, run: Run, seconds: f64) {
+    let has_second = config.second.is_some();
+    let heard = listen(config, run, seconds, true, signal);
+    let (first_record, later) = heard.split_first().expect("records");
+    let joined_within = since_start(first_record) < SECOND_JOINS;
+    assert!(first_record.second.is_none_or(|second| second.quality.gap == joined_within), "joined at {SECOND_JOINS} s");
+    assert!(later.iter().all(|record| record.second.is_some() == has_second));
     let reference = Reference::new(run, seconds + 1.0);
-    let mut judged = 0;
+    let (mut judged, mut of_second) = (0, 0);
     for indicators in heard.iter().filter(|i| i.quality.is_good() && i.quality.turns > 0) {
         let quality = indicators.quality;
         let from = since_start(indicators);
@@ -203,6 +217,16 @@ fn assert_values(run: Run, seconds: f64) {
         assert_close(&what("velocity"), indicators.velocity_rms, velocity, 1e-3);
         // Once per turn: seen in every record.
         assert!(indicators.peak > 20.0, "{}", what("impulse"));
+        if let Some(second) = indicators.second.filter(|second| second.quality.is_good()) {
+            assert_eq!(second.quality.turns, quality.turns);
+            assert_close(&what("second RMS"), second.rms, rms, 1e-3);
+            assert_close(&what("second peak"), second.peak, peak, 2e-3);
+            assert_close(&what("second crest"), second.crest, peak / rms, 2e-3);
+            assert_close(&what("second kurtosis"), second.kurtosis, kurtosis, 1e-2);
+            assert_close(&what("second velocity"), second.velocity_rms, velocity, 1e-3);
+            assert_eq!(second.passed_hz, 8_000.0);
+            of_second += 1;
+        }
         judged += 1;
     }
     assert!(
@@ -210,12 +234,29 @@ fn assert_values(run: Run, seconds: f64) {
         "{judged} records at {}",
         run.speed
     );
+    assert!(of_second + 1 >= if has_second { judged } else { 0 }, "{of_second} of {judged}");
+}
+
+fn with_second() -> Configuration {
+    let second = SecondSensor {
+        acceleration_per_code: Acceleration(PER_CODE_OF_SECOND as f32),
+        zero_code: ZERO_OF_SECOND as u16,
+        band: Hertz(8_000.0),
+    };
+    Configuration { second: Some(second), ..configuration() }
 }
 
 #[test]
 fn ref_overall_values_are_those_of_whole_turns_at_every_speed() {
     for speed in [1.0, 5.0, 25.0, 60.0] {
-        assert_values(Run { speed, growth: 0.0 }, 8.0);
+        assert_values(configuration(), Run { speed, growth: 0.0 }, 8.0);
+    }
+}
+
+#[test]
+fn ref_the_second_sensors_values_are_of_the_same_turns_and_in_its_own_scale() {
+    for (speed, growth) in [(1.0, 0.0), (25.0, 0.0), (60.0, 0.0), (5.0, 0.05), (36.4, 0.05)] {
+        assert_values(with_second(), Run { speed, growth }, 8.0);
     }
 }
 
@@ -223,7 +264,7 @@ fn ref_overall_values_are_those_of_whole_turns_at_every_speed() {
 fn ref_overall_values_hold_in_a_run_up_of_5_percent_per_second() {
     // The last one ends at 60 turns a second.
     for speed in [1.0, 5.0, 25.0, 36.4] {
-        assert_values(Run { speed, growth: 0.05 }, 10.0);
+        assert_values(configuration(), Run { speed, growth: 0.05 }, 10.0);
     }
 }
 

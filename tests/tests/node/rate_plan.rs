@@ -70,7 +70,7 @@ fn theory_the_board_is_asked_in_ticks_so_that_request_and_grant_are_one_number()
         let mut first_tick = 0;
         for sequence in 0..4 {
             let period_ticks = node.requested_period_ticks();
-            node.on_block(Block { codes: &codes, first_tick, period_ticks, sequence, overrun: false });
+            node.on_block(Block { codes: &codes, second: &[], first_tick, period_ticks, sequence, overrun: false });
             first_tick += 512 * period_ticks;
             let active = node.active_rate();
             assert_eq!(active.period_ticks, period_ticks);
@@ -78,7 +78,7 @@ fn theory_the_board_is_asked_in_ticks_so_that_request_and_grant_are_one_number()
         }
         // A board that does something else is found out and believed.
         let period_ticks = node.requested_period_ticks() + 3;
-        node.on_block(Block { codes: &codes, first_tick, period_ticks, sequence: 4, overrun: false });
+        node.on_block(Block { codes: &codes, second: &[], first_tick, period_ticks, sequence: 4, overrun: false });
         assert_eq!(node.active_rate().adc.0, 84.0e6 / period_ticks as f32);
     }
 }

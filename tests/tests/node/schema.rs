@@ -3,7 +3,8 @@
 use meshband::alarm::Watched;
 use meshband::board::Timing;
 use meshband::config::{
-    Configuration, ConfigurationError, FrontEnd, Gain, OLDEST_SCHEMA, Personality, SCHEMA, SensorSupply, TachEdge,
+    CaptureRate, Configuration, ConfigurationError, FrontEnd, Gain, OLDEST_SCHEMA, Personality, SCHEMA, SensorSupply,
+    TachEdge,
 };
 use meshband::events::{Event, EventKind};
 use meshband::frame::{CRC32, Decoder, Frame, FrameError, Packet, encode};
@@ -128,26 +129,21 @@ fn fault_a_shortened_configuration_of_the_present_schema_is_no_older_one() {
     assert_eq!(Configuration::from_stored(&[&whole[..], &[0]].concat()), None);
 }
 
-#[test]
-fn regress_a_configuration_of_the_schema_before_levels_expects_none() {
-    let mut buffer = [0; Configuration::MAX_SERIALISED];
-    let former = Configuration { schema: 3, latched: 5, ..Configuration::default() };
-    let with_list = postcard::to_slice(&former, &mut buffer).expect("fits");
-    // The empty list, and the link in four bytes.
-    let without = &with_list[..with_list.len() - 5];
-    let read = Configuration::from_stored(without).expect("an older one");
-    assert_eq!(read, Configuration { latched: 5, ..Configuration::default() });
-    assert!(read.levels.is_empty());
-}
+/// Bytes at the end of the default configuration that a layout did not have: the second sensor, waveforms, the link, the list of levels.
+const APPENDED: [(u16, usize); 4] = [(6, 1), (5, 1 + 5), (4, 1 + 5 + 4), (3, 1 + 5 + 4 + 1)];
 
 #[test]
-fn regress_a_configuration_of_the_schema_before_the_link_speaks_the_link() {
-    let mut buffer = [0; Configuration::MAX_SERIALISED];
-    let former = Configuration { schema: 4, latched: 5, ..Configuration::default() };
-    let with_link = postcard::to_slice(&former, &mut buffer).expect("fits");
-    let read = Configuration::from_stored(&with_link[..with_link.len() - 4]).expect("an older one");
-    assert_eq!(read, Configuration { latched: 5, ..Configuration::default() });
-    assert_eq!(read.link.personality, Personality::Meshband);
+fn regress_a_configuration_of_an_older_layout_has_the_first_value_of_what_was_appended() {
+    for (schema, appended) in APPENDED {
+        let mut buffer = [0; Configuration::MAX_SERIALISED];
+        let former = Configuration { schema, latched: 5, ..Configuration::default() };
+        let whole = postcard::to_slice(&former, &mut buffer).expect("fits");
+        let (older, _) = whole.split_at(whole.len() - appended);
+        let read = Configuration::from_stored(older).expect("an older one");
+        assert_eq!(read, Configuration { latched: 5, ..Configuration::default() }, "schema {schema}");
+        assert!(read.levels.is_empty() && read.second.is_none());
+        assert_eq!((read.link.personality, read.capture.keep), (Personality::Meshband, CaptureRate::Off));
+    }
 }
 
 #[test]

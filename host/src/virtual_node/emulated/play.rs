@@ -25,15 +25,25 @@ const CORE_MEGAHERTZ: f64 = 168.0;
 
 impl VirtualBoard for Emulated {
     fn play(&self, signal: &Signal, config: &Configuration, runs: usize) -> Result<Played> {
-        let full_scale = full_scale(signal)?;
+        let full_scale = full_scale_of(&signal.samples)?;
         let mut config = config.clone();
+        let second = signal.second.as_ref().map(|second| Ok((second, full_scale_of(&second.samples)?))).transpose()?;
         config.sensor.acceleration_per_code = Acceleration((full_scale / HALF_RANGE) as f32);
         config.sensor.zero_code = 0x8000;
+        if let (Some((_, full_scale)), Some(sensor)) = (&second, &mut config.second) {
+            sensor.acceleration_per_code = Acceleration((full_scale / HALF_RANGE) as f32);
+            sensor.zero_code = 0x8000;
+        }
         config.validate(Timing::STM32F405).map_err(|error| Error::invalid("the node's configuration", error))?;
         let duration_s = signal.duration_s();
         let edges_s: Vec<f64> = signal.edges_s.iter().copied().filter(|t| (0.0..duration_s).contains(t)).collect();
-        let feed =
-            Feed { analogue: analogue(signal, full_scale), edges_s: &edges_s, duration_s, config: Some(&config) };
+        let feed = Feed {
+            analogue: analogue(&signal.samples, signal.rate_hz, full_scale),
+            second: second.map(|(second, full_scale)| analogue(&second.samples, signal.rate_hz, full_scale)),
+            edges_s: &edges_s,
+            duration_s,
+            config: Some(&config),
+        };
         let heard = self.run(&feed)?;
         check_version(&heard.link)?;
         let comparison = reference::compare(&heard, &config)?;
@@ -71,18 +81,18 @@ impl VirtualBoard for Emulated {
 }
 
 /// Acceleration at the end of the converter's range, m/s2.
-fn full_scale(signal: &Signal) -> Result<f64> {
+fn full_scale_of(samples: &[f64]) -> Result<f64> {
     let refuse = |what: &str| Err(Error::invalid("signal for the node", what));
-    if signal.samples.len() < 2 || signal.samples.iter().any(|x| !x.is_finite()) {
+    if samples.len() < 2 || samples.iter().any(|x| !x.is_finite()) {
         return refuse("needs at least two samples, all finite");
     }
-    let peak = signal.samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let peak = samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
     if peak == 0.0 { refuse("is zero throughout") } else { Ok(peak / PEAK_SHARE) }
 }
 
 /// The signal between its samples, mirrored before its start: the board wakes up to a machine that runs.
-fn analogue(signal: &Signal, full_scale: f64) -> Analogue {
-    let (samples, rate_hz) = (signal.samples.clone(), signal.rate_hz);
+fn analogue(samples: &[f64], rate_hz: f64, full_scale: f64) -> Analogue {
+    let samples = samples.to_vec();
     let between = Interpolator::new();
     Arc::new(move |time_s| 0.5 + 0.5 * between.value(&samples, time_s.abs() * rate_hz) / full_scale)
 }

@@ -117,8 +117,8 @@ impl<'a> Host<'a> {
             self.time.extend(edge);
             self.note_own();
         }
-        let SampledBlock { first_tick, period: period_ticks, ref codes } = *block;
-        let block = Block { codes, first_tick, period_ticks, sequence, overrun: false };
+        let SampledBlock { first_tick, period: period_ticks, ref codes, ref second } = *block;
+        let block = Block { codes, second, first_tick, period_ticks, sequence, overrun: false };
         self.session.on_block(block, &mut |frame| self.link.extend_from_slice(frame));
         self.time.extend(first_tick.wrapping_add(period_ticks * samples));
     }

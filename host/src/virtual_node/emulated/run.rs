@@ -4,7 +4,7 @@ use super::{flashed, store};
 use crate::virtual_node::qemu::built_firmware;
 use crate::{Error, Result};
 use meshband::config::Configuration;
-use meshband::replay::BLOCK_SAMPLES;
+use meshband::pipeline::Channels;
 use meshband_emulator::board::{Board, CYCLES_PER_INSTRUCTION};
 use meshband_emulator::flash::{DATA_START, START};
 use meshband_emulator::unicorn;
@@ -34,6 +34,8 @@ pub struct Emulated {
 pub struct Feed<'a> {
     /// Share of the converter's range, 0 to 1, at seconds from the signal's start.
     pub analogue: Analogue,
+    /// The same at the second converter; half the range where absent.
+    pub second: Option<Analogue>,
     /// Rising edges of the tach, s from the signal's start, ascending.
     pub edges_s: &'a [f64],
     /// Length, s.
@@ -51,6 +53,8 @@ pub struct SampledBlock {
     pub period: u32,
     /// The codes.
     pub codes: Vec<u16>,
+    /// Those of the second converter; empty where it is not in use.
+    pub second: Vec<u16>,
 }
 
 /// What a run gave.
@@ -117,7 +121,10 @@ impl Emulated {
         board.add_tach_edges(&feed.edges_s.iter().map(|edge| edge + START_S).collect::<Vec<_>>());
         board.seen().keep_conversions = true;
         let mut heard = Heard::default();
-        let mut open = Vec::new();
+        if let Some(second) = feed.second.clone() {
+            board.set_second(std::sync::Arc::new(move |time_s| second(time_s - START_S)));
+        }
+        let mut open = [Vec::new(), Vec::new()];
         let mut time_s = 0.0;
         while time_s < end_s {
             time_s = f64::min(time_s + SLICE_S, end_s);
@@ -136,11 +143,12 @@ fn as_tool(error: meshband_emulator::error::Error) -> Error {
 }
 
 impl Heard {
-    /// Takes over what a board has done; `open` are samples that no block has taken yet.
-    fn take(&mut self, board: &mut Board, open: &mut Vec<Sampled>) {
+    /// Takes over what a board has done; `open` are samples of both converters that no block has taken yet.
+    fn take(&mut self, board: &mut Board, [open, second]: &mut [Vec<Sampled>; 2]) {
         self.link.extend(board.take_sent());
         let seen = board.seen();
         open.append(&mut seen.conversions);
+        second.append(&mut seen.second);
         let edges = std::mem::take(&mut seen.captured);
         self.edges.extend(edges.iter().map(|edge| edge.tick.wrapping_sub(edge.filter_ticks)));
         // A border is its last sample's trigger; the conversion ends later, perhaps in the next slice.
@@ -148,13 +156,16 @@ impl Heard {
         let complete = seen.borders.iter().take_while(|border| border.at <= converted).count();
         let borders: Vec<_> = seen.borders.drain(..complete).collect();
         for border in borders {
-            let count = open.iter().take_while(|sample| sample.trigger <= border.at).count();
-            let samples: Vec<Sampled> = open.drain(..count).collect();
+            let until = |open: &mut Vec<Sampled>| -> Vec<Sampled> {
+                let count = open.iter().take_while(|sample| sample.trigger <= border.at).count();
+                open.drain(..count).collect()
+            };
+            let (samples, of_second) = (until(open), until(second));
             // A border before sampling has begun is none.
             if samples.is_empty() {
                 continue;
             }
-            match block(&samples, border.tick) {
+            match block(&samples, &of_second, border.tick) {
                 Some(block) => self.blocks.push(block),
                 None => self.broken += 1,
             }
@@ -166,15 +177,18 @@ impl Heard {
     }
 }
 
-/// A block of equally spaced samples, whose last one was captured at `last_tick`.
-fn block(samples: &[Sampled], last_tick: u32) -> Option<SampledBlock> {
-    let (first, second) = (samples.first()?, samples.get(1)?);
-    let spacing = second.trigger - first.trigger;
+/// A block of equally spaced samples, whose last one was captured at `last_tick`, with those of the second converter at the same triggers.
+fn block(samples: &[Sampled], of_second: &[Sampled], last_tick: u32) -> Option<SampledBlock> {
+    let (first, next) = (samples.first()?, samples.get(1)?);
+    let spacing = next.trigger - first.trigger;
     let even = samples.windows(2).all(|pair| pair[1].trigger - pair[0].trigger == spacing);
-    if samples.len() != BLOCK_SAMPLES || !even {
+    let channels = if of_second.is_empty() { Channels::One } else { Channels::Two };
+    let together = of_second.is_empty() || samples.iter().map(|s| s.trigger).eq(of_second.iter().map(|s| s.trigger));
+    if samples.len() != channels.instants() || !even || !together {
         return None;
     }
     let period = (spacing / UNITS_PER_TICK) as u32;
-    let first_tick = last_tick.wrapping_sub(period * (BLOCK_SAMPLES as u32 - 1));
-    Some(SampledBlock { first_tick, period, codes: samples.iter().map(|sample| sample.code).collect() })
+    let first_tick = last_tick.wrapping_sub(period * (samples.len() as u32 - 1));
+    let codes = |samples: &[Sampled]| samples.iter().map(|sample| sample.code).collect();
+    Some(SampledBlock { first_tick, period, codes: codes(samples), second: codes(of_second) })
 }

@@ -14,6 +14,7 @@ mod power;
 mod records;
 #[path = "../chip/registers.rs"]
 mod registers;
+mod second;
 mod spoken;
 mod starts;
 mod tach;

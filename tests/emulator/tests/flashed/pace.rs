@@ -11,13 +11,23 @@ use meshband::units::Hertz;
 /// Cycles per instruction: the core's manual gives 1 to 2.5, most of them nearer to one.
 const CYCLES: f64 = 2.0;
 
-/// Asserts that nothing is lost, and that mesh bands were measured; gives the rate.
+/// Share of the block buffers that must stay free at worst.
+const LEAST_FREE: f64 = 0.3;
+
+/// Asserts that nothing is lost, that buffers stay free, and that mesh bands were measured; gives the rate.
 fn assert_kept_up(test: &str, config: &Configuration) -> Option<f64> {
     let image = image(test)?;
     let mut highest_hz = 0.0_f64;
     for speed_hz in SPEEDS_HZ {
-        let Outcome { lost, spectra, rate_hz, load, .. } = run(&image, config, CYCLES, speed_hz);
-        println!("{speed_hz} turns/s, {:.1} kHz: load {:.0} %, {lost} blocks lost", rate_hz / 1e3, 100.0 * load);
+        let outcome = run(&image, config, CYCLES, speed_hz);
+        let (Outcome { lost, spectra, rate_hz, load, .. }, free) = (outcome, outcome.buffers_free());
+        println!(
+            "{speed_hz} turns/s, {:.1} kHz: load {:.0} %, {lost} blocks lost, {:.0} % of the buffers free at worst",
+            rate_hz / 1e3,
+            100.0 * load,
+            100.0 * free
+        );
+        assert!(free >= LEAST_FREE, "{speed_hz} turns/s: {} blocks waited", outcome.most_waiting);
         assert_eq!(lost, 0, "{speed_hz} turns/s");
         assert!(spectra >= 3, "{spectra} spectra at {speed_hz} turns/s");
         highest_hz = highest_hz.max(rate_hz);

@@ -112,8 +112,8 @@ impl Host {
             self.extend(edge);
             self.note_own();
         }
-        let SampledBlock { first_tick, period: period_ticks, ref codes } = *block;
-        let block = Block { codes, first_tick, period_ticks, sequence, overrun: false };
+        let SampledBlock { first_tick, period: period_ticks, ref codes, ref second } = *block;
+        let block = Block { codes, second, first_tick, period_ticks, sequence, overrun: false };
         let frames = &mut self.frames;
         self.session.on_block(block, &mut |frame| frames.push(frame.to_vec()));
         self.extend(first_tick);

@@ -4,7 +4,7 @@
 use super::{Node, STARTED_S, TICKS_PER_SECOND, configuration, machine, turns};
 use meshband::config::Configuration;
 use meshband::frame::Packet;
-use meshband::message::{Reply, Request};
+use meshband::message::{Reply, Request, Statistics};
 use meshband::rate_plan::RatePolicy;
 use meshband::units::Hertz;
 use meshband_emulator::elf::Image;
@@ -14,6 +14,9 @@ use meshband_emulator::elf::Image;
 pub const SPEEDS_HZ: [f64; 3] = [25.0, 60.0, 95.0];
 /// What a run may last, s: several mesh records and averages.
 const RUN_S: f64 = 4.0;
+/// Block buffers of the board, and how many the double buffer holds.
+const BUFFERS: f64 = 26.0;
+const BEING_FILLED: u32 = 2;
 /// Least multiple of the bandwidth that a configuration may ask for.
 const LEAST_MULTIPLE: f32 = 2.0;
 
@@ -30,6 +33,15 @@ pub struct Outcome {
     pub rate_hz: f64,
     /// Share of the processor that was used after the first second.
     pub load: f64,
+    /// Most blocks that ever waited, by the board's own count.
+    pub most_waiting: u32,
+}
+
+impl Outcome {
+    /// Share of the block buffers that stayed free at worst; two of them are being filled at any time.
+    pub fn buffers_free(&self) -> f64 {
+        1.0 - f64::from(self.most_waiting + BEING_FILLED) / BUFFERS
+    }
 }
 
 /// A configuration whose law asks for this ADC rate, a half-band above the wideband path's where its policy can say so.
@@ -60,15 +72,16 @@ pub fn run(image: &Image, config: &Configuration, cycles: f64, speed_hz: f64) ->
     let rate_hz = node.blocks.iter().map(|block| TICKS_PER_SECOND / f64::from(block.period)).fold(0.0, f64::max);
     assert_eq!((node.broken, node.resets()), (0, 0));
     let spectra = node.spectra();
-    Outcome { speed_hz, lost: lost(&mut node), spectra, rate_hz, load }
+    let Statistics { blocks_lost: lost, most_waiting, .. } = statistics(&mut node);
+    Outcome { speed_hz, lost, spectra, rate_hz, load, most_waiting }
 }
 
-/// Blocks lost since the start, by the node's own count.
-fn lost(node: &mut Node) -> u32 {
+/// The node's own counters since the start.
+fn statistics(node: &mut Node) -> Statistics {
     node.ask(Request::Statistics);
     node.run_for(0.2);
     let counted = node.packets().into_iter().rev().find_map(|packet| match packet {
-        Packet::Reply(Reply::Statistics(statistics)) => Some(statistics.blocks_lost),
+        Packet::Reply(Reply::Statistics(statistics)) => Some(statistics),
         _ => None,
     });
     counted.expect("an answer")

@@ -42,12 +42,14 @@ pub struct SampledBlock {
     pub period: u32,
     /// The codes.
     pub codes: Vec<u16>,
+    /// Those of the second converter; empty where it is not in use.
+    pub second: Vec<u16>,
 }
 
 impl SampledBlock {
     /// Instant of the last sample.
     pub fn last_tick(&self) -> u32 {
-        self.first_tick.wrapping_add(self.period * (BLOCK as u32 - 1))
+        self.first_tick.wrapping_add(self.period * (self.codes.len() as u32 - 1))
     }
 }
 
@@ -68,6 +70,7 @@ pub struct Node {
     /// Requests sent.
     pub requests: Vec<Request>,
     open: Vec<Sampled>,
+    open_second: Vec<Sampled>,
     borders: Vec<Border>,
 }
 
@@ -99,7 +102,7 @@ impl Node {
         let at = (DATA_START - START) as usize;
         stored::save(&mut board.chip_mut().cells[at..at + stored::BYTES], config);
         board.seen().keep_conversions = true;
-        let (link, blocks, edges, open) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (link, blocks, edges, open, open_second) = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self {
             board,
             config: config.clone(),
@@ -109,6 +112,7 @@ impl Node {
             edges,
             requests: Vec::new(),
             open,
+            open_second,
             borders: Vec::new(),
         }
     }
@@ -203,6 +207,7 @@ impl Node {
         self.link.extend(self.board.take_sent());
         let seen = self.board.seen();
         self.open.append(&mut seen.conversions);
+        self.open_second.append(&mut seen.second);
         let edges = std::mem::take(&mut seen.captured);
         self.edges.extend(edges.iter().map(|edge| edge.tick.wrapping_sub(edge.filter_ticks)));
         self.borders.append(&mut seen.borders);
@@ -211,13 +216,16 @@ impl Node {
             && self.open.last().is_some_and(|sample| sample.trigger > border.at)
         {
             self.borders.remove(0);
-            let count = self.open.iter().take_while(|sample| sample.trigger <= border.at).count();
-            let samples: Vec<Sampled> = self.open.drain(..count).collect();
+            let until = |open: &mut Vec<Sampled>| -> Vec<Sampled> {
+                let count = open.iter().take_while(|sample| sample.trigger <= border.at).count();
+                open.drain(..count).collect()
+            };
+            let (samples, of_second) = (until(&mut self.open), until(&mut self.open_second));
             // A border before sampling has begun is none.
             if samples.is_empty() {
                 continue;
             }
-            match block(&samples, border.tick) {
+            match block(&samples, &of_second, border.tick) {
                 Some(block) => self.blocks.push(block),
                 None => self.broken += 1,
             }
@@ -231,15 +239,18 @@ pub fn packets(link: &[u8]) -> Vec<Packet> {
     link.iter().filter_map(|&byte| Some(decoder.push(byte)?.ok()?.packet)).collect()
 }
 
-/// A block of equally spaced samples whose last one was captured at `last_tick`.
-fn block(samples: &[Sampled], last_tick: u32) -> Option<SampledBlock> {
-    let (first, second) = (samples.first()?, samples.get(1)?);
-    let spacing = second.trigger - first.trigger;
+/// A block of equally spaced samples whose last one was captured at `last_tick`, with those of the second converter at the same triggers.
+fn block(samples: &[Sampled], of_second: &[Sampled], last_tick: u32) -> Option<SampledBlock> {
+    let (first, next) = (samples.first()?, samples.get(1)?);
+    let spacing = next.trigger - first.trigger;
     let even = samples.windows(2).all(|pair| pair[1].trigger - pair[0].trigger == spacing);
-    if samples.len() != BLOCK || !even {
+    let expected = if of_second.is_empty() { BLOCK } else { BLOCK / 2 };
+    let together = of_second.is_empty() || samples.iter().map(|s| s.trigger).eq(of_second.iter().map(|s| s.trigger));
+    if samples.len() != expected || !even || !together {
         return None;
     }
     let period = (spacing / UNITS_PER_TICK) as u32;
-    let first_tick = last_tick.wrapping_sub(period * (BLOCK as u32 - 1));
-    Some(SampledBlock { first_tick, period, codes: samples.iter().map(|sample| sample.code).collect() })
+    let first_tick = last_tick.wrapping_sub(period * (samples.len() as u32 - 1));
+    let codes = |samples: &[Sampled]| samples.iter().map(|sample| sample.code).collect();
+    Some(SampledBlock { first_tick, period, codes: codes(samples), second: codes(of_second) })
 }
