@@ -36,7 +36,7 @@ pub enum BoardEvent {
     InternalOscillator = 2,
     /// Tach edges lost to over-capture; number: since start.
     EdgesLost = 3,
-    /// Sampling was started anew because samples had lost step; number: since start.
+    /// Sampling was started anew because samples had lost step, or a second sensor came or went; number: since start.
     SamplingRestarted = 4,
     /// The stack reached a new depth; number: bytes.
     StackDepth = 5,

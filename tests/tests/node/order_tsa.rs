@@ -1,7 +1,9 @@
 //! Order tracking and synchronous averages against signals known as functions of angle.
 
+use meshband::indicators::Moments;
 use meshband::order::{Discontinuity, OrderTracker};
-use meshband::tsa::{RegularLines, SynchronousAverage, difference, regular, residual};
+use meshband::spectrum::real_fft;
+use meshband::tsa::{RegularLines, SynchronousAverage, difference, regular, regular_rms, residual, residual_of};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
@@ -234,5 +236,13 @@ fn theory_split_signals_hold_exactly_their_lines() {
     assert!(worst(&out, &|a| 0.2 * (TAU * 26.0 * a).sin()) < 1e-5);
     regular(&average, &lines, &mut work, &mut out).unwrap();
     assert!(worst(&out, &|a| gear(a) - exact(a)) < 1e-5);
+    // By the spectrum alone: the regular signal's power about its mean, and the residual.
+    let rms = Moments::of(&out).rms();
+    work.copy_from_slice(&average);
+    let bins = real_fft(&mut work).unwrap();
+    let of_lines = regular_rms(bins, &lines);
+    assert!((of_lines / rms - 1.0).abs() < 1e-5, "{of_lines} for {rms}");
+    residual_of(bins, &lines, &mut out).unwrap();
+    assert!(worst(&out, &exact) < 1e-5);
     assert!(residual(&average, &lines, &mut work[..100], &mut out).is_err());
 }

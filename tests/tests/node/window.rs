@@ -41,6 +41,21 @@ fn theory_figures_match_the_defining_sums() {
 }
 
 #[test]
+fn ref_response_is_the_sum_of_its_terms_on_and_beside_every_whole_bin() {
+    let sinc = |x: f64| if x == 0.0 { 1.0 } else { (TAU * 0.5 * x).sin() / (TAU * 0.5 * x) };
+    for window in ALL {
+        let a: Vec<f64> = window.coefficients().iter().map(|&a| f64::from(a)).collect();
+        for thousandth in -6_500..=6_500 {
+            let offset = f64::from(thousandth) * 1e-3;
+            let pair = |(k, a): (usize, &f64)| 0.5 * a * (sinc(offset - k as f64) + sinc(offset + k as f64));
+            let exact = sinc(offset) + a.iter().enumerate().skip(1).map(pair).sum::<f64>() / a[0];
+            let found = f64::from(window.response(offset as f32));
+            assert!((found - exact).abs() < 4e-6, "{window:?} at {offset}: {found} for {exact}");
+        }
+    }
+}
+
+#[test]
 fn ref_published_enbw_and_scallop_loss() {
     for (window, enbw, scallop) in [
         (Window::Rectangular, 1.0, 3.9224),
