@@ -125,7 +125,7 @@ pub fn replay<'py>(
     let record = Arc::clone(&record.inner);
     let law = law.map(|law| law.file.clone());
     let (link, text) = work::run(py, move || {
-        let signal = Signal::of_record(&record, run, &channel, start_s, duration_s)?;
+        let signal = Signal::of_record(&record, run, (&channel, None), start_s, duration_s)?;
         let mut config = configuration(&signal, rate_hz)?;
         if let Some(law) = &law {
             config.law = law.for_node()?;

@@ -65,7 +65,7 @@ def replay(
     law: Law | None = None,
     rate_hz: float | None = None,
 ) -> Replay:
-    """Runs the node's own code on a channel of a record, as a board does that is never late.
+    """Runs the node's own code on a channel of a record, as a board with one sensor does that is never late.
 
     The converter is simulated: the node asks for its rate, as on a board. ``rate_hz`` forces a rate without decimation.
     """
