@@ -107,24 +107,41 @@ pub struct Runner<F: NorFlash + 'static> {
     restart_since: Option<u32>,
 }
 
+/// The configuration to start with.
+pub struct Beginning {
+    configuration: Configuration,
+    origin: Origin,
+    /// Too many starts in a row have failed.
+    safe: bool,
+}
+
+impl Beginning {
+    /// The stored configuration, or the default where none is to be had or too many `failures` came in a row. A function of its own: what
+    /// reading takes of the stack is given back before the node is built.
+    #[inline(never)]
+    pub fn load<F: NorFlash>(store: &mut Store<F>, timing: Timing, failures: u32) -> Self {
+        let safe = is_safe_start(failures);
+        let (configuration, origin) = if safe { (Configuration::default(), Origin::Blank) } else { store.load(timing) };
+        Self { configuration, origin, safe }
+    }
+}
+
 impl<F: NorFlash + 'static> Runner<F> {
-    /// The node with its stored configuration, or the default where none is to be had or too many `failures` came in a row, and
-    /// what it has to say about the one that was not taken; for [`Runner::begin`].
+    /// The node with the configuration to start with, and what it has to say about a stored one that was not taken; for
+    /// [`Runner::begin`].
     ///
     /// Built in a place of the caller's that is no part of the stack, and in one expression: each wrapping of these 12 KB, and each
     /// change before they lie where they stay, is a copy on the stack. A clock on which not even the default can run is a crash.
     #[inline(never)]
     pub fn open(
         place: &'static mut MaybeUninit<NodeSession>,
-        mut store: Store<F>,
+        store: Store<F>,
+        Beginning { configuration, origin, safe }: &Beginning,
         timing: Timing,
         crystal: bool,
-        failures: u32,
         arrays: LentArrays<'static>,
         updater: Option<&'static mut Updater<F>>,
     ) -> Self {
-        let safe = is_safe_start(failures);
-        let (configuration, origin) = if safe { (Configuration::default(), Origin::Blank) } else { store.load(timing) };
         defmt::info!("configuration: {}", origin);
         if configuration.validate(timing).is_err() {
             crash::on_cause(Cause::Start)

@@ -6,7 +6,7 @@ use meshband_host::law::domain::Domain;
 use meshband_host::levels::bench::{Bench, FAULTS};
 use meshband_host::levels::hours::{self, Hour, Sample};
 use meshband_host::levels::judge::{Scales, judge};
-use meshband_host::levels::learn::learn;
+use meshband_host::levels::learn::{HEAD, learn};
 use meshband_host::levels::observe::Observations;
 use meshband_host::levels::sources::observe;
 use meshband_host::levels::text::{Spent, page};
@@ -79,8 +79,6 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-const HEAD: [&str; 5] = ["Hz", "RMS, dB", "velocity RMS, dB", "first mesh harmonic, dB", "residual RMS, dB"];
-
 fn learn_levels(args: &Learn) -> Result<()> {
     let mut outputs = args.results.outputs(args.sources.iter().map(PathBuf::as_path));
     let mut files = args.results.announce(&mut outputs)?;
@@ -132,7 +130,7 @@ fn curves(args: &Curves) -> Result<()> {
         observed.extend(values);
     }
     let learned = learn(&observed, 0.0)?;
-    config.levels = learned.levels.iter().copied().collect();
+    (config.levels, config.local_levels) = (learned.levels().collect(), learned.local_levels().collect());
     let mut plan: Vec<Option<usize>> = vec![None; spent.sound];
     (0..FAULTS.len()).for_each(|fault| plan.extend(vec![Some(fault); spent.each_fault]));
     let all: Vec<Vec<Sample>> = plan

@@ -6,22 +6,17 @@
 use super::run_up::Heard;
 use super::step::{Finding, Step, StepRecord};
 use crate::Result;
-use crate::levels::learn::{FLOOR_DB, Learned, entry, learn};
-use meshband::levels::{Departure, ExpectedLevel, LevelPoint, departure};
+use crate::levels::learn::{Expected, FLOOR_DB, Learned, learn};
+use crate::levels::observe::QUANTITIES;
+use meshband::levels::{Departure, ExpectedLevel, departure};
 use meshband::units::Hertz;
 use serde::Serialize;
 
 /// Largest useful standard uncertainty of an expected level, dB: beyond it a fault has to triple the value before anybody is told.
 const USEFUL_DB: f32 = 3.0;
-/// Names of the quantities and what selects them.
-type Quantity = (&'static str, fn(&LevelPoint) -> ExpectedLevel);
-/// In the order of the observations.
-pub const QUANTITIES: [Quantity; 4] = [
-    ("RMS", |point| point.rms),
-    ("velocity RMS", |point| point.velocity_rms),
-    ("first mesh harmonic", |point| point.mesh_amplitude),
-    ("residual RMS", |point| point.residual_rms),
-];
+/// Names of the quantities, in the order of the observations.
+pub const NAMES: [&str; QUANTITIES.len()] =
+    ["RMS", "velocity RMS", "first mesh harmonic", "residual RMS", "sidebands", "FM0"];
 
 /// Fewest degrees of freedom behind a spread.
 pub const FEWEST_FREEDOM: f64 = 10.0;
@@ -35,11 +30,14 @@ pub struct Spread {
     pub freedom: f64,
 }
 
+/// By quantity.
+pub type Spreads = [Spread; QUANTITIES.len()];
+
 /// Learns the table from what lies within the filled classes.
 ///
 /// # Errors
 /// An allowance that is none, values at fewer than two speeds.
-pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, [Spread; 4], StepRecord)> {
+pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, Spreads, StepRecord)> {
     if let Some([slowest, fastest]) = heard.coverage.covered_hz() {
         for values in &mut heard.levels.by_quantity {
             values.retain(|value| (slowest..=fastest).contains(&value.speed_hz));
@@ -48,9 +46,9 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, [Sprea
     }
     let mut learned = learn(&heard.levels, allowance_db)?;
     let spreads = pool(heard, &mut learned, allowance_db);
-    let ends = [learned.levels.first(), learned.levels.last()].map(|point| point.map_or(0.0, |point| point.speed.0));
-    let seen = format!("{} points, {:.2} to {:.2} Hz", learned.levels.len(), ends[0], ends[1]);
-    let is_empty = QUANTITIES.iter().all(|(_, of)| learned.levels.iter().all(|point| of(point).uncertainty_db == 0.0));
+    let ends = [learned.points.first(), learned.points.last()].map(|point| point.map_or(0.0, |point| point.speed.0));
+    let seen = format!("{} points, {:.2} to {:.2} Hz", learned.points.len(), ends[0], ends[1]);
+    let is_empty = learned.points.iter().flat_map(|point| point.levels).all(|level| level.uncertainty_db == 0.0);
     let mut findings = vec![match is_empty {
         true => Finding::refused(
             "table of expected levels",
@@ -59,40 +57,41 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, [Sprea
         ),
         false => Finding::passed("table of expected levels", seen),
     }];
-    for ((name, of), values) in QUANTITIES.iter().zip(learned.values) {
-        let levels: Vec<ExpectedLevel> = learned.levels.iter().map(of).filter(|l| l.uncertainty_db > 0.0).collect();
+    for ((quantity, name), values) in NAMES.into_iter().enumerate().zip(learned.values) {
+        let of_all = learned.points.iter().map(|point| point.levels[quantity]);
+        let levels: Vec<ExpectedLevel> = of_all.filter(|level| level.uncertainty_db > 0.0).collect();
         let worst = levels.iter().map(|level| level.uncertainty_db).fold(0.0, f32::max);
         let seen = match levels.len() {
             0 => format!("{values} values"),
             known => format!(
                 "{known} of {} points from {values} values, standard uncertainty {worst:.2} dB at most",
-                learned.levels.len()
+                learned.points.len()
             ),
         };
         findings.push(match levels.len() {
-            0 => Finding::warned(*name, seen, "nothing is expected of it: too few values (--values), or no mesh line"),
+            0 => Finding::warned(name, seen, "nothing is expected of it: too few values (--values), or no mesh line"),
             _ if worst > USEFUL_DB => {
                 let advice = "it scatters much at one speed: steadier load while commissioning, or a resonance between two points";
-                Finding::warned(*name, seen, advice)
+                Finding::warned(name, seen, advice)
             }
-            _ => Finding::passed(*name, seen),
+            _ => Finding::passed(name, seen),
         });
     }
     Ok((learned, spreads, StepRecord::new(Step::Baseline, findings)))
 }
 
 /// Pools each quantity's spread, and raises the points that claim less.
-fn pool(heard: &Heard, learned: &mut Learned, allowance_db: f64) -> [Spread; 4] {
-    let mut spreads = [Spread::default(); 4];
-    for ((quantity, spread), (_, of)) in spreads.iter_mut().enumerate().zip(QUANTITIES) {
+fn pool(heard: &Heard, learned: &mut Learned, allowance_db: f64) -> Spreads {
+    let mut spreads = Spreads::default();
+    for (quantity, spread) in spreads.iter_mut().enumerate() {
         let squares: Vec<f64> =
-            departures(heard, &learned.levels, quantity).map(|found| f64::from(found.departure_db).powi(2)).collect();
-        let points = learned.levels.iter().filter(|point| of(point).uncertainty_db > 0.0).count();
+            departures(heard, &learned.points, quantity).map(|found| f64::from(found.departure_db).powi(2)).collect();
+        let points = learned.points.iter().filter(|point| point.levels[quantity].uncertainty_db > 0.0).count();
         spread.freedom = (squares.len() as f64 - points as f64).max(0.0);
         spread.variance = squares.iter().sum::<f64>() / spread.freedom.max(1.0);
         let least = (spread.variance + FLOOR_DB * FLOOR_DB + allowance_db * allowance_db).sqrt() as f32;
-        for point in &mut learned.levels {
-            let level = entry(point, quantity);
+        for point in &mut learned.points {
+            let level = &mut point.levels[quantity];
             level.uncertainty_db = match level.uncertainty_db {
                 0.0 => 0.0,
                 _ if spread.freedom < FEWEST_FREEDOM => 0.0,
@@ -104,9 +103,9 @@ fn pool(heard: &Heard, learned: &mut Learned, allowance_db: f64) -> [Spread; 4] 
 }
 
 /// What a quantity's values depart by from the table, where it expects something of them.
-pub(super) fn departures(heard: &Heard, levels: &[LevelPoint], quantity: usize) -> impl Iterator<Item = Departure> {
+pub(super) fn departures(heard: &Heard, points: &[Expected], quantity: usize) -> impl Iterator<Item = Departure> {
     heard.levels.by_quantity[quantity].iter().filter_map(move |value| {
         let linear = 10f64.powf(value.level_db / 20.0) as f32;
-        departure(levels, Hertz(value.speed_hz as f32), 0.0, linear, QUANTITIES[quantity].1)
+        departure(points, Hertz(value.speed_hz as f32), 0.0, linear, |point| point.levels[quantity])
     })
 }

@@ -7,14 +7,14 @@
 //!
 //! Limits: the tail of a distribution is assumed where nothing has been seen; what the baseline did not meet (load, temperature) is the allowance's business.
 
-use super::baseline::{FEWEST_FREEDOM, QUANTITIES, Spread, departures};
+use super::baseline::{FEWEST_FREEDOM, Spread, Spreads, departures};
 use super::run_up::{Heard, ShapeValue};
 use super::step::{Finding, Step, StepRecord};
-use crate::levels::learn::{FLOOR_DB, Learned};
+use crate::levels::learn::{Expected, FLOOR_DB, Learned};
+use crate::levels::observe::QUANTITIES;
 use crate::link::words;
 use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::MAX_ALARMS;
-use meshband::levels::LevelPoint;
 use meshband::units::Hertz;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -25,7 +25,7 @@ const PERSISTENCE: u8 = 3;
 const VALUES_PER_YEAR: f64 = 365.25 * 86_400.0;
 /// What clears, as a share of the limit on a departure; of a shape, of its distance from the mean.
 const CLEAR: f64 = 0.8;
-/// Shapes that are watched, beside the four levels of the departure.
+/// Shapes that are watched, beside the levels of the departure.
 const SHAPES: [Watched; 3] = [Watched::Kurtosis, Watched::SidebandEnergyRatio, Watched::Fm4];
 /// Parts of the speed range with a limit of their own for each shape: with the departure's they fill seven of eight places.
 const PARTS: usize = 2;
@@ -63,14 +63,14 @@ pub struct Proposal {
 /// Proposes limits; `own` are the configuration's alarms, of which those on other quantities stay.
 pub fn propose(
     heard: &Heard,
-    (learned, spreads): (&Learned, &[Spread; 4]),
+    (learned, spreads): (&Learned, &Spreads),
     allowance_db: f64,
     per_year: f64,
     own: &[AlarmBand],
 ) -> (Proposal, StepRecord) {
-    let quantities = (4 + SHAPES.len()) as f64;
+    let quantities = (QUANTITIES.len() + SHAPES.len()) as f64;
     let chance = per_year / (VALUES_PER_YEAR / f64::from(PERSISTENCE)) / quantities;
-    let [from_hz, to_hz] = ends(&learned.levels);
+    let [from_hz, to_hz] = ends(&learned.points);
     let freedom = freedom(spreads, allowance_db);
     let largest_seen = largest(heard, learned);
     let by_chance = quantile(chance, freedom);
@@ -159,13 +159,13 @@ fn departure_finding(limit: f64, by_chance: f64, freedom: f64, largest_seen: f64
     Finding::passed("Departure", seen)
 }
 
-fn ends(levels: &[LevelPoint]) -> [f64; 2] {
-    let speed = |point: Option<&LevelPoint>| point.map_or(1.0, |point| f64::from(point.speed.0));
-    [speed(levels.first()), speed(levels.last())]
+fn ends(points: &[Expected]) -> [f64; 2] {
+    let speed = |point: Option<&Expected>| point.map_or(1.0, |point| f64::from(point.speed.0));
+    [speed(points.first()), speed(points.last())]
 }
 
 /// Fewest effective degrees of freedom of all expectations: what is known of an uncertainty has endless ones.
-fn freedom(spreads: &[Spread; 4], allowance_db: f64) -> f64 {
+fn freedom(spreads: &Spreads, allowance_db: f64) -> f64 {
     let of = |spread: &Spread| {
         let all = spread.variance + FLOOR_DB * FLOOR_DB + allowance_db * allowance_db;
         spread.freedom * (all / spread.variance.max(1e-9)).powi(2)
@@ -176,7 +176,7 @@ fn freedom(spreads: &[Spread; 4], allowance_db: f64) -> f64 {
 
 /// Largest departure of the values that the table was learned from.
 fn largest(heard: &Heard, learned: &Learned) -> f64 {
-    let all = (0..QUANTITIES.len()).flat_map(|quantity| departures(heard, &learned.levels, quantity));
+    let all = (0..QUANTITIES.len()).flat_map(|quantity| departures(heard, &learned.points, quantity));
     all.map(|departure| f64::from(departure.normalised())).fold(0.0, f64::max)
 }
 

@@ -191,7 +191,7 @@ impl Course<'_> {
         let (proposal, record) =
             limits::propose(heard, taught, plan.allowance_db, plan.false_alarms_per_year, &config.alarms);
         self.ends(record, operator)?;
-        config.levels = learned.levels.iter().copied().collect();
+        (config.levels, config.local_levels) = (learned.levels().collect(), learned.local_levels().collect());
         config.alarms = proposal.alarms.iter().copied().collect();
         config.holding.watch_signal = true;
         config

@@ -1,15 +1,14 @@
 //! The report of a commissioning: what every step saw, and the baseline over speed.
 
-use super::baseline::QUANTITIES;
+use super::baseline::NAMES;
 use super::outcome::Commissioning;
 use super::run_up::Heard;
 use super::step::StepRecord;
 use crate::Result;
-use crate::levels::learn::Learned;
+use crate::levels::learn::{Expected, HEAD, Learned};
 use crate::report::Report;
 use crate::report::plot::{self, Axes, Series};
 use meshband::alarm::AlarmBand;
-use meshband::levels::LevelPoint;
 
 /// Points of a drawn curve between two points of the table.
 const FINE: usize = 16;
@@ -83,14 +82,15 @@ fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> R
     report = report.section("Baseline over speed").text(
         "Dots are the node's values of the sound machine, the line what is expected of it from now on, the upper line where the departure's alarm lies for this quantity alone.",
     );
-    for ((name, of), values) in QUANTITIES.iter().zip(&heard.levels.by_quantity) {
-        let known: Vec<&LevelPoint> = learned.levels.iter().filter(|point| of(point).uncertainty_db > 0.0).collect();
+    for ((quantity, name), values) in NAMES.into_iter().enumerate().zip(&heard.levels.by_quantity) {
+        let of = |point: &Expected| point.levels[quantity];
+        let known: Vec<&Expected> = learned.points.iter().filter(|point| of(point).uncertainty_db > 0.0).collect();
         if values.is_empty() || known.len() < 2 {
             report = report.note(&format!("{name}: nothing is expected of it."));
             continue;
         }
         let curve = |by: f64| -> Vec<(f64, f64)> {
-            let at = |pair: &[&LevelPoint], t: f64| {
+            let at = |pair: &[&Expected], t: f64| {
                 let (a, b) = (of(pair[0]), of(pair[1]));
                 let between = |x: f32, y: f32| f64::from(x) + t * f64::from(y - x);
                 let speed = f64::from(pair[0].speed.0) * f64::from(pair[1].speed.0 / pair[0].speed.0).powf(t);
@@ -101,7 +101,11 @@ fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> R
             pieces.collect()
         };
         let dots = values.iter().map(|value| (value.speed_hz, value.level_db)).collect();
-        let unit = if *name == "velocity RMS" { "level, dB re 1 m/s" } else { "level, dB re 1 m/s2" };
+        let unit = match name {
+            "velocity RMS" => "level, dB re 1 m/s",
+            "FM0" => "level, dB re 1",
+            _ => "level, dB re 1 m/s2",
+        };
         let picture = plot::scatter(
             &Series::new("sound machine", dots),
             &[Series::new("expected", curve(0.0)), Series::new("alarm", curve(limit))],
@@ -109,8 +113,7 @@ fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> R
         )?;
         report = report.picture(&picture, &format!("{name}, {} values.", values.len()));
     }
-    let head = ["Hz", "RMS, dB", "velocity RMS, dB", "first mesh harmonic, dB", "residual RMS, dB"];
-    Ok(report.table("Expected levels and standard uncertainties.", &head, &learned.rows()))
+    Ok(report.table("Expected levels and standard uncertainties.", &HEAD, &learned.rows()))
 }
 
 fn alarms(report: Report, alarms: &[AlarmBand]) -> Report {

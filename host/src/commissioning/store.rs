@@ -31,7 +31,7 @@ pub fn watching(ear: &mut Ear<'_>, config: &Configuration, operator: &mut dyn Op
     ear.listen(WATCHED_S, operator, |message, _, _| {
         match message {
             Message::Indicators(values) => {
-                largest = values.departures.largest().into_iter().chain(largest).reduce(f32::max);
+                largest = values.largest_departure().into_iter().chain(largest).reduce(f32::max);
             }
             Message::Status(status) => raised = status.alarms.raised,
             _ => {}

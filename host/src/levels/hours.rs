@@ -199,7 +199,7 @@ impl Heard {
             severity,
             speed_hz: f64::from(values.tag.speed_hz),
             values: [rms, peak, crest, kurtosis, velocity_rms, mesh, sideband, fm4],
-            departure: values.departures.largest(),
+            departure: values.largest_departure(),
         });
     }
 }

@@ -11,11 +11,16 @@
 
 use super::observe::{Observation, Observations, QUANTITIES};
 use crate::{Error, Result};
-use meshband::levels::{ExpectedLevel, LevelPoint, MAX_LEVELS};
+use meshband::levels::{ExpectedLevel, LevelPoint, LocalPoint, MAX_LEVELS, Point};
 use meshband::units::Hertz;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+/// Where the quantities of the second table begin.
+const LOCAL: usize = 4;
+/// Heads of [`Learned::rows`].
+pub const HEAD: [&str; 1 + QUANTITIES.len()] =
+    ["Hz", "RMS, dB", "velocity RMS, dB", "first mesh harmonic, dB", "residual RMS, dB", "sidebands, dB", "FM0, dB"];
 /// Least values behind a point.
 pub const LEAST: f64 = 3.0;
 /// Uncertainty that no scatter shows, dB: ripple of the filters from speed to speed.
@@ -27,13 +32,32 @@ const STEADY: f64 = 1.05;
 /// The outermost points lie this ratio outside the outermost values, so that the next value there is still within.
 const MARGIN: f64 = 1.01;
 
+/// What is expected at one speed.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Expected {
+    /// Pinion rate, Hz.
+    pub speed: Hertz,
+    /// In the order of [`QUANTITIES`].
+    pub levels: [ExpectedLevel; QUANTITIES.len()],
+}
+
+impl Point for Expected {
+    fn speed(&self) -> Hertz {
+        self.speed
+    }
+
+    fn levels(&self) -> impl IntoIterator<Item = ExpectedLevel> {
+        self.levels
+    }
+}
+
 /// A table and what it rests on.
 #[derive(Debug, Clone, Serialize)]
 pub struct Learned {
-    /// The table, as the node takes it.
-    pub levels: Vec<LevelPoint>,
+    /// Ascending in speed.
+    pub points: Vec<Expected>,
     /// Values behind it, by quantity.
-    pub values: [usize; 4],
+    pub values: [usize; QUANTITIES.len()],
 }
 
 /// Makes a table; `allowance_db` is the owner's standard uncertainty for what the values do not show (load, temperature).
@@ -49,24 +73,14 @@ pub fn learn(observations: &Observations, allowance_db: f64) -> Result<Learned> 
         let what = "values of good quality at two speeds at least are needed: a longer record, or one more speed";
         return Err(Error::invalid("levels", what));
     }
-    let mut levels: Vec<LevelPoint> =
-        speeds.iter().map(|&speed| LevelPoint { speed: Hertz(speed as f32), ..LevelPoint::default() }).collect();
+    let nothing = |&speed: &f64| Expected { speed: Hertz(speed as f32), levels: Default::default() };
+    let mut points: Vec<Expected> = speeds.iter().map(nothing).collect();
     for (quantity, values) in observations.by_quantity.iter().enumerate() {
-        for (point, level) in levels.iter_mut().zip(fitted(&speeds, values, allowance_db)) {
-            *entry(point, quantity) = level;
+        for (point, level) in points.iter_mut().zip(fitted(&speeds, values, allowance_db)) {
+            point.levels[quantity] = level;
         }
     }
-    Ok(Learned { levels, values: observations.by_quantity.each_ref().map(Vec::len) })
-}
-
-/// A point's entry of a quantity, by its place in [`QUANTITIES`].
-pub fn entry(point: &mut LevelPoint, quantity: usize) -> &mut ExpectedLevel {
-    match quantity {
-        0 => &mut point.rms,
-        1 => &mut point.velocity_rms,
-        2 => &mut point.mesh_amplitude,
-        _ => &mut point.residual_rms,
-    }
+    Ok(Learned { points, values: observations.by_quantity.each_ref().map(Vec::len) })
 }
 
 /// Speeds of the table, ascending.
@@ -138,19 +152,37 @@ fn fitted(speeds: &[f64], values: &[Observation], allowance_db: f64) -> Vec<Expe
 }
 
 impl Learned {
+    /// The node's table of levels.
+    pub fn levels(&self) -> impl Iterator<Item = LevelPoint> {
+        self.points.iter().map(|point| {
+            let [rms, velocity_rms, mesh_amplitude, residual_rms, ..] = point.levels;
+            LevelPoint { speed: point.speed, rms, velocity_rms, mesh_amplitude, residual_rms }
+        })
+    }
+
+    /// The node's table of what a local fault changes.
+    pub fn local_levels(&self) -> impl Iterator<Item = LocalPoint> {
+        self.points.iter().map(|point| {
+            let [.., sidebands, fm0] = point.levels;
+            LocalPoint { speed: point.speed, sidebands, fm0 }
+        })
+    }
+
     /// As a settings file of `meshband configure`.
     pub fn to_toml(&self) -> String {
-        let mut text =
-            String::from("# Expected levels; dB of m/s2 (velocity: m/s). For `meshband configure PORT --settings`.\n");
-        for point in &self.levels {
-            text += &format!("\n[[levels]]\nspeed = {:.4}\n", point.speed.0);
-            let mut point = *point;
-            for (quantity, name) in QUANTITIES.iter().enumerate() {
-                let level = *entry(&mut point, quantity);
-                text += &format!(
-                    "{name} = {{ level_db = {:.3}, uncertainty_db = {:.3} }}\n",
-                    level.level_db, level.uncertainty_db
-                );
+        let mut text = String::from(
+            "# Expected levels; dB of m/s2 (velocity m/s, fm0 1). For `meshband configure PORT --settings`.\n",
+        );
+        for (table, quantities) in [("levels", 0..LOCAL), ("local_levels", LOCAL..QUANTITIES.len())] {
+            for point in &self.points {
+                text += &format!("\n[[{table}]]\nspeed = {:.4}\n", point.speed.0);
+                for quantity in quantities.clone() {
+                    let (name, level) = (QUANTITIES[quantity], point.levels[quantity]);
+                    text += &format!(
+                        "{name} = {{ level_db = {:.3}, uncertainty_db = {:.3} }}\n",
+                        level.level_db, level.uncertainty_db
+                    );
+                }
             }
         }
         text
@@ -162,11 +194,9 @@ impl Learned {
             0.0 => "-".to_owned(),
             uncertainty => format!("{:.1} +- {uncertainty:.1}", level.level_db),
         };
-        let row = |point: &LevelPoint| {
-            let levels = [point.rms, point.velocity_rms, point.mesh_amplitude, point.residual_rms];
-            std::iter::once(format!("{:.2}", point.speed.0)).chain(levels.map(cell)).collect()
-        };
-        self.levels.iter().map(row).collect()
+        let row =
+            |point: &Expected| std::iter::once(format!("{:.2}", point.speed.0)).chain(point.levels.map(cell)).collect();
+        self.points.iter().map(row).collect()
     }
 }
 
@@ -177,7 +207,9 @@ mod tests {
 
     fn observed(values: impl Iterator<Item = (f64, f64)>) -> Observations {
         let rms = values.map(|(speed_hz, level_db)| Observation { speed_hz, level_db }).collect();
-        Observations { by_quantity: [rms, Vec::new(), Vec::new(), Vec::new()] }
+        let mut by_quantity: [Vec<Observation>; QUANTITIES.len()] = Default::default();
+        by_quantity[0] = rms;
+        Observations { by_quantity }
     }
 
     #[test]
@@ -185,23 +217,23 @@ mod tests {
         let line = |speed: f64| 3.0 + 10.0 * speed.ln();
         let sweep = (0..600).map(|n| 5.0 * 5.0f64.powf(f64::from(n) / 599.0)).map(|speed| (speed, line(speed)));
         let learned = learn(&observed(sweep), 0.0).expect("a sweep");
-        assert_eq!((learned.levels.len(), learned.values[0]), (MAX_LEVELS, 600));
+        assert_eq!((learned.points.len(), learned.values[0]), (MAX_LEVELS, 600));
         for speed in [5.0, 7.3, 12.0, 24.9] {
             let value = 10f64.powf(line(speed) / 20.0) as f32;
-            let found = departure(&learned.levels, Hertz(speed as f32), 0.0, value, |p| p.rms).expect("within");
+            let found = departure(&learned.points, Hertz(speed as f32), 0.0, value, |p| p.levels[0]).expect("within");
             assert!(found.departure_db.abs() < 1e-3 && (found.uncertainty_db - 0.1).abs() < 1e-3, "{found:?}");
         }
-        assert!(departure(&learned.levels, Hertz(10.0), 0.0, 1.0, |p| p.velocity_rms).is_none());
+        assert!(departure(&learned.points, Hertz(10.0), 0.0, 1.0, |p| p.levels[1]).is_none());
     }
 
     #[test]
     fn theory_steady_speeds_give_a_point_each_with_their_scatter_and_the_allowance() {
         let values = (0..200).map(|n| (if n < 100 { 10.0 } else { 20.0 }, if n % 2 == 0 { 1.0 } else { -1.0 }));
         let learned = learn(&observed(values), 2.0).expect("two speeds");
-        assert_eq!(learned.levels.len(), 2);
-        for point in &learned.levels {
+        assert_eq!(learned.points.len(), 2);
+        for point in &learned.points {
             // Variance 1 of the values, 4 of the allowance, 0.01 of the filters.
-            assert!((point.rms.uncertainty_db - 5.03f32.sqrt()).abs() < 0.01, "{point:?}");
+            assert!((point.levels[0].uncertainty_db - 5.03f32.sqrt()).abs() < 0.01, "{point:?}");
         }
         let one = observed((0..50).map(|_| (10.0, 0.0)));
         assert!(learn(&one, 0.0).is_err() && learn(&Observations::default(), 0.0).is_err());
@@ -210,14 +242,19 @@ mod tests {
     #[test]
     fn theory_the_file_is_one_that_settings_read() {
         let values = (0..30).map(|n| (if n < 15 { 10.0 } else { 20.0 }, -7.5));
-        let learned = learn(&observed(values), 1.0).expect("two speeds");
+        let mut observations = observed(values);
+        observations.by_quantity[5] =
+            observations.by_quantity[0].iter().map(|o| Observation { level_db: 12.5, ..*o }).collect();
+        let learned = learn(&observations, 1.0).expect("two speeds");
         let settings = crate::link::settings::Settings::from_toml(&learned.to_toml(), "levels.toml").expect("reads");
         let mut config = meshband::config::Configuration::default();
         settings.apply(&mut config).expect("applies");
-        assert_eq!(config.levels.len(), 2);
+        assert_eq!((config.levels.len(), config.local_levels.len()), (2, 2));
         assert!(
             (config.levels[1].rms.level_db + 7.5).abs() < 1e-3 && config.levels[1].residual_rms.uncertainty_db == 0.0
         );
+        let [_, local] = config.local_levels[..] else { panic!("{:?}", config.local_levels) };
+        assert!((local.fm0.level_db - 12.5).abs() < 1e-3 && local.sidebands.uncertainty_db == 0.0, "{local:?}");
         config.validate(meshband::board::Timing::STM32F405).expect("sound");
     }
 }

@@ -1,10 +1,12 @@
 //! The values of a sound machine, as the node that will watch it computed them.
 
+use meshband::mesh_band::sideband_amplitude;
 use meshband::message::{Message, Tag};
 use meshband::tach::Validity;
 
-/// Quantities that have expected levels, in the order of the node's table.
-pub const QUANTITIES: [&str; 4] = ["rms", "velocity_rms", "mesh_amplitude", "residual_rms"];
+/// Quantities that have expected levels, by their names in the node's tables: those of [`meshband::levels::LevelPoint`], then those of
+/// [`meshband::levels::LocalPoint`].
+pub const QUANTITIES: [&str; 6] = ["rms", "velocity_rms", "mesh_amplitude", "residual_rms", "sidebands", "fm0"];
 
 /// A value at a speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,7 +21,7 @@ pub struct Observation {
 #[derive(Debug, Clone, Default)]
 pub struct Observations {
     /// In the order of [`QUANTITIES`].
-    pub by_quantity: [Vec<Observation>; 4],
+    pub by_quantity: [Vec<Observation>; QUANTITIES.len()],
 }
 
 impl Observations {
@@ -33,11 +35,13 @@ impl Observations {
                 }
                 if let Some(gear) = &values.gear {
                     self.add(3, gear.speed_hz, gear.residual_rms);
+                    self.add(5, gear.speed_hz, gear.fm0);
                 }
             }
             Message::Spectrum(spectrum) if is_locked(&spectrum.tag) => {
                 if let Some(band) = spectrum.bands.first() {
                     self.add(2, spectrum.tag.speed_hz, band.line.amplitude);
+                    self.add(4, spectrum.tag.speed_hz, sideband_amplitude(&spectrum.bands));
                 }
             }
             _ => {}

@@ -125,7 +125,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
             let both = format!("{:.0} against {:.0}", measured.bandwidth_hz, measured.law_hz);
             rows.push(row("bandwidth measured against law, Hz", both));
         }
-        for (name, departure) in super::view::departures(&i.departures) {
+        for (name, departure) in super::view::departures(i) {
             let value =
                 format!("{:+.1} (standard uncertainty {:.1})", departure.departure_db, departure.uncertainty_db);
             rows.push(row(&format!("{name} over its expected level, dB"), value));

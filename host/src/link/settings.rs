@@ -44,7 +44,7 @@
 use crate::{Error, Result};
 use meshband::alarm::AlarmBand;
 use meshband::config::{Configuration, SecondSensor};
-use meshband::levels::LevelPoint;
+use meshband::levels::{LevelPoint, LocalPoint};
 use meshband::rate_plan::RatePolicy;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -99,7 +99,7 @@ impl Settings {
             }
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture, second";
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, local_levels, link, capture, second";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("second", Some(Value::Null), _) => {}
@@ -116,6 +116,12 @@ impl Settings {
                 ("levels", Some(held), Value::Array(list)) => {
                     for (n, point) in list.iter().enumerate() {
                         read::<LevelPoint>(point).map_err(|what| refuse(&format!("levels[{n}]"), what))?;
+                    }
+                    *held = new.clone();
+                }
+                ("local_levels", Some(held), Value::Array(list)) => {
+                    for (n, point) in list.iter().enumerate() {
+                        read::<LocalPoint>(point).map_err(|what| refuse(&format!("local_levels[{n}]"), what))?;
                     }
                     *held = new.clone();
                 }

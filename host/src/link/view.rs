@@ -4,7 +4,7 @@ use super::Losses;
 use super::words::words;
 use crate::terminal::table;
 use meshband::events::Event;
-use meshband::levels::{Departure, Departures};
+use meshband::levels::Departure;
 use meshband::message::{
     AlarmState, Bound, ChannelValues, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics,
     Status,
@@ -172,7 +172,7 @@ fn overall(i: &Indicators) -> String {
             .collect();
         out += &format!("{shaft} {} ({} turns)\n", lines.join("   "), orders.turns);
     }
-    out + &second_line(i.second.as_ref()) + &departure_line(&i.departures)
+    out + &second_line(i.second.as_ref()) + &departure_line(i)
 }
 
 /// Values of the second sensor; empty without one.
@@ -190,19 +190,22 @@ pub fn second_line(second: Option<&ChannelValues>) -> String {
 }
 
 /// What is expected and how far from it the values are; empty without a table of levels or outside it.
-pub fn departure_line(all: &Departures) -> String {
+pub fn departure_line(values: &Indicators) -> String {
     let part = |(name, d): (&str, Departure)| format!("{name} {:+.1} dB (+- {:.1})", d.departure_db, d.uncertainty_db);
-    let parts: Vec<String> = departures(all).map(part).collect();
+    let parts: Vec<String> = departures(values).map(part).collect();
     if parts.is_empty() { String::new() } else { format!("against the expected levels: {}\n", parts.join("   ")) }
 }
 
 /// The departures that are known, by name.
-pub(super) fn departures(all: &Departures) -> impl Iterator<Item = (&'static str, Departure)> {
+pub(crate) fn departures(values: &Indicators) -> impl Iterator<Item = (&'static str, Departure)> {
+    let (all, local) = (&values.departures, &values.local_departures);
     let of = [
         ("RMS", all.rms),
         ("velocity", all.velocity_rms),
         ("first mesh harmonic", all.mesh_amplitude),
         ("residual", all.residual_rms),
+        ("sidebands", local.sidebands),
+        ("FM0", local.fm0),
     ];
     of.into_iter().filter_map(|(name, departure)| Some((name, departure?)))
 }

@@ -3,7 +3,7 @@
 //! Values that come in one message of several (FM0, NA4, measured bandwidth) are kept until their next, with their own age.
 
 use crate::link::Losses;
-use crate::link::view::View;
+use crate::link::view::{View, departures};
 use meshband::alarm::AlarmBand;
 use meshband::events::{Event, EventKind};
 use meshband::message::{Identification, Indicators, Message};
@@ -144,9 +144,8 @@ impl Panel {
             push("2nd velocity, mm/s", 1e3 * second.velocity_rms);
         }
         // Of the quantity that stands out most of its expectation.
-        let all = [i.departures.rms, i.departures.velocity_rms, i.departures.mesh_amplitude, i.departures.residual_rms];
-        let largest = all.iter().flatten().max_by(|a, b| a.normalised().total_cmp(&b.normalised()));
-        if let Some(departure) = largest {
+        let largest = departures(i).map(|(_, departure)| departure);
+        if let Some(departure) = largest.max_by(|a, b| a.normalised().total_cmp(&b.normalised())) {
             push("departure, dB", departure.departure_db);
         }
     }

@@ -9,7 +9,7 @@ use super::{CaptureConfig, LinkConfig};
 use crate::alarm::{AlarmBand, AlarmHolding};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
-use crate::levels::{self, LevelPoint, MAX_LEVELS};
+use crate::levels::{self, LevelPoint, LocalPoint, MAX_LEVELS};
 use crate::link::compact;
 use crate::message::Bound;
 use crate::rate_plan::{RateLimits, RatePolicy};
@@ -19,8 +19,8 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link, 5 without
-/// capture, 6 without second sensor.
-pub const SCHEMA: u16 = 7;
+/// capture, 6 without second sensor, 7 without local levels.
+pub const SCHEMA: u16 = 8;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -271,6 +271,8 @@ pub struct Configuration {
     pub capture: CaptureConfig,
     /// A second accelerometer, where there is one.
     pub second: Option<SecondSensor>,
+    /// Levels expected over speed of what a local fault changes; empty where none are known.
+    pub local_levels: Vec<LocalPoint, MAX_LEVELS>,
 }
 
 /// The first field found wrong.
@@ -325,6 +327,8 @@ pub enum ConfigurationError {
     OneConverter,
     /// `limits.highest_adc` is above what the board keeps up with on two channels ([`Timing::highest_of_two`]).
     HighestOfTwo,
+    /// `local_levels`
+    LocalLevels,
 }
 
 impl ConfigurationError {
@@ -355,7 +359,7 @@ impl ConfigurationError {
             }
             Self::Holding => "must be 0 to 3600 s",
             Self::PassBand => "must be 0 for not declared, or 10 Hz up to limits.analogue_stop (sensor: 5 MHz)",
-            Self::Levels => {
+            Self::Levels | Self::LocalLevels => {
                 "needs two points or none, ascending speeds of 0.01 to 1000 Hz, levels of -200 to 200 dB, uncertainties of 0.01 to 60 dB or 0"
             }
             Self::Link => {
@@ -390,6 +394,7 @@ impl ConfigurationError {
             Self::Holding => "holding.persistence_s",
             Self::PassBand => "pass.analogue, pass.sensor",
             Self::Levels => "levels",
+            Self::LocalLevels => "local_levels",
             Self::Link => "link.address, link.bits_per_second",
             Self::Capture => "capture.rate",
             Self::Second | Self::OneConverter => "second",
@@ -439,13 +444,14 @@ impl Default for Configuration {
             link: LinkConfig::default(),
             capture: CaptureConfig::default(),
             second: None,
+            local_levels: Vec::new(),
         }
     }
 }
 
 impl Configuration {
     /// Upper bound of the postcard form, bytes.
-    pub const MAX_SERIALISED: usize = 1024;
+    pub const MAX_SERIALISED: usize = 1152;
 
     /// Writes the postcard form to the beginning of `room`: how many bytes, or `None` where they do not fit. One copy of its code in an image.
     #[inline(never)]
@@ -516,6 +522,7 @@ impl Configuration {
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
         ensure(levels::are_sane(&self.levels), E::Levels)?;
+        ensure(levels::are_sane(&self.local_levels), E::LocalLevels)?;
         ensure(self.link.is_sane(), E::Link)?;
         ensure(self.capture.is_sane(), E::Capture)?;
         ensure(self.second.as_ref().is_none_or(SecondSensor::is_sane), E::Second)?;

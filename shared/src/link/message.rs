@@ -8,7 +8,7 @@ use crate::config::{Configuration, ConfigurationError, MAX_HARMONICS, MAX_SIDEBA
 use crate::events::{Event, EventKind};
 use crate::identity::{BOARD_LENGTH, BUILD_LENGTH};
 use crate::law::Law;
-use crate::levels::Departures;
+use crate::levels::{Departures, LocalDepartures};
 use crate::node::State;
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
@@ -18,7 +18,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 9;
+pub const WIRE_SCHEMA: u8 = 10;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -464,6 +464,15 @@ pub struct Indicators {
     pub departures: Departures,
     /// Of the second sensor, where there is one.
     pub second: Option<ChannelValues>,
+    /// From the expected levels of what a local fault changes, likewise.
+    pub local_departures: LocalDepartures,
+}
+
+impl Indicators {
+    /// The largest departure of all, in its standard uncertainties: what alarms watch.
+    pub fn largest_departure(&self) -> Option<f32> {
+        self.departures.largest().into_iter().chain(self.local_departures.largest()).reduce(f32::max)
+    }
 }
 
 /// Counters since start.

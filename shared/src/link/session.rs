@@ -62,7 +62,7 @@ impl<A: Arrays> Session<A> {
     ) -> Result<Self, ConfigurationError> {
         let board = board.into();
         config.validate(board)?;
-        let mut session = Self::of_valid(config, board, arrays);
+        let mut session = Self::of_valid(&config, board, arrays);
         session.begin(identity);
         Ok(session)
     }
@@ -72,7 +72,7 @@ impl<A: Arrays> Session<A> {
     /// What is only put together, and changed nowhere before it lies where it stays, is built there; anything else is a copy
     /// of 13 KB on a board's stack.
     #[inline(never)]
-    pub fn of_valid(config: Configuration, board: Timing, arrays: A) -> Self {
+    pub fn of_valid(config: &Configuration, board: Timing, arrays: A) -> Self {
         Self {
             decoder: Decoder::new(),
             test: SelfTestRun::at_start(board.clock, true),

@@ -15,7 +15,7 @@ use super::line::Heard;
 use crate::buffers::Arrays;
 use crate::config::{GearPair, SCHEMA};
 use crate::identity::VERSION;
-use crate::levels::{Departure, Departures};
+use crate::levels::{Departure, Departures, LocalDepartures};
 use crate::message::{AlarmState, ChannelValues, Quality, SelfTest, Statistics, Status, Tag};
 use crate::node::{Node, State};
 use crate::shaft_lines::ShaftOrders;
@@ -29,6 +29,9 @@ pub struct Traffic {
     /// Requests refused.
     pub exceptions: u16,
 }
+
+/// A departure that nothing is known of.
+const UNKNOWN: Departure = Departure { departure_db: f32::NAN, uncertainty_db: f32::NAN };
 
 /// What registers are read from: kept results, and the node's present state.
 #[derive(Clone, Debug)]
@@ -81,8 +84,11 @@ impl<'a> View<'a> {
     }
 
     fn departure(&self, of: fn(&Departures) -> Option<Departure>) -> Departure {
-        let none = Departure { departure_db: f32::NAN, uncertainty_db: f32::NAN };
-        self.bank.values.latest.and_then(|values| of(&values.departures)).unwrap_or(none)
+        self.bank.values.latest.and_then(|values| of(&values.departures)).unwrap_or(UNKNOWN)
+    }
+
+    fn local_departure(&self, of: fn(&LocalDepartures) -> Option<Departure>) -> Departure {
+        self.bank.values.latest.and_then(|values| of(&values.local_departures)).unwrap_or(UNKNOWN)
     }
 }
 
@@ -305,7 +311,11 @@ registers! {
         330 Float "mesh_amplitude_uncertainty" ["dB"] "its standard uncertainty" = |v| v.departure(|d| d.mesh_amplitude).uncertainty_db;
         332 Float "residual_rms" ["dB"] "residual RMS of the average over what is expected at this speed" = |v| v.departure(|d| d.residual_rms).departure_db;
         334 Float "residual_rms_uncertainty" ["dB"] "its standard uncertainty" = |v| v.departure(|d| d.residual_rms).uncertainty_db;
-        336 Float "largest" [""] "largest departure in its standard uncertainties: what alarms watch" = |v| v.bank.values.float(|i| i.departures.largest().unwrap_or(f32::NAN));
+        336 Float "largest" [""] "largest departure in its standard uncertainties: what alarms watch" = |v| v.bank.values.float(|i| i.largest_departure().unwrap_or(f32::NAN));
+        338 Float "sidebands" ["dB"] "sidebands of all mesh harmonics over what is expected at this speed" = |v| v.local_departure(|d| d.sidebands).departure_db;
+        340 Float "sidebands_uncertainty" ["dB"] "its standard uncertainty" = |v| v.local_departure(|d| d.sidebands).uncertainty_db;
+        342 Float "fm0" ["dB"] "FM0 over what is expected at this speed" = |v| v.local_departure(|d| d.fm0).departure_db;
+        344 Float "fm0_uncertainty" ["dB"] "its standard uncertainty" = |v| v.local_departure(|d| d.fm0).uncertainty_db;
     }
     "counters" {
         352 Long "blocks" [""] "blocks of samples processed, since the start" = |v| v.statistics.blocks;

@@ -7,6 +7,10 @@
 //! what the speed's uncertainty makes of the table's slope, in quadrature (JCGM 100, 5.1.2). Alarms watch the largest departure over
 //! its uncertainty, so that quantities that scatter much and little are comparable.
 //!
+//! Two tables: levels of the whole signal, which show what changes all teeth, and what a local fault changes, the sidebands of all
+//! harmonics and FM0, which one tooth moves before it moves any level. Each has speeds of its own (the second one came later, and stored
+//! configurations only grow at their end).
+//!
 //! The table's uncertainty has to contain what the machine itself does at one speed (load, temperature); the node knows neither.
 //! Cost: four logarithms per quantity and record of values, once a second; nothing per sample.
 
@@ -26,7 +30,7 @@ const LEAST_UNCERTAINTY_DB: f32 = 0.01;
 /// Expected level of one quantity at one speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExpectedLevel {
-    /// 20 log10 of the value in its unit (m/s^2; velocity m/s), dB, -200 to 200.
+    /// 20 log10 of the value in its unit (m/s^2; velocity m/s; FM0 1), dB, -200 to 200.
     pub level_db: f32,
     /// Standard uncertainty, dB, 0.01 to 60; 0 where nothing is expected of this quantity.
     pub uncertainty_db: f32,
@@ -54,12 +58,51 @@ pub struct LevelPoint {
     pub residual_rms: ExpectedLevel,
 }
 
+/// Expected levels, at one speed, of what a local fault changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LocalPoint {
+    /// Pinion rate, Hz, positive.
+    pub speed: Hertz,
+    /// Of the sidebands of all mesh harmonics ([`crate::mesh_band::sideband_amplitude`]).
+    pub sidebands: ExpectedLevel,
+    /// Of FM0 of the synchronous average, dB of 1.
+    pub fm0: ExpectedLevel,
+}
+
+/// A point of a table over speed.
+pub trait Point {
+    /// Pinion rate, Hz.
+    fn speed(&self) -> Hertz;
+
+    /// All that is expected there.
+    fn levels(&self) -> impl IntoIterator<Item = ExpectedLevel>;
+}
+
+impl Point for LevelPoint {
+    fn speed(&self) -> Hertz {
+        self.speed
+    }
+
+    fn levels(&self) -> impl IntoIterator<Item = ExpectedLevel> {
+        [self.rms, self.velocity_rms, self.mesh_amplitude, self.residual_rms]
+    }
+}
+
+impl Point for LocalPoint {
+    fn speed(&self) -> Hertz {
+        self.speed
+    }
+
+    fn levels(&self) -> impl IntoIterator<Item = ExpectedLevel> {
+        [self.sidebands, self.fm0]
+    }
+}
+
 /// Whether a table has ascending speeds and levels in their ranges; without points it is not in use.
-pub fn are_sane(points: &[LevelPoint]) -> bool {
-    let ascend = points.windows(2).all(|pair| matches!(pair, [a, b] if a.speed.0 < b.speed.0));
-    let sane = |point: &LevelPoint| {
-        let levels = [point.rms, point.velocity_rms, point.mesh_amplitude, point.residual_rms];
-        (0.01..=1000.0).contains(&point.speed.0) && levels.iter().all(ExpectedLevel::is_sane)
+pub fn are_sane<P: Point>(points: &[P]) -> bool {
+    let ascend = points.windows(2).all(|pair| matches!(pair, [a, b] if a.speed().0 < b.speed().0));
+    let sane = |point: &P| {
+        (0.01..=1000.0).contains(&point.speed().0) && point.levels().into_iter().all(|level| level.is_sane())
     };
     ascend && points.len() != 1 && points.iter().all(sane)
 }
@@ -99,30 +142,63 @@ impl Departures {
 
     /// The largest in standard uncertainties; `None` where nothing is expected.
     pub fn largest(&self) -> Option<f32> {
-        let all = [self.rms, self.velocity_rms, self.mesh_amplitude, self.residual_rms];
-        all.iter().flatten().map(Departure::normalised).reduce(f32::max)
+        largest(&[self.rms, self.velocity_rms, self.mesh_amplitude, self.residual_rms])
     }
 }
 
+/// Departures of what a local fault changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LocalDepartures {
+    /// Of the sidebands of all mesh harmonics, of the latest mesh-band record.
+    pub sidebands: Option<Departure>,
+    /// Of FM0, of the latest synchronous average.
+    pub fm0: Option<Departure>,
+}
+
+impl LocalDepartures {
+    /// None known.
+    pub const NONE: Self = Self { sidebands: None, fm0: None };
+
+    /// The largest in standard uncertainties; `None` where nothing is expected.
+    pub fn largest(&self) -> Option<f32> {
+        largest(&[self.sidebands, self.fm0])
+    }
+}
+
+fn largest(all: &[Option<Departure>]) -> Option<f32> {
+    all.iter().flatten().map(Departure::normalised).reduce(f32::max)
+}
+
 /// Departure of a positive value at a pinion rate with its relative standard uncertainty; `of` selects the quantity. `None` outside
-/// the table and where it expects nothing. One copy of it in an image: four callers would have four.
-#[inline(never)]
-pub fn departure(
-    points: &[LevelPoint],
+/// the table and where it expects nothing.
+pub fn departure<P: Point>(
+    points: &[P],
     speed: Hertz,
     speed_uncertainty: f32,
     value: f32,
-    of: fn(&LevelPoint) -> ExpectedLevel,
+    of: impl Fn(&P) -> ExpectedLevel,
 ) -> Option<Departure> {
-    let pair = points.windows(2).find(|pair| matches!(pair, [a, b] if (a.speed.0..=b.speed.0).contains(&speed.0)))?;
+    let is_between = |a: &P, b: &P| (a.speed().0..=b.speed().0).contains(&speed.0);
+    let pair = points.windows(2).find(|pair| matches!(pair, [a, b] if is_between(a, b)))?;
     let [below, above] = pair else { return None };
-    let (low, high) = (of(below), of(above));
+    let ends = [(below.speed(), of(below)), (above.speed(), of(above))];
+    between_points(ends, speed, speed_uncertainty, value)
+}
+
+/// One copy of it in an image: every caller would have its own.
+#[inline(never)]
+fn between_points(
+    [(below, low), (above, high)]: [(Hertz, ExpectedLevel); 2],
+    speed: Hertz,
+    speed_uncertainty: f32,
+    value: f32,
+) -> Option<Departure> {
     let known = low.uncertainty_db > 0.0 && high.uncertainty_db > 0.0 && value > 0.0 && value.is_finite();
     if !known {
         return None;
     }
-    let span = math::ln(above.speed.0 / below.speed.0);
-    let share = math::ln(speed.0 / below.speed.0) / span;
+    let span = math::ln(above.0 / below.0);
+    let share = math::ln(speed.0 / below.0) / span;
     let between = |a: f32, b: f32| a + share * (b - a);
     let of_speed = (high.level_db - low.level_db) / span * speed_uncertainty;
     Some(Departure {

@@ -9,7 +9,7 @@ use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
 use crate::events::EventKind;
 use crate::identity::VERSION;
 use crate::indicators::RunEnsemble;
-use crate::levels::Departures;
+use crate::levels::{Departures, LocalDepartures};
 use crate::mesh_band;
 use crate::message::{Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status, WIRE_SCHEMA};
 use crate::rate_plan::RatePlan;
@@ -176,7 +176,7 @@ impl<A: Arrays> Node<A> {
         self.marks = TurnMarks::new(&config.tach);
         self.ensemble = RunEnsemble::default();
         (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
-        self.departures = Departures::NONE;
+        (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         self.bandwidth_watch = BandwidthWatch::default();
         self.config = Configuration { latched: 0, ..config };
         mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);

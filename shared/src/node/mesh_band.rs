@@ -12,6 +12,7 @@
 
 use crate::config::{Configuration, MAX_HARMONICS};
 use crate::frame::CRC32;
+use crate::math;
 use crate::mesh_decimator::{BAND_SHARE, Decimation};
 use crate::message::{MeshBand, SpectralLine};
 use crate::node::REPLAN_NOW;
@@ -124,6 +125,22 @@ pub fn configure(chain: &mut Chain, config: &Configuration, clock: TicksPerSecon
         *chain = Chain::IDLE;
     }
     chain.shafts().configure(teeth, config.gears.gear_teeth, SHORTEST_S * clock.0 as f32);
+}
+
+/// One amplitude for the sidebands of both shafts and all harmonics, m/s^2: the geometric mean over the harmonics of what the sidebands
+/// of one have together (root of the sum of squares), so that no harmonic's resonance speaks for all. Harmonics without sidebands
+/// in their band are left out; 0 where none has any.
+pub fn sideband_amplitude(bands: &[MeshBand]) -> f32 {
+    let (mut logarithms, mut count) = (0.0, 0.0);
+    for band in bands {
+        let all = band.sidebands.iter().chain(&band.gear_sidebands);
+        let power: f32 = all.map(|line| line.amplitude * line.amplitude).sum();
+        if power > 0.0 {
+            logarithms += 0.5 * math::ln(power);
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { math::exp(logarithms / count) } else { 0.0 }
 }
 
 /// Harmonics and sidebands of both shafts of the latest record, and the digest of its values. Sidebands outside the band

@@ -23,7 +23,7 @@ use crate::config::{Configuration, ConfigurationError, Gain, MAX_ALARMS, Sensor}
 use crate::events::{EventKind, EventLog};
 use crate::identity::Identity;
 use crate::indicators::RunEnsemble;
-use crate::levels::Departures;
+use crate::levels::{Departures, LocalDepartures};
 use crate::mesh_band::MeshPlan;
 use crate::message::{
     GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Spectrum, Statistics, Status, Tag,
@@ -199,6 +199,7 @@ pub struct Node<A = OwnArrays> {
     ensemble: RunEnsemble,
     gear: Option<GearIndicators>,
     departures: Departures,
+    local_departures: LocalDepartures,
     sideband_energy: [f32; 2],
     next_sequence: Option<u32>,
     next_tick: u64,
@@ -230,12 +231,18 @@ impl Node {
     }
 }
 
+/// A copy that is made where it stays: in the caller, each of its lists would be on the stack once more.
+#[inline(never)]
+fn copied(config: &Configuration) -> Configuration {
+    config.clone()
+}
+
 impl<A: Arrays> Node<A> {
     /// A node with its arrays elsewhere: boards give [`buffers::LentArrays`].
     pub fn with_arrays(config: Configuration, board: impl Into<Timing>, arrays: A) -> Result<Self, ConfigurationError> {
         let timing = board.into();
         config.validate(timing)?;
-        let mut node = Self::of_valid(config, timing, arrays);
+        let mut node = Self::of_valid(&config, timing, arrays);
         node.begin();
         Ok(node)
     }
@@ -243,10 +250,10 @@ impl<A: Arrays> Node<A> {
     /// As [`Node::with_arrays`], of a configuration known to be valid and before [`Node::begin`]: whoever holds the node
     /// begins it in its place, so that the deepest call does not stand on top of copies of its 12 KB.
     #[inline(never)]
-    pub(crate) fn of_valid(config: Configuration, timing: Timing, arrays: A) -> Self {
+    pub(crate) fn of_valid(config: &Configuration, timing: Timing, arrays: A) -> Self {
         let clock = timing.clock;
         let mut plan = RatePlan::new(timing, config.limits);
-        let grant = safe_grant(&config, &mut plan);
+        let grant = safe_grant(config, &mut plan);
         Self {
             tach: TachTracker::new(config.tach, clock),
             clock,
@@ -265,7 +272,7 @@ impl<A: Arrays> Node<A> {
             stream: Stream::new(),
             arrays,
             marks: TurnMarks::new(&config.tach),
-            values: value_record(&config, clock),
+            values: value_record(config, clock),
             hold: 0,
             record_complete: false,
             mesh_plan: MeshPlan::NONE,
@@ -282,12 +289,13 @@ impl<A: Arrays> Node<A> {
             ensemble: RunEnsemble::default(),
             gear: None,
             departures: Departures::NONE,
+            local_departures: LocalDepartures::NONE,
             sideband_energy: [0.0; 2],
             next_sequence: None,
             next_tick: 0,
             totals: Totals::default(),
             events: EventLog::new(clock),
-            alarms: alarms_of(&config),
+            alarms: alarms_of(config),
             signal_bad: false,
             volatile: false,
             latch_changed: false,
@@ -302,7 +310,7 @@ impl<A: Arrays> Node<A> {
             snapshot_scale: 0.0,
             send_statistics: false,
             send_self_test: false,
-            config,
+            config: copied(config),
         }
     }
 

@@ -8,7 +8,7 @@ use crate::buffers::{Arrays, Buffers};
 use crate::config::PassBand;
 use crate::events::EventKind;
 use crate::gear_condition;
-use crate::levels::{self, Departure, Departures, ExpectedLevel, LevelPoint};
+use crate::levels::{self, Departure, Departures, ExpectedLevel, LevelPoint, LocalDepartures, LocalPoint};
 use crate::math;
 use crate::mesh_band;
 use crate::message::{ChannelValues, GearIndicators, Indicators, Peaks, Spectrum, Tag};
@@ -120,7 +120,7 @@ impl<A: Arrays> Node<A> {
         });
         let (pinion, wheel) = self.arrays.buffers_mut().chain.shafts().take();
         if believed(&tag).is_none() {
-            self.departures = Departures::NONE;
+            (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         }
         let good = quality.is_good();
         self.departures.rms = self.departure(&tag, rms, |point| point.rms).filter(|_| good);
@@ -141,7 +141,9 @@ impl<A: Arrays> Node<A> {
             wheel,
             departures: self.departures,
             second,
+            local_departures: self.local_departures,
         };
+        let largest = indicators.largest_departure();
         let dropped = self.indicators.replace(indicators).is_some();
         self.count_dropped(dropped);
         self.watch_signal(&quality, second.as_ref().map(|second| &second.quality));
@@ -165,7 +167,7 @@ impl<A: Arrays> Node<A> {
         if let (Some(orders), Some(_)) = (pinion, speed) {
             self.watch(Watched::OncePerTurn, speed, orders.lines[0].amplitude);
         }
-        if let (Some(largest), Some(_)) = (self.departures.largest(), speed) {
+        if let (Some(largest), Some(_)) = (largest, speed) {
             self.watch(Watched::Departure, speed, largest);
         }
     }
@@ -216,6 +218,8 @@ impl<A: Arrays> Node<A> {
                 self.sideband_energy = sideband_energy;
                 self.departures.mesh_amplitude =
                     self.departure(&tag, first.line.amplitude, |point| point.mesh_amplitude);
+                self.local_departures.sidebands =
+                    self.local_departure(&tag, mesh_band::sideband_amplitude(&bands), |point| point.sidebands);
                 self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude);
                 self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0]);
             }
@@ -252,6 +256,7 @@ impl<A: Arrays> Node<A> {
             ..indicators
         });
         self.departures.residual_rms = self.departure(&tag, indicators.residual_rms, |point| point.residual_rms);
+        self.local_departures.fm0 = self.local_departure(&tag, indicators.fm0, |point| point.fm0);
         self.watch_at_speed(Watched::Fm0, &tag, indicators.fm0);
         self.watch_at_speed(Watched::Fm4, &tag, indicators.fm4);
     }
@@ -259,6 +264,10 @@ impl<A: Arrays> Node<A> {
     /// How far a value is from what is expected at the result's speed.
     fn departure(&self, tag: &Tag, value: f32, of: fn(&LevelPoint) -> ExpectedLevel) -> Option<Departure> {
         levels::departure(&self.config.levels, believed(tag)?, tag.speed_uncertainty, value, of)
+    }
+
+    fn local_departure(&self, tag: &Tag, value: f32, of: fn(&LocalPoint) -> ExpectedLevel) -> Option<Departure> {
+        levels::departure(&self.config.local_levels, believed(tag)?, tag.speed_uncertainty, value, of)
     }
 
     /// Puts a value that needs a speed to its limits.

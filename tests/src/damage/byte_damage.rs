@@ -236,7 +236,9 @@ pub fn damage_npy(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) -> String {
         4 => ("Fortran order".to_owned(), Some(header.replace("False", "True "))),
         _ => {
             let at = random.random_range(6..10.min(bytes.len()).max(7));
-            bytes[at] = random.random();
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte = random.random();
+            }
             return format!("header byte {at}");
         }
     };

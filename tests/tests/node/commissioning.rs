@@ -317,7 +317,7 @@ fn fault_an_interrupt_behind_the_store_leaves_what_is_stored_and_says_so() {
     assert!(done.stored && done.refusal().is_none());
     let finding = done.steps.last().and_then(|step| step.findings.last()).expect("the last step");
     assert!(finding.seen.contains("interrupted"), "{finding:?}");
-    assert_eq!(bench.client.configuration().expect("answers").levels.len(), done.levels.expect("learned").levels.len());
+    assert_eq!(bench.client.configuration().expect("answers").levels.len(), done.levels.expect("learned").points.len());
 }
 
 #[test]

@@ -51,7 +51,8 @@ fn theory_the_largest_messages_fit_a_frame() {
 #[test]
 fn theory_the_configuration_fits_its_bound() {
     use meshband::alarm::{AlarmBand, Watched};
-    use meshband::levels::{ExpectedLevel, LevelPoint};
+    use meshband::law::LawForm;
+    use meshband::levels::{ExpectedLevel, LevelPoint, LocalPoint};
     let band =
         AlarmBand { watched: Watched::Rms, from: Hertz(1.0), to: Hertz(25.0), raise: 2.0, clear: 1.0, persistence: 3 };
     use meshband::units::Hertz;
@@ -67,11 +68,18 @@ fn theory_the_configuration_fits_its_bound() {
             residual_rms: level,
         };
         config.levels.push(point).expect("room");
+        let local = LocalPoint { speed: Hertz(n as f32), sidebands: level, fm0: level };
+        config.local_levels.push(local).expect("room");
     }
+    config.second = Some(meshband::config::SecondSensor::default());
+    config.limits.highest_adc = Hertz(200_000.0);
     assert_eq!(config.validate(meshband::board::Timing::STM32F405), Ok(()));
+    assert!(matches!(config.law.form, LawForm::Tabulated(_)), "the longest form");
     let packet = Packet::Request(Request::SetConfiguration(config));
     let mut buffer = [0u8; MAX_FRAME];
-    assert!(encode(&packet, 0, &mut buffer).expect("fits").len() <= Configuration::MAX_SERIALISED);
+    let length = encode(&packet, 0, &mut buffer).expect("fits").len();
+    println!("{length} bytes");
+    assert!(length <= Configuration::MAX_SERIALISED);
 }
 
 /// A link that damages one byte in a hundred and cuts one frame in fifty short.

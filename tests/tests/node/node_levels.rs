@@ -5,7 +5,9 @@ use meshband::alarm::{AlarmBand, Watched};
 use meshband::board::Timing;
 use meshband::config::{Configuration, ConfigurationError};
 use meshband::events::EventKind;
-use meshband::levels::{ExpectedLevel, LevelPoint, departure};
+use meshband::levels::{ExpectedLevel, LevelPoint, LocalDepartures, LocalPoint, departure};
+use meshband::mesh_band::sideband_amplitude;
+use meshband::message::{MeshBand, SpectralLine};
 use meshband::units::Hertz;
 
 fn point(speed: f32, level_db: f32, uncertainty_db: f32) -> LevelPoint {
@@ -115,4 +117,62 @@ fn fault_without_speed_or_with_a_bad_signal_there_is_no_departure_and_its_alarm_
     watch.run(5.0, 90.0);
     assert_eq!(watch.indicators.expect("values").departures.rms, None);
     assert_eq!(watch.said(EventKind::AlarmCleared), [0u32; 0]);
+}
+
+#[test]
+fn theory_sidebands_of_all_harmonics_count_alike() {
+    let line = |amplitude: f32| SpectralLine { amplitude, ..SpectralLine::default() };
+    let band = |pinion: &[f32], gear: &[f32]| MeshBand {
+        line: line(100.0),
+        sidebands: pinion.iter().copied().map(line).collect(),
+        gear_sidebands: gear.iter().copied().map(line).collect(),
+        ..MeshBand::default()
+    };
+    // 5 of a harmonic's own, 20 of another's: ten, whatever the harmonics themselves are.
+    let all = [band(&[3.0, 0.0], &[4.0]), band(&[20.0], &[]), band(&[0.0], &[0.0])];
+    assert!((sideband_amplitude(&all) - 10.0).abs() < 1e-4, "{}", sideband_amplitude(&all));
+    assert_eq!((sideband_amplitude(&all[2..]), sideband_amplitude(&[])), (0.0, 0.0));
+}
+
+#[test]
+fn theory_a_local_fault_departs_and_its_alarm_watches_it() {
+    let mut config = watching();
+    // A sine at the mesh frequency: peak to peak over its amplitude is 2. Only one of the two departs upwards.
+    let level_db = 20.0 * 2.0f32.log10() - 10.0;
+    let expected = |speed| LocalPoint {
+        speed: Hertz(speed),
+        sidebands: ExpectedLevel { level_db: 100.0, uncertainty_db: 1.0 },
+        fm0: ExpectedLevel { level_db, uncertainty_db: 2.0 },
+    };
+    config.local_levels = [expected(10.0), expected(40.0)].into_iter().collect();
+    let mut watch = Watch::new(config);
+    watch.run(5.0, 20.0);
+    let found = watch.indicators.as_ref().expect("values").local_departures;
+    let (fm0, sidebands) = (found.fm0.expect("expected"), found.sidebands.expect("expected"));
+    assert!((fm0.departure_db - 10.0).abs() < 0.5 && (fm0.uncertainty_db - 2.0).abs() < 0.01, "{fm0:?}");
+    assert!(sidebands.departure_db < -50.0, "{sidebands:?}");
+    assert_eq!(watch.said(EventKind::AlarmRaised), [0], "five standard uncertainties, four are the limit");
+    // Without a tach there is neither.
+    watch.tach = false;
+    watch.run(5.0, 20.0);
+    assert_eq!(watch.indicators.as_ref().expect("values").local_departures, LocalDepartures::NONE);
+}
+
+#[test]
+fn fault_local_tables_that_say_nothing_sound_are_refused_by_their_own_name() {
+    let point = |speed: f32, level_db: f32| {
+        let level = ExpectedLevel { level_db, uncertainty_db: 1.0 };
+        LocalPoint { speed: Hertz(speed), sidebands: level, fm0: level }
+    };
+    let judged = |points: &[LocalPoint]| {
+        let local_levels = points.iter().copied().collect();
+        Configuration { local_levels, ..Configuration::default() }.validate(Timing::STM32F405)
+    };
+    assert_eq!(judged(&[point(1.0, 0.0), point(2.0, 0.0)]), Ok(()));
+    for wrong in
+        [vec![point(1.0, 0.0)], vec![point(2.0, 0.0), point(1.0, 0.0)], vec![point(1.0, f32::NAN), point(2.0, 0.0)]]
+    {
+        assert_eq!(judged(&wrong), Err(ConfigurationError::LocalLevels), "{wrong:?}");
+    }
+    assert_eq!(ConfigurationError::LocalLevels.field(), "local_levels");
 }

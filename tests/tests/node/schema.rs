@@ -129,8 +129,8 @@ fn fault_a_shortened_configuration_of_the_present_schema_is_no_older_one() {
     assert_eq!(Configuration::from_stored(&[&whole[..], &[0]].concat()), None);
 }
 
-/// Bytes at the end of the default configuration that a layout did not have: the second sensor, waveforms, the link, the list of levels.
-const APPENDED: [(u16, usize); 4] = [(6, 1), (5, 1 + 5), (4, 1 + 5 + 4), (3, 1 + 5 + 4 + 1)];
+/// Bytes at the end of the default configuration that a layout did not have: local levels, the second sensor, waveforms, the link, the list of levels.
+const APPENDED: [(u16, usize); 5] = [(7, 1), (6, 2), (5, 2 + 5), (4, 2 + 5 + 4), (3, 2 + 5 + 4 + 1)];
 
 #[test]
 fn regress_a_configuration_of_an_older_layout_has_the_first_value_of_what_was_appended() {
@@ -141,7 +141,7 @@ fn regress_a_configuration_of_an_older_layout_has_the_first_value_of_what_was_ap
         let (older, _) = whole.split_at(whole.len() - appended);
         let read = Configuration::from_stored(older).expect("an older one");
         assert_eq!(read, Configuration { latched: 5, ..Configuration::default() }, "schema {schema}");
-        assert!(read.levels.is_empty() && read.second.is_none());
+        assert!(read.levels.is_empty() && read.second.is_none() && read.local_levels.is_empty());
         assert_eq!((read.link.personality, read.capture.keep), (Personality::Meshband, CaptureRate::Off));
     }
 }

@@ -17,7 +17,7 @@ use meshband::update::receiver::Place;
 use meshband::update::{Slot, StartCause, Updater};
 use meshband_drivers::programmable_gain::Gain;
 use meshband_node::crash::{self, Cause};
-use meshband_node::runner::{BoardEvent, NodeCapture, NodeSession, Runner, open_capture};
+use meshband_node::runner::{Beginning, BoardEvent, NodeCapture, NodeSession, Runner, open_capture};
 use meshband_node::stm32f405::outputs::Wanted;
 use meshband_node::stm32f405::sector_flash::{Parts, SectorFlash};
 use meshband_node::stm32f405::{Board, Power, TIMING, own_base, power_up, set_light, unique_id};
@@ -73,8 +73,9 @@ fn open(power: &Power) -> (Runner<SectorFlash>, u32) {
     // SAFETY: the only references to them, taken once: this function is entered once.
     let (place, samples) = unsafe { (&mut *session, &mut *samples) };
     let arrays = LentArrays { buffers, capture: open_capture(capture, samples) };
-    let store = Store::new(flash.configuration, 0);
-    (Runner::open(place, store, TIMING, crystal, failures, arrays, Some(updater)), failures)
+    let mut store = Store::new(flash.configuration, 0);
+    let beginning = Beginning::load(&mut store, TIMING, failures);
+    (Runner::open(place, store, &beginning, TIMING, crystal, arrays, Some(updater)), failures)
 }
 
 /// The node in operation.

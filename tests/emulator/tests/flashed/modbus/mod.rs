@@ -9,10 +9,12 @@ use super::spoken::Node;
 use master::Master;
 use meshband::config::{Configuration, LinkConfig, Parity, Personality, SensorSupply};
 use meshband::frame::Packet;
+use meshband::levels::{ExpectedLevel, LocalPoint};
 use meshband::message::{Indicators, Message, Reply, Request, Spectrum, Status};
 use meshband::modbus::map::{Kind, REGISTERS, Register};
 use meshband::modbus::{CRC16, MAP_VERSION};
 use meshband::shaft_lines::ShaftOrders;
+use meshband::units::Hertz;
 use meshband_emulator::world::PinChange;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -27,7 +29,9 @@ const LISTENED_S: f64 = 3.4;
 fn configuration() -> Configuration {
     let link =
         LinkConfig { personality: Personality::Modbus, address: ADDRESS, bits_per_second: 0, parity: Parity::Even };
-    Configuration { link, ..watched(SensorSupply::Off) }
+    let level = ExpectedLevel { level_db: 30.0, uncertainty_db: 1.5 };
+    let local_levels = [10.0, 40.0].map(|hz| LocalPoint { speed: Hertz(hz), sidebands: level, fm0: level });
+    Configuration { link, local_levels: local_levels.into_iter().collect(), ..watched(SensorSupply::Off) }
 }
 
 /// A node with that stored, at the moment its power comes back: 25 Hz, mesh at 500 Hz, loud from the second second on.
@@ -222,11 +226,20 @@ fn claim_an_independent_modbus_master_reads_what_the_link_reports_bit_for_bit() 
     let speed = f32::from_bits(value(&words, "status", "speed"));
     assert!((speed - 25.0).abs() < 0.01, "{speed}");
     assert!(value(&words, "status", "age") <= 1);
-    // Nothing is expected and nothing was timed at this rate: not numbers, and an age that no limit accepts.
+    let words = group(&mut master, &mut node, "departures");
+    let number = value(&group(&mut master, &mut node, "values"), "values", "number");
+    let told = said.values[number as usize - 1];
+    let sidebands = told.local_departures.sidebands.expect("expected of the mesh bands");
+    // Nothing is expected of the RMS, and nothing was timed at this rate: not numbers, and an age that no limit accepts.
     check(
-        &group(&mut master, &mut node, "departures"),
+        &words,
         "departures",
-        &[("rms", Expected::None), ("largest", Expected::None)],
+        &[
+            ("rms", Expected::None),
+            ("sidebands", Expected::Float(sidebands.departure_db)),
+            ("sidebands_uncertainty", Expected::Float(sidebands.uncertainty_db)),
+            ("largest", Expected::Float(told.largest_departure().expect("one at least"))),
+        ],
     );
     let words = group(&mut master, &mut node, "measured bandwidth");
     check(&words, "measured bandwidth", &[("age", Expected::Number(65_535)), ("rise", Expected::None)]);
