@@ -77,6 +77,8 @@ const PAGES: [Page; 8] = [
         dark: false,
     },
 ];
+const SOUND: &str =
+    "simulate MACHINE --speed 30,40,50 --torque 10 --duration 6 --rate 51200 --noise 0.02 --pulses 8 -o sound";
 const SPEEDS: &str = "simulate MACHINE --speed 14,17,20 --torque 10 --duration 2 --rate 51200 --noise 0.02 --pulses 8 --effect eccentricity:amplitude=20e-6 -o three";
 
 impl Page {
@@ -149,6 +151,7 @@ fn monitor(folder: &Path, pictures: &Path) -> Outcome {
         return Ok(());
     }
     let (_node, port) = virtual_node(folder)?;
+    expect_levels(folder, &port)?;
     let socket = format!("meshband-{}", std::process::id());
     let tmux = |words: &[&str]| capture(command(&["tmux", "-L", &socket]).args(words));
     let shown = format!("{} monitor tcp:127.0.0.1:{port} --record run.link", program().display());
@@ -166,13 +169,21 @@ fn monitor(folder: &Path, pictures: &Path) -> Outcome {
     outcome
 }
 
+/// The node expects the levels that it has on a record of the same machine at three speeds about that of the loop.
+fn expect_levels(folder: &Path, port: &str) -> Outcome {
+    capture(&mut meshband(folder, SOUND))?;
+    capture(&mut meshband(folder, "levels learn sound -o levels.toml"))?;
+    capture(meshband(folder, "configure").arg(format!("tcp:127.0.0.1:{port}")).args(["--settings", "levels.toml"]))
+        .map(drop)
+}
+
 /// Waits until the view has measured for a while: mesh bands, values of an average, a trend.
 fn until(mut screen: impl FnMut() -> Outcome<String>) -> Outcome<String> {
     let start = Instant::now();
     loop {
         std::thread::sleep(Duration::from_secs(3));
         let now = screen()?;
-        let whole = ["MEASURING", "1x ", "RMS, m/s2", "FM4"].iter().all(|part| now.contains(part));
+        let whole = ["MEASURING", "1x ", "RMS, m/s2", "FM4", "departure"].iter().all(|part| now.contains(part));
         if whole && start.elapsed() > Duration::from_secs(25) {
             return Ok(now);
         }
@@ -184,7 +195,7 @@ fn until(mut screen: impl FnMut() -> Outcome<String>) -> Outcome<String> {
 
 /// A node on the machine's looped signal, and its port: said once the signal is simulated and the port is open.
 fn virtual_node(folder: &Path) -> Outcome<(Running, String)> {
-    let mut node = meshband(folder, "node --serve tcp:127.0.0.1:0 --duration 4 --loop MACHINE");
+    let mut node = meshband(folder, "node --serve tcp:127.0.0.1:0 --duration 4 --second gear --loop MACHINE");
     let mut node = Running(node.stdout(Stdio::piped()).spawn().map_err(|e| format!("the node: {e}"))?);
     let mut line = String::new();
     let out = node.0.stdout.take().ok_or("the node has no output")?;
