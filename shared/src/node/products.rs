@@ -218,8 +218,10 @@ impl<A: Arrays> Node<A> {
                 self.sideband_energy = sideband_energy;
                 self.departures.mesh_amplitude =
                     self.departure(&tag, first.line.amplitude, |point| point.mesh_amplitude);
-                self.local_departures.sidebands =
-                    self.local_departure(&tag, mesh_band::sideband_amplitude(&bands), |point| point.sidebands);
+                if !self.config.local_levels.is_empty() {
+                    self.local_departures.sidebands =
+                        self.local_departure(&tag, mesh_band::sideband_amplitude(&bands), |point| point.sidebands);
+                }
                 self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude);
                 self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0]);
             }

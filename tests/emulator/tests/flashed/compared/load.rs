@@ -15,7 +15,7 @@ pub const SPEEDS_HZ: [f64; 3] = [25.0, 60.0, 95.0];
 /// What a run may last, s: several mesh records and averages.
 const RUN_S: f64 = 4.0;
 /// Block buffers of the board, and how many the double buffer holds.
-const BUFFERS: f64 = 26.0;
+const BUFFERS: f64 = 28.0;
 const BEING_FILLED: u32 = 2;
 /// Least multiple of the bandwidth that a configuration may ask for.
 const LEAST_MULTIPLE: f32 = 2.0;
