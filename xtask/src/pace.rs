@@ -14,7 +14,7 @@ constant number of cycles is charged for each instruction (the core's manual giv
 see the real load). Every run lasts 4 s and asks for waveforms four times a second beside mesh records, synchronous averages and timed
 edges. A rate is kept up with where not one block is lost at any of the three speeds, and the next two rates below it hold, too. The second
 table is of nodes that keep waveforms (`[capture]`), at two cycles per instruction: blocks that are lost are counted by the node and said. The third one, at two
-cycles, is of one sensor and of two: of 26 block buffers two are being filled, the rest may wait for the main loop; what waited at most is the board's own count.
+cycles, is of one sensor and of two: of 28 block buffers two are being filled, the rest may wait for the main loop; what waited at most is the board's own count.
 
 ";
 
