@@ -33,7 +33,7 @@ const STEADY: f64 = 1.05;
 const MARGIN: f64 = 1.01;
 
 /// What is expected at one speed.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy)]
 pub struct Expected {
     /// Pinion rate, Hz.
     pub speed: Hertz,
@@ -51,8 +51,9 @@ impl Point for Expected {
     }
 }
 
-/// A table and what it rests on.
+/// A table and what it rests on; in JSON, the node's two tables.
 #[derive(Debug, Clone, Serialize)]
+#[serde(into = "Tables")]
 pub struct Learned {
     /// Ascending in speed.
     pub points: Vec<Expected>,
@@ -149,6 +150,23 @@ fn fitted(speeds: &[f64], values: &[Observation], allowance_db: f64) -> Vec<Expe
         ExpectedLevel { level_db: solved[k] as f32, uncertainty_db: uncertainty as f32 }
     };
     (0..n).map(level).collect()
+}
+
+#[derive(Serialize)]
+struct Tables {
+    levels: Vec<LevelPoint>,
+    local_levels: Vec<LocalPoint>,
+    values: [usize; QUANTITIES.len()],
+}
+
+impl From<Learned> for Tables {
+    fn from(learned: Learned) -> Self {
+        Self {
+            levels: learned.levels().collect(),
+            local_levels: learned.local_levels().collect(),
+            values: learned.values,
+        }
+    }
 }
 
 impl Learned {

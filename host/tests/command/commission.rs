@@ -124,7 +124,9 @@ fn loop_the_command_takes_the_emulated_board_from_wired_to_watching() {
     assert_eq!(json["steps"].as_array().map(Vec::len), Some(7));
     assert!(
         json["steps"][1]["outcome"] != "refused"
-            && json["levels"]["levels"].as_array().is_some_and(|all| all.len() > 1)
+            && ["levels", "local_levels"]
+                .iter()
+                .all(|table| json["levels"][table].as_array().is_some_and(|all| all.len() > 1))
     );
     let page = std::fs::read_to_string(out.join("report.html")).expect("was written");
     for part in ["watching", "Baseline over speed", "<svg", "first mesh harmonic"] {
