@@ -6,21 +6,24 @@
 //! rule (Zavalishin 2012): their states are the physical ones, so a change of the ADC rate only changes coefficients, and a run-up
 //! with its many rates gives one record.
 //!
-//! The comb's droop and the trapezoid's are undone by three symmetric taps, exact at zero and at `EXACT_SHARE` of the upper edge: gain of the
-//! whole within 0.1 % of the analogue filters' up to 0.9 of the upper edge. Aliases into the band: -70 dB at worst.
+//! The comb's droop and the trapezoid's are undone by five symmetric taps, exact at zero and at the two `EXACT_SHARES` of the upper edge: gain of the
+//! whole within 0.1 % of the analogue filters' up to 1.8 of the upper edge, so that a strong line beside the band adds what it would add there. Where
+//! the rate is too low for the second of them three taps hold up to 0.9 of the edge. Aliases into the band: -70 dB at worst.
 //!
-//! Cost (Cortex-M4F): 7 instructions per code and about 90 per output, [`OUTPUT_HZ`] of them per second.
+//! Cost (Cortex-M4F): 7 instructions per code and about 95 per output, [`OUTPUT_HZ`] of them per second.
 
 use crate::math;
 
 /// Output rate aimed at, Hz; reached within the comb's whole ratio.
-pub const OUTPUT_HZ: f32 = 24_000.0;
+pub const OUTPUT_HZ: f32 = 20_000.0;
 /// Highest ratio whose sums fit 32 bits: the cube of it times the largest code.
 const HIGHEST_RATIO: u32 = 32;
 /// Share of the output rate that the upper edge may have.
 const HIGHEST_SHARE: f32 = 0.2;
-/// Where the droop is undone exactly, share of the upper edge.
-const EXACT_SHARE: f32 = 0.8;
+/// Where the droop is undone exactly, shares of the upper edge.
+const EXACT_SHARES: [f32; 2] = [0.8, 1.7];
+/// Highest share of the output rate at which it is undone: beyond, the taps would lift the noise.
+const HIGHEST_EXACT: f32 = 0.12;
 /// Damping of the two sections of a fourth-order Butterworth filter, 1/Q.
 const BUTTERWORTH: [f32; 2] = [1.847_759, 0.765_366_9];
 
@@ -80,8 +83,8 @@ pub struct VelocityBand {
     upper_hz: f32,
     ratio: u32,
     scale: f32,
-    /// Outer tap of the three.
-    tap: f32,
+    /// Second and fourth difference that undo the droop.
+    taps: [f32; 2],
     /// From the first section's band part to velocity, s.
     integration: f32,
     coefficients: [Coefficients; 4],
@@ -95,7 +98,7 @@ impl VelocityBand {
             upper_hz: edges.to_hz,
             ratio: 1,
             scale: 1.0,
-            tap: 0.0,
+            taps: [0.0; 2],
             integration: 0.0,
             coefficients: [Coefficients::default(); 4],
         }
@@ -115,9 +118,23 @@ impl VelocityBand {
         let [wide, narrow] = BUTTERWORTH;
         self.coefficients = [(low, wide), (low, narrow), (high, wide), (high, narrow)]
             .map(|(gain, damping)| Coefficients::new(gain, damping));
-        let exact = EXACT_SHARE * self.upper_hz;
-        let droop = comb_gain(ratio, exact / rate) * angle(exact) / tangent(exact);
-        self.tap = -0.5 * (1.0 / droop - 1.0) / (1.0 - math::cos(2.0 * angle(exact)));
+        // With u = 2 (1 - cos), the taps' gain is 1 - a u + b u^2.
+        let missing = |share: f32| {
+            let hz = share * self.upper_hz;
+            let low_pass = low_pass_gain(tangent(hz) / high) / low_pass_gain(share);
+            let gain = comb_gain(ratio, hz / rate) * angle(hz) / tangent(hz) * low_pass;
+            let u = 2.0 * (1.0 - math::cos(2.0 * angle(hz)));
+            (u, (1.0 / gain - 1.0) / u)
+        };
+        let [near, far] = EXACT_SHARES;
+        let (u, first) = missing(near);
+        let bend = if far * self.upper_hz <= HIGHEST_EXACT * rate {
+            let (v, second) = missing(far);
+            (second - first) / (v - u)
+        } else {
+            0.0
+        };
+        self.taps = [bend * u - first, bend];
     }
 
     /// Upper edge in force: the band's, or what the rate carries.
@@ -139,7 +156,7 @@ pub struct BandVelocity {
     earlier: [i32; 3],
     /// Outputs of the comb that do not count yet: those that still see what lay before it began.
     skipped: u32,
-    held: [f32; 2],
+    held: [f32; 4],
     sections: [Section; 4],
 }
 
@@ -152,7 +169,7 @@ impl BandVelocity {
     /// Forgets the signal.
     pub fn restart(&mut self) {
         self.sections = [Section::default(); 4];
-        self.held = [0.0; 2];
+        self.held = [0.0; 4];
         self.begin_comb();
     }
 
@@ -195,9 +212,11 @@ impl BandVelocity {
             return None;
         }
         let sample = thrice as f32 * band.scale;
-        let [oldest, middle] = self.held;
-        self.held = [middle, sample];
-        let flat = middle + band.tap * (oldest - 2.0 * middle + sample);
+        let [oldest, older, middle, newer] = self.held;
+        self.held = [older, middle, newer, sample];
+        let (inner, outer) = (older + newer, oldest + sample);
+        let [second, fourth] = band.taps;
+        let flat = middle + second * (inner - 2.0 * middle) + fourth * (outer - 4.0 * inner + 6.0 * middle);
         let [first, second, third, fourth] = &mut self.sections;
         let [a, b, c, d] = &band.coefficients;
         let integrated = first.pass(flat, a).band;
@@ -205,6 +224,13 @@ impl BandVelocity {
         let low = third.pass(high, c).low;
         Some(fourth.pass(low, d).low * band.integration)
     }
+}
+
+/// Gain of a fourth-order Butterworth low-pass at a frequency over its edge.
+fn low_pass_gain(share: f32) -> f32 {
+    let squared = share * share;
+    let eighth = squared * squared * squared * squared;
+    1.0 / math::sqrt(1.0 + eighth)
 }
 
 /// Gain of three moving means of `ratio` samples at a frequency in turns per output.

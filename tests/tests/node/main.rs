@@ -44,5 +44,6 @@ mod streams;
 mod strongest_lines;
 mod tach;
 mod update;
+mod values_of_machines;
 mod window;
 mod zoom;

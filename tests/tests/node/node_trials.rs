@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 /// Measured files, or `None` after saying why the test is skipped.
-fn measured(test: &str, names: &[&str]) -> Option<Vec<PathBuf>> {
+pub fn measured(test: &str, names: &[&str]) -> Option<Vec<PathBuf>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
     if files.iter().all(|file| file.is_file()) {
@@ -23,7 +23,7 @@ fn measured(test: &str, names: &[&str]) -> Option<Vec<PathBuf>> {
     None
 }
 
-fn imported(files: &[PathBuf], teeth: [u32; 2], rate_hz: f64, unit: SourceUnit) -> Record {
+pub fn imported(files: &[PathBuf], teeth: [u32; 2], rate_hz: f64, unit: SourceUnit) -> Record {
     let options = ImportOptions {
         title: "measured".into(),
         reading: Reading::default(),
@@ -178,7 +178,7 @@ fn claim_at_the_automatic_rate_the_folded_lines_are_gone_by_60_db() {
     }
 }
 
-fn paper_rig(speed_hz: f64, final_speed_hz: Option<f64>, duration_s: f64) -> Signal {
+pub fn paper_rig(speed_hz: f64, final_speed_hz: Option<f64>, duration_s: f64) -> Signal {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/paper-rig.toml");
     let machine = Machine::read(&path).expect("a machine");
     let effects = [effects::parse("eccentricity:amplitude=20e-6").expect("an effect")];

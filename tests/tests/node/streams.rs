@@ -471,7 +471,7 @@ const WATCHED: [Said; 16] = [
     ("run-up", 56, 0x4f7c6709, 0xb7dcec9e),
     ("steady", 76, 0x0fda79ac, 0x8feb82d5),
     ("waveform asked for", 22, 0xc6ae4fb8, 0x8feb82d5),
-    ("struck", 24, 0xf05e8a6e, 0x6da89b7a),
+    ("struck", 24, 0x0ca6c8d2, 0x6da89b7a),
     ("stronger", 24, 0x3355cd78, 0x26aa34a9),
     ("waveform of an alarm", 47, 0xc1ddfe8f, 0x26aa34a9),
     ("calm again", 21, 0x9704957e, 0x69454f1c),
