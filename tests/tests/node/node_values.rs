@@ -27,7 +27,7 @@ pub struct Run {
 }
 
 impl Run {
-    fn turns(&self, t: f64) -> f64 {
+    pub fn turns(&self, t: f64) -> f64 {
         if self.growth == 0.0 { self.speed * t } else { self.speed * (self.growth * t).exp_m1() / self.growth }
     }
 
@@ -65,7 +65,7 @@ pub fn configuration() -> Configuration {
 }
 
 /// What a node says of a signal.
-fn listen(
+pub fn listen(
     config: Configuration,
     run: Run,
     seconds: f64,

@@ -3,9 +3,11 @@
 //! What the sensor hears between two samples of the record is a straight line, for the node and for the reference alike.
 
 use crate::node_trials::{imported, measured, paper_rig};
-use crate::node_values::{Run, Tolerance, assert_values_of, configuration};
+use crate::node_values::{Run, Tolerance, assert_values_of, configuration, listen};
 use meshband_host::import::Unit as SourceUnit;
 use meshband_host::virtual_node::signal::Signal;
+use rustfft::num_complex::Complex;
+use std::f64::consts::TAU;
 
 /// Largest acceleration, m/s2: within the range of the node's codes.
 const LARGEST: f64 = 40.0;
@@ -13,23 +15,75 @@ const LARGEST: f64 = 40.0;
 /// Mesh lines of a fast machine lie behind the velocity's band: 80 dB below what they would be in it do not count.
 const SHARP: Tolerance = Tolerance { peaks: 1e-2, skirts: 1e-4 };
 
-/// Judges the values of a signal at its own speed.
-fn assert_values(signal: &Signal) {
-    let samples = &signal.samples;
+/// What the sensor hears at a time, within the range of the codes.
+fn heard(signal: &Signal) -> impl Fn(f64, f64) -> f64 + Copy {
+    let (samples, rate_hz) = (&signal.samples, signal.rate_hz);
     let (mean, count) = (samples.iter().sum::<f64>() / samples.len() as f64, samples.len());
     let largest = samples.iter().map(|x| (x - mean).abs()).fold(0.0, f64::max);
-    let at = |t: f64, _: f64| {
-        let place = (t * signal.rate_hz).min((count - 2) as f64);
+    move |t, _| {
+        let place = (t * rate_hz).min((count - 2) as f64);
         let (before, share) = (place as usize, place.fract());
         let between = samples[before] + share * (samples[before + 1] - samples[before]);
         (between - mean) * LARGEST / largest
-    };
+    }
+}
+
+/// Its own mean speed, and how long it lasts, s.
+fn run_of(signal: &Signal) -> (Run, f64) {
     let marks = signal.edges_s.len() - 1;
     let turns = marks as f64 / f64::from(signal.pulses_per_turn) * signal.pinion_per_tach;
     let speed = turns / (signal.edges_s[marks] - signal.edges_s[0]);
-    let seconds = (count - 2) as f64 / signal.rate_hz - 1.0;
-    let least = assert_values_of(configuration(), Run { speed, growth: 0.0 }, seconds, SHARP, at);
-    println!("{}: {speed:.2} Hz, peaks of {least:.1} m/s2 at least", signal.channel);
+    (Run { speed, growth: 0.0 }, (signal.samples.len() - 2) as f64 / signal.rate_hz - 1.0)
+}
+
+/// Judges the values of a signal at its own speed.
+fn assert_values(signal: &Signal) {
+    let (run, seconds) = run_of(signal);
+    let least = assert_values_of(configuration(), run, seconds, SHARP, heard(signal));
+    println!("{}: {:.2} Hz, peaks of {least:.1} m/s2 at least", signal.channel, run.speed);
+}
+
+/// Once per turn of the pinion, record by record, against sums in double precision over the very turns: records follow on each other, so
+/// where the first one begins is all that has to be found. A line of a two-hundredth of the signal, in its noise: what the node's
+/// window does to the ends of a record is within a degree.
+fn assert_once_per_turn(signal: &Signal) {
+    let (run, seconds) = run_of(signal);
+    let at = heard(signal);
+    let values = listen(configuration(), run, seconds, true, at);
+    let found: Vec<(f64, Complex<f64>)> = values
+        .iter()
+        .filter_map(|value| value.pinion)
+        .map(|orders| {
+            let line = orders.lines[0];
+            let phase = f64::from(line.phase_deg).to_radians();
+            (f64::from(orders.turns), Complex::from_polar(f64::from(line.amplitude), phase))
+        })
+        .collect();
+    assert!(found.len() >= 4, "{} records", found.len());
+    // Sums up to each step of a 4000th of a turn.
+    let steps = 4000.0;
+    let mut sums = vec![Complex::new(0.0, 0.0)];
+    for n in 0..(seconds * run.speed * steps) as usize {
+        let turns = (n as f64 + 0.5) / steps;
+        let value = at(turns / run.speed, turns) * Complex::from_polar(2.0, TAU * turns.fract());
+        sums.push(sums[n] + value);
+    }
+    let teeth = 19.0;
+    let off = |pitch: usize| -> Option<f64> {
+        let mut from = (pitch as f64 / teeth * steps).round() as usize;
+        let mut worst = 0.0f64;
+        for (turns, line) in &found {
+            let to = from + (turns * steps) as usize;
+            let wanted = (sums.get(to)? - sums[from]) / (turns * steps);
+            worst =
+                worst.max((line / wanted).arg().to_degrees().abs()).max(((line / wanted).norm() - 1.0).abs() * 25.0);
+            from = to;
+        }
+        Some(worst)
+    };
+    let best = (0..).map_while(off).fold(f64::INFINITY, f64::min);
+    println!("{}: {} records, {best:.3} degrees, {:.3} m/s2", signal.channel, found.len(), found[0].1.norm());
+    assert!(best < 1.0, "{}: {best} degrees (a hundredth of the amplitude counts as a quarter of one)", signal.channel);
 }
 
 #[test]
@@ -38,7 +92,9 @@ fn ref_values_of_gear0_are_those_of_the_record() {
     let Some(files) = measured("values of gear0", &names.each_ref().map(String::as_str)) else { return };
     let record = imported(&files, [23, 46], 25_600.0, SourceUnit::MetrePerSecondSquared);
     for channel in ["0", "1", "2", "3"] {
-        assert_values(&Signal::of_record(&record, 0, (channel, None), 1.0, Some(8.0)).expect("a channel"));
+        let signal = Signal::of_record(&record, 0, (channel, None), 1.0, Some(8.0)).expect("a channel");
+        assert_values(&signal);
+        assert_once_per_turn(&signal);
     }
 }
 
