@@ -53,6 +53,8 @@ pub fn run_task(args: &[String]) -> Outcome {
         return Err(format!("no target is called {name}"));
     }
     let chosen = known.iter().enumerate().filter(|(_, (name, _))| args.is_empty() || args.iter().any(|a| a == name));
+    // Of the program that runs, whatever is committed meanwhile.
+    let when = stamp()?;
     let queue: Mutex<VecDeque<_>> = Mutex::new(chosen.collect());
     let done = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
@@ -68,7 +70,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     });
     let mut done = done.into_inner().expect("no panic");
     done.sort_by_key(|(place, ..)| *place);
-    let (when, mut failed, mut fresh) = (stamp()?, Vec::new(), BTreeMap::new());
+    let (mut failed, mut fresh) = (Vec::new(), BTreeMap::new());
     for (_, name, reads, found) in done {
         let found = found?;
         let [inputs, edges, kept, longest, memory] = found.figures;

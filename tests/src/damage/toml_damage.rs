@@ -1,12 +1,13 @@
 //! Damage to one key of a TOML document: removed, of another size, of another sign, of another type.
 
+use std::rc::Rc;
 use toml::{Table, Value};
 
 /// One step of a path: a key or a position in an array.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Step {
-    /// Key of a table.
-    Key(String),
+    /// Key of a table, shared by all paths below it: a long key above a long array would be copied for every entry.
+    Key(Rc<str>),
     /// Position in an array.
     At(usize),
 }
@@ -63,8 +64,13 @@ pub const CHANGES: &[(&str, Change)] = &[
     ("in an array", |v| Some(Value::Array(vec![v.clone()]))),
     ("in a table", |v| Some(Value::Table(Table::from_iter([("value".to_owned(), v.clone())])))),
     ("as text", |v| Some(v.to_string().into())),
-    ("many entries", |v| Some(Value::Array(vec![v.clone(); 20_000]))),
+    ("many entries", |v| {
+        Some(Value::Array(vec![v.clone(); (MANY_BYTES / v.to_string().len().max(1)).clamp(2, 20_000)]))
+    }),
 ];
+
+/// About what many entries are long together: any number of a long table would be the damage's own attack on the memory.
+const MANY_BYTES: usize = 1 << 20;
 
 /// Names of all changes, removal first.
 pub fn changes() -> usize {
@@ -75,7 +81,7 @@ pub fn changes() -> usize {
 pub fn places(table: &Table) -> Vec<Vec<Step>> {
     let mut found = Vec::new();
     for (key, value) in table {
-        collect(vec![Step::Key(key.clone())], value, &mut found);
+        collect(vec![Step::Key(key.as_str().into())], value, &mut found);
     }
     found
 }
@@ -83,7 +89,9 @@ pub fn places(table: &Table) -> Vec<Vec<Step>> {
 fn collect(path: Vec<Step>, value: &Value, found: &mut Vec<Vec<Step>>) {
     let with = |step: Step| path.iter().cloned().chain([step]).collect();
     match value {
-        Value::Table(table) => table.iter().for_each(|(key, v)| collect(with(Step::Key(key.clone())), v, found)),
+        Value::Table(table) => {
+            table.iter().for_each(|(key, v)| collect(with(Step::Key(key.as_str().into())), v, found))
+        }
         Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| collect(with(Step::At(i)), v, found)),
         _ => {}
     }
@@ -97,13 +105,13 @@ pub fn apply(document: &mut Table, place: &[Step], number: usize) -> Option<Stri
     let mut at = &mut whole;
     for step in parents {
         at = match step {
-            Step::Key(key) => at.get_mut(key.as_str())?,
+            Step::Key(key) => at.get_mut(&**key)?,
             Step::At(i) => at.get_mut(*i)?,
         };
     }
     let name = if number == 0 {
         match (at, last) {
-            (Value::Table(table), Step::Key(key)) => drop(table.remove(key)),
+            (Value::Table(table), Step::Key(key)) => drop(table.remove(&**key)),
             (Value::Array(list), Step::At(i)) => drop(list.remove(*i)),
             _ => return None,
         }
@@ -111,7 +119,7 @@ pub fn apply(document: &mut Table, place: &[Step], number: usize) -> Option<Stri
     } else {
         let (name, change) = CHANGES[number - 1];
         let slot = match last {
-            Step::Key(key) => at.get_mut(key.as_str())?,
+            Step::Key(key) => at.get_mut(&**key)?,
             Step::At(i) => at.get_mut(*i)?,
         };
         change(slot).map(|changed| {
@@ -127,7 +135,7 @@ pub fn apply(document: &mut Table, place: &[Step], number: usize) -> Option<Stri
 
 fn described(place: &[Step]) -> String {
     let step = |step: &Step| match step {
-        Step::Key(key) => key.clone(),
+        Step::Key(key) => key.to_string(),
         Step::At(i) => i.to_string(),
     };
     place.iter().map(step).collect::<Vec<_>>().join(".")
@@ -157,5 +165,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn theory_many_entries_of_a_long_table_stay_within_a_few_megabytes() {
+        let long = format!("[a]\nx = '{}'\n", "long ".repeat(10_000));
+        let mut table: Table = toml::from_str(&long).unwrap();
+        let many = CHANGES.iter().position(|(name, _)| *name == "many entries").unwrap() + 1;
+        apply(&mut table, &[Step::Key("a".into())], many).unwrap();
+        let written = toml::to_string(&table).unwrap().len();
+        assert!((2 * long.len()..3 * MANY_BYTES).contains(&written), "{written} bytes");
     }
 }
