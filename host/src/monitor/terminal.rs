@@ -1,4 +1,7 @@
 //! The terminal while the view is live: taken over at the start, given back at every end, keys in between.
+//!
+//! A terminal that is closed while its signal is ignored (`nohup`, a shell's background job) ends the view like a key: crossterm would read
+//! the end of the file for ever. Looked at before every reading of keys; on Unix only, elsewhere the system ends the program.
 
 use super::link::Watched;
 use super::panel::Panel;
@@ -35,13 +38,17 @@ pub struct Limits {
 pub fn live(link: &mut Watched, panel: &mut Panel, capture: Option<&Capture>, limits: Limits) -> Result<()> {
     let started = Instant::now();
     let mut terminal = ratatui::try_init().map_err(|error| Error::tool("terminal", error))?;
+    let keyboard = keyboard();
     let result = (|| {
         let mut open = Open::default();
         let mut drawn: Option<Instant> = None;
-        while !open.end && !interrupt::requested() {
+        while !open.end && !interrupt::requested() && !is_closed(keyboard.as_ref()) {
             let pause = drawn.map_or(Duration::ZERO, |at| REDRAW.saturating_sub(at.elapsed()));
             if let Some(message) = link.next_message(pause.min(Duration::from_millis(50))) {
                 panel.take(message, started.elapsed().as_secs_f64());
+            }
+            if is_closed(keyboard.as_ref()) {
+                break;
             }
             keys(&mut open, link, panel)?;
             open.end |= limits.messages.is_some_and(|most| panel.view.messages >= most);
@@ -57,13 +64,54 @@ pub fn live(link: &mut Watched, panel: &mut Panel, capture: Option<&Capture>, li
                     events_open: open.events,
                     help: open.help,
                 };
-                terminal.draw(|frame| draw(frame, &scene)).map_err(Error::Output)?;
+                match terminal.draw(|frame| draw(frame, &scene)) {
+                    Err(_) if is_closed(keyboard.as_ref()) => break,
+                    drawn => drawn.map_err(Error::Output)?,
+                };
             }
         }
         Ok(())
     })();
-    ratatui::restore();
-    result
+    let restored = ratatui::try_restore();
+    if is_closed(keyboard.as_ref()) {
+        // Its end would write to the terminal, fail, and panic over a message that cannot be written either.
+        std::mem::forget(terminal);
+        return result;
+    }
+    result.and(restored.map_err(Error::Output))
+}
+
+/// Where crossterm reads keys from: standard input, or the terminal of the session where that is none.
+#[cfg(unix)]
+fn keyboard() -> Option<std::os::fd::OwnedFd> {
+    use std::io::{IsTerminal, stdin};
+    use std::os::fd::AsFd;
+    let input = stdin();
+    if input.is_terminal() {
+        input.as_fd().try_clone_to_owned().ok()
+    } else {
+        Some(std::fs::File::open("/dev/tty").ok()?.into())
+    }
+}
+
+#[cfg(unix)]
+fn is_closed(keyboard: Option<&std::os::fd::OwnedFd>) -> bool {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    keyboard.is_some_and(|keyboard| {
+        let mut asked = [PollFd::new(keyboard, PollFlags::IN)];
+        let answered = poll(&mut asked, Some(&Timespec::default())).is_ok();
+        answered && asked[0].revents().intersects(PollFlags::HUP | PollFlags::ERR)
+    })
+}
+
+#[cfg(not(unix))]
+fn keyboard() -> Option<()> {
+    None
+}
+
+#[cfg(not(unix))]
+fn is_closed(_keyboard: Option<&()>) -> bool {
+    false
 }
 
 /// Takes all keys that wait.

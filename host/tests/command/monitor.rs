@@ -295,6 +295,49 @@ mod in_a_terminal {
         assert!(said.contains("mesh bands"), "{said}");
     }
 
+    /// With SIGHUP ignored nothing else ends the view: it used to read the end of the closed terminal for ever.
+    #[test]
+    fn fault_a_closed_terminal_ends_the_view_and_its_results_are_written() {
+        use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+        use rustix::termios::{Winsize, tcsetwinsize};
+        let folder = folder("monitor-closed");
+        let (_node, port) = Node::start(0);
+        // Not handed down to the command, which would keep its own terminal open.
+        let screen = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a pseudo-terminal");
+        grantpt(&screen).and_then(|()| unlockpt(&screen)).expect("usable");
+        let size = Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(&screen, size).expect("a terminal has a size");
+        let name = ptsname(&screen, Vec::new()).expect("a path").into_string().expect("text");
+        let mut screen = std::fs::File::from(screen);
+        let terminal = || std::fs::File::options().read(true).write(true).open(&name).expect("the terminal opens");
+        let mut monitor = Command::new(env!("CARGO_BIN_EXE_meshband"))
+            .args(["monitor", &format!("tcp:127.0.0.1:{port}"), "--record", "run.link", "--json", "run.json"])
+            .current_dir(&folder)
+            .stdin(terminal())
+            .stdout(terminal())
+            .stderr(terminal())
+            .spawn()
+            .expect("the command starts");
+        let (start, mut seen, mut buffer) = (Instant::now(), Vec::new(), [0; 4096]);
+        while !String::from_utf8_lossy(&seen).contains("MEASURING") {
+            assert!(start.elapsed() < PATIENCE, "the view opens: {}", String::from_utf8_lossy(&seen));
+            let count = screen.read(&mut buffer).expect("the terminal is read");
+            seen.extend_from_slice(&buffer[..count]);
+        }
+        drop(screen);
+        let start = Instant::now();
+        while monitor.try_wait().expect("asked").is_none() {
+            if start.elapsed() > PATIENCE {
+                monitor.kill().expect("killed");
+                panic!("the view goes on without its terminal");
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        let text = std::fs::read_to_string(folder.join("run.json")).expect("JSON is written at the end");
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        assert!(json["view"].is_object() && json["identity"].is_object(), "{text}");
+    }
+
     /// Passes bytes on and puts garbage between them.
     fn dirty(node: u16) -> u16 {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
