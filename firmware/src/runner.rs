@@ -14,6 +14,7 @@ use meshband::buffers::LentArrays;
 use meshband::capture::Capture;
 use meshband::config::{Configuration, LineFormat};
 use meshband::events::EventKind;
+use meshband::health::{HealthChange, HealthWatch};
 use meshband::identity::Identity;
 use meshband::message::Request;
 use meshband::safe_start::{GoodRun, is_safe_start};
@@ -46,6 +47,10 @@ pub enum BoardEvent {
     SafeStart = 7,
     /// The front end's gain could not be written and is in doubt; number: gain wanted.
     GainFault = 8,
+    /// The supply has left its tolerance ([`meshband::health::SUPPLY_TOLERANCE`]): accelerations are wrong by as much; number: millivolts.
+    Supply = 9,
+    /// The chip's temperature has left its range; number: kelvins.
+    Temperature = 10,
 }
 
 impl BoardEvent {
@@ -63,6 +68,10 @@ const STACK_PERIOD_S: u32 = 10;
 const FAREWELL_PER_SECOND: u32 = 5;
 /// Growth of the stack that is worth an event, bytes.
 const STACK_STEP: u32 = 1024;
+/// Tolerance of the clock where no crystal drives it, parts per million.
+const INTERNAL_OSCILLATOR_PPM: f32 = 10_000.0;
+/// Zero degrees Celsius, K.
+const ZERO_CELSIUS_K: f32 = 273.15;
 
 /// A session whose node keeps its arrays in statics.
 pub type NodeSession = Session<LentArrays<'static>>;
@@ -105,6 +114,8 @@ pub struct Runner<F: NorFlash + 'static> {
     configuration_taken: bool,
     /// Since when a complete update waits for its answer to leave.
     restart_since: Option<u32>,
+    health_watch: HealthWatch,
+    health_due: Option<u32>,
 }
 
 /// The configuration to start with.
@@ -162,6 +173,8 @@ impl<F: NorFlash + 'static> Runner<F> {
             trial: Trial::new(timing.clock),
             configuration_taken: !safe && !matches!(origin, Origin::Refused | Origin::Unreadable),
             restart_since: None,
+            health_watch: HealthWatch::default(),
+            health_due: None,
             session: place.write(Session::of_valid(configuration, timing, arrays)),
         }
     }
@@ -181,6 +194,7 @@ impl<F: NorFlash + 'static> Runner<F> {
             self.note(BoardEvent::SafeStart, failures);
         }
         if !self.crystal {
+            self.session.node_mut().set_clock_tolerance(INTERNAL_OSCILLATOR_PPM);
             self.note(BoardEvent::InternalOscillator, 0);
         }
     }
@@ -207,6 +221,8 @@ impl<F: NorFlash + 'static> Runner<F> {
             trial: Trial::new(clock),
             configuration_taken: true,
             restart_since: None,
+            health_watch: HealthWatch::default(),
+            health_due: None,
         }
     }
 
@@ -268,6 +284,7 @@ impl<F: NorFlash + 'static> Runner<F> {
             self.take_block(board, now);
         }
         self.report(board, now);
+        self.follow_health(board, now);
         due.block
     }
 
@@ -358,6 +375,27 @@ impl<F: NorFlash + 'static> Runner<F> {
             self.note(BoardEvent::EdgesLost, lost);
         }
         self.session.node_mut().note_waiting(board.most_waiting());
+    }
+
+    /// Pulses per second as they come, and once a second what the board measures of itself.
+    fn follow_health(&mut self, board: &mut impl Board, now: u32) {
+        if let Some(tick) = board.next_second_pulse() {
+            self.session.node_mut().on_second_pulse(tick);
+        }
+        if now.wrapping_sub(*self.health_due.get_or_insert(now)) < self.clock.0 {
+            return;
+        }
+        self.health_due = Some(now);
+        let health = board.health();
+        self.session.node_mut().set_board_health(health);
+        for change in self.health_watch.follow(health).into_iter().flatten() {
+            match change {
+                HealthChange::Supply(volts) => self.note(BoardEvent::Supply, (volts * 1e3) as u32),
+                HealthChange::Temperature(celsius) => {
+                    self.note(BoardEvent::Temperature, (celsius + ZERO_CELSIUS_K) as u32);
+                }
+            }
+        }
     }
 
     /// Looks at the stack's paint every few seconds and reports a new depth; not called where frames are compared with

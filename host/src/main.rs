@@ -27,6 +27,8 @@ enum Command {
     Check(commands::check::Args),
     /// The library of effects: names, keys, signatures, pictures.
     Effects(commands::effects::Args),
+    /// A node as a device: supply, temperature, bias, clock, time of day.
+    Health(commands::health::Args),
     /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
     Import(commands::import::Args),
     /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
@@ -85,6 +87,7 @@ fn run(command: Command) -> Result<()> {
         Command::Capture(args) => commands::capture::run(args),
         Command::Check(args) => commands::check::run(args),
         Command::Effects(args) => commands::effects::run(args),
+        Command::Health(args) => commands::health::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Law(args) => commands::law::run(args),
         Command::Levels(args) => commands::levels::run(args),

@@ -6,6 +6,7 @@
 
 use crate::config::LineFormat;
 use crate::node::Block;
+use crate::node::health::BoardHealth;
 use crate::units::{Hertz, TicksPerSecond};
 
 /// What a board's sample timer and converter can do: figures of the design that plan and configuration need, on the board and
@@ -114,10 +115,22 @@ pub trait Supervision {
     fn wait(&mut self);
 }
 
-/// A whole board.
-pub trait Board: SampleClock + BlockSource + TachCapture + Link + Supervision {}
+/// What a board knows of itself as a device; a board without such means leaves it as it is.
+pub trait Housekeeping {
+    /// Newest measurement; called once a second.
+    fn health(&mut self) -> BoardHealth {
+        BoardHealth::default()
+    }
+    /// Moves a measurement under way on, and gives the tick of a pulse per second not yet taken; called once per turn of the main loop.
+    fn next_second_pulse(&mut self) -> Option<u32> {
+        None
+    }
+}
 
-impl<T: SampleClock + BlockSource + TachCapture + Link + Supervision> Board for T {}
+/// A whole board.
+pub trait Board: SampleClock + BlockSource + TachCapture + Link + Supervision + Housekeeping {}
+
+impl<T: SampleClock + BlockSource + TachCapture + Link + Supervision + Housekeeping> Board for T {}
 
 /// What one turn of the main loop may hand to the node, so that edges and blocks come in the order of time.
 ///

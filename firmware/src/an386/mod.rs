@@ -18,7 +18,7 @@ use cortex_m::peripheral::NVIC;
 use cortex_m::singleton;
 use critical_section::Mutex;
 use heapless::spsc::{Consumer, Queue};
-use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture};
+use meshband::board::{BlockSource, Housekeeping, Link, SampleClock, Supervision, TachCapture};
 use meshband::link::QUEUE;
 use meshband::link::send_ring::SendRing;
 use meshband::node::Block;
@@ -280,6 +280,9 @@ impl Link for Board {
 }
 
 /// QEMU needs neither watchdog nor light.
+/// A virtual board has no supply, no temperature, and no pulse per second.
+impl Housekeeping for Board {}
+
 impl Supervision for Board {
     fn feed_watchdog(&mut self) {}
 

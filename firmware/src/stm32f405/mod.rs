@@ -13,8 +13,9 @@ use crate::crash::{self, Cause};
 use core::ptr;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
-use meshband::board::{BlockSource, Link, SampleClock, Supervision, TachCapture, Timing};
+use meshband::board::{BlockSource, Housekeeping, Link, SampleClock, Supervision, TachCapture, Timing};
 use meshband::config::{LineFormat, TachEdge, TachWheel};
+use meshband::health::BoardHealth;
 use meshband::link::QUEUE;
 use meshband::link::receive_circle::ReceiveCircle;
 use meshband::link::send_ring::SendRing;
@@ -27,6 +28,7 @@ use meshband_stm32::design_parameters::{
 };
 use meshband_stm32::filter::Filter;
 use meshband_stm32::flash::{self, BrownOut};
+use meshband_stm32::housekeeping::{self, Calibration, FACTORY_CODES};
 use meshband_stm32::pac::{self, Interrupt};
 use meshband_stm32::time_base::{self, Edge};
 use meshband_stm32::{pins, uart, unique_id, watchdog};
@@ -70,6 +72,7 @@ pub struct Board {
     wheel: TachWheel,
     edge: Edge,
     outputs: Outputs,
+    housekeeping: housekeeping::Housekeeping,
     /// Others speak on the line, too.
     shared: bool,
 }
@@ -95,6 +98,7 @@ device! {
     tim5: tim5, TIM5;
     adc1: adc1, ADC1;
     adc2: adc1, ADC2;
+    adc3: adc1, ADC3;
     adc_common: adc_common, ADC_COMMON;
     dma1: dma2, DMA1;
     dma2: dma2, DMA2;
@@ -202,7 +206,9 @@ impl Board {
         system_timer.enable_interrupt();
         system_timer.enable_counter();
         let outputs = Outputs::start();
-        Some(Self { inbox, received, circle: ReceiveCircle::new(), ring, wheel: *wheel, edge, outputs, shared: false })
+        let housekeeping = housekeeping::Housekeeping::start(adc1(), Calibration::of(factory_codes()));
+        let (circle, wheel) = (ReceiveCircle::new(), *wheel);
+        Some(Self { inbox, received, circle, ring, wheel, edge, outputs, housekeeping, shared: false })
     }
 
     /// Sets the tach's filter and edge to another wheel and front end, where they are others.
@@ -245,6 +251,12 @@ fn counted(edge: TachEdge) -> Edge {
 pub fn unique_id() -> [u32; 3] {
     // SAFETY: every STM32F405 has these three words in its system memory.
     [0, 1, 2].map(|word| unsafe { (unique_id::ADDRESS as *const u32).add(word).read_volatile() })
+}
+
+/// What the factory measured of the chip's reference and temperature sensor.
+fn factory_codes() -> [u16; 3] {
+    // SAFETY: every STM32F405 has these three half-words in its system memory.
+    [0, 1, 2].map(|place| unsafe { (FACTORY_CODES as *const u16).add(place).read_volatile() })
 }
 
 fn data_address() -> u32 {
@@ -333,6 +345,17 @@ impl Link for Board {
     fn set_format(&mut self, format: LineFormat) {
         self.shared = format.shared;
         line::set_format(format);
+    }
+}
+
+impl Housekeeping for Board {
+    fn health(&mut self) -> BoardHealth {
+        BoardHealth { supply_v: self.housekeeping.supply_v(), temperature_c: self.housekeeping.temperature_c() }
+    }
+
+    fn next_second_pulse(&mut self) -> Option<u32> {
+        self.housekeeping.follow(adc1());
+        time_base::take_second_pulse(tim5())
     }
 }
 

@@ -5,14 +5,14 @@
 //! overrun (an interrupt of its own: after one no block would ever be complete), sampling starts anew and the node sees a
 //! gap in the sequence, never a shifted block.
 
-use super::{adc_common, adc1, adc2, dma1, dma2, tim2, tim3, tim5};
+use super::{adc_common, adc2, adc3, dma1, dma2, tim2, tim3, tim5};
 use crate::interrupt_cell::InterruptCell;
 use core::ptr;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, fence};
 use heapless::spsc::Producer;
 use meshband::pipeline::{Channels, Codes, EmptyBuffers, Filled, Request};
 use meshband_stm32::block_stamp::{Borders, is_aligned};
-use meshband_stm32::dma::{self, ADC1_STREAM, ADC2_STREAM, Target};
+use meshband_stm32::dma::{self, ADC2_STREAM, ADC3_STREAM, Target};
 use meshband_stm32::pac::interrupt;
 use meshband_stm32::period::reload_of;
 use meshband_stm32::{BLOCK_SAMPLES, adc, sample_clock, time_base};
@@ -88,12 +88,12 @@ impl Sampling {
                 let halves = buffers.map(|buffer| second_half(buffer, samples));
                 dma::start_double_buffer(dma2(), ADC2_STREAM, ptr::from_ref(adc2().dr()) as u32, halves, samples);
             }
-            dma::start_double_buffer(dma2(), ADC1_STREAM, ptr::from_ref(adc1().dr()) as u32, buffers, samples);
+            dma::start_double_buffer(dma2(), ADC3_STREAM, ptr::from_ref(adc3().dr()) as u32, buffers, samples);
         }
         if self.channels == Channels::Two {
             adc::start(adc2(), adc::SECOND_CHANNEL);
         }
-        adc::start(adc1(), adc::CHANNEL);
+        adc::start(adc3(), adc::CHANNEL);
         // A border captured before does not count.
         let _ = time_base::take_border(tim5());
         sample_clock::start(tim2(), tim3());
@@ -102,7 +102,7 @@ impl Sampling {
     fn restart(&mut self) {
         RESTARTS.fetch_add(1, Ordering::Relaxed);
         sample_clock::stop(tim2(), tim3());
-        adc::stop(adc1());
+        adc::stop(adc3());
         adc::stop(adc2());
         dma::stop(dma2().st(ADC2_STREAM.number));
         self.channels = wanted();
@@ -118,7 +118,7 @@ impl Sampling {
 
     fn take_overrun(&mut self) -> bool {
         // Both, so that neither stays pending.
-        adc::take_overrun(adc1()) | adc::take_overrun(adc2())
+        adc::take_overrun(adc3()) | adc::take_overrun(adc2())
     }
 
     /// Whether a converter's transfers keep step with the triggers, and no bus error has stopped them.
@@ -129,8 +129,8 @@ impl Sampling {
     }
 
     fn on_interrupt(&mut self) {
-        let flags = dma::take_flags(dma2(), ADC1_STREAM.number);
-        let stream = dma2().st(ADC1_STREAM.number);
+        let flags = dma::take_flags(dma2(), ADC3_STREAM.number);
+        let stream = dma2().st(ADC3_STREAM.number);
         let second = (self.channels == Channels::Two).then(|| dma2().st(ADC2_STREAM.number));
         let second_error = dma::take_flags(dma2(), ADC2_STREAM.number).error;
         let in_step =

@@ -1,4 +1,4 @@
-//! Converters: ADC1 with channel 1 (PA1) and, for a second sensor, ADC2 with channel 2 (PA2); 12 bits left-aligned, one conversion per trigger of TIM2.
+//! Converters of the signals: ADC3 with channel 1 (PA1) and, for a second sensor, ADC2 with channel 2 (PA2); 12 bits left-aligned, one conversion per trigger of TIM2.
 //!
 //! Both listen to the same trigger and run on the same divided clock, so that they hold their inputs at the same edge of it. Not the
 //! controller's dual mode: that puts both results into one word, pair by pair, and the node wants each channel's samples in a row.
@@ -11,14 +11,14 @@ use crate::pac::{adc_common, adc1};
 
 /// External trigger EXTSEL: TIM2's TRGO (RM0090, external trigger for regular channels).
 pub const TRIGGER_TIM2_TRGO: u8 = 0b0110;
-/// Channel of the signal at ADC1, pin PA1.
+/// Channel of the signal at ADC3, pin PA1.
 pub const CHANNEL: u8 = 1;
 /// Channel of the second sensor's signal at ADC2, pin PA2.
 pub const SECOND_CHANNEL: u8 = 2;
 
-/// Sets the clock of all converters.
+/// Sets the clock of all converters, and switches the internal reference and the temperature sensor on ([`crate::housekeeping`]).
 pub fn configure(common: &adc_common::RegisterBlock) {
-    common.ccr().write(|w| w.adcpre().div4());
+    common.ccr().write(|w| w.adcpre().div4().tsvrefe().enabled());
 }
 
 /// Sets a converter up for a channel (0 to 9); it waits for triggers from here on.

@@ -126,7 +126,7 @@ pub fn enable_peripherals(rcc: &rcc::RegisterBlock) {
         w.dma1en().set_bit().dma2en().set_bit().ccmdataramen().set_bit()
     });
     rcc.apb1enr().modify(|_, w| w.tim2en().set_bit().tim3en().set_bit().tim5en().set_bit().spi2en().set_bit());
-    rcc.apb2enr().modify(|_, w| w.adc1en().set_bit().adc2en().set_bit().usart1en().set_bit());
+    rcc.apb2enr().modify(|_, w| w.adc1en().set_bit().adc2en().set_bit().adc3en().set_bit().usart1en().set_bit());
     // The enable takes two clocks to arrive; a read back waits that long (errata 2.1.13).
     let _ = rcc.apb2enr().read();
 }

@@ -18,8 +18,8 @@ pub struct ConverterStream {
     interrupts: bool,
 }
 
-/// That of ADC1.
-pub const ADC1_STREAM: ConverterStream = ConverterStream { number: 0, channel: 0, priority: 2, interrupts: true };
+/// That of ADC3.
+pub const ADC3_STREAM: ConverterStream = ConverterStream { number: 0, channel: 2, priority: 2, interrupts: true };
 /// That of ADC2. Both converters ask at the same instant; this one is served first, so that behind the other one's interrupt both
 /// buffers are complete.
 pub const ADC2_STREAM: ConverterStream = ConverterStream { number: 3, channel: 1, priority: 3, interrupts: false };

@@ -9,13 +9,15 @@
 //! How the parts work together, all on one clock of 84 MHz:
 //!
 //! ```text
-//! TIM2 (32 bit) --update = TRGO--> ADC1 --DMA2 stream 0, double buffer--> blocks of 512 codes, or of 256 with a second sensor,
+//! TIM2 (32 bit) --update = TRGO--> ADC3 --DMA2 stream 0, double buffer--> blocks of 512 codes, or of 256 with a second sensor,
 //!   |   |                     +--> ADC2 --DMA2 stream 3, double buffer--> and its 256 codes behind them
 //!   ^   |
 //!   |   +--ITR1--> TIM3 counts a block's samples --update--> DMA1 stream 2 writes TIM2's preloaded reload
 //!   +--------------------------------------------------+       (the next block's period)
 //!                  TIM3 --TRGO, ITR1--> TIM5 channel 2 captures the instant of the block's last sample
 //! tach, PA0 --filter--> TIM5 channel 1 captures the edge            (TIM5, 32 bit, free: the time base)
+//! pulse per second, PA3 --filter--> TIM5 channel 4
+//! internal reference, temperature sensor --> ADC1, started by software
 //! ```
 //!
 //! No software has a part in when a rate changes or what a block's instant is: an interrupt may come anywhere within the
@@ -35,6 +37,8 @@ pub mod dma;
 pub mod filter;
 #[cfg(feature = "f405")]
 pub mod flash;
+#[cfg(feature = "f405")]
+pub mod housekeeping;
 #[cfg(feature = "f405")]
 pub mod output;
 pub mod period;

@@ -3,8 +3,9 @@
 //! | pin | function | at first |
 //! | --- | --- | --- |
 //! | PA0 | tach, TIM5 channel 1 | pulled up |
-//! | PA1 | signal, ADC1 channel 1 | analogue |
+//! | PA1 | signal, ADC3 channel 1 | analogue |
 //! | PA2 | second sensor's signal, ADC2 channel 2 | analogue |
+//! | PA3 | pulse per second, TIM5 channel 4 | pulled down |
 //! | PA8 | driver enable of a shared line, high while sending | low: others speak |
 //! | PA9, PA10 | link, USART1 | idle |
 //! | PB12 | select of the amplifier | high: not selected |
@@ -33,14 +34,14 @@ pub const LIGHT: u8 = 12;
 /// Sets the pins up. Levels and alternate functions before the mode, so that no pin shows anything else in between.
 pub fn configure(port_a: &gpioa::RegisterBlock, port_b: &gpiob::RegisterBlock, port_c: &gpioi::RegisterBlock) {
     // SAFETY: 2 is TIM5, 7 is USART1 (DS8626 table 9).
-    port_a.afrl().modify(|_, w| unsafe { w.afr(0).bits(2) });
+    port_a.afrl().modify(|_, w| unsafe { w.afr(0).bits(2).afr(3).bits(2) });
     // SAFETY: as above.
     port_a.afrh().modify(|_, w| unsafe { w.afr(1).bits(7).afr(2).bits(7) });
-    // A tach pick-up is most often an open collector; the idle link is high.
-    port_a.pupdr().modify(|_, w| w.pupdr0().pull_up().pupdr10().pull_up());
+    // A tach pick-up is most often an open collector; the idle link is high; a pulse per second comes from a driven output, or from nowhere.
+    port_a.pupdr().modify(|_, w| w.pupdr0().pull_up().pupdr3().pull_down().pupdr10().pull_up());
     port_a.set_reset(1 << (DRIVER_ENABLE + 16));
     port_a.moder().modify(|_, w| {
-        let w = w.moder0().alternate().moder1().analog().moder2().analog().moder8().output();
+        let w = w.moder0().alternate().moder1().analog().moder2().analog().moder3().alternate().moder8().output();
         w.moder9().alternate().moder10().alternate()
     });
     configure_amplifier(port_b);

@@ -1,7 +1,7 @@
 //! Time base and captures: TIM5, 32 bits, free-running at 84 MHz.
 //!
 //! Channel 1 captures the tach's edges behind a digital filter; channel 2 captures TIM3's update, the instant of a
-//! block's last sample. Both are counts of the same counter, so samples and edges share one time without any
+//! block's last sample; channel 4 captures a pulse per second. All are counts of the same counter, so samples and edges share one time without any
 //! correction but the filter's own delay, which is constant and taken off. Wraps every 51 s. RM0090 section 18.3.5.
 
 use crate::block_stamp::Captured;
@@ -12,6 +12,10 @@ use crate::pac::tim5;
 /// An edge's stamp lies at most this far behind the present instant when it is in the queue, ticks: the longest filter's
 /// delay and the latency. The longest whichever is in force: edges may be on their way through the one before.
 pub const EDGE_SETTLING: u32 = FILTERS[FILTERS.len() - 1].ticks + CAPTURE_LATENCY;
+
+/// Filter of the pulse per second: the longest one that the tach's divider of the filters' clock leaves alone.
+const PULSE_FILTER: Filter = FILTERS[0];
+const _: () = assert!(PULSE_FILTER.code == 3, "decides on the undivided clock");
 
 /// Which edge of the tach counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +43,8 @@ pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
     // TRC is ITR1, which for TIM5 is TIM3 (RM0090, TIMx internal trigger connection); no slave mode: the counter runs on.
     tim5.smcr().write(|w| w.ts().itr1());
     tim5.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().trc());
+    // SAFETY: every value of the four-bit filter field is defined.
+    tim5.ccmr2_input().write(|w| unsafe { w.cc4s().ti4().ic4f().bits(PULSE_FILTER.code) });
     set_filter(tim5, filter);
     set_edge(tim5, edge);
     tim5.egr().write(|w| w.ug().update());
@@ -49,7 +55,7 @@ pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
 /// Chooses the edge of the tach, at any time: one write, so that neither capture stops.
 pub fn set_edge(tim5: &tim5::RegisterBlock, edge: Edge) {
     tim5.ccer().write(|w| {
-        let w = w.cc1e().set_bit().cc2e().set_bit();
+        let w = w.cc1e().set_bit().cc2e().set_bit().cc4e().set_bit();
         match edge {
             Edge::Rising => w.cc1p().clear_bit(),
             Edge::Falling => w.cc1p().set_bit(),
@@ -84,6 +90,16 @@ pub fn take_edge(tim5: &tim5::RegisterBlock, filter: Filter) -> Capture {
     // Reading the captured count clears its flag.
     let tick = status.cc1if().bit_is_set().then(|| tim5.ccr1().read().bits().wrapping_sub(filter.ticks));
     Capture { tick, lost }
+}
+
+/// Takes the instant of a pulse per second not yet taken, filter delay taken off; the newest one where several have come.
+pub fn take_second_pulse(tim5: &tim5::RegisterBlock) -> Option<u32> {
+    let status = tim5.sr().read();
+    if status.cc4of().bit_is_set() {
+        clear(tim5, |w| w.cc4of().clear_bit());
+    }
+    // Reading the captured count clears its flag.
+    status.cc4if().bit_is_set().then(|| tim5.ccr4().read().bits().wrapping_sub(PULSE_FILTER.ticks))
 }
 
 /// Takes the instant of the newest block's last sample, if there is one that was not taken yet, and whether a border before

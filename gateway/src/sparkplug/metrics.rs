@@ -192,6 +192,7 @@ pub fn reply_kind(reply: &Reply) -> &'static str {
         Reply::Law(_) => "law",
         Reply::Statistics(_) => "statistics",
         Reply::SelfTest(_) => "self_test",
+        Reply::Health(_) => "health",
         Reply::Done | Reply::Committing => "done",
         Reply::Refused(_) => "refused",
         Reply::Update(_) => "update",

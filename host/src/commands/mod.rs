@@ -11,6 +11,7 @@ pub mod close;
 pub mod commission;
 pub mod configure;
 pub mod effects;
+pub mod health;
 pub mod import;
 pub mod inject;
 pub mod installation;

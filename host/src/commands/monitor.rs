@@ -7,7 +7,7 @@ use super::results::{Announced, Results};
 use clap::Args as ClapArgs;
 use meshband::message::Identification;
 use meshband_host::link::view::View;
-use meshband_host::link::{Client, Losses, report, transport};
+use meshband_host::link::{Client, Losses, health, report, transport};
 use meshband_host::monitor::capture::Capture;
 use meshband_host::monitor::link::{Standing, Watched};
 use meshband_host::monitor::panel::Panel;
@@ -192,6 +192,9 @@ fn watched(port: &str, args: &Args, capture: Option<Capture>) -> Result<Heard> {
     // The self-test goes on after the start; the newest result, where the node is still there to ask.
     let fresh = heard.elapsed() < Duration::from_secs(5) && !interrupt::requested();
     let newer = link.client().filter(|_| fresh).and_then(|client| client.identify().ok());
+    if newer.as_ref().is_some_and(health::is_known_to) {
+        view.health = link.client().and_then(|client| client.health().ok());
+    }
     Ok(Heard { view, losses: link.losses(), identity: newer.or(identity), fault })
 }
 

@@ -8,8 +8,10 @@ use crate::{Error, Result};
 use meshband::config::{Configuration, SCHEMA};
 use meshband::events::{Event, EventKind};
 use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
+use meshband::health::Health;
 use meshband::law::Law;
 use meshband::message::{Identification, Message, Reply, Request, SelfTest, Statistics, WIRE_SCHEMA};
+use meshband::node::wall_time::ToldTime;
 use meshband::update::{UpdateRequest, UpdateStatus};
 use meshband::waveform::{CapturePart, CaptureReport};
 use std::collections::VecDeque;
@@ -347,6 +349,36 @@ impl Client {
         }
     }
 
+    /// The node as a device.
+    pub fn health(&mut self) -> Result<Health> {
+        self.health_report(&Request::GetHealth)
+    }
+
+    /// Tells the node the time of day; gives what it then says of itself.
+    pub fn set_wall_time(&mut self, told: ToldTime) -> Result<Health> {
+        self.health_report(&Request::SetWallTime(told))
+    }
+
+    fn health_report(&mut self, request: &Request) -> Result<Health> {
+        match self.request(request)? {
+            Reply::Health(health) => Ok(health),
+            other => Err(unexpected(&other)),
+        }
+    }
+
+    /// The newest answer to [`Request::GetHealth`] that no command waits for; other answers stay.
+    pub fn take_health(&mut self) -> Option<Health> {
+        let mut newest = None;
+        self.replies.retain(|reply| match reply {
+            Reply::Health(health) => {
+                newest = Some(*health);
+                false
+            }
+            _ => true,
+        });
+        newest
+    }
+
     /// The newest answers received that no command waits for, as the node's closing statistics; at most [`REPLIES`].
     pub fn take_replies(&mut self) -> Vec<Reply> {
         self.replies.drain(..).collect()
@@ -456,6 +488,7 @@ fn answers(request: &Request, reply: &Reply) -> bool {
         Request::GetLaw => matches!(reply, Reply::Law(_)),
         Request::SelfTest => matches!(reply, Reply::SelfTest(_)),
         Request::Statistics => matches!(reply, Reply::Statistics(_)),
+        Request::GetHealth | Request::SetWallTime(_) => matches!(reply, Reply::Health(_)),
         Request::CommitConfiguration => matches!(reply, Reply::Committing),
         Request::Update(_) => matches!(reply, Reply::Update(_)),
         Request::SetConfiguration(_) | Request::PutLaw(_) => matches!(reply, Reply::Done | Reply::Refused(_)),

@@ -1,12 +1,13 @@
 //! Talking to a node: commands with answers, the stream beside them, and what the link lost.
 //!
 //! [`transport`] opens a serial port, a TCP connection (QEMU's serial line) or a captured file; [`client`] speaks the
-//! messages of `meshband::message` over it; [`capture`] fetches the waveform that a node holds; [`setup`] makes a node's configuration from a declared machine, a law file and
+//! messages of `meshband::message` over it; [`capture`] fetches the waveform that a node holds; [`health`] is the node as a device; [`setup`] makes a node's configuration from a declared machine, a law file and
 //! [`settings`] of the installation; [`view`] is what `meshband monitor` shows in the terminal, [`report`] the same for
 //! keeping.
 
 pub mod capture;
 pub mod client;
+pub mod health;
 pub mod report;
 pub mod settings;
 pub mod setup;

@@ -132,6 +132,13 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
         }
         report = report.section("Indicators").table("The newest of each.", &["indicator", "value"], &rows);
     }
+    if let Some(health) = &view.health {
+        report = report.section("Health").table(
+            "The node as a device.",
+            &["quantity", "value"],
+            &super::health::rows(health),
+        );
+    }
     if !view.events.is_empty() {
         let rate = node.map(|node| f64::from(node.ticks_per_second));
         let time = |tick: u64| rate.map_or(format!("tick {tick}"), |rate| format!("{:.3} s", tick as f64 / rate));

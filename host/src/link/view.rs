@@ -4,6 +4,7 @@ use super::Losses;
 use super::words::words;
 use crate::terminal::table;
 use meshband::events::Event;
+use meshband::health::Health;
 use meshband::levels::Departure;
 use meshband::message::{
     AlarmState, Bound, ChannelValues, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics,
@@ -30,6 +31,8 @@ pub struct View {
     pub indicators: Option<Indicators>,
     /// Counters.
     pub statistics: Option<Statistics>,
+    /// The node as a device, where it was asked.
+    pub health: Option<Health>,
     /// Result of the latest self-test that ended while listening.
     pub self_test: Option<SelfTest>,
     /// Newest events, oldest first.
@@ -85,6 +88,9 @@ impl View {
                 );
             }
             out += &overall(i);
+        }
+        if let Some(health) = self.health.as_ref().map(super::health::short).filter(|text| !text.is_empty()) {
+            out += &format!("device {health}\n");
         }
         if let Some(spectrum) = &self.spectrum {
             out += &format!("\nmesh bands, {:.3} Hz per line\n{}", spectrum.tag.resolution_hz, bands(spectrum));

@@ -6,8 +6,8 @@
 use super::capture::Capture;
 use super::link::Standing;
 use super::panel::{Alarm, Panel, Trend, VALUES};
-use crate::link::Losses;
 use crate::link::words::{watched, words};
+use crate::link::{Losses, health};
 use meshband::message::{SpectralLine, Spectrum, Status};
 use meshband::node::State;
 use meshband::tach::Validity;
@@ -108,12 +108,13 @@ fn draw_wide(frame: &mut Frame, area: Rect, scene: &Scene) {
 }
 
 fn titled<'a>(title: &'a str, scene: &Scene) -> Block<'a> {
-    let age = match title {
-        "values" => None,
-        _ => scene.panel.spectrum_s,
+    // Beside the values what they rest on as a device, where the node tells it.
+    let aside = match title {
+        "values" => scene.panel.view.health.as_ref().map(health::short).filter(|text| !text.is_empty()),
+        _ => scene.panel.spectrum_s.map(|at| format!("{} old", seconds(scene.now_s - at))),
     };
-    let age = age.map_or(String::new(), |at| format!(" ({} old) ", seconds(scene.now_s - at)));
-    Block::new().borders(Borders::TOP).title(format!(" {title}{age}")).border_style(Style::new().dark_gray())
+    let aside = aside.map_or(String::new(), |text| format!(" ({text}) "));
+    Block::new().borders(Borders::TOP).title(format!(" {title}{aside}")).border_style(Style::new().dark_gray())
 }
 
 /// "0.3 s", "12 s", "3 min".

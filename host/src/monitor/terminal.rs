@@ -6,6 +6,7 @@
 use super::link::Watched;
 use super::panel::Panel;
 use super::screen::{Scene, draw};
+use crate::link::health;
 use crate::monitor::capture::Capture;
 use crate::output::interrupt;
 use crate::{Error, Result};
@@ -15,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Time between two drawings.
 const REDRAW: Duration = Duration::from_millis(200);
+/// Time between two questions for the node's health.
+const HEALTH_EVERY: Duration = Duration::from_secs(5);
 
 /// What the user has open.
 #[derive(Debug, Default)]
@@ -42,10 +45,19 @@ pub fn live(link: &mut Watched, panel: &mut Panel, capture: Option<&Capture>, li
     let result = (|| {
         let mut open = Open::default();
         let mut drawn: Option<Instant> = None;
+        let mut health_asked: Option<Instant> = None;
+        let health_known = panel.identity.as_ref().is_some_and(health::is_known_to);
         while !open.end && !interrupt::requested() && !is_closed(keyboard.as_ref()) {
             let pause = drawn.map_or(Duration::ZERO, |at| REDRAW.saturating_sub(at.elapsed()));
             if let Some(message) = link.next_message(pause.min(Duration::from_millis(50))) {
                 panel.take(message, started.elapsed().as_secs_f64());
+            }
+            if health_known && health_asked.is_none_or(|at| at.elapsed() >= HEALTH_EVERY) {
+                health_asked = Some(Instant::now());
+                ask(link, Request::GetHealth);
+            }
+            if let Some(said) = link.client().and_then(|client| client.take_health()) {
+                panel.view.health = Some(said);
             }
             if is_closed(keyboard.as_ref()) {
                 break;

@@ -10,6 +10,7 @@ mod commission;
 mod emulated_line;
 mod field;
 mod foreign_formats;
+mod health;
 mod hostile_import;
 mod hostile_link;
 mod hostile_machine;

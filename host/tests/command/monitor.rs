@@ -1,5 +1,6 @@
 //! The live view: its picture at both sizes, and the whole of it in a real terminal with a virtual node that freezes, dies and comes back.
 
+use meshband::health::Health;
 use meshband::levels::{Departure, Departures};
 use meshband::message::{GearIndicators, Indicators, MeshBand, Message, SpectralLine, Spectrum, Status};
 use meshband::node::State;
@@ -114,6 +115,18 @@ fn claim_everything_that_matters_is_seen_at_80x24_and_200x60() {
     let wide = picture(&panel(), &Standing::Open, 1.2, (200, 60));
     let used = wide.iter().filter(|row| row.trim().len() > 2).count();
     assert!(used >= 50, "a large terminal is used: {used} of 60 rows\n{}", wide.join("\n"));
+}
+
+#[test]
+fn claim_supply_temperature_and_bias_stand_beside_the_values() {
+    let mut panel = panel();
+    let health = Health { supply_v: Some(3.28), temperature_c: Some(47.6), bias_v: Some(1.64), ..Health::default() };
+    panel.view.health = Some(health);
+    for size in [(80, 24), (200, 60)] {
+        let all = picture(&panel, &Standing::Open, 1.2, size).join("\n");
+        assert!(all.contains("values (3.28 V, 48 deg C, bias 1.64 V)"), "{size:?}:\n{all}");
+    }
+    assert!(panel.view.text(Losses::default(), None).contains("device 3.28 V, 48 deg C, bias 1.64 V\n"));
 }
 
 #[test]

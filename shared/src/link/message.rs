@@ -10,6 +10,8 @@ use crate::identity::{BOARD_LENGTH, BUILD_LENGTH};
 use crate::law::Law;
 use crate::levels::{Departures, LocalDepartures};
 use crate::node::State;
+use crate::node::health::Health;
+use crate::node::wall_time::ToldTime;
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
 use crate::update::{RunningImage, UpdateRequest, UpdateStatus};
@@ -18,7 +20,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 10;
+pub const WIRE_SCHEMA: u8 = 11;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -84,6 +86,10 @@ pub enum Request {
         /// Which waveform.
         number: u32,
     },
+    /// The node as a device.
+    GetHealth,
+    /// Time of day, as of the arrival of this command; answered by the node as a device.
+    SetWallTime(ToldTime),
 }
 
 /// Answers.
@@ -113,6 +119,8 @@ pub enum Reply {
     Capture(CaptureReport),
     /// Part of a waveform.
     CapturePart(CapturePart),
+    /// The node as a device.
+    Health(Health),
 }
 
 /// Who a node is; the schema numbers come first, so that every program can read them.

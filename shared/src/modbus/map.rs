@@ -17,6 +17,7 @@ use crate::config::{GearPair, SCHEMA};
 use crate::identity::VERSION;
 use crate::levels::{Departure, Departures, LocalDepartures};
 use crate::message::{AlarmState, ChannelValues, Quality, SelfTest, Statistics, Status, Tag};
+use crate::node::health::Health;
 use crate::node::{Node, State};
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
@@ -40,7 +41,7 @@ pub struct View<'a> {
     traffic: Traffic,
     now: u64,
     ticks_per_second: u32,
-    uptime_s: u32,
+    health: Health,
     unique_id: [u32; 3],
     gears: GearPair,
     self_test: SelfTest,
@@ -54,13 +55,13 @@ impl<'a> View<'a> {
     /// A node with what was kept of its results.
     pub fn of<A: Arrays>(node: &Node<A>, bank: &'a Bank, traffic: Traffic) -> Self {
         let ticks_per_second = node.clock().0;
-        let (now, started) = node.lifetime();
+        let health = node.health();
         Self {
             bank,
             traffic,
-            now,
+            now: health.tick,
             ticks_per_second,
-            uptime_s: (now.saturating_sub(started) / u64::from(ticks_per_second.max(1))) as u32,
+            health,
             unique_id: node.identity().unique_id,
             gears: node.configuration().gears,
             self_test: node.self_test(),
@@ -174,7 +175,7 @@ registers! {
         9 Long "unique_id_2" [""] "the chip's own number, word 2" = |v| v.unique_id[2];
         11 Word "pinion_teeth" [""] "as configured" = |v| v.gears.pinion_teeth;
         12 Word "gear_teeth" [""] "as configured" = |v| v.gears.gear_teeth;
-        13 Long "uptime" ["s"] "since the start" = |v| v.uptime_s;
+        13 Long "uptime" ["s"] "since the start" = |v| v.health.uptime_s;
         15 Word "self_test_run" [""] "bits of the items that ran: sample count, rails, noise, tach, mathematics" = |v| v.self_test.run.into();
         16 Word "self_test_failed" [""] "bits of the items that failed" = |v| v.self_test.failed.into();
     }
@@ -343,6 +344,15 @@ registers! {
         394 Float "velocity_rms" ["m/s"] "root mean square of the velocity in its band" = |v| v.second_float(|s| s.velocity_rms);
         396 Float "mean_code" [""] "mean of the converter's codes, 0 to 65535: the bias of the sensor" = |v| v.second_float(|s| s.mean_code);
         398 Float "passed" ["Hz"] "upper edge of what filter and sensor pass; 0 where neither is declared" = |v| v.second_float(|s| s.passed_hz);
+    }
+    "device" {
+        416 Float "supply" ["V"] "supply and reference of the converters" = |v| v.health.supply_v.unwrap_or(f32::NAN);
+        418 Float "temperature" ["degrees Celsius"] "of the chip" = |v| v.health.temperature_c.unwrap_or(f32::NAN);
+        420 Float "bias" ["V"] "mean of the first sensor's signal at the converter" = |v| v.health.bias_v.unwrap_or(f32::NAN);
+        422 Float "second_bias" ["V"] "mean of the second sensor's signal at the converter" = |v| v.health.second_bias_v.unwrap_or(f32::NAN);
+        424 Float "clock_fast" ["ppm"] "the node's clock against the pulse per second" = |v| v.health.second_pulse.map_or(f32::NAN, |p| p.fast_ppm);
+        426 Float "clock_uncertainty" ["ppm"] "standard uncertainty of it" = |v| v.health.second_pulse.map_or(f32::NAN, |p| p.uncertainty_ppm);
+        428 Long "wall_time" ["s"] "since 1970-01-01 00:00:00 UTC; 0 until a host has told it" = |v| v.health.wall_time.map_or(0, |time| (time.unix_us / 1_000_000) as u32);
     }
 }
 

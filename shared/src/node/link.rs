@@ -150,6 +150,11 @@ impl<A: Arrays> Node<A> {
             }
             Request::GetCapture => Reply::Capture(self.arrays.capture().report()),
             Request::ReadCapture { number, offset } => Reply::CapturePart(self.capture_part(number, offset)),
+            Request::GetHealth => Reply::Health(self.health()),
+            Request::SetWallTime(told) => {
+                self.set_wall_time(told);
+                Reply::Health(self.health())
+            }
             Request::ReleaseCapture { number } => Reply::Capture(self.release_capture(number)),
         }
     }

@@ -44,6 +44,7 @@ pub mod buffers;
 pub mod capture;
 mod capturing;
 pub mod events;
+pub mod health;
 mod input;
 pub mod levels;
 mod link;
@@ -51,12 +52,17 @@ pub mod mesh_band;
 mod planning;
 mod products;
 pub mod safe_start;
+pub mod second_pulse;
 pub mod self_test;
 pub mod values;
+pub mod wall_time;
 
 use alarms::alarms_of;
+use health::BoardHealth;
 use planning::safe_grant;
+use second_pulse::PulseClock;
 use values::ValueRecord;
+use wall_time::WallClock;
 
 /// Relative departure of the wanted rate from the planned one that re-plans at once.
 pub const REPLAN_NOW: f32 = 0.2;
@@ -205,6 +211,11 @@ pub struct Node<A = OwnArrays> {
     next_tick: u64,
     totals: Totals,
     events: EventLog,
+    board_health: BoardHealth,
+    pulse_clock: PulseClock,
+    wall_clock: WallClock,
+    /// Mean codes of both sensors in the latest values.
+    bias_codes: [Option<f32>; 2],
     alarms: [Alarm; MAX_ALARMS],
     signal_bad: bool,
     /// The configuration in force is not the stored one.
@@ -295,6 +306,10 @@ impl<A: Arrays> Node<A> {
             next_tick: 0,
             totals: Totals::default(),
             events: EventLog::new(clock),
+            board_health: BoardHealth::default(),
+            pulse_clock: PulseClock::NONE,
+            wall_clock: WallClock::UNKNOWN,
+            bias_codes: [None; 2],
             alarms: alarms_of(config),
             signal_bad: false,
             volatile: false,

@@ -1,4 +1,4 @@
-//! ADC1 and ADC2: one regular channel each, started by a timer, read by DMA; independent mode. RM0090 section 13.
+//! ADC1 to ADC3: one regular channel each, started by a timer or by software, read by DMA or by the core; independent mode. RM0090 section 13.
 //!
 //! A trigger takes effect at the converter's next clock: with a period that is no multiple of it the aperture jitters, as
 //! on the chip. A trigger during a conversion is lost. An overrun ends requests and conversions until it is cleared.
@@ -16,6 +16,9 @@ const DMA: u32 = 1 << 8;
 const DDS: u32 = 1 << 9;
 const EOCS: u32 = 1 << 10;
 const LEFT: u32 = 1 << 11;
+const SWSTART: u32 = 1 << 30;
+/// Reference and temperature sensor on, in the common register.
+const TSVREFE: u32 = 1 << 23;
 /// External trigger TIM2's TRGO, rising edge.
 const FROM_TIM2: u32 = 0b0110 << 24 | 1 << 28;
 
@@ -35,13 +38,15 @@ pub struct Conversion {
     pub end: Time,
     /// Channel.
     pub channel: u32,
+    /// How long the input is taken in.
+    pub sampling: Time,
 }
 
-/// Both converters and what they share.
+/// All converters and what they share.
 #[derive(Clone, Debug, Default)]
 pub struct Converters {
-    /// ADC1 and ADC2.
-    pub each: [Adc; 2],
+    /// ADC1 to ADC3.
+    pub each: [Adc; 3],
     ccr: u32,
 }
 
@@ -55,6 +60,7 @@ fn place(offset: u32) -> Access<Place> {
     match offset {
         0x000..0x100 => Ok(Place::Own(0, offset)),
         0x100..0x200 => Ok(Place::Own(1, offset - 0x100)),
+        0x200..0x300 => Ok(Place::Own(2, offset - 0x200)),
         0x304 => Ok(Place::Common),
         _ => Err(Refusal::Register),
     }
@@ -63,8 +69,18 @@ fn place(offset: u32) -> Access<Place> {
 impl Converters {
     /// TIM2's trigger output; `apb2` is the period of the bus's clock.
     pub fn trigger(&mut self, at: Time, apb2: Time) {
-        let clock = apb2 * 2 * (1 + Time::from(self.ccr >> 16 & 3));
+        let clock = self.clock(apb2);
         self.each.iter_mut().filter(|adc| adc.listens_to_tim2()).for_each(|adc| adc.trigger(at, clock));
+    }
+
+    /// Period of the converters' clock.
+    fn clock(&self, apb2: Time) -> Time {
+        apb2 * 2 * (1 + Time::from(self.ccr >> 16 & 3))
+    }
+
+    /// Whether the internal reference and the temperature sensor are on.
+    pub fn has_reference(&self) -> bool {
+        self.ccr & TSVREFE != 0
     }
 
     /// When the next conversion under way ends.
@@ -97,11 +113,20 @@ impl Converters {
     ///
     /// # Errors
     /// A register or bit that is not modelled, or what the manual forbids.
-    pub fn write(&mut self, offset: u32, value: u32) -> Access<()> {
+    pub fn write(&mut self, offset: u32, value: u32, now: Time, apb2: Time) -> Access<()> {
+        let clock = self.clock(apb2);
         match place(offset)? {
+            Place::Own(number, 0x08) => {
+                let adc = &mut self.each[number];
+                adc.control(value & !SWSTART)?;
+                if value & SWSTART != 0 {
+                    adc.trigger(now, clock);
+                }
+                Ok(())
+            }
             Place::Own(number, offset) => self.each[number].write(offset, value),
             Place::Common => {
-                self.ccr = within(value, 3 << 16)?;
+                self.ccr = within(value, TSVREFE | 3 << 16)?;
                 Ok(())
             }
         }
@@ -139,8 +164,9 @@ impl Adc {
         let channel = self.sqr3 & 0x1f;
         let code = if channel < 10 { self.smpr2 >> (3 * channel) } else { self.smpr1 >> (3 * (channel - 10)) } & 7;
         let start = at.div_ceil(clock) * clock;
-        let held = start + SAMPLING[code as usize] * clock;
-        self.running = Some(Conversion { trigger: at, held, end: held + CONVERSION * clock, channel });
+        let sampling = SAMPLING[code as usize] * clock;
+        let held = start + sampling;
+        self.running = Some(Conversion { trigger: at, held, end: held + CONVERSION * clock, channel, sampling });
         self.sr |= STRT;
     }
 
@@ -208,7 +234,6 @@ impl Adc {
             // Zeros clear, ones leave.
             0x00 => self.sr &= value,
             0x04 => self.cr1 = within(value, EOCIE | OVRIE)?,
-            0x08 => self.control(value)?,
             0x0c => self.smpr1 = within(value, 0x07ff_ffff)?,
             0x10 => self.smpr2 = within(value, 0x3fff_ffff)?,
             // One conversion.

@@ -59,12 +59,12 @@ impl Board {
         Ok(())
     }
 
-    /// The signal at the second converter's pin from now on.
+    /// The signal at the second sensor's pin from now on.
     pub fn set_second(&mut self, analogue: Analogue) {
         self.chip_mut().inputs.second = analogue;
     }
 
-    /// The signal at the converter's pin from now on.
+    /// The signal at the first sensor's pin from now on.
     pub fn set_analogue(&mut self, analogue: Analogue) {
         self.chip_mut().inputs.analogue = analogue;
     }
@@ -76,6 +76,13 @@ impl Board {
             let length = edges_s.get(n + 1).map_or(PULSE_S, |next| (next - edge) * PULSE_SHARE).min(PULSE_S);
             chip.inputs.tach.extend([(edge, true), (edge + length, false)]);
         }
+        chip.follow_inputs();
+    }
+
+    /// Pulses per second: their rising edges, s, ascending, behind those given before. Clean ones, long enough for any filter.
+    pub fn add_second_pulses(&mut self, edges_s: &[f64]) {
+        let chip = self.chip_mut();
+        chip.inputs.second_pulses.extend(edges_s);
         chip.follow_inputs();
     }
 

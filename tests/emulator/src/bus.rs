@@ -14,6 +14,9 @@ use crate::time::Source;
 pub const SYSTEM: u32 = 0xe000_e000;
 const UNIQUE: u32 = 0x1fff_7a10;
 const FLASH_SIZE: u32 = 0x1fff_7a22;
+/// What the factory measured of reference and temperature sensor.
+const FACTORY: u32 = 0x1fff_7a2a;
+const IDENTITY_END: u32 = 0x1fff_7a30;
 
 /// A device by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +45,7 @@ fn device(address: u32) -> Option<(Device, u32, Option<Gate>)> {
         0x4000_3800 => (Device::Spi, page, Some(Gate::Apb1(14))),
         0x4000_7000 => (Device::Power, page, Some(Gate::Apb1(28))),
         0x4001_1000 => (Device::Usart, page, Some(Gate::Apb2(4))),
-        // What both have in common takes the first one's clock.
+        // What they have in common takes the first one's clock.
         0x4001_2000 => (Device::Adc, page, Some(Gate::Apb2(8 + Converters::owner(address - page).unwrap_or(0) as u8))),
         0x4002_0000..0x4002_2400 => {
             let port = (page - 0x4002_0000) / 0x400;
@@ -78,7 +81,7 @@ impl Chip {
     }
 
     fn is_data(&self, address: u32) -> bool {
-        matches!(address, 0x4001_204c | 0x4001_214c | 0x4001_1004)
+        matches!(address, 0x4001_204c | 0x4001_214c | 0x4001_224c | 0x4001_1004)
     }
 
     /// Reads registers, or flash as data.
@@ -88,7 +91,7 @@ impl Chip {
     pub fn read(&mut self, address: u32, size: u32) -> Access<u32> {
         match address {
             flash::START..0x0810_0000 => return Ok(self.flash.read_data(address - flash::START, size, &self.cells)),
-            UNIQUE..0x1fff_7a24 => return self.read_identity(address, size),
+            UNIQUE..IDENTITY_END => return self.read_identity(address, size),
             _ => {}
         }
         let (device, offset) = self.locate(address, size)?;
@@ -120,6 +123,9 @@ impl Chip {
         match address {
             UNIQUE | 0x1fff_7a14 | 0x1fff_7a18 if size == 4 => Ok(self.unique[((address - UNIQUE) / 4) as usize]),
             FLASH_SIZE if size == 2 => Ok(flash::BYTES / 1024),
+            FACTORY..IDENTITY_END if size == 2 && address.is_multiple_of(2) => {
+                Ok(self.factory[((address - FACTORY) / 2) as usize].into())
+            }
             _ => Err(Refusal::Register),
         }
     }
@@ -158,7 +164,7 @@ impl Chip {
                 self.ask_dma();
             }
             Device::Adc => {
-                self.adc.write(offset, value)?;
+                self.adc.write(offset, value, now, apb2)?;
                 self.schedule.set(Source::Converter, self.adc.due());
                 self.nvic.set_line(interrupt::ADC, self.adc.interrupt());
             }

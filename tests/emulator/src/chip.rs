@@ -4,10 +4,10 @@
 //! core are in [`crate::bus`]. Wired is what the node uses:
 //!
 //! ```text
-//! TIM2 update --> ADC1 --> DMA2 stream 0        TIM2 update --> TIM3 (ITR1) --> TIM5 channel 2 (ITR1)
+//! TIM2 update --> ADC3 --> DMA2 stream 0        TIM2 update --> TIM3 (ITR1) --> TIM5 channel 2 (ITR1)
 //!             --> ADC2 --> DMA2 stream 3
-//! TIM3 update --> DMA1 stream 2                 PA0 --filter--> TIM5 channel 1
-//! USART1 <--> DMA2 streams 5 and 7
+//! TIM3 update --> DMA1 stream 2                 PA0 --filter--> TIM5 channel 1, PA3 --filter--> TIM5 channel 4
+//! USART1 <--> DMA2 streams 5 and 7              reference, temperature sensor --> ADC1
 //! ```
 
 use crate::adc::Converters;
@@ -41,6 +41,19 @@ const TRIGGER_CLOCKS: Time = 1;
 const TRANSFER_CYCLES: Time = 8;
 /// Codes of the converter; a code begins half a step below its own level.
 const CODES: f64 = 4096.0;
+
+/// Voltage of the internal reference, V (DS8626, typical).
+const REFERENCE_V: f64 = 1.21;
+/// Voltage of the temperature sensor at 25 degrees Celsius, V, and its slope, V/K (DS8626, typical).
+const SENSOR_V: f64 = 0.76;
+const SENSOR_SLOPE: f64 = 2.5e-3;
+/// Shortest sampling time of either, units: 10 us.
+const INTERNAL_SAMPLING: Time = UNITS_PER_SECOND / 100_000;
+/// Supply and temperatures at which the factory measures.
+const FACTORY_SUPPLY_V: f64 = 3.3;
+const FACTORY_TEMPERATURES_C: [f64; 2] = [30.0, 110.0];
+/// Pin of the pulse per second, at port A.
+const SECOND_PULSE: u32 = 3;
 
 /// Select pin of the amplifier, at port B.
 const SELECT: u32 = 12;
@@ -101,6 +114,8 @@ pub struct Chip {
     pub internal_fast: f64,
     /// The chip's own number, 96 bits.
     pub unique: [u32; 3],
+    /// What the factory measured of the reference, and of the temperature sensor at 30 and 110 degrees Celsius: codes at 3.3 V.
+    pub factory: [u16; 3],
     /// A reset has happened that the core has not followed yet.
     pub restart: bool,
     pub(crate) time: TrueTime,
@@ -116,6 +131,8 @@ pub struct Chip {
     pub spi2: Spi,
     pub(crate) ports: [Port; PORTS],
     tach: TachPin,
+    /// When the filter accepts the pulse per second that has risen.
+    pulse_accepted: Time,
     noise: u64,
 }
 
@@ -141,6 +158,7 @@ impl Chip {
             seen: Seen::default(),
             internal_fast: 0.0,
             unique: [0x0032_0041, 0x3034_510b, 0x3135_3238],
+            factory: factory_codes(),
             restart: true,
             time: TrueTime::new(0.0),
             clocks,
@@ -154,6 +172,7 @@ impl Chip {
             spi2: Spi::default(),
             ports: std::array::from_fn(Port::new),
             tach,
+            pulse_accepted: NEVER,
             noise: 0x9e37_79b9_7f4a_7c15,
         };
         chip.forget_memory();
@@ -279,6 +298,7 @@ impl Chip {
         self.schedule = Schedule::default();
         self.reset_peripherals(Resets::ALL);
         (self.tach.accept_at, self.tach.reject_at) = (NEVER, NEVER);
+        self.pulse_accepted = NEVER;
         self.follow_clocks();
         self.follow_inputs();
         self.see_outputs(before);
@@ -361,6 +381,8 @@ impl Chip {
     pub fn follow_inputs(&mut self) {
         let pin = self.inputs.tach.front().map_or(NEVER, |edge| self.time.at(edge.0));
         self.schedule.set(Source::Pin, pin);
+        let pulse = self.inputs.second_pulses.front().map_or(NEVER, |&edge| self.time.at(edge));
+        self.schedule.set(Source::SecondPulse, if self.pulse_accepted == NEVER { pulse } else { self.pulse_accepted });
         let byte = self.inputs.bytes.front().map_or(NEVER, |byte| self.time.at(byte.0));
         self.schedule.set(Source::Received, byte);
     }
@@ -400,6 +422,7 @@ impl Chip {
         match source {
             Source::Pin => self.on_pin(at),
             Source::Filter => self.on_filter(at),
+            Source::SecondPulse => self.on_second_pulse(at),
             Source::Tim2 => {
                 let update = self.tim2.overflow(at);
                 self.schedule.set(Source::Tim2, self.tim2.due());
@@ -468,7 +491,7 @@ impl Chip {
     }
 
     fn on_conversion(&mut self) {
-        for number in [0, 1] {
+        for number in 0..self.adc.each.len() {
             if self.adc.each[number].due() <= self.now {
                 self.finish_conversion(number);
             }
@@ -486,21 +509,31 @@ impl Chip {
             channel @ 1..=2 if self.ports[0].mode(channel) != Mode::Analogue => 0.5,
             1 => (self.inputs.analogue)(at),
             2 => (self.inputs.second)(at),
+            16..=17 if number == 0 && self.adc.has_reference() => {
+                let level = internal_level(conversion.channel, self.inputs.supply_v, self.inputs.temperature_c);
+                // Taken in for too short a time the sampling capacitor is half full.
+                if conversion.sampling < INTERNAL_SAMPLING { 0.5 * level } else { level }
+            }
             _ => 0.5,
         };
-        let code = (level * CODES).round().clamp(0.0, CODES - 1.0) as u16;
+        let code = code_of(level);
         let adc = &mut self.adc.each[number];
         adc.deliver(code);
         if self.seen.keep_conversions {
             let sampled = Sampled { trigger: conversion.trigger, code: adc.result() };
-            [&mut self.seen.conversions, &mut self.seen.second][number].push(sampled);
+            match conversion.channel {
+                1 => self.seen.conversions.push(sampled),
+                2 => self.seen.second.push(sampled),
+                _ => {}
+            }
         }
     }
 
     /// Wired requests: controller, stream, channel, and whether the device asks.
-    fn requests(&self) -> [(usize, usize, u32, bool); 5] {
+    fn requests(&self) -> [(usize, usize, u32, bool); 6] {
         [
             (1, 0, 0, self.adc.each[0].request),
+            (1, 0, 2, self.adc.each[2].request),
             (1, 3, 1, self.adc.each[1].request),
             (0, 2, 5, self.tim3.request),
             (1, 5, 4, self.usart.offers_byte()),
@@ -603,7 +636,7 @@ impl Chip {
     fn device_for_dma(&self, controller: usize, address: u32) -> Option<()> {
         let served = match controller {
             0 => address == TIM2_RELOAD,
-            _ => matches!(address, ADC1_DATA | ADC2_DATA | USART_DATA),
+            _ => matches!(address, ADC1_DATA | ADC2_DATA | ADC3_DATA | USART_DATA),
         };
         served.then_some(())
     }
@@ -683,6 +716,21 @@ impl Chip {
         }
     }
 
+    /// The pulse per second rises, or its filter has accepted it.
+    fn on_second_pulse(&mut self, at: Time) {
+        if self.pulse_accepted == NEVER {
+            self.inputs.second_pulses.pop_front();
+            let (samples, step) = self.tim5.fourth_filter();
+            self.pulse_accepted = at.div_ceil(step) * step + Time::from(samples.saturating_sub(1)) * step;
+        } else {
+            self.pulse_accepted = NEVER;
+            if self.ports[0].mode(SECOND_PULSE) == Mode::Alternate(2) {
+                self.tim5.capture_fourth(at);
+            }
+        }
+        self.follow_inputs();
+    }
+
     /// Levels of all outputs.
     pub(crate) fn outputs(&self) -> [u32; PORTS] {
         self.ports.each_ref().map(Port::outputs)
@@ -698,6 +746,23 @@ impl Chip {
     }
 }
 
+/// Level of the temperature sensor (channel 16) or of the internal reference (17), as a share of the supply.
+fn internal_level(channel: u32, supply_v: f64, temperature_c: f64) -> f64 {
+    let volts = if channel == 17 { REFERENCE_V } else { SENSOR_V + SENSOR_SLOPE * (temperature_c - 25.0) };
+    volts / supply_v
+}
+
+/// The code of 12 bits of a share of the reference.
+fn code_of(level: f64) -> u16 {
+    (level * CODES).round().clamp(0.0, CODES - 1.0) as u16
+}
+
+fn factory_codes() -> [u16; 3] {
+    let [cold, hot] = FACTORY_TEMPERATURES_C;
+    [(17, cold), (16, cold), (16, hot)]
+        .map(|(channel, celsius)| code_of(internal_level(channel, FACTORY_SUPPLY_V, celsius)))
+}
+
 impl Default for Chip {
     fn default() -> Self {
         Self::new()
@@ -707,4 +772,5 @@ impl Default for Chip {
 const TIM2_RELOAD: u32 = 0x4000_002c;
 const ADC1_DATA: u32 = 0x4001_204c;
 const ADC2_DATA: u32 = 0x4001_214c;
+const ADC3_DATA: u32 = 0x4001_224c;
 const USART_DATA: u32 = 0x4001_1004;

@@ -54,6 +54,8 @@
 //! | bus to the amplifier that hangs | `chip_mut().spi2.dead` |
 //! | bounces, glitches, storms at the tach | [`board::Board::add_tach_levels`] |
 //! | bytes from the host | [`board::Board::send`], at another rate [`board::Board::set_line`] |
+//! | supply and temperature of the chip | `chip_mut().inputs.supply_v` and `.temperature_c`, what the factory measured in `chip_mut().factory` |
+//! | pulses per second | [`board::Board::add_second_pulses`] |
 //! | slow or fast core | [`cpu::Cpu::set_pace`] |
 //! | wild program, stack overflow | [`cpu::Cpu::set_program_counter`], [`cpu::Cpu::set_register`], and [`cpu::Cpu::take_faults`], without which they end the run |
 //! | memory of the program | [`chip::Chip::peek`] and [`chip::Chip::poke`] at an address of [`elf::Image::symbols`] |

@@ -20,6 +20,8 @@ pub enum Source {
     Pin,
     /// The capture filter accepts a level.
     Filter,
+    /// The pulse per second rises at its pin, or its filter accepts it.
+    SecondPulse,
     /// TIM2 overflows.
     Tim2,
     /// TIM3 overflows.
@@ -56,6 +58,7 @@ const SOURCES: usize = Source::Watchdog as usize + 1;
 const ALL: [Source; SOURCES] = [
     Source::Pin,
     Source::Filter,
+    Source::SecondPulse,
     Source::Tim2,
     Source::Tim3,
     Source::Tim3Trigger,

@@ -58,12 +58,13 @@ pub struct Timer {
     dier: u32,
     sr: u32,
     ccmr1: u32,
+    ccmr2: u32,
     ccer: u32,
     psc: u32,
     arr: u32,
     psc_loaded: u32,
     arr_loaded: u32,
-    ccr: [u32; 2],
+    ccr: [u32; 4],
     /// Count at `since`, or now where the counter does not run by itself.
     count: u32,
     since: Option<Time>,
@@ -86,12 +87,13 @@ impl Timer {
             dier: 0,
             sr: 0,
             ccmr1: 0,
+            ccmr2: 0,
             ccer: 0,
             psc: 0,
             arr: widest,
             psc_loaded: 0,
             arr_loaded: widest,
-            ccr: [0; 2],
+            ccr: [0; 4],
             count: 0,
             since: None,
             swallowed: 0,
@@ -225,6 +227,14 @@ impl Timer {
         captured
     }
 
+    /// The filter of channel 4's pin has accepted a rising edge.
+    pub fn capture_fourth(&mut self, now: Time) {
+        let rising = self.ccer >> 12 & 0b1010 == 0;
+        if rising && self.ccmr2 >> 8 & 3 == 1 {
+            self.capture(3, now);
+        }
+    }
+
     fn capture(&mut self, channel: usize, now: Time) {
         if self.ccer & 1 << (4 * channel) == 0 {
             return;
@@ -244,7 +254,16 @@ impl Timer {
 
     /// Samples in a row that make a level at channel 1's pin, and the units between them.
     pub fn filter(&self) -> (u32, Time) {
-        let (samples, divided, by) = FILTERS[(self.ccmr1 >> 4 & 0xf) as usize];
+        self.filter_of(self.ccmr1 >> 4 & 0xf)
+    }
+
+    /// The same of channel 4.
+    pub fn fourth_filter(&self) -> (u32, Time) {
+        self.filter_of(self.ccmr2 >> 12 & 0xf)
+    }
+
+    fn filter_of(&self, code: u32) -> (u32, Time) {
+        let (samples, divided, by) = FILTERS[code as usize];
         let base = if divided { self.clock << (self.cr1 >> 8 & 3) } else { self.clock };
         (samples, base * by)
     }
@@ -266,6 +285,7 @@ impl Timer {
             0x0c => self.dier,
             0x10 => self.sr,
             0x18 => self.ccmr1,
+            0x1c => self.ccmr2,
             0x20 => self.ccer,
             0x24 => self.count(now),
             0x28 => self.psc,
@@ -277,6 +297,12 @@ impl Timer {
                     self.sr &= !(2 << channel);
                 }
                 self.ccr[channel]
+            }
+            0x40 => {
+                if self.ccmr2 >> 8 & 3 != 0 {
+                    self.sr &= !(2 << 3);
+                }
+                self.ccr[3]
             }
             _ => return Err(Refusal::Register),
         })
@@ -312,7 +338,8 @@ impl Timer {
                 }
             }
             0x18 => self.ccmr1 = input_modes(value)?,
-            0x20 => self.ccer = within(value, 0xbb)?,
+            0x1c => self.ccmr2 = fourth_mode(value)?,
+            0x20 => self.ccer = within(value, 0xb0bb)?,
             0x24 => {
                 self.settle(now);
                 self.count = value & self.widest;
@@ -346,6 +373,12 @@ fn slave_mode(value: u32) -> Access<u32> {
         0 | EXTERNAL_CLOCK => Ok(value),
         other => Err(Refusal::Bits(other)),
     }
+}
+
+/// Capture of the own pin at channel 4, without a prescaler; nothing at channel 3.
+fn fourth_mode(value: u32) -> Access<u32> {
+    within(value, 0xf300)?;
+    if value >> 8 & 3 > 1 { Err(Refusal::Bits(value)) } else { Ok(value) }
 }
 
 /// Captures of the own pin (channel 1) and of the trigger, without a prescaler.

@@ -4,6 +4,11 @@ use crate::time::{Time, UNITS_PER_SECOND};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Supply and reference of the converters unless told otherwise, V.
+pub const SUPPLY_V: f64 = 3.3;
+/// Temperature of the chip unless told otherwise, degrees Celsius.
+pub const TEMPERATURE_C: f64 = 30.0;
+
 /// Bit rate of the line unless told otherwise.
 pub const BITS_PER_SECOND: f64 = 921_600.0;
 
@@ -101,10 +106,16 @@ pub struct Clocked {
 /// What the world does to the chip.
 #[derive(Clone)]
 pub struct Inputs {
-    /// At the first converter's pin.
+    /// At the first sensor's pin, PA1.
     pub analogue: Analogue,
-    /// At the second one's.
+    /// At the second one's, PA2.
     pub second: Analogue,
+    /// Supply and reference of the converters, V; signals stay shares of it.
+    pub supply_v: f64,
+    /// Temperature of the chip, degrees Celsius.
+    pub temperature_c: f64,
+    /// Rising edges to come of the pulse per second at PA3, s, in order.
+    pub second_pulses: VecDeque<f64>,
     /// Changes of the tach's pin to come, s and level, in order.
     pub tach: VecDeque<(f64, bool)>,
     /// Bytes to come over the line, s at which their stop bit ends, in order.
@@ -120,6 +131,9 @@ impl Default for Inputs {
         Self {
             analogue: Arc::new(|_| 0.5),
             second: Arc::new(|_| 0.5),
+            supply_v: SUPPLY_V,
+            temperature_c: TEMPERATURE_C,
+            second_pulses: VecDeque::new(),
             tach: VecDeque::new(),
             bytes: VecDeque::new(),
             bits_per_second: BITS_PER_SECOND,
@@ -133,9 +147,9 @@ impl Default for Inputs {
 pub struct Seen {
     /// Bytes that left the chip, with the end of their stop bit.
     pub sent: Vec<(Time, u8)>,
-    /// Conversions of ADC1, if they are wanted.
+    /// Conversions of the first sensor's signal, if they are wanted.
     pub conversions: Vec<Sampled>,
-    /// Conversions of ADC2, if they are wanted.
+    /// Conversions of the second sensor's, if they are wanted.
     pub second: Vec<Sampled>,
     /// Whether conversions are wanted.
     pub keep_conversions: bool,

@@ -9,6 +9,7 @@ use meshband_stm32::clock::{self, Oscillator, ResetCause};
 use meshband_stm32::design_parameters::{self, SHORTEST_PERIOD};
 use meshband_stm32::filter::{FILTERS, Filter};
 use meshband_stm32::flash::{BrownOut, Sectors};
+use meshband_stm32::housekeeping::{Calibration, Housekeeping};
 use meshband_stm32::period::reload_of;
 use meshband_stm32::time_base::{self, Capture, Edge};
 use meshband_stm32::{BLOCK_SAMPLES, adc, dma, flash, pac, pins, sample_clock, uart, watchdog};
@@ -92,10 +93,10 @@ fn theory_sample_counter_counts_triggers_and_requests_the_reload() {
 
 #[test]
 fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
-    let (adc1, common) = (block::<pac::adc1::RegisterBlock>(), block::<pac::adc_common::RegisterBlock>());
+    let (adc3, common) = (block::<pac::adc1::RegisterBlock>(), block::<pac::adc_common::RegisterBlock>());
     adc::configure(&common);
-    adc::start(&adc1, adc::CHANNEL);
-    let control = word(&*adc1, 0x08);
+    adc::start(&adc3, adc::CHANNEL);
+    let control = word(&*adc3, 0x08);
     assert_fields(
         control,
         &[
@@ -109,12 +110,12 @@ fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
         ],
     );
     assert_eq!(control & !0x3f00_0b01, 0, "nothing else");
-    assert_eq!(word(&*adc1, 0x04), 1 << 26, "12 bits, no scan, an interrupt for overruns alone");
-    assert_eq!(word(&*adc1, 0x10), 0b001 << 3, "channel 1: 15 cycles");
-    assert_eq!(word(&*adc1, 0x2c) >> 20, 0, "one conversion");
-    assert_eq!(word(&*adc1, 0x34), 1, "of channel 1");
-    // The common block begins at CSR; CCR is at 4. ADCPRE = 01: 84 MHz / 4 = 21 MHz, below the limit of 36 MHz.
-    assert_eq!(word(&*common, 0x04), 0b01 << 16);
+    assert_eq!(word(&*adc3, 0x04), 1 << 26, "12 bits, no scan, an interrupt for overruns alone");
+    assert_eq!(word(&*adc3, 0x10), 0b001 << 3, "channel 1: 15 cycles");
+    assert_eq!(word(&*adc3, 0x2c) >> 20, 0, "one conversion");
+    assert_eq!(word(&*adc3, 0x34), 1, "of channel 1");
+    // The common block begins at CSR; CCR is at 4. ADCPRE = 01: 84 MHz / 4 = 21 MHz, below the limit of 36 MHz. TSVREFE on.
+    assert_eq!(word(&*common, 0x04), 1 << 23 | 0b01 << 16);
     let conversion_s = 27.0 / (f64::from(design_parameters::APB2_HZ) / 4.0);
     assert!(1.0 / f64::from(design_parameters::HIGHEST_RATE_HZ) > conversion_s);
     // The second one takes the same trigger on the same clock, another pin.
@@ -122,6 +123,58 @@ fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
     adc::start(&adc2, adc::SECOND_CHANNEL);
     assert_eq!(word(&*adc2, 0x08), control);
     assert_eq!((word(&*adc2, 0x10), word(&*adc2, 0x34)), (0b001 << 6, 2), "channel 2: 15 cycles");
+}
+
+#[test]
+fn theory_second_pulses_are_taken_once_with_the_filters_delay_off() {
+    let tim5 = block::<pac::tim5::RegisterBlock>();
+    time_base::start(&tim5, Edge::Rising, FILTERS[7]);
+    assert_eq!(time_base::take_second_pulse(&tim5), None);
+    // CCR4 at 0x40; CC4IF is bit 4, CC4OF bit 12.
+    set(&*tim5, 0x40, 5_000);
+    set(&*tim5, 0x10, 1 << 12 | 1 << 4);
+    assert_eq!(time_base::take_second_pulse(&tim5), Some(4_992), "eight ticks of the filter");
+    assert_eq!(
+        word(&*tim5, 0x10),
+        !(1 << 12) & 0xffff | word(&*tim5, 0x10) & 0xffff_0000,
+        "only the over-capture is cleared by hand"
+    );
+}
+
+#[test]
+fn theory_housekeeping_reads_the_reference_and_the_temperature_in_turn() {
+    let adc1 = block::<pac::adc1::RegisterBlock>();
+    let typical = [1_502, 959, 1_207];
+    let mut keeping = Housekeeping::start(&adc1, Calibration::of(typical));
+    // EXTEN = 0, SWSTART, right-aligned, no DMA, on.
+    assert_eq!(word(&*adc1, 0x08), 1 << 30 | 1);
+    assert_eq!(word(&*adc1, 0x04), 0, "no interrupt");
+    // SMPR1: channels 16 and 17 at 480 cycles: 22.9 us at 21 MHz, of at least 10 us.
+    assert_eq!(word(&*adc1, 0x0c), 7 << 21 | 7 << 18);
+    assert_eq!(word(&*adc1, 0x34), 17);
+    keeping.follow(&adc1);
+    assert_eq!((keeping.supply_v(), word(&*adc1, 0x34)), (None, 17), "a reading under way is waited for");
+    set(&*adc1, 0x00, 1 << 1);
+    set(&*adc1, 0x4c, 1_652);
+    keeping.follow(&adc1);
+    assert_eq!(word(&*adc1, 0x34), 16);
+    // 3.3 V times 1502 / 1652.
+    assert!((keeping.supply_v().expect("read") - 3.0004).abs() < 1e-3);
+    assert_eq!(keeping.temperature_c(), None);
+    set(&*adc1, 0x4c, 1_320);
+    keeping.follow(&adc1);
+    // 1320 codes at 3.0 V are 1200 at 3.3 V.
+    let celsius = keeping.temperature_c().expect("read");
+    assert!((celsius - (30.0 + 80.0 * (1_200.1 - 959.0) / 248.0)).abs() < 0.2, "{celsius}");
+}
+
+#[test]
+fn fault_factory_codes_that_cannot_be_are_replaced_by_typical_ones() {
+    let typical = Calibration::of([1_502, 959, 1_207]);
+    for spoiled in [[0xffff; 3], [0; 3], [1_502, 1_207, 959], [3_000, 959, 1_207], [1_502, 959, 959]] {
+        assert_eq!(Calibration::of(spoiled), typical, "{spoiled:?}");
+    }
+    assert_ne!(Calibration::of([1_490, 940, 1_190]), typical, "a chip's own are taken");
 }
 
 #[test]
@@ -142,14 +195,14 @@ fn theory_double_buffer_takes_half_words_of_the_converter() {
     let dma2 = block::<dma::RegisterBlock>();
     // SAFETY: plain memory, nothing is transferred.
     unsafe {
-        dma::start_double_buffer(&dma2, dma::ADC1_STREAM, 0x4001_204c, [0x2000_4000, 0x2000_4400], BLOCK_SAMPLES);
+        dma::start_double_buffer(&dma2, dma::ADC3_STREAM, 0x4001_224c, [0x2000_4000, 0x2000_4400], BLOCK_SAMPLES);
         dma::start_double_buffer(&dma2, dma::ADC2_STREAM, 0x4001_214c, [0x2000_4200, 0x2000_4600], BLOCK_SAMPLES / 2);
     }
     let control = word(&*dma2, 0x10);
     assert_fields(
         control,
         &[
-            (25, 7, 0, "channel 0: ADC1"),
+            (25, 7, 2, "channel 2: ADC3"),
             (18, 1, 1, "double buffer"),
             (19, 1, 0, "first target memory 0"),
             (16, 3, 2, "priority below ADC2's"),
@@ -163,7 +216,7 @@ fn theory_double_buffer_takes_half_words_of_the_converter() {
     );
     assert_eq!(control & 0x3f, (1 << 4) | (1 << 2) | 1, "complete and error interrupts, enabled");
     assert_eq!(word(&*dma2, 0x14), u32::from(BLOCK_SAMPLES));
-    assert_eq!(word(&*dma2, 0x18), 0x4001_204c);
+    assert_eq!(word(&*dma2, 0x18), 0x4001_224c);
     assert_eq!(word(&*dma2, 0x1c), 0x2000_4000);
     assert_eq!(word(&*dma2, 0x20), 0x2000_4400);
 
@@ -176,7 +229,7 @@ fn theory_double_buffer_takes_half_words_of_the_converter() {
     assert_eq!(word(&*dma2, 0x5c), u32::from(BLOCK_SAMPLES / 2));
     assert_eq!((word(&*dma2, 0x60), word(&*dma2, 0x64), word(&*dma2, 0x68)), (0x4001_214c, 0x2000_4200, 0x2000_4600));
 
-    let stream = dma2.st(dma::ADC1_STREAM.number);
+    let stream = dma2.st(dma::ADC3_STREAM.number);
     assert_eq!(dma::target(stream), dma::Target::Memory0);
     // SAFETY: as above.
     unsafe { dma::exchange(stream, dma::Target::Memory1, 0x2000_4800) };
@@ -219,7 +272,9 @@ fn theory_time_base_captures_edges_and_borders() {
             // CC1S = 01 (TI1), IC1PSC = 0, IC1F; CC2S = 11 (TRC).
             assert_eq!(word(&*tim5, CCMR1), (0b11 << 8) | (u32::from(filter.code) << 4) | 0b01);
             let polarity = u32::from(edge == Edge::Falling) << 1;
-            assert_eq!(word(&*tim5, CCER), (1 << 4) | polarity | 1);
+            assert_eq!(word(&*tim5, CCER), (1 << 12) | (1 << 4) | polarity | 1);
+            // CC4S = 01 (TI4), IC4F = 3: eight samples of the undivided clock, whatever divider the tach's filter has.
+            assert_eq!(word(&*tim5, 0x1c), (3 << 12) | (0b01 << 8));
             assert_eq!(word(&*tim5, DIER), 1 << 1, "interrupt of channel 1 only");
             // Filter clock and count by RM0090's table of IC1F, in ticks.
             let divided = if filter.clock_division == 2 { 4 } else { 1 };
@@ -378,7 +433,7 @@ fn theory_peripheral_clocks_and_reset_causes() {
     clock::enable_peripherals(&rcc);
     assert_eq!(word(&*rcc, 0x30), (1 << 22) | (1 << 21) | (1 << 20) | (1 << 2) | (1 << 1) | 1);
     assert_eq!(word(&*rcc, 0x40), (1 << 14) | (1 << 3) | (1 << 1) | 1);
-    assert_eq!(word(&*rcc, 0x44), (1 << 9) | (1 << 8) | (1 << 4));
+    assert_eq!(word(&*rcc, 0x44), (1 << 10) | (1 << 9) | (1 << 8) | (1 << 4));
     // The pin's flag (bit 26) accompanies every other cause.
     for (flags, cause) in [
         (1 << 29 | 1 << 26, ResetCause::Watchdog),
@@ -472,12 +527,12 @@ fn theory_pins_of_tach_signal_and_link_and_watchdog() {
     pins::configure(&port_a, &port_b, &port_c);
     assert_eq!(
         word(&*port_a, 0x00),
-        0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b01 << 16) | (0b11 << 4) | (0b11 << 2) | 0b10
+        0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b01 << 16) | (0b10 << 6) | (0b11 << 4) | (0b11 << 2) | 0b10
     );
     assert_eq!(word(&*port_a, 0x18), 1 << (8 + 16), "PA8: others speak on a shared line");
-    assert_eq!(word(&*port_a, 0x20), 2, "PA0: TIM5");
+    assert_eq!(word(&*port_a, 0x20), (2 << 12) | 2, "PA0, PA3: TIM5");
     assert_eq!(word(&*port_a, 0x24), (7 << 8) | (7 << 4), "PA9, PA10: USART1");
-    assert_eq!(word(&*port_a, 0x0c), (0b01 << 20) | 0b01);
+    assert_eq!(word(&*port_a, 0x0c), (0b01 << 20) | (0b10 << 6) | 0b01);
 
     let iwdg = block::<pac::iwdg::RegisterBlock>();
     watchdog::start(&iwdg);

@@ -14,6 +14,7 @@ mod decimate;
 mod fault_campaign;
 mod frame;
 mod golden_stages;
+mod health;
 mod indicators;
 mod law;
 mod law_curve;

@@ -4,6 +4,7 @@ mod amplifier_bus;
 mod clocks;
 mod core;
 mod flash;
+mod housekeeping;
 mod registers;
 mod timers;
 mod transfers;

@@ -28,7 +28,13 @@ fn last_reply(node: &Node) -> Reply {
 fn ask(node: &mut Node, request: Request) -> Reply {
     node.link.clear();
     node.ask(request);
-    node.run_for(0.02);
+    // A long step of the analysis may lie in between.
+    for _ in 0..10 {
+        node.run_for(0.02);
+        if node.packets().iter().any(|packet| matches!(packet, Packet::Reply(_))) {
+            break;
+        }
+    }
     last_reply(node)
 }
 

@@ -4,6 +4,7 @@ mod alarms;
 mod capture;
 mod compared;
 mod crashes;
+mod health;
 mod image;
 mod link;
 mod loader;
