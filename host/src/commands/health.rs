@@ -32,7 +32,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let said = if args.set_clock { health::tell_time(&mut client)? } else { client.health()? };
     files.write(&serde_json::json!({ "identity": node, "health": said }), || {
-        Ok(health::report(&said, &node, &args.port))
+        Ok(report::of_health(&said, &node, &args.port))
     })?;
     say!("{}", report::identity(&node))?;
     show(&table(&["quantity", "value"], &health::rows(&said)))

@@ -4,7 +4,6 @@
 //! node answers the later.
 
 use super::Client;
-use crate::report::Report;
 use crate::{Error, Result};
 use jiff::Timestamp;
 use meshband::health::Health;
@@ -99,14 +98,6 @@ pub fn short(health: &Health) -> String {
         health.second_bias_v.map(|volts| format!("2nd bias {volts:.2} V")),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
-}
-
-/// The report of `meshband health`.
-pub fn report(health: &Health, node: &Identification, source: &str) -> Report {
-    Report::new("Device", &format!("The node at {source} as a device"))
-        .figure("Node", super::report::identity(node))
-        .section("Health")
-        .table("As the node gave it.", &["quantity", "value"], &rows(health))
 }
 
 #[cfg(test)]

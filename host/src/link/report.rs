@@ -7,6 +7,7 @@ use crate::Result;
 use crate::report::Report;
 use crate::report::plot::{self, Axes, Series};
 use meshband::config::Configuration;
+use meshband::health::Health;
 use meshband::message::{Identification, SelfTest, Spectrum, Status};
 use meshband::update::{RunningImage, Slot};
 use serde_json::Value;
@@ -149,6 +150,14 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
         report = report.section("Events").table("The newest.", &["since start", "event", "detail", "times"], &rows);
     }
     Ok(report)
+}
+
+/// The report of `meshband health`.
+pub fn of_health(health: &Health, node: &Identification, source: &str) -> Report {
+    Report::new("Device", &format!("The node at {source} as a device"))
+        .figure("Node", identity(node))
+        .section("Health")
+        .table("As the node gave it.", &["quantity", "value"], &super::health::rows(health))
 }
 
 /// The report of `meshband configure`.

@@ -107,21 +107,9 @@ impl Settings {
                     read::<RatePolicy>(new).map_err(|what| refuse(key, what))?;
                     *held = new.clone();
                 }
-                ("alarms", Some(held), Value::Array(list)) => {
-                    for (n, alarm) in list.iter().enumerate() {
-                        read::<AlarmBand>(alarm).map_err(|what| refuse(&format!("alarms[{n}]"), what))?;
-                    }
-                    *held = new.clone();
-                }
-                ("levels", Some(held), Value::Array(list)) => {
-                    for (n, point) in list.iter().enumerate() {
-                        read::<LevelPoint>(point).map_err(|what| refuse(&format!("levels[{n}]"), what))?;
-                    }
-                    *held = new.clone();
-                }
-                ("local_levels", Some(held), Value::Array(list)) => {
-                    for (n, point) in list.iter().enumerate() {
-                        read::<LocalPoint>(point).map_err(|what| refuse(&format!("local_levels[{n}]"), what))?;
+                ("alarms" | "levels" | "local_levels", Some(held), Value::Array(list)) => {
+                    for (n, item) in list.iter().enumerate() {
+                        check_item(key, item).map_err(|what| refuse(&format!("{key}[{n}]"), what))?;
                     }
                     *held = new.clone();
                 }
@@ -162,6 +150,15 @@ fn second(held: &Value, new: &Value) -> std::result::Result<Value, String> {
         }
         (held, Value::Object(_)) => Ok(held.clone()),
         _ => Err("must be a table, or \"None\" where there is no second sensor".into()),
+    }
+}
+
+/// Whether an item of a list can be read, by the list's key.
+fn check_item(key: &str, item: &Value) -> std::result::Result<(), String> {
+    match key {
+        "alarms" => read::<AlarmBand>(item).map(drop),
+        "levels" => read::<LevelPoint>(item).map(drop),
+        _ => read::<LocalPoint>(item).map(drop),
     }
 }
 

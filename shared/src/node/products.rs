@@ -118,8 +118,7 @@ impl<A: Arrays> Node<A> {
             let bounds = PassBand { sensor: second.band, ..self.config.pass };
             in_units(values, second.acceleration_per_code, bounds.upper_edge())
         });
-        let mean_of = |channel: &super::values::OfChannel| channel.codes.mean;
-        self.bias_codes = [Some(mean_of(&values.first)), values.second.as_ref().map(mean_of)];
+        self.bias_codes = [Some(values.first.codes.mean), values.second.as_ref().map(|second| second.codes.mean)];
         let (pinion, wheel) = self.arrays.buffers_mut().chain.shafts().take();
         if believed(&tag).is_none() {
             (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
