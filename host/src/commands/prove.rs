@@ -13,8 +13,8 @@ use std::path::PathBuf;
 /// Arguments of `meshband prove`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Record folders whose declared machines are used.
-    #[arg(long = "machine", required_unless_present = "field", conflicts_with = "field")]
+    /// Record folders whose declared machines are used; without any, every record has a machine and a layout drawn at random.
+    #[arg(long = "machine", conflicts_with = "field")]
     machines: Vec<PathBuf>,
     /// The campaign of the kinematic level: machines, operation and measuring chains drawn at random (--null, --power, --levels, --only).
     #[arg(long)]

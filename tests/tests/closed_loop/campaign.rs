@@ -71,3 +71,31 @@ fn regress_a_campaign_resumes_from_its_log() {
     assert!((first[0].held_out[0][1] / again[0].held_out[0][1] - 1.0).abs() < 1e-12);
     assert!(first[0].wrong_names == 0);
 }
+
+/// Without declared machines every record has its own, with its own layout, and the same seed draws the same.
+#[test]
+fn a_machine_is_drawn_for_every_record_and_its_true_floor_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = |log: &str| Plan {
+        machines: Vec::new(),
+        null: 2,
+        power: 0,
+        leave_one_out: 0,
+        two: 0,
+        levels: vec![2.0],
+        only: Vec::new(),
+        duration_s: 0.6,
+        seed: 3,
+        log: folder.path().join(log),
+        verbose: false,
+    };
+    let [first, again] = ["a", "b"].map(|log| run(&plan(log)).unwrap());
+    assert_eq!(first.len(), 2);
+    assert_ne!(first[0].machine, first[1].machine);
+    for (one, same) in first.iter().zip(&again) {
+        assert_eq!((&one.machine, one.runs, &one.reported), (&same.machine, same.runs, &same.reported));
+        assert!((3..=10).contains(&one.runs), "{} runs", one.runs);
+        let (found, truth) = (one.held_out[1][2], one.true_floor.unwrap());
+        assert!((found / truth - 1.0).abs() < 0.3, "floor {found}, true {truth}");
+    }
+}

@@ -7,6 +7,7 @@ use crate::Result;
 use crate::closed_loop::generate::{Scenario, record};
 use crate::effects::hypothesis::{Draw, Hidden};
 use crate::observation::input::Record;
+use crate::observation::spectrum::Analyser;
 use crate::spectral::{Window, amplitude_spectrum};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
@@ -16,6 +17,22 @@ fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
     let c = scenario.noise_colour;
     let shape = (1.0 - c * c) / (1.0 - 2.0 * c * (TAU * hz / rate_hz).cos() + c * c);
     2.0 * scenario.noise_rms.powi(2) / rate_hz * shape
+}
+
+/// NRMSE of the whole signal that the generator's noise alone would leave on `runs` of a record.
+pub fn true_floor(record: &Record, scenario: &Scenario, runs: &[usize]) -> f64 {
+    let samples = record.runs.iter().map(|r| r.channels[0].len()).min().unwrap_or(0);
+    let analyser = Analyser::new(samples, record.sample_rate_hz);
+    let per_density = 0.5 * record.sample_rate_hz * analyser.bin_power_of_unit_variance();
+    let lowest = (3.0 * analyser.duration_s()) as usize;
+    let own: f64 = (lowest..analyser.bins)
+        .map(|b| density(scenario, record.sample_rate_hz, b as f64 / analyser.duration_s()) * per_density)
+        .sum();
+    let mut whole = 1e-300;
+    for channel in runs.iter().flat_map(|&r| &record.runs[r].channels) {
+        whole += analyser.bins_of(&channel[..samples]).iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
+    }
+    (2.0 * runs.len() as f64 * own / whole).sqrt()
 }
 
 /// Strength of `hidden` at the detection floor for the noise of `scenario`, and the largest acceleration of each channel without it.

@@ -4,6 +4,7 @@
 //! its number, so a record can be repeated alone, and a campaign stopped and resumed: each scored record is one JSON line, and lines already
 //! there are not done again. Cost: about 10 s per record on two cores.
 
+mod drawn;
 mod floor;
 mod score;
 
@@ -27,7 +28,7 @@ use std::time::Instant;
 /// How many records of each part.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// Declared machines: record folders whose declaration is used.
+    /// Declared machines: record folders whose declaration is used; none: every record has a machine and a layout drawn at random.
     pub machines: Vec<PathBuf>,
     /// Records with nothing hidden.
     pub null: usize,
@@ -128,9 +129,6 @@ fn off(scenario: &mut Scenario, rng: &mut ChaCha8Rng, only: Option<usize>, share
 /// Unreadable machines or log, a record that the loop refuses.
 pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     let machines = plan.machines.iter().map(|p| input::read(p)).collect::<Result<Vec<_>>>()?;
-    if machines.is_empty() {
-        return Err(Error::invalid("--machine", "at least one is needed"));
-    }
     if let Some(name) = plan.only.iter().find(|n| effects::hidden().all(|h| h.name != n.as_str())) {
         let known: Vec<&str> = effects::hidden().map(|h| h.name).collect();
         return Err(Error::invalid("--only", format!("`{name}` is none of {}", known.join(", "))));
@@ -172,20 +170,39 @@ fn read_log(path: &Path) -> Result<Vec<Scored>> {
         .collect()
 }
 
+/// RMS acceleration of the quieter channel of the first run, m/s2.
+fn loudness(declared: &Record, scenario: &Scenario) -> Result<f64> {
+    let quiet = Scenario {
+        noise_rms: 0.0,
+        duration_s: 0.5,
+        speeds_hz: scenario.speeds_hz[..1].to_vec(),
+        torques_n_m: scenario.torques_n_m[..1].to_vec(),
+        ..scenario.clone()
+    };
+    let run = generate::record(&declared.pair, &declared.shafts, &declared.curve, &quiet)?.runs.remove(0);
+    let rms = |x: &Vec<f64>| (x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64).sqrt();
+    Ok(run.channels.iter().map(rms).fold(f64::INFINITY, f64::min))
+}
+
 fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_mul(0x9E37_79B9).wrapping_add(stream));
     let cycle =
         if item.hidden.is_empty() { item.number } else { item.number / effects::hidden().count() + item.number };
-    let machine = cycle % machines.len();
-    let coloured = cycle / machines.len() % 2 == 1;
-    let declared = &machines[machine];
+    let coloured = cycle / machines.len().max(1) % 2 == 1;
+    let drawn = if machines.is_empty() { Some(drawn::machine(&mut rng)?) } else { None };
+    let declared = drawn.as_ref().unwrap_or_else(|| &machines[cycle % machines.len()]);
     let mut scenario = Scenario::null(&declared.shafts, rng.random());
     scenario.duration_s = plan.duration_s;
     scenario.noise_colour = if coloured { 0.9 } else { 0.0 };
-    let scale = 0.9 + 0.2 * rng.random::<f64>();
-    scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
+    if drawn.is_some() {
+        drawn::layout(declared, &mut scenario, &mut rng);
+        scenario.noise_rms = (0.004 + 0.02 * rng.random::<f64>()) * loudness(declared, &scenario)?;
+    } else {
+        let scale = 0.9 + 0.2 * rng.random::<f64>();
+        scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
+    }
     let mut hidden: Vec<(&Hidden, f64)> = Vec::new();
     for &one in &item.hidden {
         // The floor is this record's own: of the same order, phase or frequency, at its speeds and in its noise.
@@ -217,11 +234,13 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         _ => None,
     };
     let held = &outcome.error.held_out_runs;
+    let true_floor = floor::true_floor(&record, &scenario, &outcome.split[2]);
     let held = [held.shaft_synchronous, held.whole_signal];
     Ok(Scored {
         id: item.id(),
         part: item.part.into(),
         machine: declared.title.clone(),
+        runs: record.runs.len(),
         duration_s: plan.duration_s,
         coloured,
         parameters_off,
@@ -236,6 +255,7 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         estimate_over_truth: strength.map(|s| s.1),
         held_out: held.map(|s| [s.declared, s.corrected, s.noise_floor]),
         calibrated: Some(held.map(|s| s.calibrated)),
+        true_floor: Some(true_floor),
         seconds: started.elapsed().as_secs_f64(),
     })
 }

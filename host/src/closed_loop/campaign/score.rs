@@ -5,6 +5,7 @@ use crate::effects;
 use crate::effects::hypothesis::Hidden;
 use crate::terminal;
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{Beta, ContinuousCDF};
 
 /// What the loop said of one generated record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -15,6 +16,9 @@ pub struct Scored {
     pub part: String,
     /// Machine.
     pub machine: String,
+    /// Number of runs; 0 in logs of the former format.
+    #[serde(default)]
+    pub runs: usize,
     /// Length of a run, s.
     pub duration_s: f64,
     /// Whether the noise was coloured.
@@ -44,6 +48,9 @@ pub struct Scored {
     /// The same, calibrated; absent in logs of the former format.
     #[serde(default)]
     pub calibrated: Option<[f64; 2]>,
+    /// NRMSE of the whole signal that the noise put in leaves on the held-out runs; absent in logs of the former format.
+    #[serde(default)]
+    pub true_floor: Option<f64>,
     /// Seconds.
     pub seconds: f64,
 }
@@ -130,6 +137,10 @@ pub struct Summary {
     pub two: Vec<Row>,
     /// Corrected held-out error over floor, all single effects at twice the floor and above: named and not named, medians.
     pub corrected_over_floor: [f64; 2],
+    /// Upper end of the 95 % interval of the share of false terms (Clopper and Pearson).
+    pub false_at_most: f64,
+    /// Corrected held-out error of the whole signal over the true floor, medians: single effects rightly named, and two effects.
+    pub over_true_floor: [f64; 2],
     /// Seconds per record, median and largest.
     pub seconds: [f64; 2],
 }
@@ -212,6 +223,14 @@ pub fn summarise(all: &[Scored]) -> Summary {
         let own = part("power").filter(|s| s.level >= 2.0 && !s.reported.is_empty());
         median(own.filter(|s| (s.result[0] == "named") == named).map(|s| error(s)[1] / error(s)[2]).collect())
     };
+    let over_true_floor = |name: &'static str, is_right: &dyn Fn(&Scored) -> bool| {
+        let own = part(name).filter(|s| is_right(s));
+        median(own.filter_map(|s| Some(s.held_out[1][1] / s.true_floor?)).collect())
+    };
+    let false_at_most = {
+        let all = null.last().map_or((0, 0.0), |r| (r.records, r.found));
+        at_most((all.1 * all.0 as f64).round() as usize, all.0)
+    };
     let seconds: Vec<f64> = all.iter().map(|s| s.seconds).collect();
     Summary {
         null,
@@ -221,8 +240,22 @@ pub fn summarise(all: &[Scored]) -> Summary {
         leave_one_out,
         two,
         corrected_over_floor: [ratio(true), ratio(false)],
+        false_at_most,
+        over_true_floor: [
+            over_true_floor("power", &|s| s.result.first().is_some_and(|r| r == "named")),
+            over_true_floor("two", &|_| true),
+        ],
         seconds: [median(seconds.clone()), seconds.into_iter().fold(0.0, f64::max)],
     }
+}
+
+/// Upper end of the two-sided 95 % interval of a share, `found` of `all`.
+fn at_most(found: usize, all: usize) -> f64 {
+    if found >= all {
+        return 1.0;
+    }
+    let beta = Beta::new(found as f64 + 1.0, (all - found) as f64);
+    beta.map_or(1.0, |beta| beta.inverse_cdf(0.975))
 }
 
 /// Head of [`cells`].
@@ -279,16 +312,23 @@ impl Summary {
             rows.iter().for_each(|r| text += &line(&cells(r)));
             text += "\n";
         }
-        let [named, not_named] = self.corrected_over_floor;
-        text += &format!(
-            "Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over noise floor, median at twice the floor and above: named {named:.3}, \
-             not named {not_named:.3}. Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
+        text += &self.closing();
+        text
+    }
+
+    /// What is said below the tables.
+    fn closing(&self) -> String {
+        let ([named, not_named], [one, two]) = (self.corrected_over_floor, self.over_true_floor);
+        format!(
+            "False terms: at most {:.2} % with 97.5 % confidence. Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over the noise floor that \
+             the loop finds, median at twice the floor and above: named {named:.3}, not named {not_named:.3}; over the true one: named {one:.3}, two effects {two:.3}. \
+             Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
+            100.0 * self.false_at_most,
             100.0 * self.coverage.0,
             self.coverage.1,
             self.seconds[0],
             self.seconds[1]
-        );
-        text
+        )
     }
 
     /// Text for the terminal.
@@ -300,15 +340,7 @@ impl Summary {
                 text += &format!("{title}\n{}\n", terminal::table(&HEAD, &rows));
             }
         }
-        text += &format!(
-            "intervals that cover the truth: {:.1} % of {}\nheld-out error corrected / floor, median: named {:.3}, not named {:.3}\nseconds per record: median {:.1}, largest {:.1}\n",
-            100.0 * self.coverage.0,
-            self.coverage.1,
-            self.corrected_over_floor[0],
-            self.corrected_over_floor[1],
-            self.seconds[0],
-            self.seconds[1]
-        );
+        text += &self.closing();
         text
     }
 }
