@@ -9,6 +9,7 @@
 //! of its place: 2 % of the response to friction, 0.8 % of an eccentricity's, whose contacts begin at other moments; others agree with the Taylor solver to 0.3 %.
 
 use super::harmonic_balance::Machine;
+use super::poles::Poles;
 use super::stepped_bodies::Bodies;
 pub use super::stepped_mesh::Point;
 use super::stepped_mesh::SteppedMesh;
@@ -19,10 +20,14 @@ use crate::spectral::bessel_i0;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Least rate of the integration, Hz: the stiffest mode lies below a tenth of it.
+/// Least rate of the integration, Hz.
 const LEAST_STEP_RATE_HZ: f64 = 200_000.0;
-/// Time that the transient is given to decay before the first sample, s.
-const RUN_IN_S: f64 = 0.35;
+/// Steps per period of the fastest mode: the classical method then puts it 2e-6 of itself too low, a thousandth of its width at 0.1 % of critical damping.
+const LEAST_STEPS_PER_PERIOD: f64 = 50.0;
+/// Time that the transient is given to decay before the first sample, in time constants of the slowest decay: to 6e-6.
+const RUN_IN_TIME_CONSTANTS: f64 = 12.0;
+/// Bounds of that time, s: a machine with hardly any damping is not waited for.
+const RUN_IN_S: [f64; 2] = [0.35, 3.0];
 /// Fine samples that are kept before they are decimated.
 const KEPT: usize = 4096;
 
@@ -54,11 +59,14 @@ pub fn of_runs(machine: &Machine, runs: &[Run<'_>], samples: usize, rate_hz: f64
 }
 
 fn side_by_side(machine: &Machine, runs: &[Run<'_>], samples: usize, rate_hz: f64) -> Vec<[Vec<f64>; 2]> {
-    let over = (LEAST_STEP_RATE_HZ / rate_hz).ceil().max(1.0) as usize;
+    let poles = Poles::of(machine);
+    let step_rate_hz = LEAST_STEP_RATE_HZ.max(LEAST_STEPS_PER_PERIOD * poles.fastest_hz);
+    let over = (step_rate_hz / rate_hz).ceil().max(1.0) as usize;
     let h = 1.0 / (rate_hz * over as f64);
     let taps = kaiser_low_pass(rate_hz, over);
     let half = taps.len() / 2;
-    let settle = (RUN_IN_S / h) as usize;
+    let run_in_s = (RUN_IN_TIME_CONSTANTS / poles.slowest_decay_per_s).clamp(RUN_IN_S[0], RUN_IN_S[1]);
+    let settle = (run_in_s / h) as usize;
     let points: Vec<Point> = runs.iter().map(|run| run.at).collect();
     let start_s = -(settle as f64) * h;
     let meshes = runs.iter().map(|run| SteppedMesh::new(machine, run.effects, run.at, h, start_s)).collect();

@@ -6,5 +6,6 @@
 pub mod fixed_step;
 pub mod forward;
 pub mod harmonic_balance;
+mod poles;
 mod stepped_bodies;
 mod stepped_mesh;

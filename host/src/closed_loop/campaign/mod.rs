@@ -4,7 +4,7 @@
 //! its number, so a record can be repeated alone, and a campaign stopped and resumed: each scored record is one JSON line, and lines already
 //! there are not done again. Cost: about 10 s per record on two cores.
 
-mod drawn;
+pub mod drawn;
 mod floor;
 mod score;
 
