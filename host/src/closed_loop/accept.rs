@@ -250,7 +250,7 @@ impl Adopted {
         while i < self.terms.len() {
             let all: Vec<&Candidate> = self.terms.iter().collect();
             let [without, with] = [error(&self.others(i)), error(&all)];
-            if without > with { i += 1 } else { self.remove(i, Refusal::HeldOut([without, with])) }
+            if confirmed([without, with]) { i += 1 } else { self.remove(i, Refusal::HeldOut([without, with])) }
         }
     }
 
@@ -318,6 +318,11 @@ pub fn significant(figures: &Figures) -> Result<(), Refusal> {
 /// The refusal.
 pub fn seen_by_tachometer(refuting: usize, runs: usize) -> Result<(), Refusal> {
     if 2 * refuting > runs { Err(Refusal::Tachometer) } else { Ok(()) }
+}
+
+/// Whether the held-out runs confirm a term, by their error without it and with it.
+pub fn confirmed([without, with]: [f64; 2]) -> bool {
+    without > with
 }
 
 /// What is said of a candidate in whose place `winner` was adopted.

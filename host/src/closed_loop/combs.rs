@@ -11,7 +11,7 @@ use super::probability::Probability;
 use rayon::prelude::*;
 
 /// Highest frequency of a comb's lines, Hz.
-const HIGHEST_HZ: f64 = 14_000.0;
+pub const HIGHEST_HZ: f64 = 14_000.0;
 /// Lowest cell of the spectra that is used: below lies the window's leakage of the mean.
 const LOWEST_CELL: usize = 20;
 /// Largest probability by chance, after Bonferroni over the orders.
@@ -79,10 +79,7 @@ impl<'a> Search<'a> {
     fn evidence(&self, order: f64) -> (f64, f64) {
         (0..self.runs.len()).fold((0.0, 0.0), |(sum, rank), index| {
             let top = self.strongest(index, order);
-            // The strongest of so many lines: 1 - (1 - p)^lines without its rounding.
-            let one = Probability::gamma_above(top.power, 2.0).value();
-            let by_chance = -(top.lines * (-one).ln_1p()).exp_m1();
-            (sum + (-by_chance.max(1e-300).ln()).min(CAP), rank + (1.0 + top.power).ln())
+            (sum + evidence_of(top.power, top.lines), rank + (1.0 + top.power).ln())
         })
     }
 
@@ -100,6 +97,24 @@ impl<'a> Search<'a> {
     }
 }
 
+/// One run's share of Fisher's sum: the power of the strongest of so many lines.
+pub fn evidence_of(power: f64, lines: f64) -> f64 {
+    // 1 - (1 - p)^lines without its rounding.
+    let one = Probability::gamma_above(power, 2.0).value();
+    let by_chance = -(lines * (-one).ln_1p()).exp_m1();
+    (-by_chance.max(1e-300).ln()).min(CAP)
+}
+
+/// Independent places of the search; `step` of its grid.
+pub fn places(mesh_order: f64, step: f64) -> f64 {
+    ((0.5 * mesh_order / step) as usize) as f64 * 0.6
+}
+
+/// Whether Fisher's sum over so many runs is a comb, among so many places.
+pub fn is_comb(sum: f64, runs: usize, places: f64) -> bool {
+    Probability::gamma_above(sum, runs as f64).among(places.ln()).value() < LARGEST_CHANCE
+}
+
 /// The `count` strongest combs; their orders lie between none and half the mesh order.
 pub fn combs(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
     let search = Search::new(base, data, runs);
@@ -109,15 +124,14 @@ pub fn combs(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Foun
     let step = 0.2 / (duration_s * fastest);
     let guard = 2.5 / (duration_s * slowest);
     let steps = (0.5 * search.mesh_order / step) as usize;
-    let tests = steps as f64 * 0.6;
+    let tests = places(search.mesh_order, step);
     let mut all: Vec<Found> = (1..steps)
         .into_par_iter()
         .map(|i| i as f64 * step)
         .filter(|order| *order > guard)
         .filter_map(|at| {
             let (sum, statistic) = search.evidence(at);
-            let chance = Probability::gamma_above(sum, runs.len() as f64).among(tests.ln());
-            (chance.value() < LARGEST_CHANCE).then_some(Found { at, statistic, places: tests, modulation: true })
+            is_comb(sum, runs.len(), tests).then_some(Found { at, statistic, places: tests, modulation: true })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));

@@ -17,6 +17,7 @@ use super::impulsive::impacts;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
+use super::limits::limits;
 use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
@@ -170,6 +171,10 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects);
     outcome.candidates_tried = tried;
     outcome.effects.extend(whole);
+    if options.limits && !distorted {
+        say("limits of what was not found");
+        outcome.limits = limits(&Bench::new(&base), &data, &split, &accepted, tried);
+    }
     say("done");
     Ok(outcome)
 }

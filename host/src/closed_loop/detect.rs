@@ -7,6 +7,7 @@ use super::base_fit::Base;
 use super::least_squares::Data;
 use super::probability::Probability;
 use crate::observation::spectrum::OVERDISPERSION;
+use rustfft::num_complex::Complex64 as C;
 
 /// A detected line.
 #[derive(Debug, Clone, Copy)]
@@ -26,16 +27,52 @@ pub const CAP: f64 = 12.0;
 
 /// Power of a line at `hz` over noise, both channels of a run: Gamma(2) in noise.
 pub fn statistic(base: &Base, data: &Data, run: usize, hz: f64) -> f64 {
-    let mut sum = 0.0;
-    for c in 0..2 {
-        let (a, energy) = base.analyser.amplitude(&data.residual[run][c], hz);
-        let b = (hz * base.analyser.duration_s()).round() as usize;
-        if let Some(weight) = data.weight[run][c].get(b) {
-            // |a|^2 over its variance S / energy; the tapered window's peak fit keeps about the same inflation.
-            sum += a.norm_sqr() * energy * weight * 0.5 * OVERDISPERSION / 1.2;
-        }
-    }
-    sum
+    [0, 1].map(|c| amplitude(base, data, run, c, hz).norm_sqr()).iter().sum()
+}
+
+/// Amplitude of a line at `hz` in one channel of a run, its squared size in units of the noise's.
+pub fn amplitude(base: &Base, data: &Data, run: usize, channel: usize, hz: f64) -> C {
+    amplitude_in(&data.residual[run][channel], base, data, run, channel, hz)
+}
+
+/// The same of other `bins` in the place of the residual's.
+pub fn amplitude_in(bins: &[C], base: &Base, data: &Data, run: usize, channel: usize, hz: f64) -> C {
+    let (a, energy) = base.analyser.amplitude(bins, hz);
+    let b = (hz * base.analyser.duration_s()).round() as usize;
+    // |a|^2 over its variance S / energy; the tapered window's peak fit keeps about the same inflation.
+    let weight = data.weight[run][channel].get(b).copied().unwrap_or(0.0);
+    a * (energy * weight * 0.5 * OVERDISPERSION / 1.2).sqrt()
+}
+
+/// Share of the steps of a scan's grid that are independent places.
+const INDEPENDENT: f64 = 0.3;
+/// Largest probability by chance of a line that is proposed, after Bonferroni over the places.
+const LARGEST_CHANCE: f64 = 0.01;
+
+/// Whether powers of so many runs, each up to [`CAP`], are a line, among so many places.
+pub fn is_line(sum: f64, runs: usize, places: f64) -> bool {
+    Probability::gamma_above(sum, 2.0 * runs as f64).among(places.ln()).value() < LARGEST_CHANCE
+}
+
+/// Grid of the scan over orders: highest order, step, and distance from the mesh orders that is left out.
+pub fn grid_of_orders(base: &Base, runs: &[usize]) -> [f64; 3] {
+    let speeds = || runs.iter().map(|&r| base.runs[r].angle.shaft_hz);
+    let (fastest, slowest) = (speeds().fold(0.0, f64::max), speeds().fold(f64::INFINITY, f64::min));
+    let duration = base.analyser.duration_s();
+    let top = (14_000.0 / fastest).min(8.0 * f64::from(base.machine.teeth[0]));
+    [top, 0.2 / (duration * fastest), 2.5 / (duration * slowest)]
+}
+
+/// Independent places of the scan over orders.
+pub fn places_of_orders([top, step, _]: [f64; 3]) -> f64 {
+    top / step * INDEPENDENT
+}
+
+/// Step of the scan over frequencies, Hz, its number of cells, and of independent places.
+pub fn grid_of_frequencies(base: &Base) -> (f64, usize, f64) {
+    let step = 0.2 / base.analyser.duration_s();
+    let cells = (14_500.0 / step) as usize;
+    (step, cells, cells as f64 * INDEPENDENT)
 }
 
 fn scan(
@@ -56,8 +93,7 @@ fn scan(
                 // Uncapped on a logarithmic scale, so that a strong line's shoulders do not tie with its peak.
                 rank += (1.0 + own).ln();
             }
-            let chance = Probability::gamma_above(sum, 2.0 * runs.len() as f64).among(tests.ln());
-            (chance.value() < 0.01).then_some(Found { at, statistic: rank, places: tests, modulation: false })
+            is_line(sum, runs.len(), tests).then_some(Found { at, statistic: rank, places: tests, modulation: false })
         })
         .collect();
     all.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
@@ -72,14 +108,10 @@ fn scan(
 
 /// Strongest non-mesh orders up to a few mesh orders.
 pub fn orders(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
-    let fastest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(0.0, f64::max);
     let z = f64::from(base.machine.teeth[0]);
-    let top = (14_000.0 / fastest).min(8.0 * z);
-    let step = 0.2 / (base.analyser.duration_s() * fastest);
+    let limits @ [top, step, guard] = grid_of_orders(base, runs);
     let grid = (1..(top / step) as usize).map(|i| i as f64 * step);
-    let slowest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(f64::INFINITY, f64::min);
-    let guard = 2.5 / (base.analyser.duration_s() * slowest);
-    let tests = top / step * 0.3;
+    let tests = places_of_orders(limits);
     scan(
         base,
         data,
@@ -96,10 +128,9 @@ pub fn orders(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Fou
 
 /// Strongest fixed frequencies.
 pub fn frequencies(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
-    let step = 0.2 / base.analyser.duration_s();
-    let cells = (14_500.0 / step) as usize;
+    let (step, cells, tests) = grid_of_frequencies(base);
     let grid = (20..cells).map(|i| i as f64 * step);
-    scan(base, data, runs, grid, cells as f64 * 0.3, |hz, _| Some(hz), count)
+    scan(base, data, runs, grid, tests, |hz, _| Some(hz), count)
 }
 
 /// Strongest pairs of lines at a fixed distance, Hz, on both sides of the mesh orders: slow modulation that leaves no line of its own.
@@ -111,7 +142,7 @@ pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     let cells = ((0.45 * z * slowest).min(150.0) / step) as usize;
     let harmonics = 12;
     let shape = 4.0 * f64::from(harmonics) * runs.len() as f64;
-    let places = 0.3 * cells as f64;
+    let places = INDEPENDENT * cells as f64;
     let at_distance = |at: f64| {
         let (mut sum, mut rank) = (0.0, 0.0);
         for &r in runs {

@@ -10,13 +10,16 @@ use crate::observation::spectrum::Sparse;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Common columns of one run, ready for products.
+#[derive(Clone)]
 struct RunFrame {
     /// Columns with bins in this run.
     active: Vec<usize>,
     /// Their values per channel.
-    parts: [Rows; 2],
+    parts: Arc<[Rows; 2]>,
     /// Gram over all common columns and right-hand side, without priors.
     own: Normal,
 }
@@ -80,10 +83,10 @@ impl<'a> Frame<'a> {
             .map(|r| {
                 let active: Vec<usize> =
                     (0..m).filter(|&i| columns[i].template.runs[r].iter().any(|part| !part.is_empty())).collect();
-                let parts = [0, 1].map(|c| {
+                let parts = Arc::new([0, 1].map(|c| {
                     let own: Vec<&Sparse> = active.iter().map(|&i| &columns[i].template.runs[r][c]).collect();
                     Rows::new(&own, data.residual[r][c].len())
-                });
+                }));
                 let own = Normal { gram: DMatrix::zeros(m, m), right: DVector::zeros(m) };
                 let mut run = RunFrame { active, parts, own };
                 for i in run.active.clone() {
@@ -179,6 +182,44 @@ impl<'a> Frame<'a> {
         let all = self.sum(runs, border);
         x.dot(&(&all.gram * x)) - 2.0 * x.dot(&all.right)
     }
+
+    /// The same, after which the columns `own` are fitted to what is left.
+    pub fn change_refitted(&self, runs: &[usize], border: Option<&Border>, x: &DVector<f64>, own: Range<usize>) -> f64 {
+        let all = self.sum(runs, border);
+        let left = &all.right - &all.gram * x;
+        let (first, count) = (own.start, own.len());
+        let mut rest = Normal {
+            gram: all.gram.view((first, first), (count, count)).into_owned(),
+            right: left.rows(first, count).into_owned(),
+        };
+        for (i, (precision, mean)) in self.priors[own].iter().enumerate() {
+            rest.gram[(i, i)] += precision;
+            rest.right[i] += precision * mean;
+        }
+        -x.dot(&(&all.right + left)) - solve(&rest).gain
+    }
+
+    /// The same columns before another residual with the same weights; `columns` as they were.
+    pub fn before<'b>(&self, data: &'b Data, columns: &[Column<'_>]) -> Frame<'b> {
+        let mut runs = self.runs.clone();
+        runs.par_iter_mut().enumerate().for_each(|(r, run)| {
+            for &i in &run.active {
+                run.own.right[i] = dot(data, r, columns[i].template);
+            }
+        });
+        Frame { data, priors: self.priors.clone(), runs }
+    }
+
+    /// The same where the residual of every run also holds the templates of `border` at `x`, and that border before this residual.
+    pub fn holding(&self, border: &Border, x: &[DVector<f64>]) -> (Self, Border) {
+        let mut runs = self.runs.clone();
+        let mut own = Border { count: border.count, runs: border.runs.clone() };
+        for ((run, (gram, cross, right)), x) in runs.iter_mut().zip(&mut own.runs).zip(x) {
+            run.own.right += cross.transpose() * x;
+            *right += &*gram * x;
+        }
+        (Self { data: self.data, priors: self.priors.clone(), runs }, own)
+    }
 }
 
 impl Border {
@@ -223,6 +264,20 @@ impl Border {
         Self { count: self.count, runs }
     }
 
+    /// The same `templates` before another residual with the same weights.
+    pub fn before(&self, data: &Data, templates: &[Template]) -> Self {
+        let mut runs = self.runs.clone();
+        for (r, (.., right)) in runs.iter_mut().enumerate() {
+            templates.iter().enumerate().for_each(|(i, template)| right[i] = dot(data, r, template));
+        }
+        Self { count: self.count, runs }
+    }
+
+    /// Right-hand side of one run.
+    pub fn right(&self, run: usize) -> &DVector<f64> {
+        &self.runs[run].2
+    }
+
     /// Own Gram of one run.
     pub fn gram(&self, run: usize) -> &DMatrix<f64> {
         &self.runs[run].0
@@ -256,4 +311,13 @@ fn products(run: &RunFrame, data: &Data, r: usize, template: &Template) -> (Vec<
         }
     }
     (sums, dot)
+}
+
+/// Weighted product of a template with the residual of one run.
+fn dot(data: &Data, r: usize, template: &Template) -> f64 {
+    let of = |c: usize| -> f64 {
+        let (residual, weight) = (&data.residual[r][c], &data.weight[r][c]);
+        template.runs[r][c].iter().map(|(b, t)| (t.conj() * residual[b]).re * weight[b]).sum()
+    };
+    of(0) + of(1)
 }

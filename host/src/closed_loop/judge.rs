@@ -203,13 +203,16 @@ struct Scores {
 impl<'a> Judge<'a> {
     /// Prepares the common columns.
     pub fn new(base: &Base, data: &'a Data, split: &'a Split, terms: &[&Candidate]) -> Self {
-        let frame = Frame::new(data, &columns(base, terms));
+        let hunting = Hunting::of(base.machine.teeth);
+        Self::of(Frame::new(data, &columns(base, terms)), split, hunting)
+    }
+
+    fn of(frame: Frame<'a>, split: &'a Split, hunting: Hunting) -> Self {
         let seen = split.seen();
         let fitted = frame.estimate(&split.fit, None);
         // Parameters led astray by an effect may predict worse than none moved: that is no gain of the effect.
         let fit_change = frame.change(&split.select, None, &fitted.x).min(0.0);
         let all = frame.estimate(&seen, None);
-        let hunting = Hunting::of(base.machine.teeth);
         Self { frame, split, seen, common: all.x, fit_change, gain: all.gain, hunting, tried: AtomicUsize::new(0) }
     }
 
@@ -227,7 +230,12 @@ impl<'a> Judge<'a> {
     /// The better of `candidate` as it is and of the same with its runs started where they agree best, or as `given` by another effect.
     pub fn judge_started(&self, candidate: Candidate, given: Option<&[u32]>) -> Judged {
         let border = self.frame.border(&candidate.templates);
-        let counted = self.scores(&candidate, &candidate.start, &border);
+        self.judge_bordered(candidate, &border, given)
+    }
+
+    /// [`Judge::judge_started`] of a candidate whose products are at hand; of its templates only their number is asked.
+    pub fn judge_bordered(&self, candidate: Candidate, border: &Border, given: Option<&[u32]>) -> Judged {
+        let counted = self.scores(&candidate, &candidate.start, border);
         let orders = &candidate.pair_orders;
         let freedom = self.hunting.freedom(orders);
         let mut starts = Vec::new();
@@ -305,6 +313,59 @@ impl<'a> Judge<'a> {
         let unknowns = unknowns(candidate, self.seen.len()) + start.unknowns_per_run() * further_runs;
         let score = accept::score(gain, unknowns, candidate.searched.ln() + start_nats);
         Scores { score, gain, select_gain, select_promise, apart_gain, x, start_nats, unknowns }
+    }
+}
+
+/// The judge before residuals that were not measured.
+impl<'a> Judge<'a> {
+    /// Products of a candidate's templates.
+    pub fn border(&self, candidate: &Candidate) -> Border {
+        self.frame.border(&candidate.templates)
+    }
+
+    /// Before another residual with the same weights, next to the same terms.
+    pub fn before<'b>(&'b self, base: &Base, data: &'b Data, terms: &[&Candidate]) -> Judge<'b> {
+        Judge::of(self.frame.before(data, &columns(base, terms)), self.split, self.hunting)
+    }
+
+    /// Where the residual of every run also holds the templates of `border` at `x`, with that border.
+    pub fn holding(&self, border: &Border, x: &[nalgebra::DVector<f64>]) -> (Self, Border) {
+        let (frame, border) = self.frame.holding(border, x);
+        (Self::of(frame, self.split, self.hunting), border)
+    }
+
+    /// Chi-square of the held-out runs without the candidate and with it, but for what both leave, as the veto asks: the columns `own` of the runs
+    /// (angle and speed) are no part of the prediction and are fitted last. `border`: of the candidate as it was judged, starts included.
+    pub fn held_out(&self, candidate: &Candidate, border: &Border, own: std::ops::Range<usize>) -> [f64; 2] {
+        let error = |border: Option<&Border>| {
+            let mut x = self.frame.estimate(&self.seen, border).x;
+            x.rows_mut(own.start, own.len()).fill(0.0);
+            if let Some(border) = border.filter(|_| candidate.phase_free) {
+                tied(border, &self.seen, &mut x);
+            }
+            self.frame.change_refitted(&self.split.held_out, border, &x, own.clone())
+        };
+        [error(None), error(Some(border))]
+    }
+}
+
+/// One amplitude for all runs, taken from `seen`, with each run's own phase.
+fn tied(border: &Border, seen: &[usize], x: &mut nalgebra::DVector<f64>) {
+    let first = x.len() - border.count;
+    let runs = 0..border.count / 2;
+    let energy = |r: usize| border.gram(r)[(2 * r, 2 * r)];
+    let own: Vec<C> = runs
+        .clone()
+        .map(|r| match seen.contains(&r) {
+            true => C::new(x[first + 2 * r], x[first + 2 * r + 1]),
+            false => C::new(border.right(r)[2 * r], border.right(r)[2 * r + 1]) / energy(r).max(1e-300),
+        })
+        .collect();
+    let sum: f64 = seen.iter().map(|&r| energy(r) * own[r].norm()).sum();
+    let amplitude = sum / seen.iter().map(|&r| energy(r)).sum::<f64>().max(1e-300);
+    for r in runs {
+        let value = own[r] * (amplitude / own[r].norm().max(1e-300));
+        (x[first + 2 * r], x[first + 2 * r + 1]) = (value.re, value.im);
     }
 }
 

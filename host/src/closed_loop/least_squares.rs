@@ -25,6 +25,7 @@ pub struct Column<'a> {
 }
 
 /// Normal equations over a set of runs.
+#[derive(Clone)]
 pub struct Normal {
     /// Gram matrix with priors.
     pub gram: DMatrix<f64>,

@@ -25,6 +25,7 @@ pub mod impulsive;
 pub mod judge;
 pub mod least_squares;
 pub mod library;
+pub mod limits;
 pub mod node_check;
 pub mod options;
 pub mod outcome;

@@ -9,12 +9,14 @@ pub struct Options {
     pub most: usize,
     /// Progress on stderr.
     pub progress: bool,
+    /// Whether to say what would have been found of every effect that was not.
+    pub limits: bool,
     /// Library names withheld (for leave-one-out proof).
     pub withheld: Vec<String>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, most: 5, progress: false, withheld: Vec::new() }
+        Self { seed: 1, most: 5, progress: false, limits: false, withheld: Vec::new() }
     }
 }

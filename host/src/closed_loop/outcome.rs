@@ -2,6 +2,7 @@
 
 use super::accept::Refused;
 use super::candidate::{Parameter, Tuning};
+use super::limits::Limit;
 use super::probability::Probability;
 use super::start::Start;
 use crate::check::Findings;
@@ -208,6 +209,8 @@ pub struct Outcome {
     pub held_out: Vec<HeldOut>,
     /// Effects found, strongest first.
     pub effects: Vec<Effect>,
+    /// Effects not found: the strength from which on they would have been. Empty where nothing can be said, or nobody asked.
+    pub limits: Vec<Limit>,
     /// The rest.
     pub unexplained: Vec<Unexplained>,
     /// Declared parameters as adopted, relative change.
@@ -279,6 +282,7 @@ impl Outcome {
             });
         }
         if let Some(reason) = contradiction.clone().or(withheld) {
+            self.limits.clear();
             for effect in self.effects.iter_mut().filter(|e| e.verdict == "named" || e.verdict == "ambiguous") {
                 effect.verdict = "abstained".into();
                 effect.withheld_because = Some(reason.clone());
@@ -332,11 +336,29 @@ impl Outcome {
                 next.join(", ")
             );
         }
+        text += &limits_in_words(&self.limits);
         for u in &self.unexplained {
             text += &format!("unexplained: {} ({:.3} % of variance)\n", u.description, 100.0 * u.variance_share);
         }
         text
     }
+}
+
+/// Limits in two lines.
+fn limits_in_words(limits: &[Limit]) -> String {
+    if limits.is_empty() {
+        return String::new();
+    }
+    let one = |l: &Limit| {
+        let strength = l.found_in_half.map_or_else(|| "no strength tried".into(), |s| format!("{s:.2e}"));
+        let unit = if l.unit == "1" { String::new() } else { format!(" {}", l.unit) };
+        let at = if l.at.is_empty() { String::new() } else { format!(", {}", l.at) };
+        format!("{}{at} {strength}{unit}", l.strength)
+    };
+    format!(
+        "not found; would have been, in half of the places tried, from: {}\n",
+        limits.iter().map(one).collect::<Vec<_>>().join("; ")
+    )
 }
 
 /// A figure that may be unknown.

@@ -45,6 +45,7 @@ pub fn report(outcome: &Outcome, replay: &Replay) -> Result<Report> {
     report = errors(report, outcome);
     report = residuals(report, outcome, replay)?;
     report = evidence(report, outcome);
+    report = limits(report, outcome);
     report = levels(report, outcome, replay);
     report = refused(report, outcome);
     Ok(report)
@@ -194,6 +195,27 @@ fn evidence(mut report: Report, outcome: &Outcome) -> Report {
         }
     }
     report
+}
+
+fn limits(report: Report, outcome: &Outcome) -> Report {
+    if outcome.limits.is_empty() {
+        return report;
+    }
+    let shown = |s: Option<f64>| s.map_or_else(|| "none tried".into(), |s| format!("{s:.2e}"));
+    let rows: Vec<Vec<String>> = outcome
+        .limits
+        .iter()
+        .map(|l| {
+            let figures = [shown(l.found_in_half), shown(l.found_in_90_percent)];
+            let [half, most] = figures;
+            vec![l.family.clone(), l.at.clone(), half, most, l.unit.clone(), l.strength.clone()]
+        })
+        .collect();
+    report.section("What would have been found").table(
+        "Effects not found: smallest strength that this record would have shown, in half and in nine of ten of the places tried (phase, tooth, order, starts of runs)",
+        &["effect", "on", "in half from", "in 90 % from", "unit", "simulator's key"],
+        &rows,
+    )
 }
 
 fn levels(report: Report, outcome: &Outcome, replay: &Replay) -> Report {

@@ -195,7 +195,7 @@ fn settled(at: &impl Fn(&[f64]) -> Option<Judged>, simulated: Vec<f64>, now: Jud
 }
 
 /// Strength that a first-order fit stands for: a cracked tooth, being softer, deflects more.
-fn first_guess(candidate: &Candidate, x: &[f64]) -> Vec<f64> {
+pub fn first_guess(candidate: &Candidate, x: &[f64]) -> Vec<f64> {
     match (candidate.seat, x) {
         (Some(Seat::OneTooth(_, Tooth::Softened)), [loss]) if *loss > 0.0 => vec![loss / (1.0 + loss)],
         _ => x.to_vec(),

@@ -193,6 +193,7 @@ pub fn report(
         },
         held_out: held_out(&after, base, split),
         effects,
+        limits: Vec::new(),
         unexplained,
         declared_parameter_changes: TOLERANCES
             .iter()

@@ -32,6 +32,9 @@ pub struct Args {
     /// Level to run at; the highest that the record allows where none is given.
     #[arg(long, value_enum)]
     level: Option<Level>,
+    /// Leaves out what would have been found of every effect that was not (dynamic level).
+    #[arg(long)]
+    no_limits: bool,
     /// Seed of the split into fit, selection and held-out runs (dynamic level).
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -96,7 +99,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let record = input::view(&files)?;
     refuse_unusable(&record, &mut written)?;
-    let options = Options { seed: args.seed, progress: true, ..Options::default() };
+    let options = Options { seed: args.seed, progress: true, limits: !args.no_limits, ..Options::default() };
     let mut outcome = close_loop(&record, &options)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();

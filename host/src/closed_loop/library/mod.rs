@@ -63,6 +63,11 @@ impl<'a> Bench<'a> {
         bench
     }
 
+    /// Candidates that do not depend on the residual.
+    pub fn fixed(&self) -> &[Candidate] {
+        &self.fixed
+    }
+
     /// Orders that are always tried: one and two per turn of either shaft.
     pub fn shaft_orders(&self) -> [f64; 4] {
         [1.0, self.ratio(), 2.0, 2.0 * self.ratio()]

@@ -230,11 +230,25 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
     let of = |&w: &Wave| (label(w, None, bench.ratio()), exponents(w), Some(Seat::Wave(w)));
     let mut labels: Vec<(Label, [f64; 2], Option<Seat>)> = waves.iter().map(of).collect();
     let ratio = channel_pattern(bench, data, fit, hz);
-    responses
-        .push(base.runs.iter().map(|run| vec![Line { order: hz / run.angle.shaft_hz, amplitude: ratio }]).collect());
+    responses.push(tone_lines(bench, hz, ratio));
+    labels.push((tone_label(mains), [0.0, 0.0], None));
+    labels.into_iter().zip(&responses).map(|(labelled, lines)| free_in_every_run(bench, hz, labelled, lines)).collect()
+}
+
+/// A tone at a multiple of the line frequency with these complex amplitudes in the channels, phase free in every run.
+pub fn line_tone(bench: &Bench<'_>, hz: f64, amplitude: [C; 2]) -> Candidate {
+    free_in_every_run(bench, hz, (tone_label(true), [0.0, 0.0], None), &tone_lines(bench, hz, amplitude))
+}
+
+fn tone_lines(bench: &Bench<'_>, hz: f64, amplitude: [C; 2]) -> Vec<Vec<Line>> {
+    bench.base.runs.iter().map(|run| vec![Line { order: hz / run.angle.shaft_hz, amplitude }]).collect()
+}
+
+/// Words for a tone added by the acquisition; `mains`: at a multiple of the line frequency.
+fn tone_label(mains: bool) -> Label {
     let line_tone = super::on_path(Path::LineTone);
     let (name, claim) = if mains { (line_tone.name, Claim::Named) } else { (line_tone.plain, Claim::Generic) };
-    let tone = Label {
+    Label {
         name: name.into(),
         plain: line_tone.plain.into(),
         claim,
@@ -242,30 +256,33 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
         shaft: "none",
         quantity: line_tone.quantity,
         unit: line_tone.unit,
-    };
-    labels.push((tone, [0.0, 0.0], None));
-    labels
-        .into_iter()
-        .zip(&responses)
-        .map(|((l, exponents, seat), lines)| {
-            let pair = quadrature(&base.analyser, &bench.angles, lines);
-            Candidate {
-                name: l.name,
-                plain: Some(l.plain),
-                claim: l.claim,
-                family: l.family,
-                shaft: l.shaft,
-                frequency_hz: Some(hz),
-                parameters: vec![Parameter { name: l.quantity.into(), unit: l.unit, first: 0, complex: true }],
-                templates: (0..base.runs.len()).flat_map(|r| pair.each_ref().map(|t: &Template| t.only(r))).collect(),
-                searched: 2000.0,
-                exponents,
-                seat,
-                phase_free: true,
-                ..Candidate::default()
-            }
-        })
-        .collect()
+    }
+}
+
+/// The candidate of lines at a fixed frequency.
+fn free_in_every_run(
+    bench: &Bench<'_>,
+    hz: f64,
+    (l, exponents, seat): (Label, [f64; 2], Option<Seat>),
+    lines: &[Vec<Line>],
+) -> Candidate {
+    let pair = quadrature(&bench.base.analyser, &bench.angles, lines);
+    let runs = 0..bench.base.runs.len();
+    Candidate {
+        name: l.name,
+        plain: Some(l.plain),
+        claim: l.claim,
+        family: l.family,
+        shaft: l.shaft,
+        frequency_hz: Some(hz),
+        parameters: vec![Parameter { name: l.quantity.into(), unit: l.unit, first: 0, complex: true }],
+        templates: runs.flat_map(|r| pair.each_ref().map(|t: &Template| t.only(r))).collect(),
+        searched: 2000.0,
+        exponents,
+        seat,
+        phase_free: true,
+        ..Candidate::default()
+    }
 }
 
 /// The multiple of the line frequency that `hz` cannot be told from over a run.

@@ -68,17 +68,28 @@ fn hat(knot: usize, f: f64) -> f64 {
     rise.min(fall).max(0.0)
 }
 
+/// The prediction of one channel behind a filter.
+fn filtered(bench: &Bench<'_>, channel: usize, h: &dyn Fn(f64) -> C) -> Template {
+    let duration = bench.base.analyser.duration_s();
+    Template::new(bench.base.runs.iter().map(|run| {
+        let mut parts = <[Sparse; 2]>::default();
+        let bins: Bins = run.model[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
+        parts[channel] = Sparse::of(&bins);
+        parts
+    }))
+}
+
+/// A channel behind a delay, s; its strength is the share of that delay, which must come out near 1.
+pub fn delayed(bench: &Bench<'_>, channel: usize, delay_s: f64) -> Candidate {
+    let shifted = filtered(bench, channel, &|f| C::cis(-TAU * f * delay_s) - 1.0);
+    let quantity = format!("{}_of_{:.2}_us", on_path(Path::Delay).quantity, 1e6 * delay_s);
+    let found = named(Path::Delay, "path", shifted, [0.0, 1.0]);
+    Candidate { searched: 100.0, parameters: parameter(&quantity, "1"), ..found }
+}
+
 /// All path candidates, per channel.
 pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
-    let duration = bench.base.analyser.duration_s();
-    let filtered = |channel: usize, h: &(dyn Fn(f64) -> C + Sync)| {
-        Template::new(bench.base.runs.iter().map(|run| {
-            let mut parts = <[Sparse; 2]>::default();
-            let bins: Bins = run.model[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
-            parts[channel] = Sparse::of(&bins);
-            parts
-        }))
-    };
+    let filtered = |channel: usize, h: &(dyn Fn(f64) -> C + Sync)| filtered(bench, channel, h);
     // From the prediction, not the measured signal: powers of measured noise would explain the noise itself.
     let made = |channel: usize, f: &dyn Fn(usize, f64) -> f64| {
         Template::new(bench.waveforms.iter().map(|run| {
@@ -101,11 +112,7 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
             vec![gain],
             [0.0, 1.0],
         ));
-        let delay = best_delay(bench, data, fit, channel);
-        let shifted = filtered(channel, &|f| C::cis(-TAU * f * delay) - 1.0);
-        let quantity = format!("{}_of_{:.2}_us", on_path(Path::Delay).quantity, 1e6 * delay);
-        let found = named(Path::Delay, "path", shifted, [0.0, 1.0]);
-        list.push(Candidate { searched: 100.0, parameters: parameter(&quantity, "1"), ..found });
+        list.push(delayed(bench, channel, best_delay(bench, data, fit, channel)));
         let drift = made(channel, &|i, x| x * (i as f64 / samples - 0.5));
         list.push(named(Path::Drift, "non-stationary", drift.clone(), [0.0, 1.0]));
         let bow = made(channel, &|i, x| x * ((i as f64 / samples - 0.5).powi(2) - 1.0 / 12.0));

@@ -94,34 +94,13 @@ impl ToothFamilies {
             let shaft = ["pinion", "gear"][families.shaft];
             let single = one_tooth(families.shaft, families.kind);
             let order = if families.shaft == 0 { 1.0 } else { bench.ratio() };
-            let exponents = if families.kind == Tooth::Displaced { [0.0, 0.0] } else { [0.0, 1.0] };
             let likeness = families.likeness(z, data);
             let mut starts = vec![likeness.best(&split.fit, Start::Counted, teeth)];
             if families.shaft == 1 && hunting.turns > 1 {
                 starts.push(likeness.best_started(&split.fit, teeth, hunting));
                 starts.extend(turns.map(|t| likeness.best(&split.fit, Start::Given(t.to_vec()), teeth)));
             }
-            list.extend(starts.into_iter().map(|(tooth, start)| Candidate {
-                name: single.name.into(),
-                claim: Claim::Named,
-                family: "shaft-order",
-                shaft,
-                order: Some(order),
-                parameters: vec![Parameter {
-                    name: format!("{} of tooth {tooth}", single.quantity),
-                    unit: single.unit,
-                    first: 0,
-                    complex: false,
-                }],
-                templates: vec![families.tooth(|run| seen_as(tooth, &start, run, teeth), z, bench.base.analyser.bins)],
-                searched: f64::from(z),
-                exponents,
-                hypothesis: Some(single),
-                seat: Some(Seat::OneTooth(families.shaft, families.kind)),
-                tooth: Some(tooth),
-                start,
-                ..Candidate::default()
-            }));
+            list.extend(starts.into_iter().map(|(tooth, start)| families.single(bench, tooth, start)));
             let (name, claim) = match families.kind {
                 Tooth::Displaced => (every_tooth(families.shaft).name.into(), Claim::Named),
                 Tooth::Softened => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
@@ -142,7 +121,7 @@ impl ToothFamilies {
                 order: Some(order),
                 parameters,
                 templates: families.pairs.iter().flatten().cloned().collect(),
-                exponents,
+                exponents: families.exponents(),
                 hypothesis: (families.kind == Tooth::Displaced).then(|| every_tooth(families.shaft)),
                 pair_orders: (1..=families.pairs.len()).map(|m| m as f64 * order).collect(),
                 plain: (families.kind == Tooth::Displaced).then(|| every_tooth(families.shaft).plain.into()),
@@ -150,6 +129,12 @@ impl ToothFamilies {
             });
         }
         list
+    }
+
+    /// Each kind on one tooth of a body, with the runs started as `start` says.
+    pub fn at(&self, bench: &Bench<'_>, body: usize, tooth: u32, start: &Start) -> Vec<Candidate> {
+        let own = self.all.iter().filter(|families| families.shaft == body);
+        own.map(|families| families.single(bench, tooth, start.clone())).collect()
     }
 }
 
@@ -167,6 +152,38 @@ fn every_tooth(body: usize) -> &'static Hypothesis {
 }
 
 impl Families {
+    /// Powers of speed and torque of one tooth's excitation.
+    fn exponents(&self) -> [f64; 2] {
+        if self.kind == Tooth::Displaced { [0.0, 0.0] } else { [0.0, 1.0] }
+    }
+
+    /// One tooth, with the runs started as `start` says.
+    fn single(&self, bench: &Bench<'_>, tooth: u32, start: Start) -> Candidate {
+        let teeth = bench.base.machine.teeth;
+        let (z, single) = (teeth[self.shaft], one_tooth(self.shaft, self.kind));
+        Candidate {
+            name: single.name.into(),
+            claim: Claim::Named,
+            family: "shaft-order",
+            shaft: ["pinion", "gear"][self.shaft],
+            order: Some([1.0, bench.ratio()][self.shaft]),
+            parameters: vec![Parameter {
+                name: format!("{} of tooth {tooth}", single.quantity),
+                unit: single.unit,
+                first: 0,
+                complex: false,
+            }],
+            templates: vec![self.tooth(|run| seen_as(tooth, &start, run, teeth), z, bench.base.analyser.bins)],
+            searched: f64::from(z),
+            exponents: self.exponents(),
+            hypothesis: Some(single),
+            seat: Some(Seat::OneTooth(self.shaft, self.kind)),
+            tooth: Some(tooth),
+            start,
+            ..Candidate::default()
+        }
+    }
+
     /// What every tooth's error has in common with the residual of every run, families taken as orthogonal.
     fn likeness(&self, z: u32, data: &Data) -> Likeness {
         let right: Vec<Vec<[f64; 2]>> = self
