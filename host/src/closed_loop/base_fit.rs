@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 
 /// Relative model error per line that is never held against the declared machine.
-const MODEL_SLACK: f64 = 6e-4;
+pub const MODEL_SLACK: f64 = 6e-4;
 /// Share of a bin's own residual treated as model-form error of whatever explains it.
 const FORM_SLACK: f64 = 0.03;
 

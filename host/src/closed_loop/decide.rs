@@ -18,6 +18,7 @@ use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::limits::limits;
+use super::next_measurement::advise;
 use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
@@ -167,6 +168,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     if whole.is_empty() && effects.is_empty() {
         effects.extend(remainder(&base, &corrected(&base, &data, &joint(&base, &data, &seen, &[]).x, &[]), &seen));
     }
+    advise(record, (&base, &data, &split), &accepted, &pool, &mut effects);
     let calibrated = (distorted || !accepted.is_empty()).then_some(calibrated);
     let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects);
     outcome.candidates_tried = tried;

@@ -26,6 +26,7 @@ pub mod judge;
 pub mod least_squares;
 pub mod library;
 pub mod limits;
+pub mod next_measurement;
 pub mod node_check;
 pub mod options;
 pub mod outcome;

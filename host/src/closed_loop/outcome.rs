@@ -120,6 +120,27 @@ pub struct Evidence {
     pub next: Vec<(String, f64)>,
 }
 
+/// The run that would tell an ambiguous effect best from the name that it tells least.
+#[derive(Debug, Clone, Serialize)]
+pub struct NextMeasurement {
+    /// Speed of the pinion, Hz.
+    pub speed_hz: f64,
+    /// Input torque, N m.
+    pub torque_n_m: f64,
+    /// Length of the run, s: that of the record's runs.
+    pub seconds: f64,
+    /// Channel that tells most.
+    pub channel: usize,
+    /// Expected evidence of both channels, nats, against the rival told least.
+    pub nats: f64,
+    /// The same of that channel alone.
+    pub nats_of_channel: f64,
+    /// That rival.
+    pub against: String,
+    /// Whether it decides.
+    pub decides: bool,
+}
+
 /// One effect.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Effect {
@@ -145,6 +166,9 @@ pub struct Effect {
     /// Experiment that would decide between the names in question.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deciding_experiment: Option<String>,
+    /// The run that would decide, where the model can say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub next_measurement: Option<NextMeasurement>,
     /// Effects of the gear: turns of the pinion by which every run starts later in the hunting period than its pulse 0 says, against the first
     /// run. Teeth and phases hold with these.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -335,6 +359,9 @@ impl Outcome {
                 or_dash(e.evidence.torque_exponent),
                 next.join(", ")
             );
+            if let Some(experiment) = &e.deciding_experiment {
+                text += &format!("    would decide: {experiment}\n");
+            }
         }
         text += &limits_in_words(&self.limits);
         for u in &self.unexplained {

@@ -178,7 +178,7 @@ pub fn verdicts(
             at_mesh_orders: term.family == "mesh-order",
             has_rivals: !near.is_empty(),
         });
-        let (verdict, name, experiment) = worded(term, naming, near);
+        let (verdict, name) = worded(term, naming, near);
         effects.push(Effect {
             withheld_because: None,
             verdict: verdict.into(),
@@ -199,7 +199,8 @@ pub fn verdicts(
                 left_at_its_lines: left,
                 next: rivals,
             },
-            deciding_experiment: experiment,
+            deciding_experiment: None,
+            next_measurement: None,
             pinion_turns_of_runs: term.start.turns().map(<[u32]>::to_vec),
             phase_of_runs_rad: match &term.start {
                 Start::Phases(phases) => Some(phases.clone()),
@@ -210,25 +211,20 @@ pub fn verdicts(
     effects
 }
 
-/// Verdict, name and deciding experiment in words; `near`: what cannot be told from the term.
-fn worded(term: &Candidate, naming: Naming, near: Vec<&str>) -> (&'static str, String, Option<String>) {
+/// Verdict and name in words; `near`: what cannot be told from the term.
+fn worded(term: &Candidate, naming: Naming, near: Vec<&str>) -> (&'static str, String) {
     match naming {
-        Naming::Generic if term.claim == Claim::Generic => {
-            ("generic", format!("{} ({})", term.name, place(term)), None)
-        }
-        Naming::Generic => {
-            ("generic", format!("{}; resembles {} but does not follow its law", seat(term), term.name), None)
-        }
+        Naming::Generic if term.claim == Claim::Generic => ("generic", format!("{} ({})", term.name, place(term))),
+        Naming::Generic => ("generic", format!("{}; resembles {} but does not follow its law", seat(term), term.name)),
         Naming::Ambiguous => {
             let mut names = vec![term.name.as_str()];
             names.extend(near);
             if names.len() == 1 {
                 names.push(if term.name == "profile-error" { "tip-relief" } else { "profile-error" });
             }
-            let text = "runs at a third torque and at a higher speed separate these laws".to_string();
-            ("ambiguous", names.join(" or "), Some(text))
+            ("ambiguous", names.join(" or "))
         }
-        Naming::Named => ("named", term.name.clone(), None),
+        Naming::Named => ("named", term.name.clone()),
     }
 }
 

@@ -31,6 +31,9 @@ pub struct Args {
     /// Records with two effects, and as many with an effect and a wrong declared parameter.
     #[arg(long, default_value_t = 0)]
     two: usize,
+    /// Records whose limits are tried: the record without any effect is looped, and an effect put in at one of the limits that it states, and at twice it.
+    #[arg(long, default_value_t = 0)]
+    limits: usize,
     /// Strengths of that one effect, times its detection floor.
     #[arg(long, value_delimiter = ',', default_value = "2,20,1")]
     levels: Vec<f64>,
@@ -71,6 +74,7 @@ pub fn run(args: Args) -> Result<()> {
         power: args.power,
         leave_one_out: args.leave_one_out,
         two: args.two,
+        limits: args.limits,
         levels: args.levels,
         only: args.only,
         duration_s: args.seconds,
@@ -80,7 +84,10 @@ pub fn run(args: Args) -> Result<()> {
     };
     let scored = run_plan(&plan)?;
     if scored.is_empty() {
-        return Err(Error::invalid("--null, --power, --leave-one-out, --two", "all are 0 and the log is empty"));
+        return Err(Error::invalid(
+            "--null, --power, --leave-one-out, --two, --limits",
+            "all are 0 and the log is empty",
+        ));
     }
     let summary = summarise(&scored);
     files.write(&summary, || Ok(report(&summary, scored.len(), plan.seed)))?;

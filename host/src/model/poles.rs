@@ -41,8 +41,16 @@ impl Poles {
         // Directions of the springs with their stiffness and damping.
         let springs = [
             (at(&[(PINION, rb1), (GEAR, -rb2), (PINION_Y, 1.0), (GEAR_Y, -1.0)]), mesh, mesh * machine.tau_s),
-            (at(&[(MOTOR, 1.0), (PINION, -1.0)]), s.coupling_stiffness_n_m_per_rad[0], s.coupling_damping_n_m_s_per_rad[0]),
-            (at(&[(GEAR, 1.0), (LOAD, -1.0)]), s.coupling_stiffness_n_m_per_rad[1], s.coupling_damping_n_m_s_per_rad[1]),
+            (
+                at(&[(MOTOR, 1.0), (PINION, -1.0)]),
+                s.coupling_stiffness_n_m_per_rad[0],
+                s.coupling_damping_n_m_s_per_rad[0],
+            ),
+            (
+                at(&[(GEAR, 1.0), (LOAD, -1.0)]),
+                s.coupling_stiffness_n_m_per_rad[1],
+                s.coupling_damping_n_m_s_per_rad[1],
+            ),
             (at(&[(PINION_Y, 1.0)]), s.bearing_stiffness_n_per_m[0], s.bearing_damping_n_s_per_m[0]),
             (at(&[(GEAR_Y, 1.0)]), s.bearing_stiffness_n_per_m[1], s.bearing_damping_n_s_per_m[1]),
         ];

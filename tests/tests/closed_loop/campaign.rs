@@ -13,6 +13,7 @@ fn theory_summary_counts_false_terms_and_right_families() {
         id: id.into(),
         part: part.into(),
         machine: "m".into(),
+        runs: 8,
         duration_s: 2.0,
         coloured: false,
         parameters_off: false,
@@ -27,6 +28,7 @@ fn theory_summary_counts_false_terms_and_right_families() {
         estimate_over_truth: None,
         held_out: [[0.4, 0.1, 0.1], [0.4, 0.2, 0.1]],
         calibrated: Some([0.2, 0.3]),
+        true_floor: None,
         seconds: 1.0,
     };
     let all = [
@@ -54,6 +56,7 @@ fn regress_a_campaign_resumes_from_its_log() {
         power: 0,
         leave_one_out: 0,
         two: 0,
+        limits: 0,
         levels: vec![2.0],
         only: Vec::new(),
         duration_s: 1.0,
@@ -82,6 +85,7 @@ fn a_machine_is_drawn_for_every_record_and_its_true_floor_is_known() {
         power: 0,
         leave_one_out: 0,
         two: 0,
+        limits: 0,
         levels: vec![2.0],
         only: Vec::new(),
         duration_s: 0.6,

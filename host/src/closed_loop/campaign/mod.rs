@@ -6,6 +6,7 @@
 
 pub mod drawn;
 mod floor;
+mod limit;
 mod score;
 
 pub use score::{HEAD, Row, Scored, Summary, cells, summarise};
@@ -38,6 +39,8 @@ pub struct Plan {
     pub leave_one_out: usize,
     /// Records with two effects, and as many with an effect and a wrong parameter.
     pub two: usize,
+    /// Records without any effect whose limits are tried: one effect at a stated limit, and at twice it.
+    pub limits: usize,
     /// Levels over the detection floor of the power part, in the order they are taken.
     pub levels: Vec<f64>,
     /// Names of [`hidden`](crate::effects::hidden) to use; empty for all.
@@ -63,6 +66,14 @@ impl Item {
     fn id(&self) -> String {
         format!("{}-{}", self.part, self.number)
     }
+
+    /// Whether its record, or the last of its records, is among those done.
+    fn is_done(&self, done: &BTreeSet<String>) -> bool {
+        match self.part {
+            limit::PART => limit::LAST.iter().any(|part| done.contains(&format!("{part}-{}", self.number))),
+            _ => done.contains(&self.id()),
+        }
+    }
 }
 
 fn items(plan: &Plan) -> Vec<Item> {
@@ -82,6 +93,7 @@ fn items(plan: &Plan) -> Vec<Item> {
         hidden: vec![named[number % named.len()]],
         level: 4.0,
     }));
+    items.extend((0..plan.limits).map(|number| Item { part: limit::PART, number, hidden: vec![], level: 0.0 }));
     for number in 0..plan.two {
         let first = named[number % named.len()];
         let second = named[(number + 1 + number / named.len() * 3 + 4) % named.len()];
@@ -141,16 +153,19 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
     }
     let mut scored = read_log(&plan.log)?;
     let done: BTreeSet<String> = scored.iter().map(|s| s.id.clone()).collect();
-    let todo: Vec<Item> = items(plan).into_iter().filter(|i| !done.contains(&i.id())).collect();
+    let todo: Vec<Item> = items(plan).into_iter().filter(|i| !i.is_done(&done)).collect();
     let mut log =
         std::fs::OpenOptions::new().create(true).append(true).open(&plan.log).map_err(Error::file(&plan.log))?;
     let bar = Progress::new("records", todo.len() as u64);
     for item in &todo {
-        let result = one(plan, item, &machines)?;
-        let line = serde_json::to_string(&result).map_err(|e| Error::invalid(&result.id, e))?;
+        let results = one(plan, item, &machines)?;
+        let lines = results.iter().map(|result| {
+            serde_json::to_string(result).map(|line| line + "\n").map_err(|e| Error::invalid(&result.id, e))
+        });
         // In one piece: what ends the program leaves whole lines.
-        log.write_all((line + "\n").as_bytes()).map_err(Error::file(&plan.log))?;
-        scored.push(result);
+        let lines = lines.collect::<Result<String>>()?;
+        log.write_all(lines.as_bytes()).map_err(Error::file(&plan.log))?;
+        scored.extend(results);
         bar.step();
     }
     Ok(scored)
@@ -184,7 +199,16 @@ fn loudness(declared: &Record, scenario: &Scenario) -> Result<f64> {
     Ok(run.channels.iter().map(rms).fold(f64::INFINITY, f64::min))
 }
 
-fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
+/// A record to be made, and what is known of it.
+struct Made<'a> {
+    declared: &'a Record,
+    scenario: Scenario,
+    coloured: bool,
+    parameters_off: bool,
+    started: Instant,
+}
+
+fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Vec<Scored>> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed.wrapping_mul(0x9E37_79B9).wrapping_add(stream));
@@ -203,7 +227,7 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         let scale = 0.9 + 0.2 * rng.random::<f64>();
         scenario.speeds_hz.iter_mut().for_each(|f| *f *= scale);
     }
-    let mut hidden: Vec<(&Hidden, f64)> = Vec::new();
+    let mut hidden: Vec<(&'static Hidden, f64)> = Vec::new();
     for &one in &item.hidden {
         // The floor is this record's own: of the same order, phase or frequency, at its speeds and in its noise.
         let (floor, peak_m_s2) = floor::strength(declared, &scenario, one, &mut rng.clone())?;
@@ -221,41 +245,59 @@ fn one(plan: &Plan, item: &Item, machines: &[Record]) -> Result<Scored> {
         _ if parameters_off => off(&mut scenario, &mut rng, None, 1.0),
         _ => {}
     }
-    let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario)?;
     let withheld = match item.part {
         "leave-one-out" => hidden[0].0.right_names.iter().map(|n| (*n).to_string()).collect(),
         _ => Vec::new(),
     };
-    let outcome =
-        close_loop(&record, &Options { seed: rng.random(), withheld, progress: plan.verbose, ..Options::default() })?;
-    let (result, wrong_names) = score::judge(&outcome, &hidden);
-    let strength = match hidden.as_slice() {
-        [(kind, truth)] => score::strength(&outcome, kind, *truth),
-        _ => None,
-    };
-    let held = &outcome.error.held_out_runs;
-    let true_floor = floor::true_floor(&record, &scenario, &outcome.split[2]);
-    let held = [held.shaft_synchronous, held.whole_signal];
-    Ok(Scored {
-        id: item.id(),
-        part: item.part.into(),
-        machine: declared.title.clone(),
-        runs: record.runs.len(),
-        duration_s: plan.duration_s,
-        coloured,
-        parameters_off,
-        hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),
-        truth: scenario.effects.join(" "),
-        level: item.level,
-        reported: outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone(), e.family.clone()]).collect(),
-        result,
-        wrong_names,
-        surplus: outcome.effects.len().saturating_sub(hidden.len()),
-        covered: strength.map(|s| s.0),
-        estimate_over_truth: strength.map(|s| s.1),
-        held_out: held.map(|s| [s.declared, s.corrected, s.noise_floor]),
-        calibrated: Some(held.map(|s| s.calibrated)),
-        true_floor: Some(true_floor),
-        seconds: started.elapsed().as_secs_f64(),
-    })
+    let options = Options { seed: rng.random(), withheld, progress: plan.verbose, ..Options::default() };
+    let made = Made { declared, scenario, coloured, parameters_off, started };
+    if item.part == limit::PART {
+        return limit::at_limits(&made, item.number, &options, &plan.only, &mut rng);
+    }
+    Ok(vec![made.scored(item, &hidden, &options)?.0])
+}
+
+impl Made<'_> {
+    /// Makes the record, runs the loop on it and scores what it says; with the outcome.
+    fn scored(
+        &self,
+        item: &Item,
+        hidden: &[(&'static Hidden, f64)],
+        options: &Options,
+    ) -> Result<(Scored, super::Outcome)> {
+        let Self { declared, scenario, .. } = self;
+        let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, scenario)?;
+        let outcome = close_loop(&record, options)?;
+        let (result, wrong_names) = score::judge(&outcome, hidden);
+        let strength = match hidden {
+            [(kind, truth)] => score::strength(&outcome, kind, *truth),
+            _ => None,
+        };
+        let held = &outcome.error.held_out_runs;
+        let true_floor = floor::true_floor(&record, scenario, &outcome.split[2]);
+        let held = [held.shaft_synchronous, held.whole_signal];
+        let scored = Scored {
+            id: item.id(),
+            part: item.part.into(),
+            machine: declared.title.clone(),
+            runs: record.runs.len(),
+            duration_s: scenario.duration_s,
+            coloured: self.coloured,
+            parameters_off: self.parameters_off,
+            hidden: hidden.iter().map(|(k, _)| k.name.to_string()).collect(),
+            truth: scenario.effects.join(" "),
+            level: item.level,
+            reported: outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone(), e.family.clone()]).collect(),
+            result,
+            wrong_names,
+            surplus: outcome.effects.len().saturating_sub(hidden.len()),
+            covered: strength.map(|s| s.0),
+            estimate_over_truth: strength.map(|s| s.1),
+            held_out: held.map(|s| [s.declared, s.corrected, s.noise_floor]),
+            calibrated: Some(held.map(|s| s.calibrated)),
+            true_floor: Some(true_floor),
+            seconds: self.started.elapsed().as_secs_f64(),
+        };
+        Ok((scored, outcome))
+    }
 }

@@ -12,7 +12,7 @@ use statrs::distribution::{Beta, ContinuousCDF};
 pub struct Scored {
     /// `part-number`.
     pub id: String,
-    /// null, power, leave-one-out, two or parameter.
+    /// null, power, leave-one-out, two, parameter, limit-1, limit-2 or limit-none.
     pub part: String,
     /// Machine.
     pub machine: String,
@@ -135,6 +135,8 @@ pub struct Summary {
     pub leave_one_out: Vec<Row>,
     /// Two effects at once; one effect and a wrong parameter.
     pub two: Vec<Row>,
+    /// Effects at the limit stated for their record (half of the places), and at twice it; then by effect.
+    pub limits: Vec<Row>,
     /// Corrected held-out error over floor, all single effects at twice the floor and above: named and not named, medians.
     pub corrected_over_floor: [f64; 2],
     /// Upper end of the 95 % interval of the share of false terms (Clopper and Pearson).
@@ -219,6 +221,12 @@ pub fn summarise(all: &[Scored]) -> Summary {
         row("two effects", &part("two").collect::<Vec<_>>()),
         row("effect and parameter", &part("parameter").collect::<Vec<_>>()),
     ];
+    let mut limits = Vec::new();
+    for (name, group) in [("limit-1", "at the limit"), ("limit-2", "at twice the limit")] {
+        limits.push(row(group, &part(name).collect::<Vec<_>>()));
+        let of_kind = by_kind(name, None).into_iter();
+        limits.extend(of_kind.map(|r| Row { group: format!("{group}: {}", r.group), ..r }));
+    }
     let ratio = |named: bool| {
         let own = part("power").filter(|s| s.level >= 2.0 && !s.reported.is_empty());
         median(own.filter(|s| (s.result[0] == "named") == named).map(|s| error(s)[1] / error(s)[2]).collect())
@@ -239,6 +247,7 @@ pub fn summarise(all: &[Scored]) -> Summary {
         coverage: (compared.iter().filter(|c| **c).count() as f64 / compared.len().max(1) as f64, compared.len()),
         leave_one_out,
         two,
+        limits,
         corrected_over_floor: [ratio(true), ratio(false)],
         false_at_most,
         over_true_floor: [
@@ -287,13 +296,14 @@ pub fn cells(r: &Row) -> Vec<String> {
 
 impl Summary {
     /// Titled tables.
-    pub fn tables(&self) -> [(&'static str, &[Row]); 5] {
+    pub fn tables(&self) -> [(&'static str, &[Row]); 6] {
         [
             ("Nothing hidden (found = false terms)", &self.null),
             ("One effect, by level over its detection floor", &self.power),
             ("Every effect at twice its floor", &self.power_by_effect),
             ("The true effect withheld from the library", &self.leave_one_out),
             ("Two at once", &self.two),
+            ("Effects at the limit that the loop states for the record without them", &self.limits),
         ]
     }
 

@@ -45,6 +45,9 @@ pub struct Limit {
     /// The simulator's keys that say where it sits.
     #[serde(skip)]
     pub keys: Vec<(&'static str, f64)>,
+    /// Whether it is locked to an order of the pinion.
+    #[serde(skip)]
+    pub at_order: bool,
 }
 
 /// Limits of every named effect of the library that is not among `adopted`; `tried`: scores given in the search.
@@ -83,6 +86,7 @@ impl Row {
             at: self.at,
             unit: self.unit.into(),
             strength: self.strength,
+            at_order: self.at_order,
             places,
             keys: self.keys.into_iter().map(|(key, value)| (key, f64::from(value))).collect(),
         }

@@ -38,6 +38,7 @@ pub struct Row {
     pub keys: Vec<(&'static str, u8)>,
     pub at: String,
     pub unit: &'static str,
+    pub at_order: bool,
 }
 
 /// An effect at one order, tooth or frequency, with several phases, signs and starts of the runs.
@@ -52,11 +53,13 @@ pub struct Seated {
 }
 
 impl Seated {
-    /// The simulator's strength where the candidate's is `size` at a place.
+    /// The simulator's strength where the candidate's is `size` at a place; none beyond what the simulator takes.
     pub fn strength(&self, bench: &Bench<'_>, place: usize, size: f64) -> Option<f64> {
         let x: Vec<f64> = self.unknowns[place][0].iter().map(|v| v * size).collect();
         let table = carried(bench, &self.candidate, self.hypothesis, &x, size)?;
-        strength_of(&table).map(|(_, value)| value.abs())
+        let (key, value) = strength_of(&table)?;
+        let parameter = entry(table.0).ok()?.parameters.iter().find(|p| p.name == key)?;
+        Some(value.abs()).filter(|value| *value <= parameter.range[1])
     }
 }
 
@@ -275,6 +278,7 @@ fn row(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &'static Hypothesis
         at: at.collect::<Vec<_>>().join(", "),
         strength: format!("{}:{key}", table.0),
         unit: if parameter.unit.is_empty() { "1" } else { parameter.unit },
+        at_order: candidate.order.is_some(),
         keys,
     })
 }
