@@ -65,7 +65,6 @@ impl<'a> SteppedMesh<'a> {
     /// Steps of length `h` (s) from `start_s` on.
     pub fn new(machine: &Machine, effects: &'a [Box<dyn Effect>], at: Point, h: f64, start_s: f64) -> Self {
         let facts = machine.facts(at.torque_n_m);
-        let path = facts.path_base_pitches;
         let stiffness = cells(&machine.curve);
         let knots = effects.iter().flat_map(|e| e.path_knots(&facts)).collect();
         let nodes = vec![Node::default(); NODES];
