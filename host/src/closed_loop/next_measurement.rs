@@ -90,7 +90,7 @@ fn rivals(bench: &Bench<'_>, term: &Candidate, effect: &Effect, pool: &[Candidat
     names
         .flat_map(|name| {
             // A shape that nothing in the search had stands for any.
-            let name = if name.starts_with("another ") { &name["another ".len()..] } else { name };
+            let name = name.strip_prefix("another ").unwrap_or(name);
             let has_name = |c: &&Candidate| c.name == name && !c.templates.is_empty();
             let own: Vec<Candidate> = pool.iter().filter(has_name).take(MOST_OF_A_NAME).cloned().collect();
             match own.is_empty() {

@@ -127,7 +127,7 @@ impl Draw<'_> {
         let mut x = DVector::zeros(candidate.templates.len());
         let own = match open {
             Open::Sign => {
-                x[0] = if place % 2 == 0 || h.never_negative { 1.0 } else { -1.0 };
+                x[0] = if place.is_multiple_of(2) || h.never_negative { 1.0 } else { -1.0 };
                 return vec![x; runs];
             }
             Open::PhaseOfRuns => {
