@@ -175,7 +175,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     outcome.effects.extend(whole);
     if options.limits && !distorted {
         say("limits of what was not found");
-        outcome.limits = limits(&Bench::new(&base), &data, &split, &accepted, tried);
+        outcome.state(limits(&Bench::new(&base), &data, &split, &accepted, tried));
     }
     say("done");
     Ok(outcome)

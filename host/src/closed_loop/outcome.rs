@@ -263,6 +263,12 @@ impl Outcome {
         self.split[2].iter().filter_map(|run| self.runs_used.iter().position(|used| used == run)).collect()
     }
 
+    /// Takes the limits of effects that no verdict names or has in question.
+    pub fn state(&mut self, limits: Vec<Limit>) {
+        let in_question = |l: &Limit| self.effects.iter().any(|e| e.name.split(" or ").any(|name| name == l.family));
+        self.limits = limits.into_iter().filter(|l| !in_question(l)).collect();
+    }
+
     /// Takes the record's check into the answer: findings first, runs by their index in the record, no name next to a contradiction.
     ///
     /// # Errors
@@ -371,21 +377,19 @@ impl Outcome {
     }
 }
 
-/// Limits in two lines.
+/// Limits of the half, by the simulator's key.
 fn limits_in_words(limits: &[Limit]) -> String {
     if limits.is_empty() {
         return String::new();
     }
-    let one = |l: &Limit| {
-        let strength = l.found_in_half.map_or_else(|| "no strength tried".into(), |s| format!("{s:.2e}"));
-        let unit = if l.unit == "1" { String::new() } else { format!(" {}", l.unit) };
-        let at = if l.at.is_empty() { String::new() } else { format!(", {}", l.at) };
-        format!("{}{at} {strength}{unit}", l.strength)
-    };
-    format!(
-        "not found; would have been, in half of the places tried, from: {}\n",
-        limits.iter().map(one).collect::<Vec<_>>().join("; ")
-    )
+    let mut by_key: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for limit in limits {
+        let strength = limit.found_in_half.map_or_else(|| "none".into(), |s| format!("{s:.2e}"));
+        let own = by_key.entry(&limit.strength).or_default();
+        own.push(if limit.at.is_empty() { strength } else { format!("{} {strength}", limit.at) });
+    }
+    let rows: Vec<String> = by_key.iter().map(|(key, all)| format!("{key} {}", all.join(", "))).collect();
+    format!("not found; would have been, in half of the places tried, from: {}\n", rows.join("; "))
 }
 
 /// A figure that may be unknown.

@@ -16,7 +16,7 @@ fn loop_report_and_corrected_machine_agree_with_the_outcome() {
     scenario.effects = vec!["torque-ripple:depth=0.02,order=5,phase=0.7".into()];
     scenario.duration_s = 1.0;
     let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
-    let outcome = close_loop(&record, &Options::default()).unwrap();
+    let outcome = close_loop(&record, &Options { limits: true, ..Options::default() }).unwrap();
     print!("{}", outcome.summary());
     assert!(!outcome.effects.is_empty());
     let replayed = replay::replay(&record, &outcome);
@@ -31,7 +31,13 @@ fn loop_report_and_corrected_machine_agree_with_the_outcome() {
         assert!(band.record_db.is_finite() && band.corrected_error_db < band.declared_error_db + 0.3, "{band:?}");
     }
     let html = report::report(&outcome, &replayed).unwrap().html();
-    for section in ["Error in three stages", "Residual spectrum", "Considered and refused", "stays unexplained"] {
+    for section in [
+        "Error in three stages",
+        "Residual spectrum",
+        "What would have been found",
+        "Considered and refused",
+        "stays unexplained",
+    ] {
         assert!(html.contains(section), "{section}");
     }
     let copy = tempfile::tempdir().unwrap();

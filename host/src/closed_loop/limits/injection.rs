@@ -80,8 +80,8 @@ impl<'a> Scene<'a> {
     }
 
     /// The weakest strength found, place by place; none where no strength in range is.
-    pub fn weakest(&self, seated: Seated) -> Vec<Option<f64>> {
-        let prepared = self.prepared(&seated);
+    pub fn weakest(&self, seated: &Seated) -> Vec<Option<f64>> {
+        let prepared = self.prepared(seated);
         let of = |(place, unit): (usize, &Vec<DVector<f64>>)| {
             let size = self.weakest_size(&prepared, place % self.judges.len(), unit)?;
             seated.strength(self.bench, place, size)

@@ -1,7 +1,7 @@
 //! What would have been found: for every named effect of the library that was not, the smallest strength that this record would have shown.
 //!
 //! Injection and recovery in the linearised model. The response of an effect is laid, at drawn places (phase, tooth, order, frequency, starts of the runs;
-//! [`places`]), over what the terms found leave of the record ([`injection`]), and everything is asked that the search asks: the order must be proposed
+//! `places`), over what the terms found leave of the record (`injection`), and everything is asked that the search asks: the order must be proposed
 //! by the scans, the gate must adopt the term next to those found, and the held-out runs must confirm it. The normal equations change by products that are there
 //! already, so a strength costs a few small systems of equations and no simulation. Strengths are those of the simulator's own effects
 //! ([`Hypothesis::carry`](crate::effects::hypothesis::Hypothesis::carry)), so that a limit can be tried with `simulate --effect`.
@@ -55,18 +55,14 @@ pub fn limits(bench: &Bench<'_>, data: &Data, split: &Split, adopted: &Adopted, 
     let variants = injection::variants(bench.base, data, split, adopted);
     let scene = Scene::new(bench, &variants, split, adopted, tried);
     let is_missing = |seated: &Seated| adopted.iter().all(|term| term.name != seated.candidate.name);
-    let seats: Vec<Seated> = places::drawn(bench, &variants[0], split).into_iter().filter(is_missing).collect();
-    let strengths: Vec<(Row, Vec<f64>)> = seats
-        .into_par_iter()
-        .map(|seated| {
-            let (row, strengths) = (seated.row.clone(), scene.weakest(seated));
-            (row, strengths.into_iter().map(|s| s.unwrap_or(f64::INFINITY)).collect())
-        })
-        .collect();
     let mut rows: BTreeMap<Row, Vec<f64>> = BTreeMap::new();
-    for (row, strengths) in strengths {
-        rows.entry(row).or_default().extend(strengths);
-    }
+    places::drawn(bench, &variants[0], split, |seats| {
+        let of = |seated: Seated| (seated.row.clone(), scene.weakest(&seated));
+        let found: Vec<_> = seats.into_par_iter().filter(is_missing).map(of).collect();
+        for (row, strengths) in found {
+            rows.entry(row).or_default().extend(strengths.into_iter().map(|s| s.unwrap_or(f64::INFINITY)));
+        }
+    });
     rows.into_iter().map(|(row, strengths)| row.limit(strengths)).collect()
 }
 

@@ -81,16 +81,22 @@ struct Draw<'a> {
     all: Vec<Seated>,
 }
 
-/// Candidates of every named effect at drawn places.
-pub fn drawn(bench: &Bench<'_>, data: &Data, split: &Split) -> Vec<Seated> {
+/// Hands out candidates of every named effect at drawn places, part by part because of their size.
+pub fn drawn(bench: &Bench<'_>, data: &Data, split: &Split, mut take: impl FnMut(Vec<Seated>)) {
     let hunting = Hunting::of(bench.base.machine.teeth);
     let mut draw = Draw { bench, hunting, random: ChaCha8Rng::seed_from_u64(SEED), all: Vec::new() };
     draw.without_choice();
-    draw.at_orders(split);
-    draw.on_teeth();
+    take(std::mem::take(&mut draw.all));
     draw.on_paths(data, split);
-    draw.hum();
-    draw.all
+    take(std::mem::take(&mut draw.all));
+    for _ in 0..SEATS {
+        draw.at_orders(split);
+        draw.with_shapes();
+        take(std::mem::take(&mut draw.all));
+        (0..2).for_each(|body| draw.on_tooth(body));
+        (0..2).for_each(|larger| draw.hum(larger));
+        take(std::mem::take(&mut draw.all));
+    }
 }
 
 impl Draw<'_> {
@@ -168,9 +174,16 @@ impl Draw<'_> {
                 None => (0..2).for_each(|pair| self.add(candidate.clone(), Open::Phase(pair), PLACES, false)),
             }
         }
-        for _ in 0..SEATS {
-            let share = self.between(0.15, 0.4);
-            self.add(mesh::relief(self.bench, share, 1), Open::Sign, PLACES / SEATS, false);
+    }
+
+    /// What has a shape of its own.
+    fn with_shapes(&mut self) {
+        let share = self.between(0.15, 0.4);
+        self.add(mesh::relief(self.bench, share, 1), Open::Sign, PLACES / SEATS, false);
+        for channel in 0..2 {
+            let hz = self.between(1500.0, 4500.0);
+            // The structure's gain is real, as the simulator has it.
+            self.add(path::mode(self.bench, channel, hz, MODE_DAMPING), Open::Sign, PLACES / SEATS, false);
         }
     }
 
@@ -179,23 +192,21 @@ impl Draw<'_> {
         let base = self.bench.base;
         let scanned = detect::places_of_orders(detect::grid_of_orders(base, &split.seen()));
         let teeth = base.machine.teeth[0];
-        for _ in 0..SEATS {
-            let ghost = f64::from(5 + self.below(teeth - 6));
-            let ripple = f64::from(3 + self.below(6));
-            let free = self.between_orders();
-            for at in [ghost, ripple, free] {
-                for candidate in order::at_order(self.bench, at, 200.0) {
-                    let seat = match (candidate.seat, candidate.hypothesis.map(|h| h.at)) {
-                        (_, Some(Where::WholeOrdersAbove(_))) => ghost,
-                        (_, Some(Where::NeitherShaft { .. })) => free,
-                        (Some(Seat::Wave(Wave::Force { at: Site::Motor, .. })), Some(Where::Everywhere)) => ripple,
-                        (Some(Seat::Wave(Wave::Force { at: Site::Load, .. })), Some(Where::Everywhere)) => free,
-                        _ => continue,
-                    };
-                    if seat == at && candidate.claim == Claim::Named {
-                        let candidate = Candidate { scanned, ..candidate };
-                        self.add(candidate, Open::Phase(0), PLACES / SEATS, true);
-                    }
+        let ghost = f64::from(5 + self.below(teeth - 6));
+        let ripple = f64::from(3 + self.below(6));
+        let free = self.between_orders();
+        for at in [ghost, ripple, free] {
+            for candidate in order::at_order(self.bench, at, 200.0) {
+                let seat = match (candidate.seat, candidate.hypothesis.map(|h| h.at)) {
+                    (_, Some(Where::WholeOrdersAbove(_))) => ghost,
+                    (_, Some(Where::NeitherShaft { .. })) => free,
+                    (Some(Seat::Wave(Wave::Force { at: Site::Motor, .. })), Some(Where::Everywhere)) => ripple,
+                    (Some(Seat::Wave(Wave::Force { at: Site::Load, .. })), Some(Where::Everywhere)) => free,
+                    _ => continue,
+                };
+                if seat == at && candidate.claim == Claim::Named {
+                    let candidate = Candidate { scanned, ..candidate };
+                    self.add(candidate, Open::Phase(0), PLACES / SEATS, true);
                 }
             }
         }
@@ -212,22 +223,16 @@ impl Draw<'_> {
         }
     }
 
-    fn on_teeth(&mut self) {
-        let teeth = self.bench.base.machine.teeth;
-        for body in 0..2 {
-            for _ in 0..SEATS {
-                let tooth = self.below(teeth[body]);
-                let start = if body == 1 && self.hunting.turns > 1 {
-                    let turns = (0..self.bench.base.runs.len())
-                        .map(|r| if r == 0 { 0 } else { self.below(self.hunting.turns) });
-                    Start::Turns(turns.collect())
-                } else {
-                    Start::Counted
-                };
-                for candidate in self.bench.teeth.at(self.bench, body, tooth, &start) {
-                    self.add(candidate, Open::Sign, PLACES / SEATS, false);
-                }
-            }
+    /// Of the gear the runs start anywhere in the hunting period.
+    fn on_tooth(&mut self, body: usize) {
+        let tooth = self.below(self.bench.base.machine.teeth[body]);
+        let mut start = Start::Counted;
+        if body == 1 && self.hunting.turns > 1 {
+            let runs = 1..self.bench.base.runs.len();
+            start = Start::Turns(std::iter::once(0).chain(runs.map(|_| self.below(self.hunting.turns))).collect());
+        }
+        for candidate in self.bench.teeth.at(self.bench, body, tooth, &start) {
+            self.add(candidate, Open::Sign, PLACES / SEATS, false);
         }
     }
 
@@ -238,26 +243,17 @@ impl Draw<'_> {
         all.into_iter().filter(drawn).for_each(|c| self.add(c, Open::Sign, PLACES / 2, false));
         for channel in 0..2 {
             self.add(path::delayed(self.bench, channel, DELAY_S), Open::Sign, PLACES / 2, false);
-            for _ in 0..SEATS {
-                let hz = self.between(1500.0, 4500.0);
-                // The structure's gain is real, as the simulator has it.
-                self.add(path::mode(self.bench, channel, hz, MODE_DAMPING), Open::Sign, PLACES / SEATS, false);
-            }
         }
     }
 
-    /// Hum in both channels, the other one weaker by a drawn share.
-    fn hum(&mut self) {
-        for larger in 0..2 {
-            for _ in 0..SEATS {
-                let hz = 50.0 * f64::from(1 + self.below(3));
-                let mut amplitude = [C::ONE; 2];
-                amplitude[1 - larger] = C::from_polar(self.between(0.0, 1.0), self.between(0.0, TAU));
-                let places = detect::grid_of_frequencies(self.bench.base).2;
-                let candidate = order::line_tone(self.bench, hz, amplitude);
-                self.add(Candidate { scanned: places, ..candidate }, Open::PhaseOfRuns, PLACES / SEATS, true);
-            }
-        }
+    /// Hum in both channels, the one that is not the `larger` weaker by a drawn share.
+    fn hum(&mut self, larger: usize) {
+        let hz = 50.0 * f64::from(1 + self.below(3));
+        let mut amplitude = [C::ONE; 2];
+        amplitude[1 - larger] = C::from_polar(self.between(0.1, 0.9), self.between(0.0, TAU));
+        let scanned = detect::grid_of_frequencies(self.bench.base).2;
+        let candidate = Candidate { scanned, ..order::line_tone(self.bench, hz, amplitude) };
+        self.add(candidate, Open::PhaseOfRuns, PLACES / SEATS, true);
     }
 }
 
