@@ -33,7 +33,6 @@ pub mod report;
 pub mod residual;
 pub mod scene;
 pub mod search;
-pub mod sharpness;
 pub mod slip;
 pub mod slipping;
 pub mod soundness;

@@ -8,7 +8,7 @@ use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
 use super::families::tooth::piece;
 use super::scene::{Scene, SceneRun};
-use super::spectra::{Spectra, follow_everywhere, mean};
+use super::spectra::{Spectra, mean};
 use super::split::{Split, Stretch};
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::{self, Band, not_locked};
@@ -194,10 +194,7 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Le
     let levels = |s: &Stretch| {
         let part = &rest[first(s)..(first(s) + samples).min(rest.len())];
         let mut levels = search::levels(part, per_turn, run.angle.speed.slowest_hz, &range);
-        for level in &mut levels {
-            level.density.bin *= scale;
-            follow_everywhere(level);
-        }
+        levels.iter_mut().for_each(|level| level.density.bin *= scale);
         levels
     };
     mean(stretches.iter().map(levels))

@@ -5,7 +5,6 @@ use super::candidate::{Candidate, Domain, Kind, Taken, TakenOf, score};
 use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
-use super::sharpness::{self, Sharper};
 use super::soundness::{by_higher_base, higher_base, is_impulsive, simpler, unsound};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
@@ -23,8 +22,6 @@ const JUDGED: usize = 30;
 const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
-/// Lines of a family that a supply with its harmonics may have as well.
-const LONE_LINES: usize = 3;
 /// Sidebands of an adopted modulation that are its own, on each side.
 const SIDES: i32 = 8;
 
@@ -41,8 +38,6 @@ pub struct Adopted {
     pub carries: Vec<Carries>,
     /// The base stands in an envelope as well: it is of impacts.
     pub impulsive: bool,
-    /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
-    pub either_hz: Option<f64>,
 }
 
 impl Adopted {
@@ -214,8 +209,7 @@ impl Search {
             candidate.kind = Kind::SingleTooth(shaft);
         }
         let impulsive = is_impulsive(&candidate, &context, views, &self.taken);
-        let either_hz = either_hz(&candidate, &verdict, scene, views);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive })
     }
 
     /// Whether a candidate is what an adopted family has explained already.
@@ -267,18 +261,6 @@ impl Search {
             _ => {}
         }
     }
-}
-
-/// The frequency of a family of few lines that may stand at a frequency as well as at an order.
-fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<f64> {
-    let is_lone = match candidate.kind {
-        Kind::FixedFrequency => true,
-        Kind::Passage => verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count() <= LONE_LINES,
-        _ => false,
-    };
-    let hz = if candidate.domain == Domain::Frequency { 1.0 } else { scene.runs.first()?.angle.speed.mean_hz };
-    let neither = || sharpness::of(candidate, verdict, scene, views) == Sharper::Neither;
-    (is_lone && neither()).then_some(candidate.base * hz)
 }
 
 /// The strongest candidates, few of each kind.

@@ -67,13 +67,13 @@ impl Spectra {
                 search::levels(&samples[s.samples(angle.per_turn[0])], angle.per_turn[0], angle.slower_order(), &range)
             };
             let followed = |mut levels: Vec<Level>, spacing: f64| {
-                levels.iter_mut().for_each(|level| follow_skirts(level, spacing, SKIRT_REACH, highest));
+                levels.iter_mut().for_each(|level| follow_skirts(level, spacing, highest));
                 levels
             };
             let of_channel = |samples: &Vec<f64>| {
                 let all = stretches(r).into_iter().map(|s| of_stretch(samples, s));
                 if is_search && scene.runs[r].runs_up() {
-                    evened(all.map(|levels| followed(levels, 2.0 * SKIRT_REACH)))
+                    evened(all.map(|levels| followed(levels, SKIRT_REACH)))
                 } else {
                     followed(mean(all), scene.mesh_order())
                 }
@@ -142,14 +142,8 @@ impl Spectra {
     }
 }
 
-/// Raises the floor at every bin to where its neighbours stand.
-pub fn follow_everywhere(level: &mut Level) {
-    let highest = level.floor.len() as f64 * level.density.bin;
-    follow_skirts(level, highest, highest, 0.0);
-}
-
-/// Raises the floor within `reach` of the multiples of `spacing` to where a skirt lifts the bins beside each: a line must stand out of what is next to it.
-fn follow_skirts(level: &mut Level, spacing: f64, reach: f64, highest: f64) {
+/// Raises the floor about the mesh harmonics to where a skirt lifts the bins beside each: a line must stand out of what is next to it.
+fn follow_skirts(level: &mut Level, mesh_order: f64, highest: f64) {
     let bin = level.density.bin;
     let k = level.averages.max(1) as f64;
     let mean_over_median = (1.0 - 1.0 / (9.0 * k)).powi(-3);
@@ -161,9 +155,9 @@ fn follow_skirts(level: &mut Level, spacing: f64, reach: f64, highest: f64) {
         let middle = bins.len() / 2;
         if bins.is_empty() { 0.0 } else { mean_over_median * *bins.select_nth_unstable_by(middle, f64::total_cmp).1 }
     };
-    for harmonic in 0..=(highest / spacing).ceil() as usize {
-        let centre = harmonic as f64 * spacing;
-        let (from, to) = (((centre - reach) / bin).max(0.0) as usize, ((centre + reach) / bin) as usize);
+    for harmonic in 0..=(highest / mesh_order) as usize {
+        let centre = harmonic as f64 * mesh_order;
+        let (from, to) = (((centre - SKIRT_REACH) / bin).max(0.0) as usize, ((centre + SKIRT_REACH) / bin) as usize);
         for i in from..to.min(count) {
             let raised = beside(i);
             if raised > SKIRT * level.floor[i] {
