@@ -194,7 +194,7 @@ impl Background<'_> {
                 injected.runs[r].samples[c].iter_mut().zip(&added).for_each(|(x, a)| *x += a);
             }
         }
-        let orders = Spectra::searched(scene, &grids, |r| scene.runs[r].split.fit.clone());
+        let orders = Spectra::over_orders(scene, &grids, |r| scene.runs[r].split.fit.clone());
         let views = Views {
             orders,
             envelope: self.views.envelope.clone(),

@@ -80,12 +80,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let (kept, vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
-    let predicting: Vec<&Adopted> = kept
-        .iter()
-        .filter(|(a, worth)| !held_out || !a.candidate.locked || worth::predicts_waveform(a, worth))
-        .map(|(a, _)| *a)
-        .collect();
-    let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
+    let corrected = errors::correct(&scene, &baseline, &fit, &adopted);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
     let named = named_lines::of(&scene, &own_held, &fit, &adopted);

@@ -66,7 +66,7 @@ pub fn views(
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
     bands: Option<&Vec<Vec<Band>>>,
 ) -> Views {
-    let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
+    let orders = Spectra::over_orders(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let given = bands.map(|bands| bands[r][c]);

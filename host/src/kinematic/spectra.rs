@@ -42,20 +42,6 @@ impl Spectra {
         grids: &[Vec<Vec<f64>>],
         stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
     ) -> Self {
-        Self::of_grids(scene, grids, stretches, false)
-    }
-
-    /// The same for a search: in a run-up every stretch counts by its own floor, which follows the skirts at every order.
-    pub fn searched(scene: &Scene, grids: &[Vec<Vec<f64>>], stretches: impl Fn(usize) -> Vec<Stretch> + Sync) -> Self {
-        Self::of_grids(scene, grids, stretches, true)
-    }
-
-    fn of_grids(
-        scene: &Scene,
-        grids: &[Vec<Vec<f64>>],
-        stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
-        is_search: bool,
-    ) -> Self {
         let lowest = LOWEST * scene.gear_order.min(1.0);
         let highest = scene.highest_order;
         let of_run = |r: usize| -> Vec<Vec<Level>> {
@@ -66,17 +52,10 @@ impl Spectra {
             let of_stretch = |samples: &[f64], s: Stretch| {
                 search::levels(&samples[s.samples(angle.per_turn[0])], angle.per_turn[0], angle.slower_order(), &range)
             };
-            let followed = |mut levels: Vec<Level>, spacing: f64| {
-                levels.iter_mut().for_each(|level| follow_skirts(level, spacing, highest));
-                levels
-            };
             let of_channel = |samples: &Vec<f64>| {
-                let all = stretches(r).into_iter().map(|s| of_stretch(samples, s));
-                if is_search && scene.runs[r].runs_up() {
-                    evened(all.map(|levels| followed(levels, SKIRT_REACH)))
-                } else {
-                    followed(mean(all), scene.mesh_order())
-                }
+                let mut levels = mean(stretches(r).into_iter().map(|s| of_stretch(samples, s)));
+                levels.iter_mut().for_each(|level| follow_skirts(level, scene.mesh_order(), highest));
+                levels
             };
             grids[r].iter().map(of_channel).collect()
         };
@@ -165,25 +144,6 @@ fn follow_skirts(level: &mut Level, mesh_order: f64, highest: f64) {
             }
         }
     }
-}
-
-/// Levels of several stretches of one length as one, each over its own floor: power over floor is the mean of theirs.
-pub fn evened(stretches: impl Iterator<Item = Vec<Level>>) -> Vec<Level> {
-    let all: Vec<Vec<Level>> = stretches
-        .map(|mut levels| {
-            for level in &mut levels {
-                level.density.values.iter_mut().zip(&level.floor).for_each(|(x, f)| *x /= f.max(f64::MIN_POSITIVE));
-                level.floor.iter_mut().for_each(|f| *f = 1.0 / f.max(f64::MIN_POSITIVE));
-            }
-            levels
-        })
-        .collect();
-    let mut levels = mean(all.into_iter());
-    for level in &mut levels {
-        level.floor.iter_mut().for_each(|f| *f = 1.0 / *f);
-        level.density.values.iter_mut().zip(&level.floor).for_each(|(x, f)| *x *= f);
-    }
-    levels
 }
 
 /// Levels of several stretches of one length as one.

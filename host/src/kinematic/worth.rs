@@ -10,7 +10,7 @@ use super::baseline::Baseline;
 use super::candidate::{TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::residual::Views;
-use super::scene::{Scene, SceneRun};
+use super::scene::Scene;
 use super::search::Adopted;
 use super::slipping::slipping_share;
 use rayon::prelude::*;
@@ -25,8 +25,6 @@ pub struct Worth {
     pub gain: f64,
     /// Logarithm of the likelihood ratio: of its prediction where it is locked, of its lines with unknown amplitudes where it slips.
     pub ln_bayes: f64,
-    /// The same of a locked family's lines with unknown amplitudes, in a run-up: there the path turns phases by what nothing predicts.
-    pub ln_of_power: f64,
 }
 
 /// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
@@ -34,16 +32,11 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let all = 0..scene.channels.len();
     let nothing: TakenOf = Default::default();
     let mut corrected = Corrected::none(scene, baseline);
-    let runs_up = scene.runs.iter().any(SceneRun::runs_up);
-    let of_power = |own: &Adopted| {
-        let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
-        score(&own.candidate, &field, 0.0).ln_bayes
-    };
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
-            let ln_bayes = of_power(own);
-            let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
-            return Worth { gain, ln_bayes, ln_of_power: f64::NEG_INFINITY };
+            let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
+            let ln_bayes = score(&own.candidate, &field, 0.0).ln_bayes;
+            return Worth { gain: mean(&slipping_share(scene, views, &[own], 0.0), all.clone()), ln_bayes };
         }
         let before = corrected.residual.clone();
         let orders = corrected.add(scene, baseline, views[0], own);
@@ -55,11 +48,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         };
         let places: Vec<(usize, usize)> = places.collect();
         let ln_bayes = places.into_par_iter().map(ln).sum();
-        let gain = share(&before) - share(&corrected.residual);
-        if ln_bayes <= LEAST {
-            corrected.residual = before;
-        }
-        Worth { gain, ln_bayes, ln_of_power: if runs_up { of_power(own) } else { f64::NEG_INFINITY } }
+        Worth { gain: share(&before) - share(&corrected.residual), ln_bayes }
     };
     adopted.iter().map(worth).collect()
 }
@@ -87,15 +76,10 @@ fn ln_likelihood_ratio(
     orders.iter().map(of_order).sum()
 }
 
-/// Whether a family's fitted amplitudes and phases hold on the turns not used, so that its lines may be taken off there.
-pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
-    adopted.candidate.locked && worth.ln_bayes > LEAST
-}
-
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     if adopted.candidate.locked {
-        return predicts_waveform(adopted, worth) || worth.ln_of_power > LEAST;
+        return worth.ln_bayes > LEAST;
     }
     let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
     predicts && worth.ln_bayes > 0.0
