@@ -80,7 +80,7 @@ fn closed(
     }
     let seen = input::view(record)?;
     checking::record(&seen).require_usable()?;
-    let mut found = closed_loop::close_loop(&seen, &Options { seed, ..Options::default() })?;
+    let mut found = closed_loop::close_loop(&seen, &Options { seed, limits: true, ..Options::default() })?;
     found.record = name.unwrap_or(found.record);
     let html = match with_report {
         true => closed_loop::report::report(&found, &replay(&seen, &found))?.html(),
