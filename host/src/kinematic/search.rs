@@ -2,6 +2,7 @@
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Taken, TakenOf, score};
+use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
@@ -271,14 +272,17 @@ impl Search {
 
 /// The frequency of a family of few lines that may stand at a frequency as well as at an order.
 fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<f64> {
+    let hz = if candidate.domain == Domain::Frequency { 1.0 } else { scene.runs.first()?.angle.speed.mean_hz };
+    let hz = candidate.base * hz;
+    let lines = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     let is_lone = match candidate.kind {
         Kind::FixedFrequency => true,
-        Kind::Passage => verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count() <= LONE_LINES,
+        // Harmonics of anything but a supply are those of something that turns.
+        Kind::Passage => lines <= if supply_hz(hz).is_some() { LONE_LINES } else { 1 },
         _ => false,
     };
-    let hz = if candidate.domain == Domain::Frequency { 1.0 } else { scene.runs.first()?.angle.speed.mean_hz };
     let neither = || sharpness::of(candidate, verdict, scene, views) == Sharper::Neither;
-    (is_lone && neither()).then_some(candidate.base * hz)
+    (is_lone && neither()).then_some(hz)
 }
 
 /// The strongest candidates, few of each kind.

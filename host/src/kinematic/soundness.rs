@@ -13,6 +13,8 @@ const LEAST_ALONE: f64 = 20.0;
 /// generated records with nothing but a wander, where 25 nats and more were seen).
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
+/// Mesh harmonics that a swing of everything must show at: beside one alone stands its own skirt.
+const SWUNG: usize = 2;
 /// Orders of its shaft at which the cage of a rolling bearing can turn, the outer ring standing: half of one less a ratio of 0.36 to 0.12.
 const CAGES: (f64, f64) = (0.32, 0.44);
 /// Share of the evidence of a base's lines that may stand on such skirts.
@@ -193,6 +195,15 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
     let is_cage = |own: f64| (CAGES.0..CAGES.1).contains(&(candidate.base / own));
     if candidate.is_base() && candidate.base < near && ![1.0, scene.gear_order].into_iter().any(is_cage) {
         return Some("slower than the slower shaft and no cage: a swing, if anything".into());
+    }
+    if candidate.kind == Kind::Swing {
+        let about = |(place, ln): (&Place, &f64)| (*ln > 0.0).then_some((place.order / z).round() as u64);
+        let mut meshes: Vec<u64> = candidate.places.iter().zip(&verdict.score.of_places).filter_map(about).collect();
+        meshes.sort_unstable();
+        meshes.dedup();
+        if meshes.len() < SWUNG && z * 2.0 < scene.highest_order {
+            return Some("one mesh harmonic alone swings".into());
+        }
     }
     let is_slow = candidate.kind == Kind::Swing || candidate.is_base() && candidate.base < near;
     (is_slow && verdict.ln_bayes < LEAST_SLOW).then(|| {
