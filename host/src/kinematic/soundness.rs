@@ -2,6 +2,7 @@
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Place, TakenOf};
+use super::families::fixed_frequency::supply_hz;
 use super::families::{Context, modulation, passage};
 use super::residual::Views;
 use super::scene::Scene;
@@ -161,6 +162,10 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     }
     let reading = sharpness::of(candidate, verdict, scene, views);
     match candidate.domain {
+        // Where the two cannot be told, only a supply's frequency is likelier than an order.
+        Domain::Frequency if reading != Sharper::OverFrequency && supply_hz(candidate.base).is_none() => {
+            Some("stands no higher over frequency than over orders".into())
+        }
         Domain::Frequency if reading == Sharper::OverOrders => {
             Some("stands no higher over frequency than over orders".into())
         }

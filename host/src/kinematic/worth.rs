@@ -8,7 +8,7 @@
 use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
-use super::candidate::{Domain, TakenOf, score};
+use super::candidate::{Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
@@ -32,7 +32,7 @@ pub struct Worth {
     pub ln_of_most: f64,
     /// Of a locked family's lines with unknown amplitudes, in a run-up: there the path turns phases by what nothing predicts.
     pub ln_of_power: f64,
-    /// Of what is slower than the slower shaft: the gate refuses it on the held-out turns alone, so it is no line but a hump.
+    /// Of a swing: the gate refuses it on the held-out turns alone, so it is no line but a hump.
     pub is_hump: bool,
 }
 
@@ -46,11 +46,9 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
         score(&own.candidate, &field, 0.0).ln_bayes
     };
-    let slowest = scene.gear_order.min(1.0);
     let is_hump = |own: &Adopted| {
         let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
-        let is_slow = own.candidate.base < slowest && own.candidate.domain != Domain::Frequency;
-        is_slow && scene.teeth[0] > 1 && accept::judge(&own.candidate, &field).refused.is_some()
+        own.candidate.kind == Kind::Swing && accept::judge(&own.candidate, &field).refused.is_some()
     };
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
