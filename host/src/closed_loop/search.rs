@@ -173,7 +173,8 @@ pub fn search(
 
 /// The candidate to adopt: the best that passes, or a name that passes and comes near enough.
 fn winner(judged: &[Judged], accepted: &Adopted, tests: f64) -> Option<usize> {
-    let passes = |j: &Judged| accepted.weigh(&j.figures(tests)).is_ok();
+    // One far down the list, whose responses are forgotten, is no explanation of anything.
+    let passes = |j: &Judged| !j.candidate.templates.is_empty() && accepted.weigh(&j.figures(tests)).is_ok();
     let best = judged.iter().position(passes)?;
     let top = judged[best].figures(tests);
     let named = |j: &Judged| j.candidate.claim == Claim::Named && accept::name_is_near(&top, &j.figures(tests));

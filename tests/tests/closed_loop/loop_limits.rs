@@ -21,7 +21,7 @@ fn looped(record: &Record, limits: bool) -> Outcome {
 }
 
 fn half(outcome: &Outcome, strength: &str, at: &str) -> f64 {
-    let own = |l: &&Limit| l.strength == strength && l.at == at;
+    let own = |l: &&Limit| l.strength == strength && l.at.starts_with(at);
     let limit = outcome.limits.iter().find(own).unwrap_or_else(|| panic!("no limit of {strength}"));
     assert!(limit.found_in_half <= limit.found_in_90_percent, "{limit:?}");
     limit.found_in_half.unwrap()

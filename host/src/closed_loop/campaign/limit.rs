@@ -97,5 +97,6 @@ fn sits_at(text: &str, limit: &Limit, strength: f64) -> bool {
         .split_once(':')
         .is_some_and(|(effect, key)| effect == name && value(key).is_some_and(|v| (v / strength - 1.0).abs() < 1e-6));
     let is_free = limit.at_order && value("frequency").is_some();
-    is_strength && !is_free && limit.keys.iter().all(|(key, at)| value(key).unwrap_or_default() == *at)
+    let is_within = limit.within.is_none_or(|(key, [from, to])| value(key).is_some_and(|v| from <= v && v <= to));
+    is_strength && !is_free && is_within && limit.keys.iter().all(|(key, at)| value(key).unwrap_or_default() == *at)
 }

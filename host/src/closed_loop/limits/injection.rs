@@ -24,8 +24,10 @@ const TURNED_BINS: usize = 48;
 /// Gain in chi-square that a first guess of the strength stands for.
 const GUESSED_GAIN: f64 = 40.0;
 /// Doublings of the strength tried, and halvings of the last doubling's logarithm (to 1 %).
-const DOUBLINGS: usize = 14;
+const DOUBLINGS: i32 = 14;
 const HALVINGS: usize = 6;
+/// Doublings found one after the other from which on every stronger effect is taken to be found.
+const SETTLED: i32 = 3;
 
 /// What the terms leave of the record, and the same with phases drawn anew, stretch by stretch: noise and remainders of the same size where they were, but in
 /// another relation to what is injected.
@@ -44,6 +46,15 @@ pub fn variants(base: &Base, data: &Data, split: &Split, adopted: &Adopted) -> V
     let mut all: Vec<Data> = (0..VARIANTS).map(|_| turned()).collect();
     all.insert(0, rest);
     all
+}
+
+/// A strength at which finding begins or ceases.
+#[derive(Debug, Clone, Copy)]
+pub struct Turn {
+    /// The simulator's strength; infinite where it is beyond what the simulator takes.
+    pub strength: f64,
+    /// Whether stronger effects are found and weaker ones not, or the other way round.
+    pub found_above: bool,
 }
 
 /// The record's residuals, ready for effects.
@@ -79,12 +90,13 @@ impl<'a> Scene<'a> {
         Self { bench, variants, seen: split.seen(), adopted, judges, tests: tried.max(1) as f64, turns }
     }
 
-    /// The weakest strength found, place by place; none where no strength in range is.
-    pub fn weakest(&self, seated: &Seated) -> Vec<Option<f64>> {
+    /// Where a growing strength begins or ceases to be found, place by place.
+    pub fn turns_of_fortune(&self, seated: &Seated) -> Vec<Vec<Turn>> {
         let prepared = self.prepared(seated);
         let of = |(place, unit): (usize, &Vec<DVector<f64>>)| {
-            let size = self.weakest_size(&prepared, place % self.judges.len(), unit)?;
-            seated.strength(self.bench, place, size)
+            let sizes = self.turning_sizes(&prepared, place % self.judges.len(), unit);
+            let strength = |size| seated.strength(self.bench, place, size).unwrap_or(f64::INFINITY);
+            sizes.into_iter().map(|(size, found_above)| Turn { strength: strength(size), found_above }).collect()
         };
         seated.unknowns.iter().enumerate().map(of).collect()
     }
@@ -101,8 +113,9 @@ impl<'a> Scene<'a> {
         Prepared { bare: Candidate { templates, ..candidate.clone() }, borders, lines }
     }
 
-    /// The weakest strength from which on the effect is found at a place, by doubling and halving.
-    fn weakest_size(&self, prepared: &Prepared<'_>, variant: usize, unit: &[DVector<f64>]) -> Option<f64> {
+    /// Sizes at which the effect begins (true) or ceases to be found at a place, by doubling and halving: near the limit the held-out runs may pass a weak effect by luck and
+    /// refuse a stronger one.
+    fn turning_sizes(&self, prepared: &Prepared<'_>, variant: usize, unit: &[DVector<f64>]) -> Vec<(f64, bool)> {
         let border = &prepared.borders[variant];
         let information: f64 = self.seen.iter().map(|&r| unit[r].dot(&(border.gram(r) * &unit[r]))).sum();
         let first = 0.25 * (GUESSED_GAIN / information.max(1e-300)).sqrt();
@@ -110,13 +123,24 @@ impl<'a> Scene<'a> {
             let x: Vec<DVector<f64>> = unit.iter().map(|x| x * size).collect();
             self.is_found(prepared, variant, &x)
         };
-        let doubled = (0..DOUBLINGS).map(|i| first * 2.0_f64.powi(i as i32)).find(|size| found(*size))?;
-        let (mut low, mut high) = (0.5 * doubled, doubled);
-        for _ in 0..HALVINGS {
-            let middle = (low * high).sqrt();
-            if found(middle) { high = middle } else { low = middle }
+        let mut turns = Vec::new();
+        let (mut now, mut settled) = (false, 0);
+        for size in (0..DOUBLINGS).map(|i| first * 2.0_f64.powi(i)) {
+            let next = found(size);
+            if next != now {
+                let (mut low, mut high) = (0.5 * size, size);
+                for _ in 0..HALVINGS {
+                    let middle = (low * high).sqrt();
+                    if found(middle) == next { high = middle } else { low = middle }
+                }
+                turns.push((high, next));
+            }
+            (now, settled) = (next, if next { settled + 1 } else { 0 });
+            if settled == SETTLED {
+                break;
+            }
         }
-        Some(high)
+        turns
     }
 
     /// Whether the search would have adopted the candidate, and the held-out runs would have confirmed it, where the record held it at the unknowns `x` of every run.

@@ -19,7 +19,7 @@ use super::accept::Adopted;
 use super::judge::Split;
 use super::least_squares::Data;
 use super::library::Bench;
-use injection::Scene;
+use injection::{Scene, Turn};
 use places::{Row, Seated};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -30,7 +30,7 @@ use std::collections::BTreeMap;
 pub struct Limit {
     /// Name of the effect.
     pub family: String,
-    /// The body or channel that it sits on; empty where there is no choice.
+    /// The body or channel that it sits on, and the band that its order, frequency or length is from where that matters; empty where there is no choice.
     pub at: String,
     /// Strength found in half of the places tried; none where nothing in range would have been.
     pub found_in_half: Option<f64>,
@@ -48,6 +48,9 @@ pub struct Limit {
     /// Whether it is locked to an order of the pinion.
     #[serde(skip)]
     pub at_order: bool,
+    /// The simulator's key that is drawn from a band, and the band.
+    #[serde(skip)]
+    pub within: Option<(&'static str, [f64; 2])>,
 }
 
 /// Limits of every named effect of the library that is not among `adopted`; `tried`: scores given in the search.
@@ -55,36 +58,66 @@ pub fn limits(bench: &Bench<'_>, data: &Data, split: &Split, adopted: &Adopted, 
     let variants = injection::variants(bench.base, data, split, adopted);
     let scene = Scene::new(bench, &variants, split, adopted, tried);
     let is_missing = |seated: &Seated| adopted.iter().all(|term| term.name != seated.candidate.name);
-    let mut rows: BTreeMap<Row, Vec<f64>> = BTreeMap::new();
+    let mut rows: BTreeMap<Row, Vec<Vec<Turn>>> = BTreeMap::new();
     places::drawn(bench, &variants[0], split, |seats| {
-        let of = |seated: Seated| (seated.row.clone(), scene.weakest(&seated));
+        let of = |seated: Seated| (seated.row.clone(), scene.turns_of_fortune(&seated));
         let found: Vec<_> = seats.into_par_iter().filter(is_missing).map(of).collect();
-        for (row, strengths) in found {
-            rows.entry(row).or_default().extend(strengths.into_iter().map(|s| s.unwrap_or(f64::INFINITY)));
-        }
+        found.into_iter().for_each(|(row, places)| rows.entry(row).or_default().extend(places));
     });
-    rows.into_iter().map(|(row, strengths)| row.limit(strengths)).collect()
+    rows.into_iter().map(|(row, places)| row.limit(&places)).collect()
+}
+
+/// The strength from which on effects are found in a share of the places: none where they never are.
+fn found_in(share: f64, places: &[Vec<Turn>]) -> Option<f64> {
+    // k of n places stand for a share k / (n + 1) of further ones on average.
+    let needed = ((share * (places.len() + 1) as f64).ceil() as usize).min(places.len());
+    let mut count = places.iter().filter(|turns| turns.last().is_some_and(|turn| turn.found_above)).count();
+    let mut turns: Vec<Turn> = places.iter().flatten().copied().collect();
+    turns.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    // From the strongest down to where too few are left.
+    let last = turns.into_iter().find(|turn| {
+        let enough = count >= needed;
+        count = if turn.found_above { count - 1 } else { count + 1 };
+        enough && count < needed
+    })?;
+    Some(last.strength).filter(|strength| strength.is_finite())
 }
 
 impl Row {
-    /// The limit by the weakest strengths found at all places.
-    fn limit(self, mut strengths: Vec<f64>) -> Limit {
-        strengths.sort_by(f64::total_cmp);
-        let places = strengths.len();
-        let at = |share: f64| {
-            let index = ((share * places as f64).ceil() as usize).saturating_sub(1);
-            strengths.get(index).copied().filter(|s| s.is_finite())
-        };
+    /// The limit by where finding begins and ceases at all places.
+    fn limit(self, places: &[Vec<Turn>]) -> Limit {
         Limit {
-            found_in_half: at(0.5),
-            found_in_90_percent: at(0.9),
+            found_in_half: found_in(0.5, places),
+            found_in_90_percent: found_in(0.9, places),
             family: self.family,
             at: self.at,
             unit: self.unit.into(),
             strength: self.strength,
             at_order: self.at_order,
-            places,
+            within: self.within.map(|(key, band)| (key, band.map(|x| 1e-3 * f64::from(x)))),
+            places: places.len(),
             keys: self.keys.into_iter().map(|(key, value)| (key, f64::from(value))).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn theory_a_share_of_places_is_counted_from_the_strongest_down() {
+        let at = |turns: &[(f64, bool)]| -> Vec<Turn> {
+            turns.iter().map(|&(strength, found_above)| Turn { strength, found_above }).collect()
+        };
+        // Three places: found from 1, from 4, and from 2 but for 3 to 5.
+        let places = [at(&[(1.0, true)]), at(&[(4.0, true)]), at(&[(2.0, true), (3.0, false), (5.0, true)])];
+        assert_eq!(found_in(0.5, &places), Some(4.0));
+        assert_eq!(found_in(0.9, &places), Some(5.0));
+        // One that is never found, and one only beyond what can be simulated.
+        let places = [at(&[(1.0, true)]), at(&[]), at(&[(f64::INFINITY, true)])];
+        assert_eq!(found_in(0.25, &places), Some(1.0));
+        assert_eq!(found_in(0.5, &places), None);
+        assert_eq!(found_in(0.9, &places), None);
     }
 }

@@ -24,6 +24,9 @@ const SEATS: usize = 8;
 const SEED: u64 = 15;
 /// Damping ratio of a path's mode.
 const MODE_DAMPING: f64 = 0.03;
+/// Bands that limits of their own are stated for, in thousandths: length of a relief as a share of the path, frequency of a mode, Hz.
+const RELIEFS: [[u32; 2]; 2] = [[150, 250], [250, 400]];
+const MODES_HZ: [[u32; 2]; 3] = [[1_500_000, 2_500_000], [2_500_000, 3_500_000], [3_500_000, 4_500_000]];
 /// Delay that a channel's limit is computed for, s: half a period at 15 kHz is thirty times as long, so that strengths are proportional.
 const DELAY_S: f64 = 1e-6;
 /// Keys of the simulator that say where an effect sits, and those that are neither this nor a strength.
@@ -39,6 +42,8 @@ pub struct Row {
     pub at: String,
     pub unit: &'static str,
     pub at_order: bool,
+    /// The simulator's key whose value decides how well the effect shows, and the range that it is drawn from, in thousandths.
+    pub within: Option<(&'static str, [u32; 2])>,
 }
 
 /// An effect at one order, tooth or frequency, with several phases, signs and starts of the runs.
@@ -104,6 +109,11 @@ impl Draw<'_> {
         from + (to - from) * self.random.random::<f64>()
     }
 
+    /// Within a band in thousandths.
+    fn within(&mut self, [from, to]: [u32; 2]) -> f64 {
+        1e-3 * self.between(f64::from(from), f64::from(to))
+    }
+
     fn below(&mut self, count: u32) -> u32 {
         self.random.random::<u32>() % count
     }
@@ -117,11 +127,8 @@ impl Draw<'_> {
         let x: Vec<f64> = unknowns[0][0].iter().copied().collect();
         let Some(row) = row(self.bench, &candidate, hypothesis, &x) else { return };
         // An effect may have a plainer hypothesis of the same name, whose turn comes when the first does not fit.
-        if self
-            .all
-            .iter()
-            .any(|other| other.row == row && other.candidate.order == candidate.order && row.keys.is_empty())
-        {
+        let is_wave = matches!(candidate.seat, Some(Seat::Wave(_)));
+        if is_wave && self.all.iter().any(|other| other.row == row && other.candidate.order == candidate.order) {
             return;
         }
         self.all.push(Seated { row, candidate, hypothesis, unknowns, proposed });
@@ -178,12 +185,16 @@ impl Draw<'_> {
 
     /// What has a shape of its own.
     fn with_shapes(&mut self) {
-        let share = self.between(0.15, 0.4);
-        self.add(mesh::relief(self.bench, share, 1), Open::Sign, PLACES / SEATS, false);
+        for band in RELIEFS {
+            let share = self.within(band);
+            self.add(mesh::relief(self.bench, share, 1), Open::Sign, PLACES / SEATS, false);
+        }
         for channel in 0..2 {
-            let hz = self.between(1500.0, 4500.0);
-            // The structure's gain is real, as the simulator has it.
-            self.add(path::mode(self.bench, channel, hz, MODE_DAMPING), Open::Sign, PLACES / SEATS, false);
+            for band in MODES_HZ {
+                let hz = self.within(band);
+                // The structure's gain is real, as the simulator has it.
+                self.add(path::mode(self.bench, channel, hz, MODE_DAMPING), Open::Sign, PLACES / SEATS, false);
+            }
         }
     }
 
@@ -192,13 +203,15 @@ impl Draw<'_> {
         let base = self.bench.base;
         let scanned = detect::places_of_orders(detect::grid_of_orders(base, &split.seen()));
         let teeth = base.machine.teeth[0];
-        let ghost = f64::from(5 + self.below(teeth - 6));
+        let middle = middle_order(teeth);
+        let ghosts =
+            [5 + self.below(middle - 5), middle + self.below(teeth.saturating_sub(1 + middle).max(1))].map(f64::from);
         let ripple = f64::from(3 + self.below(6));
         let free = self.between_orders();
-        for at in [ghost, ripple, free] {
+        for at in [ghosts[0], ghosts[1], ripple, free] {
             for candidate in order::at_order(self.bench, at, 200.0) {
                 let seat = match (candidate.seat, candidate.hypothesis.map(|h| h.at)) {
-                    (_, Some(Where::WholeOrdersAbove(_))) => ghost,
+                    (_, Some(Where::WholeOrdersAbove(_))) if ghosts.contains(&at) => at,
                     (_, Some(Where::NeitherShaft { .. })) => free,
                     (Some(Seat::Wave(Wave::Force { at: Site::Motor, .. })), Some(Where::Everywhere)) => ripple,
                     (Some(Seat::Wave(Wave::Force { at: Site::Load, .. })), Some(Where::Everywhere)) => free,
@@ -264,11 +277,16 @@ fn row(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &'static Hypothesis
     let parameter = entry(table.0).ok()?.parameters.iter().find(|p| p.name == key)?;
     let keys: Vec<(&'static str, u8)> =
         table.1.iter().filter(|(key, _)| SEATED_ON.contains(key)).map(|(key, value)| (*key, *value as u8)).collect();
-    let of_both = |value: &u8| *value < 2;
-    let at = keys.iter().filter(|(_, value)| of_both(value)).map(|&(key, value)| match key {
+    let of_one = |value: &u8| *value < 2;
+    let at = keys.iter().filter(|(_, value)| of_one(value)).map(|&(key, value)| match key {
         "gear" => ["pinion", "gear"][usize::from(value)].to_string(),
         _ => format!("channel {value}"),
     });
+    let within = band(candidate, hypothesis, bench.base.machine.teeth[0]);
+    let at = at.chain(within.map(|(key, [from, to])| {
+        let [from, to] = [from, to].map(|x| 1e-3 * f64::from(x));
+        format!("{key} {from} to {to}")
+    }));
     Some(Row {
         family: candidate.name.clone(),
         at: at.collect::<Vec<_>>().join(", "),
@@ -276,7 +294,30 @@ fn row(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &'static Hypothesis
         unit: if parameter.unit.is_empty() { "1" } else { parameter.unit },
         at_order: candidate.order.is_some(),
         keys,
+        within,
     })
+}
+
+/// The band of a candidate whose place decides how well it shows.
+fn band(candidate: &Candidate, hypothesis: &Hypothesis, teeth: u32) -> Option<(&'static str, [u32; 2])> {
+    let of = |bands: &[[u32; 2]], value: f64| {
+        bands.iter().copied().find(|[from, to]| (f64::from(*from)..=f64::from(*to)).contains(&(1e3 * value)))
+    };
+    match (candidate.tuning, hypothesis.at) {
+        (Some(Tuning::Relief { share, .. }), _) => of(&RELIEFS, share).map(|band| ("length", band)),
+        (Some(Tuning::Mode { f0, .. }), _) => of(&MODES_HZ, f0).map(|band| ("frequency", band)),
+        (_, Where::WholeOrdersAbove(_)) => {
+            let middle = middle_order(teeth);
+            let bands = [[5000, 1000 * (middle - 1)], [1000 * middle, 1000 * (teeth - 2)]];
+            of(&bands, candidate.order?).map(|band| ("order", band))
+        }
+        _ => None,
+    }
+}
+
+/// Order at half of the mesh order, between which and the mesh a ghost shows better.
+fn middle_order(teeth: u32) -> u32 {
+    (teeth / 2).max(6)
 }
 
 /// Key and value of the strength in a simulator's effect.
