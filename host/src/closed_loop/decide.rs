@@ -175,6 +175,8 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     outcome.effects.extend(whole);
     if options.limits && !distorted {
         say("limits of what was not found");
+        // As large as what the limits need.
+        drop(pool);
         outcome.state(limits(&Bench::new(&base), &data, &split, &accepted, tried));
     }
     say("done");
