@@ -68,7 +68,7 @@ pub fn advise(
 fn in_words(next: &NextMeasurement) -> String {
     let (hz, torque, seconds, nats) = (next.speed_hz, next.torque_n_m, next.seconds, next.nats);
     let who = ["pinion", "gear"][next.channel];
-    let share = format!("{:.1} of them by the {who}'s channel (channel {})", next.nats_of_channel, next.channel);
+    let share = format!("{:.2} of them by the {who}'s channel (channel {})", next.nats_of_channel, next.channel);
     if next.decides {
         format!(
             "a run of {seconds:.1} s at {hz:.2} Hz and {torque:.3} N m: {nats:.1} nats expected against {}, {share}",
