@@ -31,6 +31,8 @@ pub struct Checked {
     pub record: Record,
     /// Index of each of its runs in the record as it was.
     pub runs: Vec<usize>,
+    /// Time by which the tach's edges were moved later for a lag that all runs share, s; parameters that are a little off may pass for one.
+    pub tach_lag_s: Option<f64>,
 }
 
 /// Checks `record`.
@@ -44,6 +46,7 @@ pub fn mended(record: &Record) -> Checked {
         findings: Findings { list: Vec::new(), not_checked: not_checked(record) },
         record: record.clone(),
         runs: (0..record.runs.len()).collect(),
+        tach_lag_s: None,
     };
     type Rule = fn(&mut Checked);
     let rules: [Rule; 5] = [samples::check, edges::check, mesh::check, lag::check, prediction::check];

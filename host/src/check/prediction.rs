@@ -115,11 +115,12 @@ fn lagging(checked: &mut Checked, runs: &mut [Compared]) {
             shared * channels[0].signum()
         };
         let text = format!(
-            "the vibration comes {:+.1} us after the tach in all runs (agreement with the prediction {now:.4}, without that lag {:.4}): delay of the tach, or of the channels; the tach is moved by that",
+            "the vibration comes {:+.1} us after the tach in all runs (agreement with the prediction {now:.4}, without that lag {:.4}): delay of the tach, or of the channels, or parameters a little off, which the loop tells apart; the tach is moved by that",
             1e6 * lag,
             time.agreement
         );
         let lags = vec![lag; runs.len()];
+        checked.tach_lag_s = Some(lag);
         undo_lag(checked, runs, &lags, Finding::new(Severity::Say, Kind::TachDelay, lag, LEAST_LAG_S, "s", text));
     }
 }

@@ -4,7 +4,7 @@
 //! sensitivities stay in every fit, so that an undeclared effect is credited only with what tolerances cannot explain.
 
 use super::candidate::Template;
-use super::least_squares::{Column, Data, normal, solve};
+use super::least_squares::{Column, Data, normal};
 use crate::machine::Shafts;
 use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::model::harmonic_balance::{Balanced, Machine, Solution};
@@ -14,6 +14,7 @@ use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse
 use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
+use std::f64::consts::TAU;
 
 /// Relative model error per line that is never held against the declared machine.
 pub const MODEL_SLACK: f64 = 6e-4;
@@ -59,6 +60,20 @@ pub struct RunState {
     pub own: Balanced,
     /// The part of it on the orders used for small effects ([`Machine::comb`]).
     pub inner: Solution,
+}
+
+/// A machine with other parameters, on every run.
+pub struct Trial {
+    machine: Machine,
+    /// Relative changes from the declaration, by [`TOLERANCES`].
+    pub change: Vec<f64>,
+    runs: Vec<RunOnTrial>,
+}
+
+struct RunOnTrial {
+    angle: Angle,
+    own: Balanced,
+    model: [Bins; 2],
 }
 
 /// Record, model and sensitivities.
@@ -167,7 +182,7 @@ impl Base {
             let shifted = |hz: f64, c: usize| {
                 let top = lines.last().map_or(1.0, |l| l.order);
                 let change = hz / top;
-                let offset = run.angle.offset_rad - std::f64::consts::PI * change * self.analyser.duration_s();
+                let offset = run.angle.offset_rad - 0.5 * TAU * change * self.analyser.duration_s();
                 self.analyser.bins_of_lines(lines, offset, run.angle.shaft_hz + change, c, REACH)
             };
             let per_sigma = run.angle.sigma_hz * lines.last().map_or(1.0, |l| l.order) / (2.0 * half_step);
@@ -218,6 +233,13 @@ impl Base {
             .collect()
     }
 
+    /// Local noise of a run's residual in a channel, and the model error that is never held against the machine, by bin.
+    pub fn unexplainable(&self, run: usize, channel: usize, residual: &[C]) -> Vec<f64> {
+        let model = &self.runs[run].model[channel];
+        let noise = noise_power(residual);
+        noise.iter().zip(model).map(|(noise, model)| noise + MODEL_SLACK * MODEL_SLACK * model.norm_sqr()).collect()
+    }
+
     /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into every bin.
     pub fn timing_power(&self, run: usize) -> [Vec<f64>; 2] {
         let first = TOLERANCES.len() + 2 * run;
@@ -233,27 +255,64 @@ impl Base {
         power
     }
 
+    /// Runs by speed, slowest first: those within 2 % of the slowest of a group have the same.
+    pub fn speeds(&self) -> Vec<Vec<usize>> {
+        let mut by_speed: Vec<usize> = (0..self.runs.len()).collect();
+        by_speed.sort_by(|&a, &b| self.runs[a].angle.shaft_hz.total_cmp(&self.runs[b].angle.shaft_hz));
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for r in by_speed {
+            let speed = self.runs[r].angle.shaft_hz;
+            match groups.last_mut() {
+                Some(group) if (speed / self.runs[group[0]].angle.shaft_hz - 1.0).abs() < 0.02 => group.push(r),
+                _ => groups.push(vec![r]),
+            }
+        }
+        groups
+    }
+
     /// Nuisance columns with their priors.
     pub fn columns(&self) -> Vec<Column<'_>> {
         self.nuisances.iter().zip(&self.priors).map(|(template, &prior)| Column { template, prior }).collect()
     }
 
+    /// The machine with its declared parameters moved by `delta` (relative to the present ones) and the vibration later by `lag_s`, on every run.
+    pub fn tried(&self, delta: &[f64], lag_s: f64) -> Trial {
+        let (machine, _) = changed(&self.machine, delta);
+        let change: Vec<f64> = self.change.iter().zip(delta).map(|(c, d)| (1.0 + c) * (1.0 + d) - 1.0).collect();
+        let torque = 1.0 + change[14];
+        let of_run = |run: &RunState| {
+            let mut angle = run.angle;
+            angle.offset_rad -= TAU * angle.shaft_hz * lag_s;
+            let own = machine.run(Operating { shaft_hz: angle.shaft_hz, torque_n_m: run.torque_n_m * torque });
+            let model = bins(&self.analyser, &angle, machine.prediction(&own));
+            RunOnTrial { angle, own, model }
+        };
+        let runs = self.runs.par_iter().map(of_run).collect();
+        Trial { machine, change, runs }
+    }
+
+    /// What such a machine leaves of the record.
+    pub fn residual_of(&self, trial: &Trial) -> Vec<[Bins; 2]> {
+        let left = |(run, trial): (&RunState, &RunOnTrial)| {
+            [0, 1].map(|c| run.measured[c].iter().zip(&trial.model[c]).map(|(m, p)| m - p).collect())
+        };
+        self.runs.iter().zip(&trial.runs).map(left).collect()
+    }
+
+    /// Takes a machine tried for its own.
+    pub fn take(&mut self, trial: Trial) {
+        let Trial { machine, change, runs } = trial;
+        for (run, RunOnTrial { angle, own, model }) in self.runs.iter_mut().zip(runs) {
+            run.inner = own.solution.within(machine.harmonics(angle.shaft_hz) as usize);
+            (run.angle, run.own, run.model) = (angle, own, model);
+        }
+        (self.machine, self.change) = (machine, change);
+        self.linearise();
+    }
+
     /// Moves the declared parameters by `delta` (relative to the present ones) and recomputes everything.
     pub fn adopt(&mut self, delta: &[f64]) {
-        let (machine, _) = changed(&self.machine, delta);
-        self.machine = machine;
-        for (total, d) in self.change.iter_mut().zip(delta) {
-            *total = (1.0 + *total) * (1.0 + d) - 1.0;
-        }
-        let torque = 1.0 + self.change[14];
-        let (machine, analyser) = (&self.machine, &self.analyser);
-        self.runs.par_iter_mut().for_each(|run| {
-            let at = Operating { shaft_hz: run.angle.shaft_hz, torque_n_m: run.torque_n_m * torque };
-            run.own = machine.run(at);
-            run.model = bins(analyser, &run.angle, machine.prediction(&run.own));
-            run.inner = run.own.solution.within(machine.harmonics(run.angle.shaft_hz) as usize);
-        });
-        self.linearise();
+        self.take(self.tried(delta, 0.0));
     }
 
     /// Estimate of what linear sensitivities miss, as a gain, when the declared parameters move by `delta`: second order, ten times
@@ -261,22 +320,6 @@ impl Base {
     pub fn departure(&self, data: &Data, runs: &[usize], delta: &[f64]) -> f64 {
         let gram = normal(data, runs, &self.columns()[..delta.len()]).gram;
         delta.iter().enumerate().map(|(i, d)| gram[(i, i)] * (10.0 * d * d).powi(2)).sum()
-    }
-
-    /// Gauss-Newton on the declared parameters over `runs`; false where they would have to leave [`FARTHEST`] tolerances, which says that
-    /// something else is in the record: the machine is then of no use any more.
-    pub fn fit(&mut self, runs: &[usize], steps: usize) -> bool {
-        for _ in 0..steps {
-            let data = self.data();
-            let estimate = solve(&normal(&data, runs, &self.columns()));
-            let delta: Vec<f64> = estimate.x.iter().take(TOLERANCES.len()).copied().collect();
-            let within = |(i, d): (usize, &f64)| (self.change[i] + d).abs() < FARTHEST * TOLERANCES[i].1;
-            if !delta.iter().enumerate().all(within) {
-                return false;
-            }
-            self.adopt(&delta);
-        }
-        true
     }
 
     /// The move `delta` cut so that no parameter leaves [`FARTHEST`] tolerances.

@@ -12,6 +12,7 @@
 
 use super::accept::{self, Adopted};
 use super::base_fit::{Base, TOLERANCES};
+use super::calibrate::calibrate;
 use super::candidate::Candidate;
 use super::impulsive::impacts;
 use super::judge::{Split, corrected, joint};
@@ -25,9 +26,9 @@ use super::remainder::{power_and_noise, remainder};
 use super::search::{Found, Memory, Search, search};
 use super::start::Start;
 use super::tables::{predicted, report};
+use super::tach_delay;
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
-use crate::check;
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Seat};
 use crate::observation::input::Record;
@@ -36,16 +37,7 @@ use rand::{RngExt, SeedableRng};
 
 /// Groups runs by speed; one inner speed is held out, another selects, the rest fit.
 fn split(base: &Base, seed: u64) -> Result<Split> {
-    let mut by_speed: Vec<usize> = (0..base.runs.len()).collect();
-    by_speed.sort_by(|&a, &b| base.runs[a].angle.shaft_hz.total_cmp(&base.runs[b].angle.shaft_hz));
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    for r in by_speed {
-        let speed = base.runs[r].angle.shaft_hz;
-        match groups.last_mut() {
-            Some(group) if (speed / base.runs[group[0]].angle.shaft_hz - 1.0).abs() < 0.02 => group.push(r),
-            _ => groups.push(vec![r]),
-        }
-    }
+    let groups = base.speeds();
     if groups.len() < 3 {
         return Err(Error::invalid("record.toml: run", "the closed loop needs runs at three or more speeds"));
     }
@@ -71,7 +63,7 @@ fn split(base: &Base, seed: u64) -> Result<Split> {
 /// # Errors
 /// A record that the check refuses, fewer than three speeds, runs shorter than half a second, a result that is none.
 pub fn close_loop(record: &Record, options: &Options) -> Result<Outcome> {
-    let checked = check::mended(record);
+    let checked = tach_delay::checked(record);
     checked.findings.require_usable()?;
     close_checked(&checked.record, options)?.checked(checked.findings, &checked.runs)
 }
@@ -92,11 +84,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let declared = base.data();
     let split = split(&base, options.seed)?;
     let seen = split.seen();
-    let fitted = base.fit(&split.fit, 2);
-    if !fitted {
-        say("no declared parameters within tolerance explain the record: searching from the declaration");
-        base = Base::new(record);
-    }
+    calibrate(&mut base, &seen);
     let plain = base.data();
     let calibrated = predicted(&base, &plain, &seen, &[]);
     let mut whole: Vec<Effect> = clipping(&mut base, record, &plain, &split.held_out).into_iter().collect();
@@ -122,7 +110,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let rounds = if whole.is_empty() { options.most } else { 0 };
     let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
     let mut explained = explain(base, &split, options, rounds, 0, &plain, &say);
-    if rounds > 0 && fitted && accept::search_again(explained.power, explained.noise, at_first) {
+    if rounds > 0 && accept::search_again(explained.power, explained.noise, at_first) {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
         let again = explain(Base::new(record), &split, options, rounds, explained.tried, &plain, &say);

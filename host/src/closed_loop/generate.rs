@@ -70,7 +70,7 @@ const RATE_HZ: f64 = 51_200.0;
 /// Jitter of an edge, s.
 const JITTER_S: f64 = 5e-7;
 /// Step of the converter, m/s2.
-const STEP_M_S2: f64 = 150.0 / 32767.0;
+pub const STEP_M_S2: f64 = 150.0 / 32767.0;
 
 /// Generates the record of a scenario for a declared pair, shafts and pair curve.
 ///

@@ -102,26 +102,6 @@ pub fn columns<'a>(base: &'a Base, terms: &[&'a Candidate]) -> Vec<Column<'a>> {
     all
 }
 
-/// Spread of every unknown when each of `runs` is left out in turn: what the least-squares covariance cannot know, a law that
-/// does not hold from run to run, shows here. Standard error by the jackknife.
-pub fn jackknife(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<f64> {
-    let frame = Frame::new(data, &columns(base, terms));
-    let all: Vec<nalgebra::DVector<f64>> = runs
-        .iter()
-        .map(|left_out| {
-            let kept: Vec<usize> = runs.iter().copied().filter(|r| r != left_out).collect();
-            frame.estimate(&kept, None).x
-        })
-        .collect();
-    let n = all.len() as f64;
-    (0..all.first().map_or(0, nalgebra::DVector::len))
-        .map(|i| {
-            let mean = all.iter().map(|x| x[i]).sum::<f64>() / n;
-            ((n - 1.0) / n * all.iter().map(|x| (x[i] - mean).powi(2)).sum::<f64>()).sqrt()
-        })
-        .collect()
-}
-
 /// Joint estimate over `runs`.
 pub fn joint(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Joint {
     let estimate = Frame::new(data, &columns(base, terms)).estimate(runs, None);

@@ -13,6 +13,7 @@ pub mod accept;
 pub mod apply;
 pub mod bands;
 pub mod base_fit;
+pub mod calibrate;
 pub mod campaign;
 pub mod candidate;
 pub mod carry;
@@ -38,7 +39,9 @@ pub mod search;
 pub mod start;
 pub mod strength;
 pub mod tables;
+pub mod tach_delay;
 pub mod together;
+pub mod uncertainty;
 pub mod verdict;
 pub mod waveform;
 

@@ -10,18 +10,19 @@ use super::least_squares::Data;
 use super::outcome::{Effect, Evidence};
 use super::probability::Probability;
 use crate::observation::spectrum::Bins;
-use crate::spectral::noise_power;
 
 /// Bound of its probability by chance: none of 200 records with nothing hidden reached it (rule of three).
 const CHANCE: f64 = 0.015;
 
-/// Power of a residual, and of the local noise in it.
+/// Power of a residual, and of the local noise and the model's own slack in it.
 pub fn power_and_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> (f64, f64) {
     let (mut power, mut noise) = (0.0, 1e-300);
-    for bins in runs.iter().flat_map(|&r| &residual[r]) {
-        let lowest = (8.0 * base.analyser.duration_s()) as usize;
-        power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
-        noise += noise_power(bins).iter().skip(lowest).sum::<f64>();
+    let lowest = (8.0 * base.analyser.duration_s()) as usize;
+    for &r in runs {
+        for (channel, bins) in residual[r].iter().enumerate() {
+            power += bins.iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
+            noise += base.unexplainable(r, channel, bins).iter().skip(lowest).sum::<f64>();
+        }
     }
     (power, noise)
 }
@@ -36,8 +37,9 @@ fn by_place(base: &Base, rest: &Data, runs: &[usize]) -> ([f64; 3], f64) {
         let per_bin = 1.0 / (duration_s * base.runs[r].angle.shaft_hz);
         // Within one bin and a half of a whole multiple, which is the main lobe.
         let near = |order: f64, step: f64| (order / step - (order / step).round()).abs() * step < 1.5 * per_bin;
-        for bins in &rest.residual[r] {
-            for (b, (x, level)) in bins.iter().zip(noise_power(bins)).enumerate().skip((8.0 * duration_s) as usize) {
+        for (channel, bins) in rest.residual[r].iter().enumerate() {
+            let levels = base.unexplainable(r, channel, bins);
+            for (b, (x, level)) in bins.iter().zip(levels).enumerate().skip((8.0 * duration_s) as usize) {
                 let order = b as f64 * per_bin;
                 let place = match () {
                     () if near(order, teeth[0]) => 0,

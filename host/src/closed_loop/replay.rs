@@ -2,7 +2,7 @@
 
 use super::base_fit::Base;
 use super::outcome::Outcome;
-use crate::check;
+use super::tach_delay;
 use crate::observation::input::Record;
 use crate::observation::spectrum::Bins;
 
@@ -19,5 +19,5 @@ pub struct Replay {
 /// Takes the residuals of `outcome`, which must be of `record`; runs are those used, in that order.
 pub fn replay(record: &Record, outcome: &Outcome) -> Replay {
     let [declared_residual, corrected_residual] = outcome.residual.clone();
-    Replay { declared: Base::new(&check::mended(record).record), declared_residual, corrected_residual }
+    Replay { declared: Base::new(&tach_delay::checked(record).record), declared_residual, corrected_residual }
 }

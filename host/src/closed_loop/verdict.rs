@@ -6,10 +6,11 @@
 use super::accept::{self, NameFigures, Naming};
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
-use super::judge::{Judge, Judged, Split, corrected, jackknife, joint};
+use super::judge::{Judge, Judged, Split, corrected, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
 use super::start::Start;
+use super::uncertainty::standard_errors;
 use crate::spectral::noise_power;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
@@ -17,10 +18,6 @@ use std::collections::BTreeMap;
 
 /// Share of the path from which on a relief is no matter of the tips any more, and no other shape can be excluded.
 const WIDEST_RELIEF: f64 = 0.35;
-
-/// Half width that every interval has at least, as a share of the value: error of the forward model and of declared parameters that no
-/// spread over runs shows. From generated records, where strong effects come out right to about this.
-const FORM: f64 = 0.01;
 
 /// Bins where the prediction stands above noise, power left there beyond noise, and power before.
 fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], index: usize, x: &[f64]) -> f64 {
@@ -131,14 +128,14 @@ pub fn verdicts(
     let seen = split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
     let mut all = joint(base, data, &seen, &terms);
-    let spread = jackknife(base, data, &seen, &terms);
+    let errors = standard_errors(base, data, &seen, &terms, &all.x);
     let mut at = base.nuisances.len();
     for term in &terms {
         let own = at..at + term.templates.len();
         at = own.end;
         // A free phase per run has no value in a run that is left out.
         if !term.phase_free {
-            own.for_each(|i| all.sigma[i] = all.sigma[i].max(spread[i]));
+            all.sigma[own.clone()].copy_from_slice(&errors[own]);
         }
     }
     let mut effects = Vec::new();
@@ -277,12 +274,11 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
             let (a, b) = (x[i], x[i + 1]);
             let r = a.hypot(b).max(1e-300);
             let half = 1.96 * ((a * sigma[i]).powi(2) + (b * sigma[i + 1]).powi(2)).sqrt() / r;
-            let half = half.hypot(FORM * r);
             let half = if term.phase_free { half / (seen.len() as f64).sqrt() } else { half };
             map.insert(p.name.clone(), value(r, half, p.unit));
             if !term.phase_free {
                 let turn = 1.96 * ((b * sigma[i]).powi(2) + (a * sigma[i + 1]).powi(2)).sqrt() / (r * r);
-                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn.hypot(FORM), "rad"));
+                map.insert(format!("{}_phase", p.name), value(b.atan2(a), turn, "rad"));
             }
         } else {
             let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
@@ -291,7 +287,7 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;
             }
-            map.insert(p.name.clone(), value(v, half.hypot(FORM * v), p.unit));
+            map.insert(p.name.clone(), value(v, half, p.unit));
         }
     }
     map

@@ -122,7 +122,7 @@ fn ref_a_run_in_fixed_steps_has_the_same_bits_whoever_stands_beside_it() {
     assert_eq!(together.len(), runs.len());
     for (run, beside) in runs.iter().zip(&together) {
         assert!(rms(beside[0].iter()) > 0.0);
-        assert_eq!(*beside, accelerations(&model, run.effects, run.at, 600, 51_200.0));
+        assert_eq!(*beside, of_runs(&model, std::slice::from_ref(run), 600, 51_200.0)[0]);
     }
 }
 

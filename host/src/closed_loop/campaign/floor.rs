@@ -4,7 +4,8 @@
 //! the factor to the floor. Effects are taken as linear in their strength, which holds near the floor. Source: reference recipe, detection theory.
 
 use crate::Result;
-use crate::closed_loop::generate::{Scenario, record};
+use crate::closed_loop::base_fit::Base;
+use crate::closed_loop::generate::{STEP_M_S2, Scenario, record};
 use crate::effects::hypothesis::{Draw, Hidden};
 use crate::observation::input::Record;
 use crate::observation::spectrum::Analyser;
@@ -12,14 +13,15 @@ use crate::spectral::{Window, amplitude_spectrum};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
-/// One-sided density of the generator's noise at `hz`, (m/s2)^2/Hz.
+/// One-sided density of the generator's noise and of its converter's steps at `hz`, (m/s2)^2/Hz.
 fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
     let c = scenario.noise_colour;
     let shape = (1.0 - c * c) / (1.0 - 2.0 * c * (TAU * hz / rate_hz).cos() + c * c);
-    2.0 * scenario.noise_rms.powi(2) / rate_hz * shape
+    2.0 * (scenario.noise_rms.powi(2) * shape + STEP_M_S2.powi(2) / 12.0) / rate_hz
 }
 
-/// NRMSE of the whole signal that the generator's noise alone would leave on `runs` of a record.
+/// NRMSE of the whole signal that what was put in at random alone would leave on `runs` of a record: noise, the converter's steps, and the
+/// jitter of the tachometer's edges, which are all that a prediction knows of a run's angle and speed.
 pub fn true_floor(record: &Record, scenario: &Scenario, runs: &[usize]) -> f64 {
     let samples = record.runs.iter().map(|r| r.channels[0].len()).min().unwrap_or(0);
     let analyser = Analyser::new(samples, record.sample_rate_hz);
@@ -28,11 +30,14 @@ pub fn true_floor(record: &Record, scenario: &Scenario, runs: &[usize]) -> f64 {
     let own: f64 = (lowest..analyser.bins)
         .map(|b| density(scenario, record.sample_rate_hz, b as f64 / analyser.duration_s()) * per_density)
         .sum();
-    let mut whole = 1e-300;
-    for channel in runs.iter().flat_map(|&r| &record.runs[r].channels) {
-        whole += analyser.bins_of(&channel[..samples]).iter().skip(lowest).map(|x| x.norm_sqr()).sum::<f64>();
+    let base = Base::new(record);
+    let (mut whole, mut timing) = (1e-300, 0.0);
+    let above = |bins: &mut dyn Iterator<Item = f64>| bins.skip(lowest).sum::<f64>();
+    for &r in runs {
+        whole += base.runs[r].measured.iter().map(|bins| above(&mut bins.iter().map(|x| x.norm_sqr()))).sum::<f64>();
+        timing += base.timing_power(r).iter().map(|power| above(&mut power.iter().copied())).sum::<f64>();
     }
-    (2.0 * runs.len() as f64 * own / whole).sqrt()
+    ((2.0 * runs.len() as f64 * own + timing) / whole).sqrt()
 }
 
 /// Strength of `hidden` at the detection floor for the noise of `scenario`, and the largest acceleration of each channel without it.
