@@ -28,7 +28,7 @@ pub struct Args {
     /// Records with the true effect withheld from the library.
     #[arg(long, default_value_t = 0)]
     leave_one_out: usize,
-    /// Records with two effects, and as many with an effect and a wrong declared parameter.
+    /// Records with two effects at the largest of `--levels`, and as many with an effect and a wrong declared parameter.
     #[arg(long, default_value_t = 0)]
     two: usize,
     /// Records whose limits are tried: the record without any effect is looped, and an effect put in at one of the limits that it states, and at twice it.

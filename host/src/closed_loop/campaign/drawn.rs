@@ -120,9 +120,11 @@ pub fn layout(declared: &Record, scenario: &mut Scenario, random: &mut ChaCha8Rn
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::check::Kind;
     use crate::closed_loop::base_fit::{Base, TOLERANCES};
     use crate::closed_loop::generate;
     use crate::closed_loop::least_squares::{normal, solve, subtract};
+    use crate::closed_loop::tach_delay;
     use rand::SeedableRng;
 
     /// Generator and loop must agree far below the noise that records get, or every record has something in it: true parameters, no noise, the runs' own angles
@@ -153,5 +155,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A record of a drawn machine whose parameters are off within tolerance, with the tach later by `late_s`.
+    fn detuned(seed: u64, late_s: f64) -> Record {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let declared = machine(&mut random).unwrap();
+        let mut scenario = Scenario::null(&declared.shafts, random.random());
+        scenario.duration_s = 1.0;
+        layout(&declared, &mut scenario, &mut random);
+        super::super::off(&mut scenario, &mut random, None, 1.0);
+        let mut record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
+        record.runs.iter_mut().flat_map(|run| &mut run.edges_s).for_each(|t| *t += late_s);
+        record
+    }
+
+    /// Both, since modes that are off pass for a part of the lag.
+    #[test]
+    fn loop_measures_a_lag_of_the_tach_beside_detuned_modes() {
+        let late_s = 40e-6;
+        let checked = tach_delay::checked(&detuned(1100, late_s));
+        let lag = checked.findings.list.iter().find(|f| f.kind == Kind::TachDelay).expect("a lag of 40 us");
+        assert!((lag.figure + late_s).abs() < 1e-6, "{:.2e} s", lag.figure);
     }
 }
