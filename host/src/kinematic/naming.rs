@@ -5,6 +5,7 @@ use super::families::bearing::{Bearing, Part};
 use super::families::fixed_frequency::supply_hz;
 use super::scene::Scene;
 use super::search::Adopted;
+use super::soundness::has_its_own_rate;
 
 /// Orders of its shaft at which a passage of a bearing can lie at all: seven elements and a ratio of 0.32, to 30.
 const PASSAGES: (f64, f64) = (2.38, 20.0);
@@ -52,6 +53,12 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             "two bases agree on one number of elements and one ratio; whether it is damage is not said by that";
         let name = format!("bearing of the {}'s shaft: {}", bearing.shaft.word(), part.word());
         return naming("named", name, "non-integer-order", bearing.shaft.word(), Some(remark));
+    }
+    if let Some(hz) = adopted.either_hz {
+        let order = hz / scene.runs.first().map_or(1.0, |run| run.angle.speed.mean_hz);
+        let name = format!("{} or unexplained order {order:.4}", tone(hz));
+        let remark = "the speed hardly moves: a record at another speed would tell a frequency from an order";
+        return naming("ambiguous", name, "fixed-frequency", "none", Some(remark));
     }
     match candidate.kind {
         Kind::Modulation(shaft) => {
@@ -111,15 +118,17 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             }
             naming("named", format!("{shaft}-ghost-order"), "shaft-order", shaft, None)
         }
-        Kind::FixedFrequency => match supply_hz(candidate.base) {
-            Some(_) => naming("named", "mains-hum", "fixed-frequency", "none", None),
-            None => naming("named", "fixed-tone", "fixed-frequency", "none", None),
-        },
+        Kind::FixedFrequency => naming("named", tone(candidate.base), "fixed-frequency", "none", None),
         Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh => passage(adopted, scene),
         Kind::Alias => naming("named", "aliasing", "mesh-order", "pinion", None),
         Kind::Clipping => naming("named", "clipping", "other", "none", None),
         Kind::Swing => naming("ambiguous", "load-fluctuation or speed-fluctuation", "non-stationary", "none", None),
     }
+}
+
+/// What a line at a frequency is called.
+fn tone(hz: f64) -> &'static str {
+    if supply_hz(hz).is_some() { "mains-hum" } else { "fixed-tone" }
 }
 
 /// Whether all lines of a pattern, at least two, are multiples of a number of teeth that a gear can have.
@@ -160,7 +169,9 @@ fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
     let of_bearings = shafts(candidate.base, scene);
     let standing = adopted.verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     match candidate.kind {
-        Kind::ModulatedPassage(shaft) if of_bearings.contains(&shaft) => {
+        Kind::ModulatedPassage(shaft)
+            if of_bearings.contains(&shaft) && has_its_own_rate(candidate, &adopted.verdict) =>
+        {
             let word = shaft.word();
             let name = format!("bearing-impacts, inner ring of the {word}'s shaft");
             naming("named", name, family, word, Some("modulated by the shaft that it turns with"))

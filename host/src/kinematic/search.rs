@@ -2,10 +2,12 @@
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Taken, TakenOf, score};
+use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
-use super::soundness::{by_higher_base, higher_base, is_impulsive, simpler, unsound};
+use super::sharpness::{self, Sharper};
+use super::soundness::{at_its_own_rate, by_higher_base, higher_base, is_impulsive, simpler, unsound};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -22,6 +24,8 @@ const JUDGED: usize = 30;
 const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
+/// Lines of a family that a supply with its harmonics may have as well.
+const LONE_LINES: usize = 3;
 /// Sidebands of an adopted modulation that are its own, on each side.
 const SIDES: i32 = 8;
 
@@ -38,6 +42,8 @@ pub struct Adopted {
     pub carries: Vec<Carries>,
     /// The base stands in an envelope as well: it is of impacts.
     pub impulsive: bool,
+    /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
+    pub either_hz: Option<f64>,
 }
 
 impl Adopted {
@@ -137,6 +143,13 @@ pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     taken
 }
 
+/// What is spoken for once some families are adopted.
+pub fn taken_by(scene: &Scene, views: &Views, adopted: &[&Adopted]) -> TakenOf {
+    let mut search = nothing(scene, views);
+    adopted.iter().for_each(|own| search.take(scene, views, (*own).clone()));
+    search.taken
+}
+
 /// Takes the frequencies that an order sweeps.
 fn take_frequencies(taken: &mut Taken, scene: &Scene, views: &Views, order: f64) {
     let bin = views.frequency.bin(0);
@@ -166,7 +179,7 @@ impl Search {
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut refused = Vec::new();
         let mut found = None;
-        for candidate in of_every_kind(ranked) {
+        for candidate in of_every_kind(&ranked) {
             let refined = passage::refinements(&context, &candidate);
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
             let candidate = best.map_or(candidate, |(_, c)| c);
@@ -187,6 +200,7 @@ impl Search {
             refused.push((candidate, verdict));
         }
         found = found.map(|found| simpler(found, &context, views, &self.taken));
+        found = found.map(|found| at_its_own_rate(found, &ranked, scene, views, &self.taken));
         for (candidate, verdict) in refused {
             if self.refused.iter().all(|(c, _)| c.kind != candidate.kind) {
                 self.refused.push((candidate, verdict));
@@ -208,8 +222,9 @@ impl Search {
         if let (Kind::Pattern(shaft), Some(_)) = (candidate.kind, pulse) {
             candidate.kind = Kind::SingleTooth(shaft);
         }
-        let impulsive = is_impulsive(&candidate, &context, views, &self.taken);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive })
+        let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
+        let either_hz = either_hz(&candidate, &verdict, scene, views);
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
     }
 
     /// Whether a candidate is what an adopted family has explained already.
@@ -263,15 +278,30 @@ impl Search {
     }
 }
 
+/// The frequency of a family of few lines that may stand at a frequency as well as at an order.
+fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<f64> {
+    let hz = if candidate.domain == Domain::Frequency { 1.0 } else { scene.runs.first()?.angle.speed.mean_hz };
+    let hz = candidate.base * hz;
+    let lines = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
+    let is_lone = match candidate.kind {
+        Kind::FixedFrequency => true,
+        // Harmonics of anything but a supply are those of something that turns.
+        Kind::Passage => lines <= if supply_hz(hz).is_some() { LONE_LINES } else { 1 },
+        _ => false,
+    };
+    let neither = || sharpness::of(candidate, verdict, scene, views) == Sharper::Neither;
+    (is_lone && neither()).then_some(hz)
+}
+
 /// The strongest candidates, few of each kind.
-fn of_every_kind(ranked: Vec<(f64, Candidate)>) -> impl Iterator<Item = Candidate> {
+fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = Candidate> {
     let mut judged: BTreeMap<(Kind, Domain), usize> = BTreeMap::new();
     let few = move |candidate: &Candidate| {
         let count = judged.entry((candidate.kind, candidate.domain)).or_default();
         *count += 1;
         *count <= JUDGED_OF_KIND
     };
-    ranked.into_iter().map(|(_, candidate)| candidate).filter(few).take(JUDGED)
+    ranked.iter().map(|(_, candidate)| candidate.clone()).filter(few).take(JUDGED)
 }
 
 /// Multiples of a base with sidebands of both shafts, alone and about the first mesh harmonics.
