@@ -43,6 +43,9 @@ pub struct Args {
     /// Length of every run, s.
     #[arg(long, default_value_t = 2.0)]
     seconds: f64,
+    /// With --field: only records whose speed is steady, or only run-ups.
+    #[arg(long, value_enum, requires = "field")]
+    motion: Option<Motion>,
     /// Seed of the campaign.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -57,6 +60,15 @@ pub struct Args {
     markdown: Option<PathBuf>,
     #[command(flatten)]
     results: Results,
+}
+
+/// Which records of the campaign at the kinematic level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Motion {
+    /// Speed that only wanders.
+    Steady,
+    /// Speed that runs up.
+    RunUp,
 }
 
 /// Runs what is missing of the campaign and prints its tables.

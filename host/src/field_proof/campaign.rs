@@ -29,11 +29,16 @@ pub struct Plan {
     pub levels: Vec<f64>,
     /// Effects to hide, by name; all where none is given.
     pub only: Vec<String>,
+    /// Only records whose speed runs up (`true`) or does not (`false`); as drawn where none.
+    pub runs_up: Option<bool>,
     /// Seed.
     pub seed: u64,
     /// One JSON line per record; continued where it exists.
     pub log: PathBuf,
 }
+
+/// From one record to the next that takes its place.
+const NEXT: u64 = 10_000_000;
 
 /// One record to make.
 struct Item {
@@ -75,7 +80,7 @@ pub fn run(plan: &Plan) -> Result<Vec<Scored>> {
         std::fs::OpenOptions::new().create(true).append(true).open(&plan.log).map_err(Error::file(&plan.log))?;
     let bar = Progress::new("records", todo.len() as u64);
     for item in &todo {
-        let result = one(plan.seed, item);
+        let result = one(plan, item);
         let line = serde_json::to_string(&result).map_err(|e| Error::invalid(&result.id, e))?;
         // In one piece: what ends the program leaves whole lines.
         log.write_all((line + "\n").as_bytes()).map_err(Error::file(&plan.log))?;
@@ -108,7 +113,7 @@ fn stream(seed: u64, number: u64) -> ChaCha8Rng {
     random
 }
 
-fn one(seed: u64, item: &Item) -> Scored {
+fn one(plan: &Plan, item: &Item) -> Scored {
     let mut scored = Scored {
         id: item.id.clone(),
         bench: String::new(),
@@ -124,15 +129,27 @@ fn one(seed: u64, item: &Item) -> Scored {
         refused: Vec::new(),
         seconds: 0.0,
     };
-    if let Err(error) = looped(seed, item, &mut scored) {
+    if let Err(error) = looped(plan, item, &mut scored) {
         scored.refused.push(error.to_string());
     }
     scored
 }
 
-fn looped(seed: u64, item: &Item, scored: &mut Scored) -> Result<()> {
-    let mut random = stream(seed, item.number);
-    let bench = Bench::drawn(&mut random)?;
+/// The bench of a record, and its stream; where only run-ups or only steady records are asked for, the next one of that kind.
+fn drawn(plan: &Plan, number: u64) -> Result<(Bench, ChaCha8Rng)> {
+    let mut number = number;
+    loop {
+        let mut random = stream(plan.seed, number);
+        let bench = Bench::drawn(&mut random)?;
+        if plan.runs_up.is_none_or(|runs_up| runs_up == bench.runs_up()) {
+            return Ok((bench, random));
+        }
+        number += NEXT;
+    }
+}
+
+fn looped(plan: &Plan, item: &Item, scored: &mut Scored) -> Result<()> {
+    let (bench, mut random) = drawn(plan, item.number)?;
     scored.bench = bench.words();
     let Made { record, noise, truth } = make::record(&bench, item.hidden.map(|h| (h, item.level)), random.random())?;
     scored.truth = truth;

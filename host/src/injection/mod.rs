@@ -12,6 +12,7 @@ mod surrogates;
 use crate::kinematic::baseline::Baseline;
 use crate::kinematic::candidate::{Candidate, Kind};
 use crate::kinematic::carry;
+use crate::kinematic::following::followed;
 use crate::kinematic::limits;
 use crate::kinematic::outcome::Limit;
 use crate::kinematic::residual::{self, Views};
@@ -194,7 +195,7 @@ impl Background<'_> {
                 injected.runs[r].samples[c].iter_mut().zip(&added).for_each(|(x, a)| *x += a);
             }
         }
-        let orders = Spectra::over_orders(scene, &grids, |r| scene.runs[r].split.fit.clone());
+        let orders = Spectra::searched(scene, &followed(scene, &grids), |r| scene.runs[r].split.fit.clone());
         let views = Views {
             orders,
             envelope: self.views.envelope.clone(),

@@ -6,7 +6,7 @@
 //! probability so found, times the families of the library, must be below 1 %; and it is three times the highest (set on generated run-ups, where weaker ones were false). *Held out* (`errors`): the part not used must gain. Limit: 48 moved copies
 //! say nothing themselves about one in a hundred; the tail's form is an assumption.
 
-use super::candidate::{Candidate, Field, Score, score};
+use super::candidate::{Candidate, Field, Kind, Score, WIDEST_MOVE, score};
 use serde::Serialize;
 
 /// Least logarithm of the Bayes factor after the choice.
@@ -18,7 +18,7 @@ const OVER_COPIES: f64 = 3.0;
 /// Copies that must have found a place.
 const FEWEST_COPIES: usize = 40;
 /// Range of their displacement, share of the spacing.
-const MOVED: (f64, f64) = (0.01, 0.06);
+const MOVED: (f64, f64) = (0.01, WIDEST_MOVE);
 /// Families of the library: trials of the whole search.
 pub const FAMILIES: f64 = 15.0;
 /// Largest probability of a false family in the search.
@@ -91,10 +91,24 @@ pub struct Verdict {
 
 /// Displacements of the copies: both ways, 1 to 6 % of the spacing.
 pub fn displacements() -> impl Iterator<Item = f64> {
-    (0..COPIES).map(|i| {
-        let share = MOVED.0 + (MOVED.1 - MOVED.0) * (i / 2) as f64 / (COPIES / 2 - 1) as f64;
-        if i % 2 == 0 { share } else { -share }
-    })
+    (0..COPIES).map(displacement)
+}
+
+fn displacement(i: usize) -> f64 {
+    let share = MOVED.0 + (MOVED.1 - MOVED.0) * (i / 2) as f64 / (COPIES / 2 - 1) as f64;
+    if i.is_multiple_of(2) { share } else { -share }
+}
+
+/// How often as far a line at a frequency may be moved for its copies: it stands between the frequencies that mesh lines sweep, and anywhere free says as much.
+const FARTHER: usize = 6;
+
+/// Scores of the copies of a candidate that find a place.
+fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
+    let of = |moved: f64| score(candidate, field, moved).ln_bayes;
+    if candidate.kind != Kind::FixedFrequency {
+        return displacements().map(of).collect();
+    }
+    (0..FARTHER * COPIES).map(displacement).map(of).filter(|score| score.is_finite()).take(COPIES).collect()
 }
 
 /// Least score of a candidate with so many alternatives.
@@ -105,8 +119,7 @@ pub fn needed(surrogates: &Surrogates, alternatives: f64) -> f64 {
 /// Judges a candidate on the fitted part.
 pub fn judge(candidate: &Candidate, field: &Field) -> Verdict {
     let own = score(candidate, field, 0.0);
-    let copies = displacements().map(|moved| score(candidate, field, moved).ln_bayes).collect();
-    let surrogates = Surrogates::of(copies, own.ln_bayes);
+    let surrogates = Surrogates::of(copies(candidate, field), own.ln_bayes);
     let ln_bayes = own.ln_bayes - candidate.alternatives.max(1.0).ln();
     let refused = if ln_bayes <= LEAST {
         Some(format!("evidence {ln_bayes:.1} nats of {LEAST:.0} after {:.0} alternatives", candidate.alternatives))

@@ -11,9 +11,6 @@ use super::poles::{self, Course};
 use super::scene::{Scene, SceneRun};
 use rayon::prelude::*;
 
-/// Fastest over slowest turn from which lines are swept through resonances.
-const MOVES: f64 = 1.1;
-
 /// Samples by run and channel.
 pub type Grids = Vec<Vec<Vec<f64>>>;
 
@@ -103,7 +100,7 @@ fn choice(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Choice {
     let block = (1.0 / run.angle.slower_order()).round().max(1.0) as usize;
     let held = run.split.held_out.iter().map(|stretch| stretch.turns).max().unwrap_or(0);
     let choice = Choice::new(weighted.states(), weighted.weight_of_turn(), block, held);
-    if run.angle.speed.fastest_hz < MOVES * run.angle.speed.slowest_hz {
+    if !run.runs_up() {
         return choice;
     }
     let courses: Vec<Course> = run

@@ -159,6 +159,9 @@ impl Taken {
 /// Share of a line's order (without the mesh's) over which slip smears it.
 const WIDEST_SMEAR: f64 = 0.01;
 
+/// Largest share of its spacing by which a copy is moved.
+pub const WIDEST_MOVE: f64 = 0.06;
+
 /// What scoring needs.
 pub struct Field<'a> {
     /// Spectra of the candidate's domain.
@@ -188,6 +191,36 @@ pub fn moved_order(place: &Place, moved: f64, bin: f64) -> f64 {
     place.order + moved.signum() * (moved.abs() * place.spacing.abs()).max(least)
 }
 
+/// A family's lines where it stands, which no moved copy of it may read: a copy that lands on them is as strong as the family.
+struct OwnLines {
+    unmoved: Taken,
+    /// Distance of neighbouring lines of a locked family, orders.
+    room: f64,
+}
+
+impl OwnLines {
+    fn of(candidate: &Candidate, moved: f64) -> Self {
+        let mut unmoved = Taken::default();
+        if moved != 0.0 {
+            unmoved.extend(candidate.places.iter().map(|place| place.order));
+        }
+        let shaft = candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min);
+        Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY } }
+    }
+
+    /// Place of a line in a copy, between the main lobes of two neighbours where there is room.
+    fn moved_order(&self, place: &Place, moved: f64, bin: f64) -> f64 {
+        let order = moved_order(place, moved, bin);
+        let farthest = self.room - (LOBE_BINS + 1.0) * bin;
+        if moved == 0.0 || (order - place.order).abs() <= farthest {
+            return order;
+        }
+        // Copies spread over the room that there is.
+        let nearest = (LOBE_BINS + 1.0) * bin;
+        place.order + moved.signum() * (nearest + (farthest - nearest).max(0.0) * (moved.abs() / WIDEST_MOVE).min(1.0))
+    }
+}
+
 /// What is made of the reading at a place, in a run and channel.
 pub type Change<'a> = dyn Fn(&Place, (usize, usize), Reading) -> Reading + 'a;
 
@@ -196,18 +229,20 @@ pub fn at_level(candidate: &Candidate, field: &Field, moved: f64, level: usize, 
     let spectra = field.spectra;
     let bins: Vec<f64> = (0..=level).map(|l| spectra.bin(l)).collect();
     let reach = usize::from(!candidate.locked);
+    let own = OwnLines::of(candidate, moved);
     let mut score = Score { level, ..Score::default() };
     let mut all = Vec::new();
     let mut read: Vec<f64> = Vec::new();
     for place in &candidate.places {
         // Slip smears in proportion: no line is read more coarsely than its own smear could be.
         let level = (0..=level).rev().find(|l| bins[*l] <= WIDEST_SMEAR * place.spacing.abs()).unwrap_or(0);
-        let order = moved_order(place, moved, bins[level]);
+        let order = own.moved_order(place, moved, bins[level]);
         let mut sum = 0.0;
         let half = 0.5 * LOBE_BINS * bins[level];
         let next = read.partition_point(|at| *at <= order - half);
         let again = !candidate.locked && read.get(next).is_some_and(|at| *at < order + half);
-        if !again && !field.taken.near(order, LOBE_BINS * bins[level]) {
+        let lobe = LOBE_BINS * bins[level];
+        if !again && !field.taken.near(order, lobe) && !own.unmoved.near(order, lobe) {
             read.insert(read.partition_point(|at| *at < order), order);
             for run in 0..spectra.levels.len() {
                 for channel in field.channels.clone() {

@@ -14,7 +14,7 @@ use super::preflight::Preflight;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::{self, Adopted, Search};
-use super::worth::Worth;
+use super::worth::{self, Worth};
 use crate::analysis::lines::WINDOW;
 use crate::spectral::amplitude_spectrum;
 use std::collections::BTreeMap;
@@ -191,7 +191,7 @@ fn effect(
             domain: Some(candidate.domain),
             ..Evidence::default()
         },
-        predicts: if candidate.locked { "waveform" } else { "power" },
+        predicts: if worth::predicts_waveform(adopted, worth) { "waveform" } else { "power" },
         remark: naming.remark.map(str::to_owned),
         carries: adopted.carries.iter().map(sidebands).collect(),
         lines: lines.into_iter().take(LINES).map(|(_, line)| line).collect(),

@@ -3,7 +3,7 @@
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
 //! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`]: structured families of lines in what is left, each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]).
+//! 4. [`families`], [`search`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]).
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
@@ -21,6 +21,7 @@ pub mod describe;
 pub mod errors;
 pub mod evidence;
 pub mod families;
+pub mod following;
 pub mod limits;
 pub mod mesh_place;
 pub mod named_lines;
@@ -33,6 +34,7 @@ pub mod report;
 pub mod residual;
 pub mod scene;
 pub mod search;
+pub mod sharpness;
 pub mod slip;
 pub mod slipping;
 pub mod soundness;
@@ -80,7 +82,12 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let (kept, vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
-    let corrected = errors::correct(&scene, &baseline, &fit, &adopted);
+    let predicting: Vec<&Adopted> = kept
+        .iter()
+        .filter(|(a, worth)| !held_out || !a.candidate.locked || worth::predicts_waveform(a, worth))
+        .map(|(a, _)| *a)
+        .collect();
+    let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
     let named = named_lines::of(&scene, &own_held, &fit, &adopted);

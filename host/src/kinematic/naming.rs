@@ -53,6 +53,12 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
         let name = format!("bearing of the {}'s shaft: {}", bearing.shaft.word(), part.word());
         return naming("named", name, "non-integer-order", bearing.shaft.word(), Some(remark));
     }
+    if let Some(hz) = adopted.either_hz {
+        let order = hz / scene.runs.first().map_or(1.0, |run| run.angle.speed.mean_hz);
+        let name = format!("{} or unexplained order {order:.4}", tone(hz));
+        let remark = "the speed hardly moves: a record at another speed would tell a frequency from an order";
+        return naming("ambiguous", name, "fixed-frequency", "none", Some(remark));
+    }
     match candidate.kind {
         Kind::Modulation(shaft) => {
             let word = shaft.word();
@@ -111,15 +117,17 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             }
             naming("named", format!("{shaft}-ghost-order"), "shaft-order", shaft, None)
         }
-        Kind::FixedFrequency => match supply_hz(candidate.base) {
-            Some(_) => naming("named", "mains-hum", "fixed-frequency", "none", None),
-            None => naming("named", "fixed-tone", "fixed-frequency", "none", None),
-        },
+        Kind::FixedFrequency => naming("named", tone(candidate.base), "fixed-frequency", "none", None),
         Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh => passage(adopted, scene),
         Kind::Alias => naming("named", "aliasing", "mesh-order", "pinion", None),
         Kind::Clipping => naming("named", "clipping", "other", "none", None),
         Kind::Swing => naming("ambiguous", "load-fluctuation or speed-fluctuation", "non-stationary", "none", None),
     }
+}
+
+/// What a line at a frequency is called.
+fn tone(hz: f64) -> &'static str {
+    if supply_hz(hz).is_some() { "mains-hum" } else { "fixed-tone" }
 }
 
 /// Whether all lines of a pattern, at least two, are multiples of a number of teeth that a gear can have.

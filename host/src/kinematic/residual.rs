@@ -7,8 +7,9 @@
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
 use super::families::tooth::piece;
+use super::following::followed;
 use super::scene::{Scene, SceneRun};
-use super::spectra::{Spectra, mean};
+use super::spectra::{Spectra, follow_everywhere, mean};
 use super::split::{Split, Stretch};
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::{self, Band, not_locked};
@@ -66,7 +67,8 @@ pub fn views(
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
     bands: Option<&Vec<Vec<Band>>>,
 ) -> Views {
-    let orders = Spectra::over_orders(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
+    let calibrated = &followed(scene, calibrated);
+    let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let given = bands.map(|bands| bands[r][c]);
@@ -194,7 +196,10 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Le
     let levels = |s: &Stretch| {
         let part = &rest[first(s)..(first(s) + samples).min(rest.len())];
         let mut levels = search::levels(part, per_turn, run.angle.speed.slowest_hz, &range);
-        levels.iter_mut().for_each(|level| level.density.bin *= scale);
+        for level in &mut levels {
+            level.density.bin *= scale;
+            follow_everywhere(level);
+        }
         levels
     };
     mean(stretches.iter().map(levels))

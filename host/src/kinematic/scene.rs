@@ -225,10 +225,14 @@ impl SceneRun {
         self.samples = self.signals.par_iter().map(|s| on_grid(angle, s, self.rate_hz, highest_order)).collect();
     }
 
+    /// Whether the speed runs up or down: the path then turns the mesh lines, and no phase can be told from one part of the run for another.
+    pub fn runs_up(&self) -> bool {
+        self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz
+    }
+
     /// Takes the angle from the mesh lines where they get sharper by it; whether they did.
     fn sharpen(&mut self, mesh_order: f64, highest_order: f64, virtual_tach: bool) -> bool {
-        let runs_up = self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz;
-        if runs_up && !virtual_tach {
+        if self.runs_up() && !virtual_tach {
             return false;
         }
         let mut sharper = false;

@@ -2,9 +2,11 @@
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Taken, TakenOf, score};
+use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
+use super::sharpness::{self, Sharper};
 use super::soundness::{by_higher_base, higher_base, is_impulsive, simpler, unsound};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
@@ -22,6 +24,8 @@ const JUDGED: usize = 30;
 const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
+/// Lines of a family that a supply with its harmonics may have as well.
+const LONE_LINES: usize = 3;
 /// Sidebands of an adopted modulation that are its own, on each side.
 const SIDES: i32 = 8;
 
@@ -38,6 +42,8 @@ pub struct Adopted {
     pub carries: Vec<Carries>,
     /// The base stands in an envelope as well: it is of impacts.
     pub impulsive: bool,
+    /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
+    pub either_hz: Option<f64>,
 }
 
 impl Adopted {
@@ -137,6 +143,13 @@ pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     taken
 }
 
+/// What is spoken for once some families are adopted.
+pub fn taken_by(scene: &Scene, views: &Views, adopted: &[&Adopted]) -> TakenOf {
+    let mut search = nothing(scene, views);
+    adopted.iter().for_each(|own| search.take(scene, views, (*own).clone()));
+    search.taken
+}
+
 /// Takes the frequencies that an order sweeps.
 fn take_frequencies(taken: &mut Taken, scene: &Scene, views: &Views, order: f64) {
     let bin = views.frequency.bin(0);
@@ -209,7 +222,8 @@ impl Search {
             candidate.kind = Kind::SingleTooth(shaft);
         }
         let impulsive = is_impulsive(&candidate, &context, views, &self.taken);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive })
+        let either_hz = either_hz(&candidate, &verdict, scene, views);
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
     }
 
     /// Whether a candidate is what an adopted family has explained already.
@@ -261,6 +275,21 @@ impl Search {
             _ => {}
         }
     }
+}
+
+/// The frequency of a family of few lines that may stand at a frequency as well as at an order.
+fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<f64> {
+    let hz = if candidate.domain == Domain::Frequency { 1.0 } else { scene.runs.first()?.angle.speed.mean_hz };
+    let hz = candidate.base * hz;
+    let lines = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
+    let is_lone = match candidate.kind {
+        Kind::FixedFrequency => true,
+        // Harmonics of anything but a supply are those of something that turns.
+        Kind::Passage => lines <= if supply_hz(hz).is_some() { LONE_LINES } else { 1 },
+        _ => false,
+    };
+    let neither = || sharpness::of(candidate, verdict, scene, views) == Sharper::Neither;
+    (is_lone && neither()).then_some(hz)
 }
 
 /// The strongest candidates, few of each kind.

@@ -2,18 +2,22 @@
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Place, TakenOf};
+use super::families::fixed_frequency::supply_hz;
 use super::families::{Context, modulation, passage};
 use super::residual::Views;
-use super::scene::Scene;
+use super::scene::{Scene, SceneRun};
+use super::sharpness::{self, Sharper};
 
-/// Power of a line over frequency against over orders from which it stands at a frequency: less where the speed sweeps it over few bins.
-const SHARPER: f64 = 1.3;
 /// Logarithm of the Bayes factor from which one line alone is an order of its own.
 const LEAST_ALONE: f64 = 20.0;
 /// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that something so slow needs (set on
 /// generated records with nothing but a wander, where 25 nats and more were seen).
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
+/// Mesh harmonics that a swing of everything must show at: beside one alone stands its own skirt.
+const SWUNG: usize = 2;
+/// Orders of its shaft at which the cage of a rolling bearing can turn, the outer ring standing: half of one less a ratio of 0.36 to 0.12.
+const CAGES: (f64, f64) = (0.32, 0.44);
 /// Share of the evidence of a base's lines that may stand on such skirts.
 const MOSTLY: f64 = 0.5;
 /// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
@@ -156,10 +160,44 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
             return Some("sidebands without the lines between them".into());
         }
     }
-    if candidate.domain == Domain::Frequency && !is_sharper_over_frequency(candidate.base, scene, views) {
-        return Some("stands no higher over frequency than over orders".into());
+    let reading = sharpness::of(candidate, verdict, scene, views);
+    match candidate.domain {
+        // Where the two cannot be told, only a supply's frequency is likelier than an order.
+        Domain::Frequency if reading != Sharper::OverFrequency && supply_hz(candidate.base).is_none() => {
+            Some("stands no higher over frequency than over orders".into())
+        }
+        Domain::Frequency if reading == Sharper::OverOrders => {
+            Some("stands no higher over frequency than over orders".into())
+        }
+        Domain::Orders if candidate.is_base() && reading == Sharper::OverFrequency => {
+            Some("its strongest line is sharper over frequency than over orders".into())
+        }
+        _ => None,
     }
-    None
+}
+
+/// Whether a base is slower than the slower shaft's first sideband, where a wandering speed leaves skirts.
+fn is_slow_base(candidate: &Candidate, scene: &Scene) -> bool {
+    candidate.is_base() && candidate.base < SKIRT * scene.gear_order.min(1.0)
+}
+
+/// Whether a base can be the cage of a rolling bearing on either shaft.
+fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
+    let of = |own: f64| (CAGES.0..CAGES.1).contains(&(candidate.base / own));
+    [1.0, scene.gear_order].into_iter().any(of)
+}
+
+/// Whether a family is a hump that a swing leaves beside the mesh lines, from what the gate says of it on turns not used: a swing must pass it there as well; an order as slow that
+/// is no cage's must stand out of its moved copies there, with the evidence that something so slow needs.
+pub fn is_hump(candidate: &Candidate, scene: &Scene, judged: impl FnOnce() -> Verdict) -> bool {
+    if candidate.kind == Kind::Swing {
+        return judged().refused.is_some();
+    }
+    if scene.teeth[0] == 1 || !is_slow_base(candidate, scene) || is_cage(candidate, scene) {
+        return false;
+    }
+    let verdict = judged();
+    verdict.surrogates.as_high > 0 || verdict.score.ln_bayes < LEAST_SLOW
 }
 
 /// Why a family is what a wandering speed makes of the mesh lines: nearer to a mesh harmonic, or slower, than the slower shaft's first sideband.
@@ -183,25 +221,23 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
             return Some("its lines stand beside mesh harmonics, which swing as the speed wanders".into());
         }
     }
-    let is_slow = candidate.kind == Kind::Swing || candidate.is_base() && candidate.base < near;
+    if is_slow_base(candidate, scene) && scene.runs.iter().any(SceneRun::runs_up) {
+        return Some("slower than the slower shaft, where a run-up's mesh lines are followed and taken off".into());
+    }
+    if is_slow_base(candidate, scene) && candidate.domain.is_envelope() && !is_cage(candidate, scene) {
+        return Some("slower than the slower shaft and no cage: the envelope of a swing, if anything".into());
+    }
+    if candidate.kind == Kind::Swing {
+        let about = |(place, ln): (&Place, &f64)| (*ln > 0.0).then_some((place.order / z).round() as u64);
+        let mut meshes: Vec<u64> = candidate.places.iter().zip(&verdict.score.of_places).filter_map(about).collect();
+        meshes.sort_unstable();
+        meshes.dedup();
+        if meshes.len() < SWUNG && z * 2.0 < scene.highest_order {
+            return Some("one mesh harmonic alone swings".into());
+        }
+    }
+    let is_slow = candidate.kind == Kind::Swing || is_slow_base(candidate, scene);
     (is_slow && verdict.ln_bayes < LEAST_SLOW).then(|| {
         format!("{:.0} nats of {LEAST_SLOW:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
     })
-}
-
-/// Whether a line has more power in its bins over frequency than any that its smear would cover over orders.
-fn is_sharper_over_frequency(hz: f64, scene: &Scene, views: &Views) -> bool {
-    let own = |r: usize, c: usize| views.frequency.excess(r, c, 0, hz, 1);
-    let smear = |r: usize, c: usize| {
-        let speed = scene.runs[r].angle.speed;
-        let bin = views.orders.bin(0);
-        let (low, high) = (hz / speed.fastest_hz, hz / speed.slowest_hz);
-        (0..=((high - low) / bin) as usize)
-            .map(|i| views.orders.excess(r, c, 0, low + i as f64 * bin, 1))
-            .fold(0.0, f64::max)
-    };
-    let places = (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c)));
-    let (over_frequency, over_orders) =
-        places.fold((0.0, 0.0), |(f, o), (r, c)| (f + own(r, c).max(0.0), o + smear(r, c)));
-    over_frequency > SHARPER * over_orders
 }

@@ -42,6 +42,20 @@ impl Spectra {
         grids: &[Vec<Vec<f64>>],
         stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
     ) -> Self {
+        Self::of_grids(scene, grids, stretches, false)
+    }
+
+    /// The same for a search: in a run-up every stretch counts by its own floor, which follows the skirts at every order.
+    pub fn searched(scene: &Scene, grids: &[Vec<Vec<f64>>], stretches: impl Fn(usize) -> Vec<Stretch> + Sync) -> Self {
+        Self::of_grids(scene, grids, stretches, true)
+    }
+
+    fn of_grids(
+        scene: &Scene,
+        grids: &[Vec<Vec<f64>>],
+        stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
+        is_search: bool,
+    ) -> Self {
         let lowest = LOWEST * scene.gear_order.min(1.0);
         let highest = scene.highest_order;
         let of_run = |r: usize| -> Vec<Vec<Level>> {
@@ -52,10 +66,17 @@ impl Spectra {
             let of_stretch = |samples: &[f64], s: Stretch| {
                 search::levels(&samples[s.samples(angle.per_turn[0])], angle.per_turn[0], angle.slower_order(), &range)
             };
-            let of_channel = |samples: &Vec<f64>| {
-                let mut levels = mean(stretches(r).into_iter().map(|s| of_stretch(samples, s)));
-                levels.iter_mut().for_each(|level| follow_skirts(level, scene.mesh_order(), highest));
+            let followed = |mut levels: Vec<Level>, spacing: f64| {
+                levels.iter_mut().for_each(|level| follow_skirts(level, spacing, SKIRT_REACH, highest));
                 levels
+            };
+            let of_channel = |samples: &Vec<f64>| {
+                let all = stretches(r).into_iter().map(|s| of_stretch(samples, s));
+                if is_search && scene.runs[r].runs_up() {
+                    evened(all.map(|levels| followed(levels, 2.0 * SKIRT_REACH)))
+                } else {
+                    followed(mean(all), scene.mesh_order())
+                }
             };
             grids[r].iter().map(of_channel).collect()
         };
@@ -121,8 +142,14 @@ impl Spectra {
     }
 }
 
-/// Raises the floor about the mesh harmonics to where a skirt lifts the bins beside each: a line must stand out of what is next to it.
-fn follow_skirts(level: &mut Level, mesh_order: f64, highest: f64) {
+/// Raises the floor at every bin to where its neighbours stand.
+pub fn follow_everywhere(level: &mut Level) {
+    let highest = level.floor.len() as f64 * level.density.bin;
+    follow_skirts(level, highest, highest, 0.0);
+}
+
+/// Raises the floor within `reach` of the multiples of `spacing` to where a skirt lifts the bins beside each: a line must stand out of what is next to it.
+fn follow_skirts(level: &mut Level, spacing: f64, reach: f64, highest: f64) {
     let bin = level.density.bin;
     let k = level.averages.max(1) as f64;
     let mean_over_median = (1.0 - 1.0 / (9.0 * k)).powi(-3);
@@ -134,9 +161,9 @@ fn follow_skirts(level: &mut Level, mesh_order: f64, highest: f64) {
         let middle = bins.len() / 2;
         if bins.is_empty() { 0.0 } else { mean_over_median * *bins.select_nth_unstable_by(middle, f64::total_cmp).1 }
     };
-    for harmonic in 0..=(highest / mesh_order) as usize {
-        let centre = harmonic as f64 * mesh_order;
-        let (from, to) = (((centre - SKIRT_REACH) / bin).max(0.0) as usize, ((centre + SKIRT_REACH) / bin) as usize);
+    for harmonic in 0..=(highest / spacing).ceil() as usize {
+        let centre = harmonic as f64 * spacing;
+        let (from, to) = (((centre - reach) / bin).max(0.0) as usize, ((centre + reach) / bin) as usize);
         for i in from..to.min(count) {
             let raised = beside(i);
             if raised > SKIRT * level.floor[i] {
@@ -144,6 +171,25 @@ fn follow_skirts(level: &mut Level, mesh_order: f64, highest: f64) {
             }
         }
     }
+}
+
+/// Levels of several stretches of one length as one, each over its own floor: power over floor is the mean of theirs.
+pub fn evened(stretches: impl Iterator<Item = Vec<Level>>) -> Vec<Level> {
+    let all: Vec<Vec<Level>> = stretches
+        .map(|mut levels| {
+            for level in &mut levels {
+                level.density.values.iter_mut().zip(&level.floor).for_each(|(x, f)| *x /= f.max(f64::MIN_POSITIVE));
+                level.floor.iter_mut().for_each(|f| *f = 1.0 / f.max(f64::MIN_POSITIVE));
+            }
+            levels
+        })
+        .collect();
+    let mut levels = mean(all.into_iter());
+    for level in &mut levels {
+        level.floor.iter_mut().for_each(|f| *f = 1.0 / *f);
+        level.density.values.iter_mut().zip(&level.floor).for_each(|(x, f)| *x *= f);
+    }
+    levels
 }
 
 /// Levels of several stretches of one length as one.

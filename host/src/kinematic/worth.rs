@@ -5,18 +5,22 @@
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
 //! leakage. What slips predicts no phase: the evidence of its lines on the held-out turns, and the power that they were predicted to have.
 
+use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
 use super::candidate::{TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::residual::Views;
-use super::scene::Scene;
-use super::search::Adopted;
+use super::scene::{Scene, SceneRun};
+use super::search::{Adopted, taken_by};
 use super::slipping::slipping_share;
+use super::soundness;
 use rayon::prelude::*;
 
 /// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
 const LEAST: f64 = 1.0;
+/// The same where lines may be disturbed: more, since what swings has larger departures both ways than noise.
+const LEAST_OF_MOST: f64 = 5.0;
 
 /// What a family is worth on the turns not used.
 #[derive(Debug, Clone, Copy, Default)]
@@ -25,6 +29,12 @@ pub struct Worth {
     pub gain: f64,
     /// Logarithm of the likelihood ratio: of its prediction where it is locked, of its lines with unknown amplitudes where it slips.
     pub ln_bayes: f64,
+    /// Of a locked family, where every line may be disturbed by something else with even chances: a line that a tone falls on is no case against the rest.
+    pub ln_of_most: f64,
+    /// Of a locked family's lines with unknown amplitudes, in a run-up: there the path turns phases by what nothing predicts.
+    pub ln_of_power: f64,
+    /// Of a swing, or an order as slow: on the held-out turns alone it is no line but a hump.
+    pub is_hump: bool,
 }
 
 /// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
@@ -32,11 +42,24 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let all = 0..scene.channels.len();
     let nothing: TakenOf = Default::default();
     let mut corrected = Corrected::none(scene, baseline);
-    let worth = |own: &&Adopted| {
+    let runs_up = scene.runs.iter().any(SceneRun::runs_up);
+    let of_power = |own: &Adopted| {
+        let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
+        score(&own.candidate, &field, 0.0).ln_bayes
+    };
+    let is_hump = |i: usize| {
+        let own = adopted[i];
+        soundness::is_hump(&own.candidate, scene, || {
+            // Moved copies would read the lines of families found before it.
+            let taken = taken_by(scene, views[1], &adopted[..i]);
+            accept::judge(&own.candidate, &views[1].field(&taken, own.candidate.domain, 0..scene.searched))
+        })
+    };
+    let worth = |(i, own): (usize, &&Adopted)| {
         if !own.candidate.locked {
-            let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
-            let ln_bayes = score(&own.candidate, &field, 0.0).ln_bayes;
-            return Worth { gain: mean(&slipping_share(scene, views, &[own], 0.0), all.clone()), ln_bayes };
+            let ln_bayes = of_power(own);
+            let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
+            return Worth { gain, ln_bayes, is_hump: is_hump(i), ..Worth::default() };
         }
         let before = corrected.residual.clone();
         let orders = corrected.add(scene, baseline, views[0], own);
@@ -47,22 +70,29 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
             ln_likelihood_ratio(scene, views[1], (r, c), pair, &orders[r][c])
         };
         let places: Vec<(usize, usize)> = places.collect();
-        let ln_bayes = places.into_par_iter().map(ln).sum();
-        Worth { gain: share(&before) - share(&corrected.residual), ln_bayes }
+        let of_lines: Vec<f64> = places.into_par_iter().flat_map_iter(ln).collect();
+        let ln_bayes = of_lines.iter().sum();
+        let ln_of_most = of_lines.iter().map(|ln| ln.max(0.0) + (-ln.abs()).exp().ln_1p() - 2.0_f64.ln()).sum();
+        let gain = share(&before) - share(&corrected.residual);
+        if ln_bayes <= LEAST {
+            corrected.residual = before;
+        }
+        let ln_of_power = if runs_up { of_power(own) } else { 0.0 };
+        Worth { gain, ln_bayes, ln_of_most, ln_of_power, is_hump: false }
     };
-    adopted.iter().map(worth).collect()
+    adopted.iter().enumerate().map(worth).collect()
 }
 
-/// Of the held-out turns of a run's channel: residual after against before, at some orders.
+/// Of the held-out turns of a run's channel: residual after against before, at each of some orders.
 fn ln_likelihood_ratio(
     scene: &Scene,
     held: &Views,
     (run, channel): (usize, usize),
     [before, after]: [&Vec<f64>; 2],
     orders: &[f64],
-) -> f64 {
+) -> Vec<f64> {
     let own = &scene.runs[run];
-    let Some(level) = held.orders.levels[run][channel].first() else { return 0.0 };
+    let Some(level) = held.orders.levels[run][channel].first() else { return Vec::new() };
     let weighted = Weighted::of_stretches(own, &own.split.held_out);
     let squares = weighted.sum_of_squares();
     let of_order = |order: &f64| {
@@ -73,13 +103,22 @@ fn ln_likelihood_ratio(
             |samples: &[f64]| weighted.sums(samples, *order).iter().sum::<rustfft::num_complex::Complex64>().norm_sqr();
         (power(before) - power(after)) / noise.max(f64::MIN_POSITIVE)
     };
-    orders.iter().map(of_order).sum()
+    orders.iter().map(of_order).collect()
+}
+
+/// Whether a family's fitted amplitudes and phases hold on the turns not used, so that its lines may be taken off there.
+pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
+    adopted.candidate.locked && worth.ln_bayes > LEAST
 }
 
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     if adopted.candidate.locked {
-        return worth.ln_bayes > LEAST;
+        let most = worth.ln_of_most > LEAST_OF_MOST || worth.ln_of_power > LEAST;
+        return predicts_waveform(adopted, worth) || most;
+    }
+    if worth.is_hump {
+        return false;
     }
     let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
     predicts && worth.ln_bayes > 0.0

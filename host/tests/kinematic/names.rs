@@ -43,6 +43,7 @@ fn family(kind: Kind, base: f64, places: &[(f64, f64)]) -> Adopted {
         pulse: None,
         carries: Vec::new(),
         impulsive: false,
+        either_hz: None,
     }
 }
 

@@ -1,6 +1,6 @@
 //! `meshband prove --field`: the campaign of the kinematic level on generated records of the measured kind.
 
-use super::Args;
+use super::{Args, Motion};
 use meshband_host::field_proof::campaign::{Plan, run as run_plan};
 use meshband_host::field_proof::score::{HEAD, Scored, cells, markdown, tables, text};
 use meshband_host::output::show;
@@ -23,6 +23,7 @@ pub fn run(args: Args) -> Result<()> {
         power: args.power,
         levels: args.levels,
         only: args.only,
+        runs_up: args.motion.map(|motion| motion == Motion::RunUp),
         seed: args.seed,
         log: args.log,
     };

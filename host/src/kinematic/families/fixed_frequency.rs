@@ -1,7 +1,7 @@
 //! A line at a frequency: supply hum, another machine, an electronic tone.
 //!
 //! Bases are the strongest lines of the residual's spectrum over frequency. What decides: while the speed moves, a line at a frequency is narrow there
-//! and smeared over orders. Where the speed sweeps it over less than four bins the two cannot be told, and it is left to the orders of neither shaft. Harmonics of 50 or 60 Hz read as the
+//! and smeared over orders. Where the speed sweeps it over less than four bins the two cannot be told, which is said (`sharpness`). Harmonics of 50 or 60 Hz read as the
 //! supply's; a line near them that follows the load would be a motor's.
 
 use super::Context;
@@ -10,15 +10,13 @@ use crate::kinematic::candidate::{Candidate, Domain, Kind, Place};
 
 /// Lines of one channel that are tried.
 const LINES: usize = 12;
-/// Bins over which the speed must sweep the line.
-const SWEPT_BINS: f64 = 4.0;
 /// Harmonics.
 const HARMONICS: usize = 3;
 /// Supplies, Hz, and how far their frequency strays.
 const SUPPLIES_HZ: [f64; 2] = [50.0, 60.0];
 const STRAYS: f64 = 4e-3;
 
-/// Every strong line over frequency that the speed would smear were it an order.
+/// Every strong line over frequency.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let spectra = context.frequency;
     let mut bases: Vec<f64> = Vec::new();
@@ -31,7 +29,6 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
             bases.extend(lines.iter().take(LINES).map(|line| line.order));
         }
     }
-    bases.retain(|hz| swept_bins(context, *hz) >= SWEPT_BINS);
     bases.sort_by(f64::total_cmp);
     bases.dedup_by(|a, b| *a - *b < 2.0 * spectra.bin(0));
     let bins = spectra.highest / spectra.bin(0);
@@ -51,15 +48,6 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
 
 fn place(hz: f64, j: usize) -> Place {
     Place { order: j as f64 * hz, spacing: j as f64 * hz, label: format!("{j} f") }
-}
-
-/// Bins over which the speed would smear an order at this frequency, least of all runs.
-pub fn swept_bins(context: &Context, hz: f64) -> f64 {
-    let swept = |r: usize| {
-        let speed = context.scene.runs[r].angle.speed;
-        hz * (speed.fastest_hz - speed.slowest_hz) / speed.mean_hz / context.frequency.bin(0)
-    };
-    (0..context.scene.runs.len()).map(swept).fold(f64::INFINITY, f64::min)
 }
 
 /// The supply that a frequency is a harmonic of.

@@ -15,13 +15,9 @@ const STEP: f64 = 0.125;
 /// Least and largest distance: main lobes, share of the slower shaft's order.
 const RANGE: (f64, f64) = (1.25, 0.85);
 
-/// Fastest over slowest turn from which every mesh line swings by itself, through the path's resonances.
-const MOVES: f64 = 1.1;
-
 /// Every slow distance; none in a run-up, where the mesh lines' own course looks alike.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
-    let moves = |run: &SceneRun| run.angle.speed.fastest_hz > MOVES * run.angle.speed.slowest_hz;
-    if context.scene.runs.iter().any(moves) {
+    if context.scene.runs.iter().any(SceneRun::runs_up) {
         return Vec::new();
     }
     let lobe = context.scene.resolution();
