@@ -8,7 +8,7 @@
 use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
-use super::candidate::{TakenOf, score};
+use super::candidate::{Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
@@ -50,8 +50,12 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let is_hump = |i: usize| {
         let own = adopted[i];
         soundness::is_hump(&own.candidate, scene, || {
-            // Moved copies would read the lines of families found before it.
-            let taken = taken_by(scene, views[1], &adopted[..i]);
+            // A swing has to stand out of the mesh lines' own skirts; of anything else the moved copies would only read lines of families found before it.
+            let taken = if own.candidate.kind == Kind::Swing {
+                TakenOf::default()
+            } else {
+                taken_by(scene, views[1], &adopted[..i])
+            };
             accept::judge(&own.candidate, &views[1].field(&taken, own.candidate.domain, 0..scene.searched))
         })
     };
