@@ -187,8 +187,8 @@ fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
     [1.0, scene.gear_order].into_iter().any(of)
 }
 
-/// Whether a family is a hump that a swing leaves beside the mesh lines, from what the gate says of it on turns not used: a swing must pass it there as well; an order as slow that
-/// is no cage's must stand out of its moved copies there, with the evidence that something so slow needs.
+/// Whether a family is a hump that a swing leaves beside the mesh lines, from what the gate says of it with turns not used: a swing must pass it on all turns at once; an order as slow that
+/// is no cage's must stand out of its moved copies on the held-out turns, with the evidence that something so slow needs.
 pub fn is_hump(candidate: &Candidate, scene: &Scene, judged: impl FnOnce() -> Verdict) -> bool {
     if candidate.kind == Kind::Swing {
         return judged().refused.is_some();
