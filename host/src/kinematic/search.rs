@@ -7,7 +7,7 @@ use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
-use super::soundness::{by_higher_base, higher_base, is_impulsive, simpler, unsound};
+use super::soundness::{at_its_own_rate, by_higher_base, higher_base, is_impulsive, simpler, unsound};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -179,7 +179,7 @@ impl Search {
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut refused = Vec::new();
         let mut found = None;
-        for candidate in of_every_kind(ranked) {
+        for candidate in of_every_kind(&ranked) {
             let refined = passage::refinements(&context, &candidate);
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
             let candidate = best.map_or(candidate, |(_, c)| c);
@@ -200,6 +200,7 @@ impl Search {
             refused.push((candidate, verdict));
         }
         found = found.map(|found| simpler(found, &context, views, &self.taken));
+        found = found.map(|found| at_its_own_rate(found, &ranked, scene, views, &self.taken));
         for (candidate, verdict) in refused {
             if self.refused.iter().all(|(c, _)| c.kind != candidate.kind) {
                 self.refused.push((candidate, verdict));
@@ -221,7 +222,7 @@ impl Search {
         if let (Kind::Pattern(shaft), Some(_)) = (candidate.kind, pulse) {
             candidate.kind = Kind::SingleTooth(shaft);
         }
-        let impulsive = is_impulsive(&candidate, &context, views, &self.taken);
+        let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
         Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
     }
@@ -293,14 +294,14 @@ fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Vi
 }
 
 /// The strongest candidates, few of each kind.
-fn of_every_kind(ranked: Vec<(f64, Candidate)>) -> impl Iterator<Item = Candidate> {
+fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = Candidate> {
     let mut judged: BTreeMap<(Kind, Domain), usize> = BTreeMap::new();
     let few = move |candidate: &Candidate| {
         let count = judged.entry((candidate.kind, candidate.domain)).or_default();
         *count += 1;
         *count <= JUDGED_OF_KIND
     };
-    ranked.into_iter().map(|(_, candidate)| candidate).filter(few).take(JUDGED)
+    ranked.iter().map(|(_, candidate)| candidate.clone()).filter(few).take(JUDGED)
 }
 
 /// Multiples of a base with sidebands of both shafts, alone and about the first mesh harmonics.

@@ -26,6 +26,8 @@ const BESIDE_THE_MESH: f64 = 0.5;
 const NEARLY: f64 = 0.85;
 /// Fewest lines that make a higher base where others stand beside them.
 const FEWEST_MULTIPLES: usize = 3;
+/// Two orders of a bearing are the same within this share: it slips.
+const SLIPPING: f64 = 7e-3;
 /// Harmonics of a modulated base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
 
@@ -87,8 +89,16 @@ pub fn by_higher_base(
 }
 
 /// Whether a base is one of impacts: it stands in the most impulsive band, or in the signal and in an envelope. The envelope of everything alone says
-/// that something is modulated, not that it knocks.
-pub fn is_impulsive(candidate: &Candidate, context: &Context, views: &Views, taken: &TakenOf) -> bool {
+/// that something is modulated, not that it knocks; and knocks have their own rate or twice it in any envelope.
+pub fn is_impulsive(
+    (candidate, verdict): (&Candidate, &Verdict),
+    context: &Context,
+    views: &Views,
+    taken: &TakenOf,
+) -> bool {
+    if candidate.domain.is_envelope() && standing_harmonics(candidate, verdict).first().is_none_or(|n| *n > 2) {
+        return false;
+    }
     let passes = |domain: Domain| {
         let shape = passage::harmonics(context, candidate.base, domain, passage::ALONE[0]);
         accept::judge(&shape, &views.field(taken, domain, 0..context.scene.searched)).refused.is_none()
@@ -138,6 +148,31 @@ pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, ta
         Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),
         _ => found,
     }
+}
+
+/// Whether an envelope's family can be that of `other`, its base one or two orders of the shaft beside it.
+fn is_beside(rival: &Candidate, other: &Candidate, own: f64, steps: std::ops::RangeInclusive<i32>) -> bool {
+    let is_at = |n: i32| (rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
+    rival.kind == other.kind && rival.domain.is_envelope() && steps.into_iter().any(is_at)
+}
+
+/// A modulated order whose rate is one of its own sidebands' in an envelope is that: in the signal a resonance may lift a sideband over the order that it belongs to, and every combination of
+/// the two then stands about the wrong one; knocks are counted in the envelope. `ranked` are all candidates with their strengths.
+pub fn at_its_own_rate(
+    found: (Candidate, Verdict),
+    ranked: &[(f64, Candidate)],
+    scene: &Scene,
+    views: &Views,
+    taken: &TakenOf,
+) -> (Candidate, Verdict) {
+    let (Kind::ModulatedPassage(shaft), Domain::Orders) = (found.0.kind, found.0.domain) else { return found };
+    let own = scene.shaft_order(shaft as usize);
+    let is_elsewhere = |(_, c): &&(f64, Candidate)| !is_beside(c, &found.0, own, 0..=0);
+    let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own, -2..=2));
+    let Some((_, rival)) = rivals.max_by(|a, b| a.0.total_cmp(&b.0)).filter(is_elsewhere) else { return found };
+    let verdict = accept::judge(rival, &views.field(taken, rival.domain, 0..scene.searched));
+    let stands = verdict.refused.is_none() && unsound(rival, &verdict, scene, views).is_none();
+    if stands { (rival.clone(), verdict) } else { found }
 }
 
 /// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over frequency is none.
