@@ -89,14 +89,14 @@ pub fn by_higher_base(
 }
 
 /// Whether a base is one of impacts: it stands in the most impulsive band, or in the signal and in an envelope. The envelope of everything alone says
-/// that something is modulated, not that it knocks; and knocks have their own rate or twice it in any envelope.
+/// that something is modulated, not that it knocks.
 pub fn is_impulsive(
     (candidate, verdict): (&Candidate, &Verdict),
     context: &Context,
     views: &Views,
     taken: &TakenOf,
 ) -> bool {
-    if candidate.domain.is_envelope() && standing_harmonics(candidate, verdict).first().is_none_or(|n| *n > 2) {
+    if !has_its_own_rate(candidate, verdict) {
         return false;
     }
     let passes = |domain: Domain| {
@@ -108,6 +108,11 @@ pub fn is_impulsive(
         Domain::WholeEnvelope => candidate.is_base() && passes(Domain::Envelope),
         _ => candidate.is_base() && Domain::ENVELOPES.into_iter().any(passes),
     }
+}
+
+/// Whether a family of an envelope stands at its own rate or twice it, as knocks do; in the signal a resonance decides which of their harmonics stand.
+pub fn has_its_own_rate(candidate: &Candidate, verdict: &Verdict) -> bool {
+    !candidate.domain.is_envelope() || standing_harmonics(candidate, verdict).first().is_some_and(|n| *n <= 2)
 }
 
 /// Harmonics of the base that stand themselves, not only by their sidebands.
