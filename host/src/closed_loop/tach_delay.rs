@@ -13,11 +13,11 @@ use crate::check::{self, Checked, Kind};
 use crate::observation::input::Record;
 
 /// Share of what is left at the mesh lines without a lag that may be left with one.
-const MOST_LEFT: f64 = 0.5;
+const LARGEST_REST_WITH_LAG: f64 = 0.5;
 /// Power of the model over that of noise and slack from which a bin is one of a mesh line.
 const LEAST_LINE: f64 = 10.0;
 /// Power at the mesh lines over that of noise from which anything is left.
-const LEAST_LEFT: f64 = 1.5;
+const LEAST_REST: f64 = 1.5;
 
 /// The record as the loop may use it: checked, with a lag of the tachometer only where parameters do not explain it.
 pub fn checked(record: &Record) -> Checked {
@@ -32,7 +32,7 @@ pub fn checked(record: &Record) -> Checked {
     let mut base = Base::new(&checked.record);
     let more_s = calibrate_with_lag(&mut base, &runs);
     let with = left_at_lines(&base, &runs);
-    if without < LEAST_LEFT || with - 1.0 > MOST_LEFT * (without - 1.0) {
+    if without < LEAST_REST || with - 1.0 > LARGEST_REST_WITH_LAG * (without - 1.0) {
         checked.record = straight;
         checked.findings.list.retain(|finding| finding.kind != Kind::TachDelay);
         return checked;

@@ -25,7 +25,7 @@ const LEAST: f64 = 1.0;
 const LEAST_OF_MOST: f64 = 5.0;
 
 /// Share of the power that the calibrated model of a run-up may leave of the held-out turns: where it leaves most, the angle is not the machine's, and power beside the mesh lines is theirs
-/// (set on generated run-ups, seeds 301, 304 and 306: 0.3 to 0.45 where effects were found, 0.6 to 1.1 where they were missed or false).
+/// (set on some ten generated run-ups, seeds 301, 304 and 306: less where effects were found, more where they were missed or false).
 const MOST_LEFT: f64 = 0.5;
 /// Half bins each way in which a swing is looked for at the resolution of all turns: what the fitted turns leave open.
 const FINER_STEPS: i32 = 6;
