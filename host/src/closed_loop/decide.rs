@@ -4,7 +4,7 @@
 //! from the declared parameters as fitted and, where much is left, from the declaration; what is significant but follows no law gets a
 //! plain description.
 //!
-//! Before all of this the record itself is checked ([`check`]), and after it the held-out runs and the check may
+//! Before all of this the record itself is checked ([`tach_delay`]), and after it the held-out runs and the check may
 //! contradict the verdict ([`Outcome::checked`]).
 //!
 //! Held-out runs take no part in any fit or choice between candidates, but for their own start ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
