@@ -34,6 +34,7 @@ pub mod report;
 pub mod residual;
 pub mod scene;
 pub mod search;
+pub mod shaft_rest;
 pub mod sharpness;
 pub mod slip;
 pub mod slipping;
@@ -69,7 +70,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let own = mesh_place::spectra(&scene, |split| &split.fit);
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
-    carry::carry(&mut found, &scene, &fit);
+    let rest = carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
         residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands))
@@ -77,10 +78,13 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit.bands))
     };
     let views = [&fit, &held];
-    let all: Vec<&Adopted> = found.adopted.iter().collect();
+    let passed = rest.iter().filter(|own| own.verdict.refused.is_none());
+    let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
     let worths = worth::worths(&scene, &baseline, views, &all);
-    let (kept, vetoed): (Vec<_>, Vec<_>) =
+    let (mut kept, vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
+    let families: Vec<_> = kept.iter().copied().filter(|(a, _)| !shaft_rest::is_among(&rest, a)).collect();
+    kept.retain(|(a, _)| !shaft_rest::is_among(&rest, a) || shaft_rest::has_family(a, families.iter().map(|(a, _)| *a)));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
     let predicting: Vec<&Adopted> = kept
         .iter()
@@ -89,13 +93,39 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         .collect();
     let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
+    if let Ok(path) = std::env::var("DUMP") {
+        use std::fmt::Write as _;
+        let mut t = String::new();
+        let own_fit = mesh_place::spectra(&scene, |split| &split.fit);
+        let own_h = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
+        for (name, s) in [("fit", &own_fit), ("held", &own_h), ("resfit", &fit.orders), ("resheld", &held.orders)] {
+            for (r, run) in s.levels.iter().enumerate() { for (c, levels) in run.iter().enumerate() {
+                let l = &levels[0];
+                write!(t, "S {name} {r} {} {c} {} {}", scene.channels[c].name.replace(' ', "_"), l.density.bin, s.highest).unwrap();
+                t.push('\n');
+                for (v, f) in l.density.values.iter().zip(&l.floor) { write!(t, "{v:e} {f:e} ").unwrap(); }
+                t.push('\n');
+            } }
+        }
+        for a in &adopted { for (p, ln) in a.candidate.places.iter().zip(&a.verdict.score.of_places) {
+            writeln!(t, "L {:?} {} {} {:?} {} {} {}", a.candidate.kind, a.candidate.base, a.candidate.locked, a.candidate.domain, p.order, ln, p.label).unwrap();
+        } }
+        std::fs::write(path, t).unwrap();
+    }
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
     let named = named_lines::of(&scene, &own_held, &fit, &adopted);
     errors.per_channel.iter_mut().zip(named).for_each(|(channel, named)| channel.named_lines = named);
-    let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
-    let parts =
-        describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
-    let mut outcome = describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight);
+    let named: Vec<&Adopted> = families.iter().map(|(a, _)| *a).collect();
+    let limits = limits::limits(&scene, &baseline, &fit, &found, &named);
+    let parts = describe::Parts {
+        scene: &scene,
+        baseline: &baseline,
+        views: &fit,
+        corrected: &corrected,
+        search: &found,
+        rest: &rest,
+    };
+    let mut outcome = describe::outcome(&parts, &families, &vetoed, errors, limits, preflight);
     outcome.slip = slip::law(record, &scene);
     Ok(match misplaced {
         Some(finding) => outcome.abstaining(finding),
