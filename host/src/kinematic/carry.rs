@@ -91,7 +91,6 @@ impl Parts<'_> {
         }
         let Some(part) = carried::further_harmonics(self.scene, &found.candidate) else { return false };
         let verdict = self.judge(&part, &self.taken);
-        if std::env::var("DUMP").is_ok() { eprintln!("further {} places {} ln {} best {} {:?}", part.base, part.places.len(), verdict.ln_bayes, verdict.surrogates.highest, verdict.refused); }
         let passed = verdict.refused.is_none();
         if passed {
             self.take(&part, &verdict);
@@ -118,12 +117,10 @@ impl Parts<'_> {
         let carriers: Vec<&Place> = found.standing().collect();
         let shapes = carried::candidates(self.scene, &found.candidate, &carriers, modulator);
         let others = all.iter().filter(|other| other.order != modulator.order);
-        let theirs =
-            others.flat_map(|other| carried::candidates(self.scene, &found.candidate, &carriers, other).pop());
+        let theirs = others.flat_map(|other| carried::candidates(self.scene, &found.candidate, &carriers, other).pop());
         let mut spoken_for = self.taken.clone();
         spoken_for[0].extend(not_shared(theirs, shapes.last(), self.scene.resolution()));
         let judged = shapes.into_iter().map(|shape| (self.judge(&shape, &spoken_for), shape));
-        if std::env::var("DUMP").is_ok() { let j: Vec<_> = carried::candidates(self.scene, &found.candidate, &carriers, modulator).into_iter().map(|s| { let v = self.judge(&s, &spoken_for); (v.ln_bayes, v.surrogates.highest, v.refused) }).collect(); eprintln!("sidebands {} of {}: {:?}", modulator.word, found.candidate.base, j); }
         let passed = judged.filter(|(verdict, _)| verdict.refused.is_none());
         passed.max_by(|a, b| a.0.ln_bayes.total_cmp(&b.0.ln_bayes))
     }

@@ -215,10 +215,7 @@ fn effect(
 fn further(carries: &search::Carries) -> String {
     let v = &carries.verdict;
     let lines = v.score.of_places.iter().filter(|ln| **ln > 0.0).count();
-    format!(
-        "{}: {lines} lines, {:.1} nats, best moved copy {:.1}",
-        carries.words, v.ln_bayes, v.surrogates.highest
-    )
+    format!("{}: {lines} lines, {:.1} nats, best moved copy {:.1}", carries.words, v.ln_bayes, v.surrogates.highest)
 }
 
 /// The strongest line over all channels: amplitude with its interval, and as a share of the mesh line beside it.

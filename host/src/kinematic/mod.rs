@@ -3,7 +3,7 @@
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
 //! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]).
+//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]); what they have besides ([`shaft_rest`]).
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
@@ -83,35 +83,16 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let worths = worth::worths(&scene, &baseline, views, &all);
     let (mut kept, vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
-    let families: Vec<_> = kept.iter().copied().filter(|(a, _)| !shaft_rest::is_among(&rest, a)).collect();
-    kept.retain(|(a, _)| !shaft_rest::is_among(&rest, a) || shaft_rest::has_family(a, families.iter().map(|(a, _)| *a)));
+    let families = shaft_rest::families(&kept, &rest);
+    kept.retain(|(own, _)| shaft_rest::is_wanted(own, &rest, &families));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
-    let predicting: Vec<&Adopted> = kept
-        .iter()
-        .filter(|(a, worth)| !held_out || !a.candidate.locked || worth::predicts_waveform(a, worth))
-        .map(|(a, _)| *a)
-        .collect();
+    let predicts = |(own, worth): &&(&Adopted, worth::Worth)| {
+        let pays = !shaft_rest::is_among(&rest, own) || worth.gain > 0.0;
+        !held_out || !own.candidate.locked || worth::predicts_waveform(own, worth) && pays
+    };
+    let predicting: Vec<&Adopted> = kept.iter().filter(predicts).map(|(a, _)| *a).collect();
     let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
-    if let Ok(path) = std::env::var("DUMP") {
-        use std::fmt::Write as _;
-        let mut t = String::new();
-        let own_fit = mesh_place::spectra(&scene, |split| &split.fit);
-        let own_h = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
-        for (name, s) in [("fit", &own_fit), ("held", &own_h), ("resfit", &fit.orders), ("resheld", &held.orders)] {
-            for (r, run) in s.levels.iter().enumerate() { for (c, levels) in run.iter().enumerate() {
-                let l = &levels[0];
-                write!(t, "S {name} {r} {} {c} {} {}", scene.channels[c].name.replace(' ', "_"), l.density.bin, s.highest).unwrap();
-                t.push('\n');
-                for (v, f) in l.density.values.iter().zip(&l.floor) { write!(t, "{v:e} {f:e} ").unwrap(); }
-                t.push('\n');
-            } }
-        }
-        for a in &adopted { for (p, ln) in a.candidate.places.iter().zip(&a.verdict.score.of_places) {
-            writeln!(t, "L {:?} {} {} {:?} {} {} {}", a.candidate.kind, a.candidate.base, a.candidate.locked, a.candidate.domain, p.order, ln, p.label).unwrap();
-        } }
-        std::fs::write(path, t).unwrap();
-    }
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
     let named = named_lines::of(&scene, &own_held, &fit, &adopted);
     errors.per_channel.iter_mut().zip(named).for_each(|(channel, named)| channel.named_lines = named);

@@ -11,12 +11,12 @@ use super::families::tooth;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::{Adopted, Search, context};
+use super::worth::Worth;
 
 /// Whole orders of a shaft that no family has read; none where the shaft has no family.
 pub fn candidate(search: &Search, scene: &Scene, views: &Views, shaft: Shaft) -> Option<Candidate> {
     let of_shaft = search.adopted.iter().any(|own| is_of(own, shaft));
-    let mut rest =
-        of_shaft.then(|| tooth::candidate(&context(scene, views, &search.taken, &search.feet), shaft))?;
+    let mut rest = of_shaft.then(|| tooth::candidate(&context(scene, views, &search.taken, &search.feet), shaft))?;
     let read = read(search.adopted.iter().filter(|own| own.candidate.domain == Domain::Orders));
     rest.places.retain(|place| !read.near(place.order, 0.5 * views.orders.bin(0)));
     Some(rest)
@@ -37,10 +37,15 @@ pub fn is_among(rest: &[Adopted], own: &Adopted) -> bool {
     rest.iter().any(|other| std::ptr::eq(other, own))
 }
 
-/// Whether the shaft of further lines has kept a family.
-pub fn has_family<'a>(rest: &Adopted, mut families: impl Iterator<Item = &'a Adopted>) -> bool {
-    let shaft = Shaft::BOTH.into_iter().find(|shaft| is_of(rest, *shaft));
-    shaft.is_some_and(|shaft| families.any(|own| is_of(own, shaft)))
+/// The families that have a name, without further lines.
+pub fn families<'a>(kept: &[(&'a Adopted, Worth)], rest: &[Adopted]) -> Vec<(&'a Adopted, Worth)> {
+    kept.iter().copied().filter(|(own, _)| !is_among(rest, own)).collect()
+}
+
+/// Whether a family has a name, or is further lines of a shaft that has kept one.
+pub fn is_wanted(own: &Adopted, rest: &[Adopted], families: &[(&Adopted, Worth)]) -> bool {
+    let of_kept = |shaft: &Shaft| is_of(own, *shaft) && families.iter().any(|(family, _)| is_of(family, *shaft));
+    !is_among(rest, own) || Shaft::BOTH.iter().any(of_kept)
 }
 
 /// Orders that a family has read: there it has decided.

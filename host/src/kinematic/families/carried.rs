@@ -88,12 +88,5 @@ fn of_neither_shaft(scene: &Scene, found: &Candidate, mut places: Vec<Place>, al
     places.sort_by(|a, b| a.order.total_cmp(&b.order));
     // Two carriers may share a sideband: it is one line.
     places.dedup_by(|a, b| a.order - b.order < apart);
-    Candidate {
-        kind: found.kind,
-        base: found.base,
-        domain: Domain::Orders,
-        places,
-        locked: false,
-        alternatives,
-    }
+    Candidate { kind: found.kind, base: found.base, domain: Domain::Orders, places, locked: false, alternatives }
 }
