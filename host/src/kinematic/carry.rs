@@ -15,7 +15,7 @@ use super::shaft_rest;
 
 /// Rounds in which parts that were refused are asked again.
 const ROUNDS: usize = 3;
-/// Words of a part that is asked for once.
+/// Words of the harmonics, which a base is asked for until they pass.
 const FURTHER: &str = "further harmonics";
 
 /// Completes the families of neither shaft in place; gives the further orders of the shafts, let pass or refused.
@@ -69,16 +69,19 @@ impl Parts<'_> {
     /// Asks for the further orders of a shaft; whether they are let pass now.
     fn orders(&mut self, search: &Search, shaft: Shaft) -> bool {
         let Some(candidate) = shaft_rest::candidate(search, self.scene, self.views, shaft) else { return false };
-        let known = self.rest.iter().position(|own| own.candidate.kind == candidate.kind);
-        if known.is_some_and(|known| self.rest[known].verdict.refused.is_none()) {
+        let is_same = |own: &Adopted| own.candidate.kind == candidate.kind;
+        if self.rest.iter().any(|own| is_same(own) && own.verdict.refused.is_none()) {
             return false;
         }
         let verdict = self.judge(&candidate, &self.taken);
+        if verdict.score.readings == 0 {
+            return false;
+        }
         let passed = verdict.refused.is_none();
         if passed {
             self.take(&candidate, &verdict);
         }
-        known.map(|known| self.rest.remove(known));
+        self.rest.retain(|own| !is_same(own));
         self.rest.push(shaft_rest::part(candidate, verdict));
         passed
     }
@@ -108,7 +111,7 @@ impl Parts<'_> {
             let found = &search.adopted[own];
             let Some((verdict, shape)) = self.best_shape(found, modulator, &modulators) else { continue };
             self.take(&shape, &verdict);
-            add(&mut search.adopted[own], shape, verdict, format!("sidebands of the {}", modulator.word));
+            add(&mut search.adopted[own], shape, verdict, format!("modulated by {}", modulator.word));
         }
     }
 

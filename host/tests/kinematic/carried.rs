@@ -1,7 +1,8 @@
-//! Sidebands of a passage, speed against load, and a rig without gears, on generated records.
+//! Further harmonics and sidebands of a passage, further orders of a shaft, speed against load, and a rig without gears, on generated records.
 
 use crate::generator::{BENCH, Bench, Line};
-use crate::{of_record, order};
+use crate::{of_record, only, order};
+use meshband_host::kinematic::outcome::Judged;
 use meshband_host::kinematic::view;
 use meshband_host::record::Record;
 
@@ -36,6 +37,42 @@ fn fault_a_passage_modulated_by_a_shaft_is_one_family_with_its_sidebands() {
         let explained = channel.waveform.corrected.powi(2) - channel.unexplained_share;
         assert!(explained > 0.0 && channel.control[0] < 0.2 * explained, "{channel:?}");
     }
+}
+
+#[test]
+fn fault_harmonics_of_a_passage_beyond_the_middle_between_mesh_lines_are_its_own() {
+    let z = f64::from(BENCH.teeth[0]);
+    let far: Vec<f64> =
+        [(0.0, 7.0), (1.0, 6.0), (1.0, 7.0), (2.0, 6.0), (3.0, 7.0)].map(|(k, j)| k * z + j * 3.587).to_vec();
+    let near =
+        [(1.0, 1.0), (1.0, -1.0), (2.0, 1.0), (2.0, -1.0), (1.0, 2.0), (3.0, 1.0)].map(|(k, j)| k * z + j * 3.587);
+    let lines: Vec<Line> = near.iter().chain(&far).map(|at| order(*at, 0.2)).collect();
+    let outcome = of_record(&BENCH.record(&lines, &[]));
+    let passage = only(&outcome);
+    assert!(passage.order_of_pinion.is_some_and(|o| (o - 3.587).abs() < 0.01), "{}", view::text(&outcome));
+    assert!(passage.carries.iter().any(|c| c.contains("further harmonics: 5")), "{}", view::text(&outcome));
+    for order in far {
+        assert!(passage.lines.iter().any(|(_, at)| (at - order).abs() < 0.02), "{order}: {:?}", passage.lines);
+    }
+}
+
+#[test]
+fn fault_further_orders_of_a_shaft_belong_to_its_runout_and_are_no_effect_of_their_own() {
+    let (z, gear) = (f64::from(BENCH.teeth[0]), BENCH.gear_order());
+    let mut lines = BENCH.modulation(gear, 0.1, 1);
+    for (k, n) in [(1.0, 6.0), (1.0, -7.0), (2.0, 7.0), (2.0, -6.0), (3.0, 6.0)] {
+        lines.push(order(k * z + n * gear, 0.1));
+    }
+    let outcome = of_record(&BENCH.record(&lines, &[]));
+    assert_eq!(only(&outcome).shaft, "gear", "{}", view::text(&outcome));
+    let further = outcome.surrogates.iter().find(|row| row.family == "further orders of the gear's shaft");
+    assert!(further.is_some_and(|row| row.refused.is_none()), "{}", view::text(&outcome));
+    let held = outcome.held_out;
+    assert!(held.corrected < 1.2 * held.noise_floor, "{held:?}");
+    // Without such lines there is nothing to take in.
+    let outcome = of_record(&BENCH.record(&BENCH.modulation(gear, 0.1, 1), &[]));
+    let adopted = |row: &&Judged| row.family.starts_with("further orders") && row.refused.is_none();
+    assert!(outcome.surrogates.iter().find(adopted).is_none(), "{}", view::text(&outcome));
 }
 
 #[test]
