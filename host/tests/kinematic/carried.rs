@@ -1,9 +1,14 @@
 //! Further harmonics and sidebands of a passage, further orders of a shaft, speed against load, and a rig without gears, on generated records.
 
 use crate::generator::{BENCH, Bench, Line};
-use crate::{of_record, only, order};
-use meshband_host::kinematic::outcome::Judged;
-use meshband_host::kinematic::view;
+use crate::{of_record, order};
+use meshband_host::kinematic::baseline::Baseline;
+use meshband_host::kinematic::candidate::{Candidate, Domain, Kind, Shaft};
+use meshband_host::kinematic::families::{Context, modulation, passage};
+use meshband_host::kinematic::residual::views;
+use meshband_host::kinematic::scene::Scene;
+use meshband_host::kinematic::search::{self, Adopted};
+use meshband_host::kinematic::{accept, carry, shaft_rest, view};
 use meshband_host::record::Record;
 
 /// Several benches as runs of one record, each with a load.
@@ -39,40 +44,56 @@ fn fault_a_passage_modulated_by_a_shaft_is_one_family_with_its_sidebands() {
     }
 }
 
-#[test]
-fn fault_harmonics_of_a_passage_beyond_the_middle_between_mesh_lines_are_its_own() {
-    let z = f64::from(BENCH.teeth[0]);
-    let far: Vec<f64> =
-        [(0.0, 7.0), (1.0, 6.0), (1.0, 7.0), (2.0, 6.0), (3.0, 7.0)].map(|(k, j)| k * z + j * 3.587).to_vec();
-    let near =
-        [(1.0, 1.0), (1.0, -1.0), (2.0, 1.0), (2.0, -1.0), (1.0, 2.0), (3.0, 1.0)].map(|(k, j)| k * z + j * 3.587);
-    let lines: Vec<Line> = near.iter().chain(&far).map(|at| order(*at, 0.2)).collect();
-    let outcome = of_record(&BENCH.record(&lines, &[]));
-    let passage = only(&outcome);
-    assert!(passage.order_of_pinion.is_some_and(|o| (o - 3.587).abs() < 0.01), "{}", view::text(&outcome));
-    assert!(passage.carries.iter().any(|c| c.contains("further harmonics: 5")), "{}", view::text(&outcome));
-    for order in far {
-        assert!(passage.lines.iter().any(|(_, at)| (at - order).abs() < 0.02), "{order}: {:?}", passage.lines);
-    }
+/// What a record's families have besides, where the search has found just one, of this kind and shape.
+fn completed(lines: &[Line], shape: impl Fn(&Context) -> Candidate) -> (Vec<Adopted>, Adopted) {
+    let record = BENCH.record(lines, &[]);
+    let scene = Scene::of(&record, record.require_tach().expect("a tach"), BENCH.teeth).expect("a scene");
+    let views = views(&scene, &Baseline::of(&scene).calibrated, |split| &split.fit, None);
+    let mut search = search::nothing(&scene, &views);
+    let candidate = shape(&search::context(&scene, &views, &search.taken, &search.feet));
+    let field = views.field(&search.taken, Domain::Orders, 0..scene.searched);
+    let verdict = accept::judge(&candidate, &field);
+    assert!(verdict.refused.is_none(), "{:?}", verdict.refused);
+    search.adopted.push(shaft_rest::part(candidate, verdict));
+    let rest = carry::carry(&mut search, &scene, &views);
+    (rest, search.adopted.remove(0))
+}
+
+fn stands(own: &Adopted, order: f64) -> bool {
+    own.standing().any(|place| (place.order - order).abs() < 0.01)
 }
 
 #[test]
-fn fault_further_orders_of_a_shaft_belong_to_its_runout_and_are_no_effect_of_their_own() {
+fn fault_harmonics_of_a_passage_beyond_the_middle_between_mesh_lines_are_its_own() {
+    let (z, base) = (f64::from(BENCH.teeth[0]), 3.587);
+    let at = |(k, j): (f64, f64)| k * z + j * base;
+    let near = [(1.0, 1.0), (1.0, -1.0), (2.0, 1.0), (2.0, -1.0), (3.0, -1.0), (3.0, 1.0)].map(at);
+    let far = [(0.0, 7.0), (1.0, 5.0), (1.0, 7.0), (2.0, 5.0), (3.0, 7.0)].map(at);
+    let lines = |orders: &[f64]| orders.iter().map(|o| order(*o, 0.2)).collect::<Vec<Line>>();
+    let (rest, own) =
+        completed(&lines(&[near.as_slice(), &far].concat()), |context| passage::about_mesh(context, base));
+    assert!(rest.is_empty(), "no shaft has a family");
+    assert!(own.carries.iter().any(|part| part.words == "further harmonics"), "{:?}", own.carries);
+    let lost: Vec<&f64> = far.iter().chain(&near).filter(|order| !stands(&own, **order)).collect();
+    assert!(lost.is_empty(), "{lost:?}");
+    let (_, own) = completed(&lines(&near), |context| passage::about_mesh(context, base));
+    assert!(own.carries.is_empty() && !far.iter().any(|order| stands(&own, *order)), "{:?}", own.carries);
+}
+
+#[test]
+fn fault_further_orders_of_a_shaft_are_asked_for_where_it_has_a_family() {
     let (z, gear) = (f64::from(BENCH.teeth[0]), BENCH.gear_order());
-    let mut lines = BENCH.modulation(gear, 0.1, 1);
-    for (k, n) in [(1.0, 6.0), (1.0, -7.0), (2.0, 7.0), (2.0, -6.0), (3.0, 6.0)] {
-        lines.push(order(k * z + n * gear, 0.1));
-    }
-    let outcome = of_record(&BENCH.record(&lines, &[]));
-    assert_eq!(only(&outcome).shaft, "gear", "{}", view::text(&outcome));
-    let further = outcome.surrogates.iter().find(|row| row.family == "further orders of the gear's shaft");
-    assert!(further.is_some_and(|row| row.refused.is_none()), "{}", view::text(&outcome));
-    let held = outcome.held_out;
-    assert!(held.corrected < 1.2 * held.noise_floor, "{held:?}");
-    // Without such lines there is nothing to take in.
-    let outcome = of_record(&BENCH.record(&BENCH.modulation(gear, 0.1, 1), &[]));
-    let adopted = |row: &&Judged| row.family.starts_with("further orders") && row.refused.is_none();
-    assert!(outcome.surrogates.iter().find(adopted).is_none(), "{}", view::text(&outcome));
+    let far = [(1.0, 6.0), (1.0, -7.0), (2.0, 7.0), (2.0, -6.0), (3.0, 12.0)].map(|(k, n)| k * z + n * gear);
+    let runout = BENCH.modulation(gear, 0.1, 1);
+    let all = [runout.clone(), far.map(|o| order(o, 0.1)).to_vec()].concat();
+    let shape = |context: &Context| modulation::candidate(context, Shaft::Gear, 1);
+    let (rest, own) = completed(&all, shape);
+    let [further] = rest.as_slice() else { panic!("{rest:?}") };
+    assert_eq!((further.candidate.kind, &further.verdict.refused), (Kind::Pattern(Shaft::Gear), &None));
+    assert!(far.iter().all(|order| stands(further, *order) && !stands(&own, *order)));
+    assert!(!stands(further, z + gear), "the runout's own line is read twice");
+    let (rest, _) = completed(&runout, shape);
+    assert!(rest.iter().all(|own| own.verdict.refused.is_some()), "{rest:?}");
 }
 
 #[test]
