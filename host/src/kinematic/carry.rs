@@ -1,51 +1,131 @@
-//! Which sidebands the orders of neither shaft carry: asked once the search has ended, when carriers and spacings are known.
+//! What the families found have besides the lines that they were found by; asked once the search has ended, when bases and spacings are known.
 //!
-//! After the search, because what a family's base explains of other bases is decided without them. A modulator takes the shape (one, two or four sidebands on each
-//! side) that the gate lets pass with most evidence; lines once taken are not taken again.
+//! Three kinds of parts: the shafts' further orders ([`shaft_rest`]), further harmonics of the orders of neither shaft, and their sidebands ([`carried`]). After the search,
+//! because what a family's base explains of other bases is decided without them. Every part has to pass the gate on its own: the spacing is known, so what is moved for the null is the
+//! part and not what it belongs to. A part that is refused is asked again once others are let pass, because their lines were among its moved copies; lines once taken
+//! are not taken again. A modulator takes the shape (one, two or four sidebands on each side) that the gate lets pass with most evidence. Cost: a judgement per part and round.
 
 use super::accept::{self, Verdict};
-use super::candidate::{Candidate, Domain, Place, Taken, TakenOf};
-use super::families::carried;
+use super::candidate::{Candidate, Domain, Place, Shaft, Taken, TakenOf};
+use super::families::carried::{self, Modulator};
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::{Adopted, Carries, Search, mesh_taken};
+use super::shaft_rest;
 
-/// Sidebands of the shafts and of each other about the orders of neither shaft, each let pass by the gate on its own: the spacing is known, so
-/// what is moved for the null is the sideband, not its carrier.
-pub fn carry(search: &mut Search, scene: &Scene, views: &Views) {
-    let mut taken: TakenOf = mesh_taken(scene, views);
-    for own in search.adopted.iter().filter(|a| a.candidate.domain == Domain::Orders) {
-        taken[0].extend(standing_orders(own));
+/// Rounds in which parts that were refused are asked again.
+const ROUNDS: usize = 3;
+/// Words of the harmonics, which a base is asked for until they pass.
+const FURTHER: &str = "further harmonics";
+
+/// Completes the families of neither shaft in place; gives the further orders of the shafts, let pass or refused.
+pub fn carry(search: &mut Search, scene: &Scene, views: &Views) -> Vec<Adopted> {
+    let mut parts = Parts { scene, views, taken: mesh_taken(scene, views), rest: Vec::new() };
+    for own in search.adopted.iter().filter(|own| own.candidate.domain == Domain::Orders) {
+        parts.take(&own.candidate, &own.verdict);
     }
-    for own in 0..search.adopted.len() {
-        let found = &search.adopted[own];
-        if !found.candidate.is_base() || found.candidate.domain != Domain::Orders {
-            continue;
+    parts.rounds(search);
+    for own in bases(search) {
+        parts.sidebands(search, own);
+    }
+    parts.rounds(search);
+    parts.rest
+}
+
+/// Families of neither shaft that are seen in the signal itself.
+fn bases(search: &Search) -> Vec<usize> {
+    let of_the_signal = |own: &Adopted| own.candidate.is_base() && own.candidate.domain == Domain::Orders;
+    (0..search.adopted.len()).filter(|own| of_the_signal(&search.adopted[*own])).collect()
+}
+
+struct Parts<'a> {
+    scene: &'a Scene,
+    views: &'a Views,
+    taken: TakenOf,
+    rest: Vec<Adopted>,
+}
+
+impl Parts<'_> {
+    fn take(&mut self, candidate: &Candidate, verdict: &Verdict) {
+        let lines = candidate.places.iter().zip(&verdict.score.of_places);
+        self.taken[0].extend(lines.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| place.order));
+    }
+
+    fn judge(&self, part: &Candidate, taken: &TakenOf) -> Verdict {
+        accept::judge(part, &self.views.field(taken, Domain::Orders, 0..self.scene.searched))
+    }
+
+    /// Further orders of the shafts and further harmonics of the bases, until no more of them pass.
+    fn rounds(&mut self, search: &mut Search) {
+        for _ in 0..ROUNDS {
+            let shafts = Shaft::BOTH.map(|shaft| self.orders(search, shaft));
+            let bases = bases(search).into_iter().map(|own| self.harmonics(search, own)).collect::<Vec<bool>>();
+            if !shafts.into_iter().chain(bases).any(|passed| passed) {
+                break;
+            }
         }
+    }
+
+    /// Asks for the further orders of a shaft; whether they are let pass now.
+    fn orders(&mut self, search: &Search, shaft: Shaft) -> bool {
+        let Some(candidate) = shaft_rest::candidate(search, self.scene, self.views, shaft) else { return false };
+        let is_same = |own: &Adopted| own.candidate.kind == candidate.kind;
+        if self.rest.iter().any(|own| is_same(own) && own.verdict.refused.is_none()) {
+            return false;
+        }
+        let verdict = self.judge(&candidate, &self.taken);
+        if verdict.score.readings == 0 {
+            return false;
+        }
+        let passed = verdict.refused.is_none();
+        if passed {
+            self.take(&candidate, &verdict);
+        }
+        self.rest.retain(|own| !is_same(own));
+        self.rest.push(shaft_rest::part(candidate, verdict));
+        passed
+    }
+
+    /// Asks for the further harmonics of a base; whether they are let pass now.
+    fn harmonics(&mut self, search: &mut Search, own: usize) -> bool {
+        let found = &mut search.adopted[own];
+        if found.carries.iter().any(|carries| carries.words == FURTHER) {
+            return false;
+        }
+        let Some(part) = carried::further_harmonics(self.scene, &found.candidate) else { return false };
+        let verdict = self.judge(&part, &self.taken);
+        let passed = verdict.refused.is_none();
+        if passed {
+            self.take(&part, &verdict);
+            add(found, part, verdict, FURTHER.into());
+        }
+        passed
+    }
+
+    /// Sidebands of the shafts and of the slower bases about a base's lines.
+    fn sidebands(&mut self, search: &mut Search, own: usize) {
         let others = search.adopted.iter().filter(|a| a.candidate.is_base()).map(|a| a.candidate.base);
-        let modulators = carried::modulators(scene, &others.collect::<Vec<f64>>(), found.candidate.base);
+        let others: Vec<f64> = others.collect();
+        let modulators = carried::modulators(self.scene, &others, search.adopted[own].candidate.base);
         for modulator in &modulators {
             let found = &search.adopted[own];
-            let lines = found.candidate.places.iter().zip(&found.verdict.score.of_places);
-            let standing: Vec<&Place> = lines.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| place).collect();
-            let shapes = carried::candidates(scene, &found.candidate, &standing, modulator);
-            let others = modulators.iter().filter(|other| other.order != modulator.order);
-            let theirs = others.flat_map(|other| carried::candidates(scene, &found.candidate, &standing, other).pop());
-            let beside = not_shared(theirs, shapes.last(), scene.resolution());
-            let mut spoken_for = taken.clone();
-            spoken_for[0].extend(beside);
-            let judged = shapes.into_iter().map(|shape| {
-                let field = views.field(&spoken_for, Domain::Orders, 0..scene.searched);
-                (accept::judge(&shape, &field), shape)
-            });
-            let passed = judged.filter(|(verdict, _)| verdict.refused.is_none());
-            let Some((verdict, shape)) = passed.max_by(|a, b| a.0.ln_bayes.total_cmp(&b.0.ln_bayes)) else {
-                continue;
-            };
-            let stands = shape.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
-            taken[0].extend(stands.map(|(place, _)| place.order));
-            add(&mut search.adopted[own], shape, verdict, modulator.word.clone());
+            let Some((verdict, shape)) = self.best_shape(found, modulator, &modulators) else { continue };
+            self.take(&shape, &verdict);
+            add(&mut search.adopted[own], shape, verdict, format!("modulated by {}", modulator.word));
         }
+    }
+
+    /// The shape of a modulator's sidebands that the gate lets pass with most evidence.
+    fn best_shape(&self, found: &Adopted, modulator: &Modulator, all: &[Modulator]) -> Option<(Verdict, Candidate)> {
+        let carriers: Vec<&Place> = found.standing().collect();
+        let shapes = carried::candidates(self.scene, &found.candidate, &carriers, modulator);
+        let others = all.iter().filter(|other| other.order != modulator.order);
+        let theirs = others.flat_map(|other| carried::candidates(self.scene, &found.candidate, &carriers, other).pop());
+        let mut spoken_for = self.taken.clone();
+        spoken_for[0].extend(not_shared(theirs, shapes.last(), self.scene.resolution()));
+        let judged = shapes.into_iter().map(|shape| (self.judge(&shape, &spoken_for), shape));
+        let passed = judged.filter(|(verdict, _)| verdict.refused.is_none());
+        passed.max_by(|a, b| a.0.ln_bayes.total_cmp(&b.0.ln_bayes))
     }
 }
 
@@ -57,14 +137,8 @@ fn not_shared(theirs: impl Iterator<Item = Candidate>, own: Option<&Candidate>, 
     theirs.flat_map(|c| c.places).map(|place| place.order).filter(|order| !shared.near(*order, apart)).collect()
 }
 
-fn add(adopted: &mut Adopted, sidebands: Candidate, verdict: Verdict, modulator: String) {
-    adopted.candidate.places.extend(sidebands.places);
+fn add(adopted: &mut Adopted, part: Candidate, verdict: Verdict, words: String) {
+    adopted.candidate.places.extend(part.places);
     adopted.verdict.score.of_places.extend(&verdict.score.of_places);
-    adopted.carries.push(Carries { modulator, verdict });
-}
-
-/// Orders of a family's lines that stand.
-fn standing_orders(adopted: &Adopted) -> impl Iterator<Item = f64> {
-    let lines = adopted.candidate.places.iter().zip(&adopted.verdict.score.of_places);
-    lines.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| place.order)
+    adopted.carries.push(Carries { words, verdict });
 }

@@ -36,6 +36,8 @@ pub struct Parts<'a> {
     pub corrected: &'a Corrected,
     /// The search.
     pub search: &'a Search,
+    /// Further lines of the shafts, let pass or refused.
+    pub rest: &'a [Adopted],
 }
 
 type Judgement<'a> = (&'a Adopted, Worth);
@@ -63,6 +65,10 @@ pub fn outcome(
         judged.refused = veto(adopted, vetoed);
     }
     surrogates.extend(parts.search.refused.iter().map(|(c, v)| judged(c, v)));
+    surrogates.extend(parts.rest.iter().map(|own| {
+        let row = judged(&own.candidate, &own.verdict);
+        Judged { family: further_orders(&own.candidate), refused: row.refused.clone().or(veto(own, vetoed)), ..row }
+    }));
     let [declared, calibrated] = parts.baseline.unknowns;
     Outcome {
         record: scene.title.clone(),
@@ -142,6 +148,13 @@ fn words(candidate: &Candidate) -> String {
     name + of_domain
 }
 
+fn further_orders(candidate: &Candidate) -> String {
+    match candidate.kind {
+        Kind::Pattern(shaft) => format!("further orders of the {}'s shaft", shaft.word()),
+        _ => words(candidate),
+    }
+}
+
 fn judged(candidate: &Candidate, verdict: &Verdict) -> Judged {
     Judged {
         family: words(candidate),
@@ -193,19 +206,16 @@ fn effect(
         },
         predicts: if worth::predicts_waveform(adopted, worth) { "waveform" } else { "power" },
         remark: naming.remark.map(str::to_owned),
-        carries: adopted.carries.iter().map(sidebands).collect(),
+        carries: adopted.carries.iter().map(further).collect(),
         lines: lines.into_iter().take(LINES).map(|(_, line)| line).collect(),
     }
 }
 
-/// Sidebands about the lines of a family, in words.
-fn sidebands(carries: &search::Carries) -> String {
+/// Further lines of a family, in words.
+fn further(carries: &search::Carries) -> String {
     let v = &carries.verdict;
     let lines = v.score.of_places.iter().filter(|ln| **ln > 0.0).count();
-    format!(
-        "modulated by {}: {lines} sidebands, {:.1} nats, best moved copy {:.1}",
-        carries.modulator, v.ln_bayes, v.surrogates.highest
-    )
+    format!("{}: {lines} lines, {:.1} nats, best moved copy {:.1}", carries.words, v.ln_bayes, v.surrogates.highest)
 }
 
 /// The strongest line over all channels: amplitude with its interval, and as a share of the mesh line beside it.

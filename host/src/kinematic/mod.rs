@@ -3,7 +3,7 @@
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
 //! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]).
+//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]); what they have besides ([`shaft_rest`]).
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
@@ -34,6 +34,7 @@ pub mod report;
 pub mod residual;
 pub mod scene;
 pub mod search;
+pub mod shaft_rest;
 pub mod sharpness;
 pub mod slip;
 pub mod slipping;
@@ -69,7 +70,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let own = mesh_place::spectra(&scene, |split| &split.fit);
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
-    carry::carry(&mut found, &scene, &fit);
+    let rest = carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
         residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands))
@@ -77,25 +78,35 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit.bands))
     };
     let views = [&fit, &held];
-    let all: Vec<&Adopted> = found.adopted.iter().collect();
+    let passed = rest.iter().filter(|own| own.verdict.refused.is_none());
+    let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
     let worths = worth::worths(&scene, &baseline, views, &all);
-    let (kept, vetoed): (Vec<_>, Vec<_>) =
+    let (mut kept, vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
+    let families = shaft_rest::families(&kept, &rest);
+    kept.retain(|(own, _)| shaft_rest::is_wanted(own, &rest, &families));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
-    let predicting: Vec<&Adopted> = kept
-        .iter()
-        .filter(|(a, worth)| !held_out || !a.candidate.locked || worth::predicts_waveform(a, worth))
-        .map(|(a, _)| *a)
-        .collect();
+    let predicts = |(own, worth): &&(&Adopted, worth::Worth)| {
+        let pays = !shaft_rest::is_among(&rest, own) || worth.gain > 0.0;
+        !held_out || !own.candidate.locked || worth::predicts_waveform(own, worth) && pays
+    };
+    let predicting: Vec<&Adopted> = kept.iter().filter(predicts).map(|(a, _)| *a).collect();
     let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
     let named = named_lines::of(&scene, &own_held, &fit, &adopted);
     errors.per_channel.iter_mut().zip(named).for_each(|(channel, named)| channel.named_lines = named);
-    let limits = limits::limits(&scene, &baseline, &fit, &found, &adopted);
-    let parts =
-        describe::Parts { scene: &scene, baseline: &baseline, views: &fit, corrected: &corrected, search: &found };
-    let mut outcome = describe::outcome(&parts, &kept, &vetoed, errors, limits, preflight);
+    let named: Vec<&Adopted> = families.iter().map(|(a, _)| *a).collect();
+    let limits = limits::limits(&scene, &baseline, &fit, &found, &named);
+    let parts = describe::Parts {
+        scene: &scene,
+        baseline: &baseline,
+        views: &fit,
+        corrected: &corrected,
+        search: &found,
+        rest: &rest,
+    };
+    let mut outcome = describe::outcome(&parts, &families, &vetoed, errors, limits, preflight);
     outcome.slip = slip::law(record, &scene);
     Ok(match misplaced {
         Some(finding) => outcome.abstaining(finding),

@@ -1,7 +1,7 @@
 //! Families one after the other: the strongest that the gate lets pass, then the rest without its lines.
 
 use super::accept::{self, Verdict};
-use super::candidate::{Candidate, Domain, Kind, Taken, TakenOf, score};
+use super::candidate::{Candidate, Domain, Kind, Place, Taken, TakenOf, score};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
@@ -38,7 +38,7 @@ pub struct Adopted {
     pub verdict: Verdict,
     /// The tooth of a single-tooth family.
     pub pulse: Option<tooth::Pulse>,
-    /// Sidebands about the family's lines that the gate let pass, in words; their lines are among the candidate's.
+    /// Further harmonics and sidebands that the gate let pass; their lines are among the candidate's.
     pub carries: Vec<Carries>,
     /// The base stands in an envelope as well: it is of impacts.
     pub impulsive: bool,
@@ -47,6 +47,12 @@ pub struct Adopted {
 }
 
 impl Adopted {
+    /// Places of the lines that stand.
+    pub fn standing(&self) -> impl Iterator<Item = &Place> {
+        let lines = self.candidate.places.iter().zip(&self.verdict.score.of_places);
+        lines.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| place)
+    }
+
     /// Whether a candidate is what this family has explained.
     pub fn explains(&self, candidate: &Candidate, scene: &Scene) -> bool {
         let own = &self.candidate;
@@ -59,11 +65,11 @@ impl Adopted {
     }
 }
 
-/// Sidebands about the lines of a family of neither shaft.
+/// Further lines of a family of neither shaft.
 #[derive(Debug, Clone)]
 pub struct Carries {
-    /// The shaft or the other order that modulates.
-    pub modulator: String,
+    /// Which, in words.
+    pub words: String,
     /// The gate's answer.
     pub verdict: Verdict,
 }
