@@ -83,8 +83,7 @@ fn print(outcome: &Outcome) -> Result<()> {
 fn row(effect: &Effect) -> Vec<String> {
     let halves = || effect.parts.iter().filter_map(|part| part.limits[0]);
     let (least, most) = (halves().fold(f64::INFINITY, f64::min), halves().fold(0.0, f64::max));
-    let mut row =
-        vec![effect.family.clone(), format!("{:.3} to {:.3} % {}", 100.0 * least, 100.0 * most, effect.unit)];
+    let mut row = vec![effect.family.clone(), format!("{:.3} to {:.3} % {}", 100.0 * least, 100.0 * most, effect.unit)];
     row.extend(effect.counts.iter().map(|count| format!("{} ({}) of {}", count.found, count.named, count.tried)));
     row.push(effect.half_over_limit.map_or("-".into(), |half| format!("{half:.2} x")));
     row.push(effect.counts.iter().map(|count| count.wrong).sum::<usize>().to_string());

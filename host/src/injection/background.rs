@@ -95,15 +95,19 @@ impl Background {
     /// What one more round says with an effect put in.
     pub fn with(&self, effect: &Effect, strength: f64, phases: &Phases) -> Answer {
         let scene = injected(&self.scene, &self.baseline, effect, strength, phases);
-        let calibrated: Grids = scene.runs.iter().zip(&self.scene.runs).zip(&self.baseline.calibrated).map(
-            |((with, without), left)| {
+        let calibrated: Grids = scene
+            .runs
+            .iter()
+            .zip(&self.scene.runs)
+            .zip(&self.baseline.calibrated)
+            .map(|((with, without), left)| {
                 let channels = with.samples.iter().zip(&without.samples).zip(left);
                 let changed = |((with, without), left): ((&Vec<f64>, &Vec<f64>), &Vec<f64>)| -> Vec<f64> {
                     left.iter().zip(with).zip(without).map(|((l, w), o)| l + (w - o)).collect()
                 };
                 channels.map(changed).collect()
-            },
-        ).collect();
+            })
+            .collect();
         let views = residual::views(&scene, &calibrated, |split| &split.fit, None);
         let next = self.found.next(&scene, &views);
         match effect {
@@ -139,10 +143,9 @@ fn is_it(adopted: &Candidate, placed: &Candidate) -> bool {
     let same_base = (adopted.base / placed.base - 1.0).abs() < SAME;
     same_base
         && match (adopted.kind, placed.kind) {
-            (
-                Kind::SingleTooth(a) | Kind::Pattern(a) | Kind::Modulation(a),
-                Kind::Pattern(b) | Kind::Modulation(b),
-            ) => a == b,
+            (Kind::SingleTooth(a) | Kind::Pattern(a) | Kind::Modulation(a), Kind::Pattern(b) | Kind::Modulation(b)) => {
+                a == b
+            }
             (a, b) => a == b,
         }
 }

@@ -5,7 +5,7 @@
 
 use crate::analysis::envelope::not_locked;
 use crate::kinematic::baseline::Baseline;
-use crate::kinematic::candidate::{Candidate, Domain, Kind, Shaft};
+use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
 use crate::kinematic::families::clipping::{Side, farthest};
 use crate::kinematic::scene::{Scene, pairs_at_limit};
 use rand::RngExt;
@@ -77,9 +77,7 @@ fn add(
             let time = i as f64 / run.rate_hz;
             if (from..=to).contains(&time) {
                 let turns = run.angle.map.turns_at(time);
-                let line = |(j, place): (usize, &crate::kinematic::candidate::Place)| {
-                    (TAU * (place.order * turns).fract() + phases.of(j, c)).cos()
-                };
+                let line = |(j, place): (usize, &Place)| (TAU * (place.order * turns).fract() + phases.of(j, c)).cos();
                 *x += amplitude * placed.places.iter().enumerate().map(line).sum::<f64>();
             }
         }

@@ -61,7 +61,12 @@ impl Proposals {
     }
 
     /// Whether lines of an amplitude (by run, channel and place) make a candidate's base one that is tried.
-    pub fn propose(&self, context: &Context, candidate: &Candidate, amplitude: &dyn Fn(usize, usize, usize) -> f64) -> bool {
+    pub fn propose(
+        &self,
+        context: &Context,
+        candidate: &Candidate,
+        amplitude: &dyn Fn(usize, usize, usize) -> f64,
+    ) -> bool {
         (0..self.channels.len()).any(|run| {
             let known = passage::known(context, Domain::Orders, run);
             let half = 1.5 * context.orders.bin(0);
@@ -72,7 +77,8 @@ impl Proposals {
                 let (weakest, least) = self.channels[run][channel];
                 let level = &context.orders.levels[run][channel][0];
                 let raised = 1.0 + 2.0 * level.floor_error;
-                let over = |i: usize| (amplitude(run, channel, i) / level.floor_amplitude(candidate.places[i].order)).powi(2);
+                let over =
+                    |i: usize| (amplitude(run, channel, i) / level.floor_amplitude(candidate.places[i].order)).powi(2);
                 let seen: Vec<usize> = free.iter().copied().filter(|i| 1.0 + over(*i) > least * raised).collect();
                 let power: f64 = seen.iter().map(|i| 0.5 * amplitude(run, channel, *i).powi(2)).sum();
                 let number = |i: usize| (candidate.places[i].spacing / candidate.base).round() as usize;

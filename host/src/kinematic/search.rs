@@ -178,7 +178,8 @@ impl Search {
         let candidates: Vec<Candidate> =
             families::all(&context).into_iter().filter(|c| !self.knows(c, scene)).collect();
         let count = candidates.len();
-        let mut ranked: Vec<(f64, Candidate)> = candidates.into_par_iter().map(|c| (self.strength(&c, scene, views), c)).collect();
+        let mut ranked: Vec<(f64, Candidate)> =
+            candidates.into_par_iter().map(|c| (self.strength(&c, scene, views), c)).collect();
         ranked.retain(|(s, _)| *s > 0.0);
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         (ranked, count)
