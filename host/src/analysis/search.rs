@@ -196,6 +196,13 @@ fn ln_exceeds(averages: usize, ratio: f64) -> f64 {
     (k - 1.0) * x.ln() - x - statrs::function::gamma::ln_gamma(k)
 }
 
+/// Power over the floor from which a bin of the finest spectrum is a line.
+pub fn least_ratio(levels: &[Level], range: &Range) -> f64 {
+    let Some(finest) = levels.first() else { return f64::INFINITY };
+    let tests: usize = levels.iter().map(|level| level.looked_at(range).count()).sum();
+    gamma(finest.averages).inverse_cdf(1.0 - FALSE_ALARM / tests.max(1) as f64)
+}
+
 /// Lines within the range, strongest evidence first, none within another's main lobe or foot.
 pub fn lines(levels: &[Level], range: &Range) -> Vec<Line> {
     let tests: usize = levels.iter().map(|level| level.looked_at(range).count()).sum();

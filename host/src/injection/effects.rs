@@ -1,22 +1,32 @@
-//! What is injected: a family of the library at a place and with phases of its own, as samples at equal angles.
+//! What is injected: a family of the library at a place and with phases of its own, or a limit at the end of a channel's range; as samples over time and at equal angles.
+//!
+//! Lines are made at equal angles and read over time by the kernel that reads the record the other way; folded lines, which no grid holds, are made over time with the phase that the shaft has
+//! there. Every channel gets its own phases, every line the amplitude that the limits mean by a strength: a share of the channel's mesh line. Limit: lines follow their shaft exactly.
 
+use crate::analysis::envelope::not_locked;
 use crate::kinematic::baseline::Baseline;
-use crate::kinematic::candidate::{Candidate, Domain, Kind, Shaft};
-use crate::kinematic::families::{Context, ghost, passage};
-use crate::kinematic::scene::Scene;
+use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
+use crate::kinematic::families::clipping::{Side, farthest};
+use crate::kinematic::scene::{Scene, pairs_at_limit};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Bases of ordinary bearings, per turn of their shaft.
-const BASES: (f64, f64) = (2.5, 8.0);
-/// Tries for a base whose lines are mostly free.
-const TRIES: usize = 50;
-/// Share of the most lines that a placed family keeps.
-const FREE: f64 = 0.7;
 /// Phases drawn for one position.
 const PHASES: usize = 1024;
+
+/// Most of a channel's range that is cut off, whatever the strength: beyond it no signal is left.
+const MOST_CUT: f64 = 0.95;
+
+/// An effect at its place.
+#[derive(Debug, Clone)]
+pub enum Effect {
+    /// Lines.
+    Family(Candidate),
+    /// A channel that stands still beyond a share of its range.
+    Limited(usize, Side),
+}
 
 /// Phases of one position: of lines and channels, and the place of a pulse.
 pub struct Phases(Vec<f64>);
@@ -32,47 +42,61 @@ impl Phases {
     }
 }
 
-/// The family at a place of its own.
-pub fn placed(context: &Context, typical: &Candidate, random: &mut ChaCha8Rng) -> Candidate {
-    let mut base = || BASES.0 + (BASES.1 - BASES.0) * random.random::<f64>();
-    match typical.kind {
-        Kind::Ghost => {
-            let free = |c: &Candidate| !context.taken[0].near(c.base, context.scene.resolution());
-            let ghosts: Vec<Candidate> = ghost::candidates(context).into_iter().filter(free).collect();
-            let chosen = (random.random::<f64>() * ghosts.len() as f64) as usize;
-            ghosts.into_iter().nth(chosen).unwrap_or_else(|| typical.clone())
+/// The scene with an effect of a strength in it; of runs and channels searched.
+pub fn injected(scene: &Scene, baseline: &Baseline, effect: &Effect, strength: f64, phases: &Phases) -> Scene {
+    let mut with = scene.clone();
+    match effect {
+        Effect::Limited(channel, side) => limit(&mut with, scene, *channel, *side, strength),
+        Effect::Family(placed) => {
+            for (r, c) in (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c))) {
+                add(&mut with, scene, baseline, (r, c), (placed, strength, phases));
+            }
         }
-        Kind::Passage => free(context, || passage::harmonics(context, base(), Domain::Orders, passage::ALONE[0])),
-        Kind::ModulatedPassage(shaft) => {
-            let own = context.scene.shaft_order(shaft as usize);
-            free(context, || passage::modulated(context, own * base(), shaft, Domain::Orders))
-        }
-        _ => typical.clone(),
+    }
+    with
+}
+
+fn limit(with: &mut Scene, scene: &Scene, channel: usize, side: Side, strength: f64) {
+    let level = (1.0 - strength.min(MOST_CUT)) * farthest(scene, channel, side);
+    for run in &mut with.runs {
+        run.signals[channel].iter_mut().for_each(|x| *x = side.limited(*x, level));
+        run.at_limit[channel] = pairs_at_limit(&run.signals[channel]);
+        run.samples[channel] = run.on_grid(&run.signals[channel], scene.highest_order);
     }
 }
 
-/// The first of several tries most of whose lines stand on nothing taken, or the freest.
-fn free(context: &Context, mut make: impl FnMut() -> Candidate) -> Candidate {
-    let half = context.scene.resolution();
-    let share = |c: &Candidate| {
-        let free = c.places.iter().filter(|place| !context.taken[0].near(place.order, half)).count();
-        free as f64 / c.places.len().max(1) as f64
-    };
-    let mut best = make();
-    for _ in 0..TRIES {
-        if share(&best) >= FREE {
-            break;
+fn add(
+    with: &mut Scene,
+    scene: &Scene,
+    baseline: &Baseline,
+    (r, c): (usize, usize),
+    (placed, strength, phases): (&Candidate, f64, &Phases),
+) {
+    let run = &mut with.runs[r];
+    if placed.domain == Domain::Folded {
+        let amplitude = strength * baseline.strongest_mesh(scene, r, c);
+        let (from, to) = run.angle.time_range();
+        for (i, x) in run.signals[c].iter_mut().enumerate() {
+            let time = i as f64 / run.rate_hz;
+            if (from..=to).contains(&time) {
+                let turns = run.angle.map.turns_at(time);
+                let line = |(j, place): (usize, &Place)| (TAU * (place.order * turns).fract() + phases.of(j, c)).cos();
+                *x += amplitude * placed.places.iter().enumerate().map(line).sum::<f64>();
+            }
         }
-        let other = make();
-        if share(&other) > share(&best) {
-            best = other;
-        }
+        run.samples[c] = run.on_grid(&run.signals[c], scene.highest_order);
+        return;
     }
-    best
+    let added = at_equal_angles(scene, baseline, (r, c), placed, strength, phases);
+    let silence = vec![0.0; run.signals[c].len()];
+    // Nothing less what is known is its negative.
+    let over_time = not_locked(&silence, run.rate_hz, &added, &run.angle);
+    run.signals[c].iter_mut().zip(&over_time).for_each(|(x, a)| *x -= a);
+    run.samples[c].iter_mut().zip(&added).for_each(|(x, a)| *x += a);
 }
 
 /// What a run and channel gets, on the whole grid.
-pub fn waveform(
+fn at_equal_angles(
     scene: &Scene,
     baseline: &Baseline,
     (run, channel): (usize, usize),
@@ -82,7 +106,7 @@ pub fn waveform(
 ) -> Vec<f64> {
     let per_turn = scene.runs[run].angle.per_turn[0];
     let length = scene.runs[run].samples[channel].len();
-    if let Kind::Pattern(shaft) | Kind::SingleTooth(shaft) = placed.kind {
+    if let Kind::Pattern(shaft) = placed.kind {
         let amplitude = strength * baseline.strongest_mesh(scene, run, channel);
         return pulses(scene, run, placed, shaft, amplitude, phases);
     }

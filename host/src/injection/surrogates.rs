@@ -1,83 +1,70 @@
 //! Backgrounds with nothing in them: the mesh lines as they are, and noise of the record's own colour in place of everything else.
 //!
-//! What the mesh leaves of every channel keeps the floor of its spectrum over frequency, smoothed over neighbouring bins by a running median, and gets random
-//! amplitudes and phases: no line, no locking, no impulse, the same slopes and resonances, in every view that families are read from. Limit: stationary, which a
-//! machine's background is not quite.
+//! What the mesh leaves of every channel is replaced by [`Noise`] with its floor, smoothed over eight rates of the slower shaft: no line, no sideband, no locking and no impulse is left, in whatever
+//! view families are read from, while slopes, resonances and what channels have in common stay, and so does the wander of the tach. Limit: stationary, which a machine's background is not quite.
 
+use super::noise::Noise;
 use crate::analysis::envelope::not_locked;
 use crate::kinematic::baseline::{Baseline, Grids};
 use crate::kinematic::residual::{self, Views};
-use crate::kinematic::scene::Scene;
-use crate::spectral::running_median;
+use crate::kinematic::scene::{Scene, SceneRun};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
-use realfft::RealFftPlanner;
-use rustfft::num_complex::Complex64;
 
-/// Bins between two medians.
-const HOP: usize = 32;
+/// Width over which a floor is smoothed, rates of the slower shaft: its sidebands are a few bins of so many.
+const WIDTH: f64 = 8.0;
 
-/// A record without an effect, and its views.
-pub struct Surrogate {
-    /// The record.
-    pub scene: Scene,
-    /// The views of its fitted turns.
-    pub views: Views,
+/// What surrogates of a record are drawn from.
+pub struct Surrogates {
+    runs: Vec<OfRun>,
 }
 
-impl Surrogate {
-    /// Of a record, with a seed.
-    pub fn new(scene: &Scene, baseline: &Baseline, seed: u64) -> Self {
+struct OfRun {
+    noise: Noise,
+    /// What is kept of the signal over time, channel by channel.
+    kept: Vec<Vec<f64>>,
+    /// The mesh at equal angles.
+    mesh: Vec<Vec<f64>>,
+}
+
+impl Surrogates {
+    /// Of a record.
+    pub fn of(scene: &Scene, baseline: &Baseline) -> Self {
+        Self { runs: scene.runs.iter().zip(&baseline.calibrated).map(|(run, left)| OfRun::of(run, left)).collect() }
+    }
+
+    /// A record without an effect, and its views.
+    pub fn drawn(&self, scene: &Scene, seed: u64) -> (Scene, Views) {
         let mut surrogate = scene.clone();
-        let mut calibrated: Grids = baseline.calibrated.clone();
-        for (r, run) in scene.runs.iter().enumerate() {
-            let of_channel = |c: usize| {
-                let mesh: Vec<f64> =
-                    run.samples[c].iter().zip(&baseline.calibrated[r][c]).map(|(x, rest)| x - rest).collect();
-                let rest = not_locked(&run.signals[c], run.rate_hz, &mesh, &run.angle);
-                let own = seed.wrapping_mul(1_000_003).wrapping_add((r * 64 + c) as u64);
-                let noise = noise(&rest, &mut ChaCha8Rng::seed_from_u64(own));
-                let changed = run.signals[c].iter().zip(&rest).zip(&noise).map(|((x, rest), noise)| x - rest + noise);
-                let signal: Vec<f64> = changed.collect();
-                let samples = run.on_grid(&signal, scene.highest_order);
-                let left: Vec<f64> = samples.iter().zip(&mesh).map(|(x, mesh)| x - mesh).collect();
-                (signal, samples, left)
-            };
-            let channels: Vec<_> = (0..scene.channels.len()).into_par_iter().map(of_channel).collect();
-            let own = &mut surrogate.runs[r];
-            for (c, (signal, samples, left)) in channels.into_iter().enumerate() {
-                (own.signals[c], own.samples[c], calibrated[r][c]) = (signal, samples, left);
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut calibrated: Grids = Vec::new();
+        for (run, of) in surrogate.runs.iter_mut().zip(&self.runs) {
+            for (c, noise) in of.noise.drawn(&mut random).into_iter().enumerate() {
+                run.signals[c] = of.kept[c].iter().zip(&noise).map(|(x, noise)| x + noise).collect();
+                run.samples[c] = run.on_grid(&run.signals[c], scene.highest_order);
             }
+            let left = run.samples.iter().zip(&of.mesh);
+            calibrated.push(left.map(|(x, mesh)| x.iter().zip(mesh).map(|(x, m)| x - m).collect()).collect());
         }
         let views = residual::views(&surrogate, &calibrated, |split| &split.fit, None);
-        Self { scene: surrogate, views }
+        (surrogate, views)
     }
 }
 
-/// Noise with the floor of a signal's spectrum.
-fn noise(samples: &[f64], random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut planner = RealFftPlanner::new();
-    let forward = planner.plan_fft_forward(samples.len());
-    let (mut input, mut bins) = (samples.to_vec(), forward.make_output_vec());
-    forward.process(&mut input, &mut bins).expect("buffers have the planned lengths");
-    let power: Vec<f64> = bins.iter().map(Complex64::norm_sqr).collect();
-    // The median of an exponential variable is ln 2 of its mean.
-    let floor = running_median(&power, HOP);
-    for (bin, floor) in bins.iter_mut().zip(floor) {
-        let scale = (0.5 * floor / std::f64::consts::LN_2).sqrt();
-        let [re, im]: [f64; 2] = [StandardNormal.sample(random), StandardNormal.sample(random)];
-        *bin = Complex64::new(scale * re, scale * im);
+impl OfRun {
+    fn of(run: &SceneRun, left: &[Vec<f64>]) -> Self {
+        let mesh: Vec<Vec<f64>> =
+            run.samples.iter().zip(left).map(|(x, left)| x.iter().zip(left).map(|(x, l)| x - l).collect()).collect();
+        let rest: Vec<Vec<f64>> = run
+            .signals
+            .iter()
+            .zip(&mesh)
+            .map(|(signal, mesh)| not_locked(signal, run.rate_hz, mesh, &run.angle))
+            .collect();
+        let kept = run.signals.iter().zip(&rest).map(|(x, rest)| x.iter().zip(rest).map(|(x, r)| x - r).collect());
+        let bin_hz = run.rate_hz / run.signals.first().map_or(1, Vec::len) as f64;
+        let slower_hz = run.angle.slower_order() * run.angle.speed.mean_hz;
+        let noise = Noise::of(&rest, (WIDTH * slower_hz / bin_hz).round() as usize);
+        Self { kept: kept.collect(), mesh, noise }
     }
-    // A real signal has no phase at its ends of the spectrum.
-    for end in [0, bins.len() - 1] {
-        bins[end].im = 0.0;
-    }
-    let inverse = planner.plan_fft_inverse(samples.len());
-    let mut out = inverse.make_output_vec();
-    inverse.process(&mut bins, &mut out).expect("buffers have the planned lengths");
-    let length = samples.len() as f64;
-    out.iter_mut().for_each(|x| *x /= length);
-    out
 }

@@ -16,7 +16,7 @@ pub const COPIES: usize = 48;
 /// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its power, and only their ratio means anything.
 const OVER_COPIES: f64 = 3.0;
 /// Copies that must have found a place.
-const FEWEST_COPIES: usize = 40;
+pub const FEWEST_COPIES: usize = 40;
 /// Range of their displacement, share of the spacing.
 const MOVED: (f64, f64) = (0.01, WIDEST_MOVE);
 /// Families of the library: trials of the whole search.
@@ -103,7 +103,7 @@ fn displacement(i: usize) -> f64 {
 const FARTHER: usize = 6;
 
 /// Scores of the copies of a candidate that find a place.
-fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
+pub fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
     let of = |moved: f64| score(candidate, field, moved).ln_bayes;
     if candidate.kind != Kind::FixedFrequency {
         return displacements().map(of).collect();

@@ -122,7 +122,7 @@ fn clipped(scene: &Scene) -> Vec<Effect> {
 }
 
 /// Name of a family in lists.
-fn words(candidate: &Candidate) -> String {
+pub fn words(candidate: &Candidate) -> String {
     let base = candidate.base;
     let of_domain = match candidate.domain {
         Domain::Envelope => " in the envelope",

@@ -6,7 +6,7 @@
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]); what they have besides ([`shaft_rest`]).
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
-//! 7. [`limits`]: what of the library would have been found here. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
+//! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
 //! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
 
@@ -28,10 +28,12 @@ pub mod named_lines;
 pub mod naming;
 pub mod outcome;
 pub mod phase;
+pub mod places;
 pub mod poles;
 pub mod preflight;
 pub mod report;
 pub mod residual;
+pub mod rivals;
 pub mod scene;
 pub mod search;
 pub mod shaft_rest;

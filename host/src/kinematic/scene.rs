@@ -165,11 +165,7 @@ fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usi
 
 fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order: f64) -> SceneRun {
     let rate_hz = run.sample_rate_hz();
-    let at_limit = |&c: &usize| {
-        let codes = run.channel_codes(c);
-        let (low, high) = (codes.iter().min().copied(), codes.iter().max().copied());
-        codes.windows(2).filter(|w| w[0] == w[1] && (Some(w[0]) == low || Some(w[0]) == high)).count()
-    };
+    let at_limit = |&c: &usize| pairs_at_limit(&run.channel_codes(c));
     let mut seen = SceneRun {
         index,
         rate_hz,
@@ -182,6 +178,16 @@ fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order
     };
     seen.read(highest_order);
     seen
+}
+
+/// Pairs of neighbours that are alike at either extreme of all samples.
+pub fn pairs_at_limit<T: PartialOrd + Copy>(samples: &[T]) -> usize {
+    let Some(&first) = samples.first() else { return 0 };
+    let (mut low, mut high) = (first, first);
+    for &x in samples {
+        (low, high) = (if x < low { x } else { low }, if x > high { x } else { high });
+    }
+    samples.windows(2).filter(|w| w[0] == w[1] && (w[0] == low || w[0] == high)).count()
 }
 
 /// Speeds of the turns with their rates of change, over the root mean square of these.

@@ -19,9 +19,10 @@ const MOST: usize = 8;
 /// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by less within a record).
 const SAME_BASE: f64 = 3e-3;
 const SLIPPING: f64 = 7e-3;
-/// Candidates of a round that are judged before it is given up, and of one kind in one spectrum: a skirt that looks like many swings must not hide the rest.
-const JUDGED: usize = 30;
-const JUDGED_OF_KIND: usize = 3;
+/// Candidates of a round that are judged before it is given up.
+pub const JUDGED: usize = 30;
+/// And of one kind in one spectrum: a skirt that looks like many swings must not hide the rest.
+pub const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
 /// Lines of a family that a supply with its harmonics may have as well.
@@ -171,21 +172,34 @@ impl Search {
         self.clone().round(scene, views)
     }
 
-    fn round(&mut self, scene: &Scene, views: &Views) -> Option<Adopted> {
+    /// Logarithm of a candidate's Bayes factor after the choice.
+    fn strength(&self, candidate: &Candidate, scene: &Scene, views: &Views) -> f64 {
+        let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
+        score(candidate, &field, 0.0).ln_bayes - candidate.alternatives.max(1.0).ln()
+    }
+
+    /// Candidates of a round for which the record speaks at all, strongest first, with the logarithm of the Bayes factor after the choice; and how many were scored.
+    pub fn ranked(&self, scene: &Scene, views: &Views) -> (Vec<(f64, Candidate)>, usize) {
         let context = context(scene, views, &self.taken, &self.feet);
         let candidates: Vec<Candidate> =
             families::all(&context).into_iter().filter(|c| !self.knows(c, scene)).collect();
-        self.tried += candidates.len();
-        let strength = |c: &Candidate| {
-            let field = views.field(&self.taken, c.domain, 0..scene.searched);
-            score(c, &field, 0.0).ln_bayes - c.alternatives.max(1.0).ln()
-        };
-        let mut ranked: Vec<(f64, Candidate)> = candidates.into_par_iter().map(|c| (strength(&c), c)).collect();
+        let count = candidates.len();
+        let mut ranked: Vec<(f64, Candidate)> =
+            candidates.into_par_iter().map(|c| (self.strength(&c, scene, views), c)).collect();
         ranked.retain(|(s, _)| *s > 0.0);
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+        (ranked, count)
+    }
+
+    fn round(&mut self, scene: &Scene, views: &Views) -> Option<Adopted> {
+        let (ranked, count) = self.ranked(scene, views);
+        self.tried += count;
+        let context = context(scene, views, &self.taken, &self.feet);
+        let strength = |c: &Candidate| self.strength(c, scene, views);
         let mut refused = Vec::new();
         let mut found = None;
-        for candidate in of_every_kind(&ranked) {
+        for (_, candidate) in of_every_kind(&ranked) {
+            let candidate = candidate.clone();
             let refined = passage::refinements(&context, &candidate);
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
             let candidate = best.map_or(candidate, |(_, c)| c);
@@ -300,14 +314,14 @@ fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Vi
 }
 
 /// The strongest candidates, few of each kind.
-fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = Candidate> {
+pub fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = &(f64, Candidate)> {
     let mut judged: BTreeMap<(Kind, Domain), usize> = BTreeMap::new();
-    let few = move |candidate: &Candidate| {
+    let few = move |(_, candidate): &&(f64, Candidate)| {
         let count = judged.entry((candidate.kind, candidate.domain)).or_default();
         *count += 1;
         *count <= JUDGED_OF_KIND
     };
-    ranked.iter().map(|(_, candidate)| candidate.clone()).filter(few).take(JUDGED)
+    ranked.iter().filter(few).take(JUDGED)
 }
 
 /// Multiples of a base with sidebands of both shafts, alone and about the first mesh harmonics.

@@ -7,6 +7,61 @@ use crate::kinematic::scene::Scene;
 /// Pairs of neighbours at an extreme from which a channel is limited.
 const LEAST_PAIRS: usize = 8;
 
+/// Where a channel may be limited.
+pub const SIDES: [Side; 3] = [Side::Above, Side::Below, Side::Both];
+
+/// End of the range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The largest values.
+    Above,
+    /// The least.
+    Below,
+    /// Either, at one magnitude.
+    Both,
+}
+
+impl Side {
+    /// How far a sample reaches towards the end of the range.
+    fn reach(self, x: f64) -> f64 {
+        match self {
+            Self::Above => x,
+            Self::Below => -x,
+            Self::Both => x.abs(),
+        }
+    }
+
+    /// The sample behind a limit at `level`.
+    pub fn limited(self, x: f64, level: f64) -> f64 {
+        match self {
+            Self::Above => x.min(level),
+            Self::Below => x.max(-level),
+            Self::Both => x.clamp(-level, level),
+        }
+    }
+}
+
+/// Farthest that a channel reaches to a side, all runs.
+pub fn farthest(scene: &Scene, channel: usize, side: Side) -> f64 {
+    let samples = scene.runs.iter().flat_map(|run| &run.signals[channel]);
+    samples.map(|x| side.reach(*x)).fold(0.0, f64::max)
+}
+
+/// Share of that reach which a limit has to cut off before this channel is called limited: the least pairs of neighbours lie beyond it then.
+pub fn least_share(scene: &Scene, channel: usize, side: Side) -> Option<f64> {
+    let beyond = |w: &[f64]| {
+        // Neighbours at opposite ends are no pair.
+        let is_one_end = side != Side::Both || w[0] * w[1] > 0.0;
+        is_one_end.then(|| side.reach(w[0]).min(side.reach(w[1])))
+    };
+    let mut pairs: Vec<f64> =
+        scene.runs.iter().flat_map(|run| run.signals[channel].windows(2).filter_map(beyond)).collect();
+    let middle = LEAST_PAIRS.min(pairs.len()).checked_sub(1)?;
+    let level = *pairs.select_nth_unstable_by(middle, |a, b| b.total_cmp(a)).1;
+    let farthest = farthest(scene, channel, side);
+    (level > 0.0 && farthest > 0.0).then_some(1.0 - level / farthest)
+}
+
 /// Index in the record and number of limited pairs of every channel that is limited, all runs.
 pub fn limited(scene: &Scene) -> Vec<(usize, usize)> {
     let pairs = |c: usize| scene.runs.iter().map(|run| run.at_limit[c]).sum::<usize>();

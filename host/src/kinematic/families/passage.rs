@@ -6,15 +6,15 @@
 
 use super::Context;
 use crate::analysis::explained::Explained;
-use crate::analysis::families::{self, Orders};
-use crate::analysis::search::{self, Level, Line, Range};
+use crate::analysis::families::{self, Family, Orders};
+use crate::analysis::search::{self, Level, Range};
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
 use crate::kinematic::spectra::Spectra;
 
 /// Spectra that have such families.
 const DOMAINS: [Domain; 3] = [Domain::Orders, Domain::Envelope, Domain::WholeEnvelope];
 /// Families of one channel whose bases are tried.
-const FAMILIES: usize = 8;
+pub const FAMILIES: usize = 8;
 /// Harmonics of a base alone, nested shapes: knocks have dozens of them about a resonance.
 pub const ALONE: [usize; 2] = [8, 24];
 /// Harmonics of a base modulated, and about the mesh.
@@ -24,7 +24,7 @@ const MESH: usize = 6;
 /// A carrier and its sidebands of a shaft: what a sideband would read again is the carrier's.
 const SIDEBANDS: [i32; 5] = [0, -1, 1, -2, 2];
 /// Multiples of the base that a line may be.
-const MULTIPLES: usize = 4;
+pub const MULTIPLES: usize = 4;
 /// Relative distance of bases that are one.
 const SAME: f64 = 1e-3;
 /// Trial bases about a base: steps of this share.
@@ -33,6 +33,9 @@ const FINE_STEPS: i32 = 4;
 /// Bins within which a peak places the base, and the most that a peak's power over the floor weighs.
 const PLACING_BINS: f64 = 3.0;
 const MOST_WEIGHT: f64 = 1e4;
+
+/// Trial bases about each.
+pub const REFINED: f64 = (2 * FINE_STEPS + 1) as f64;
 
 /// Every base in every shape.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
@@ -57,7 +60,7 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
 pub fn refinements(context: &Context, candidate: &Candidate) -> Vec<Candidate> {
     (-FINE_STEPS..=FINE_STEPS)
         .filter_map(|i| with_base(context, candidate, candidate.base * (1.0 + FINE * f64::from(i))))
-        .map(|c| Candidate { alternatives: candidate.alternatives * f64::from(2 * FINE_STEPS + 1), ..c })
+        .map(|c| Candidate { alternatives: candidate.alternatives * REFINED, ..c })
         .collect()
 }
 
@@ -115,33 +118,41 @@ fn peak(level: &Level, order: f64, reach: f64) -> Option<(f64, f64)> {
 }
 
 fn bases(context: &Context) -> Vec<f64> {
-    let mut bases: Vec<f64> = Vec::new();
-    let scene = context.scene;
-    for domain in DOMAINS {
-        let (spectra, taken, mesh) = (spectra(context, domain), domain as usize, domain == Domain::Orders);
-        for (run, channels) in scene.runs.iter().zip(&spectra.levels) {
-            let explained = Explained::new(scene.teeth[0], &run.angle, spectra.highest);
-            let known = |order: f64, half: f64| {
-                let own = if mesh { explained.at(order, half) } else { explained.of_shafts(order, half) };
-                own || context.taken[taken].near(order, half) || (mesh && context.at_foot(order))
-            };
-            let orders = Orders {
-                teeth: scene.mesh_order(),
-                gear_order: scene.gear_order,
-                lowest: spectra.lowest,
-                highest: spectra.highest,
-                mesh,
-            };
-            for levels in &channels[..scene.searched] {
-                let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
-                let lines: Vec<Line> = search::lines(levels, &range);
-                let found = families::group(&lines, &orders, &known);
-                bases.extend(found.iter().take(FAMILIES).map(|f| f.base_order));
-            }
-        }
-    }
+    let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
+    let of_domain = |domain| grouped(context, domain).into_iter().flatten().flat_map(best);
+    let bases: Vec<f64> = DOMAINS.into_iter().flat_map(of_domain).collect();
     let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
-    distinct(parts, context.orders.lowest.max(2.0 * scene.resolution()))
+    distinct(parts, context.orders.lowest.max(2.0 * context.scene.resolution()))
+}
+
+/// Lines of every run and channel searched in families, most powerful first.
+pub fn grouped(context: &Context, domain: Domain) -> Vec<Vec<Vec<Family>>> {
+    let scene = context.scene;
+    let (spectra, mesh) = (spectra(context, domain), domain == Domain::Orders);
+    let orders = Orders {
+        teeth: scene.mesh_order(),
+        gear_order: scene.gear_order,
+        lowest: spectra.lowest,
+        highest: spectra.highest,
+        mesh,
+    };
+    let of_run = |r: usize| {
+        let known = known(context, domain, r);
+        let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
+        let group = |levels: &Vec<Level>| families::group(&search::lines(levels, &range), &orders, &known);
+        spectra.levels[r][..scene.searched].iter().map(group).collect()
+    };
+    (0..scene.runs.len()).map(of_run).collect()
+}
+
+/// Whether an order of a run, within a half width, carries no base: the pair has lines there, a family found before, or the foot of either.
+pub fn known<'a>(context: &'a Context, domain: Domain, run: usize) -> impl Fn(f64, f64) -> bool + 'a {
+    let (scene, mesh) = (context.scene, domain == Domain::Orders);
+    let explained = Explained::new(scene.teeth[0], &scene.runs[run].angle, spectra(context, domain).highest);
+    move |order: f64, half: f64| {
+        let own = if mesh { explained.at(order, half) } else { explained.of_shafts(order, half) };
+        own || context.taken[domain as usize].near(order, half) || (mesh && context.at_foot(order))
+    }
 }
 
 fn distinct(mut bases: Vec<f64>, lowest: f64) -> Vec<f64> {
