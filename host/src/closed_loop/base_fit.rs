@@ -12,6 +12,7 @@ use crate::observation::angle::Angle;
 use crate::observation::input::Record;
 use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE};
 use crate::spectral::noise_power;
+use nalgebra::{DMatrix, SymmetricEigen};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
@@ -250,6 +251,23 @@ impl Base {
                 for (bin, value) in part.iter() {
                     power[bin] += value.norm_sqr() / precision;
                 }
+            }
+        }
+        power
+    }
+
+    /// Power that the uncertainty of the declared parameters, of this covariance of all unknowns, gives to a prediction of `run`, by channel and bin.
+    pub fn parameter_power(&self, run: usize, covariance: &DMatrix<f64>) -> [Vec<f64>; 2] {
+        let count = TOLERANCES.len();
+        let own = SymmetricEigen::new(covariance.view((0, 0), (count, count)).into_owned());
+        let mut power = [0, 1].map(|_| vec![0.0; self.analyser.bins]);
+        for (c, power) in power.iter_mut().enumerate() {
+            for (vector, value) in own.eigenvectors.column_iter().zip(&own.eigenvalues) {
+                let mut moved = vec![C::ZERO; power.len()];
+                for (template, share) in self.nuisances.iter().zip(&vector) {
+                    template.runs[run][c].iter().for_each(|(bin, t)| moved[bin] += t * *share);
+                }
+                power.iter_mut().zip(&moved).for_each(|(p, m)| *p += value.max(0.0) * m.norm_sqr());
             }
         }
         power

@@ -93,9 +93,13 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     let ratio = f64::from(base.machine.teeth[0]) / f64::from(base.machine.teeth[1]);
     let step = 0.4 / (duration * fastest);
     let lowest = 12.0 / (duration * slowest);
-    let orders: Vec<f64> = (0..((40.0 - lowest) / step) as usize).map(|i| lowest + i as f64 * step).collect();
     // An order is known to about a bin at the fastest run.
     let guard = 1.0 / (duration * fastest);
+    // What calibration leaves of the mesh lines beats at the mesh frequency: no impacts there, nor at half of it, whose second harmonic it is.
+    let half_mesh = 0.5 * f64::from(base.machine.teeth[0]);
+    let of_mesh = |o: f64| (o - half_mesh * (o / half_mesh).round().max(1.0)).abs() < 1.5 * guard;
+    let orders = (0..((40.0 - lowest) / step) as usize).map(|i| lowest + i as f64 * step);
+    let orders: Vec<f64> = orders.filter(|o| !of_mesh(*o)).collect();
     let locked = |o: f64| (o - o.round()).abs() < guard || (o / ratio - (o / ratio).round()).abs() * ratio < guard;
     let tests = orders.len() as f64 * 0.5 * 2.0 * bands as f64;
     let noise: Vec<[Vec<f64>; 2]> =

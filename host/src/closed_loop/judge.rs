@@ -13,6 +13,7 @@ use super::least_squares::{Column, Data, normal, subtract};
 use super::probability::Probability;
 use super::start::{self, Products, Start};
 use crate::machine::{Freedom, Hunting};
+use nalgebra::DMatrix;
 use rustfft::num_complex::Complex64 as C;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -91,6 +92,8 @@ pub struct Joint {
     pub x: Vec<f64>,
     /// Their standard errors.
     pub sigma: Vec<f64>,
+    /// Covariance of the nuisances and terms.
+    pub covariance: DMatrix<f64>,
 }
 
 /// Columns of nuisances and terms.
@@ -114,7 +117,7 @@ pub fn joint(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> 
         }
         at += term.templates.len();
     }
-    Joint { x, sigma }
+    Joint { x, sigma, covariance: estimate.covariance }
 }
 
 /// One amplitude for all runs, taken from `runs`; each run keeps its own phase.

@@ -11,6 +11,7 @@ use crate::check::Findings;
 use crate::observation::input::Record;
 use crate::observation::spectrum::Bins;
 use crate::spectral::noise_power;
+use nalgebra::DMatrix;
 
 /// Bins within one bin of an order of pinion or gear.
 fn synchronous(base: &Base, run: usize) -> Vec<bool> {
@@ -72,8 +73,8 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
 
 /// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the same frequency: a run
 /// that fails altogether lifts its own. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
-/// a run's angle and speed, belongs to it.
-fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split) -> Vec<HeldOut> {
+/// a run's angle and speed, belongs to it, and so does what the fit leaves open of the declared parameters.
+fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split, covariance: &DMatrix<f64>) -> Vec<HeldOut> {
     let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
     let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
     let lowest = (8.0 * base.analyser.duration_s()) as usize;
@@ -81,7 +82,8 @@ fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split) -> Vec<HeldOut> {
         .held_out
         .iter()
         .map(|&run| {
-            let (own, mask, timing) = (noise(run), synchronous(base, run), base.timing_power(run));
+            let (own, mask) = (noise(run), synchronous(base, run));
+            let (timing, parameters) = (base.timing_power(run), base.parameter_power(run, covariance));
             let mut sums = [[0.0; 3]; 2];
             for c in 0..2 {
                 for b in lowest..mask.len() {
@@ -89,7 +91,7 @@ fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split) -> Vec<HeldOut> {
                     let (rest, whole) = (after[run][c][b].norm_sqr(), base.runs[run].measured[c][b].norm_sqr());
                     for (sum, counts) in sums.iter_mut().zip([mask[b], true]) {
                         if counts {
-                            let floor = own[c][b].min(others) + timing[c][b];
+                            let floor = own[c][b].min(others) + timing[c][b] + parameters[c][b];
                             *sum = [sum[0] + rest, sum[1] + floor, sum[2] + whole];
                         }
                     }
@@ -144,7 +146,8 @@ pub fn report(
 ) -> Outcome {
     let seen = &split.seen();
     let terms: Vec<&Candidate> = accepted.iter().collect();
-    let solution = joint(base, data, seen, &terms).x;
+    let solution = joint(base, data, seen, &terms);
+    let (covariance, solution) = (solution.covariance, solution.x);
     let moved = |i: usize| (1.0 + base.change[i]) * (1.0 + solution[i]) - 1.0;
     let after = predicted(base, data, seen, &terms);
     let calibrated = calibrated.unwrap_or_else(|| after.clone());
@@ -191,7 +194,7 @@ pub fn report(
             fit_runs: errors_of(&after, seen),
             held_out_runs: held,
         },
-        held_out: held_out(&after, base, split),
+        held_out: held_out(&after, base, split, &covariance),
         effects,
         limits: Vec::new(),
         unexplained,
