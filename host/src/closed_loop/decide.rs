@@ -12,6 +12,7 @@
 
 use super::accept::{self, Adopted};
 use super::base_fit::{Base, TOLERANCES};
+use super::bootstrap::{NullRecords, best_scores};
 use super::calibrate::calibrate;
 use super::candidate::Candidate;
 use super::impulsive::impacts;
@@ -108,20 +109,22 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     // These distort every line: what is left of them is no second effect.
     let distorted = !whole.is_empty();
     let rounds = if whole.is_empty() { options.most } else { 0 };
+    let asked = options.null_records > 0 && !distorted;
+    let null_scores = asked.then(|| best_scores(record, &base, &plain, &split, options, &say));
     let (at_first, _) = power_and_noise(&base, &declared.residual, &seen);
     let mut explained = explain(base, &split, options, rounds, 0, &plain, &say);
     if rounds > 0 && accept::search_again(explained.power, explained.noise, at_first) {
         // Parameters that were fitted before the effect was known may have been led too far astray to find back.
         say("much is left: searching again from the declaration as it stands");
         let again = explain(Base::new(record), &split, options, rounds, explained.tried, &plain, &say);
-        let tried = again.tried;
+        let (tried, first_score) = (again.tried, explained.first_score);
         if again.left < explained.left {
             explained = again;
         }
-        explained.tried = tried;
+        (explained.tried, explained.first_score) = (tried, first_score);
     }
     say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
-    let Explained { base, found, tried, .. } = explained;
+    let Explained { base, found, tried, first_score, .. } = explained;
     let Found { mut accepted, pool, strongest, data } = found;
     say("verdicts");
     let mut effects = verdicts(&base, &data, &split, &accepted, &pool, tried);
@@ -160,6 +163,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let calibrated = (distorted || !accepted.is_empty()).then_some(calibrated);
     let mut outcome = report(record, &declared, calibrated, &base, &data, &split, &accepted, effects);
     outcome.candidates_tried = tried;
+    outcome.null_records = null_scores.map(|others| NullRecords::of(first_score, &others));
     outcome.effects.extend(whole);
     if options.limits && !distorted {
         say("limits of what was not found");
@@ -192,6 +196,8 @@ struct Explained {
     found: Found,
     /// Trials of this search and those before it.
     tried: usize,
+    /// Best score of its first round.
+    first_score: f64,
     /// Whitened residual of the runs seen, by weights common to all searches.
     left: f64,
     /// Power of that residual, and of the local noise in it.
@@ -229,7 +235,8 @@ fn explain(
     let rest = corrected(&base, &found.data, &joint(&base, &found.data, &seen, &terms).x, &terms).residual;
     let (power, noise) = power_and_noise(&base, &rest, &seen);
     let left = chi_square(&Data { residual: rest, weight: plain.weight.clone() }, &seen);
-    Explained { base, found, tried: memory.tried, left, power, noise }
+    let Memory { tried, first_score, .. } = memory;
+    Explained { base, found, tried, first_score, left, power, noise }
 }
 
 /// Whether the declared parameters alone leave more than noise.

@@ -13,6 +13,7 @@ pub mod accept;
 pub mod apply;
 pub mod bands;
 pub mod base_fit;
+pub mod bootstrap;
 pub mod calibrate;
 pub mod campaign;
 pub mod candidate;

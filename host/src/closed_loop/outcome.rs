@@ -1,6 +1,7 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
 use super::accept::Refused;
+use super::bootstrap::NullRecords;
 use super::candidate::{Parameter, Tuning};
 use super::limits::Limit;
 use super::probability::Probability;
@@ -66,7 +67,7 @@ pub struct HeldOut {
     pub run: usize,
     /// NRMSE with parameters and effects, shaft-synchronous part and whole signal.
     pub corrected: [f64; 2],
-    /// Noise and the tachometer's declared jitter alone, of the same.
+    /// Noise, and twice what the tachometer's declared jitter and the uncertainty of the declared parameters do, of the same.
     pub floor: [f64; 2],
 }
 
@@ -247,6 +248,9 @@ pub struct Outcome {
     pub runs_used: Vec<usize>,
     /// Scores given in the search (candidates, with their shapes, strengths and starts of runs): the trials that probabilities are corrected for.
     pub candidates_tried: usize,
+    /// How often a record without any effect would have shown as much; none where nobody asked, or the record is distorted as a whole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub null_records: Option<NullRecords>,
     /// Explanations considered and refused, with their best score and the gate's reason.
     pub refused: Vec<Refused>,
     /// Accepted terms as fitted, in the order of the first effects. Not written to JSON.
@@ -369,6 +373,7 @@ impl Outcome {
                 text += &format!("    would decide: {experiment}\n");
             }
         }
+        text += &self.null_records.map(null_in_words).unwrap_or_default();
         text += &limits_in_words(&self.limits);
         for u in &self.unexplained {
             text += &format!("unexplained: {} ({:.3} % of variance)\n", u.description, 100.0 * u.variance_share);
@@ -390,6 +395,14 @@ fn limits_in_words(limits: &[Limit]) -> String {
     }
     let rows: Vec<String> = by_key.iter().map(|(key, all)| format!("{key} {}", all.join(", "))).collect();
     format!("not found; would have been, in half of the places tried, from: {}\n", rows.join("; "))
+}
+
+/// What the bootstrap says, in a line.
+pub fn null_in_words(null: NullRecords) -> String {
+    let NullRecords { records, at_least, score, probability } = null;
+    format!(
+        "bootstrap: {at_least} of {records} records without any effect reach this one's best score of {score:.1} nats; probability of a false alarm {probability:.3}\n"
+    )
 }
 
 /// A figure that may be unknown.

@@ -60,6 +60,8 @@ pub struct Memory {
     pub attempt: usize,
     /// Scores given by all attempts: trials of the record's search.
     pub tried: usize,
+    /// Best score of the first round of the first attempt, nats; 0 where nothing was scored.
+    pub first_score: f64,
     /// Strengths found.
     pub strengths: Strengths,
 }
@@ -130,6 +132,9 @@ pub fn search(
         }
         let tests = memory.tried as f64;
         if round == 0 {
+            if memory.attempt == 0 {
+                memory.first_score = judged.first().map_or(0.0, |j| j.score);
+            }
             let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }

@@ -13,6 +13,10 @@ use crate::observation::spectrum::Bins;
 use crate::spectral::noise_power;
 use nalgebra::DMatrix;
 
+/// Standard errors at which a run's angle and speed, and what is open of the parameters, count in its floor. Each is one draw for all lines of the run, no mean over
+/// bins as noise is: at twice, an error of two floors that it alone makes is one of four standard errors.
+const STANDARD_ERRORS: f64 = 2.0;
+
 /// Bins within one bin of an order of pinion or gear.
 fn synchronous(base: &Base, run: usize) -> Vec<bool> {
     let duration = base.analyser.duration_s();
@@ -73,7 +77,7 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
 
 /// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the same frequency: a run
 /// that fails altogether lifts its own. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
-/// a run's angle and speed, belongs to it, and so does what the fit leaves open of the declared parameters.
+/// a run's angle and speed, belongs to it, and so does what the fit leaves open of the declared parameters: at [`STANDARD_ERRORS`] of them.
 fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split, covariance: &DMatrix<f64>) -> Vec<HeldOut> {
     let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
     let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
@@ -91,7 +95,8 @@ fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split, covariance: &DMatri
                     let (rest, whole) = (after[run][c][b].norm_sqr(), base.runs[run].measured[c][b].norm_sqr());
                     for (sum, counts) in sums.iter_mut().zip([mask[b], true]) {
                         if counts {
-                            let floor = own[c][b].min(others) + timing[c][b] + parameters[c][b];
+                            let open = STANDARD_ERRORS * STANDARD_ERRORS * (timing[c][b] + parameters[c][b]);
+                            let floor = own[c][b].min(others) + open;
                             *sum = [sum[0] + rest, sum[1] + floor, sum[2] + whole];
                         }
                     }
@@ -212,6 +217,7 @@ pub fn report(
         runs_used: (0..base.runs.len()).collect(),
         split: [split.fit.clone(), split.select.clone(), split.held_out.clone()],
         candidates_tried: 0,
+        null_records: None,
         refused: accepted.refusals.list(accepted),
         residual: [declared.residual.clone(), after],
     }

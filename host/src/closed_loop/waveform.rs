@@ -8,6 +8,7 @@ use super::accept;
 use super::base_fit::{Base, RunState};
 use super::least_squares::Data;
 use super::outcome::{Effect, Evidence, Value};
+use crate::model::forward::Line;
 use crate::observation::input::{Record, Run};
 use crate::observation::spectrum::Analyser;
 use rayon::prelude::*;
@@ -15,14 +16,14 @@ use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Prediction of both channels at a pinion angle per sample.
-pub fn waveform(analyser: &Analyser, run: &RunState, angle: impl Fn(f64) -> f64) -> [Vec<f64>; 2] {
-    let centre = run.inner.lines.len() / 2;
-    let step = run.inner.lines[centre + 1].order;
+/// Both channels of `lines`, a comb of orders about 0, at a pinion angle per sample.
+fn waveform(analyser: &Analyser, lines: &[Line], angle: impl Fn(f64) -> f64) -> [Vec<f64>; 2] {
+    let centre = lines.len() / 2;
+    let step = lines[centre + 1].order;
     // Both signs of an order add up to one positive order.
     let amplitude: Vec<[C; 2]> = (1..=centre)
         .map(|n| {
-            let (up, down) = (&run.inner.lines[centre + n], &run.inner.lines[centre - n]);
+            let (up, down) = (&lines[centre + n], &lines[centre - n]);
             [0, 1].map(|c| up.amplitude[c] + down.amplitude[c].conj())
         })
         .collect();
@@ -41,8 +42,17 @@ pub fn waveform(analyser: &Analyser, run: &RunState, angle: impl Fn(f64) -> f64)
 
 /// Prediction at the straight-line angle.
 pub fn steady(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
+    at_straight_line(analyser, run, &run.inner.lines)
+}
+
+/// The same with every order of the machine's steady state.
+pub fn complete(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
+    at_straight_line(analyser, run, &run.own.solution.lines)
+}
+
+fn at_straight_line(analyser: &Analyser, run: &RunState, lines: &[Line]) -> [Vec<f64>; 2] {
     let (offset, speed) = (run.angle.offset_rad, TAU * run.angle.shaft_hz);
-    waveform(analyser, run, |t| offset + speed * t)
+    waveform(analyser, lines, |t| offset + speed * t)
 }
 
 fn effect(name: &str, family: &str, gain: f64) -> Effect {
@@ -267,11 +277,11 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
                 let hz = if fixed { at } else { at * run.angle.shaft_hz };
                 let sway = Sway::fit(source, record.pulses_per_rev, hz);
                 let (signal, size) = if sinusoid {
-                    (waveform(analyser, run, |t| sway.at(t)), sway.amplitude_rad())
+                    (waveform(analyser, &run.inner.lines, |t| sway.at(t)), sway.amplitude_rad())
                 } else {
                     let spline = EdgeAngle::new(source, record.pulses_per_rev);
                     let rms = TAU * run.angle.shaft_hz * run.angle.edge_scatter_s;
-                    (waveform(analyser, run, |t| spline.at(t)), rms)
+                    (waveform(analyser, &run.inner.lines, |t| spline.at(t)), rms)
                 };
                 (signal.map(|s| analyser.bins_of(&s)), size)
             })

@@ -35,7 +35,10 @@ pub struct Args {
     /// Leaves out what would have been found of every effect that was not (dynamic level).
     #[arg(long)]
     no_limits: bool,
-    /// Seed of the split into fit, selection and held-out runs (dynamic level).
+    /// Compares with so many records of the calibrated machine without any effect (parametric bootstrap): this record's own probability of a false alarm (dynamic level).
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    null: usize,
+    /// Seed of the split into fit, selection and held-out runs, and of the records of --null (dynamic level).
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -99,7 +102,13 @@ pub fn run(args: Args) -> Result<()> {
     }
     let record = input::view(&files)?;
     refuse_unusable(&record, &mut written)?;
-    let options = Options { seed: args.seed, progress: true, limits: !args.no_limits, ..Options::default() };
+    let options = Options {
+        seed: args.seed,
+        progress: true,
+        limits: !args.no_limits,
+        null_records: args.null,
+        ..Options::default()
+    };
     let mut outcome = close_loop(&record, &options)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();

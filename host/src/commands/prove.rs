@@ -22,6 +22,9 @@ pub struct Args {
     /// Records with nothing hidden.
     #[arg(long, default_value_t = 0)]
     null: usize,
+    /// Bootstrap records by which every record with nothing hidden is asked for its own probability of a false alarm.
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "field")]
+    bootstrap: usize,
     /// Records with one effect, cycling through effects, then `--levels`.
     #[arg(long, default_value_t = 0)]
     power: usize,
@@ -83,6 +86,7 @@ pub fn run(args: Args) -> Result<()> {
     let plan = Plan {
         machines: args.machines,
         null: args.null,
+        bootstrap: args.bootstrap,
         power: args.power,
         leave_one_out: args.leave_one_out,
         two: args.two,

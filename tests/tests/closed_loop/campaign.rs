@@ -29,6 +29,7 @@ fn theory_summary_counts_false_terms_and_right_families() {
         held_out: [[0.4, 0.1, 0.1], [0.4, 0.2, 0.1]],
         calibrated: Some([0.2, 0.3]),
         true_floor: None,
+        bootstrap: None,
         seconds: 1.0,
     };
     let all = [
@@ -53,6 +54,7 @@ fn regress_a_campaign_resumes_from_its_log() {
     let plan = |null: usize, log: &str| Plan {
         machines: vec![machine("check-19-48")],
         null,
+        bootstrap: 0,
         power: 0,
         leave_one_out: 0,
         two: 0,
@@ -82,6 +84,7 @@ fn a_machine_is_drawn_for_every_record_and_its_true_floor_is_known() {
     let plan = |log: &str| Plan {
         machines: Vec::new(),
         null: 2,
+        bootstrap: 1,
         power: 0,
         leave_one_out: 0,
         two: 0,
@@ -99,6 +102,8 @@ fn a_machine_is_drawn_for_every_record_and_its_true_floor_is_known() {
     for (one, same) in first.iter().zip(&again) {
         assert_eq!((&one.machine, one.runs, &one.reported), (&same.machine, same.runs, &same.reported));
         assert!((3..=10).contains(&one.runs), "{} runs", one.runs);
+        assert_eq!(one.bootstrap, same.bootstrap);
+        assert_eq!(one.bootstrap.map(|[_, records]| records), Some(1));
         let (found, truth) = (one.held_out[1][2], one.true_floor.unwrap());
         assert!((found / truth - 1.0).abs() < 0.3, "floor {found}, true {truth}");
     }

@@ -8,6 +8,7 @@ pub mod drawn;
 mod floor;
 mod limit;
 mod score;
+mod uniform;
 
 pub use score::{HEAD, Row, Scored, Summary, cells, summarise};
 
@@ -33,6 +34,8 @@ pub struct Plan {
     pub machines: Vec<PathBuf>,
     /// Records with nothing hidden.
     pub null: usize,
+    /// Bootstrap records by which every record with nothing hidden is asked for its own probability of a false alarm; 0: it is not.
+    pub bootstrap: usize,
     /// Records with one effect; cycles through effects, then levels.
     pub power: usize,
     /// Records with the true effect withheld from the library.
@@ -261,7 +264,8 @@ fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Resu
         "leave-one-out" => hidden[0].0.right_names.iter().map(|n| (*n).to_string()).collect(),
         _ => Vec::new(),
     };
-    let options = Options { seed: rng.random(), withheld, progress: plan.verbose, ..Options::default() };
+    let null_records = if item.part == "null" { plan.bootstrap } else { 0 };
+    let options = Options { seed: rng.random(), withheld, null_records, progress: plan.verbose, ..Options::default() };
     let made = Made { declared, scenario, coloured, parameters_off, started };
     if item.part == limit::PART {
         return limit::at_limits(&made, item.number, &options, &plan.only, &mut rng);
@@ -308,6 +312,7 @@ impl Made<'_> {
             held_out: held.map(|s| [s.declared, s.corrected, s.noise_floor]),
             calibrated: Some(held.map(|s| s.calibrated)),
             true_floor: Some(true_floor),
+            bootstrap: outcome.null_records.map(|n| [n.at_least, n.records]),
             seconds: self.started.elapsed().as_secs_f64(),
         };
         Ok((scored, outcome))
@@ -324,6 +329,7 @@ mod tests {
         let plan = Plan {
             machines: vec![],
             null: 40,
+            bootstrap: 0,
             power: 0,
             leave_one_out: 0,
             two: 0,

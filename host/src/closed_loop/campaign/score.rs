@@ -1,5 +1,6 @@
 //! Scoring of single records and the campaign's tables.
 
+use super::uniform::Uniform;
 use crate::closed_loop::Outcome;
 use crate::effects;
 use crate::effects::hypothesis::Hidden;
@@ -51,6 +52,9 @@ pub struct Scored {
     /// NRMSE of the whole signal that the noise put in leaves on the held-out runs; absent in logs of the former format.
     #[serde(default)]
     pub true_floor: Option<f64>,
+    /// Records without any effect of the record's own bootstrap whose best score is at least its own, and their number.
+    #[serde(default)]
+    pub bootstrap: Option<[usize; 2]>,
     /// Seconds.
     pub seconds: f64,
 }
@@ -141,6 +145,8 @@ pub struct Summary {
     pub corrected_over_floor: [f64; 2],
     /// Upper end of the 95 % interval of the share of false terms (Clopper and Pearson).
     pub false_at_most: f64,
+    /// Whether the own probabilities of records with nothing hidden are uniform; none where they were not asked.
+    pub uniform: Option<Uniform>,
     /// Corrected held-out error of the whole signal over the true floor, medians: single effects rightly named, and two effects.
     pub over_true_floor: [f64; 2],
     /// Seconds per record, median and largest.
@@ -250,12 +256,21 @@ pub fn summarise(all: &[Scored]) -> Summary {
         limits,
         corrected_over_floor: [ratio(true), ratio(false)],
         false_at_most,
+        uniform: uniform(part("null")),
         over_true_floor: [
             over_true_floor("power", &|s| s.result.first().is_some_and(|r| r == "named")),
             over_true_floor("two", &|_| true),
         ],
         seconds: [median(seconds.clone()), seconds.into_iter().fold(0.0, f64::max)],
     }
+}
+
+/// The test of the records' own probabilities, of as many bootstrap records as the first has.
+fn uniform<'a>(null: impl Iterator<Item = &'a Scored>) -> Option<Uniform> {
+    let own: Vec<[usize; 2]> = null.filter_map(|s| s.bootstrap).collect();
+    let records = own.first()?[1];
+    let at_least: Vec<usize> = own.iter().filter(|o| o[1] == records).map(|o| o[0]).collect();
+    Uniform::of(&at_least, records)
 }
 
 /// Upper end of the two-sided 95 % interval of a share, `found` of `all`.
@@ -329,7 +344,7 @@ impl Summary {
     /// What is said below the tables.
     fn closing(&self) -> String {
         let ([named, not_named], [one, two]) = (self.corrected_over_floor, self.over_true_floor);
-        format!(
+        let text = format!(
             "False terms: at most {:.2} % with 97.5 % confidence. Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over the noise floor that \
              the loop finds, median at twice the floor and above: named {named:.3}, not named {not_named:.3}; over the true one: named {one:.3}, two effects {two:.3}. \
              Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
@@ -338,7 +353,8 @@ impl Summary {
             self.coverage.1,
             self.seconds[0],
             self.seconds[1]
-        )
+        );
+        text + &self.uniform.as_ref().map(uniform_in_words).unwrap_or_default()
     }
 
     /// Text for the terminal.
@@ -353,4 +369,13 @@ impl Summary {
         text += &self.closing();
         text
     }
+}
+
+/// The test's figures in a sentence.
+fn uniform_in_words(test: &Uniform) -> String {
+    let Uniform { records, bootstrap, distance, chance, .. } = test;
+    format!(
+        "The record's own probability by {bootstrap} bootstrap records, on {records} with nothing hidden: Kolmogorov-Smirnov distance from uniform {distance:.3}, \
+         probability {chance:.2}.\n"
+    )
 }

@@ -1,0 +1,174 @@
+//! How often a record without any effect would have shown as much: this record's own probability of a false alarm, by a parametric bootstrap.
+//!
+//! The calibrated machine is played at the record's speeds and torques with noise of the record's own spectrum, and edges with the jitter that its edges have. The loop looks at
+//! each such record as it did at the real one (calibration, first round of the search), and the best scores are compared. With `k` of `N` at least as high the probability is
+//! `(k + 1) / (N + 1)` (Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 4.2). Cost: a calibration and one round of the search per record. Limits: what the
+//! real record holds beyond the calibrated machine and stationary Gaussian noise is what is asked for and no part of them; no probability is below `1 / (N + 1)`; a
+//! record that is distorted as a whole (clipped, a moving speed) has none.
+
+use super::base_fit::Base;
+use super::calibrate::calibrate;
+use super::judge::Split;
+use super::least_squares::Data;
+use super::library::Bench;
+use super::options::Options;
+use super::search::{Memory, search};
+use super::waveform::complete;
+use crate::observation::input::{Record, Run};
+use crate::spectral::noise_power;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use rustfft::{FftPlanner, num_complex::Complex64 as C};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// What the bootstrap says.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct NullRecords {
+    /// Records without any effect.
+    pub records: usize,
+    /// Those whose best score was at least this record's.
+    pub at_least: usize,
+    /// Best score of any explanation of this record in the first round of the search, nats.
+    pub score: f64,
+    /// Probability that a record without any effect shows as much.
+    pub probability: f64,
+}
+
+impl NullRecords {
+    /// Of the record's best score and those of records without any effect.
+    pub fn of(score: f64, others: &[f64]) -> Self {
+        let at_least = others.iter().filter(|other| **other >= score).count();
+        let probability = (at_least + 1) as f64 / (others.len() + 1) as f64;
+        Self { records: others.len(), at_least, score, probability }
+    }
+}
+
+/// Best scores of `options.null_records` records without any effect, of the machine and the noise in `base`, calibrated on `record`, and what it leaves.
+pub fn best_scores(
+    record: &Record,
+    base: &Base,
+    left: &Data,
+    split: &Split,
+    options: &Options,
+    say: &dyn Fn(&str),
+) -> Vec<f64> {
+    let quiet = Quiet::new(record, base, left);
+    let of = |index: usize| {
+        say(&format!("record {} of {} without any effect", index + 1, options.null_records));
+        let null = quiet.record(options.seed, index);
+        let mut base = Base::new(&null);
+        calibrate(&mut base, &split.seen());
+        let mut memory = Memory::default();
+        search(&Bench::new(&base), split, options, 1, &mut memory, &|_| {});
+        memory.first_score
+    };
+    (0..options.null_records).map(of).collect()
+}
+
+/// The machine alone at the record's speeds and torques, with the record's noise.
+struct Quiet<'a> {
+    record: &'a Record,
+    base: &'a Base,
+    /// Vibration without noise, by run and channel.
+    vibration: Vec<[Vec<f64>; 2]>,
+    /// Noise per bin, by run and channel.
+    noise: Vec<[Vec<f64>; 2]>,
+}
+
+impl<'a> Quiet<'a> {
+    fn new(record: &'a Record, base: &'a Base, left: &Data) -> Self {
+        let vibration = base.runs.par_iter().map(|run| complete(&base.analyser, run)).collect();
+        let noise = left.residual.iter().map(|channels| [0, 1].map(|c| noise_power(&channels[c]))).collect();
+        Self { record, base, vibration, noise }
+    }
+
+    /// Record number `index`.
+    fn record(&self, seed: u64, index: usize) -> Record {
+        let mut null = self.record.clone();
+        let count = null.runs.len();
+        null.runs.par_iter_mut().enumerate().for_each(|(number, run)| {
+            let stream = seed.wrapping_mul(0x9E37_79B9).wrapping_add((index * count + number) as u64);
+            self.play(run, number, &mut ChaCha8Rng::seed_from_u64(stream));
+        });
+        null
+    }
+
+    fn play(&self, run: &mut Run, number: usize, random: &mut impl Rng) {
+        for (channel, alone) in self.vibration[number].iter().enumerate() {
+            let noise = self.coloured(&self.noise[number][channel], random);
+            run.channels[channel] = alone.iter().zip(&noise).map(|(a, n)| a + n).collect();
+        }
+        let angle = self.base.runs[number].angle;
+        let count = run.edges_s.len() as f64;
+        // Two of the edges' freedoms went into the straight line that they scatter about.
+        let jitter_s = angle.edge_scatter_s * (count / (count - 2.0).max(1.0)).sqrt();
+        for (i, edge) in run.edges_s.iter_mut().enumerate() {
+            let turns = (i as f64 + f64::from(run.first_pulse_index)) / f64::from(self.record.pulses_per_rev);
+            let jitter: f64 = StandardNormal.sample(random);
+            *edge = ((TAU * turns - angle.offset_rad) / (TAU * angle.shaft_hz) + jitter_s * jitter).max(0.0);
+        }
+    }
+
+    /// Gaussian noise with this power per bin; above the last bin as in it.
+    fn coloured(&self, power: &[f64], random: &mut impl Rng) -> Vec<f64> {
+        let analyser = &self.base.analyser;
+        let n = analyser.samples;
+        let mut signal: Vec<C> = (0..n).map(|_| C::new(StandardNormal.sample(random), 0.0)).collect();
+        let mut planner = FftPlanner::new();
+        planner.plan_fft_forward(n).process(&mut signal);
+        let unit = analyser.bin_power_of_unit_variance();
+        let gain = |bin: usize| (power[bin.min(power.len() - 1)] / unit).sqrt() / n as f64;
+        signal.iter_mut().enumerate().for_each(|(i, x)| *x *= gain(i.min(n - i)));
+        planner.plan_fft_inverse(n).process(&mut signal);
+        signal.into_iter().map(|x| x.re).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::campaign::drawn;
+    use crate::closed_loop::generate::{self, Scenario};
+
+    /// A record without any effect, of a drawn machine.
+    fn record() -> Record {
+        let mut random = ChaCha8Rng::seed_from_u64(1003);
+        let declared = drawn::machine(&mut random).unwrap();
+        let mut scenario = Scenario::null(&declared.shafts, 7);
+        scenario.duration_s = 1.0;
+        drawn::layout(&declared, &mut scenario, &mut random);
+        scenario.noise_colour = 0.9;
+        generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap()
+    }
+
+    #[test]
+    fn bootstrap_plays_the_machine_and_the_noise_of_the_record_and_nothing_else() {
+        let record = record();
+        let base = Base::new(&record);
+        let quiet = Quiet::new(&record, &base, &base.data());
+        let null = quiet.record(3, 0);
+        let of = Base::new(&null);
+        let (residual, first) = (of.data().residual, base.data().residual);
+        for (run, channels) in residual.iter().enumerate() {
+            assert!((of.runs[run].angle.shaft_hz / base.runs[run].angle.shaft_hz - 1.0).abs() < 1e-5);
+            for (channel, left) in channels.iter().enumerate() {
+                let sum = |bins: &[C]| noise_power(bins).iter().skip(8).sum::<f64>();
+                let ratio = sum(left) / sum(&first[run][channel]);
+                assert!((ratio - 1.0).abs() < 0.05, "run {run}, channel {channel}: noise {ratio:.3} of the record's");
+            }
+        }
+        let again = quiet.record(3, 0);
+        assert_eq!(null.runs[0].channels, again.runs[0].channels);
+        assert_ne!(null.runs[0].channels, quiet.record(3, 1).runs[0].channels);
+    }
+
+    #[test]
+    fn bootstrap_counts_the_record_itself_among_those_without_effect() {
+        assert_eq!(NullRecords::of(5.0, &[1.0, 2.0, 3.0]).probability, 0.25);
+        assert_eq!(NullRecords::of(2.0, &[1.0, 2.0, 3.0]).at_least, 2);
+        assert_eq!(NullRecords::of(0.0, &[1.0, 2.0, 3.0]).probability, 1.0);
+    }
+}
