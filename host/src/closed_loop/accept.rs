@@ -23,8 +23,8 @@ const LEAST_SELECT_GAIN: f64 = 6.0;
 const LEAST_SELECT_SHARE: f64 = 0.4;
 /// Largest share of its gain that a term may still gain with other values on the selection runs.
 const LARGEST_APART: f64 = 0.35;
-/// A further term must gain this share of the largest gain so far: a template right to a few percent leaves a few percent.
-const LEAST_SHARE: f64 = 0.01;
+/// A further term must gain this share of the largest gain so far: a template right to a few percent in amplitude leaves a thousandth of the power.
+const LEAST_SHARE: f64 = 0.001;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10 beyond the penalties).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
