@@ -7,6 +7,8 @@
 //! infinite and the row becomes the torque balance `F_0 = T / rb1`. Cost: (2 N + 1)^3 / 3 complex operations.
 //! Limits: linear contact (no loss), constant speed, harmonics up to 16.5 kHz. SI units.
 
+mod beyond;
+
 use super::forward::{ForwardModel, Line, Operating};
 use crate::dynamics::excitation::Facts;
 use crate::machine::{Pair, Shafts};
@@ -226,16 +228,14 @@ impl Machine {
         let orders: Vec<f64> = (-half..=half).map(|n| base + n as f64 * z).collect();
         let size = orders.len();
         let rigid_row = orders.iter().position(|o| o.abs() < 1e-9);
-        let [rb1, rb2] = self.base_radius_m;
         let mut dynamics = Vec::with_capacity(size);
         let mut compliance = Vec::with_capacity(size);
         for (row, order) in orders.iter().enumerate() {
             // The rigid row never uses its response; any regular frequency keeps the arithmetic finite.
             let omega = if Some(row) == rigid_row { 1.0 } else { TAU * shaft_hz * order };
             let d = self.dynamics(omega);
-            let a = d.input[1][1] * (rb1 * rb1) + d.output[0][0] * (rb2 * rb2) + d.translation[0] + d.translation[1];
+            compliance.push(self.compliance(&d));
             dynamics.push(d);
-            compliance.push(a);
         }
         let matrix = DMatrix::from_fn(size, size, |row, column| {
             let mesh =
@@ -317,6 +317,12 @@ impl Machine {
             lines.push(Line { order: comb.orders[n], amplitude: y.map(|y| y * (-omega * omega)) });
         }
         Solution { lines, approach, force, translation, rotation }
+    }
+
+    /// Approach of the bodies by a unit mesh force.
+    fn compliance(&self, d: &Dynamics) -> C {
+        let [rb1, rb2] = self.base_radius_m;
+        d.input[1][1] * (rb1 * rb1) + d.output[0][0] * (rb2 * rb2) + d.translation[0] + d.translation[1]
     }
 
     /// The declared machine's own steady vibration at a speed and torque (comb with base 0).

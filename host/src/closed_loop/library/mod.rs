@@ -28,6 +28,9 @@ use std::sync::OnceLock;
 
 pub use teeth::ToothFamilies;
 
+/// Ratio of the largest to the smallest torque from which what goes with torque is told from what does not.
+const LEAST_TORQUE_RATIO: f64 = 1.05;
+
 /// Excitation of one comb: generalised forces and extra contact force, both per order.
 pub type Excitation = (Vec<[C; DOF]>, Vec<C>);
 
@@ -76,6 +79,12 @@ impl<'a> Bench<'a> {
     /// Teeth ratio: order of the gear's rotation per pinion turn.
     pub fn ratio(&self) -> f64 {
         f64::from(self.base.machine.teeth[0]) / f64::from(self.base.machine.teeth[1])
+    }
+
+    /// Whether the runs' torques differ by enough to tell what goes with torque from what does not.
+    pub fn torques_differ(&self) -> bool {
+        let torques = || self.base.runs.iter().map(|run| run.torque_n_m.abs());
+        torques().fold(0.0, f64::max) > LEAST_TORQUE_RATIO * torques().fold(f64::INFINITY, f64::min)
     }
 
     /// Response lines of several excitations on the comb with the given centre order (per run): `[excitation][run]`.

@@ -39,6 +39,17 @@ fn effect_of(wave: Wave, order: Option<f64>, ratio: f64) -> (&'static Hypothesis
     named.map_or_else(|| (any(), false), |h| (h, true))
 }
 
+/// Whether a sinusoid is worth a trial: of an effect's forces that only the power of torque tells apart, the first alone where the runs' torques cannot.
+fn is_told_apart(bench: &Bench<'_>, wave: Wave, order: Option<f64>) -> bool {
+    let Wave::Force { at, speed, .. } = wave else { return true };
+    let effect = |wave| effect_of(wave, order, bench.ratio()).0.name;
+    let same = |other: &&Wave| {
+        matches!(**other, Wave::Force { at: a, speed: s, .. } if a == at && s == speed)
+            && effect(**other) == effect(wave)
+    };
+    bench.torques_differ() || waves().iter().find(same) == Some(&wave)
+}
+
 fn excite(wave: Wave, machine: &Machine, run: &RunState, comb: &Comb, order: f64) -> Excitation {
     let size = comb.orders.len();
     let centre = comb.centre as i64;
@@ -180,14 +191,16 @@ pub fn moved(bench: &Bench<'_>, candidate: &Candidate, seat: usize, order: f64) 
 
 fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched: f64) -> Vec<Candidate> {
     let machine = &bench.base.machine;
-    let list = &waves()[seats.clone()];
+    let (seats, list): (Vec<usize>, Vec<Wave>) =
+        seats.map(|seat| (seat, waves()[seat])).filter(|(_, wave)| is_told_apart(bench, *wave, Some(order))).unzip();
     let responses = bench
         .respond(|_| order, |run, comb| list.iter().map(|&wave| excite(wave, machine, run, comb, order)).collect());
     let free = Hunting::of(machine.teeth).freedom(&[order]) == Freedom::Phase;
     seats
+        .into_iter()
         .zip(list)
         .zip(&responses)
-        .map(|((index, &wave), lines)| {
+        .map(|((index, wave), lines)| {
             let l = label(wave, Some(order), bench.ratio());
             Candidate {
                 name: l.name,
@@ -220,6 +233,7 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
         .iter()
         .copied()
         .filter(|w| matches!(w, Wave::Force { speed: 0, .. } | Wave::MeshStiffness | Wave::Position))
+        .filter(|w| is_told_apart(bench, *w, None))
         .collect();
     let mut responses = bench.respond(
         |run| hz / run.angle.shaft_hz,

@@ -143,8 +143,6 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
 }
 
 /// Lines above half the sampling rate that a missing anti-alias filter would fold into the band, up to the rate.
-///
-/// Above the modes the bodies' masses alone respond, so that the contact force follows from the approach of the inner orders.
 fn folded(bench: &Bench<'_>) -> Candidate {
     let machine = &bench.base.machine;
     let analyser = &bench.base.analyser;
@@ -152,19 +150,18 @@ fn folded(bench: &Bench<'_>) -> Candidate {
     let z = f64::from(machine.teeth[0]);
     let runs = bench.base.runs.iter().map(|run| {
         let f = run.angle.shaft_hz;
-        let inner = &run.inner.approach;
-        let half = (inner.len() / 2) as i64;
         let first = (0.5 * rate / (f * z)).ceil() as i64;
         let last = ((rate + BAND_HZ) / (f * z)) as i64;
-        let lines: Vec<Line> = (first..=last)
-            .map(|n| {
-                let force: C = (-half..=half).map(|l| machine.stiffness(n - l) * inner[(l + half) as usize]).sum();
-                let order = n as f64 * z - rate / f;
+        let own = &run.own.solution;
+        let inner = own.lines.iter().filter(|line| (first as f64 - 0.5) * z < line.order).cloned();
+        let lines: Vec<Line> = inner
+            .chain(machine.beyond(own, f, first..=last))
+            .map(|whole| {
+                let order = whole.order - rate / f;
                 // The phase belongs to the true order, not to the folded one.
                 let turn = C::cis(run.angle.offset_rad * rate / f);
-                let [m1, m2] = machine.shafts.mass_kg;
                 // Twice: the negative order folds onto the same place.
-                Line { order, amplitude: [-force * turn * 2.0 / m1, force * turn * 2.0 / m2] }
+                Line { order, amplitude: whole.amplitude.map(|a| a * turn * 2.0) }
             })
             .collect();
         analyser.templates_of_lines(&lines, run.angle.offset_rad, f, REACH)
