@@ -215,7 +215,7 @@ struct Made<'a> {
     started: Instant,
 }
 
-/// One record; another machine is drawn where an effect would have to be stronger on it than the simulator takes.
+/// One record; another machine is drawn where an effect would have to be stronger on it than the simulator takes, and none made where machines are given.
 fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Result<Vec<Scored>> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
@@ -245,11 +245,12 @@ fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Resu
         scenario.effects.extend((kind.draw)(size, &mut draw));
         hidden.push((kind, size));
     }
-    if machines.is_empty()
-        && drawn_before < MOST_DRAWN
-        && scenario.effects.iter().any(|text| effects::parse(text).is_err())
-    {
-        return one(plan, item, machines, drawn_before + 1);
+    if let Some(why) = scenario.effects.iter().find_map(|text| effects::parse(text).err()) {
+        if machines.is_empty() && drawn_before < MOST_DRAWN {
+            return one(plan, item, machines, drawn_before + 1);
+        }
+        crate::remark!("{} left out on {}: {why}", item.id(), declared.title);
+        return Ok(Vec::new());
     }
     let parameters_off = item.part == "parameter" || item.number % 4 != 3;
     match item.part {
