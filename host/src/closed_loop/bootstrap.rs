@@ -21,30 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use rustfft::{FftPlanner, num_complex::Complex64 as C};
-use serde::Serialize;
 use std::f64::consts::TAU;
-
-/// What the bootstrap says.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct NullRecords {
-    /// Records without any effect.
-    pub records: usize,
-    /// Those whose best score was at least this record's.
-    pub at_least: usize,
-    /// Best score of any explanation of this record in the first round of the search, nats.
-    pub score: f64,
-    /// Probability that a record without any effect shows as much.
-    pub probability: f64,
-}
-
-impl NullRecords {
-    /// Of the record's best score and those of records without any effect.
-    pub fn of(score: f64, others: &[f64]) -> Self {
-        let at_least = others.iter().filter(|other| **other >= score).count();
-        let probability = (at_least + 1) as f64 / (others.len() + 1) as f64;
-        Self { records: others.len(), at_least, score, probability }
-    }
-}
 
 /// Best scores of `options.null_records` records without any effect, of the machine and the noise in `base`, calibrated on `record`, and what it leaves.
 pub fn best_scores(
@@ -163,12 +140,5 @@ mod tests {
         let again = quiet.record(3, 0);
         assert_eq!(null.runs[0].channels, again.runs[0].channels);
         assert_ne!(null.runs[0].channels, quiet.record(3, 1).runs[0].channels);
-    }
-
-    #[test]
-    fn bootstrap_counts_the_record_itself_among_those_without_effect() {
-        assert_eq!(NullRecords::of(5.0, &[1.0, 2.0, 3.0]).probability, 0.25);
-        assert_eq!(NullRecords::of(2.0, &[1.0, 2.0, 3.0]).at_least, 2);
-        assert_eq!(NullRecords::of(0.0, &[1.0, 2.0, 3.0]).probability, 1.0);
     }
 }

@@ -12,7 +12,7 @@
 
 use super::accept::{self, Adopted};
 use super::base_fit::{Base, TOLERANCES};
-use super::bootstrap::{NullRecords, best_scores};
+use super::bootstrap::best_scores;
 use super::calibrate::calibrate;
 use super::candidate::Candidate;
 use super::impulsive::impacts;
@@ -21,6 +21,7 @@ use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::limits::limits;
 use super::next_measurement::advise;
+use super::null_records::NullRecords;
 use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};

@@ -30,6 +30,7 @@ pub mod library;
 pub mod limits;
 pub mod next_measurement;
 pub mod node_check;
+pub mod null_records;
 pub mod options;
 pub mod outcome;
 pub mod probability;

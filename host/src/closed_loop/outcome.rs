@@ -1,9 +1,9 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
 use super::accept::Refused;
-use super::bootstrap::NullRecords;
 use super::candidate::{Parameter, Tuning};
 use super::limits::Limit;
+use super::null_records::NullRecords;
 use super::probability::Probability;
 use super::start::Start;
 use crate::check::Findings;
@@ -373,7 +373,7 @@ impl Outcome {
                 text += &format!("    would decide: {experiment}\n");
             }
         }
-        text += &self.null_records.map(null_in_words).unwrap_or_default();
+        text += &self.null_records.map(|null| null.in_words()).unwrap_or_default();
         text += &limits_in_words(&self.limits);
         for u in &self.unexplained {
             text += &format!("unexplained: {} ({:.3} % of variance)\n", u.description, 100.0 * u.variance_share);
@@ -395,14 +395,6 @@ fn limits_in_words(limits: &[Limit]) -> String {
     }
     let rows: Vec<String> = by_key.iter().map(|(key, all)| format!("{key} {}", all.join(", "))).collect();
     format!("not found; would have been, in half of the places tried, from: {}\n", rows.join("; "))
-}
-
-/// What the bootstrap says, in a line.
-pub fn null_in_words(null: NullRecords) -> String {
-    let NullRecords { records, at_least, score, probability } = null;
-    format!(
-        "bootstrap: {at_least} of {records} records without any effect reach this one's best score of {score:.1} nats; probability of a false alarm {probability:.3}\n"
-    )
 }
 
 /// A figure that may be unknown.

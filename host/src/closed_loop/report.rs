@@ -1,7 +1,7 @@
 //! The loop's report for people: errors in three stages, residual spectra as declared and corrected, evidence, what was refused, what stays.
 
 use super::bands::bands;
-use super::outcome::{Outcome, StagedError, Stages, null_in_words};
+use super::outcome::{Outcome, StagedError, Stages};
 use super::replay::Replay;
 use crate::Result;
 use crate::check::Findings;
@@ -259,7 +259,7 @@ fn refused(report: Report, outcome: &Outcome) -> Report {
         .text(&format!(
             "Scores given in the search, for which probabilities are corrected: {}. {}",
             outcome.candidates_tried,
-            outcome.null_records.map(null_in_words).unwrap_or_default()
+            outcome.null_records.map(|null| null.in_words()).unwrap_or_default()
         ))
         .table(
             "Best score of every explanation not taken (gain in likelihood less unknowns and search)",
