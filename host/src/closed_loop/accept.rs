@@ -5,7 +5,7 @@
 //! hidden so that none is adopted (`meshband prove --null`), then as low as that allows (`--power`). Detectors (lines, combs, impacts)
 //! propose and adopt nothing. `host/tests/architecture.rs` holds that refusals are made nowhere else.
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Claim};
 use super::probability::Probability;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -25,6 +25,9 @@ const LEAST_SELECT_SHARE: f64 = 0.4;
 const LARGEST_APART: f64 = 0.35;
 /// A further term must gain this share of the largest gain so far: a template right to a few percent in amplitude leaves a thousandth of the power.
 const LEAST_SHARE: f64 = 0.001;
+/// The same of the largest gain of its own family, whose lines it shares, and next to a plain description: of an effect that the library lacks these leave more, which must not
+/// get the name of another.
+const LEAST_SHARE_OF_ITS_OWN: f64 = 0.01;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10 beyond the penalties).
 const NAME_MARGIN: f64 = 4.6;
 /// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
@@ -71,6 +74,8 @@ pub struct Figures {
     pub select_promise: f64,
     /// What values of its own for the selection runs would gain on top.
     pub apart_gain: f64,
+    /// Family, whose members share lines.
+    pub family: &'static str,
     /// Number of templates.
     pub templates: usize,
     /// Whether every run has a phase of its own.
@@ -180,7 +185,8 @@ impl Refusals {
 #[derive(Debug, Clone, Default)]
 pub struct Adopted {
     terms: Vec<Candidate>,
-    largest_gain: f64,
+    /// Largest gain of every family adopted.
+    largest_gain: BTreeMap<&'static str, f64>,
     /// What was refused.
     pub refusals: Refusals,
 }
@@ -213,8 +219,13 @@ impl Adopted {
         if (f.phase_free || further) && !predicts {
             return Err(Refusal::NotPredicted(f.select_gain));
         }
-        if f.gain <= LEAST_SHARE * self.largest_gain {
-            return Err(Refusal::FormError(f.gain / self.largest_gain));
+        let plain = self.terms.iter().any(|t| t.claim == Claim::Generic);
+        let too_little = self.largest_gain.iter().find(|(family, largest)| {
+            let own = plain || **family == f.family;
+            f.gain <= if own { LEAST_SHARE_OF_ITS_OWN } else { LEAST_SHARE } * **largest
+        });
+        if let Some((_, largest)) = too_little {
+            return Err(Refusal::FormError(f.gain / largest));
         }
         Ok(())
     }
@@ -225,7 +236,8 @@ impl Adopted {
     /// As [`Adopted::weigh`].
     pub fn adopt(&mut self, candidate: Candidate, figures: &Figures) -> Result<(), Refusal> {
         self.weigh(figures)?;
-        self.largest_gain = self.largest_gain.max(figures.gain);
+        let largest = self.largest_gain.entry(figures.family).or_default();
+        *largest = largest.max(figures.gain);
         self.terms.push(candidate);
         Ok(())
     }
