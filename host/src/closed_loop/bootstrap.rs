@@ -15,12 +15,11 @@ use super::options::Options;
 use super::search::{Memory, search};
 use super::waveform::complete;
 use crate::observation::input::{Record, Run};
-use crate::spectral::noise_power;
+use crate::spectral::{noise_power, shaped};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use rustfft::{FftPlanner, num_complex::Complex64 as C};
 use std::f64::consts::TAU;
 
 /// Best scores of `options.null_records` records without any effect, of the machine and the noise in `base`, calibrated on `record`, and what it leaves.
@@ -93,14 +92,10 @@ impl<'a> Quiet<'a> {
     fn coloured(&self, power: &[f64], random: &mut impl Rng) -> Vec<f64> {
         let analyser = &self.base.analyser;
         let n = analyser.samples;
-        let mut signal: Vec<C> = (0..n).map(|_| C::new(StandardNormal.sample(random), 0.0)).collect();
-        let mut planner = FftPlanner::new();
-        planner.plan_fft_forward(n).process(&mut signal);
+        let mut signal: Vec<f64> = (0..n).map(|_| StandardNormal.sample(random)).collect();
         let unit = analyser.bin_power_of_unit_variance();
-        let gain = |bin: usize| (power[bin.min(power.len() - 1)] / unit).sqrt() / n as f64;
-        signal.iter_mut().enumerate().for_each(|(i, x)| *x *= gain(i.min(n - i)));
-        planner.plan_fft_inverse(n).process(&mut signal);
-        signal.into_iter().map(|x| x.re).collect()
+        shaped(&mut signal, |bin| (power[bin.min(power.len() - 1)] / unit).sqrt() / n as f64);
+        signal
     }
 }
 
@@ -109,6 +104,7 @@ mod tests {
     use super::*;
     use crate::closed_loop::campaign::drawn;
     use crate::closed_loop::generate::{self, Scenario};
+    use rustfft::num_complex::Complex64 as C;
 
     /// A record without any effect, of a drawn machine.
     fn record() -> Record {

@@ -1,8 +1,8 @@
 //! Coloured noise: white noise shaped in the frequency domain, so that its power falls as `1 / f^slope` over the whole band.
 
+use crate::spectral::shaped;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::{Distribution, StandardNormal};
-use realfft::RealFftPlanner;
 
 /// Below this frequency the power stays level: drifts of a second are no vibration, Hz.
 const LEVEL_BELOW_HZ: f64 = 1.0;
@@ -21,18 +21,9 @@ pub fn add(signal: &mut [f64], rate_hz: f64, rms: f64, slope: f64, random: &mut 
 }
 
 fn shape(noise: &mut [f64], rate_hz: f64, slope: f64) {
-    let total = noise.len();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(total), planner.plan_fft_inverse(total));
-    let mut spectrum = forward.make_output_vec();
-    forward.process(noise, &mut spectrum).expect("matching lengths");
-    for (i, bin) in spectrum.iter_mut().enumerate() {
-        let hz = (i as f64 * rate_hz / total as f64).max(LEVEL_BELOW_HZ);
-        *bin *= hz.powf(-0.5 * slope);
-    }
-    spectrum[0] = 0.0.into();
-    if let Some(last) = spectrum.last_mut() {
-        last.im = 0.0;
-    }
-    inverse.process(&mut spectrum, noise).expect("matching lengths");
+    let total = noise.len() as f64;
+    shaped(noise, |bin| match bin {
+        0 => 0.0,
+        bin => (bin as f64 * rate_hz / total).max(LEVEL_BELOW_HZ).powf(-0.5 * slope),
+    });
 }

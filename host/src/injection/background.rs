@@ -30,7 +30,7 @@ pub struct Background {
     views: Views,
     found: Search,
     limits: Vec<Limit>,
-    library: Vec<(String, Candidate)>,
+    injectable: Vec<(String, Candidate)>,
     surrogates: Surrogates,
 }
 
@@ -61,9 +61,9 @@ impl Background {
         let adopted: Vec<&Adopted> = found.adopted.iter().collect();
         let limits = limits::limits(&scene, &baseline, &views, &found, &adopted);
         let (ranked, _) = found.ranked(&scene, &views);
-        let library = limits::library(&search::context(&scene, &views, &found.taken, &found.feet), &ranked);
+        let injectable = limits::library(&search::context(&scene, &views, &found.taken, &found.feet), &ranked);
         let surrogates = Surrogates::of(&scene, &baseline);
-        Ok(Self { scene, baseline, views, found, limits, library, surrogates })
+        Ok(Self { scene, baseline, views, found, limits, injectable, surrogates })
     }
 
     /// Families found in it, in words.
@@ -77,8 +77,8 @@ impl Background {
     }
 
     /// Families of the library.
-    pub fn library(&self) -> impl Iterator<Item = &str> {
-        self.library.iter().map(|(family, _)| family.as_str()).chain([limits::LIMITED])
+    pub fn injectable(&self) -> impl Iterator<Item = &str> {
+        self.injectable.iter().map(|(family, _)| family.as_str()).chain([limits::LIMITED])
     }
 
     /// The family's effect at a place drawn; none where nothing is free.
@@ -87,7 +87,7 @@ impl Background {
             let channel = random.random_range(0..self.scene.searched);
             return Some(Effect::Limited(channel, clipping::SIDES[random.random_range(0..clipping::SIDES.len())]));
         }
-        let (_, typical) = self.library.iter().find(|(own, _)| own == family)?;
+        let (_, typical) = self.injectable.iter().find(|(own, _)| own == family)?;
         let context = search::context(&self.scene, &self.views, &self.found.taken, &self.found.feet);
         places::drawn(&context, &self.found, typical, random).map(Effect::Family)
     }

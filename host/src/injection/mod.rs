@@ -130,7 +130,7 @@ fn seen(background: &Background, effects: &[Effect]) -> Seen {
     let scene = &background.scene;
     let record = scene.title.clone();
     let is_injected = |family: &str| effects.iter().any(|e| e.family == family && e.is_of(&record));
-    let left_out = background.library().filter(|family| !is_injected(family)).map(str::to_owned).collect();
+    let left_out = background.injectable().filter(|family| !is_injected(family)).map(str::to_owned).collect();
     Seen {
         teeth: scene.teeth,
         runs_and_channels: [scene.runs.len(), scene.searched],

@@ -9,12 +9,14 @@ mod bessel;
 mod line;
 mod noise;
 mod order;
+mod shape;
 
 pub use bessel::bessel_i0;
 pub use line::{Line, line_near};
 pub use noise::{noise_power, running_median};
 pub use order::{AngleMap, order_spectrum, resample_by_angle, synchronous_average};
 pub(crate) use order::{Kaiser, natural_spline};
+pub use shape::shaped;
 
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
