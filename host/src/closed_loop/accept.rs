@@ -99,6 +99,8 @@ pub enum Refusal {
     FormError(f64),
     /// A swing of the shaft that the tachometer would have seen.
     Tachometer,
+    /// Its strength would be negative, which it cannot.
+    Negative,
     /// Another explanation was adopted in its place.
     Outranked(String),
     /// Next to a newer term it no longer pays.
@@ -124,6 +126,7 @@ impl fmt::Display for Refusal {
                 write!(f, "gains {:.2} % of what the strongest does, within that one's form error", 100.0 * share)
             }
             Self::Tachometer => write!(f, "the tachometer would have seen such a swing"),
+            Self::Negative => write!(f, "its strength would be negative"),
             Self::Outranked(name) => write!(f, "{name} explains more"),
             Self::Superseded(score) => write!(f, "no longer pays next to the other terms: score {score:.1}"),
             Self::HeldOut([without, with]) => {
@@ -330,6 +333,14 @@ pub fn significant(figures: &Figures) -> Result<(), Refusal> {
 /// The refusal.
 pub fn seen_by_tachometer(refuting: usize, runs: usize) -> Result<(), Refusal> {
     if 2 * refuting > runs { Err(Refusal::Tachometer) } else { Ok(()) }
+}
+
+/// Whether a candidate's values make physical sense.
+///
+/// # Errors
+/// The refusal.
+pub fn makes_sense(possible: bool) -> Result<(), Refusal> {
+    if possible { Ok(()) } else { Err(Refusal::Negative) }
 }
 
 /// Whether the held-out runs confirm a term, by their error without it and with it.

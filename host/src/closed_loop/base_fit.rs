@@ -309,6 +309,22 @@ impl Base {
         Trial { machine, change, runs }
     }
 
+    /// The machine on trial on every run, without what was measured and without sensitivities.
+    pub fn alone(&self, trial: Trial) -> Self {
+        let Trial { machine, change, runs } = trial;
+        let of_run = |(run, RunOnTrial { angle, own, model }): (&RunState, RunOnTrial)| RunState {
+            angle,
+            torque_n_m: run.torque_n_m,
+            measured: Default::default(),
+            model,
+            inner: own.solution.within(machine.harmonics(angle.shaft_hz) as usize),
+            own,
+        };
+        let runs = self.runs.iter().zip(runs).map(of_run).collect();
+        let (analyser, pulses_per_rev) = (self.analyser.clone(), self.pulses_per_rev);
+        Self { analyser, machine, runs, pulses_per_rev, change, nuisances: Vec::new(), priors: Vec::new() }
+    }
+
     /// What such a machine leaves of the record.
     pub fn residual_of(&self, trial: &Trial) -> Vec<[Bins; 2]> {
         let left = |(run, trial): (&RunState, &RunOnTrial)| {

@@ -22,6 +22,11 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
+/// Share of a bin's frequency to either side over which its noise is levelled.
+const REACH: f64 = 0.12;
+/// Bins to either side over which it is at least.
+const LEAST_REACH: usize = 90;
+
 /// Best scores of `options.null_records` records without any effect, of the machine and the noise in `base`, calibrated on `record`, and what it leaves.
 pub fn best_scores(
     record: &Record,
@@ -52,13 +57,15 @@ struct Quiet<'a> {
     vibration: Vec<[Vec<f64>; 2]>,
     /// Noise per bin, by run and channel.
     noise: Vec<[Vec<f64>; 2]>,
+    /// Jitter of the tachometer's edges, s.
+    jitter_s: f64,
 }
 
 impl<'a> Quiet<'a> {
     fn new(record: &'a Record, base: &'a Base, left: &Data) -> Self {
         let vibration = base.runs.par_iter().map(|run| complete(&base.analyser, run)).collect();
-        let noise = left.residual.iter().map(|channels| [0, 1].map(|c| noise_power(&channels[c]))).collect();
-        Self { record, base, vibration, noise }
+        let noise = left.residual.iter().map(|channels| [0, 1].map(|c| smoothed(&noise_power(&channels[c])))).collect();
+        Self { record, base, vibration, noise, jitter_s: jitter_s(record, base) }
     }
 
     /// Record number `index`.
@@ -78,13 +85,10 @@ impl<'a> Quiet<'a> {
             run.channels[channel] = alone.iter().zip(&noise).map(|(a, n)| a + n).collect();
         }
         let angle = self.base.runs[number].angle;
-        let count = run.edges_s.len() as f64;
-        // Two of the edges' freedoms went into the straight line that they scatter about.
-        let jitter_s = angle.edge_scatter_s * (count / (count - 2.0).max(1.0)).sqrt();
         for (i, edge) in run.edges_s.iter_mut().enumerate() {
             let turns = (i as f64 + f64::from(run.first_pulse_index)) / f64::from(self.record.pulses_per_rev);
             let jitter: f64 = StandardNormal.sample(random);
-            *edge = ((TAU * turns - angle.offset_rad) / (TAU * angle.shaft_hz) + jitter_s * jitter).max(0.0);
+            *edge = ((TAU * turns - angle.offset_rad) / (TAU * angle.shaft_hz) + self.jitter_s * jitter).max(0.0);
         }
     }
 
@@ -97,6 +101,33 @@ impl<'a> Quiet<'a> {
         shaped(&mut signal, |bin| (power[bin.min(power.len() - 1)] / unit).sqrt() / n as f64);
         signal
     }
+}
+
+/// Noise levels without the roughness of their estimate, which a record that is played would have on top of its own: means over the bins around each.
+fn smoothed(level: &[f64]) -> Vec<f64> {
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(level.iter().scan(0.0, |sum, x| {
+            *sum += x;
+            Some(*sum)
+        }))
+        .collect();
+    let mean = |bin: usize| {
+        let reach = LEAST_REACH.max((REACH * bin as f64) as usize).min(bin).min(level.len() - 1 - bin);
+        (sums[bin + reach + 1] - sums[bin - reach]) / (2 * reach + 1) as f64
+    };
+    (0..level.len()).map(mean).collect()
+}
+
+/// Jitter that the edges of all runs show about the straight lines through each run's.
+fn jitter_s(record: &Record, base: &Base) -> f64 {
+    let (mut squares, mut freedoms) = (0.0, 0.0);
+    for (run, state) in record.runs.iter().zip(&base.runs) {
+        let count = run.edges_s.len() as f64;
+        squares += count * state.angle.edge_scatter_s.powi(2);
+        // Two of the edges' freedoms went into the line.
+        freedoms += count - 2.0;
+    }
+    (squares / freedoms.max(1.0)).sqrt()
 }
 
 #[cfg(test)]

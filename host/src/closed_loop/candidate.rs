@@ -153,6 +153,13 @@ impl Candidate {
         matches!(self.seat, Some(Seat::OneTooth(own, Tooth::Softened)) if own == body)
     }
 
+    /// Whether the values `x` of its unknowns make physical sense.
+    pub fn is_possible(&self, x: &[f64]) -> bool {
+        let never_negative = self.hypothesis.is_some_and(|h| h.never_negative);
+        !never_negative
+            || self.parameters.iter().filter(|p| !p.complex).all(|p| x.get(p.first).is_none_or(|v| *v > 0.0))
+    }
+
     /// The body it sits on.
     pub fn body(&self) -> usize {
         match self.seat {

@@ -15,6 +15,7 @@ use super::base_fit::{Base, TOLERANCES};
 use super::bootstrap::best_scores;
 use super::calibrate::calibrate;
 use super::candidate::Candidate;
+use super::entrained::entrain;
 use super::impulsive::impacts;
 use super::judge::{Split, corrected, joint};
 use super::least_squares::{Data, chi_square, normal, solve};
@@ -25,10 +26,12 @@ use super::null_records::NullRecords;
 use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
+use super::rivals::rivals;
 use super::search::{Found, Memory, Search, search};
 use super::start::Start;
 use super::tables::{predicted, report};
 use super::tach_delay;
+use super::together::unknowns;
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
 use crate::effects::hypotheses;
@@ -125,25 +128,36 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
         (explained.tried, explained.first_score) = (tried, first_score);
     }
     say(&format!("left over noise, power: {:.3}", explained.power / explained.noise));
-    let Explained { base, found, tried, first_score, .. } = explained;
+    let Explained { mut base, found, tried, first_score, .. } = explained;
     let Found { mut accepted, pool, strongest, data } = found;
     say("verdicts");
-    let mut effects = verdicts(&base, &data, &split, &accepted, &pool, tried);
+    let rivals = rivals(&base, &data, &split, &accepted, &pool);
+    let of_machine = base.nuisances.clone();
+    let with_effects = |base: &mut Base, accepted: &[Candidate]| {
+        base.nuisances.clone_from(&of_machine);
+        let terms: Vec<&Candidate> = accepted.iter().collect();
+        let x = unknowns(base, accepted, &joint(base, &data, &seen, &terms).x);
+        entrain(base, accepted, &x);
+    };
+    with_effects(&mut base, &accepted);
+    let mut effects = verdicts(&base, &data, &split, &accepted, rivals, &pool, tried);
     // Next to the others and with the final weights a term must still stand.
     let figures: Vec<_> = effects.iter().map(|e| (e.evidence.left_at_its_lines, e.evidence.chance)).collect();
-    keep(&mut effects, &accepted.stand(&figures));
+    if keep(&mut effects, &accepted.stand(&figures)) {
+        with_effects(&mut base, &accepted);
+    }
     if whole.is_empty() {
-        let hammering = |accepted: &[Candidate]| {
+        let hammering = |base: &Base, accepted: &[Candidate]| {
             let terms: Vec<&Candidate> = accepted.iter().collect();
-            let rest = corrected(&base, &data, &joint(&base, &data, &seen, &terms).x, &terms);
-            impacts(&base, &rest, &split)
+            let rest = corrected(base, &data, &joint(base, &data, &seen, &terms).x, &terms);
+            impacts(base, &rest, &split)
         };
-        let mut found = hammering(&accepted);
+        let mut found = hammering(&base, &accepted);
         if let Some(order) = found.as_ref().filter(|e| e.verdict == "named").and_then(|e| e.order_of_pinion) {
             let stay = accepted.give_to_impacts(order, |t| matches!(t.start, Start::Phases(_)));
-            if stay.contains(&false) {
-                keep(&mut effects, &stay);
-                found = hammering(&accepted).or(found);
+            if keep(&mut effects, &stay) {
+                with_effects(&mut base, &accepted);
+                found = hammering(&base, &accepted).or(found);
             }
         }
         whole.extend(found.filter(|e| effects.is_empty() || e.verdict == "named"));
@@ -176,10 +190,11 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// Keeps what stays.
-fn keep(effects: &mut Vec<Effect>, stay: &[bool]) {
-    let mut stay = stay.iter();
-    effects.retain(|_| *stay.next().unwrap_or(&true));
+/// Keeps what stays; says whether anything went.
+fn keep(effects: &mut Vec<Effect>, stay: &[bool]) -> bool {
+    let mut kept = stay.iter();
+    effects.retain(|_| *kept.next().unwrap_or(&true));
+    stay.contains(&false)
 }
 
 /// Takes the names of effects that are found outside the library.

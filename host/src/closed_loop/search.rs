@@ -12,10 +12,11 @@ use super::judge::{Judge, Judged, Split, corrected, joint};
 use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::Company;
+use super::lookahead::{is_table, tooth_before_table};
 use super::options::Options;
 use super::remainder::power_and_noise;
 use super::start::Start;
-use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_be_simulated, refuted_by_tachometer, tune};
+use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_be_simulated, refuted, tune};
 use super::together::{together, unknowns};
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
@@ -109,7 +110,7 @@ pub fn search(
         let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
         at_their_strength(bench, &judge, &data, &company, &mut memory.strengths, &mut judged);
         memory.tried += judge.tried();
-        judged.retain(|j| match refuted_by_tachometer(base, j) {
+        judged.retain(|j| match refuted(base, j) {
             Ok(()) => true,
             Err(why) => {
                 accepted.refusals.note(&j.candidate.name, j.score, why);
@@ -138,12 +139,17 @@ pub fn search(
             let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }
-        let winner = winner(&judged, &accepted, tests);
-        note_refused(&judged, &mut accepted, winner, tests);
-        let winner = winner.map(|i| judged[i].clone());
+        let best = winner(&judged, &accepted, tests);
+        let tooth = best.and_then(|best| {
+            let passes = |j: &Judged| is_adoptable(j, &accepted, tests);
+            let terms: Vec<&Candidate> = accepted.iter().collect();
+            tooth_before_table(bench, &data, split, &terms, &judged, best, passes)
+        });
+        let winner = tooth.or_else(|| best.map(|i| (i, judged[i].clone())));
+        note_refused(&judged, &mut accepted, winner.as_ref().map(|w| w.0), tests);
         let rivals = judged.into_iter().filter(|j| j.score > 0.0 && !j.candidate.templates.is_empty());
-        pool.extend(rivals.take(MOST_RIVALS).map(|j| j.candidate));
-        let Some(winner) = winner else { break };
+        keep_rivals(&mut pool, rivals.take(MOST_RIVALS).map(|j| j.candidate));
+        let Some((_, winner)) = winner else { break };
         let (strong, figures) = (winner.gain > STRONG_SCORE, winner.figures(tests));
         let winner = winner.candidate;
         if turns.is_none() {
@@ -178,12 +184,26 @@ pub fn search(
 
 /// The candidate to adopt: the best that passes, or a name that passes and comes near enough.
 fn winner(judged: &[Judged], accepted: &Adopted, tests: f64) -> Option<usize> {
-    // One far down the list, whose responses are forgotten, is no explanation of anything.
-    let passes = |j: &Judged| !j.candidate.templates.is_empty() && accepted.weigh(&j.figures(tests)).is_ok();
+    let passes = |j: &Judged| is_adoptable(j, accepted, tests);
     let best = judged.iter().position(passes)?;
     let top = judged[best].figures(tests);
     let named = |j: &Judged| j.candidate.claim == Claim::Named && accept::name_is_near(&top, &j.figures(tests));
     Some(judged.iter().position(|j| named(j) && passes(j)).unwrap_or(best))
+}
+
+/// Whether it has its responses (one far down the list, whose are forgotten, is no explanation of anything), and the gate lets it in.
+fn is_adoptable(judged: &Judged, accepted: &Adopted, tests: f64) -> bool {
+    !judged.candidate.templates.is_empty() && accepted.weigh(&judged.figures(tests)).is_ok()
+}
+
+/// Adds a round's rivals; of tables of all teeth, most of the memory, the newest alone stay.
+fn keep_rivals(pool: &mut Vec<Candidate>, rivals: impl Iterator<Item = Candidate>) {
+    for rival in rivals {
+        if is_table(&rival) {
+            pool.retain(|older| !is_table(older) || older.name != rival.name);
+        }
+        pool.push(rival);
+    }
 }
 
 /// Notes why the best of those not taken were refused.

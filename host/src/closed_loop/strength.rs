@@ -36,11 +36,12 @@ const MOST_FINITE: usize = 4;
 /// Strengths found by name and order, in ten-thousandths: a search that begins again begins with them.
 pub type Strengths = BTreeMap<(String, i64), f64>;
 
-/// Whether a swing of the shaft is claimed that the tachometer would have seen.
+/// Whether it claims a strength that cannot be, or a swing of the shaft that the tachometer would have seen.
 ///
 /// # Errors
 /// The gate's refusal.
-pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> Result<(), Refusal> {
+pub fn refuted(base: &Base, judged: &Judged) -> Result<(), Refusal> {
+    accept::makes_sense(judged.candidate.is_possible(&judged.x))?;
     let Some(order) = judged.candidate.order.filter(|_| judged.candidate.has_wave(Wave::Position)) else {
         return Ok(());
     };
@@ -53,20 +54,23 @@ pub fn refuted_by_tachometer(base: &Base, judged: &Judged) -> Result<(), Refusal
 
 /// Improves the shape of the best candidates that have one.
 pub fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
-    let score = |c: Candidate| judge.judge(c).score;
+    let score = |c: Candidate| {
+        let judged = judge.judge(c);
+        if judged.candidate.is_possible(&judged.x) { judged.score } else { f64::NEG_INFINITY }
+    };
     let fastest = bench.angles.iter().map(|a| a.1).fold(0.0, f64::max);
     let per_bin = 1.0 / (bench.base.analyser.duration_s() * fastest);
     let best = judged.first().map_or(0.0, |j| j.score);
     let mut relief = [false; 2];
-    for j in judged.iter_mut().take(8) {
+    for j in judged.iter_mut().take(16) {
         match j.candidate.tuning {
             Some(Tuning::Mode { channel, f0, zeta }) if j.score > 0.6 * best => {
                 let (name, claim) = (j.candidate.name.clone(), j.candidate.claim);
                 *j = judge.judge(Candidate { name, claim, ..refine_mode(bench, (channel, f0, zeta), score) });
             }
-            Some(Tuning::Relief { share, exponent }) if j.score > 0.6 * best && !relief[exponent as usize - 1] => {
+            Some(Tuning::Relief { exponent, .. }) if j.score > 0.2 * best && !relief[exponent as usize - 1] => {
                 relief[exponent as usize - 1] = true;
-                *j = judge.judge(refine_relief(bench, (share, exponent), score));
+                *j = judge.judge(refine_relief(bench, exponent, score));
             }
             Some(Tuning::Order { seat }) if j.score > 0.8 * best => {
                 // Lines of single runs place an order to a good part of a bin, all lines of all runs together far more finely.

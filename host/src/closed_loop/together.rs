@@ -1,16 +1,18 @@
 //! Strong terms fitted together: two effects whose product matters are neither alone on the declared machine.
 //!
-//! An eccentric pinion and an eccentric gear, or either and a crack, modulate what the other does. Gauss-Newton on the simulated machine with all
+//! An eccentric pinion and an eccentric gear, or either and a crack, modulate what the other does; a force or a displaced tooth, in proportion to its strength on the machine as
+//! declared, meets another stiffness on one with a crack. Gauss-Newton on the simulated machine with all
 //! of them: derivatives by small changes of every strength become the templates, and what the machine does beyond these straight lines goes off
 //! the residual. Cost: a simulation of every run per unknown, and one, per step. Limit: the declared parameters stay linear.
 
 use super::base_fit::Base;
-use super::candidate::{Candidate, Template};
+use super::candidate::{Candidate, Claim, Template};
 use super::judge::joint;
 use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::{LEAST_INFORMATION, Played};
 use super::strength::size;
+use crate::effects::hypothesis::Seat;
 use crate::observation::spectrum::{Bins, Sparse};
 use rustfft::num_complex::Complex64 as C;
 
@@ -34,8 +36,14 @@ pub fn unknowns(base: &Base, terms: &[Candidate], x: &[f64]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Fits all simulated terms of `accepted` together over the runs `seen`, from the residual `raw` of the declared machine; false where there are fewer
-/// than two, or they need different starts of the runs.
+/// Whether a term is simulated beside others: one at a strength of its own, or a single cause that goes with its strength.
+fn is_played(bench: &Bench<'_>, term: &Candidate, x: &[f64]) -> bool {
+    let single = matches!(term.seat, Some(Seat::Wave(_) | Seat::OneTooth(..))) && term.claim == Claim::Named;
+    !term.phase_free && (term.bent || single && bench.has_counterpart(term, x))
+}
+
+/// Fits those of `accepted` that the simulator can play together over the runs `seen`, from the residual `raw` of the declared machine; false where there are fewer
+/// than two, all go with their strength, or they need different starts of the runs.
 pub fn together(
     bench: &Bench<'_>,
     data: &mut Data,
@@ -43,19 +51,19 @@ pub fn together(
     seen: &[usize],
     accepted: &mut [Candidate],
 ) -> bool {
-    let list: Vec<usize> = (0..accepted.len()).filter(|&i| accepted[i].bent && !accepted[i].phase_free).collect();
-    if list.len() < 2 {
-        return false;
-    }
     let fit = |data: &Data, accepted: &[Candidate]| {
         let all: Vec<&Candidate> = accepted.iter().collect();
         unknowns(bench.base, accepted, &joint(bench.base, data, seen, &all).x)
     };
     let mut x = fit(data, accepted);
+    let list: Vec<usize> = (0..accepted.len()).filter(|&i| is_played(bench, &accepted[i], &x[i])).collect();
+    if list.len() < 2 || list.iter().all(|&i| !accepted[i].bent) {
+        return false;
+    }
     for _ in 0..MOST_STEPS {
         let Some((templates, rest)) = straight_lines(bench, data, accepted, &list, &x) else { return false };
         for (&i, templates) in list.iter().zip(templates) {
-            accepted[i].templates = templates;
+            (accepted[i].templates, accepted[i].bent) = (templates, true);
         }
         for (r, run) in rest.iter().enumerate() {
             for c in 0..2 {

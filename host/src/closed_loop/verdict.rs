@@ -6,9 +6,10 @@
 use super::accept::{self, NameFigures, Naming};
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim, Tuning};
-use super::judge::{Judge, Judged, Split, corrected, joint};
+use super::judge::{Judge, Split, corrected, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
+use super::rivals::{Rivals, rivals};
 use super::start::Start;
 use super::uncertainty::standard_errors;
 use crate::spectral::noise_power;
@@ -116,12 +117,13 @@ fn freer_gain(next_to_all: &Judge<'_>, pool: &[Candidate], term: &Candidate) -> 
         .reduce(|| 0.0, f64::max)
 }
 
-/// Verdicts of the accepted terms against the candidates of the search, which scored `tried` of them.
+/// Verdicts of the accepted terms, which stand against these rivals of a search that scored `tried` candidates.
 pub fn verdicts(
     base: &Base,
     data: &Data,
     split: &Split,
     accepted: &[Candidate],
+    rivals: Vec<Rivals>,
     pool: &[Candidate],
     tried: usize,
 ) -> Vec<Effect> {
@@ -140,27 +142,11 @@ pub fn verdicts(
     }
     let mut effects = Vec::new();
     let next_to_all = Judge::new(base, data, split, &terms);
-    for (index, term) in accepted.iter().enumerate() {
-        let others: Vec<&Candidate> =
-            accepted.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, c)| c).collect();
-        let judge = Judge::new(base, data, split, &others);
-        let own = judge.judge(term.clone());
-        let mut rivals: BTreeMap<String, f64> = BTreeMap::new();
-        let judged: Vec<Judged> =
-            pool.par_iter().filter(|c| c.name != term.name).map(|c| judge.judge(c.clone())).collect();
-        for j in &judged {
-            let best = rivals.entry(j.candidate.name.clone()).or_insert(f64::NEG_INFINITY);
-            *best = best.max(j.score);
-        }
-        let mut rivals: Vec<(String, f64)> = rivals.into_iter().map(|(n, s)| (n, 0.5 * (own.score - s))).collect();
-        rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
-        rivals.truncate(6);
-        let named = |name: &str| judged.iter().any(|j| j.candidate.name == name && j.candidate.claim == Claim::Named);
+    for (index, (term, own)) in accepted.iter().zip(rivals).enumerate() {
         let left = left_at_lines(base, data, &seen, &terms, index, &all.x);
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
-        let next = rivals.iter().find(|r| named(&r.0)).map_or(f64::INFINITY, |r| r.1);
         let mut near: Vec<&str> =
-            rivals.iter().filter(|r| accept::is_rival(r.1, own.gain)).map(|r| r.0.as_str()).collect();
+            own.nearest.iter().filter(|r| accept::is_rival(r.1, own.judged.gain)).map(|r| r.0.as_str()).collect();
         if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
             near.push("another displacement error repeating with every tooth pair");
         }
@@ -169,9 +155,9 @@ pub fn verdicts(
             claims_name: term.claim == Claim::Named,
             left,
             departures: exponents,
-            possible: possible(term, &all.x[at..]),
+            possible: term.is_possible(&all.x[at..]),
             freer_gain: freer_gain(&next_to_all, pool, term),
-            gain: own.gain,
+            gain: own.judged.gain,
             at_mesh_orders: term.family == "mesh-order",
             has_rivals: !near.is_empty(),
         });
@@ -191,10 +177,10 @@ pub fn verdicts(
                 torque_exponent: exponents.map(|e| e[1][0] + term.exponents[1]),
                 torque_exponent_ci95: exponents.map(|e| interval(e[1][0] + term.exponents[1], e[1][1])),
                 held_out_gain: 0.0,
-                chance: Some(own.chance(tried as f64)),
-                score_over_next: next.is_finite().then_some(next),
+                chance: Some(own.judged.chance(tried as f64)),
+                score_over_next: own.next_name,
                 left_at_its_lines: left,
-                next: rivals,
+                next: own.nearest,
             },
             deciding_experiment: None,
             next_measurement: None,
@@ -235,7 +221,8 @@ pub fn undetermined(
     pool: &[Candidate],
     tried: usize,
 ) -> Option<Effect> {
-    let mut effect = verdicts(base, data, split, std::slice::from_ref(closest), pool, tried).pop()?;
+    let alone = std::slice::from_ref(closest);
+    let mut effect = verdicts(base, data, split, alone, rivals(base, data, split, alone, pool), pool, tried).pop()?;
     effect.verdict = "generic".into();
     effect.name = format!("{} of no law that holds from run to run; closest: {}", seat(closest), closest.name);
     effect.deciding_experiment = Some("runs at more speeds and torques, and with the sensor at a second place".into());
@@ -253,12 +240,6 @@ fn place(term: &Candidate) -> String {
         .map(|o| format!("order {o:.4} of the pinion"))
         .or(term.frequency_hz.map(|f| format!("{f:.2} Hz")))
         .unwrap_or_else(|| "all orders".into())
-}
-
-/// Whether the values make physical sense.
-fn possible(term: &Candidate, x: &[f64]) -> bool {
-    let never_negative = term.hypothesis.is_some_and(|h| h.never_negative);
-    !never_negative || term.parameters.iter().filter(|p| !p.complex).all(|p| x[p.first] > 0.0)
 }
 
 fn interval(value: f64, half: f64) -> [f64; 2] {

@@ -16,12 +16,13 @@ use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Both channels of `lines`, a comb of orders about 0, at a pinion angle per sample.
-fn waveform(analyser: &Analyser, lines: &[Line], angle: impl Fn(f64) -> f64) -> [Vec<f64>; 2] {
+/// Both channels of `lines`, a comb of orders about 0, at a pinion angle per sample; orders beyond half the sampling rate at `shaft_hz`, which a filter takes off a measurement, do not fold.
+fn waveform(analyser: &Analyser, lines: &[Line], shaft_hz: f64, angle: impl Fn(f64) -> f64) -> [Vec<f64>; 2] {
     let centre = lines.len() / 2;
     let step = lines[centre + 1].order;
+    let within = (0.5 * analyser.rate_hz / (step * shaft_hz)) as usize;
     // Both signs of an order add up to one positive order.
-    let amplitude: Vec<[C; 2]> = (1..=centre)
+    let amplitude: Vec<[C; 2]> = (1..=centre.min(within))
         .map(|n| {
             let (up, down) = (&lines[centre + n], &lines[centre - n]);
             [0, 1].map(|c| up.amplitude[c] + down.amplitude[c].conj())
@@ -52,7 +53,7 @@ pub fn complete(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
 
 fn at_straight_line(analyser: &Analyser, run: &RunState, lines: &[Line]) -> [Vec<f64>; 2] {
     let (offset, speed) = (run.angle.offset_rad, TAU * run.angle.shaft_hz);
-    waveform(analyser, lines, |t| offset + speed * t)
+    waveform(analyser, lines, run.angle.shaft_hz, |t| offset + speed * t)
 }
 
 fn effect(name: &str, family: &str, gain: f64) -> Effect {
@@ -277,11 +278,11 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
                 let hz = if fixed { at } else { at * run.angle.shaft_hz };
                 let sway = Sway::fit(source, record.pulses_per_rev, hz);
                 let (signal, size) = if sinusoid {
-                    (waveform(analyser, &run.inner.lines, |t| sway.at(t)), sway.amplitude_rad())
+                    (waveform(analyser, &run.inner.lines, run.angle.shaft_hz, |t| sway.at(t)), sway.amplitude_rad())
                 } else {
                     let spline = EdgeAngle::new(source, record.pulses_per_rev);
                     let rms = TAU * run.angle.shaft_hz * run.angle.edge_scatter_s;
-                    (waveform(analyser, &run.inner.lines, |t| spline.at(t)), rms)
+                    (waveform(analyser, &run.inner.lines, run.angle.shaft_hz, |t| spline.at(t)), rms)
                 };
                 (signal.map(|s| analyser.bins_of(&s)), size)
             })

@@ -112,6 +112,7 @@ pub fn wide(x: &Complex32) -> C {
 }
 
 /// Window and kernel for records of one length and rate.
+#[derive(Clone)]
 pub struct Analyser {
     /// Samples per run.
     pub samples: usize,

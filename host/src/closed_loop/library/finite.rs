@@ -92,7 +92,7 @@ impl Bench<'_> {
         }
         let later = |run: usize| turns.map_or(0, |turns| turns[run]);
         // Teeth of the gear that were counted as if every run started in the first turn have no other place.
-        let counted = |t: &Candidate| t.start == Start::Counted && t.softens_tooth_of(1);
+        let counted = |t: &Candidate| t.start == Start::Counted && t.tooth.is_some() && t.body() == 1;
         if turns.is_some() && terms.iter().any(|(t, _)| counted(t)) {
             return None;
         }
@@ -119,6 +119,11 @@ impl Bench<'_> {
         let runs: Vec<Run<'_>> = effects.iter().zip(points).map(|(effects, at)| Run { effects, at }).collect();
         let signals = of_runs(machine, &runs, base.analyser.samples, base.analyser.rate_hz);
         Some(signals.into_par_iter().map(|signals| signals.map(|signal| base.analyser.bins_of(&signal))).collect())
+    }
+
+    /// Whether the simulator has the candidate, at the unknowns `x`.
+    pub fn has_counterpart(&self, candidate: &Candidate, x: &[f64]) -> bool {
+        effects(&self.base.machine, candidate, x, 0.0).is_some()
     }
 
     /// The candidate with templates that give the simulated response at the strength `x` on a machine with the `company`; `None` where they

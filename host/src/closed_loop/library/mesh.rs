@@ -1,22 +1,32 @@
 //! Effects that repeat with every tooth pair: wear, tip relief, profile error, friction.
 
-use super::Bench;
+use super::Responses;
 use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning, quadrature};
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Seat};
 use crate::model::harmonic_balance::{DOF, GEAR, PINION};
+use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
+/// Shares of the path that a relief is tried with before it is refined.
+const RELIEF_SHARES: [f64; 8] = [0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4];
+/// Least share of the path in a scan.
+const LEAST_SHARE: f64 = 0.03;
+/// Step of a scan.
+const SCAN_STEP: f64 = 0.01;
+/// Step at which a share is found.
+const FINEST_STEP: f64 = 5e-4;
+
 /// Candidates on the mesh's own comb.
-pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
+pub fn candidates(bench: &Responses<'_>) -> Vec<Candidate> {
     let mut list = Vec::new();
     for hypothesis in hypotheses() {
         for seat in hypothesis.seats {
             match *seat {
                 Seat::EveryPair(over_path) => list.push(shaped(bench, hypothesis, 1.0, &over_path)),
                 Seat::Ends => {
-                    let all = [1, 2].into_iter().flat_map(|exponent| [0.1, 0.2, 0.35].map(|share| (share, exponent)));
+                    let all = [1, 2].into_iter().flat_map(|exponent| RELIEF_SHARES.map(|share| (share, exponent)));
                     list.extend(all.map(|(share, exponent)| relief(bench, share, exponent)));
                 }
                 Seat::MeshOrders(count) => list.push(shape(bench, Shape::Orders(hypothesis, count))),
@@ -29,8 +39,20 @@ pub fn candidates(bench: &Bench<'_>) -> Vec<Candidate> {
     list
 }
 
+/// The first-order response of this machine to the same deviation of every pair as that of `candidate`; none where it is no effect that every pair has.
+pub fn on(machine: &Responses<'_>, candidate: &Candidate) -> Option<Candidate> {
+    let hypothesis = candidate.hypothesis.filter(|_| candidate.claim == Claim::Named)?;
+    hypothesis.seats.iter().find_map(|seat| match (*seat, candidate.tuning) {
+        (Seat::EveryPair(over_path), _) => Some(shaped(machine, hypothesis, 1.0, &over_path)),
+        (Seat::Ends, Some(Tuning::Relief { share, exponent })) => Some(relief(machine, share, exponent)),
+        (Seat::MeshOrders(count), _) => Some(shape(machine, Shape::Orders(hypothesis, count))),
+        (Seat::Sliding, _) => Some(friction(machine, hypothesis)),
+        _ => None,
+    })
+}
+
 /// Relief of both ends of the path over `share` of it, linear (exponent 1) or parabolic (2).
-pub fn relief(bench: &Bench<'_>, share: f64, exponent: i32) -> Candidate {
+pub fn relief(bench: &Responses<'_>, share: f64, exponent: i32) -> Candidate {
     let ramp = move |x: f64| ((share - x) / share).max(0.0).powi(exponent);
     let hypothesis = hypotheses().find(|h| matches!(h.seats, [Seat::Ends])).expect("an effect relieves the ends");
     let mut relief = shaped(bench, hypothesis, 10.0, &move |x: f64| ramp(x) + ramp(1.0 - x));
@@ -38,36 +60,30 @@ pub fn relief(bench: &Bench<'_>, share: f64, exponent: i32) -> Candidate {
     relief
 }
 
-/// Improves the share by pattern search on `score`.
-pub fn refine_relief(
-    bench: &Bench<'_>,
-    (share, exponent): (f64, i32),
-    score: impl Fn(Candidate) -> f64 + Sync,
-) -> Candidate {
+/// The share of the best `score`: of a scan over all, since high mesh orders swing with it, then by pattern search.
+pub fn refine_relief(bench: &Responses<'_>, exponent: i32, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
     // A parabola over the whole path is wear.
     let widest = if exponent == 1 { 0.5 } else { 0.4 };
-    let relief = |share| relief(bench, share, exponent);
-    let mut best = (score(relief(share)), share);
-    let mut step = 0.05;
-    while step > 0.002 {
-        let next = [best.1 - step, best.1 + step]
-            .into_iter()
-            .filter(|share| (0.03..=widest).contains(share))
-            .map(|share| (score(relief(share)), share))
-            .max_by(|a, b| a.0.total_cmp(&b.0))
-            .unwrap_or(best);
-        if next.0 > best.0 {
-            best = next;
-        } else {
-            step *= 0.4;
+    let within = |share: &f64| (LEAST_SHARE..=widest).contains(share);
+    let best_of = |shares: Vec<f64>| {
+        let scored = shares.into_par_iter().filter(within).map(|share| (score(relief(bench, share, exponent)), share));
+        scored.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let scan = (0..=(widest / SCAN_STEP) as usize).map(|i| i as f64 * SCAN_STEP).collect();
+    let mut best = best_of(scan).expect("the scan lies within");
+    let mut step = 0.5 * SCAN_STEP;
+    while step > FINEST_STEP {
+        match best_of(vec![best.1 - step, best.1 + step]).filter(|next| next.0 > best.0) {
+            Some(next) => best = next,
+            None => step *= 0.4,
         }
     }
-    relief(best.1)
+    relief(bench, best.1, exponent)
 }
 
 /// Error of a given shape on every pair, contact force `-k(s) (e + tau de/dt)`; `shape` over 0..1 of the path.
 fn shaped(
-    bench: &Bench<'_>,
+    bench: &Responses<'_>,
     hypothesis: &'static Hypothesis,
     searched: f64,
     shape: &(dyn Fn(f64) -> f64 + Sync),
@@ -146,7 +162,7 @@ impl Shape {
 ///
 /// The free shapes contain wear, relief and any other error that all teeth share: what they gain over one of those names says how far the
 /// name's shape is off.
-fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
+fn shape(bench: &Responses<'_>, shape: Shape) -> Candidate {
     let machine = &bench.base.machine;
     let z = f64::from(machine.teeth[0]);
     let loaded = matches!(shape, Shape::Stiffness | Shape::FreeStiffness);
@@ -203,7 +219,7 @@ fn shape(bench: &Bench<'_>, shape: Shape) -> Candidate {
 }
 
 /// Sliding friction across the line of action: its torques on both gears, `mu k(s) D lever sign(s - pitch)`.
-fn friction(bench: &Bench<'_>, hypothesis: &'static Hypothesis) -> Candidate {
+fn friction(bench: &Responses<'_>, hypothesis: &'static Hypothesis) -> Candidate {
     let machine = &bench.base.machine;
     let [rb1, rb2] = machine.base_radius_m;
     let tangent = machine.pressure_angle_rad.tan();

@@ -9,9 +9,10 @@ pub mod mesh;
 pub mod order;
 mod parameter;
 pub mod path;
+mod responses;
 mod teeth;
 
-use super::base_fit::{Base, RunState};
+use super::base_fit::Base;
 use super::candidate::Candidate;
 use super::detect::Found;
 use super::judge::Split;
@@ -19,27 +20,17 @@ use super::least_squares::Data;
 use super::waveform::steady;
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Path, Seat};
-use crate::model::forward::Line;
-use crate::model::harmonic_balance::{Comb, DOF};
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
-use rustfft::num_complex::Complex64 as C;
 use std::sync::OnceLock;
 
+pub use responses::{Excitation, Responses};
 pub use teeth::ToothFamilies;
-
-/// Ratio of the largest to the smallest torque from which what goes with torque is told from what does not.
-const LEAST_TORQUE_RATIO: f64 = 1.05;
-
-/// Excitation of one comb: generalised forces and extra contact force, both per order.
-pub type Excitation = (Vec<[C; DOF]>, Vec<C>);
 
 /// Everything needed to build candidates.
 pub struct Bench<'a> {
-    /// Model and spectra.
-    pub base: &'a Base,
-    /// Angle offset and shaft frequency per run.
-    pub angles: Vec<(f64, f64)>,
+    /// The machine on every run.
+    responses: Responses<'a>,
     /// Responses to single teeth.
     pub teeth: ToothFamilies,
     /// Predicted time signals per run and channel.
@@ -50,13 +41,21 @@ pub struct Bench<'a> {
     plain: OnceLock<Vec<[Bins; 2]>>,
 }
 
+impl<'a> std::ops::Deref for Bench<'a> {
+    type Target = Responses<'a>;
+
+    fn deref(&self) -> &Responses<'a> {
+        &self.responses
+    }
+}
+
 impl<'a> Bench<'a> {
     /// Prepares the parts that do not depend on the residual.
     pub fn new(base: &'a Base) -> Self {
-        let angles: Vec<(f64, f64)> = base.runs.iter().map(|r| (r.angle.offset_rad, r.angle.shaft_hz)).collect();
-        let teeth = ToothFamilies::new(base, &angles);
+        let responses = Responses::new(base);
+        let teeth = ToothFamilies::new(base, &responses.angles);
         let waveforms = base.runs.par_iter().map(|run| steady(&base.analyser, run)).collect();
-        let mut bench = Self { base, angles, teeth, waveforms, fixed: Vec::new(), plain: OnceLock::new() };
+        let mut bench = Self { responses, teeth, waveforms, fixed: Vec::new(), plain: OnceLock::new() };
         let mut fixed = mesh::candidates(&bench);
         fixed.extend(parameter::candidates(&bench));
         for order in bench.shaft_orders() {
@@ -74,37 +73,6 @@ impl<'a> Bench<'a> {
     /// Orders that are always tried: one and two per turn of either shaft.
     pub fn shaft_orders(&self) -> [f64; 4] {
         [1.0, self.ratio(), 2.0, 2.0 * self.ratio()]
-    }
-
-    /// Teeth ratio: order of the gear's rotation per pinion turn.
-    pub fn ratio(&self) -> f64 {
-        f64::from(self.base.machine.teeth[0]) / f64::from(self.base.machine.teeth[1])
-    }
-
-    /// Whether the runs' torques differ by enough to tell what goes with torque from what does not.
-    pub fn torques_differ(&self) -> bool {
-        let torques = || self.base.runs.iter().map(|run| run.torque_n_m.abs());
-        torques().fold(0.0, f64::max) > LEAST_TORQUE_RATIO * torques().fold(f64::INFINITY, f64::min)
-    }
-
-    /// Response lines of several excitations on the comb with the given centre order (per run): `[excitation][run]`.
-    pub fn respond(
-        &self,
-        centre: impl Fn(&RunState) -> f64 + Sync,
-        excite: impl Fn(&RunState, &Comb) -> Vec<Excitation> + Sync,
-    ) -> Vec<Vec<Vec<Line>>> {
-        let per_run: Vec<Vec<Vec<Line>>> = self
-            .base
-            .runs
-            .par_iter()
-            .map(|run| {
-                let machine = &self.base.machine;
-                let comb = machine.comb(centre(run), run.angle.shaft_hz);
-                excite(run, &comb).iter().map(|(f, g)| machine.respond(&comb, f, g).lines).collect()
-            })
-            .collect();
-        let count = per_run.first().map_or(0, Vec::len);
-        (0..count).map(|e| per_run.iter().map(|run| run[e].clone()).collect()).collect()
     }
 
     /// Hands out all candidates for the present residual, part by part because of their size: fixed library, detected orders, detected frequencies.

@@ -1,7 +1,7 @@
 //! Effects seated at one order of the pinion or at one fixed frequency: the response to every sinusoid that an effect of the registry names
 //! as its seat, under that effect's name where it earns it.
 
-use super::{Bench, Excitation};
+use super::{Excitation, Responses};
 use crate::closed_loop::base_fit::RunState;
 use crate::closed_loop::candidate::{Candidate, Claim, Parameter, Template, Tuning, quadrature};
 use crate::closed_loop::detect::Found;
@@ -40,7 +40,7 @@ fn effect_of(wave: Wave, order: Option<f64>, ratio: f64) -> (&'static Hypothesis
 }
 
 /// Whether a sinusoid is worth a trial: of an effect's forces that only the power of torque tells apart, the first alone where the runs' torques cannot.
-fn is_told_apart(bench: &Bench<'_>, wave: Wave, order: Option<f64>) -> bool {
+fn is_told_apart(bench: &Responses<'_>, wave: Wave, order: Option<f64>) -> bool {
     let Wave::Force { at, speed, .. } = wave else { return true };
     let effect = |wave| effect_of(wave, order, bench.ratio()).0.name;
     let same = |other: &&Wave| {
@@ -179,17 +179,25 @@ fn exponents(wave: Wave) -> [f64; 2] {
 }
 
 /// Every excitation seated at `order` of the pinion.
-pub fn at_order(bench: &Bench<'_>, order: f64, searched: f64) -> Vec<Candidate> {
+pub fn at_order(bench: &Responses<'_>, order: f64, searched: f64) -> Vec<Candidate> {
     seated(bench, 0..waves().len(), order, searched)
 }
 
 /// A candidate of [`Tuning::Order`] at another order.
-pub fn moved(bench: &Bench<'_>, candidate: &Candidate, seat: usize, order: f64) -> Candidate {
+pub fn moved(bench: &Responses<'_>, candidate: &Candidate, seat: usize, order: f64) -> Candidate {
     let mut all = seated(bench, seat..seat + 1, order, candidate.searched);
     Candidate { name: candidate.name.clone(), claim: candidate.claim, scanned: candidate.scanned, ..all.remove(0) }
 }
 
-fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched: f64) -> Vec<Candidate> {
+/// The first-order response of this machine to the same sinusoid as that of `candidate`, with its runs started likewise; none where it is no sinusoid at an order.
+pub fn on(machine: &Responses<'_>, candidate: &Candidate) -> Option<Candidate> {
+    let (Some(Seat::Wave(wave)), Some(order)) = (candidate.seat, candidate.order) else { return None };
+    let seat = waves().iter().position(|w| *w == wave)?;
+    let same = seated(machine, seat..seat + 1, order, candidate.searched).pop()?;
+    Some(same.started(candidate.start.clone()))
+}
+
+fn seated(bench: &Responses<'_>, seats: std::ops::Range<usize>, order: f64, searched: f64) -> Vec<Candidate> {
     let machine = &bench.base.machine;
     let (seats, list): (Vec<usize>, Vec<Wave>) =
         seats.map(|seat| (seat, waves()[seat])).filter(|(_, wave)| is_told_apart(bench, *wave, Some(order))).unzip();
@@ -224,7 +232,7 @@ fn seated(bench: &Bench<'_>, seats: std::ops::Range<usize>, order: f64, searched
 }
 
 /// Every excitation at a fixed frequency, phase free in every run: forces on the machine, and a tone added by the acquisition.
-pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found) -> Vec<Candidate> {
+pub fn at_frequency(bench: &Responses<'_>, data: &Data, fit: &[usize], found: Found) -> Vec<Candidate> {
     let base = bench.base;
     let machine = &base.machine;
     let hz = if found.modulation { found.at } else { refine(bench, data, fit, found.at) };
@@ -250,11 +258,11 @@ pub fn at_frequency(bench: &Bench<'_>, data: &Data, fit: &[usize], found: Found)
 }
 
 /// A tone at a multiple of the line frequency with these complex amplitudes in the channels, phase free in every run.
-pub fn line_tone(bench: &Bench<'_>, hz: f64, amplitude: [C; 2]) -> Candidate {
+pub fn line_tone(bench: &Responses<'_>, hz: f64, amplitude: [C; 2]) -> Candidate {
     free_in_every_run(bench, hz, (tone_label(true), [0.0, 0.0], None), &tone_lines(bench, hz, amplitude))
 }
 
-fn tone_lines(bench: &Bench<'_>, hz: f64, amplitude: [C; 2]) -> Vec<Vec<Line>> {
+fn tone_lines(bench: &Responses<'_>, hz: f64, amplitude: [C; 2]) -> Vec<Vec<Line>> {
     bench.base.runs.iter().map(|run| vec![Line { order: hz / run.angle.shaft_hz, amplitude }]).collect()
 }
 
@@ -275,7 +283,7 @@ fn tone_label(mains: bool) -> Label {
 
 /// The candidate of lines at a fixed frequency.
 fn free_in_every_run(
-    bench: &Bench<'_>,
+    bench: &Responses<'_>,
     hz: f64,
     (l, exponents, seat): (Label, [f64; 2], Option<Seat>),
     lines: &[Vec<Line>],
@@ -309,7 +317,7 @@ fn line_frequency(hz: f64, duration_s: f64) -> Option<f64> {
 }
 
 /// Frequency of the largest summed line power within one and a half bins of `hz`.
-fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
+fn refine(bench: &Responses<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
     let power = |f: f64| -> f64 {
         fit.iter()
             .flat_map(|&r| [0, 1].map(|c| (r, c)))
@@ -321,7 +329,7 @@ fn refine(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> f64 {
 }
 
 /// Complex amplitude ratio of the channels of a tone, from all fit runs, the larger channel taken as 1.
-fn channel_pattern(bench: &Bench<'_>, data: &Data, fit: &[usize], hz: f64) -> [C; 2] {
+fn channel_pattern(bench: &Responses<'_>, data: &Data, fit: &[usize], hz: f64) -> [C; 2] {
     let (mut first, mut second, mut cross) = (0.0, 0.0, C::ZERO);
     for &r in fit {
         let a = [0, 1].map(|c| bench.base.analyser.amplitude(&data.residual[r][c], hz).0);

@@ -7,7 +7,7 @@ use super::super::frame::Border;
 use super::super::judge::{Judge, Split, corrected, joint};
 use super::super::least_squares::Data;
 use super::super::library::Bench;
-use super::super::strength::refuted_by_tachometer;
+use super::super::strength::refuted;
 use super::places::Seated;
 use super::proposed::Lines;
 use nalgebra::DVector;
@@ -151,7 +151,7 @@ impl<'a> Scene<'a> {
         let base = self.bench.base;
         let (judge, border) = self.judges[variant].holding(&prepared.borders[variant], x);
         let judged = judge.judge_bordered(prepared.bare.clone(), &border, self.turns.as_deref());
-        if self.adopted.weigh(&judged.figures(self.tests)).is_err() || refuted_by_tachometer(base, &judged).is_err() {
+        if self.adopted.weigh(&judged.figures(self.tests)).is_err() || refuted(base, &judged).is_err() {
             return false;
         }
         let candidate = &judged.candidate;
