@@ -7,9 +7,8 @@
 
 use super::candidate::{Candidate, Claim};
 use super::probability::Probability;
-use serde::Serialize;
+use super::refusal::{Refusal, Refusals};
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// Penalty per real unknown, in units of chi-square: near the logarithm of the number of values of a record (BIC: 10 at 22 000).
 const PER_UNKNOWN: f64 = 10.0;
@@ -82,106 +81,6 @@ pub struct Figures {
     pub phase_free: bool,
     /// Probability of the gain by chance, after correction for the search.
     pub chance: Probability,
-}
-
-/// Why a term is not adopted, or not kept.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Refusal {
-    /// Its score is too low.
-    Unpaid(f64),
-    /// Chance may give as much.
-    Chance(Probability),
-    /// The selection runs want other values: share of the gain that these add.
-    OtherValues(f64),
-    /// It does not predict the selection runs: gain there.
-    NotPredicted(f64),
-    /// Its gain as a share of the strongest term's is within that one's form error.
-    FormError(f64),
-    /// A swing of the shaft that the tachometer would have seen.
-    Tachometer,
-    /// Its strength would be negative, which it cannot.
-    Negative,
-    /// Another explanation was adopted in its place.
-    Outranked(String),
-    /// Next to a newer term it no longer pays.
-    Superseded(f64),
-    /// It does not lower the error of the held-out runs: chi-square without and with it.
-    HeldOut([f64; 2]),
-    /// It leaves this share of the power at its own lines.
-    LeavesItsLines(f64),
-    /// It is a line of impacts at this order.
-    LineOfImpacts(f64),
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unpaid(score) => write!(f, "does not pay for its unknowns: score {score:.1} of {LEAST_SCORE}"),
-            Self::Chance(p) => write!(f, "chance gives as much with probability {p}"),
-            Self::OtherValues(share) => {
-                write!(f, "the selection runs want other values, which gain {:.0} % more", 100.0 * share)
-            }
-            Self::NotPredicted(gain) => write!(f, "does not predict the selection runs: gain {gain:.1}"),
-            Self::FormError(share) => {
-                write!(f, "gains {:.2} % of what the strongest does, within that one's form error", 100.0 * share)
-            }
-            Self::Tachometer => write!(f, "the tachometer would have seen such a swing"),
-            Self::Negative => write!(f, "its strength would be negative"),
-            Self::Outranked(name) => write!(f, "{name} explains more"),
-            Self::Superseded(score) => write!(f, "no longer pays next to the other terms: score {score:.1}"),
-            Self::HeldOut([without, with]) => {
-                write!(
-                    f,
-                    "does not lower the error of the held-out runs: chi-square {without:.0} without, {with:.0} with it"
-                )
-            }
-            Self::LeavesItsLines(share) => write!(f, "leaves {:.0} % of the power at its own lines", 100.0 * share),
-            Self::LineOfImpacts(order) => write!(f, "is a line of impacts at order {order:.4}"),
-        }
-    }
-}
-
-/// An explanation considered and refused.
-#[derive(Debug, Clone, Serialize)]
-pub struct Refused {
-    /// Name or plain description.
-    pub name: String,
-    /// Its best score.
-    pub score: f64,
-    /// Why not.
-    pub reason: String,
-}
-
-/// Best score and reason by name.
-#[derive(Debug, Clone, Default)]
-pub struct Refusals(BTreeMap<String, (f64, Refusal)>);
-
-impl Refusals {
-    /// Notes a refusal; of several of one name the one with the best score stays.
-    pub fn note(&mut self, name: &str, score: f64, refusal: Refusal) {
-        if self.0.get(name).is_none_or(|(best, _)| *best < score) {
-            self.0.insert(name.into(), (score, refusal));
-        }
-    }
-
-    /// Takes over what others noted.
-    pub fn extend(&mut self, others: Self) {
-        others.0.into_iter().for_each(|(name, (score, why))| self.note(&name, score, why));
-    }
-
-    /// Notes why a term that had been adopted went again, whatever its score had been.
-    fn dropped(&mut self, name: &str, refusal: Refusal) {
-        let score = self.0.get(name).map_or(0.0, |(score, _)| *score);
-        self.0.insert(name.into(), (score, refusal));
-    }
-
-    /// All but those adopted in the end.
-    pub fn list(&self, adopted: &[Candidate]) -> Vec<Refused> {
-        let not_adopted = self.0.iter().filter(|(name, _)| adopted.iter().all(|t| t.name != **name));
-        not_adopted
-            .map(|(name, (score, why))| Refused { name: name.clone(), score: *score, reason: why.to_string() })
-            .collect()
-    }
 }
 
 /// Terms adopted so far, in the order of their adoption, and what was refused. Only this file lengthens or shortens the list.
@@ -321,7 +220,7 @@ pub fn score(gain: f64, unknowns: f64, nats: f64) -> f64 {
 /// Why not.
 pub fn significant(figures: &Figures) -> Result<(), Refusal> {
     match figures {
-        f if f.score.is_nan() || f.score <= LEAST_SCORE => Err(Refusal::Unpaid(f.score)),
+        f if f.score.is_nan() || f.score <= LEAST_SCORE => Err(Refusal::Unpaid([f.score, LEAST_SCORE])),
         f if f.chance.value() >= LARGEST_P => Err(Refusal::Chance(f.chance)),
         _ => Ok(()),
     }

@@ -106,9 +106,9 @@ impl<'a> Next<'a> {
         let mut seconds: Vec<Judged> = self
             .bench
             .teeth
-            .candidates(self.bench, &next.rest, self.split, turns)
+            .singles(self.bench, &next.rest, self.split, turns)
             .into_iter()
-            .filter(|c| c.tooth.is_some() && (c.body() == 0 || c.start.turns() == turns))
+            .filter(|c| c.body() == 0 || c.start.turns() == turns)
             .map(|c| next.judge.judge(c))
             .collect();
         at_their_strength(self.bench, &next.judge, self.data, &next.company, &mut Strengths::new(), &mut seconds);

@@ -3,7 +3,7 @@
 //! The residual's weights are renewed after every adopted term. Whether a term is adopted, and what keeps its place next to a newer one, is
 //! the gate's to decide ([`accept`]).
 
-use super::accept::{self, Adopted, Refusals};
+use super::accept::{self, Adopted};
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
 use super::combs::combs;
@@ -14,6 +14,7 @@ use super::library::Bench;
 use super::library::finite::Company;
 use super::lookahead::{is_table, tooth_before_table};
 use super::options::Options;
+use super::refusal::Refusals;
 use super::remainder::power_and_noise;
 use super::start::Start;
 use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_be_simulated, refuted, tune};

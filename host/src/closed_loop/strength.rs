@@ -3,7 +3,7 @@
 //! Modes and reliefs have a shape to be searched; where the response is not proportional to the strength, the declared equations are
 //! simulated at the strength found. Cost: a simulation of every run per step, for the few candidates that may win.
 
-use super::accept::{self, Refusal};
+use super::accept;
 use super::base_fit::{Base, RunState};
 use super::candidate::{Candidate, Tuning};
 use super::judge::{Judge, Judged};
@@ -13,6 +13,7 @@ use super::library::finite::Company;
 use super::library::mesh::refine_relief;
 use super::library::order::moved;
 use super::library::path::refine_mode;
+use super::refusal::Refusal;
 use crate::effects::hypothesis::{Seat, Tooth, Wave};
 use std::collections::BTreeMap;
 

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// Shares of the path that a relief is tried with before it is refined.
 const RELIEF_SHARES: [f64; 8] = [0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4];
 /// Least share of the path in a scan.
-const LEAST_SHARE: f64 = 0.03;
+const NARROWEST_RELIEF: f64 = 0.03;
 /// Step of a scan.
 const SCAN_STEP: f64 = 0.01;
 /// Step at which a share is found.
@@ -64,7 +64,7 @@ pub fn relief(bench: &Responses<'_>, share: f64, exponent: i32) -> Candidate {
 pub fn refine_relief(bench: &Responses<'_>, exponent: i32, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
     // A parabola over the whole path is wear.
     let widest = if exponent == 1 { 0.5 } else { 0.4 };
-    let within = |share: &f64| (LEAST_SHARE..=widest).contains(share);
+    let within = |share: &f64| (NARROWEST_RELIEF..=widest).contains(share);
     let best_of = |shares: Vec<f64>| {
         let scored = shares.into_par_iter().filter(within).map(|share| (score(relief(bench, share, exponent)), share));
         scored.max_by(|a, b| a.0.total_cmp(&b.0))

@@ -82,51 +82,28 @@ impl ToothFamilies {
         Self { all }
     }
 
-    /// Best single tooth of each kind and gear, and free tables of pitch errors.
+    /// Best single tooth of each kind and gear, and free tables of all teeth.
+    pub fn candidates(&self, bench: &Bench<'_>, data: &Data, split: &Split, turns: Option<&[u32]>) -> Vec<Candidate> {
+        let mut list = self.singles(bench, data, split, turns);
+        list.extend(self.all.iter().map(|families| families.table(bench)));
+        list
+    }
+
+    /// Best single tooth of each kind and gear.
     ///
     /// The gear's single tooth is tried as counted, as `turns` tell, and with every run started where it fits best.
-    pub fn candidates(&self, bench: &Bench<'_>, data: &Data, split: &Split, turns: Option<&[u32]>) -> Vec<Candidate> {
+    pub fn singles(&self, bench: &Bench<'_>, data: &Data, split: &Split, turns: Option<&[u32]>) -> Vec<Candidate> {
         let teeth = bench.base.machine.teeth;
         let hunting = Hunting::of(teeth);
         let mut list = Vec::new();
         for families in &self.all {
-            let z = bench.base.machine.teeth[families.shaft];
-            let shaft = ["pinion", "gear"][families.shaft];
-            let single = one_tooth(families.shaft, families.kind);
-            let order = if families.shaft == 0 { 1.0 } else { bench.ratio() };
-            let likeness = families.likeness(z, data);
+            let likeness = families.likeness(teeth[families.shaft], data);
             let mut starts = vec![likeness.best(&split.fit, Start::Counted, teeth)];
             if families.shaft == 1 && hunting.turns > 1 {
                 starts.push(likeness.best_started(&split.fit, teeth, hunting));
                 starts.extend(turns.map(|t| likeness.best(&split.fit, Start::Given(t.to_vec()), teeth)));
             }
             list.extend(starts.into_iter().map(|(tooth, start)| families.single(bench, tooth, start)));
-            let (name, claim) = match families.kind {
-                Tooth::Displaced => (every_tooth(families.shaft).name.into(), Claim::Named),
-                Tooth::Softened => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
-            };
-            let parameters = (0..families.pairs.len())
-                .map(|m| Parameter {
-                    name: format!("tooth_table_harmonic_{}", m + 1),
-                    unit: single.unit,
-                    first: 2 * m,
-                    complex: true,
-                })
-                .collect();
-            list.push(Candidate {
-                name,
-                claim,
-                family: "shaft-order",
-                shaft,
-                order: Some(order),
-                parameters,
-                templates: families.pairs.iter().flatten().cloned().collect(),
-                exponents: families.exponents(),
-                hypothesis: (families.kind == Tooth::Displaced).then(|| every_tooth(families.shaft)),
-                pair_orders: (1..=families.pairs.len()).map(|m| m as f64 * order).collect(),
-                plain: (families.kind == Tooth::Displaced).then(|| every_tooth(families.shaft).plain.into()),
-                ..Candidate::default()
-            });
         }
         list
     }
@@ -155,6 +132,34 @@ impl Families {
     /// Powers of speed and torque of one tooth's excitation.
     fn exponents(&self) -> [f64; 2] {
         if self.kind == Tooth::Displaced { [0.0, 0.0] } else { [0.0, 1.0] }
+    }
+
+    /// A value of its own for every tooth.
+    fn table(&self, bench: &Bench<'_>) -> Candidate {
+        let shaft = ["pinion", "gear"][self.shaft];
+        let order = [1.0, bench.ratio()][self.shaft];
+        let displaced = self.kind == Tooth::Displaced;
+        let (name, claim) = match self.kind {
+            Tooth::Displaced => (every_tooth(self.shaft).name.into(), Claim::Named),
+            Tooth::Softened => (format!("periodic stiffness change over one {shaft} turn"), Claim::Generic),
+        };
+        let unit = one_tooth(self.shaft, self.kind).unit;
+        let parameter =
+            |m: usize| Parameter { name: format!("tooth_table_harmonic_{}", m + 1), unit, first: 2 * m, complex: true };
+        Candidate {
+            name,
+            claim,
+            family: "shaft-order",
+            shaft,
+            order: Some(order),
+            parameters: (0..self.pairs.len()).map(parameter).collect(),
+            templates: self.pairs.iter().flatten().cloned().collect(),
+            exponents: self.exponents(),
+            hypothesis: displaced.then(|| every_tooth(self.shaft)),
+            pair_orders: (1..=self.pairs.len()).map(|m| m as f64 * order).collect(),
+            plain: displaced.then(|| every_tooth(self.shaft).plain.into()),
+            ..Candidate::default()
+        }
     }
 
     /// One tooth, with the runs started as `start` says.
