@@ -54,3 +54,67 @@ impl Template {
         *self = Self::new(self.runs.iter().zip(&other.runs).map(|(own, other)| sum(own, other)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::campaign::drawn;
+    use crate::closed_loop::generate::{self, Scenario};
+    use crate::observation::spectrum::Bins;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rustfft::num_complex::Complex64 as C;
+
+    /// Dense bins of templates at `x` in one run and channel.
+    fn dense(templates: &[Template], x: &[f64], run: usize, channel: usize, bins: usize) -> Bins {
+        let mut sum = vec![C::ZERO; bins];
+        for (template, x) in templates.iter().zip(x) {
+            template.runs[run][channel].iter().for_each(|(bin, value)| sum[bin] += value * *x);
+        }
+        sum
+    }
+
+    fn power(bins: &[C]) -> f64 {
+        bins.iter().map(|x| x.norm_sqr()).sum()
+    }
+
+    #[test]
+    fn ref_sensitivities_hold_what_a_parameter_does_to_a_ripple() {
+        let mut random = ChaCha8Rng::seed_from_u64(1003);
+        let declared = drawn::machine(&mut random).unwrap();
+        let mut scenario = Scenario::null(&declared.shafts, 7);
+        scenario.duration_s = 0.5;
+        drawn::layout(&declared, &mut scenario, &mut random);
+        let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
+        let mut base = Base::new(&record);
+        let of_machine = base.nuisances.clone();
+        let term = order::at_order(&Responses::new(&base), 7.0, 1.0).into_iter().find(|c| c.name == "torque-ripple");
+        let (term, x) = (term.unwrap(), vec![0.3, -0.2]);
+        let bins = base.analyser.bins;
+        entrain(&mut base, std::slice::from_ref(&term), std::slice::from_ref(&x));
+        let mut changed = 0;
+        for (parameter, (name, tolerance)) in TOLERANCES.iter().enumerate() {
+            let mut delta = vec![0.0; TOLERANCES.len()];
+            // To the other side than the derivative's step: what is missed is curvature.
+            delta[parameter] = -STEP * tolerance;
+            let moved = base.alone(base.tried(&delta, 0.0));
+            let there = on(&Responses::new(&moved), &term).unwrap();
+            for run in 0..base.runs.len() {
+                let at = |templates: &[Template], x: &[f64]| dense(templates, x, run, 0, bins);
+                let change: Bins =
+                    at(&there.templates, &x).iter().zip(at(&term.templates, &x)).map(|(a, b)| a - b).collect();
+                let with = std::slice::from_ref(&base.nuisances[parameter]);
+                let predicted = at(with, &[delta[parameter]]);
+                let machine = at(std::slice::from_ref(&of_machine[parameter]), &[delta[parameter]]);
+                let missed: Bins = predicted.iter().zip(&machine).zip(&change).map(|((a, b), c)| a - b - c).collect();
+                // Smaller ones are lost in the single precision of the machine's own.
+                if power(&change) > 1e-6 * power(&at(&term.templates, &x)) {
+                    changed += 1;
+                    let share = (power(&missed) / power(&change)).sqrt();
+                    assert!(share < 0.1, "{name}, run {run}: {share:.3} missed");
+                }
+            }
+        }
+        assert!(changed > 5 * base.runs.len(), "{changed}");
+    }
+}

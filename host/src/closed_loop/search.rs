@@ -12,7 +12,7 @@ use super::judge::{Judge, Judged, Split, corrected, joint};
 use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::Company;
-use super::lookahead::{is_table, tooth_before_table};
+use super::lookahead::{Next, is_table};
 use super::options::Options;
 use super::refusal::Refusals;
 use super::remainder::power_and_noise;
@@ -141,10 +141,12 @@ pub fn search(
             strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
         }
         let best = winner(&judged, &accepted, tests);
-        let tooth = best.and_then(|best| {
+        let tooth = best.map(|best| &judged[best]).filter(|best| is_table(&best.candidate)).and_then(|table| {
             let passes = |j: &Judged| is_adoptable(j, &accepted, tests);
-            let terms: Vec<&Candidate> = accepted.iter().collect();
-            tooth_before_table(bench, &data, split, &terms, &judged, best, passes)
+            let next = Next::to(bench, &data, split, &accepted.iter().collect::<Vec<_>>());
+            let tooth = next.tooth_before(table, &judged, passes);
+            memory.tried += next.tried();
+            tooth
         });
         let winner = tooth.or_else(|| best.map(|i| (i, judged[i].clone())));
         note_refused(&judged, &mut accepted, winner.as_ref().map(|w| w.0), tests);

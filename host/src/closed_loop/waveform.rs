@@ -316,3 +316,37 @@ pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out
     }
     Some(found)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::campaign::drawn;
+    use crate::closed_loop::generate::{self, Scenario};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// A machine with 67 teeth: 24 harmonics, solved for at least, reach beyond half the sampling rate.
+    #[test]
+    fn regress_a_time_signal_holds_the_prediction_and_nothing_folded() {
+        let mut random = ChaCha8Rng::seed_from_u64(960_101);
+        let declared = drawn::machine(&mut random).unwrap();
+        let mut scenario = Scenario::null(&declared.shafts, random.random());
+        scenario.duration_s = 1.0;
+        drawn::layout(&declared, &mut scenario, &mut random);
+        let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
+        let base = Base::new(&record);
+        let beyond = |run: &RunState| {
+            let top = run.own.solution.lines.last().map_or(0.0, |line| line.order);
+            top * run.angle.shaft_hz > 0.5 * base.analyser.rate_hz
+        };
+        assert!(base.runs.iter().any(beyond), "no order of this machine folds");
+        let power = |bins: &[C]| bins.iter().skip(8).map(|x| x.norm_sqr()).sum::<f64>();
+        for run in &base.runs {
+            for (signal, model) in complete(&base.analyser, run).iter().zip(&run.model) {
+                let bins = base.analyser.bins_of(signal);
+                let off: Vec<C> = bins.iter().zip(model).map(|(a, b)| a - b).collect();
+                assert!(power(&off) < 1e-8 * power(model), "{:.1e}", power(&off) / power(model));
+            }
+        }
+    }
+}

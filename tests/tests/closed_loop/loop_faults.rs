@@ -120,6 +120,23 @@ fn loop_fits_two_eccentricities_whose_product_matters_together() {
 }
 
 #[test]
+fn loop_names_a_crack_and_a_displaced_tooth_of_one_gear() {
+    // A table of all teeth explains more than either alone.
+    let both = ["pitch-error:single=2.4e-6,tooth=3,gear=1", "tooth-crack:loss=0.4,tooth=18,gear=1"];
+    let found = outcome(&both, 39);
+    print!("{}", found.summary());
+    assert_eq!(found.effects.len(), 2, "{:?}", found.effects);
+    for (name, parameter, truth) in
+        [("gear-pitch-error", "single_tooth_offset", 2.4e-6), ("gear-tooth-crack", "stiffness_loss of tooth", 0.4)]
+    {
+        let effect = found.effects.iter().find(|e| e.verdict == "named" && e.name == name).expect(name);
+        assert!((value(effect, parameter) / truth - 1.0).abs() < 0.02, "{name}: {:?}", effect.parameters);
+    }
+    let held_out = found.error.held_out_runs.shaft_synchronous;
+    assert!(held_out.corrected < 1.3 * held_out.noise_floor, "{held_out:?}");
+}
+
+#[test]
 fn loop_names_a_fault_of_the_measuring_path() {
     let plain = generated(&[], 37);
     let peak = plain.runs.iter().flat_map(|r| &r.channels[0]).fold(0.0_f64, |m, x| m.max(x.abs()));
