@@ -58,7 +58,7 @@ pub struct RunState {
     /// Model bins, both channels.
     pub model: [Bins; 2],
     /// The machine's steady state.
-    pub own: Balanced,
+    pub own: Solution,
     /// The part of it on the orders used for small effects ([`Machine::comb`]).
     pub inner: Solution,
 }
@@ -125,35 +125,38 @@ impl Base {
         let mut analyser = Analyser::new(samples, record.sample_rate_hz);
         analyser.up_to(record.top_hz);
         let machine = Machine::new(&record.pair, &record.shafts, &record.curve);
-        let runs = record
+        let (runs, balanced): (Vec<RunState>, Vec<Balanced>) = record
             .runs
             .par_iter()
             .map(|run| {
                 let angle = Angle::fit(run, record.pulses_per_rev, record.jitter_s);
-                let own = machine.run(Operating { shaft_hz: angle.shaft_hz, torque_n_m: run.input_torque_n_m });
+                let balanced = machine.run(Operating { shaft_hz: angle.shaft_hz, torque_n_m: run.input_torque_n_m });
                 let measured = [0, 1].map(|c| analyser.bins_of(&run.channels[c][..samples]));
-                let model = bins(&analyser, &angle, machine.prediction(&own));
-                let inner = own.solution.within(machine.harmonics(angle.shaft_hz) as usize);
-                RunState { angle, torque_n_m: run.input_torque_n_m, measured, model, own, inner }
+                let model = bins(&analyser, &angle, machine.prediction(&balanced));
+                let inner = balanced.solution.within(machine.harmonics(angle.shaft_hz) as usize);
+                let (torque_n_m, own) = (run.input_torque_n_m, balanced.solution.clone());
+                (RunState { angle, torque_n_m, measured, model, own, inner }, balanced)
             })
-            .collect();
+            .unzip();
         let change = vec![0.0; TOLERANCES.len()];
         let (pulses_per_rev, nuisances, priors) = (record.pulses_per_rev, Vec::new(), Vec::new());
         let mut base = Self { analyser, machine, runs, pulses_per_rev, change, nuisances, priors };
-        base.linearise();
+        base.linearise(&balanced);
         base
     }
 
-    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error.
-    fn linearise(&mut self) {
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error. The factorised combs of its own
+    /// machine, which make up most of a run's memory, are needed for nothing else.
+    fn linearise(&mut self, balanced: &[Balanced]) {
         let (machine, analyser) = (&self.machine, &self.analyser);
         let per_run: Vec<Vec<[Sparse; 2]>> = self
             .runs
             .par_iter()
-            .map(|run| {
+            .zip(balanced)
+            .map(|(run, balanced)| {
                 let angle = &run.angle;
                 machine
-                    .jacobian(&run.own)
+                    .jacobian(balanced)
                     .iter()
                     .map(|lines| analyser.templates_of_lines(lines, angle.offset_rad, angle.shaft_hz, NUISANCE_REACH))
                     .collect()
@@ -165,7 +168,7 @@ impl Base {
             TOLERANCES.iter().zip(&self.change).map(|((_, sigma), done)| (1.0 / (sigma * sigma), -done)).collect();
         for r in 0..self.runs.len() {
             let run = &self.runs[r];
-            let lines = machine.prediction(&run.own);
+            let lines = &run.own.lines;
             let turned: Vec<_> = lines
                 .iter()
                 .map(|line| Line { order: line.order, amplitude: line.amplitude.map(|a| a * C::new(0.0, line.order)) })
@@ -318,7 +321,7 @@ impl Base {
             measured: Default::default(),
             model,
             inner: own.solution.within(machine.harmonics(angle.shaft_hz) as usize),
-            own,
+            own: own.solution,
         };
         let runs = self.runs.iter().zip(runs).map(of_run).collect();
         let (analyser, pulses_per_rev) = (self.analyser.clone(), self.pulses_per_rev);
@@ -336,12 +339,14 @@ impl Base {
     /// Takes a machine tried for its own.
     pub fn take(&mut self, trial: Trial) {
         let Trial { machine, change, runs } = trial;
+        let mut balanced = Vec::new();
         for (run, RunOnTrial { angle, own, model }) in self.runs.iter_mut().zip(runs) {
             run.inner = own.solution.within(machine.harmonics(angle.shaft_hz) as usize);
-            (run.angle, run.own, run.model) = (angle, own, model);
+            (run.angle, run.own, run.model) = (angle, own.solution.clone(), model);
+            balanced.push(own);
         }
         (self.machine, self.change) = (machine, change);
-        self.linearise();
+        self.linearise(&balanced);
     }
 
     /// Moves the declared parameters by `delta` (relative to the present ones) and recomputes everything.

@@ -17,10 +17,11 @@ use super::options::Options;
 use super::refusal::Refusals;
 use super::remainder::power_and_noise;
 use super::start::Start;
-use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_be_simulated, refuted, tune};
+use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_win, refuted, tune};
 use super::together::{together, unknowns};
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Most times that the declared parameters are centred again with effects in the fit.
 const MOST_CENTRED: usize = 2;
@@ -32,6 +33,9 @@ const MUCH: f64 = 0.2;
 const MOST_RIVALS: usize = 60;
 /// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may become one.
 const MOST_KEPT: usize = MOST_RIVALS + 20;
+/// Of these, candidates of one name, and of the rivals: places of an effect far behind its best explain nothing.
+const MOST_OF_A_NAME: usize = 4;
+const MOST_RIVALS_OF_A_NAME: usize = 2;
 /// Candidates of every round whose refusal is noted.
 const MOST_NOTED: usize = 30;
 
@@ -105,12 +109,14 @@ pub fn search(
             candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
             judged.par_extend(candidates.into_par_iter().map(|c| judge.judge_started(c, turns.as_deref())));
             judged.sort_by(|a, b| b.score.total_cmp(&a.score));
-            forget_responses(&mut judged);
+            forget_responses(bench, &mut judged);
         });
         tune(bench, &judge, &mut judged);
         let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
         at_their_strength(bench, &judge, &data, &company, &mut memory.strengths, &mut judged);
         memory.tried += judge.tried();
+        // As large as the next one.
+        drop(judge);
         judged.retain(|j| match refuted(base, j) {
             Ok(()) => true,
             Err(why) => {
@@ -199,9 +205,15 @@ fn is_adoptable(judged: &Judged, accepted: &Adopted, tests: f64) -> bool {
     !judged.candidate.templates.is_empty() && accepted.weigh(&judged.figures(tests)).is_ok()
 }
 
-/// Adds a round's rivals; of tables of all teeth, most of the memory, the newest alone stay.
+/// Adds a round's rivals, at few places of a name; of tables of all teeth, most of the memory, the newest alone stay.
 fn keep_rivals(pool: &mut Vec<Candidate>, rivals: impl Iterator<Item = Candidate>) {
+    let mut of_name: BTreeMap<String, usize> = BTreeMap::new();
     for rival in rivals {
+        let own = of_name.entry(rival.name.clone()).or_default();
+        *own += 1;
+        if *own > MOST_RIVALS_OF_A_NAME {
+            continue;
+        }
         if is_table(&rival) {
             pool.retain(|older| !is_table(older) || older.name != rival.name);
         }
@@ -223,9 +235,14 @@ fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<usize>
 }
 
 /// Drops the responses, most of the loop's memory, of candidates (best first) that nothing more will be asked of but their score.
-fn forget_responses(judged: &mut [Judged]) {
+fn forget_responses(bench: &Bench<'_>, judged: &mut [Judged]) {
+    let best = judged.first().map_or(0.0, |j| j.score);
+    let mut of_name: BTreeMap<String, usize> = BTreeMap::new();
     for (rank, j) in judged.iter_mut().enumerate() {
-        if (rank >= MOST_KEPT || j.score <= 0.0) && !may_be_simulated(j) {
+        let own = of_name.entry(j.candidate.name.clone()).or_default();
+        *own += 1;
+        let is_kept = *own <= MOST_OF_A_NAME && rank < MOST_KEPT && j.score > 0.0;
+        if !is_kept && !may_win(bench, best, j) {
             j.candidate.templates = Vec::new();
         }
     }

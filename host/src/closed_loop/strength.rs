@@ -96,10 +96,12 @@ fn carried(bench: &Bench<'_>, judged: &Judged) -> bool {
         && bench.shaft_orders()[..2].iter().any(|o| candidate.order == Some(*o))
 }
 
-/// Whether it gains enough, and bends, so that its response at its own strength may be asked for.
-pub fn may_be_simulated(judged: &Judged) -> bool {
+/// Whether its response at its own strength may yet make it the best, next to a `best` score.
+pub fn may_win(bench: &Bench<'_>, best: f64, judged: &Judged) -> bool {
     let candidate = &judged.candidate;
-    candidate.bends() && !candidate.phase_free && judged.gain > FINITE_GAIN && !judged.x.is_empty()
+    let is_simulated =
+        candidate.bends() && !candidate.phase_free && judged.gain > FINITE_GAIN && !judged.x.is_empty();
+    is_simulated && (judged.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(bench, judged))
 }
 
 /// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.
@@ -115,9 +117,7 @@ pub fn at_their_strength(
     judged: &mut [Judged],
 ) {
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
-    let may_win =
-        |j: &Judged| may_be_simulated(j) && (j.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(bench, j));
-    let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(&judged[i])).collect();
+    let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(bench, best, &judged[i])).collect();
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     chosen.truncate(MOST_FINITE);
     let mut leader = 0.0_f64;

@@ -4,10 +4,11 @@
 //! leave open. The weights take a share of every line for error of form, whose true size nobody knows beforehand; the data's part is
 //! therefore scaled by what is really left at the term's own lines, over what the weights allow for (Birge 1932). So model discrepancy enters as an
 //! estimated variance and there is no floor. Where there are speeds enough, a law that does not hold from speed to speed shows in a jackknife by speed
-//! (Tukey 1958), and the larger of both counts. Cost: one more solution, and one per speed.
+//! (Tukey 1958), and the larger of both counts. A shape that was searched, the share of a relief, is an unknown like the others here. Cost: one more solution, and one per speed.
 
 use super::base_fit::Base;
 use super::candidate::Candidate;
+use super::entrained::shape_slopes;
 use super::frame::Frame;
 use super::judge::{columns, corrected};
 use super::least_squares::{Column, Data, subtract};
@@ -16,6 +17,8 @@ use rustfft::num_complex::Complex64 as C;
 
 /// Speeds from which their spread is an estimate.
 const LEAST_SPEEDS: usize = 4;
+/// Standard deviation of a shape, the share of the path that a relief covers, before the record is asked.
+const WIDEST_SHAPE: f64 = 0.2;
 /// Share of a term's largest whitened power in a bin from which the bin is one of its lines.
 const OWN_LINE: f64 = 1e-3;
 /// Bins from which what is left at them is an estimate.
@@ -23,7 +26,9 @@ const LEAST_BINS: f64 = 12.0;
 
 /// Standard errors of all unknowns `x`, nuisances first, as fitted over `runs`.
 pub fn standard_errors(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], x: &[f64]) -> Vec<f64> {
-    let columns = columns(base, terms);
+    let shapes = shape_slopes(base, terms, &x[base.nuisances.len()..]);
+    let mut columns = columns(base, terms);
+    columns.extend(shapes.iter().map(|template| Column { template, prior: (1.0 / WIDEST_SHAPE.powi(2), 0.0) }));
     let frame = Frame::new(data, &columns);
     let covariance = frame.estimate(runs, None).covariance;
     let rest = corrected(base, data, x, terms);

@@ -48,7 +48,7 @@ pub fn steady(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
 
 /// The same with every order of the machine's steady state.
 pub fn complete(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
-    at_straight_line(analyser, run, &run.own.solution.lines)
+    at_straight_line(analyser, run, &run.own.lines)
 }
 
 fn at_straight_line(analyser: &Analyser, run: &RunState, lines: &[Line]) -> [Vec<f64>; 2] {
@@ -336,7 +336,7 @@ mod tests {
         let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
         let base = Base::new(&record);
         let beyond = |run: &RunState| {
-            let top = run.own.solution.lines.last().map_or(0.0, |line| line.order);
+            let top = run.own.lines.last().map_or(0.0, |line| line.order);
             top * run.angle.shaft_hz > 0.5 * base.analyser.rate_hz
         };
         assert!(base.runs.iter().any(beyond), "no order of this machine folds");

@@ -152,7 +152,7 @@ fn folded(bench: &Bench<'_>) -> Candidate {
         let f = run.angle.shaft_hz;
         let first = (0.5 * rate / (f * z)).ceil() as i64;
         let last = ((rate + BAND_HZ) / (f * z)) as i64;
-        let own = &run.own.solution;
+        let own = &run.own;
         let inner = own.lines.iter().filter(|line| (first as f64 - 0.5) * z < line.order).cloned();
         let lines: Vec<Line> = inner
             .chain(machine.beyond(own, f, first..=last))

@@ -100,8 +100,12 @@ impl ToothFamilies {
             let likeness = families.likeness(teeth[families.shaft], data);
             let mut starts = vec![likeness.best(&split.fit, Start::Counted, teeth)];
             if families.shaft == 1 && hunting.turns > 1 {
-                starts.push(likeness.best_started(&split.fit, teeth, hunting));
                 starts.extend(turns.map(|t| likeness.best(&split.fit, Start::Given(t.to_vec()), teeth)));
+                let fitted = likeness.best_started(&split.fit, teeth, hunting);
+                let is_new = |(tooth, start): &(u32, Start)| *tooth != fitted.0 || start.turns() != fitted.1.turns();
+                if starts.iter().all(is_new) {
+                    starts.push(fitted);
+                }
             }
             list.extend(starts.into_iter().map(|(tooth, start)| families.single(bench, tooth, start)));
         }
