@@ -22,6 +22,12 @@ impl Template {
         Self { runs: runs.into_iter().map(Arc::new).collect() }
     }
 
+    /// `p` times this and `q` times the other.
+    pub fn mixed(&self, p: f64, other: &Self, q: f64) -> Self {
+        let sum = |own: &[Sparse; 2], other: &[Sparse; 2]| [0, 1].map(|c| Sparse::mixed(&own[c], p, &other[c], q));
+        Self::new(self.runs.iter().zip(&other.runs).map(|(own, other)| sum(own, other)))
+    }
+
     /// The template restricted to one run.
     pub fn only(&self, run: usize) -> Self {
         let empty = Arc::<[Sparse; 2]>::default();

@@ -9,14 +9,11 @@
 //! teeth and the path keep the sensitivities of the machine alone.
 
 use super::base_fit::{Base, TOLERANCES};
-use super::candidate::{Candidate, Template, Tuning};
+use super::candidate::Candidate;
 use super::library::{Responses, mesh, order};
-use crate::observation::spectrum::Sparse;
 
 /// Change of a parameter for a derivative, as a share of its tolerance.
 const STEP: f64 = 0.1;
-/// Change of a relief's share of the path for a derivative.
-const SHARE_STEP: f64 = 0.002;
 
 /// Adds to the sensitivities of `base` what its parameters do to `accepted` at their `unknowns`.
 pub fn entrain(base: &mut Base, accepted: &[Candidate], unknowns: &[Vec<f64>]) {
@@ -43,40 +40,16 @@ pub fn entrain(base: &mut Base, accepted: &[Candidate], unknowns: &[Vec<f64>]) {
     base.nuisances = nuisances;
 }
 
-/// What the share of the path does to the responses of the reliefs among `terms` at their `unknowns`: it was found from the same record, and
-/// a longer relief that is less deep is nearly the same.
-pub fn shape_slopes(base: &Base, terms: &[&Candidate], unknowns: &[f64]) -> Vec<Template> {
-    let machine = Responses::new(base);
-    let mut at = 0;
-    let mut slopes = Vec::new();
-    for term in terms {
-        if let Some(Tuning::Relief { share, exponent }) = term.tuning {
-            let factor = unknowns[at] / (2.0 * SHARE_STEP);
-            let [more, less] = [share + SHARE_STEP, share - SHARE_STEP].map(|s| mesh::relief(&machine, s, exponent));
-            slopes.push(more.templates[0].mixed(factor, &less.templates[0], -factor));
-        }
-        at += term.templates.len();
-    }
-    slopes
-}
-
 /// The first-order response of this machine to the same effect, where it is one of those that are taken along.
 fn on(machine: &Responses<'_>, term: &Candidate) -> Option<Candidate> {
     order::on(machine, term).or_else(|| mesh::on(machine, term))
-}
-
-impl Template {
-    /// `p` times this and `q` times the other.
-    fn mixed(&self, p: f64, other: &Self, q: f64) -> Self {
-        let sum = |own: &[Sparse; 2], other: &[Sparse; 2]| [0, 1].map(|c| Sparse::mixed(&own[c], p, &other[c], q));
-        Self::new(self.runs.iter().zip(&other.runs).map(|(own, other)| sum(own, other)))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::closed_loop::campaign::drawn;
+    use crate::closed_loop::candidate::Template;
     use crate::closed_loop::generate::{self, Scenario};
     use crate::observation::spectrum::Bins;
     use rand::SeedableRng;

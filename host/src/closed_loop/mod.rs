@@ -42,6 +42,7 @@ pub mod replay;
 pub mod report;
 pub mod rivals;
 pub mod search;
+pub mod shapes;
 pub mod start;
 pub mod strength;
 mod summary;

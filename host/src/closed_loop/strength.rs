@@ -99,8 +99,7 @@ fn carried(bench: &Bench<'_>, judged: &Judged) -> bool {
 /// Whether its response at its own strength may yet make it the best, next to a `best` score.
 pub fn may_win(bench: &Bench<'_>, best: f64, judged: &Judged) -> bool {
     let candidate = &judged.candidate;
-    let is_simulated =
-        candidate.bends() && !candidate.phase_free && judged.gain > FINITE_GAIN && !judged.x.is_empty();
+    let is_simulated = candidate.bends() && !candidate.phase_free && judged.gain > FINITE_GAIN && !judged.x.is_empty();
     is_simulated && (judged.score > FINITE_SHARE * best || best > STRONG_SCORE && carried(bench, judged))
 }
 

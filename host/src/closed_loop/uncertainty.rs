@@ -8,10 +8,10 @@
 
 use super::base_fit::Base;
 use super::candidate::Candidate;
-use super::entrained::shape_slopes;
 use super::frame::Frame;
 use super::judge::{columns, corrected};
 use super::least_squares::{Column, Data, subtract};
+use super::shapes;
 use crate::observation::spectrum::OVERDISPERSION;
 use rustfft::num_complex::Complex64 as C;
 
@@ -26,7 +26,7 @@ const LEAST_BINS: f64 = 12.0;
 
 /// Standard errors of all unknowns `x`, nuisances first, as fitted over `runs`.
 pub fn standard_errors(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate], x: &[f64]) -> Vec<f64> {
-    let shapes = shape_slopes(base, terms, &x[base.nuisances.len()..]);
+    let shapes = shapes::slopes(base, terms, &x[base.nuisances.len()..]);
     let mut columns = columns(base, terms);
     columns.extend(shapes.iter().map(|template| Column { template, prior: (1.0 / WIDEST_SHAPE.powi(2), 0.0) }));
     let frame = Frame::new(data, &columns);

@@ -10,6 +10,7 @@ use super::judge::{Judge, Split, corrected, joint};
 use super::least_squares::{Column, Data, subtract};
 use super::outcome::{Effect, Evidence, Value};
 use super::rivals::{Rivals, rivals};
+use super::shapes;
 use super::start::Start;
 use super::uncertainty::standard_errors;
 use crate::spectral::noise_power;
@@ -162,6 +163,8 @@ pub fn verdicts(
             has_rivals: !near.is_empty(),
         });
         let (verdict, name) = worded(term, naming, near);
+        let company: Vec<&Candidate> = terms.iter().enumerate().filter(|(i, _)| *i != index).map(|(_, t)| *t).collect();
+        let range = shapes::others(base, data, split, &company, term);
         effects.push(Effect {
             withheld_because: None,
             verdict: verdict.into(),
@@ -170,7 +173,7 @@ pub fn verdicts(
             shaft: term.shaft.into(),
             order_of_pinion: term.order,
             frequency_hz: term.frequency_hz,
-            parameters: values(term, &all.x[at..], &all.sigma[at..], &seen),
+            parameters: values(term, &all.x[at..], &all.sigma[at..], &seen, range),
             evidence: Evidence {
                 speed_exponent: exponents.map(|e| e[0][0] + term.exponents[0]),
                 speed_exponent_ci95: exponents.map(|e| interval(e[0][0] + term.exponents[0], e[0][1])),
@@ -246,7 +249,14 @@ fn interval(value: f64, half: f64) -> [f64; 2] {
     [value - half, value + half]
 }
 
-fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMap<String, Value> {
+/// Parameters in words; `range`: what a real one is with other shapes as likely.
+fn values(
+    term: &Candidate,
+    x: &[f64],
+    sigma: &[f64],
+    seen: &[usize],
+    range: Option<[f64; 2]>,
+) -> BTreeMap<String, Value> {
     let mut map = BTreeMap::new();
     let value = |v: f64, half: f64, unit: &str| Value { value: v, ci95: interval(v, half), unit: unit.into() };
     for p in &term.parameters {
@@ -268,7 +278,9 @@ fn values(term: &Candidate, x: &[f64], sigma: &[f64], seen: &[usize]) -> BTreeMa
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;
             }
-            map.insert(p.name.clone(), value(v, half, p.unit));
+            let [low, high] = range.unwrap_or([v; 2]);
+            let ci95 = [v.min(low) - half, v.max(high) + half];
+            map.insert(p.name.clone(), Value { value: v, ci95, unit: p.unit.into() });
         }
     }
     map

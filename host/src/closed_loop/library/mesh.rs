@@ -14,7 +14,9 @@ const RELIEF_SHARES: [f64; 8] = [0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4];
 /// Least share of the path in a scan.
 const NARROWEST_RELIEF: f64 = 0.03;
 /// Step of a scan.
-const SCAN_STEP: f64 = 0.01;
+const SCAN_STEP: f64 = 0.005;
+/// Peaks of a scan that are climbed.
+const MOST_PEAKS: usize = 5;
 /// Step at which a share is found.
 const FINEST_STEP: f64 = 5e-4;
 
@@ -60,25 +62,40 @@ pub fn relief(bench: &Responses<'_>, share: f64, exponent: i32) -> Candidate {
     relief
 }
 
-/// The share of the best `score`: of a scan over all, since high mesh orders swing with it, then by pattern search.
+/// The share of the best `score`.
 pub fn refine_relief(bench: &Responses<'_>, exponent: i32, score: impl Fn(Candidate) -> f64 + Sync) -> Candidate {
+    let best = relief_peaks(bench, exponent, score).into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    relief(bench, best.map_or(NARROWEST_RELIEF, |(_, share)| share), exponent)
+}
+
+/// The highest peaks of a `score` over the share, with their shares: by a scan over all, since high mesh orders swing with the share, then by pattern search from
+/// each, since what stands highest at the points of a scan need not be the highest peak.
+pub fn relief_peaks(bench: &Responses<'_>, exponent: i32, score: impl Fn(Candidate) -> f64 + Sync) -> Vec<(f64, f64)> {
     // A parabola over the whole path is wear.
     let widest = if exponent == 1 { 0.5 } else { 0.4 };
-    let within = |share: &f64| (NARROWEST_RELIEF..=widest).contains(share);
-    let best_of = |shares: Vec<f64>| {
-        let scored = shares.into_par_iter().filter(within).map(|share| (score(relief(bench, share, exponent)), share));
-        scored.max_by(|a, b| a.0.total_cmp(&b.0))
+    let scored = |share: f64| match (NARROWEST_RELIEF..=widest).contains(&share) {
+        true => score(relief(bench, share, exponent)),
+        false => f64::NEG_INFINITY,
     };
-    let scan = (0..=(widest / SCAN_STEP) as usize).map(|i| i as f64 * SCAN_STEP).collect();
-    let mut best = best_of(scan).expect("the scan lies within");
-    let mut step = 0.5 * SCAN_STEP;
-    while step > FINEST_STEP {
-        match best_of(vec![best.1 - step, best.1 + step]).filter(|next| next.0 > best.0) {
-            Some(next) => best = next,
-            None => step *= 0.4,
+    let points = (widest / SCAN_STEP).round() as usize;
+    let scan: Vec<f64> = (0..=points + 1).into_par_iter().map(|i| scored(i as f64 * SCAN_STEP)).collect();
+    let is_top = |i: &usize| scan[*i] >= scan[i - 1] && scan[*i] > scan[i + 1];
+    let mut tops: Vec<usize> = (1..=points).filter(is_top).collect();
+    tops.sort_by(|&a, &b| scan[b].total_cmp(&scan[a]));
+    tops.truncate(MOST_PEAKS);
+    let refined = |top: usize| {
+        let mut best = (scan[top], top as f64 * SCAN_STEP);
+        let mut step = 0.5 * SCAN_STEP;
+        while step > FINEST_STEP {
+            let next = [best.1 - step, best.1 + step].map(|share| (scored(share), share));
+            match next.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).filter(|next| next.0 > best.0) {
+                Some(next) => best = next,
+                None => step *= 0.4,
+            }
         }
-    }
-    relief(bench, best.1, exponent)
+        best
+    };
+    tops.into_par_iter().map(refined).collect()
 }
 
 /// Error of a given shape on every pair, contact force `-k(s) (e + tau de/dt)`; `shape` over 0..1 of the path.
@@ -258,4 +275,34 @@ fn friction(bench: &Responses<'_>, hypothesis: &'static Hypothesis) -> Candidate
     );
     let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
     every_pair(hypothesis, machine.teeth, real, [0.0, 1.0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::base_fit::Base;
+    use crate::closed_loop::campaign::drawn;
+    use crate::closed_loop::generate::{self, Scenario};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn ref_the_highest_peak_between_the_points_of_a_scan_is_found_beside_one_on_a_point() {
+        let mut random = ChaCha8Rng::seed_from_u64(1004);
+        let declared = drawn::machine(&mut random).unwrap();
+        let mut scenario = Scenario::null(&declared.shafts, 7);
+        scenario.duration_s = 0.5;
+        drawn::layout(&declared, &mut scenario, &mut random);
+        let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, &scenario).unwrap();
+        let base = Base::new(&record);
+        // Two peaks so narrow that the points of the scan beside the higher one stand below the other.
+        let score = |candidate: Candidate| {
+            let Some(Tuning::Relief { share, .. }) = candidate.tuning else { panic!("a relief has its share") };
+            let peak = |top: f64, at: f64| top / (1.0 + ((share - at) / 0.002).powi(2));
+            peak(100.0, 0.2525) + peak(70.0, 0.35)
+        };
+        let found = refine_relief(&Responses::new(&base), 1, score);
+        let Some(Tuning::Relief { share, exponent: 1 }) = found.tuning else { panic!("{:?}", found.tuning) };
+        assert!((share - 0.2525).abs() < 2.0 * FINEST_STEP, "{share}");
+    }
 }
