@@ -31,7 +31,8 @@ pub fn at_limits(
     random: &mut ChaCha8Rng,
 ) -> Result<Vec<Scored>> {
     let plain = Item { part: NONE_STATED, number, hidden: vec![], level: 0.0 };
-    let (scored, outcome) = made.scored(&plain, &[], &Options { limits: true, ..options.clone() })?;
+    let looped = made.scored(&plain, &[], &Options { limits: true, ..options.clone() })?;
+    let Some((scored, outcome)) = looped else { return Ok(Vec::new()) };
     let wanted = |h: &&Hidden| h.has_floor && (only.is_empty() || only.iter().any(|n| n == h.name));
     let mut stated: Vec<(&'static Hidden, &Limit)> = Vec::new();
     for hidden in effects::hidden().filter(wanted) {
@@ -57,7 +58,7 @@ pub fn at_limits(
         let with = Made { scenario, ..*made };
         let item = Item { part, number, hidden: vec![hidden], level };
         let options = Options { seed: options.seed, ..options.clone() };
-        all.push(with.scored(&item, &[(hidden, strength)], &options)?.0);
+        all.extend(with.scored(&item, &[(hidden, strength)], &options)?.map(|(scored, _)| scored));
     }
     Ok(all)
 }

@@ -271,20 +271,26 @@ fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Resu
     if item.part == limit::PART {
         return limit::at_limits(&made, item.number, &options, &plan.only, &mut rng);
     }
-    Ok(vec![made.scored(item, &hidden, &options)?.0])
+    Ok(made.scored(item, &hidden, &options)?.map(|(scored, _)| scored).into_iter().collect())
 }
 
 impl Made<'_> {
-    /// Makes the record, runs the loop on it and scores what it says; with the outcome.
+    /// Makes the record, runs the loop on it and scores what it says; with the outcome. None, and said, where the loop refuses the record.
     fn scored(
         &self,
         item: &Item,
         hidden: &[(&'static Hidden, f64)],
         options: &Options,
-    ) -> Result<(Scored, super::Outcome)> {
+    ) -> Result<Option<(Scored, super::Outcome)>> {
         let Self { declared, scenario, .. } = self;
         let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, scenario)?;
-        let outcome = close_loop(&record, options)?;
+        let outcome = match close_loop(&record, options) {
+            Ok(outcome) => outcome,
+            Err(why) => {
+                crate::remark!("{} left out, refused by the loop: {why}", item.id());
+                return Ok(None);
+            }
+        };
         let (result, wrong_names) = score::judge(&outcome, hidden);
         let strength = match hidden {
             [(kind, truth)] => score::strength(&outcome, kind, *truth),
@@ -316,7 +322,7 @@ impl Made<'_> {
             bootstrap: outcome.null_records.map(|n| [n.at_least, n.records]),
             seconds: self.started.elapsed().as_secs_f64(),
         };
-        Ok((scored, outcome))
+        Ok(Some((scored, outcome)))
     }
 }
 

@@ -69,8 +69,17 @@ pub fn limits(bench: &Bench<'_>, data: &Data, split: &Split, adopted: &Adopted, 
 
 /// The strength from which on effects are found in a share of the places: none where they never are.
 fn found_in(share: f64, places: &[Vec<Turn>]) -> Option<f64> {
-    // k of n places stand for a share k / (n + 1) of further ones on average.
-    let needed = ((share * (places.len() + 1) as f64).ceil() as usize).min(places.len());
+    // k of n places stand for a share k / (n + 1) of further ones on average; between two of them, for one between.
+    let needed = (share * (places.len() + 1) as f64).min(places.len() as f64);
+    let [fewer, more] = [needed.floor(), needed.ceil()].map(|needed| found_at(needed as usize, places));
+    let more = more?;
+    let fewer = fewer.unwrap_or(more);
+    let between = fewer.ln() + needed.fract() * (more.ln() - fewer.ln());
+    Some(between.exp()).filter(|strength| strength.is_finite())
+}
+
+/// The strength from which on effects are found at so many of the places.
+fn found_at(needed: usize, places: &[Vec<Turn>]) -> Option<f64> {
     let mut count = places.iter().filter(|turns| turns.last().is_some_and(|turn| turn.found_above)).count();
     let mut turns: Vec<Turn> = places.iter().flatten().copied().collect();
     turns.sort_by(|a, b| b.strength.total_cmp(&a.strength));
@@ -112,11 +121,13 @@ mod tests {
         };
         // Three places: found from 1, from 4, and from 2 but for 3 to 5.
         let places = [at(&[(1.0, true)]), at(&[(4.0, true)]), at(&[(2.0, true), (3.0, false), (5.0, true)])];
-        assert_eq!(found_in(0.5, &places), Some(4.0));
-        assert_eq!(found_in(0.9, &places), Some(5.0));
+        let is = |share: f64, strength: f64| (found_in(share, &places).unwrap() / strength - 1.0).abs() < 1e-9;
+        assert!(is(0.5, 4.0) && is(0.9, 5.0), "{:?} {:?}", found_in(0.5, &places), found_in(0.9, &places));
+        // Half way between one place and two, which stand for a quarter and a half of further ones: between 1 and 4.
+        assert!(is(0.375, 2.0), "{:?}", found_in(0.375, &places));
         // One that is never found, and one only beyond what can be simulated.
         let places = [at(&[(1.0, true)]), at(&[]), at(&[(f64::INFINITY, true)])];
-        assert_eq!(found_in(0.25, &places), Some(1.0));
+        assert!((found_in(0.25, &places).unwrap() - 1.0).abs() < 1e-9);
         assert_eq!(found_in(0.5, &places), None);
         assert_eq!(found_in(0.9, &places), None);
     }
