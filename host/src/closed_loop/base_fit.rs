@@ -145,8 +145,8 @@ impl Base {
         base
     }
 
-    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error. The factorised combs of its own
-    /// machine, which make up most of a run's memory, are needed for nothing else.
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error: all that the factorised combs of
+    /// the runs are needed for.
     fn linearise(&mut self, balanced: &[Balanced]) {
         let (machine, analyser) = (&self.machine, &self.analyser);
         let per_run: Vec<Vec<[Sparse; 2]>> = self
