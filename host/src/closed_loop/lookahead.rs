@@ -2,9 +2,10 @@
 //!
 //! A cracked tooth beside a displaced one on the same gear is like neither at first: a table of all teeth, with dozens of unknowns, explains more than each alone. Taken
 //! strongest first the table would win, and the two causes would never be told. So where a table would be taken, the best single teeth of its gear are each tried together
-//! with the best second one that they leave, at its own strength; where such a pair scores higher than the table, its first tooth is taken, and the next round finds the second. Cost: for each of two
-//! teeth, one round of the single teeth alone. Limits: three teeth at once stay a table; a run whose start the first tooth got wrong
-//! for the second's sake keeps it, and then the two are not fitted together.
+//! with the best second one that they leave, at its own strength; where such a pair scores higher than the table, its first tooth is taken, and the next round finds the second.
+//!
+//! A tooth that finds the starts of the runs alone takes the other one for itself in some of them; the table, which has both, does not. So each kind is also tried
+//! on its best tooth with the runs started as for the table. Cost: for each of at most four teeth, one round of the single teeth alone. Limit: three teeth at once stay a table.
 //!
 //! A single tooth that explains nearly all that the table does goes first without a second: what the table has beyond it may be no more than how far strong effects, not yet fitted together,
 //! are off in form. A table that is more than that is found next to the tooth.
@@ -28,6 +29,12 @@ const NEARLY_ALL: f64 = 0.9;
 /// Whether it describes a tooth of its own for every tooth of a gear.
 pub fn is_table(candidate: &Candidate) -> bool {
     candidate.tooth.is_none() && candidate.pair_orders.len() > 1
+}
+
+/// Whether two are the same on the same tooth, with the same starts.
+fn is_same(a: &Judged, b: &Judged) -> bool {
+    let of = |j: &Judged| (j.candidate.name.clone(), j.candidate.tooth);
+    of(a) == of(b) && a.candidate.start.turns() == b.candidate.start.turns()
 }
 
 /// Single teeth next to the terms there are.
@@ -68,29 +75,44 @@ impl<'a> Next<'a> {
     }
 
     /// Which of the `judged`, best first, goes before a `table`, and that one at its own strength: a tooth that explains nearly all of it, or the first of a pair that
-    /// scores higher. `passes`: whether the gate lets one in.
+    /// scores higher. No place in the list: one of them on the table's starts. `passes`: whether the gate lets one in.
     pub fn tooth_before(
         &self,
         table: &Judged,
         judged: &[Judged],
         passes: impl Fn(&Judged) -> bool,
-    ) -> Option<(usize, Judged)> {
+    ) -> Option<(Option<usize>, Judged)> {
         let is_first = |j: &Judged| {
             let candidate = &j.candidate;
             candidate.tooth.is_some() && candidate.shaft == table.candidate.shaft && passes(j)
         };
-        let first = |(index, j): (usize, &Judged)| (index, self.at_its_strength(j.clone()));
-        let firsts: Vec<(usize, Judged)> =
+        let first = |(index, j): (usize, &Judged)| (Some(index), self.at_its_strength(j.clone()));
+        let mut firsts: Vec<(Option<usize>, Judged)> =
             judged.iter().enumerate().filter(|(_, j)| is_first(j)).take(MOST_FIRST).map(first).collect();
         if let Some(alone) = firsts.iter().find(|(_, j)| j.gain > NEARLY_ALL * table.gain) {
             return Some(alone.clone());
         }
-        let with_second = |(index, first): (usize, Judged)| {
+        let on_its_starts = self.started_as(table).into_iter().filter(is_first);
+        let new: Vec<Judged> = on_its_starts.filter(|j| firsts.iter().all(|(_, f)| !is_same(f, j))).collect();
+        firsts.extend(new.into_iter().map(|j| (None, self.at_its_strength(j))));
+        let with_second = |(index, first): (Option<usize>, Judged)| {
             let second = self.second(&first)?;
             Some((first.score + second, (index, first)))
         };
         let pairs = firsts.into_iter().filter_map(with_second).filter(|(score, _)| *score > table.score);
         pairs.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, first)| first)
+    }
+
+    /// Best single tooth of each kind on the gear of a `table`, with the runs started as the table found them.
+    fn started_as(&self, table: &Judged) -> Vec<Judged> {
+        let start = &table.candidate.start;
+        let Some(turns) = start.turns() else { return Vec::new() };
+        let teeth = self.bench.teeth.singles(self.bench, &self.rest, self.split, Some(turns)).into_iter();
+        let mut own: Vec<Candidate> =
+            teeth.filter(|c| c.body() == table.candidate.body() && c.start.turns() == Some(turns)).collect();
+        // Starts that the table had to find are found by the tooth as well, at the same price.
+        own.iter_mut().for_each(|c| c.start.clone_from(start));
+        own.into_iter().map(|c| self.judge.judge(c)).collect()
     }
 
     /// The same tooth with its response at its own strength, where that explains more.

@@ -33,6 +33,7 @@ pub mod lookahead;
 pub mod next_measurement;
 pub mod node_check;
 pub mod null_records;
+pub mod one_start;
 pub mod options;
 pub mod outcome;
 pub mod probability;

@@ -13,6 +13,7 @@ use super::least_squares::Data;
 use super::library::Bench;
 use super::library::finite::Company;
 use super::lookahead::{Next, is_table};
+use super::one_start::one_start;
 use super::options::Options;
 use super::refusal::Refusals;
 use super::remainder::power_and_noise;
@@ -154,8 +155,8 @@ pub fn search(
             memory.tried += next.tried();
             tooth
         });
-        let winner = tooth.or_else(|| best.map(|i| (i, judged[i].clone())));
-        note_refused(&judged, &mut accepted, winner.as_ref().map(|w| w.0), tests);
+        let winner = tooth.or_else(|| best.map(|i| (Some(i), judged[i].clone())));
+        note_refused(&judged, &mut accepted, winner.as_ref().map(|(i, w)| (*i, w.candidate.name.as_str())), tests);
         let rivals = judged.into_iter().filter(|j| j.score > 0.0 && !j.candidate.templates.is_empty());
         keep_rivals(&mut pool, rivals.take(MOST_RIVALS).map(|j| j.candidate));
         let Some((_, winner)) = winner else { break };
@@ -168,6 +169,10 @@ pub fn search(
             break;
         }
         accepted.supersede(|term, others| Judge::new(base, &data, split, others).judge(term.clone()).score);
+        if strong && let Some(one) = one_start(bench, &data, &seen, accepted.refine()) {
+            say("teeth of one gear fitted with one start of every run");
+            turns = Some(one);
+        }
         let joined = strong && together(bench, &mut data, &raw, &seen, accepted.refine());
         if joined {
             say("strong terms fitted together on the machine that has all of them");
@@ -222,8 +227,8 @@ fn keep_rivals(pool: &mut Vec<Candidate>, rivals: impl Iterator<Item = Candidate
 }
 
 /// Notes why the best of those not taken were refused.
-fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<usize>, tests: f64) {
-    let taken = winner.map_or("", |i| judged[i].candidate.name.as_str());
+fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<(Option<usize>, &str)>, tests: f64) {
+    let (winner, taken) = winner.unwrap_or_default();
     let mut refusals = Refusals::default();
     for (i, j) in judged.iter().enumerate().take(MOST_NOTED) {
         if Some(i) != winner {

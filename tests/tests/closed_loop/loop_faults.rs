@@ -121,7 +121,7 @@ fn loop_fits_two_eccentricities_whose_product_matters_together() {
 
 #[test]
 fn loop_names_a_crack_and_a_displaced_tooth_of_one_gear() {
-    // A table of all teeth explains more than either alone.
+    // A table of all teeth explains more than either alone, and in one run the crack alone takes another start than beside the displaced tooth.
     let both = ["pitch-error:single=2.4e-6,tooth=3,gear=1", "tooth-crack:loss=0.4,tooth=18,gear=1"];
     let found = outcome(&both, 39);
     print!("{}", found.summary());
@@ -130,10 +130,10 @@ fn loop_names_a_crack_and_a_displaced_tooth_of_one_gear() {
         [("gear-pitch-error", "single_tooth_offset", 2.4e-6), ("gear-tooth-crack", "stiffness_loss of tooth", 0.4)]
     {
         let effect = found.effects.iter().find(|e| e.verdict == "named" && e.name == name).expect(name);
-        assert!((value(effect, parameter) / truth - 1.0).abs() < 0.02, "{name}: {:?}", effect.parameters);
+        assert!((value(effect, parameter) / truth - 1.0).abs() < 0.003, "{name}: {:?}", effect.parameters);
     }
     let held_out = found.error.held_out_runs.shaft_synchronous;
-    assert!(held_out.corrected < 1.3 * held_out.noise_floor, "{held_out:?}");
+    assert!(held_out.corrected < 1.05 * held_out.noise_floor, "{held_out:?}");
 }
 
 #[test]
