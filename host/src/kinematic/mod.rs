@@ -4,7 +4,7 @@
 //! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]); what they have besides ([`shaft_rest`]).
-//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto. [`named_lines`]: what their lines hold at most.
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto, for swings on all turns at once ([`whole_swing`]). [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
@@ -44,6 +44,7 @@ pub mod soundness;
 pub mod spectra;
 pub mod split;
 pub mod view;
+pub mod whole_swing;
 pub mod worth;
 
 use crate::record::Record;
@@ -73,6 +74,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     let rest = carry::carry(&mut found, &scene, &fit);
+    whole_swing::over_all_turns(&scene, &baseline, &mut found.adopted);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
         residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands))

@@ -45,6 +45,8 @@ pub struct Adopted {
     pub impulsive: bool,
     /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
     pub either_hz: Option<f64>,
+    /// Of a swing: what the gate says of it on all turns at once.
+    pub over_all_turns: Option<Verdict>,
 }
 
 impl Adopted {
@@ -244,7 +246,7 @@ impl Search {
         }
         let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz, over_all_turns: None })
     }
 
     /// Whether a candidate is what an adopted family has explained already.

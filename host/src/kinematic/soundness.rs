@@ -227,12 +227,9 @@ fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
     [1.0, scene.gear_order].into_iter().any(of)
 }
 
-/// Whether a family is a hump that a swing leaves beside the mesh lines, from what the gate says of it with turns not used: a swing must pass it on all turns at once; an order as slow that
-/// is no cage's must stand out of its moved copies on the held-out turns, with the evidence that something so slow needs.
+/// Whether an order is a hump that a swing leaves beside the mesh lines: one as slow that is no cage's must stand out of its moved copies on the turns not used, with the evidence that something
+/// so slow needs. `judged`: what the gate says of it there.
 pub fn is_hump(candidate: &Candidate, scene: &Scene, judged: impl FnOnce() -> Verdict) -> bool {
-    if candidate.kind == Kind::Swing {
-        return judged().refused.is_some();
-    }
     if scene.teeth[0] == 1 || !is_slow_base(candidate, scene) || is_cage(candidate, scene) {
         return false;
     }

@@ -5,18 +5,16 @@
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
 //! leakage. What slips predicts no phase: the evidence of its lines on the held-out turns, and the power that they were predicted to have.
 
-use super::accept::{self, Verdict};
+use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
-use super::candidate::{Candidate, Field, Kind, Place, Taken, TakenOf, score};
+use super::candidate::{Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::search::{Adopted, taken_by};
 use super::slipping::slipping_share;
 use super::soundness;
-use super::spectra::Spectra;
-use super::split::Stretch;
 use rayon::prelude::*;
 
 /// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
@@ -27,8 +25,6 @@ const LEAST_OF_MOST: f64 = 5.0;
 /// Share of the power that the calibrated model of a run-up may leave of the held-out turns: where it leaves most, the angle is not the machine's, and power beside the mesh lines is theirs
 /// (set on some ten generated run-ups, seeds 301, 304 and 306: less where effects were found, more where they were missed or false).
 const MOST_LEFT: f64 = 0.5;
-/// Half bins each way in which a swing is looked for at the resolution of all turns: what the fitted turns leave open.
-const FINER_STEPS: i32 = 6;
 
 /// What a family is worth on the turns not used.
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,7 +39,7 @@ pub struct Worth {
     pub ln_of_power: f64,
     /// Of a locked family: the calibrated model leaves most of a run-up, so its angle is not the machine's.
     pub is_lost: bool,
-    /// Of a swing, or an order as slow: on all turns at once, on the held-out turns alone, it is no line but a hump.
+    /// Of a swing (on all turns at once) or an order as slow (on the held-out turns): it is no line but a hump.
     pub is_hump: bool,
 }
 
@@ -61,14 +57,10 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     };
     let is_hump = |i: usize| {
         let own = adopted[i];
+        if let Some(whole) = &own.over_all_turns {
+            return whole.refused.is_some();
+        }
         soundness::is_hump(&own.candidate, scene, || {
-            if own.candidate.kind == Kind::Swing {
-                let mut verdict = swing_over_all_turns(scene, baseline, &own.candidate);
-                if verdict.score.ln_bayes < own.verdict.score.ln_bayes {
-                    verdict.refused = Some("stands no higher over all turns".into());
-                }
-                return verdict;
-            }
             // Moved copies would read the lines of families found before it.
             let taken = taken_by(scene, views[1], &adopted[..i]);
             accept::judge(&own.candidate, &views[1].field(&taken, own.candidate.domain, 0..scene.searched))
@@ -100,31 +92,6 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         Worth { gain, ln_bayes, ln_of_most, ln_of_power, is_lost, is_hump: false }
     };
     adopted.iter().enumerate().map(worth).collect()
-}
-
-/// What the gate says of a swing on all turns in one stretch, fitted, held out and between: nearly three times as sharp as on the fitted ones, where a line stands higher and what a
-/// wandering speed leaves beside the mesh lines does not. A quarter of the turns alone would not tell a swing from its mesh line.
-fn swing_over_all_turns(scene: &Scene, baseline: &Baseline, candidate: &Candidate) -> Verdict {
-    let all = |r: usize| vec![Stretch { from: 0, turns: scene.runs[r].angle.turns }];
-    let spectra = Spectra::searched(scene, &baseline.calibrated, all);
-    let nothing = Taken::default();
-    let field = Field { spectra: &spectra, taken: &nothing, channels: 0..scene.searched };
-    let based = |i: i32| {
-        let share = f64::from(i) * 0.5 * spectra.bin(0) / candidate.base;
-        let moved = |p: &Place| Place {
-            order: p.order + p.spacing * share,
-            spacing: p.spacing * (1.0 + share),
-            label: p.label.clone(),
-        };
-        Candidate {
-            base: candidate.base * (1.0 + share),
-            places: candidate.places.iter().map(moved).collect(),
-            ..candidate.clone()
-        }
-    };
-    let bases = (-FINER_STEPS..=FINER_STEPS).map(based);
-    let scored = bases.map(|c| (score(&c, &field, 0.0).ln_bayes, c)).max_by(|a, b| a.0.total_cmp(&b.0));
-    accept::judge(&scored.map_or_else(|| candidate.clone(), |(_, c)| c), &field)
 }
 
 /// Of the held-out turns of a run's channel: residual after against before, at each of some orders.
