@@ -11,14 +11,15 @@
 //! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
 
 use super::accept::{self, Adopted};
-use super::base_fit::{Base, TOLERANCES};
+use super::base_fit::Base;
 use super::bootstrap::best_scores;
 use super::calibrate::calibrate;
 use super::candidate::Candidate;
 use super::entrained::entrain;
+use super::held_out;
 use super::impulsive::impacts;
 use super::judge::{Split, corrected, joint};
-use super::least_squares::{Data, chi_square, normal, solve};
+use super::least_squares::{Data, chi_square};
 use super::library::Bench;
 use super::limits::limits;
 use super::next_measurement::advise;
@@ -264,13 +265,5 @@ fn much_is_there(base: &Base, data: &Data, runs: &[usize]) -> bool {
 
 /// Asks the held-out runs, predicted from the others, whether every term lowers their whitened error.
 fn confirm(base: &Base, data: &Data, split: &Split, accepted: &mut Adopted) {
-    let seen = split.seen();
-    // The held-out runs' own angle offsets and speeds, with the tachometer's uncertainty as prior, are fitted last: they are no part of a term.
-    let own = base.columns().split_off(TOLERANCES.len());
-    accepted.confirm(|terms| {
-        let mut x = joint(base, data, &seen, terms).x;
-        x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
-        let rest = corrected(base, data, &x, terms);
-        chi_square(&rest, &split.held_out) - solve(&normal(&rest, &split.held_out, &own)).gain
-    });
+    accepted.confirm(|terms| held_out::error(base, data, split, terms));
 }

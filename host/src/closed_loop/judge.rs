@@ -220,40 +220,49 @@ impl<'a> Judge<'a> {
     /// [`Judge::judge_started`] of a candidate whose products are at hand; of its templates only their number is asked.
     pub fn judge_bordered(&self, candidate: Candidate, border: &Border, given: Option<&[u32]>) -> Judged {
         let counted = self.scores(&candidate, &candidate.start, border);
-        let orders = &candidate.pair_orders;
-        let freedom = self.hunting.freedom(orders);
-        let mut starts = Vec::new();
-        if freedom != Freedom::None {
-            let runs: Vec<Products> = (0..self.split.count())
-                .map(|r| {
-                    let (right, gram) = (border.right_after(r, &self.common), border.gram(r));
-                    let pairs = 0..orders.len();
-                    Products {
-                        right: pairs.clone().map(|j| C::new(right[2 * j], right[2 * j + 1])).collect(),
-                        energy: pairs.map(|j| 0.5 * (gram[(2 * j, 2 * j)] + gram[(2 * j + 1, 2 * j + 1)])).collect(),
-                    }
-                })
-                .collect();
-            starts.push(match freedom {
-                Freedom::Phase => start::phases(&runs),
-                _ => start::turns(&runs, orders, &self.seen, self.hunting),
-            });
-            if let (Freedom::Turns, Some(given)) = (freedom, given) {
-                starts.push(Start::Given(given.to_vec()));
-            }
-        }
-        let best = starts
-            .into_iter()
-            .map(|start| {
-                let turned = border.turned(|run, pair| start.phase_rad(run, orders[pair]));
-                (self.scores(&candidate, &start, &turned), start)
-            })
-            .max_by(|a, b| a.0.score.total_cmp(&b.0.score))
-            .filter(|best| best.0.score > counted.score);
+        let best = self.best_start(&candidate, border, given).filter(|best| best.0.score > counted.score);
         match best {
             Some((scores, start)) => scores.of(candidate.started(start)),
             None => counted.of(candidate),
         }
+    }
+
+    /// `candidate` with its runs started where they agree best, whatever it scores as counted; none where it does not depend on whole turns.
+    pub fn judge_turned(&self, candidate: &Candidate) -> Option<Judged> {
+        if self.hunting.freedom(&candidate.pair_orders) != Freedom::Turns {
+            return None;
+        }
+        let (scores, start) = self.best_start(candidate, &self.frame.border(&candidate.templates), None)?;
+        Some(scores.of(candidate.started(start)))
+    }
+
+    /// The best start of the runs that is not as counted, with its scores.
+    fn best_start(&self, candidate: &Candidate, border: &Border, given: Option<&[u32]>) -> Option<(Scores, Start)> {
+        let orders = &candidate.pair_orders;
+        let freedom = self.hunting.freedom(orders);
+        if freedom == Freedom::None {
+            return None;
+        }
+        let runs: Vec<Products> = (0..self.split.count())
+            .map(|r| {
+                let (right, gram) = (border.right_after(r, &self.common), border.gram(r));
+                let pairs = 0..orders.len();
+                Products {
+                    right: pairs.clone().map(|j| C::new(right[2 * j], right[2 * j + 1])).collect(),
+                    energy: pairs.map(|j| 0.5 * (gram[(2 * j, 2 * j)] + gram[(2 * j + 1, 2 * j + 1)])).collect(),
+                }
+            })
+            .collect();
+        let found = match freedom {
+            Freedom::Phase => start::phases(&runs),
+            _ => start::turns(&runs, orders, &self.seen, self.hunting),
+        };
+        let given = given.filter(|_| freedom == Freedom::Turns).map(|given| Start::Given(given.to_vec()));
+        let scored = [Some(found), given].into_iter().flatten().map(|start| {
+            let turned = border.turned(|run, pair| start.phase_rad(run, orders[pair]));
+            (self.scores(candidate, &start, &turned), start)
+        });
+        scored.max_by(|a, b| a.0.score.total_cmp(&b.0.score))
     }
 
     fn scores(&self, candidate: &Candidate, start: &Start, border: &Border) -> Scores {

@@ -24,6 +24,7 @@ pub mod detect;
 pub mod entrained;
 pub mod frame;
 pub mod generate;
+pub mod held_out;
 pub mod impulsive;
 pub mod judge;
 pub mod least_squares;

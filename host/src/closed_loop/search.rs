@@ -8,6 +8,7 @@ use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Claim};
 use super::combs::combs;
 use super::detect;
+use super::held_out::restart;
 use super::judge::{Judge, Judged, Split, corrected, joint};
 use super::least_squares::Data;
 use super::library::Bench;
@@ -193,6 +194,7 @@ pub fn search(
             return Search::Recentre(move_to);
         }
     }
+    restart(bench, &data, split, accepted.refine());
     Search::Done(Box::new(Found { accepted, pool, strongest, data }))
 }
 
