@@ -8,11 +8,11 @@ use super::basis::{Basis, Pole, State};
 use super::poles::{Course, Sweep};
 use rustfft::num_complex::Complex64;
 
-/// Numbers of hats tried.
+/// Numbers of a spline's nodes tried.
 const FUNCTIONS: [usize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];
 /// Stretches per function at least.
 const PER_FUNCTION: usize = 3;
-/// Hats beside resonances.
+/// Nodes beside resonances.
 const BESIDE: [usize; 3] = [1, 2, 4];
 /// Richer bases in turn that gain nothing, after which no richer one is tried.
 const IN_VAIN: usize = 3;
@@ -25,7 +25,7 @@ pub struct Choice {
     pub sweep: Sweep,
     /// Turns of a stretch.
     block: usize,
-    hats: Vec<Basis>,
+    splines: Vec<Basis>,
     poles: Vec<Pole>,
     folds: usize,
 }
@@ -42,10 +42,10 @@ impl Choice {
         let (states, weights): (Vec<State>, Vec<f64>) =
             states.chunks(block).zip(weights.chunks(block)).map(mean).unzip();
         let fits = |n: &&usize| **n == 1 || **n * PER_FUNCTION <= states.len();
-        let hats: Vec<Basis> = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(&states, *n)).collect();
-        let hats = hats.iter().flat_map(|basis| [basis.clone(), basis.with_swings()]).collect();
+        let splines: Vec<Basis> = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(&states, *n)).collect();
+        let splines = splines.iter().flat_map(|basis| [basis.clone(), basis.with_swings()]).collect();
         let folds = (states.len() * block / held_turns.max(1)).clamp(FOLDS.0, FOLDS.1);
-        Self { sweep: Sweep::new(states, weights), block, hats, poles: Vec::new(), folds }
+        Self { sweep: Sweep::new(states, weights), block, splines, poles: Vec::new(), folds }
     }
 
     /// With resonances.
@@ -62,7 +62,7 @@ impl Choice {
     pub fn of(&self, order: f64, sums: &[Complex64]) -> Basis {
         let course = self.course(order, sums);
         let near = self.sweep.near(&self.poles, order);
-        let mut bases = self.hats.clone();
+        let mut bases = self.splines.clone();
         if !near.is_empty() {
             bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.states, *n).with_poles(&near)));
         }

@@ -1,7 +1,7 @@
 //! The loop on measured records: what tooth counts and a speed reference say, without a machine's equations.
 //!
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
-//! 2. [`scene`], [`phase`], [`split`]: every channel at equal angles, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
+//! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]); what they have besides ([`shaft_rest`]).
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto, for swings on all turns at once ([`whole_swing`]). [`named_lines`]: what their lines hold at most.
@@ -22,6 +22,7 @@ pub mod errors;
 pub mod evidence;
 pub mod families;
 pub mod following;
+pub mod jitter;
 pub mod limits;
 pub mod mesh_place;
 pub mod named_lines;

@@ -4,6 +4,7 @@
 //! per point at equal angles and channel, a few copies of it while the loop works ([`GRID`]).
 
 use super::basis::State;
+use super::jitter;
 use super::phase;
 use super::split::Split;
 use crate::analysis::angle::Angle;
@@ -103,6 +104,9 @@ impl Scene {
         let mut runs: Vec<SceneRun> =
             runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order, highest_order)).collect();
         for run in &mut runs {
+            if !tach.is_virtual() {
+                run.settle(highest_order);
+            }
             if run.sharpen(f64::from(teeth[0]), highest_order, tach.is_virtual()) {
                 notes.push(format!(
                     "run {}: the tach does not follow the speed; the angle is that of the mesh lines",
@@ -234,6 +238,14 @@ impl SceneRun {
     /// Whether the speed runs up or down: the path then turns the mesh lines, and no phase can be told from one part of the run for another.
     pub fn runs_up(&self) -> bool {
         self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz
+    }
+
+    /// Takes the tachometer's jitter out of the angle.
+    fn settle(&mut self, highest_order: f64) {
+        if let Some(map) = jitter::settled(&self.angle) {
+            self.angle.map = map;
+            self.read(highest_order);
+        }
     }
 
     /// Takes the angle from the mesh lines where they get sharper by it; whether they did.

@@ -1,8 +1,7 @@
 //! A swing on all turns in one stretch, fitted, held out and between: nearly three times as sharp as on the fitted ones.
 //!
 //! There a line stands higher, and what a wandering speed leaves beside the mesh lines does not. A quarter of the turns alone would not tell a swing from its mesh line. The
-//! fitted turns read a swing anywhere within the main lobe that it fills beside the residue of its mesh line, so it is looked for within one such lobe each way; where it stands is its rate. Cost: spectra
-//! of all turns, once. Limit: turns held out take part; that is the veto's price for what they cannot show alone.
+//! fitted turns place a swing within some bins only, so it is looked for about there; where it stands is its rate. Cost: spectra of all turns, once. Limit: turns held out take part; that is the veto's price for what they cannot show alone.
 
 use super::accept;
 use super::baseline::Baseline;
@@ -12,8 +11,9 @@ use super::search::Adopted;
 use super::spectra::Spectra;
 use super::split::Stretch;
 
-/// Steps of a bin in which its rate is looked for.
+/// Share of a bin in which its rate is looked for, and steps each way: what the fitted turns leave open. (As far as a main lobe of theirs, residue of the mesh line passes for a swing.)
 const STEP: f64 = 0.5;
+const STEPS: i32 = 6;
 
 /// Takes every swing to where it stands on all turns, with what the gate says of it there.
 pub fn over_all_turns(scene: &Scene, baseline: &Baseline, adopted: &mut [Adopted]) {
@@ -27,9 +27,8 @@ pub fn over_all_turns(scene: &Scene, baseline: &Baseline, adopted: &mut [Adopted
     let field = Field { spectra: &spectra, taken: &nothing, channels: 0..scene.searched };
     for own in swings {
         let step = STEP * spectra.bin(0);
-        let reach = (scene.resolution() / step).ceil() as i32;
-        let bases = (-reach..=reach).map(|i| own.candidate.base + f64::from(i) * step);
-        let tried = bases.filter(|base| *base > scene.resolution()).map(|base| based(&own.candidate, base));
+        let bases = (-STEPS..=STEPS).map(|i| own.candidate.base + f64::from(i) * step);
+        let tried = bases.map(|base| based(&own.candidate, base));
         let scored = tried.map(|c| (score(&c, &field, 0.0).ln_bayes, c));
         let Some((_, best)) = scored.max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
         let mut verdict = accept::judge(&best, &field);

@@ -44,6 +44,7 @@ fn family(kind: Kind, base: f64, places: &[(f64, f64)]) -> Adopted {
         carries: Vec::new(),
         impulsive: false,
         either_hz: None,
+        over_all_turns: None,
     }
 }
 
