@@ -104,7 +104,8 @@ impl Scene {
         let mut runs: Vec<SceneRun> =
             runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order, highest_order)).collect();
         for run in &mut runs {
-            if !tach.is_virtual() {
+            // Where a run-up begins and ends its speed has kinks, which smoothing would turn into swings.
+            if !tach.is_virtual() && !run.runs_up() {
                 run.settle(highest_order);
             }
             if run.sharpen(f64::from(teeth[0]), highest_order, tach.is_virtual()) {
