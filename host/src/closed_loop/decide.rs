@@ -7,7 +7,7 @@
 //! Before all of this the record itself is checked ([`tach_delay`]), and after it the held-out runs and the check may
 //! contradict the verdict ([`Outcome::checked`]).
 //!
-//! Held-out runs take no part in any fit or choice between candidates, but for their own start ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
+//! Held-out runs take no part in any fit or choice between candidates, but for starts ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
 //! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
 
 use super::accept::{self, Adopted};
@@ -32,7 +32,7 @@ use super::search::{Found, Memory, Search, search};
 use super::start::Start;
 use super::tables::{predicted, report};
 use super::tach_delay;
-use super::together::unknowns;
+use super::together::fitted;
 use super::verdict::{undetermined, verdicts};
 use super::waveform::{clipping, speed_fluctuation};
 use crate::effects::hypotheses;
@@ -136,8 +136,7 @@ fn close_checked(record: &Record, options: &Options) -> Result<Outcome> {
     let of_machine = base.nuisances.clone();
     let with_effects = |base: &mut Base, accepted: &[Candidate]| {
         base.nuisances.clone_from(&of_machine);
-        let terms: Vec<&Candidate> = accepted.iter().collect();
-        let x = unknowns(base, accepted, &joint(base, &data, &seen, &terms).x);
+        let x = fitted(base, &data, &seen, accepted);
         entrain(base, accepted, &x);
     };
     with_effects(&mut base, &accepted);

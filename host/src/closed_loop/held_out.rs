@@ -11,7 +11,7 @@ use super::least_squares::{Data, chi_square, normal, solve};
 use super::library::Bench;
 use super::library::finite::Company;
 use super::start::Start;
-use super::together::unknowns;
+use super::together::fitted;
 use crate::machine::Hunting;
 
 /// Whitened error of the held-out runs with the terms, fitted on the others.
@@ -36,7 +36,7 @@ pub fn restart(bench: &Bench<'_>, data: &Data, split: &Split, accepted: &mut [Ca
         let Some(mut turned) = judge.judge_turned(&accepted[i]) else { continue };
         if accepted[i].bent {
             let terms: Vec<Candidate> = others.iter().map(|c| (*c).clone()).collect();
-            let company = Company::new(&terms, &unknowns(base, &terms, &joint(base, data, &split.seen(), &others).x));
+            let company = Company::new(&terms, &fitted(base, data, &split.seen(), &terms));
             if let Some(bent) = bench.at_strength(&turned.candidate, &turned.x, data, &company) {
                 turned = judge.judge(bent);
             }

@@ -11,7 +11,7 @@ use super::library::Bench;
 use super::library::finite::Company;
 use super::start::Start;
 use super::strength::first_guess;
-use super::together::unknowns;
+use super::together::fitted;
 use crate::machine::Hunting;
 use std::collections::BTreeMap;
 
@@ -87,8 +87,7 @@ fn at_their_strengths(
     teeth: &[usize],
 ) -> Vec<Candidate> {
     for &i in teeth {
-        let all: Vec<&Candidate> = terms.iter().collect();
-        let x = unknowns(bench.base, &terms, &joint(bench.base, data, seen, &all).x);
+        let x = fitted(bench.base, data, seen, &terms);
         let company = Company::new(&terms, &x);
         if let Some(bent) = bench.at_strength(&terms[i], &first_guess(&terms[i], &x[i]), data, &company) {
             terms[i] = bent;

@@ -36,6 +36,12 @@ pub fn unknowns(base: &Base, terms: &[Candidate], x: &[f64]) -> Vec<Vec<f64>> {
         .collect()
 }
 
+/// The unknowns of every term, fitted over the runs `seen`.
+pub fn fitted(base: &Base, data: &Data, seen: &[usize], terms: &[Candidate]) -> Vec<Vec<f64>> {
+    let all: Vec<&Candidate> = terms.iter().collect();
+    unknowns(base, terms, &joint(base, data, seen, &all).x)
+}
+
 /// Whether a term is simulated beside others: one at a strength of its own, or a single cause that goes with its strength.
 fn is_played(bench: &Bench<'_>, term: &Candidate, x: &[f64]) -> bool {
     let single = matches!(term.seat, Some(Seat::Wave(_) | Seat::OneTooth(..))) && term.claim == Claim::Named;
@@ -51,11 +57,7 @@ pub fn together(
     seen: &[usize],
     accepted: &mut [Candidate],
 ) -> bool {
-    let fit = |data: &Data, accepted: &[Candidate]| {
-        let all: Vec<&Candidate> = accepted.iter().collect();
-        unknowns(bench.base, accepted, &joint(bench.base, data, seen, &all).x)
-    };
-    let mut x = fit(data, accepted);
+    let mut x = fitted(bench.base, data, seen, accepted);
     let list: Vec<usize> = (0..accepted.len()).filter(|&i| is_played(bench, &accepted[i], &x[i])).collect();
     if list.len() < 2 || list.iter().all(|&i| !accepted[i].bent) {
         return false;
@@ -70,7 +72,7 @@ pub fn together(
                 data.residual[r][c] = raw[r][c].iter().zip(&run[c]).map(|(a, b)| a - b).collect();
             }
         }
-        let next = fit(data, accepted);
+        let next = fitted(bench.base, data, seen, accepted);
         let moved = |&i: &usize| {
             let change: Vec<f64> = next[i].iter().zip(&x[i]).map(|(a, b)| a - b).collect();
             size(&change) / size(&next[i])

@@ -3,10 +3,11 @@
 //! At the hundredth order a jitter of a ten-thousandth of a turn is a phase of 0.06 rad: it lays skirts about every mesh line, in which sidebands of the shafts drown. Means over whole turns
 //! (`analysis::whole_turns`) take off what is faster than a turn; what is slower is mostly jitter too, where the speed wanders over tens of turns. So the times of whole turns are smoothed by penalised least squares with fourth differences
 //! (Whittaker 1923, Henderson 1924; an eighth-power filter), as much as generalised cross-validation asks (Craven and Wahba 1979), and the angle goes through them. Trace of the smoother: from the eigenvalues of the circular problem.
-//! Cost: a banded solution for each strength tried. Where cross-validation keeps most of what there is, or what it takes off is a line, the speed does move that fast, and the angle stays as it is. Limit: what the speed truly does within some turns shows as modulation then.
+//! Cost: a banded solution for each strength tried. Where cross-validation keeps most of what there is, or what it takes off is a line, the speed does move that fast, and the angle stays as it is. Steady speed only: a run-up begins and ends with a kink, which smoothing would turn into swings. Limit: what the speed truly does within some turns shows as modulation then.
 
 use crate::analysis::angle::Angle;
 use crate::spectral::AngleMap;
+use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -64,13 +65,10 @@ fn kept(n: usize, strength: f64) -> f64 {
 
 /// Share of the power that stands at the strongest of the frequencies.
 fn highest_share(values: &[f64]) -> f64 {
-    let n = values.len();
-    let power = |k: usize| {
-        let turn = |i: usize| Complex64::from_polar(1.0, TAU * (k * i % n) as f64 / n as f64);
-        values.iter().enumerate().map(|(i, x)| turn(i) * x).sum::<Complex64>().norm_sqr()
-    };
-    let powers: Vec<f64> = (1..=n / 2).map(power).collect();
-    powers.iter().copied().fold(0.0, f64::max) / powers.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+    let mut bins: Vec<Complex64> = values.iter().map(|x| Complex64::new(*x, 0.0)).collect();
+    FftPlanner::new().plan_fft_forward(bins.len()).process(&mut bins);
+    let powers = bins[1..=values.len() / 2].iter().map(Complex64::norm_sqr);
+    powers.clone().fold(0.0, f64::max) / powers.sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
 /// Least squares with differences penalised: `(I + strength D'D) z = y`, by Cholesky factors within the band.
