@@ -4,10 +4,11 @@
 //! there. Every channel gets its own phases, every line the amplitude that the limits mean by a strength: a share of the channel's mesh line. Limit: lines follow their shaft exactly.
 
 use crate::analysis::envelope::not_locked;
+use crate::kinematic::at_limit::at_limit;
 use crate::kinematic::baseline::Baseline;
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
 use crate::kinematic::families::clipping::{Side, farthest};
-use crate::kinematic::scene::{Scene, pairs_at_limit};
+use crate::kinematic::scene::Scene;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rustfft::num_complex::Complex64;
@@ -60,7 +61,7 @@ fn limit(with: &mut Scene, scene: &Scene, channel: usize, side: Side, strength: 
     let level = (1.0 - strength.min(MOST_CUT)) * farthest(scene, channel, side);
     for run in &mut with.runs {
         run.signals[channel].iter_mut().for_each(|x| *x = side.limited(*x, level));
-        run.at_limit[channel] = pairs_at_limit(&run.signals[channel]);
+        run.at_limit[channel] = at_limit(&run.signals[channel]);
         run.samples[channel] = run.on_grid(&run.signals[channel], scene.highest_order);
     }
 }

@@ -162,6 +162,9 @@ const WIDEST_SMEAR: f64 = 0.01;
 /// Largest share of its spacing by which a copy is moved.
 pub const WIDEST_MOVE: f64 = 0.06;
 
+/// Share of a first sideband's distance from its mesh harmonic that its copies keep: nearer, a skirt that the sideband hardly stands on is steep.
+const NEAR_THE_MESH: f64 = 0.7;
+
 /// What scoring needs.
 pub struct Field<'a> {
     /// Spectra of the candidate's domain.
@@ -196,6 +199,8 @@ struct OwnLines {
     unmoved: Taken,
     /// Distance of neighbouring lines of a locked family, orders.
     room: f64,
+    /// Distance of the first sidebands from their mesh harmonics.
+    first: Option<f64>,
 }
 
 impl OwnLines {
@@ -205,20 +210,36 @@ impl OwnLines {
             unmoved.extend(candidate.places.iter().map(|place| place.order));
         }
         let shaft = candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min);
-        Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY } }
+        let first = matches!(candidate.kind, Kind::Modulation(_)).then_some(candidate.base);
+        Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY }, first }
     }
 
     /// Place of a line in a copy, between the main lobes of two neighbours where there is room.
     fn moved_order(&self, place: &Place, moved: f64, bin: f64) -> f64 {
         let order = moved_order(place, moved, bin);
-        let farthest = self.room - (LOBE_BINS + 1.0) * bin;
-        if moved == 0.0 || (order - place.order).abs() <= farthest {
+        if moved == 0.0 {
             return order;
         }
-        // Copies spread over the room that there is.
-        let nearest = (LOBE_BINS + 1.0) * bin;
-        place.order + moved.signum() * (nearest + (farthest - nearest).max(0.0) * (moved.abs() / WIDEST_MOVE).min(1.0))
+        let (nearest, farthest) = ((LOBE_BINS + 1.0) * bin, self.room - (LOBE_BINS + 1.0) * bin);
+        let mut away = (order - place.order).abs();
+        if away > farthest {
+            // Copies spread over the room that there is.
+            away = nearest + (farthest - nearest).max(0.0) * (moved.abs() / WIDEST_MOVE).min(1.0);
+        }
+        let is_inward = moved * place.spacing < 0.0;
+        let is_first = self.first.is_some_and(|first| place.spacing.abs() < 1.5 * first);
+        if is_first && is_inward && away > (1.0 - NEAR_THE_MESH) * place.spacing.abs() {
+            // On the other side, at distances that its own copies there have not.
+            let mirrored = (nearest + farthest - away).max(nearest);
+            return place.order + place.spacing.signum() * mirrored;
+        }
+        place.order + moved.signum() * away
     }
+}
+
+/// Level at which a place is read in spectra: slip smears in proportion, and no line is read more coarsely than its own smear could be.
+pub fn own_level(place: &Place, level: usize, spectra: &Spectra) -> usize {
+    (0..=level).rev().find(|l| spectra.bin(*l) <= WIDEST_SMEAR * place.spacing.abs()).unwrap_or(0)
 }
 
 /// What is made of the reading at a place, in a run and channel.
@@ -234,8 +255,7 @@ pub fn at_level(candidate: &Candidate, field: &Field, moved: f64, level: usize, 
     let mut all = Vec::new();
     let mut read: Vec<f64> = Vec::new();
     for place in &candidate.places {
-        // Slip smears in proportion: no line is read more coarsely than its own smear could be.
-        let level = (0..=level).rev().find(|l| bins[*l] <= WIDEST_SMEAR * place.spacing.abs()).unwrap_or(0);
+        let level = own_level(place, level, spectra);
         let order = own.moved_order(place, moved, bins[level]);
         let mut sum = 0.0;
         let half = 0.5 * LOBE_BINS * bins[level];

@@ -16,6 +16,8 @@ const PER_FUNCTION: usize = 3;
 const BESIDE: [usize; 3] = [1, 2, 4];
 /// Richer bases in turn that gain nothing, after which no richer one is tried.
 const IN_VAIN: usize = 3;
+/// Stretches' worth of error that a richer basis must gain beyond its unknowns: many are tried, and what one of them gains by chance costs a weak line its prediction.
+const SPARING: f64 = 6.0;
 /// Folds.
 const FOLDS: (usize, usize) = (6, 16);
 
@@ -73,7 +75,7 @@ impl Choice {
             let error = self.predicted(&course, &basis);
             let gained = best.as_ref().is_none_or(|(least, other)| {
                 let more = basis.len().saturating_sub(other.len()) as f64;
-                error < least * (1.0 - more / count)
+                error < least * (1.0 - (more + SPARING) / count)
             });
             if gained {
                 (best, in_vain) = (Some((error, basis)), 0);

@@ -99,11 +99,7 @@ const METRIC: &str = "waveform: nrmse below the highest order held, root of the 
 
 fn veto(adopted: &Adopted, vetoed: &[Judgement]) -> Option<String> {
     let own = vetoed.iter().find(|(a, _)| std::ptr::eq(*a, adopted));
-    own.map(|(own, w)| match own.over_all_turns.as_ref().and_then(|whole| whole.refused.as_ref()) {
-        Some(why) => format!("over all turns: {why}"),
-        None if w.is_hump => "a hump beside the mesh lines, no line on the held-out turns".into(),
-        None => format!("held-out turns do not gain ({:.2e} of the power, {:.1} nats)", w.gain, w.ln_bayes),
-    })
+    own.map(|(_, w)| format!("held-out turns do not gain ({:.2e} of the power, {:.1} nats)", w.gain, w.ln_bayes))
 }
 
 /// Channels that stand still at the end of their range.
@@ -113,7 +109,7 @@ fn clipped(scene: &Scene) -> Vec<Effect> {
         return Vec::new();
     }
     let list: Vec<String> =
-        channels.iter().map(|(channel, pairs)| format!("channel {channel} ({pairs} samples)")).collect();
+        channels.iter().map(|(channel, count)| format!("channel {channel} ({count} samples)")).collect();
     vec![Effect {
         verdict: "named".into(),
         name: "clipping".into(),

@@ -33,10 +33,7 @@ impl Reading {
     }
 
     fn terms(self) -> [f64; STEPS] {
-        std::array::from_fn(|i| {
-            let s = step(i);
-            self.averages * (self.ratio * s / (1.0 + s) - s.ln_1p())
-        })
+        std::array::from_fn(|i| self.ln_likelihood_ratio(step(i)))
     }
 
     /// Share of an amplitude fitted to all averaged spectra together that is the line's, should there be one: posterior mean of
@@ -49,6 +46,23 @@ impl Reading {
             (ln - all).exp() * signal / (1.0 + signal)
         };
         terms.iter().enumerate().map(of).sum()
+    }
+
+    /// Logarithm of the likelihood ratio of another part's readings against no line, should there be one here: each of `others` is as likely to be its
+    /// place; a spectrum there has `length` times the length of one here.
+    pub fn ln_foretold(self, others: &[Self], length: f64) -> f64 {
+        let terms = self.terms();
+        let all = ln_sum(terms.into_iter());
+        let of = |other: &Self| {
+            let with = terms.iter().enumerate().map(|(i, ln)| ln - all + other.ln_likelihood_ratio(length * step(i)));
+            ln_sum(with)
+        };
+        ln_sum(others.iter().map(of)) - (others.len() as f64).ln()
+    }
+
+    /// Of a line with so many times the floor's variance against none.
+    fn ln_likelihood_ratio(self, signal: f64) -> f64 {
+        self.averages * (self.ratio * signal / (1.0 + signal) - signal.ln_1p())
     }
 }
 
@@ -71,13 +85,16 @@ impl Shares {
 
     /// Factor to the amplitude fitted at a place of the family that makes it the posterior mean, 0 to 1.
     pub fn trust(&self, reading: Reading) -> f64 {
-        let ln = reading.ln_bayes();
+        self.chance(reading.ln_bayes()) * reading.line_share()
+    }
+
+    /// Probability that a place whose Bayes factor has this logarithm carries a line.
+    pub fn chance(&self, ln: f64) -> f64 {
         let chance = |halvings: usize| {
             let share = 0.5_f64.powi(halvings as i32);
             (share.ln() + ln - mixed(share, ln)).exp()
         };
-        let is_line: f64 = self.0.iter().enumerate().map(|(halvings, p)| p * chance(halvings)).sum();
-        is_line * reading.line_share()
+        self.0.iter().enumerate().map(|(halvings, p)| p * chance(halvings)).sum::<f64>().min(1.0)
     }
 }
 
@@ -157,6 +174,31 @@ mod tests {
         }
         let [none, fitted, trusted] = error;
         assert!(trusted < 0.9 * none && trusted < 0.5 * fitted, "{error:?}");
+    }
+
+    #[test]
+    fn theory_what_is_foretold_is_exact_for_the_prior_and_refuses_chance() {
+        // Over readings of the floor alone, which are exponential, the likelihood ratio has a mean of one, whatever was read before.
+        let before = Reading { ratio: 6.0, averages: 2.0 };
+        let of = |ratio: f64| [ratio, 0.3, 2.0].map(|ratio| Reading { ratio, averages: 1.0 });
+        let alone = |reading: Reading| before.ln_foretold(&[reading], 0.7);
+        let step = 1e-2;
+        let draw = |r: f64| (alone(of(r)[0]) - r).exp() * step;
+        let mean = (0..100_000).map(|i| draw(step * (f64::from(i) + 0.5))).sum::<f64>();
+        assert!((mean - 1.0).abs() < 1e-2, "{mean}");
+        // Of several places that it may have each has its share.
+        let shares = of(5.0).map(alone).iter().map(|ln| ln.exp()).sum::<f64>() / 3.0;
+        assert!((before.ln_foretold(&of(5.0), 0.7).exp() / shares - 1.0).abs() < 1e-12);
+        let read = |ratio| before.ln_foretold(&[Reading { ratio, averages: 1.0 }], 0.7);
+        assert!(read(0.5) < -0.5 && read(5.0) > 1.0, "{} {}", read(0.5), read(5.0));
+        // A place that is sure is no surer than that.
+        let sure = [1e4, 2e4, 400.0];
+        let shares = Shares::of(&sure);
+        assert!(sure.iter().all(|ln| (0.99..=1.0).contains(&shares.chance(*ln))));
+        // Both parts together say what the prior says of them as one.
+        let together = Reading { ratio: 6.0, averages: 3.0 }.ln_bayes();
+        let apart = before.ln_bayes() + before.ln_foretold(&[Reading { ratio: 6.0, averages: 1.0 }], 1.0);
+        assert!((together - apart).abs() < 1e-9);
     }
 
     #[test]

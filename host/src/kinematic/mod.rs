@@ -3,15 +3,17 @@
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
 //! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]); what they have besides ([`shaft_rest`]).
-//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip; a veto, for swings on all turns at once ([`whole_swing`]). [`named_lines`]: what their lines hold at most.
+//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]).
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]); a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
 //! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
 
 pub mod accept;
+pub mod all_turns;
 pub mod amplitudes;
+pub mod at_limit;
 pub mod baseline;
 pub mod basis;
 pub mod candidate;
@@ -22,6 +24,7 @@ pub mod errors;
 pub mod evidence;
 pub mod families;
 pub mod following;
+pub mod foretold;
 pub mod jitter;
 pub mod limits;
 pub mod mesh_place;
@@ -45,7 +48,6 @@ pub mod soundness;
 pub mod spectra;
 pub mod split;
 pub mod view;
-pub mod whole_swing;
 pub mod worth;
 
 use crate::record::Record;
@@ -75,7 +77,6 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     let rest = carry::carry(&mut found, &scene, &fit);
-    whole_swing::over_all_turns(&scene, &baseline, &mut found.adopted);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
         residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands))

@@ -1,6 +1,7 @@
 //! Spectra of what the calibrated model leaves: over orders, over frequency, of its squared envelopes, and of what is folded in it.
 //!
-//! Five views of the same stretches. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
+//! Five views of the same stretches, and one of all turns, fitted, held out and between: nearly three times as long in one piece, so that a slow swing stands apart from its mesh line. A quarter of the
+//! turns alone would not tell the two; that turns held out take part is the price. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
 //! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too. The other envelope
 //! is of everything: damage may excite another band than the most impulsive one, which a rig's own knocks may have.
 
@@ -38,6 +39,8 @@ pub struct Views {
     pub frequency: Spectra,
     /// Over orders, what lies beyond half the rate and is folded below it.
     pub folded: Spectra,
+    /// Over orders, all turns.
+    pub all_turns: Spectra,
     /// Band of each run's and channel's envelope.
     pub bands: Vec<Vec<Band>>,
 }
@@ -69,6 +72,8 @@ pub fn views(
 ) -> Views {
     let calibrated = &followed(scene, calibrated);
     let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
+    let whole = |r: usize| vec![Stretch { from: 0, turns: scene.runs[r].angle.turns }];
+    let all_turns = Spectra::searched(scene, calibrated, whole);
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let given = bands.map(|bands| bands[r][c]);
@@ -91,6 +96,7 @@ pub fn views(
         folded: Spectra { levels: split(|v| &v.folded), lowest: folded[0], highest: folded[1] },
         bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
         orders,
+        all_turns,
     }
 }
 

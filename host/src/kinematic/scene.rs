@@ -3,6 +3,7 @@
 //! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a run without enough turns. Cost: eight bytes
 //! per point at equal angles and channel, a few copies of it while the loop works ([`GRID`]).
 
+use super::at_limit::at_limit;
 use super::basis::State;
 use super::jitter;
 use super::phase;
@@ -41,7 +42,7 @@ pub struct SceneRun {
     pub signals: Vec<Vec<f64>>,
     /// Samples at equal angles less their mean, channel by channel.
     pub samples: Vec<Vec<f64>>,
-    /// Samples at the ends of the code range, channel by channel.
+    /// Samples that stand at a limit, channel by channel.
     pub at_limit: Vec<usize>,
 }
 
@@ -72,6 +73,8 @@ pub struct Scene {
 const MANY_CHANNELS: usize = 6;
 /// Fastest over slowest turn from which the path turns the mesh lines.
 const RUNS_UP: f64 = 1.1;
+/// Shares of the turns between which a speed is usual.
+const USUAL: (f64, f64) = (0.1, 0.9);
 /// Rounds of taking the angle from the mesh lines.
 const SHARPENED: usize = 3;
 /// Multiple of the highest order beyond which nothing passes.
@@ -170,29 +173,19 @@ fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usi
 
 fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order: f64) -> SceneRun {
     let rate_hz = run.sample_rate_hz();
-    let at_limit = |&c: &usize| pairs_at_limit(&run.channel_codes(c));
+    let standing = |&c: &usize| at_limit(&run.channel_codes(c));
     let mut seen = SceneRun {
         index,
         rate_hz,
         split: Split::new(angle.turns, angle.slower_order(), angle.speed.fastest_hz / angle.speed.slowest_hz),
         states: Vec::new(),
-        at_limit: channels.iter().map(at_limit).collect(),
+        at_limit: channels.iter().map(standing).collect(),
         signals: channels.iter().map(|&c| run.signal_m_s2(c)).collect(),
         samples: Vec::new(),
         angle,
     };
     seen.read(highest_order);
     seen
-}
-
-/// Pairs of neighbours that are alike at either extreme of all samples.
-pub fn pairs_at_limit<T: PartialOrd + Copy>(samples: &[T]) -> usize {
-    let Some(&first) = samples.first() else { return 0 };
-    let (mut low, mut high) = (first, first);
-    for &x in samples {
-        (low, high) = (if x < low { x } else { low }, if x > high { x } else { high });
-    }
-    samples.windows(2).filter(|w| w[0] == w[1] && (w[0] == low || w[0] == high)).count()
 }
 
 /// Speeds of the turns with their rates of change, over the root mean square of these.
@@ -239,6 +232,14 @@ impl SceneRun {
     /// Whether the speed runs up or down: the path then turns the mesh lines, and no phase can be told from one part of the run for another.
     pub fn runs_up(&self) -> bool {
         self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz
+    }
+
+    /// Speeds that the run has in eight turns of ten, Hz.
+    pub fn usual_speeds_hz(&self) -> [f64; 2] {
+        let mut speeds: Vec<f64> = self.states.iter().map(|state| state[0]).collect();
+        speeds.sort_by(f64::total_cmp);
+        let at = |share: f64| speeds.get((share * speeds.len() as f64) as usize).copied().unwrap_or(0.0);
+        [at(USUAL.0), at(USUAL.1)]
     }
 
     /// Takes the tachometer's jitter out of the angle.

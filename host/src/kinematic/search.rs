@@ -1,13 +1,14 @@
 //! Families one after the other: the strongest that the gate lets pass, then the rest without its lines.
 
 use super::accept::{self, Verdict};
+use super::all_turns::over_all_turns;
 use super::candidate::{Candidate, Domain, Kind, Place, Taken, TakenOf, score};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
-use super::soundness::{at_its_own_rate, by_higher_base, higher_base, is_impulsive, simpler, unsound};
+use super::soundness::{at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, simpler, unsound};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -20,7 +21,7 @@ const MOST: usize = 8;
 const SAME_BASE: f64 = 3e-3;
 const SLIPPING: f64 = 7e-3;
 /// Candidates of a round that are judged before it is given up.
-pub const JUDGED: usize = 30;
+pub const JUDGED: usize = 60;
 /// And of one kind in one spectrum: a skirt that looks like many swings must not hide the rest.
 pub const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
@@ -45,8 +46,6 @@ pub struct Adopted {
     pub impulsive: bool,
     /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
     pub either_hz: Option<f64>,
-    /// Of a swing: what the gate says of it on all turns at once.
-    pub over_all_turns: Option<Verdict>,
 }
 
 impl Adopted {
@@ -147,16 +146,14 @@ pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
         }
     }
     for k in 1..=(scene.highest_order / z) as usize {
-        take_frequencies(&mut taken[2], scene, views, k as f64 * z);
+        let order = k as f64 * z;
+        let is_line =
+            |run: &SceneRun| !sharpness::is_smeared(run.usual_speeds_hz().map(|hz| order * hz), views.frequency.bin(0));
+        if scene.runs.iter().any(is_line) {
+            take_frequencies(&mut taken[2], scene, views, order);
+        }
     }
     taken
-}
-
-/// What is spoken for once some families are adopted.
-pub fn taken_by(scene: &Scene, views: &Views, adopted: &[&Adopted]) -> TakenOf {
-    let mut search = nothing(scene, views);
-    adopted.iter().for_each(|own| search.take(scene, views, (*own).clone()));
-    search.taken
 }
 
 /// Takes the frequencies that an order sweeps.
@@ -204,7 +201,7 @@ impl Search {
             let candidate = candidate.clone();
             let refined = passage::refinements(&context, &candidate);
             let best = refined.into_iter().map(|c| (strength(&c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
-            let candidate = best.map_or(candidate, |(_, c)| c);
+            let mut candidate = best.map_or(candidate, |(_, c)| c);
             let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
             if verdict.refused.is_none() {
@@ -214,6 +211,15 @@ impl Search {
                 let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);
                 verdict.refused =
                     by_higher_base(&candidate, &verdict, higher.as_ref(), |higher| self.knows(higher, scene));
+            }
+            if verdict.refused.is_none() && is_slow(&candidate, scene) {
+                // What a swing is compared with may stand on its mesh line: residue there is as strong as one that is none.
+                let nothing = Taken::default();
+                let taken = if candidate.kind == Kind::Swing { &nothing } else { &self.taken[0] };
+                match over_all_turns(&candidate, &verdict, scene, taken, &views.all_turns) {
+                    Ok(there) => candidate = there,
+                    Err(why) => verdict.refused = Some(why),
+                }
             }
             if verdict.refused.is_none() {
                 found = Some((candidate, verdict));
@@ -246,7 +252,7 @@ impl Search {
         }
         let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz, over_all_turns: None })
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
     }
 
     /// Whether a candidate is what an adopted family has explained already.

@@ -26,6 +26,14 @@ pub enum Sharper {
     Neither,
 }
 
+/// Bins over which the speed sweeps what stands elsewhere, from which it is no line there any more.
+const SMEARED_BINS: f64 = 64.0;
+
+/// Whether what is swept from one place to another is so wide that a sharp line between them cannot be it.
+pub fn is_smeared([from, to]: [f64; 2], bin: f64) -> bool {
+    (to - from).abs() > SMEARED_BINS * bin
+}
+
 /// Of the strongest line of a family, in the order spectrum or over frequency; orders in all others.
 pub fn of(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Sharper {
     let strongest = candidate

@@ -227,14 +227,10 @@ fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
     [1.0, scene.gear_order].into_iter().any(of)
 }
 
-/// Whether an order is a hump that a swing leaves beside the mesh lines: one as slow that is no cage's must stand out of its moved copies on the turns not used, with the evidence that something
-/// so slow needs. `judged`: what the gate says of it there.
-pub fn is_hump(candidate: &Candidate, scene: &Scene, judged: impl FnOnce() -> Verdict) -> bool {
-    if scene.teeth[0] == 1 || !is_slow_base(candidate, scene) || is_cage(candidate, scene) {
-        return false;
-    }
-    let verdict = judged();
-    verdict.surrogates.as_high > 0 || verdict.score.ln_bayes < LEAST_SLOW
+/// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: a swing, and an order of the signal that is slower than the slower shaft, be it a cage's or not.
+pub fn is_slow(candidate: &Candidate, scene: &Scene) -> bool {
+    let is_order = candidate.domain == Domain::Orders && is_slow_base(candidate, scene) && scene.teeth[0] > 1;
+    candidate.kind == Kind::Swing || is_order
 }
 
 /// Why a family is what a wandering speed makes of the mesh lines: nearer to a mesh harmonic, or slower, than the slower shaft's first sideband.

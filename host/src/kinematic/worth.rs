@@ -3,18 +3,17 @@
 //! A locked family predicts amplitudes and phases there. Its worth is the logarithm of the likelihood ratio of the held-out turns with its lines taken off
 //! against without, at the places fitted, in units of the floor there: about a third of what the fitted turns said where the family is true (a quarter of
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
-//! leakage. What slips predicts no phase: the evidence of its lines on the held-out turns, and the power that they were predicted to have.
+//! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have.
 
-use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
-use super::candidate::{Kind, TakenOf, score};
+use super::candidate::Kind;
 use super::errors::{Corrected, held_out, mean, shares};
+use super::foretold;
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
-use super::search::{Adopted, taken_by};
+use super::search::Adopted;
 use super::slipping::slipping_share;
-use super::soundness;
 use rayon::prelude::*;
 
 /// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
@@ -31,46 +30,28 @@ const MOST_LEFT: f64 = 0.5;
 pub struct Worth {
     /// Fall of the unexplained share of power: waveform where it is locked, power where it slips.
     pub gain: f64,
-    /// Logarithm of the likelihood ratio: of its prediction where it is locked, of its lines with unknown amplitudes where it slips.
+    /// Logarithm of the likelihood ratio: of its waveform where it is locked, of its lines' power where it slips.
     pub ln_bayes: f64,
     /// Of a locked family, where every line may be disturbed by something else with even chances: a line that a tone falls on is no case against the rest.
     pub ln_of_most: f64,
-    /// Of a locked family's lines with unknown amplitudes, in a run-up: there the path turns phases by what nothing predicts.
-    pub ln_of_power: f64,
+    /// Whether the speed runs up: a line that does not hold is then the path's doing, which turns all of them.
+    pub runs_up: bool,
     /// Of a locked family: the calibrated model leaves most of a run-up, so its angle is not the machine's.
     pub is_lost: bool,
-    /// Of a swing (on all turns at once) or an order as slow (on the held-out turns): it is no line but a hump.
-    pub is_hump: bool,
 }
 
 /// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
 pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
     let all = 0..scene.channels.len();
-    let nothing: TakenOf = Default::default();
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
     let is_lost = runs_up && left > MOST_LEFT;
-    let of_power = |own: &Adopted| {
-        let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
-        score(&own.candidate, &field, 0.0).ln_bayes
-    };
-    let is_hump = |i: usize| {
-        let own = adopted[i];
-        if let Some(whole) = &own.over_all_turns {
-            return whole.refused.is_some();
-        }
-        soundness::is_hump(&own.candidate, scene, || {
-            // Moved copies would read the lines of families found before it.
-            let taken = taken_by(scene, views[1], &adopted[..i]);
-            accept::judge(&own.candidate, &views[1].field(&taken, own.candidate.domain, 0..scene.searched))
-        })
-    };
-    let worth = |(i, own): (usize, &&Adopted)| {
+    let worth = |own: &&Adopted| {
         if !own.candidate.locked {
-            let ln_bayes = of_power(own);
+            let ln_bayes = foretold::ln_bayes(scene, views, own);
             let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
-            return Worth { gain, ln_bayes, is_hump: is_hump(i), ..Worth::default() };
+            return Worth { gain, ln_bayes, ..Worth::default() };
         }
         let before = corrected.residual.clone();
         let orders = corrected.add(scene, baseline, views[0], own);
@@ -88,10 +69,9 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         if ln_bayes <= LEAST {
             corrected.residual = before;
         }
-        let ln_of_power = if runs_up { of_power(own) } else { 0.0 };
-        Worth { gain, ln_bayes, ln_of_most, ln_of_power, is_lost, is_hump: false }
+        Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost }
     };
-    adopted.iter().enumerate().map(worth).collect()
+    adopted.iter().map(worth).collect()
 }
 
 /// Of the held-out turns of a run's channel: residual after against before, at each of some orders.
@@ -125,12 +105,10 @@ pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     if adopted.candidate.locked {
-        let most = !worth.is_lost && (worth.ln_of_most > LEAST_OF_MOST || worth.ln_of_power > LEAST);
+        let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
         return predicts_waveform(adopted, worth) || most;
     }
-    if worth.is_hump || adopted.candidate.kind == Kind::Swing {
-        return !worth.is_hump;
-    }
     let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
-    predicts && worth.ln_bayes > 0.0
+    // A quarter of the turns cannot tell a swing from its mesh line; it was asked for on all of them.
+    adopted.candidate.kind == Kind::Swing || predicts && worth.ln_bayes > 0.0
 }

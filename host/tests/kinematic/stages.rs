@@ -180,7 +180,6 @@ fn claim_of_a_family_of_many_lines_the_surest_are_fitted() {
         carries: Vec::new(),
         impulsive: false,
         either_hz: None,
-        over_all_turns: None,
     };
     let mut corrected = Corrected::none(&case.scene, &case.baseline);
     let orders = corrected.add(&case.scene, &case.baseline, &case.views[0], &own);

@@ -5,24 +5,33 @@
 //! supply's; a line near them that follows the load would be a motor's.
 
 use super::Context;
+use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::{self, Range};
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place};
 
 /// Lines of one channel that are tried.
 const LINES: usize = 12;
+/// Share of the frequencies that a mesh line sweeps by which it reaches beyond them: its angle swings.
+const BEYOND: f64 = 0.25;
 /// Harmonics.
 const HARMONICS: usize = 3;
-/// Supplies, Hz, and how far their frequency strays.
+/// Supplies, Hz, and how far their frequency strays: 0.1 Hz of 50, which large grids hold but for disturbances (EN 50160 allows 0.5 Hz), so that a tone near a harmonic is not called one.
 const SUPPLIES_HZ: [f64; 2] = [50.0, 60.0];
-const STRAYS: f64 = 4e-3;
+const STRAYS: f64 = 2e-3;
 
-/// Every strong line over frequency.
+/// Every strong line over frequency; what speckles where a mesh line is smeared is asked for where nothing else stands.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
+    let beside = bases(context, |hz| is_swept(context, hz));
+    shaped(context, if beside.is_empty() { bases(context, |_| false) } else { beside })
+}
+
+/// Strongest lines that are neither spoken for nor left out.
+fn bases(context: &Context, left_out: impl Fn(f64) -> bool) -> Vec<f64> {
     let spectra = context.frequency;
     let mut bases: Vec<f64> = Vec::new();
     for channels in &spectra.levels {
         for levels in &channels[..context.scene.searched] {
-            let known = |hz: f64, half: f64| context.taken[2].near(hz, half);
+            let known = |hz: f64, half: f64| context.taken[2].near(hz, half) || left_out(hz);
             let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
             let mut lines = search::lines(levels, &range);
             lines.sort_by(|a, b| a.ln_probability.total_cmp(&b.ln_probability));
@@ -31,6 +40,11 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
     }
     bases.sort_by(f64::total_cmp);
     bases.dedup_by(|a, b| *a - *b < 2.0 * spectra.bin(0));
+    bases
+}
+
+fn shaped(context: &Context, bases: Vec<f64>) -> Vec<Candidate> {
+    let spectra = context.frequency;
     let bins = spectra.highest / spectra.bin(0);
     let shape = |&hz: &f64| {
         [1, HARMONICS].map(|most| Candidate {
@@ -44,6 +58,18 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
         })
     };
     bases.iter().flat_map(shape).collect()
+}
+
+/// Whether a mesh line is swept across a frequency.
+fn is_swept(context: &Context, hz: f64) -> bool {
+    let z = context.scene.mesh_order();
+    context.scene.runs.iter().any(|run| {
+        let speed = run.angle.speed;
+        let k = (hz / z / speed.mean_hz).round().max(1.0);
+        let lobes = LOBE_BINS * context.frequency.bin(0) + BEYOND * k * z * (speed.fastest_hz - speed.slowest_hz);
+        let is_of = |k: f64| (k * z * speed.slowest_hz - lobes..=k * z * speed.fastest_hz + lobes).contains(&hz);
+        [k - 1.0, k, k + 1.0].into_iter().any(is_of)
+    })
 }
 
 fn place(hz: f64, j: usize) -> Place {

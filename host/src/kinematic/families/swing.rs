@@ -1,7 +1,7 @@
 //! A slow swing of everything: sidebands closer to every mesh harmonic than either shaft's.
 //!
 //! Bases are a grid of distances between the resolution and the slower shaft's order; each is paid for. What decides: the same distance about several harmonics, both
-//! sides. Whether strength or speed swings: what a tach follows is no swing of the angle any more, so what is left is mostly strength (load), or a swing faster than the tach resolves.
+//! sides; and that it stands on all turns at once ([`all_turns`](crate::kinematic::all_turns)). Whether strength or speed swings: what a tach follows is no swing of the angle any more, so what is left is mostly strength (load), or a swing faster than the tach resolves.
 //! Phases follow neither shaft: power is predicted. Limit: what is slower than the resolution belongs to the calibrated amplitudes.
 
 use super::Context;

@@ -1,0 +1,48 @@
+//! What the fitted turns foretell of lines whose phases cannot be known: their power on other turns.
+//!
+//! The prior is the one that the lines were found with ([`Reading`]): what a place reads on the fitted turns says how strong its line is, and whether there is
+//! one in that run and channel at all. The worth of the family is the logarithm of the likelihood ratio of the other turns' readings so foretold
+//! against a floor without lines, at the places that stood. Empty places of the family ask for nothing there, and a line weaker than it should be
+//! speaks against it. A shorter stretch shows a line lower by the ratio of the lengths. Limit: a line that stands on one part alone, as a short disturbance does, is
+//! refused however strong it is.
+
+use super::candidate::{Place, own_level};
+use super::evidence::{Reading, Shares, ln_sum};
+use super::residual::Views;
+use super::scene::Scene;
+use super::search::Adopted;
+
+/// Logarithm of the likelihood ratio of the second views' readings, foretold from the first; the best level, coarser ones too, since slip moves between the two.
+pub fn ln_bayes(scene: &Scene, views: [&Views; 2], own: &Adopted) -> f64 {
+    let depth = views.map(|view| view.of(own.candidate.domain).depth()).into_iter().min().unwrap_or(0);
+    if depth == 0 {
+        return 0.0;
+    }
+    let finest = if own.candidate.locked { 0..1 } else { own.verdict.score.level.min(depth - 1)..depth };
+    let choices = (finest.len() as f64).ln();
+    finest.map(|level| at_level(scene, views, own, level)).fold(f64::NEG_INFINITY, f64::max) - choices
+}
+
+fn at_level(scene: &Scene, views: [&Views; 2], own: &Adopted, level: usize) -> f64 {
+    let [fit, other] = views.map(|view| view.of(own.candidate.domain));
+    let reach = usize::from(!own.candidate.locked);
+    let read = |place: &Place| {
+        let (order, level) = (place.order, own_level(place, level, fit));
+        let places = (0..scene.runs.len()).flat_map(|run| (0..scene.searched).map(move |channel| (run, channel)));
+        places.filter_map(move |(run, channel)| {
+            let fitted = fit.reading(run, channel, level, order, reach)?;
+            let near = (0..=2 * reach).filter_map(move |i| {
+                let order = order + (i as f64 - reach as f64) * other.bin(level);
+                other.reading(run, channel, level, order, 0)
+            });
+            Some((fitted, near.collect::<Vec<Reading>>(), fit.bin(level) / other.bin(level)))
+        })
+    };
+    let all = own.candidate.places.iter().flat_map(read).map(|(fitted, ..)| fitted.ln_bayes());
+    let shares = Shares::of(&all.collect::<Vec<f64>>());
+    let foretold = |(fitted, near, length): (Reading, Vec<Reading>, f64)| {
+        let chance = shares.chance(fitted.ln_bayes());
+        ln_sum([(1.0 - chance).ln(), chance.ln() + fitted.ln_foretold(&near, length)].into_iter())
+    };
+    own.standing().flat_map(read).filter(|(_, near, _)| !near.is_empty()).map(foretold).sum()
+}
