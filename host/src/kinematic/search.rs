@@ -147,8 +147,11 @@ pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     }
     for k in 1..=(scene.highest_order / z) as usize {
         let order = k as f64 * z;
-        let is_line =
-            |run: &SceneRun| !sharpness::is_smeared(run.usual_speeds_hz().map(|hz| order * hz), views.frequency.bin(0));
+        // In a run-up a mesh line turns and swells as it is swept, which speckles as lines do.
+        let is_line = |run: &SceneRun| {
+            let swept = run.usual_speeds_hz().map(|hz| order * hz);
+            run.runs_up() || !sharpness::is_smeared(swept, views.frequency.bin(0))
+        };
         if scene.runs.iter().any(is_line) {
             take_frequencies(&mut taken[2], scene, views, order);
         }

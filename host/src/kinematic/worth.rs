@@ -7,7 +7,7 @@
 
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
-use super::candidate::Kind;
+use super::candidate::{Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::foretold;
 use super::residual::Views;
@@ -43,13 +43,19 @@ pub struct Worth {
 /// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
 pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
     let all = 0..scene.channels.len();
+    let nothing: TakenOf = Default::default();
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
     let is_lost = runs_up && left > MOST_LEFT;
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
-            let ln_bayes = foretold::ln_bayes(scene, views, own);
+            let mut ln_bayes = foretold::ln_bayes(scene, views, own);
+            if runs_up {
+                // Skirts are foretold as lines are; all places together must speak for the family there, too.
+                let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
+                ln_bayes = ln_bayes.min(score(&own.candidate, &field, 0.0).ln_bayes);
+            }
             let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
             return Worth { gain, ln_bayes, ..Worth::default() };
         }
