@@ -3,7 +3,7 @@
 //! There a line stands higher, and what a wandering speed leaves beside the mesh lines does not. A quarter of the turns alone would not tell either from its mesh line. The
 //! fitted turns place it within some bins only, so it is looked for about there; where it stands is its rate. Asked before it is adopted: one that is none
 //! would take the lines of others with it. Limit: turns held out take part; that is the veto's price for what they cannot show alone. (Searched on all turns alone, without having to
-//! stand on the fitted ones, a wander's own chance peaks pass on one null in ten, some at 400 nats.)
+//! stand on the fitted ones, a wander's own chance peaks passed on nine of 67 nulls, some at 400 nats.)
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Field, Place, Taken, score};
