@@ -79,9 +79,9 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let rest = carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
     let held = if held_out {
-        residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands))
+        residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit))
     } else {
-        residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit.bands))
+        residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit))
     };
     let views = [&fit, &held];
     let passed = rest.iter().filter(|own| own.verdict.refused.is_none());

@@ -63,20 +63,21 @@ impl Views {
     }
 }
 
-/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves; `bands` of an earlier view, or `None` to choose them.
+/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves; bands and all turns are those of an `earlier` view of the same, if there is one.
 pub fn views(
     scene: &Scene,
     calibrated: &Grids,
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
-    bands: Option<&Vec<Vec<Band>>>,
+    earlier: Option<&Views>,
 ) -> Views {
     let calibrated = &followed(scene, calibrated);
     let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let whole = |r: usize| vec![Stretch { from: 0, turns: scene.runs[r].angle.turns }];
-    let all_turns = Spectra::searched(scene, calibrated, whole);
+    let all_turns =
+        earlier.map_or_else(|| Spectra::searched(scene, calibrated, whole), |earlier| earlier.all_turns.clone());
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
-        let given = bands.map(|bands| bands[r][c]);
+        let given = earlier.map(|earlier| earlier.bands[r][c]);
         of_channel(run, &run.samples[c], &calibrated[r][c], &run.signals[c], stretches(&run.split), given)
     };
     let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())

@@ -35,7 +35,7 @@ fn case() -> Case {
     let scene = Scene::of(&record, record.require_tach().expect("a tach"), SIX.teeth).expect("a scene");
     let baseline = Baseline::of(&scene);
     let fit = views(&scene, &baseline.calibrated, |split| &split.fit, None);
-    let held = views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit.bands));
+    let held = views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit));
     let adopted = search::search(&scene, &fit).adopted;
     Case { scene, baseline, views: [fit, held], adopted }
 }
