@@ -1,6 +1,6 @@
 //! From tach edges to the pinion's angle, and to samples at equal angles for both shafts at once.
 //!
-//! Time over angle is a natural cubic spline through the (repaired) edges, whatever shaft they are of; the speed is never taken as
+//! Time over angle is a natural cubic spline through the (repaired) edges, whatever shaft they are of, and through values between them where they are few; the speed is never taken as
 //! constant. The grid has as many samples per pinion turn as also give a whole number per gear turn, so one reading of the signal serves
 //! the averages of both. It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
 //! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked at up to 80 % of the Nyquist
@@ -12,7 +12,7 @@ use crate::budget::ANGLES;
 use crate::check::edges::Repair;
 use crate::machine::Hunting;
 use crate::record::{Run, Tach};
-use crate::spectral::{AngleMap, resample_by_angle};
+use crate::spectral::{AngleMap, interpolated, resample_by_angle};
 use crate::{Error, Result};
 use serde::Serialize;
 
@@ -22,6 +22,8 @@ const KERNEL_REACH: f64 = 32.0;
 const DENSITY: f64 = 1.25;
 /// Share of the sampling rate up to which orders are looked at.
 const PASS_SHARE: f64 = 0.4;
+/// Marks per turn from which a spline through them follows any wander.
+const FINE: u32 = 8;
 /// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
 const FEWEST_TURNS: f64 = 6.0;
 
@@ -70,7 +72,8 @@ impl Angle {
         }
         let first = f64::from(run.declaration.first_pulse_index) / f64::from(tach.pulses_per_rev);
         let edges_s = whole_turns::smoothed(&repair.edges_s, tach.pulses_per_rev);
-        let of_shaft = AngleMap::new(&edges_s, tach.pulses_per_rev, first)
+        let (edges_s, per_rev) = finer(edges_s, tach.pulses_per_rev);
+        let of_shaft = AngleMap::new(&edges_s, per_rev, first)
             .ok_or_else(|| Error::invalid(place, "fewer than two tach edges"))?;
         let map = match tach.turns_per_pinion_turn(Some(teeth)) {
             Some(ratio) if ratio != 1.0 => of_shaft.geared(1.0 / ratio),
@@ -118,6 +121,17 @@ impl Angle {
     }
 }
 
+/// Edges of a wheel of few marks with more between them: the spline through its own would leave images of a wander at the orders of its marks. As they are where that goes back in time.
+fn finer(edges_s: Vec<f64>, pulses: u32) -> (Vec<f64>, u32) {
+    if pulses >= FINE || edges_s.len() < 2 {
+        return (edges_s, pulses);
+    }
+    let steps = FINE.div_ceil(pulses);
+    let count = (edges_s.len() - 1) * steps as usize + 1;
+    let finer: Vec<f64> = (0..count).map(|i| interpolated(&edges_s, i as f64 / f64::from(steps))).collect();
+    if finer.windows(2).all(|w| w[1] > w[0]) { (finer, pulses * steps) } else { (edges_s, pulses) }
+}
+
 fn speed_range(map: &AngleMap, from: f64, turns: usize) -> SpeedRange {
     let time = |i: usize| map.time_at(from + i as f64);
     let speeds = (0..turns).map(|i| 1.0 / (time(i + 1) - time(i)));
@@ -143,4 +157,32 @@ fn has_small_factors(mut n: usize) -> bool {
         }
     }
     n == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn theory_one_mark_per_turn_follows_a_wander_between_its_edges() {
+        // A percent of the speed over eight turns.
+        let time = |turn: f64| 0.1 * turn + 1e-3 * 8.0 / TAU * (TAU * turn / 8.0).sin();
+        let edges: Vec<f64> = (0..200).map(|i| time(f64::from(i))).collect();
+        let worst = |edges: &[f64], pulses: u32| {
+            let map = AngleMap::new(edges, pulses, 0.0).expect("edges");
+            let off = |i: i32| (map.time_at(0.1 * f64::from(i)) - time(0.1 * f64::from(i))).abs() / 0.1;
+            (100..1890).map(off).fold(0.0, f64::max)
+        };
+        let (finer, pulses) = finer(edges.clone(), 1);
+        assert!(worst(&edges, 1) > 1e-6, "{:e} of a turn", worst(&edges, 1));
+        assert!(worst(&finer, pulses) < 1e-8, "{:e} of a turn", worst(&finer, pulses));
+    }
+
+    #[test]
+    fn edges_that_would_go_back_between_marks_stay_as_they_are() {
+        let edges = vec![0.0, 0.1, 0.2, 0.2001, 0.4, 0.5, 0.6];
+        assert_eq!(finer(edges.clone(), 1), (edges, 1));
+        assert_eq!(finer(vec![0.0, 0.1], 8).1, 8);
+    }
 }

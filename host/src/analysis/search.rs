@@ -170,7 +170,9 @@ fn floor(density: &Spectrum, averages: usize, range: &Range) -> (Vec<f64>, f64) 
 fn highest_median(values: &[f64], free: &[usize], centre: f64, reach: usize) -> f64 {
     let middle = free.partition_point(|&i| (i as f64) < centre);
     let within = |i: &&usize| (**i as f64 - centre).abs() <= reach as f64;
-    let left: Vec<f64> = free[..middle].iter().rev().take_while(within).map(|&i| values[i]).collect();
+    // So near to zero that too few lie to the left: the first ones, which a hump there fills.
+    let before = middle.max(FEWEST_BINS.min(free.len()));
+    let left: Vec<f64> = free[..before].iter().rev().take_while(within).map(|&i| values[i]).collect();
     let right: Vec<f64> = free[middle..].iter().take_while(within).map(|&i| values[i]).collect();
     let near = reach / 2;
     let both: Vec<f64> = left.iter().take(near).chain(right.iter().take(near)).copied().collect();

@@ -228,10 +228,11 @@ impl OwnLines {
         }
         let is_inward = moved * place.spacing < 0.0;
         let is_first = self.first.is_some_and(|first| place.spacing.abs() < 1.5 * first);
-        if is_first && is_inward && away > (1.0 - NEAR_THE_MESH) * place.spacing.abs() {
-            // On the other side, at distances that its own copies there have not.
-            let mirrored = (nearest + farthest - away).max(nearest);
-            return place.order + place.spacing.signum() * mirrored;
+        if is_first && is_inward {
+            let farthest = ((1.0 - NEAR_THE_MESH) * place.spacing.abs()).max(nearest);
+            if away > farthest {
+                away = nearest + (farthest - nearest) * (moved.abs() / WIDEST_MOVE).min(1.0);
+            }
         }
         place.order + moved.signum() * away
     }

@@ -6,7 +6,7 @@
 //! Cost: a banded solution for each strength tried. Where cross-validation keeps most of what there is, or what it takes off is a line, the speed does move that fast, and the angle stays as it is. Steady speed only: a run-up begins and ends with a kink, which smoothing would turn into swings. Limit: what the speed truly does within some turns shows as modulation then.
 
 use crate::analysis::angle::Angle;
-use crate::spectral::AngleMap;
+use crate::spectral::{AngleMap, interpolated};
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -15,6 +15,8 @@ use std::f64::consts::TAU;
 const STRENGTHS: (i32, i32) = (-2, 18);
 /// Share of the turns' degrees of freedom kept from which the angle is left alone.
 const MOST_KEPT: f64 = 0.7;
+/// Edges per turn of the new angle: a spline through one of each turn leaves images of the wander beside the shaft's sidebands.
+const EDGES: u32 = 8;
 /// Fewest turns.
 const FEWEST: usize = 16;
 /// Share of what is taken off that stands at one frequency from which it is a swing: jitter has the logarithm of the turns over half of them.
@@ -31,7 +33,9 @@ pub fn settled(angle: &Angle) -> Option<AngleMap> {
     }
     let times: Vec<f64> = (0..count).map(|i| angle.map.time_at(angle.from_turn + i as f64)).collect();
     let smooth = smoothed(&times)?;
-    smooth.windows(2).all(|w| w[1] > w[0]).then(|| AngleMap::new(&smooth, 1, angle.from_turn)).flatten()
+    let edges: Vec<f64> =
+        (0..=angle.turns * EDGES as usize).map(|i| interpolated(&smooth, i as f64 / f64::from(EDGES))).collect();
+    edges.windows(2).all(|w| w[1] > w[0]).then(|| AngleMap::new(&edges, EDGES, angle.from_turn)).flatten()
 }
 
 /// Smoothed values, by cross-validation; nothing where that keeps most of them.

@@ -7,7 +7,7 @@
 //! the path turns the lines, so a measured tachometer is left alone there.
 
 use crate::analysis::angle::Angle;
-use crate::spectral::AngleMap;
+use crate::spectral::{AngleMap, interpolated};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -23,6 +23,8 @@ const EDGES: u32 = 4;
 const SHARPER: f64 = 0.8;
 /// Least power of a line's mean over that of its departures.
 const STEADY: f64 = 0.05;
+/// Samples after which a turning factor is made anew.
+const RENEWED: usize = 1024;
 
 /// A line read over windows: its order and value in each.
 struct Read {
@@ -30,9 +32,11 @@ struct Read {
     values: Vec<Complex64>,
 }
 
-/// Departure of the angle, turns, at places on the grid, turns of the pinion from its first.
+/// Departure of the angle, turns, at equally spaced places on the grid.
 pub struct Departure {
-    places: Vec<f64>,
+    /// First place, and from one to the next, turns of the pinion from the grid's first.
+    first: f64,
+    hop: f64,
     turns: Vec<f64>,
 }
 
@@ -45,8 +49,6 @@ pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_o
     if count == 0 || windows < 8 {
         return None;
     }
-    // The outer windows are cut in half by the ends.
-    let places: Vec<f64> = (0..windows).map(|i| 0.25 * length + i as f64 * hop).collect();
     let reads: Vec<Read> = samples
         .par_iter()
         .flat_map_iter(|samples| (1..=count).map(move |k| (samples, k as f64 * mesh_order)))
@@ -63,38 +65,44 @@ pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_o
     let mean = turns.iter().sum::<f64>() / windows as f64;
     turns.iter_mut().for_each(|t| *t -= mean);
     let none = vec![0.0; windows];
-    (beside(&reads, &turns) < SHARPER * beside(&reads, &none)).then_some(Departure { places, turns })
+    // The outer windows are cut in half by the ends.
+    (beside(&reads, &turns) < SHARPER * beside(&reads, &none)).then_some(Departure { first: 0.25 * length, hop, turns })
 }
 
-/// A line turned to zero and averaged over Hann windows, from prefix sums over short parts.
+/// A line turned to zero under Hann windows, from running sums of it and of its neighbours one window's width away, which make the window exactly: sums over parts of a window
+/// are few values per turn, beside which the other mesh lines fold into the window and beat.
 fn windowed(samples: &[f64], per_turn: usize, order: f64, (length, hop): (f64, f64), windows: usize) -> Vec<Complex64> {
-    let part = ((hop * per_turn as f64) / 4.0).max(1.0) as usize;
-    let step = Complex64::from_polar(1.0, -TAU * order / per_turn as f64);
-    let sums: Vec<Complex64> = samples
-        .chunks(part)
-        .enumerate()
-        .map(|(i, values)| {
-            let mut turn = Complex64::from_polar(1.0, -TAU * (order * (i * part) as f64 / per_turn as f64).fract());
-            let mut sum = Complex64::default();
-            for x in values {
-                sum += turn * x;
-                turn *= step;
-            }
-            sum
-        })
-        .collect();
-    let of_window = |i: usize| {
-        let (from, to) =
-            ((i as f64 * hop - 0.25 * length) * per_turn as f64, (i as f64 * hop + 0.75 * length) * per_turn as f64);
-        let range = (from / part as f64) as usize..((to / part as f64) as usize).min(sums.len());
-        range
-            .map(|j| {
-                let u = (((j as f64 + 0.5) * part as f64 - from) / (to - from)).clamp(0.0, 1.0);
-                sums[j] * (0.5 - 0.5 * (TAU * u).cos())
-            })
-            .sum()
+    let per_turn = per_turn as f64;
+    let of_window = 1.0 / length;
+    let sums = [order, order - of_window, order + of_window].map(|order| running_sums(samples, order / per_turn));
+    let value = |i: usize| {
+        let start = (i as f64 * hop - 0.25 * length) * per_turn;
+        let end = start + length * per_turn;
+        let range = [start, end].map(|place| (place.ceil().max(0.0) as usize).min(samples.len()));
+        let [mid, below, above] = [0, 1, 2].map(|s: usize| sums[s][range[1]] - sums[s][range[0]]);
+        // 0.5 - 0.5 cos: the neighbours' phases are those at the window's start.
+        let turn = Complex64::from_polar(1.0, TAU * start * of_window / per_turn);
+        0.5 * mid - 0.25 * (below * turn.conj() + above * turn)
     };
-    (0..windows).map(of_window).collect()
+    (0..windows).map(value).collect()
+}
+
+/// Sums of the samples turned back by `cycles` per sample, up to each of them.
+fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
+    let mut sums = Vec::with_capacity(samples.len() + 1);
+    let mut sum = Complex64::default();
+    let step = Complex64::from_polar(1.0, -TAU * cycles);
+    let mut turn = Complex64::default();
+    sums.push(sum);
+    for (i, x) in samples.iter().enumerate() {
+        if i % RENEWED == 0 {
+            turn = Complex64::from_polar(1.0, -TAU * (cycles * i as f64).fract());
+        }
+        sum += turn * x;
+        turn *= step;
+        sums.push(sum);
+    }
+    sums
 }
 
 /// Mean of a line's values with a departure taken out, and what is left beside it.
@@ -133,11 +141,9 @@ fn beside(reads: &[Read], turns: &[f64]) -> f64 {
 }
 
 impl Departure {
-    /// The departure at a place, straight between windows, level beyond the outer ones.
+    /// The departure at a place, level beyond the outer windows.
     fn at(&self, place: f64) -> f64 {
-        let i = self.places.partition_point(|p| *p <= place).clamp(1, self.places.len() - 1) - 1;
-        let u = ((place - self.places[i]) / (self.places[i + 1] - self.places[i])).clamp(0.0, 1.0);
-        self.turns[i] + u * (self.turns[i + 1] - self.turns[i])
+        interpolated(&self.turns, (place - self.first) / self.hop)
     }
 
     /// The map with the departure taken out.
@@ -151,5 +157,26 @@ impl Departure {
         };
         let edges: Vec<f64> = (0..count).map(edge).collect();
         edges.windows(2).all(|w| w[1] > w[0]).then(|| AngleMap::new(&edges, EDGES, from - margin)).flatten()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn theory_neighbouring_mesh_lines_do_not_beat_with_the_windows() {
+        // 20 and 31 teeth: the other lines stand within a window's width of what a coarser sum folds.
+        let (per_turn, turns, z, slower) = (500, 100, 20.0, 20.0 / 31.0);
+        let line = |i: usize, k: f64| (TAU * k * z * i as f64 / per_turn as f64).cos();
+        let samples: Vec<f64> =
+            (0..per_turn * turns).map(|i| line(i, 7.0) + line(i, 6.0) + 0.5 * line(i, 8.0)).collect();
+        let (length, hop) = (WINDOW_TURNS / slower, 1.0 / (PER_TURN * slower));
+        let values = windowed(&samples, per_turn, 7.0 * z, (length, hop), 400);
+        let whole = &values[8..392];
+        let mean = whole.iter().sum::<Complex64>() / whole.len() as f64;
+        assert!((mean.norm() / (0.25 * length * per_turn as f64) - 1.0).abs() < 1e-6);
+        let off = whole.iter().map(|v| (v / mean).arg().abs()).fold(0.0, f64::max);
+        assert!(off < 1e-5, "{off:e} rad");
     }
 }

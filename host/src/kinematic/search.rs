@@ -8,7 +8,9 @@ use super::families::{self, Context, bearing, passage, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
-use super::soundness::{at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, simpler, unsound};
+use super::soundness::{
+    as_modulation, at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, simpler, unsound,
+};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -214,6 +216,9 @@ impl Search {
                 let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);
                 verdict.refused =
                     by_higher_base(&candidate, &verdict, higher.as_ref(), |higher| self.knows(higher, scene));
+            }
+            if verdict.refused.is_none() {
+                verdict.refused = as_modulation(&candidate, &verdict, &context, views, &self.taken);
             }
             if verdict.refused.is_none() && is_slow(&candidate, scene) {
                 // What a swing is compared with may stand on its mesh line: residue there is as strong as one that is none.

@@ -155,6 +155,29 @@ pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, ta
     }
 }
 
+/// Why a pattern that has hardly a line but next to the mesh is none: the modulation that it would be does not pass the gate.
+pub fn as_modulation(
+    candidate: &Candidate,
+    verdict: &Verdict,
+    context: &Context,
+    views: &Views,
+    taken: &TakenOf,
+) -> Option<String> {
+    let Kind::Pattern(shaft) = candidate.kind else { return None };
+    let scene = context.scene;
+    let (own, z) = (scene.shaft_order(shaft as usize), scene.mesh_order());
+    let is_first = |order: f64| (order - (order / z).round().max(1.0) * z).abs() < 1.5 * own;
+    let standing = || candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+    let all: f64 = standing().map(|(_, ln)| ln).sum();
+    let beside: f64 = standing().filter(|(place, _)| is_first(place.order)).map(|(_, ln)| ln).sum();
+    if beside <= NEARLY * all {
+        return None;
+    }
+    let field = views.field(taken, Domain::Orders, 0..scene.searched);
+    let refused = accept::judge(&modulation::candidate(context, shaft, 1), &field).refused;
+    refused.map(|why| format!("hardly more than first sidebands of the mesh: {why}"))
+}
+
 /// Whether an envelope's family can be that of `other`, its base one or two orders of the shaft beside it.
 fn is_beside(rival: &Candidate, other: &Candidate, own: f64, steps: std::ops::RangeInclusive<i32>) -> bool {
     let is_at = |n: i32| (rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
@@ -189,7 +212,10 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     }
     if candidate.is_base() {
         let harmonics = standing_harmonics(candidate, verdict);
-        let alone = candidate.kind == Kind::Passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
+        // A run-up's envelope rises and falls with the resonances that it crosses.
+        let says_little = candidate.domain.is_envelope() && scene.runs.iter().any(SceneRun::runs_up);
+        let is_passage = candidate.kind == Kind::Passage && !says_little;
+        let alone = is_passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
         if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
             return Some(format!("one harmonic only, {} lines", standing.len()));
         }

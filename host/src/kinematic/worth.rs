@@ -5,6 +5,7 @@
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
 //! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have.
 
+use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
 use super::candidate::{Kind, TakenOf, score};
@@ -12,7 +13,7 @@ use super::errors::{Corrected, held_out, mean, shares};
 use super::foretold;
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
-use super::search::Adopted;
+use super::search::{Adopted, mesh_taken};
 use super::slipping::slipping_share;
 use rayon::prelude::*;
 
@@ -38,12 +39,15 @@ pub struct Worth {
     pub runs_up: bool,
     /// Of a locked family: the calibrated model leaves most of a run-up, so its angle is not the machine's.
     pub is_lost: bool,
+    /// Of a locked family in a run-up, but for first sidebands of the mesh: the held-out turns alone let it pass the gate, their own moved copies beside it.
+    pub stands_again: bool,
 }
 
 /// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
 pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
     let all = 0..scene.channels.len();
     let nothing: TakenOf = Default::default();
+    let mesh = mesh_taken(scene, views[1]);
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
@@ -75,7 +79,12 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         if ln_bayes <= LEAST {
             corrected.residual = before;
         }
-        Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost }
+        // First sidebands stand on what a run-up leaves beside its mesh lines, on all of its turns.
+        let stands_again = runs_up && !matches!(own.candidate.kind, Kind::Modulation(_)) && {
+            let field = views[1].field(&mesh, own.candidate.domain, 0..scene.searched);
+            accept::judge(&own.candidate, &field).refused.is_none()
+        };
+        Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost, stands_again }
     };
     adopted.iter().map(worth).collect()
 }
@@ -112,7 +121,7 @@ pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     if adopted.candidate.locked {
         let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
-        return predicts_waveform(adopted, worth) || most;
+        return predicts_waveform(adopted, worth) || most || worth.stands_again;
     }
     let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
     // A quarter of the turns cannot tell a swing from its mesh line; it was asked for on all of them.

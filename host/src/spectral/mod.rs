@@ -6,12 +6,14 @@
 //! (2002), for windows, ENBW and scaling; Welch (1967) for averaging.
 
 mod bessel;
+mod interpolated;
 mod line;
 mod noise;
 mod order;
 mod shape;
 
 pub use bessel::bessel_i0;
+pub use interpolated::interpolated;
 pub use line::{Line, line_near};
 pub use noise::{noise_power, running_median};
 pub use order::{AngleMap, order_spectrum, resample_by_angle, synchronous_average};
