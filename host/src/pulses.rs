@@ -11,6 +11,7 @@
 //! Limits: a pulse lost or doubled before the first or behind the last that counts is not seen; two faults that make up for each other in
 //! one period (a pulse moved to a place where it could be) are a moved pulse, left in place.
 
+use crate::spectral::through;
 use serde::Serialize;
 
 /// Intervals to either side from which the period is taken.
@@ -292,17 +293,9 @@ pub fn fill(pulses: &mut Pulses) {
         let from = position.saturating_sub(1).min(measured.len().saturating_sub(4));
         let nodes = &measured[from..(from + 4).min(measured.len())];
         for index in pair[0] + 1..pair[1] {
-            pulses.times_s[index] = lagrange(nodes, &pulses.times_s, index);
+            pulses.times_s[index] = through(nodes.iter().copied(), &pulses.times_s, index as f64);
         }
     }
-}
-
-fn lagrange(nodes: &[usize], times_s: &[f64], at: usize) -> f64 {
-    let weight = |i: usize| {
-        let others = nodes.iter().filter(|&&j| j != i);
-        others.map(|&j| (at as f64 - j as f64) / (i as f64 - j as f64)).product::<f64>()
-    };
-    nodes.iter().map(|&i| weight(i) * times_s[i]).sum()
 }
 
 #[cfg(test)]

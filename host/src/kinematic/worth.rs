@@ -3,7 +3,8 @@
 //! A locked family predicts amplitudes and phases there. Its worth is the logarithm of the likelihood ratio of the held-out turns with its lines taken off
 //! against without, at the places fitted, in units of the floor there: about a third of what the fitted turns said where the family is true (a quarter of
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
-//! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have.
+//! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have. In a run-up the path turns
+//! phases from one part to the other: a locked family away from the mesh may pass the whole gate again there instead.
 
 use super::accept;
 use super::amplitudes::Weighted;

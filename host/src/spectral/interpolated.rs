@@ -17,12 +17,16 @@ pub fn interpolated(values: &[f64], place: f64) -> f64 {
     let side = before.min(values.len().saturating_sub(before)).clamp(LEAST, EACH_SIDE);
     let nodes = (2 * side).min(values.len());
     let first = before.saturating_sub(side).min(values.len() - nodes);
-    let own = |i: usize| {
-        let others = (0..nodes).filter(|j| *j != i);
-        let weight = |j: usize| (place - (first + j) as f64) / (i as f64 - j as f64);
-        values[first + i] * others.map(weight).product::<f64>()
+    through(first..first + nodes, values, place)
+}
+
+/// The value at `place` of the polynomial through those of `values` at some distinct places (Lagrange's form).
+pub fn through(nodes: impl Iterator<Item = usize> + Clone, values: &[f64], place: f64) -> f64 {
+    let weight = |i: usize| {
+        let others = nodes.clone().filter(|j| *j != i);
+        others.map(|j| (place - j as f64) / (i as f64 - j as f64)).product::<f64>()
     };
-    (0..nodes).map(own).sum()
+    nodes.clone().map(|i| weight(i) * values[i]).sum()
 }
 
 #[cfg(test)]

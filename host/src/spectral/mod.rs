@@ -13,7 +13,7 @@ mod order;
 mod shape;
 
 pub use bessel::bessel_i0;
-pub use interpolated::interpolated;
+pub use interpolated::{interpolated, through};
 pub use line::{Line, line_near};
 pub use noise::{noise_power, running_median};
 pub use order::{AngleMap, order_spectrum, resample_by_angle, synchronous_average};
