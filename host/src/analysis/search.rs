@@ -229,6 +229,20 @@ pub fn lines(levels: &[Level], range: &Range) -> Vec<Line> {
     kept
 }
 
+/// Order and power over floor of the highest bin within `reach` bins, to a fraction of a bin; none at the edge of the reach.
+pub fn peak(level: &Level, order: f64, reach: f64) -> Option<(f64, f64)> {
+    let values = &level.density.values;
+    let centre = order / level.density.bin;
+    let range = (centre - reach).ceil().max(1.0) as usize
+        ..=((centre + reach).floor() as usize).min(values.len().checked_sub(2)?);
+    let top = range.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+    let [left, middle, right] = [top - 1, top, top + 1].map(|i| values[i].max(f64::MIN_POSITIVE).ln());
+    let bend = left - 2.0 * middle + right;
+    let is_peak = middle >= left && middle >= right && bend < 0.0;
+    let ratio = values[top] / level.floor[top].max(f64::MIN_POSITIVE);
+    is_peak.then(|| ((top as f64 + 0.5 * (left - right) / bend) * level.density.bin, ratio))
+}
+
 fn peaks(level: &Level, range: &Range, ln_tests: f64) -> Vec<Line> {
     let values = &level.density.values;
     let raised = 1.0 + 2.0 * level.floor_error;

@@ -1,7 +1,7 @@
 //! The one gate: whether a family may be adopted, and why not.
 //!
 //! Three conditions. *Evidence*: the Bayes factor with the prior of `evidence`, divided by the number of alternatives it was chosen from, exceeds exp(5).
-//! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way in this very record, where skirts, swings and
+//! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way (farther where no copy finds a place so near) in this very record, where skirts, swings and
 //! everything else that no model foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half, and the
 //! probability so found, times the families of the library, must be below 1 %; and it is three times the highest (set on generated run-ups, where weaker ones were false). *Held out* (`errors`): the part not used must gain. Limit: 48 moved copies
 //! say nothing themselves about one in a hundred; the tail's form is an assumption.
@@ -101,14 +101,19 @@ fn displacement(i: usize) -> f64 {
 
 /// How often as far a line at a frequency may be moved for its copies: it stands between the frequencies that mesh lines sweep, and anywhere free says as much.
 const FARTHER: usize = 6;
+/// The same of a ghost or an order of neither shaft: where the shafts' own orders are dense, few of the nearest copies find a place.
+const FARTHER_OF_ORDERS: usize = 3;
 
 /// Scores of the copies of a candidate that find a place.
 pub fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
     let of = |moved: f64| score(candidate, field, moved).ln_bayes;
-    if candidate.kind != Kind::FixedFrequency {
-        return displacements().map(of).collect();
-    }
-    (0..FARTHER * COPIES).map(displacement).map(of).filter(|score| score.is_finite()).take(COPIES).collect()
+    let farther = match candidate.kind {
+        Kind::FixedFrequency => FARTHER,
+        Kind::Ghost => FARTHER_OF_ORDERS,
+        _ if candidate.is_base() => FARTHER_OF_ORDERS,
+        _ => 1,
+    };
+    (0..farther * COPIES).map(displacement).map(of).filter(|score| score.is_finite()).take(COPIES).collect()
 }
 
 /// Least score of a candidate with so many alternatives.

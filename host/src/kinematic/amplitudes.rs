@@ -2,7 +2,7 @@
 //!
 //! Each line's amplitude is complex (the path is unknown) and moves with the speed as its own [`Basis`] says, which [`Choice`] chooses. Weights are a Blackman-Harris window per
 //! stretch, so lines more than four bins apart do not touch and are fitted one after the other; a second round takes off what the first
-//! left between neighbours. Phases count from the first turn of the grid, the same for all stretches: what is fitted predicts the waveform
+//! left between neighbours. Where the speed runs up all turns weigh alike: resonances are crossed in a few, those next to a gap bound what is fitted across it, and whole orders do not touch over whole turns. Phases count from the first turn of the grid, the same for all stretches: what is fitted predicts the waveform
 //! between them. Cost: two passes over the samples per line and round.
 
 use super::basis::{Basis, State};
@@ -47,16 +47,22 @@ pub struct Weighted<'a> {
 }
 
 impl<'a> Weighted<'a> {
-    /// The fitted turns of `run`.
+    /// The fitted turns of `run`; all alike where the speed runs up, since what stands at the ends of a stretch then says most of what lies between two.
     pub fn new(run: &'a SceneRun) -> Self {
+        if run.runs_up() {
+            return Self::weighted(run, &run.split.fit, |samples| vec![1.0; samples]);
+        }
         Self::of_stretches(run, &run.split.fit)
     }
 
-    /// Other turns of `run`.
+    /// Other turns of `run`, windowed.
     pub fn of_stretches(run: &'a SceneRun, stretches: &[Stretch]) -> Self {
+        Self::weighted(run, stretches, |samples| WINDOW.weights(samples))
+    }
+
+    fn weighted(run: &'a SceneRun, stretches: &[Stretch], weights: impl Fn(usize) -> Vec<f64>) -> Self {
         let per_turn = run.angle.per_turn[0];
-        let stretches: Vec<(Stretch, Vec<f64>)> =
-            stretches.iter().map(|s| (*s, WINDOW.weights(s.turns * per_turn))).collect();
+        let stretches: Vec<(Stretch, Vec<f64>)> = stretches.iter().map(|s| (*s, weights(s.turns * per_turn))).collect();
         let turns =
             || stretches.iter().flat_map(|(s, weights)| (s.from..s.from + s.turns).zip(weights.chunks(per_turn)));
         let states = turns().map(|(turn, _)| run.states[turn]).collect();

@@ -37,6 +37,11 @@ impl Basis {
         Self::of_nodes(vec![0.0])
     }
 
+    /// A constant and one resonance.
+    pub fn of_pole(pole: Pole) -> Self {
+        Self::constant().with_poles(&[pole])
+    }
+
     fn of_nodes(nodes_hz: Vec<f64>) -> Self {
         Self { bends: bends(&nodes_hz), nodes_hz, poles: Vec::new(), swings: false }
     }
@@ -72,7 +77,7 @@ impl Basis {
     }
 
     /// The spline's functions, one for the value at each node, at a speed.
-    fn spline(&self, speed_hz: f64) -> impl Iterator<Item = f64> + Clone + '_ {
+    fn spline(&self, speed_hz: f64) -> impl Iterator<Item = f64> + '_ {
         let nodes = &self.nodes_hz;
         let last = nodes.len() - 1;
         let i = nodes.partition_point(|n| *n <= speed_hz).clamp(1, last.max(1)) - 1;
@@ -97,7 +102,7 @@ impl Basis {
     }
 
     /// Functions of a line of this order at a state, by number.
-    fn functions(&self, order: f64, [speed_hz, swing]: State) -> impl Iterator<Item = (usize, Complex64)> + Clone + '_ {
+    fn functions(&self, order: f64, [speed_hz, swing]: State) -> impl Iterator<Item = (usize, Complex64)> + '_ {
         let spline = self.spline(speed_hz).map(|u| Complex64::new(u, 0.0));
         let of_pole = move |pole: &Pole| resonance(*pole, order * speed_hz);
         let last = self.swings.then(|| Complex64::new(swing, 0.0));
@@ -109,16 +114,25 @@ impl Basis {
         self.functions(order, state).map(|(i, u)| coefficients[i] * u).sum()
     }
 
-    /// Least squares of values with weights at speeds: the coefficients.
+    /// The functions at states, one row each.
+    pub fn rows(&self, order: f64, states: &[State]) -> Vec<Complex64> {
+        states.iter().flat_map(|state| self.functions(order, *state).map(|(_, u)| u)).collect()
+    }
+
+    /// Least squares of values with weights at states: the coefficients.
     pub fn fit(&self, order: f64, states: &[State], weights: &[f64], weighted_values: &[Complex64]) -> Vec<Complex64> {
+        self.solved(&self.rows(order, states), weights, weighted_values)
+    }
+
+    /// The same from rows of functions.
+    pub fn solved(&self, rows: &[Complex64], weights: &[f64], weighted_values: &[Complex64]) -> Vec<Complex64> {
         let n = self.len();
         let mut matrix = DMatrix::<Complex64>::zeros(n, n);
         let mut right = DVector::<Complex64>::zeros(n);
-        for ((&state, &weight), value) in states.iter().zip(weights).zip(weighted_values) {
-            let functions = self.functions(order, state);
-            for (i, u) in functions.clone() {
+        for ((row, &weight), value) in rows.chunks(n).zip(weights).zip(weighted_values) {
+            for (i, u) in row.iter().enumerate() {
                 right[i] += u.conj() * value;
-                for (j, v) in functions.clone() {
+                for (j, v) in row.iter().enumerate() {
                     matrix[(i, j)] += u.conj() * v * weight;
                 }
             }

@@ -36,18 +36,13 @@ impl Choice {
     /// From the fitted turns' states and weights; a stretch is `block` turns, `held_turns` is the longest stretch held out.
     pub fn new(states: &[State], weights: &[f64], block: usize, held_turns: usize) -> Self {
         let block = block.max(1);
-        let mean = |(s, w): (&[State], &[f64])| {
-            let weight: f64 = w.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            let of = |i: usize| s.iter().zip(w).map(|(s, w)| s[i] * w).sum::<f64>() / weight;
-            ([of(0), of(1)], weight)
-        };
-        let (states, weights): (Vec<State>, Vec<f64>) =
-            states.chunks(block).zip(weights.chunks(block)).map(mean).unzip();
+        let sweep = Sweep::new(states, weights, block);
+        let states = &sweep.states;
         let fits = |n: &&usize| **n == 1 || **n * PER_FUNCTION <= states.len();
-        let splines: Vec<Basis> = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(&states, *n)).collect();
+        let splines: Vec<Basis> = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(states, *n)).collect();
         let splines = splines.iter().flat_map(|basis| [basis.clone(), basis.with_swings()]).collect();
         let folds = (states.len() * block / held_turns.max(1)).clamp(FOLDS.0, FOLDS.1);
-        Self { sweep: Sweep::new(states, weights), block, splines, poles: Vec::new(), folds }
+        Self { sweep, block, splines, poles: Vec::new(), folds }
     }
 
     /// With resonances.
@@ -91,7 +86,8 @@ impl Choice {
 
     /// What the inner folds leave, each predicted from the others.
     fn predicted(&self, course: &Course, basis: &Basis) -> f64 {
-        let (states, weights, count) = (&self.sweep.states, &self.sweep.weights, course.sums.len());
+        let (weights, count) = (&self.sweep.weights, course.sums.len());
+        let rows = self.sweep.rows(course.order, basis);
         let fold = |i: usize| i * self.folds / count;
         (1..self.folds.saturating_sub(1))
             .map(|left_out| {
@@ -100,10 +96,11 @@ impl Choice {
                 let zero = Complex64::default();
                 let sums: Vec<Complex64> =
                     (0..count).map(|i| if fold(i) == left_out { zero } else { course.sums[i] }).collect();
-                let fit = basis.fit(course.order, states, &kept, &sums);
+                let fit = basis.solved(&rows, &kept, &sums);
                 let error = |i: usize| {
-                    let left = course.sums[i] - basis.value(course.order, &fit, states[i]) * weights[i];
-                    left.norm_sqr() / weights[i].max(f64::MIN_POSITIVE)
+                    let row = &rows[i * basis.len()..(i + 1) * basis.len()];
+                    let value: Complex64 = row.iter().zip(&fit).map(|(u, c)| u * c).sum();
+                    (course.sums[i] - value * weights[i]).norm_sqr() / weights[i].max(f64::MIN_POSITIVE)
                 };
                 (0..count).filter(|i| fold(*i) == left_out).map(error).sum::<f64>()
             })

@@ -105,10 +105,17 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             )
         }
         Kind::Ghost => {
-            let shaft = if (candidate.base - candidate.base.round()).abs() < 1e-6 { "pinion" } else { "gear" };
+            let shaft = shaft_of_ghost(candidate.base);
             if has_harmonics(candidate.base, ghosts) {
                 let name = format!("{shaft}-ghost-order or mesh of another stage on the {shaft}'s shaft");
                 let remark = "a line with harmonics is what another pair of gears on that shaft has";
+                return naming("ambiguous", name, "shaft-order", shaft, Some(remark));
+            }
+            let is_other = |ghost: &&f64| (*ghost / candidate.base - 1.0).abs() > 1e-6;
+            let is_alone = !ghosts.iter().filter(is_other).any(|ghost| shaft_of_ghost(*ghost) == shaft);
+            if !is_alone {
+                let name = format!("{shaft}-ghost-order or {shaft}-pitch-error");
+                let remark = "more than one whole order of that shaft, as a pattern of the pitch has";
                 return naming("ambiguous", name, "shaft-order", shaft, Some(remark));
             }
             if adopted.verdict.score.ln_bayes < LONE_LINE {
@@ -142,6 +149,11 @@ fn has_common_teeth(adopted: &Adopted, own: f64) -> bool {
 
 fn common_divisor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { common_divisor(b, a % b) }
+}
+
+/// The shaft of a whole order.
+fn shaft_of_ghost(base: f64) -> &'static str {
+    if (base - base.round()).abs() < 1e-6 { "pinion" } else { "gear" }
 }
 
 /// Whether another ghost stands at a whole multiple of this one, or both at multiples of a third.

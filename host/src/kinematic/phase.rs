@@ -21,8 +21,12 @@ const HARMONICS: usize = 8;
 const EDGES: u32 = 4;
 /// Share of the power beside the lines that must go.
 const SHARPER: f64 = 0.8;
-/// Least power of a line's mean over that of its departures.
-const STEADY: f64 = 0.05;
+/// Share of a first harmonic's power that repeats a window later, from which it is followed by itself.
+const CLEAR: f64 = 0.9;
+/// Rounds: mesh harmonics used, and least power of a line's mean over that of its departures. A departure of half a cycle of a high harmonic is a small one of the first, so low ones that
+/// are clear come first: else the harmonics agree on a wrong cycle.
+const ROUNDS: [(f64, f64); 8] =
+    [(1.0, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05)];
 /// Samples after which a turning factor is made anew.
 const RENEWED: usize = 1024;
 
@@ -57,9 +61,10 @@ pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_o
             values: windowed(samples, angle.per_turn[0], order, (length, hop), windows),
         })
         .collect();
-    let mut turns = vec![0.0; windows];
-    for _ in 0..6 {
-        let change = common(&reads, &turns);
+    let mut turns = unwrapped(&reads, mesh_order).unwrap_or_else(|| vec![0.0; windows]);
+    for (upto, clear) in ROUNDS {
+        let own: Vec<&Read> = reads.iter().filter(|read| read.order < (upto + 0.5) * mesh_order).collect();
+        let change = common(&own, &turns, clear);
         turns.iter_mut().zip(&change).for_each(|(t, c)| *t += c);
     }
     let mean = turns.iter().sum::<f64>() / windows as f64;
@@ -105,6 +110,30 @@ fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
     sums
 }
 
+/// The departure by the first mesh harmonic alone, followed from window to window, in the channel that shows it best: a tachometer that counts another harmonic's cycles may have lost one. Nothing
+/// where no channel shows it clearly.
+fn unwrapped(reads: &[Read], mesh_order: f64) -> Option<Vec<f64>> {
+    let first = reads.iter().filter(|read| read.order < 1.5 * mesh_order);
+    let apart = (WINDOW_TURNS * PER_TURN) as usize;
+    let steadiness = |read: &Read| {
+        let of = |pair: (&Complex64, &Complex64)| pair.1 * pair.0.conj();
+        let together: Complex64 = read.values.iter().zip(read.values.iter().skip(apart)).map(of).sum();
+        together.norm() / read.values.iter().skip(apart).map(|v| v.norm_sqr()).sum::<f64>().max(f64::MIN_POSITIVE)
+    };
+    let (steady, best) = first.map(|read| (steadiness(read), read)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    if steady < CLEAR {
+        return None;
+    }
+    let mut turns = Vec::with_capacity(best.values.len());
+    let (mut phase, mut before) = (0.0, *best.values.first()?);
+    for value in &best.values {
+        phase += (value * before.conj()).arg();
+        before = *value;
+        turns.push(phase / (TAU * best.order));
+    }
+    Some(turns)
+}
+
 /// Mean of a line's values with a departure taken out, and what is left beside it.
 fn split(read: &Read, turns: &[f64]) -> (Complex64, f64) {
     let turned = || read.values.iter().zip(turns).map(|(v, t)| v * Complex64::from_polar(1.0, -TAU * read.order * t));
@@ -113,11 +142,11 @@ fn split(read: &Read, turns: &[f64]) -> (Complex64, f64) {
 }
 
 /// The departure common to all lines that is left.
-fn common(reads: &[Read], turns: &[f64]) -> Vec<f64> {
+fn common(reads: &[&Read], turns: &[f64], clear: f64) -> Vec<f64> {
     let (mut up, mut down) = (vec![0.0; turns.len()], vec![1e-300; turns.len()]);
     for read in reads {
         let (mean, left) = split(read, turns);
-        if mean.norm_sqr() < STEADY * left {
+        if mean.norm_sqr() < clear * left {
             continue;
         }
         let weight = TAU * read.order * TAU * read.order * mean.norm_sqr() / left.max(1e-3 * mean.norm_sqr());

@@ -10,7 +10,7 @@ use super::candidate::{Domain, Field, TakenOf};
 use super::families::tooth::piece;
 use super::following::followed;
 use super::scene::{Scene, SceneRun};
-use super::spectra::{Spectra, follow_everywhere, mean};
+use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::{self, Band, not_locked};
@@ -78,7 +78,8 @@ pub fn views(
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let given = earlier.map(|earlier| earlier.bands[r][c]);
-        of_channel(run, &run.samples[c], &calibrated[r][c], &run.signals[c], stretches(&run.split), given)
+        let lowest_mesh_hz = scene.mesh_order() * run.angle.speed.slowest_hz;
+        of_channel(run, c, (&calibrated[r][c], lowest_mesh_hz), stretches(&run.split), given)
     };
     let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())
         .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())
@@ -113,17 +114,17 @@ struct ChannelViews {
 
 fn of_channel(
     run: &SceneRun,
-    samples: &[f64],
-    calibrated: &[f64],
-    signal: &[f64],
+    channel: usize,
+    (calibrated, lowest_mesh_hz): (&[f64], f64),
     stretches: &[Stretch],
     given: Option<Band>,
 ) -> ChannelViews {
+    let (samples, signal) = (&run.samples[channel], &run.signals[channel]);
     let per_turn = run.angle.per_turn[0];
     let mut known: Vec<f64> = samples.iter().zip(calibrated).map(|(x, rest)| x - rest).collect();
     let over_time = not_locked(signal, run.rate_hz, &known, &run.angle);
-    let frequency = over_frequency(run, &over_time, stretches);
-    let folded = mean(stretches.iter().map(|stretch| unfolded(run, &over_time, *stretch)));
+    let frequency = over_frequency(run, &over_time, stretches, lowest_mesh_hz);
+    let folded = folded_levels(run, &over_time, stretches);
     for stretch in stretches {
         let range = stretch.samples(per_turn);
         let locked = locked_part(&calibrated[range.clone()], &piece(&run.angle, *stretch));
@@ -163,29 +164,63 @@ fn of_channel(
     }
 }
 
-/// Orders at which folded harmonics are looked for, every run.
+/// Orders at which folded harmonics are looked for: those of every run; of a run-up, those of any of its stretches.
 fn folded_orders(scene: &Scene) -> [f64; 2] {
     let of = |run: &SceneRun| {
-        [FOLDED[0] * run.rate_hz / run.angle.speed.slowest_hz, FOLDED[1] * run.rate_hz / run.angle.speed.fastest_hz]
+        let speed = run.angle.speed;
+        if run.runs_up() {
+            let [low, _] = folded_between(run, [speed.fastest_hz; 2]);
+            let [_, high] = folded_between(run, [speed.slowest_hz; 2]);
+            return [low, high];
+        }
+        folded_between(run, [speed.slowest_hz, speed.fastest_hz])
     };
     scene.runs.iter().map(of).fold([0.0, f64::INFINITY], |[low, high], [l, h]| [low.max(l), high.min(h)])
 }
 
+/// Orders that are folded at all speeds between two and not next to half the rate.
+fn folded_between(run: &SceneRun, [slowest_hz, fastest_hz]: [f64; 2]) -> [f64; 2] {
+    [FOLDED[0] * run.rate_hz / slowest_hz, FOLDED[1] * run.rate_hz / fastest_hz]
+}
+
+/// Spectra of what is folded on the stretches, as one. In a run-up each stretch says something of the orders that are folded at its own speeds, and nothing of the rest.
+fn folded_levels(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Level> {
+    let speed = run.angle.speed;
+    if !run.runs_up() {
+        let range = folded_between(run, [speed.slowest_hz, speed.fastest_hz]);
+        return mean(stretches.iter().map(|stretch| unfolded(run, rest, *stretch, range)));
+    }
+    let of_stretch = |stretch: &Stretch| {
+        let speeds = || run.states[stretch.from..stretch.from + stretch.turns].iter().map(|state| state[0]);
+        let slowest = speeds().fold(f64::INFINITY, f64::min);
+        let range = folded_between(run, [slowest, speeds().fold(0.0, f64::max)]);
+        let mut levels = unfolded(run, rest, *stretch, range);
+        for level in &mut levels {
+            for (i, (value, floor)) in level.density.values.iter_mut().zip(&level.floor).enumerate() {
+                if !(range[0]..range[1]).contains(&(i as f64 * level.density.bin)) {
+                    *value = *floor;
+                }
+            }
+        }
+        levels
+    };
+    evened(stretches.iter().map(of_stretch))
+}
+
 /// Spectra of what is folded, at its own orders: the residual times twice the cosine of the rate's phase, read at equal angles.
-fn unfolded(run: &SceneRun, rest: &[f64], stretch: Stretch) -> Vec<Level> {
-    let per_turn = 2 * run.angle.per_turn[0];
+fn unfolded(run: &SceneRun, rest: &[f64], stretch: Stretch, [lowest, highest]: [f64; 2]) -> Vec<Level> {
+    let most = 2.0 * FOLDED[1] * run.rate_hz / run.angle.speed.slowest_hz;
+    let per_turn = (2 * run.angle.per_turn[0]).max(most.ceil() as usize);
     let from = run.angle.from_turn + stretch.from as f64;
     let mut samples = resample_by_angle(rest, run.rate_hz, &run.angle.map, from, stretch.turns, per_turn);
     for (i, x) in samples.iter_mut().enumerate() {
         let time = run.angle.map.time_at(from + i as f64 / per_turn as f64);
         *x *= 2.0 * (TAU * (run.rate_hz * time).fract()).cos();
     }
-    let speed = run.angle.speed;
-    let (lowest, highest) = (FOLDED[0] * run.rate_hz / speed.slowest_hz, FOLDED[1] * run.rate_hz / speed.fastest_hz);
     search::levels(&samples, per_turn, run.angle.slower_order(), &Range { lowest, highest, known: &|_, _| false })
 }
 
-fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Level> {
+fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch], lowest_mesh_hz: f64) -> Vec<Level> {
     let first = |s: &Stretch| {
         let time = run.angle.map.time_at(run.angle.from_turn + s.from as f64);
         ((time * run.rate_hz).max(0.0) as usize).min(rest.len())
@@ -209,5 +244,6 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Le
         }
         levels
     };
-    mean(stretches.iter().map(levels))
+    let levels: Vec<Vec<Level>> = stretches.iter().map(levels).collect();
+    if run.runs_up() { without_the_highest(levels, lowest_mesh_hz) } else { mean(levels.into_iter()) }
 }

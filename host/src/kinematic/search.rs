@@ -149,10 +149,9 @@ pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     }
     for k in 1..=(scene.highest_order / z) as usize {
         let order = k as f64 * z;
-        // In a run-up a mesh line turns and swells as it is swept, which speckles as lines do.
         let is_line = |run: &SceneRun| {
             let swept = run.usual_speeds_hz().map(|hz| order * hz);
-            run.runs_up() || !sharpness::is_smeared(swept, views.frequency.bin(0))
+            !sharpness::is_smeared(swept, views.frequency.bin(0))
         };
         if scene.runs.iter().any(is_line) {
             take_frequencies(&mut taken[2], scene, views, order);
@@ -316,8 +315,8 @@ impl Search {
 
 /// The frequency of a family of few lines that may stand at a frequency as well as at an order.
 fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<f64> {
-    let hz = if candidate.domain == Domain::Frequency { 1.0 } else { scene.runs.first()?.angle.speed.mean_hz };
-    let hz = candidate.base * hz;
+    let (sharper, speed_hz) = sharpness::read(candidate, verdict, scene, views);
+    let hz = candidate.base * speed_hz;
     let lines = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     let is_lone = match candidate.kind {
         Kind::FixedFrequency => true,
@@ -325,8 +324,12 @@ fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Vi
         Kind::Passage => lines <= if supply_hz(hz).is_some() { LONE_LINES } else { 1 },
         _ => false,
     };
-    let neither = || sharpness::of(candidate, verdict, scene, views) == Sharper::Neither;
-    (is_lone && neither()).then_some(hz)
+    let can_be_either = match sharper {
+        Sharper::Neither => true,
+        Sharper::Hump => supply_hz(hz).is_some(),
+        Sharper::OverFrequency | Sharper::OverOrders => false,
+    };
+    (is_lone && can_be_either).then_some(hz)
 }
 
 /// The strongest candidates, few of each kind.

@@ -2,26 +2,32 @@
 //!
 //! A line at a frequency is narrow there and smeared over the orders that the speed sweeps, an order the other way round. The strongest line of a family is looked at in the channel that
 //! shows it best over its floor: a noisy channel's highest bins would outweigh it. Power in its bins over one axis against the highest that it could have over the other:
-//! by a third more, it stands there. Where neither is, it can be either if the speed sweeps it over less than four bins, and is neither if it sweeps more (a hump).
+//! by a third more, it stands there. Where neither is, it can be either if the speed sweeps it over less than four bins; if it sweeps more, it is a hump on both, as a wander makes of
+//! weak lines: only where a supply's harmonics are is a frequency as likely as an order then.
 
 use super::accept::Verdict;
 use super::candidate::{Candidate, Domain};
 use super::residual::Views;
 use super::scene::Scene;
 use super::spectra::Spectra;
+use crate::analysis::search::{self, Level};
 
 /// Power over one axis against the other from which a line stands there (set on generated tones and orders).
 const CLEARLY: f64 = 1.3;
 /// Bins over which the speed must sweep a line for the two to differ.
 const SWEPT_BINS: f64 = 4.0;
+/// Bins about a place within which its peak is looked for.
+const PEAK_BINS: f64 = 2.0;
 
 /// On which axis a line is sharper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sharper {
     /// It stands at a frequency.
     OverFrequency,
-    /// It stands at an order, or it is a hump on both.
+    /// It stands at an order.
     OverOrders,
+    /// The speed moves enough to tell, and neither is.
+    Hump,
     /// The speed does not move enough to tell.
     Neither,
 }
@@ -36,6 +42,11 @@ pub fn is_smeared([from, to]: [f64; 2], bin: f64) -> bool {
 
 /// Of the strongest line of a family, in the order spectrum or over frequency; orders in all others.
 pub fn of(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Sharper {
+    read(candidate, verdict, scene, views).0
+}
+
+/// The same, and the speed at which that line stands at its frequency, Hz: one where it is read over frequency.
+pub fn read(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> (Sharper, f64) {
     let strongest = candidate
         .places
         .iter()
@@ -45,34 +56,48 @@ pub fn of(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views
     let (own, other) = match candidate.domain {
         Domain::Orders => (&views.orders, &views.frequency),
         Domain::Frequency => (&views.frequency, &views.orders),
-        _ => return Sharper::OverOrders,
+        _ => return (Sharper::OverOrders, 1.0),
     };
     let all = (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c)));
     let shown = |&(r, c): &(usize, usize)| own.reading(r, c, 0, strongest, 1).map_or(0.0, |reading| reading.ratio);
-    let Some((r, c)) = all.max_by(|a, b| shown(a).total_cmp(&shown(b))) else { return Sharper::OverOrders };
+    let Some((r, c)) = all.max_by(|a, b| shown(a).total_cmp(&shown(b))) else { return (Sharper::OverOrders, 1.0) };
     let speed = scene.runs[r].angle.speed;
     let is_frequency = candidate.domain == Domain::Frequency;
+    // What stands at one frequency in several stretches of a run-up is no order; what mesh lines leave at the orders that it crosses may be higher.
+    if is_frequency && scene.runs[r].runs_up() {
+        return (Sharper::OverFrequency, 1.0);
+    }
     let [slow, fast] = match is_frequency {
         true => [strongest / speed.fastest_hz, strongest / speed.slowest_hz],
         false => [strongest * speed.slowest_hz, strongest * speed.fastest_hz],
     };
     let here = own.excess(r, c, 0, strongest, 1).max(0.0);
-    let there = highest(other, (r, c), [slow, fast]);
+    let (there, place) = highest(other, (r, c), [slow, fast]);
     let (over_frequency, over_orders) = if is_frequency { (here, there) } else { (there, here) };
-    let hz = if is_frequency { strongest } else { strongest * speed.mean_hz };
+    let hz = if is_frequency { strongest } else { between_bins(&views.frequency.levels[r][c][0], place) };
     let swept = hz * (speed.fastest_hz - speed.slowest_hz) / speed.mean_hz / views.frequency.bin(0);
-    if over_frequency > CLEARLY * over_orders {
+    let sharper = if over_frequency > CLEARLY * over_orders {
         Sharper::OverFrequency
-    } else if swept < SWEPT_BINS && over_orders < CLEARLY * over_frequency {
+    } else if over_orders >= CLEARLY * over_frequency {
+        Sharper::OverOrders
+    } else if swept < SWEPT_BINS {
         Sharper::Neither
     } else {
-        Sharper::OverOrders
-    }
+        Sharper::Hump
+    };
+    (sharper, if is_frequency { 1.0 } else { hz / strongest })
 }
 
-/// Most power that a line has at any place of a range.
-fn highest(spectra: &Spectra, (r, c): (usize, usize), [from, to]: [f64; 2]) -> f64 {
+/// Where the peak next to a place stands, to a fraction of a bin; the place where there is none.
+fn between_bins(level: &Level, place: f64) -> f64 {
+    search::peak(level, place, PEAK_BINS).map_or(place, |(place, _)| place)
+}
+
+/// Most power that a line has at any place of a range, and that place.
+fn highest(spectra: &Spectra, (r, c): (usize, usize), [from, to]: [f64; 2]) -> (f64, f64) {
     let bin = spectra.bin(0);
     let steps = ((to - from) / bin).ceil().max(0.0) as usize;
-    (0..=steps).map(|i| spectra.excess(r, c, 0, (from + i as f64 * bin).min(to), 1)).fold(0.0, f64::max)
+    let places = (0..=steps).map(|i| (from + i as f64 * bin).min(to));
+    let of = |place: f64| (spectra.excess(r, c, 0, place, 1).max(0.0), place);
+    places.map(of).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, from))
 }

@@ -227,12 +227,10 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         }
     }
     let reading = sharpness::of(candidate, verdict, scene, views);
+    // Where the two cannot be told, only a supply's frequency is likelier than an order.
+    let may_be_supply = reading != Sharper::OverOrders && supply_hz(candidate.base).is_some();
     match candidate.domain {
-        // Where the two cannot be told, only a supply's frequency is likelier than an order.
-        Domain::Frequency if reading != Sharper::OverFrequency && supply_hz(candidate.base).is_none() => {
-            Some("stands no higher over frequency than over orders".into())
-        }
-        Domain::Frequency if reading == Sharper::OverOrders => {
+        Domain::Frequency if reading != Sharper::OverFrequency && !may_be_supply => {
             Some("stands no higher over frequency than over orders".into())
         }
         Domain::Orders if candidate.is_base() && reading == Sharper::OverFrequency => {

@@ -192,6 +192,30 @@ pub fn evened(stretches: impl Iterator<Item = Vec<Level>>) -> Vec<Level> {
     levels
 }
 
+/// Levels of several stretches as one, from a frequency on without the stretch that stands highest over its own floor: a mesh line of a run-up speckles over the frequencies that it sweeps, other
+/// ones in every stretch; a line at a frequency stands in all. Of noise the rest's mean is never above that of all, so it counts as many averages.
+pub fn without_the_highest(stretches: Vec<Vec<Level>>, from: f64) -> Vec<Level> {
+    let count = stretches.len();
+    let highest = |l: usize, i: usize| {
+        let over = |levels: &Vec<Level>| {
+            let level = levels.get(l)?;
+            Some(level.density.values.get(i)? / level.floor.get(i)?.max(f64::MIN_POSITIVE))
+        };
+        stretches.iter().filter_map(over).fold(0.0, f64::max)
+    };
+    let mut levels = evened(stretches.iter().cloned());
+    if count < 2 {
+        return levels;
+    }
+    for (l, level) in levels.iter_mut().enumerate() {
+        let first = (from / level.density.bin) as usize;
+        for (i, (value, floor)) in level.density.values.iter_mut().zip(&level.floor).enumerate().skip(first) {
+            *value = (*value * count as f64 - highest(l, i) * floor).max(0.0) / (count - 1) as f64;
+        }
+    }
+    levels
+}
+
 /// Levels of several stretches of one length as one.
 pub fn mean(stretches: impl Iterator<Item = Vec<Level>>) -> Vec<Level> {
     let all: Vec<Vec<Level>> = stretches.collect();

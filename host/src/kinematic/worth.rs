@@ -9,7 +9,7 @@
 use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
-use super::candidate::{Kind, TakenOf, score};
+use super::candidate::{Candidate, Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::foretold;
 use super::residual::Views;
@@ -27,6 +27,9 @@ const LEAST_OF_MOST: f64 = 5.0;
 /// (set on some ten generated run-ups, seeds 301, 304 and 306: less where effects were found, more where they were missed or false).
 const MOST_LEFT: f64 = 0.5;
 
+/// Distance from a mesh harmonic, orders of the pinion, within which a run-up leaves much of it.
+const NEXT_TO_THE_MESH: f64 = 1.5;
+
 /// What a family is worth on the turns not used.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Worth {
@@ -38,9 +41,9 @@ pub struct Worth {
     pub ln_of_most: f64,
     /// Whether the speed runs up: a line that does not hold is then the path's doing, which turns all of them.
     pub runs_up: bool,
-    /// Of a locked family: the calibrated model leaves most of a run-up, so its angle is not the machine's.
+    /// Of a locked family with lines about the mesh: the calibrated model leaves most of a run-up, so its angle is not the machine's.
     pub is_lost: bool,
-    /// Of a locked family in a run-up, but for first sidebands of the mesh: the held-out turns alone let it pass the gate, their own moved copies beside it.
+    /// Of a locked family in a run-up, but for first sidebands of the mesh: the held-out turns alone let the rest of it pass the gate, their own moved copies beside it.
     pub stands_again: bool,
 }
 
@@ -80,14 +83,23 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         if ln_bayes <= LEAST {
             corrected.residual = before;
         }
-        // First sidebands stand on what a run-up leaves beside its mesh lines, on all of its turns.
         let stands_again = runs_up && !matches!(own.candidate.kind, Kind::Modulation(_)) && {
             let field = views[1].field(&mesh, own.candidate.domain, 0..scene.searched);
-            accept::judge(&own.candidate, &field).refused.is_none()
+            accept::judge(&away_from_the_mesh(&own.candidate, scene.mesh_order()), &field).refused.is_none()
         };
+        // Low orders of a shaft are no skirts of the mesh.
+        let is_lost = is_lost && !matches!(own.candidate.kind, Kind::ShaftOrders(_));
         Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost, stands_again }
     };
     adopted.iter().map(worth).collect()
+}
+
+/// A family without its lines next to the mesh: first sidebands stand on what a run-up leaves beside its mesh lines, on all of its turns.
+fn away_from_the_mesh(candidate: &Candidate, mesh_order: f64) -> Candidate {
+    let mut away = candidate.clone();
+    let beside = |order: f64| (order - (order / mesh_order).round().max(1.0) * mesh_order).abs();
+    away.places.retain(|place| beside(place.order) > NEXT_TO_THE_MESH);
+    away
 }
 
 /// Of the held-out turns of a run's channel: residual after against before, at each of some orders.
@@ -124,7 +136,9 @@ pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
         let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
         return predicts_waveform(adopted, worth) || most || worth.stands_again;
     }
-    let predicts = worth.gain > 0.0 || adopted.candidate.domain.is_envelope();
+    // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they outweigh it.
+    let is_sure = adopted.candidate.kind == Kind::FixedFrequency && worth.ln_bayes > LEAST_OF_MOST;
+    let predicts = worth.gain > 0.0 || is_sure || adopted.candidate.domain.is_envelope();
     // A quarter of the turns cannot tell a swing from its mesh line; it was asked for on all of them.
     adopted.candidate.kind == Kind::Swing || predicts && worth.ln_bayes > 0.0
 }

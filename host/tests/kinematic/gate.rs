@@ -153,6 +153,19 @@ fn claim_lines_that_stand_alone_pass_and_pay_for_the_alternatives() {
     assert_near(single.ln_bayes, own, "less than one alternative is one");
 }
 
+#[test]
+fn claim_an_order_of_neither_shaft_is_compared_farther_away_where_the_nearest_places_are_taken() {
+    // Where copies stand that are moved by 1 to 6 % of the spacing everything is taken.
+    let mut taken = Taken::default();
+    taken.extend((6..15).flat_map(|d| [-d, d].map(|d| 20.0 + f64::from(d) * BIN)));
+    let spectra = spectra(&[(20.0, 60.0)], 1.0, 45.0);
+    let field = Field { spectra: &spectra, taken: &taken, channels: 0..1 };
+    let kind = |kind: Kind| accept::judge(&Candidate { kind, ..family(&[20.0], 1.0) }, &field);
+    let passage = kind(Kind::Passage);
+    assert_eq!((passage.surrogates.copies, &passage.refused), (COPIES, &None));
+    refusal(kind(family(&[20.0], 1.0).kind), "moved copies find a place");
+}
+
 fn refusal(verdict: Verdict, part: &str) {
     let refused = verdict.refused.unwrap_or_else(|| panic!("passed, not: {part}"));
     assert!(refused.contains(part), "{refused} lacks {part}");

@@ -7,6 +7,7 @@ mod common;
 mod gate;
 mod generator;
 mod names;
+mod run_up;
 mod stages;
 
 use generator::{BENCH, Bench, Impacts, Line};

@@ -17,7 +17,7 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
     }
     let (spectra, z) = (context.folded, context.scene.mesh_order());
     let (first, last) = ((spectra.lowest / z).ceil() as usize, (spectra.highest / z) as usize);
-    let place = |k: usize| Place { order: k as f64 * z, spacing: 1.0, label: format!("{k} mesh, folded") };
+    let place = |k: usize| Place { order: k as f64 * z, spacing: z, label: format!("{k} mesh, folded") };
     let places: Vec<Place> = (first.max(1)..=last).filter(|k| !meets_the_mesh(context, *k)).map(place).collect();
     let candidate =
         Candidate { kind: Kind::Alias, base: z, domain: Domain::Folded, places, locked: false, alternatives: 1.0 };

@@ -88,7 +88,7 @@ pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], chann
             let multiple = place.spacing / candidate.base;
             let order = place.order + place.spacing * (base / candidate.base - 1.0);
             for (r, c) in (0..spectra.levels.len()).flat_map(|r| (0..channels).map(move |c| (r, c))) {
-                let Some((peak, ratio)) = peak(&spectra.levels[r][c][0], order, reach) else { continue };
+                let Some((peak, ratio)) = search::peak(&spectra.levels[r][c][0], order, reach) else { continue };
                 let weight = ratio.min(MOST_WEIGHT);
                 up += weight * multiple * (peak - order);
                 down += weight * multiple * multiple;
@@ -101,20 +101,6 @@ pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], chann
         Place { order, spacing: place.spacing * base / candidate.base, label: place.label.clone() }
     });
     Candidate { base, places: places.collect(), ..candidate.clone() }
-}
-
-/// Order and power over floor of the highest bin within `reach` bins, to a fraction of a bin; none at the edge of the reach.
-fn peak(level: &Level, order: f64, reach: f64) -> Option<(f64, f64)> {
-    let values = &level.density.values;
-    let centre = order / level.density.bin;
-    let range = (centre - reach).ceil().max(1.0) as usize
-        ..=((centre + reach).floor() as usize).min(values.len().checked_sub(2)?);
-    let top = range.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
-    let [left, middle, right] = [top - 1, top, top + 1].map(|i| values[i].max(f64::MIN_POSITIVE).ln());
-    let bend = left - 2.0 * middle + right;
-    let is_peak = middle >= left && middle >= right && bend < 0.0;
-    let ratio = values[top] / level.floor[top].max(f64::MIN_POSITIVE);
-    is_peak.then(|| ((top as f64 + 0.5 * (left - right) / bend) * level.density.bin, ratio))
 }
 
 fn bases(context: &Context) -> Vec<f64> {

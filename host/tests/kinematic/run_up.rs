@@ -1,0 +1,42 @@
+//! Run-ups: mesh lines swept through the path's resonances are predicted where they were not fitted, and what stands beside them is found.
+
+use super::generator::{BENCH, Bench, Impacts};
+use super::{IMPACTS, expect, loop_of, order, tone, view};
+
+/// Twice the speed at the end: every mesh line crosses several of the six modes.
+fn run_up() -> Bench {
+    Bench { speed_hz: 12.0, run_up: 2.0, ..BENCH }
+}
+
+#[test]
+fn theory_mesh_lines_are_predicted_through_resonances_in_turns_that_were_not_fitted() {
+    for seed in 1..4 {
+        let outcome = loop_of(&Bench { seed, noise: 0.03, ..run_up() }, &[], &[]);
+        let held = outcome.held_out;
+        assert!(held.calibrated < 0.35 * held.declared && held.calibrated < 3.0 * held.noise_floor, "{seed}: {held:?}");
+        assert!(outcome.effects.is_empty(), "{}", view::text(&outcome));
+    }
+}
+
+#[test]
+fn fault_harmonics_that_are_folded_at_some_speeds_only_are_found() {
+    // Whole mesh orders: at 12 turns/s hardly beyond half the rate, at 24 beyond all of it.
+    let outcome = loop_of(&run_up(), &[order(17.0 * 23.0, 0.1), order(18.0 * 23.0, 0.1)], &[]);
+    expect(&outcome, "named", "mesh-order", "pinion", "aliasing");
+}
+
+#[test]
+fn fault_a_tone_among_the_frequencies_that_mesh_lines_sweep_is_found() {
+    expect(&loop_of(&run_up(), &[tone(777.0, 0.1)], &[]), "named", "fixed-frequency", "none", "fixed-tone");
+}
+
+#[test]
+fn fault_one_tooth_is_found_though_the_path_turns_its_lines() {
+    let pulse = Impacts { order: 1.0, slip: 0.0, ..IMPACTS };
+    expect(&loop_of(&run_up(), &[], &[pulse]), "ambiguous", "impulsive", "pinion", "pinion-tooth-crack");
+}
+
+#[test]
+fn fault_a_low_order_of_a_shaft_is_found() {
+    expect(&loop_of(&run_up(), &[order(1.0, 0.3)], &[]), "ambiguous", "shaft-order", "pinion", "pinion-imbalance");
+}
