@@ -101,7 +101,8 @@ fn displacement(i: usize) -> f64 {
 
 /// How often as far a line at a frequency may be moved for its copies: it stands between the frequencies that mesh lines sweep, and anywhere free says as much.
 const FARTHER: usize = 6;
-/// The same of a ghost or an order of neither shaft: where the shafts' own orders are dense, few of the nearest copies find a place.
+/// The same of an order of neither shaft: where the shafts' own orders are dense, few of the nearest copies find a place. (One whole order of a shaft stays near: beside another shaft's line it
+/// may be that line's skirt, which only the nearest copies show.)
 const FARTHER_OF_ORDERS: usize = 3;
 
 /// Scores of the copies of a candidate that find a place.
@@ -109,7 +110,6 @@ pub fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
     let of = |moved: f64| score(candidate, field, moved).ln_bayes;
     let farther = match candidate.kind {
         Kind::FixedFrequency => FARTHER,
-        Kind::Ghost => FARTHER_OF_ORDERS,
         _ if candidate.is_base() => FARTHER_OF_ORDERS,
         _ => 1,
     };

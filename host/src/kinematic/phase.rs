@@ -3,7 +3,7 @@
 //! Every mesh line's phase, read over two turns of the slower shaft at a time, departs from its mean by `k z` times what the angle is off; the departure
 //! common to all lines and channels, weighted by power and order, is that of the angle (maximum likelihood for small departures). A Hann window of two
 //! turns is blind to sidebands of that shaft, so a runout stays what it is. Repeated, because a window takes only part of a fast departure at once. Applied
-//! where the lines get sharper by it. Limits: what swings the phase of all lines alike and slowly is taken for the angle; in a run-up
+//! where the lines get sharper by it. A departure of half a cycle of a high harmonic is a small one of the first, so where the first is clear it is followed by itself before the others are asked. Limits: what swings the phase of all lines alike and slowly is taken for the angle; in a run-up
 //! the path turns the lines, so a measured tachometer is left alone there.
 
 use crate::analysis::angle::Angle;

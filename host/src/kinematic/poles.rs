@@ -2,7 +2,7 @@
 //!
 //! One after the other, the pole (frequency and damping on a grid, then refined) whose function of frequency, with a free residue in every line
 //! that is swept near it, takes most off what the functions so far leave of all of them; until none pays for its residues (Bayesian information
-//! criterion). The same idea as least-squares complex frequency domain fits, on amplitudes of lines instead of a frequency response. Only where the speed moves by
+//! criterion). Each is refined along both axes by steps that are halved down to a hundredth of its half-width, with those next to it; functions are meaned over stretches of turns as the courses are. The same idea as least-squares complex frequency domain fits, on amplitudes of lines instead of a frequency response. Only where the speed moves by
 //! a tenth: a wander hardly sweeps anything, and a spline follows it. Limit: a response as the sweep passes is taken for the steady one.
 
 use super::basis::{Basis, Pole, State};

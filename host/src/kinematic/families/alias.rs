@@ -2,7 +2,7 @@
 //!
 //! At the instants of sampling a folded harmonic still has the phase `k z1` turns of the pinion; multiplied by twice the cosine of the sampling frequency's own phase and
 //! read at equal angles (`residual`), it stands at its true order again, while everything else of the record is smeared there. Unknowns: one amplitude per
-//! harmonic. What decides: whole mesh orders in that spectrum and nothing beside them. Orders between 0.62 and 0.97 of the rate over the speed are looked at. Limit: where
+//! harmonic. What decides: whole mesh orders in that spectrum and nothing beside them. Orders between 0.62 and 0.97 of the rate over the speed are looked at, in a run-up each stretch's own. Limit: where
 //! the speed hardly moves, a folded line may stand on an order by chance and be taken for one of neither shaft first; and harmonics that fold beside mesh lines are not looked at there.
 
 use super::{Context, clipping};
