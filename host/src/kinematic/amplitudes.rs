@@ -50,17 +50,17 @@ impl<'a> Weighted<'a> {
     /// The fitted turns of `run`; all alike where the speed runs up, since what stands at the ends of a stretch then says most of what lies between two.
     pub fn new(run: &'a SceneRun) -> Self {
         if run.runs_up() {
-            return Self::weighted(run, &run.split.fit, |samples| vec![1.0; samples]);
+            return Self::by(run, &run.split.fit, |samples| vec![1.0; samples]);
         }
         Self::of_stretches(run, &run.split.fit)
     }
 
     /// Other turns of `run`, windowed.
     pub fn of_stretches(run: &'a SceneRun, stretches: &[Stretch]) -> Self {
-        Self::weighted(run, stretches, |samples| WINDOW.weights(samples))
+        Self::by(run, stretches, |samples| WINDOW.weights(samples))
     }
 
-    fn weighted(run: &'a SceneRun, stretches: &[Stretch], weights: impl Fn(usize) -> Vec<f64>) -> Self {
+    fn by(run: &'a SceneRun, stretches: &[Stretch], weights: impl Fn(usize) -> Vec<f64>) -> Self {
         let per_turn = run.angle.per_turn[0];
         let stretches: Vec<(Stretch, Vec<f64>)> = stretches.iter().map(|s| (*s, weights(s.turns * per_turn))).collect();
         let turns =

@@ -208,4 +208,23 @@ mod tests {
         let off = whole.iter().map(|v| (v / mean).arg().abs()).fold(0.0, f64::max);
         assert!(off < 1e-5, "{off:e} rad");
     }
+
+    #[test]
+    fn theory_a_lost_cycle_of_the_second_harmonic_is_half_a_period_of_the_first() {
+        let (per_turn, turns, z, slower) = (200, 150, 20.0, 20.0 / 56.0);
+        // Between turns 70 and 80 the angle falls behind by half a period of the mesh, which the second harmonic alone does not see.
+        let behind = |turn: f64| 0.5 / z * ((turn - 70.0) / 10.0).clamp(0.0, 1.0);
+        let samples: Vec<f64> = (0..per_turn * turns)
+            .map(|i| i as f64 / per_turn as f64)
+            .map(|turn| TAU * z * (turn + behind(turn)))
+            .map(|phase| 0.3 * phase.cos() + (2.0 * phase).cos())
+            .collect();
+        let (length, hop) = (WINDOW_TURNS / slower, 1.0 / (PER_TURN * slower));
+        let read = |k: f64| Read { order: k * z, values: windowed(&samples, per_turn, k * z, (length, hop), 400) };
+        let departure = unwrapped(&[read(1.0), read(2.0)], z).expect("a clear first harmonic");
+        let at = |turn: f64| departure[((turn - 0.25 * length) / hop) as usize];
+        assert!((at(120.0) - at(40.0) - 0.5 / z).abs() < 1e-3 / z, "{} {}", at(40.0), at(120.0));
+        assert!((at(60.0) - at(40.0)).abs() < 1e-3 / z);
+        assert!(unwrapped(&[read(2.0)], z).is_none());
+    }
 }
