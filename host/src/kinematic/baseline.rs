@@ -107,7 +107,7 @@ fn choice(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Choice {
         .samples
         .par_iter()
         .flat_map_iter(|samples| orders.iter().map(move |&order| (samples, order)))
-        .map(|(samples, order)| choice.course(order, &weighted.sums(samples, order)))
+        .map(|(samples, order)| choice.sweep.course(order, &weighted.sums(samples, order)))
         .collect();
     let poles = poles::found(&choice.sweep, &courses);
     choice.with_poles(poles)

@@ -25,8 +25,6 @@ const FOLDS: (usize, usize) = (6, 16);
 pub struct Choice {
     /// States and weights of the stretches.
     pub sweep: Sweep,
-    /// Turns of a stretch.
-    block: usize,
     splines: Vec<Basis>,
     poles: Vec<Pole>,
     folds: usize,
@@ -42,7 +40,7 @@ impl Choice {
         let splines: Vec<Basis> = FUNCTIONS.iter().filter(fits).map(|n| Basis::of_speeds(states, *n)).collect();
         let splines = splines.iter().flat_map(|basis| [basis.clone(), basis.with_swings()]).collect();
         let folds = (states.len() * block / held_turns.max(1)).clamp(FOLDS.0, FOLDS.1);
-        Self { sweep, block, splines, poles: Vec::new(), folds }
+        Self { sweep, splines, poles: Vec::new(), folds }
     }
 
     /// With resonances.
@@ -50,14 +48,9 @@ impl Choice {
         Self { poles, ..self }
     }
 
-    /// A line's course from its sums turn by turn.
-    pub fn course(&self, order: f64, sums: &[Complex64]) -> Course {
-        Course { order, sums: sums.chunks(self.block).map(|part| part.iter().sum()).collect() }
-    }
-
     /// The basis of a line from its sums turn by turn.
     pub fn of(&self, order: f64, sums: &[Complex64]) -> Basis {
-        let course = self.course(order, sums);
+        let course = self.sweep.course(order, sums);
         let near = self.sweep.near(&self.poles, order);
         let mut bases = self.splines.clone();
         if !near.is_empty() {

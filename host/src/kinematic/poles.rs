@@ -84,6 +84,11 @@ impl Sweep {
         rows
     }
 
+    /// A line's course from its sums turn by turn.
+    pub fn course(&self, order: f64, sums: &[Complex64]) -> Course {
+        Course { order, sums: sums.chunks(self.block).map(|part| part.iter().sum()).collect() }
+    }
+
     /// Independent values among the stretches.
     fn effective(&self) -> f64 {
         let total: f64 = self.weights.iter().sum();

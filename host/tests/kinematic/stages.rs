@@ -232,7 +232,7 @@ fn theory_a_line_gets_the_functions_of_the_speed_that_predict_stretches_left_out
     let chosen = |sums: &[Complex64]| choice.of(ORDER, sums);
     let fitted = |sums: &[Complex64], amplitude: &dyn Fn(State) -> Complex64| {
         let basis = chosen(sums);
-        let course = choice.course(ORDER, sums);
+        let course = choice.sweep.course(ORDER, sums);
         let sweep = &choice.sweep;
         let coefficients = basis.fit(ORDER, &sweep.states, &sweep.weights, &course.sums);
         let line = FittedLine { order: ORDER, basis, coefficients };
@@ -262,7 +262,7 @@ fn theory_stretches_are_weighted_means_and_plain_sums() {
     let (states, weights) = turning();
     let choice = choice();
     let all = sums(|s| Complex64::new(s[0], s[1]), 0.2);
-    let course = choice.course(7.0, &all);
+    let course = choice.sweep.course(7.0, &all);
     assert_eq!((course.order, course.sums.len(), choice.sweep.states.len()), (7.0, TURNS / BLOCK, TURNS / BLOCK));
     for i in 0..TURNS / BLOCK {
         let [a, b] = [BLOCK * i, BLOCK * i + 1];
