@@ -5,34 +5,17 @@
 //! left between neighbours. Where the speed runs up all turns weigh alike: resonances are crossed in a few, those next to a gap bound what is fitted across it, and whole orders do not touch over whole turns. Phases count from the first turn of the grid, the same for all stretches: what is fitted predicts the waveform
 //! between them. Cost: two passes over the samples per line and round.
 
-use super::basis::{Basis, State};
+use super::basis::{Basis, FittedLine, State};
 use super::choice::Choice;
 use super::scene::SceneRun;
 use super::split::Stretch;
 use crate::analysis::lines::WINDOW;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Rounds over all lines.
 const ROUNDS: usize = 2;
-
-/// A line with its fitted amplitude (peak, record's unit).
-#[derive(Debug, Clone)]
-pub struct FittedLine {
-    /// Order of the pinion.
-    pub order: f64,
-    /// Functions that it moves with.
-    pub basis: Basis,
-    /// Their coefficients.
-    pub coefficients: Vec<Complex64>,
-}
-
-impl FittedLine {
-    /// Amplitude at a state.
-    pub fn at(&self, state: State) -> Complex64 {
-        self.basis.value(self.order, &self.coefficients, state)
-    }
-}
 
 /// Phases turned side by side: one chain of multiplications would wait for itself.
 const LANES: usize = 4;
@@ -114,14 +97,21 @@ impl<'a> Weighted<'a> {
         &self.weight_of_turn
     }
 
-    /// Fits lines and takes them off `samples` on the whole grid; returns their amplitudes. Constant ones without a choice.
-    pub fn fit(&self, samples: &mut [f64], orders: &[f64], choice: Option<&Choice>) -> Vec<FittedLine> {
+    /// Fits lines and takes them off `samples` on the whole grid; returns their amplitudes. Constant ones without a choice. `carriers` are
+    /// lines of the same channel whose course may carry them.
+    pub fn fit(
+        &self,
+        samples: &mut [f64],
+        orders: &[f64],
+        choice: Option<&Choice>,
+        carriers: &[Arc<FittedLine>],
+    ) -> Vec<FittedLine> {
         let mut lines: Vec<FittedLine> = Vec::new();
         for round in 0..ROUNDS {
             for (i, &order) in orders.iter().enumerate() {
                 let sums = self.sums(samples, order);
                 if round == 0 {
-                    let basis = choice.map_or_else(Basis::constant, |choice| choice.of(order, &sums));
+                    let basis = choice.map_or_else(Basis::constant, |choice| choice.of(order, &sums, carriers));
                     let coefficients = vec![Complex64::default(); basis.len()];
                     lines.push(FittedLine { order, basis, coefficients });
                 }

@@ -5,7 +5,8 @@
 //! chosen line by line on the fitted turns alone ([`Choice`]); where the speed runs up, poles of the path are fitted that all lines and channels share ([`poles`]). Every
 //! function of every line counts as two unknowns.
 
-use super::amplitudes::{FittedLine, Weighted};
+use super::amplitudes::Weighted;
+use super::basis::FittedLine;
 use super::choice::Choice;
 use super::poles::{self, Course};
 use super::scene::{Scene, SceneRun};
@@ -50,7 +51,7 @@ impl Baseline {
             let fitted = |choice: Option<&Choice>| -> Vec<(Vec<f64>, Vec<FittedLine>)> {
                 let of_channel = |samples: &Vec<f64>| {
                     let mut rest = samples.clone();
-                    let lines = weighted.fit(&mut rest, &orders, choice);
+                    let lines = weighted.fit(&mut rest, &orders, choice, &[]);
                     (rest, lines)
                 };
                 run.samples.par_iter().map(of_channel).collect()

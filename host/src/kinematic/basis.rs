@@ -7,6 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
+use std::sync::Arc;
 
 /// Weight of the second differences, and of residues, against the data's.
 const STRAIGHT: f64 = 1e-3;
@@ -29,6 +30,38 @@ pub struct Basis {
     bends: DMatrix<f64>,
     poles: Vec<Pole>,
     swings: bool,
+    carried: Option<Carried>,
+}
+
+/// A line with its fitted amplitude (peak, record's unit).
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedLine {
+    /// Order of the pinion.
+    pub order: f64,
+    /// Functions that it moves with.
+    pub basis: Basis,
+    /// Their coefficients.
+    pub coefficients: Vec<Complex64>,
+}
+
+impl FittedLine {
+    /// Amplitude at a state.
+    pub fn at(&self, state: State) -> Complex64 {
+        self.basis.value(self.order, &self.coefficients, state)
+    }
+}
+
+/// Another line through the same path, which had the frequency of this one at another speed, and what makes its amplitude about one.
+#[derive(Debug, Clone, PartialEq)]
+struct Carried {
+    line: Arc<FittedLine>,
+    scale: f64,
+}
+
+impl Carried {
+    fn at(&self, order: f64, [speed_hz, swing]: State) -> Complex64 {
+        self.line.at([speed_hz * order / self.line.order, swing]) * self.scale
+    }
 }
 
 impl Basis {
@@ -43,7 +76,7 @@ impl Basis {
     }
 
     fn of_nodes(nodes_hz: Vec<f64>) -> Self {
-        Self { bends: bends(&nodes_hz), nodes_hz, poles: Vec::new(), swings: false }
+        Self { bends: bends(&nodes_hz), nodes_hz, poles: Vec::new(), swings: false, carried: None }
     }
 
     /// A spline of `count` nodes over the speeds of the fitted turns; fewer where these hardly differ.
@@ -64,6 +97,17 @@ impl Basis {
     /// The same with the rate of change.
     pub fn with_swings(&self) -> Self {
         Self { swings: true, ..self.clone() }
+    }
+
+    /// The same times the course of another line at the speeds where it had this one's frequency; its amplitude has this mean square over the fitted turns.
+    pub fn carried_by(&self, line: &Arc<FittedLine>, mean_square: f64) -> Self {
+        let scale = 1.0 / mean_square.sqrt().max(f64::MIN_POSITIVE);
+        Self { carried: Some(Carried { line: Arc::clone(line), scale }), ..self.clone() }
+    }
+
+    /// Whether another line's course carries it.
+    pub fn is_carried(&self) -> bool {
+        self.carried.is_some()
     }
 
     /// Number of functions.
@@ -103,7 +147,8 @@ impl Basis {
 
     /// Functions of a line of this order at a state, by number.
     fn functions(&self, order: f64, [speed_hz, swing]: State) -> impl Iterator<Item = (usize, Complex64)> + '_ {
-        let spline = self.spline(speed_hz).map(|u| Complex64::new(u, 0.0));
+        let path = self.carried.as_ref().map_or(Complex64::ONE, |line| line.at(order, [speed_hz, swing]));
+        let spline = self.spline(speed_hz).map(move |u| path * u);
         let of_pole = move |pole: &Pole| resonance(*pole, order * speed_hz);
         let last = self.swings.then(|| Complex64::new(swing, 0.0));
         spline.chain(self.poles.iter().map(of_pole)).chain(last).enumerate()

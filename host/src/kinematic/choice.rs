@@ -4,9 +4,10 @@
 //! stretches as long as those held out; each inner one is predicted from the others. The next richer basis must predict better by
 //! the share that its unknowns would gain by chance. Means are over whole turns of the slower shaft, over which its sidebands cancel.
 
-use super::basis::{Basis, Pole, State};
+use super::basis::{Basis, FittedLine, Pole, State};
 use super::poles::{Course, Sweep};
 use rustfft::num_complex::Complex64;
+use std::sync::Arc;
 
 /// Numbers of a spline's nodes tried.
 const FUNCTIONS: [usize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];
@@ -18,6 +19,8 @@ const BESIDE: [usize; 3] = [1, 2, 4];
 const IN_VAIN: usize = 3;
 /// Stretches' worth of error that a richer basis must gain beyond its unknowns: many are tried, and what one of them gains by chance costs a weak line its prediction.
 const SPARING: f64 = 6.0;
+/// Most that a line carrying another may stand from it, share of the swept range, both logarithmic: the rest of its course is not its own.
+const SHARED: f64 = 0.5;
 /// Folds.
 const FOLDS: (usize, usize) = (6, 16);
 
@@ -48,8 +51,8 @@ impl Choice {
         Self { poles, ..self }
     }
 
-    /// The basis of a line from its sums turn by turn.
-    pub fn of(&self, order: f64, sums: &[Complex64]) -> Basis {
+    /// The basis of a line from its sums turn by turn. Of the `carriers` the one whose frequencies it shares most may carry it.
+    pub fn of(&self, order: f64, sums: &[Complex64], carriers: &[Arc<FittedLine>]) -> Basis {
         let course = self.sweep.course(order, sums);
         let near = self.sweep.near(&self.poles, order);
         let mut bases = self.splines.clone();
@@ -57,8 +60,10 @@ impl Choice {
             bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.states, *n).with_poles(&near)));
         }
         let count = course.sums.len() as f64;
+        bases.extend(self.carried(order, carriers));
         let (mut best, mut in_vain): (Option<(f64, Basis)>, usize) = (None, 0);
-        bases.sort_by_key(Basis::len);
+        // What a path is known to do comes first.
+        bases.sort_by_key(|basis| (basis.len(), !basis.is_carried()));
         for basis in bases.into_iter().filter(|b| b.len() * 2 <= course.sums.len() || b.len() == 1) {
             let error = self.predicted(&course, &basis);
             let gained = best.as_ref().is_none_or(|(least, other)| {
@@ -75,6 +80,17 @@ impl Choice {
             }
         }
         best.map_or_else(Basis::constant, |(_, basis)| basis)
+    }
+
+    /// Bases that the course of another line carries.
+    fn carried(&self, order: f64, carriers: &[Arc<FittedLine>]) -> Vec<Basis> {
+        let apart = |line: &Arc<FittedLine>| (line.order / order).ln().abs();
+        let nearest = carriers.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let swept = (self.sweep.range_hz.1 / self.sweep.range_hz.0).ln();
+        let Some(line) = nearest.filter(|line| apart(line) < SHARED * swept) else { return Vec::new() };
+        let mean_square = self.sweep.mean_square(line);
+        let of = |n: &usize| Basis::of_speeds(&self.sweep.states, *n).carried_by(line, mean_square);
+        BESIDE.iter().map(of).collect()
     }
 
     /// What the inner folds leave, each predicted from the others.

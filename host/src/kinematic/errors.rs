@@ -6,8 +6,9 @@
 //! Everything is below the highest order that the record holds at every speed. The noise floor is that of the record itself on the fitted turns, between
 //! its lines: no residual has a share in it.
 
-use super::amplitudes::{self, FittedLine, Weighted};
+use super::amplitudes::{self, Weighted};
 use super::baseline::{Baseline, Grids, unknowns};
+use super::basis::FittedLine;
 use super::evidence::{Reading, Shares};
 use super::named_lines::NamedLines;
 use super::residual::Views;
@@ -18,6 +19,7 @@ use super::spectra::Spectra;
 use super::split::{Split, Stretch};
 use rayon::prelude::*;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Most lines of a family fitted in a channel, and the trust below which one is not.
 const MOST_LINES: usize = 150;
@@ -105,7 +107,8 @@ impl Corrected {
             let fit = |(c, samples): (usize, &mut Vec<f64>)| {
                 let standing = standing(own, views, &shares, (r, c));
                 let orders: Vec<f64> = standing.iter().map(|(_, order)| *order).collect();
-                let mut lines = weighted.fit(samples, &orders, choice);
+                let carriers: Vec<Arc<FittedLine>> = baseline.lines[r][c].iter().cloned().map(Arc::new).collect();
+                let mut lines = weighted.fit(samples, &orders, choice, &carriers);
                 for (line, (trust, _)) in lines.iter_mut().zip(&standing) {
                     let mut doubted = line.clone();
                     doubted.coefficients.iter_mut().for_each(|c| *c *= trust - 1.0);

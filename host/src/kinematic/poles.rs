@@ -5,7 +5,7 @@
 //! criterion). Each is refined along both axes by steps that are halved down to a hundredth of its half-width, with those next to it; functions are meaned over stretches of turns as the courses are. The same idea as least-squares complex frequency domain fits, on amplitudes of lines instead of a frequency response. Only where the speed moves by
 //! a tenth: a wander hardly sweeps anything, and a spline follows it. Limit: a response as the sweep passes is taken for the steady one.
 
-use super::basis::{Basis, Pole, State};
+use super::basis::{Basis, FittedLine, Pole, State};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 
@@ -87,6 +87,13 @@ impl Sweep {
     /// A line's course from its sums turn by turn.
     pub fn course(&self, order: f64, sums: &[Complex64]) -> Course {
         Course { order, sums: sums.chunks(self.block).map(|part| part.iter().sum()).collect() }
+    }
+
+    /// Mean square of a line's amplitude.
+    pub fn mean_square(&self, line: &FittedLine) -> f64 {
+        let total: f64 = self.weights.iter().sum();
+        let squares = self.states.iter().zip(&self.weights).map(|(state, w)| line.at(*state).norm_sqr() * w);
+        squares.sum::<f64>() / total.max(f64::MIN_POSITIVE)
     }
 
     /// Independent values among the stretches.

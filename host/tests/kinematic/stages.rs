@@ -4,9 +4,9 @@ use crate::generator::Bench;
 use crate::{SMALL, tone};
 use meshband_host::kinematic::accept::Surrogates;
 use meshband_host::kinematic::accept::Verdict;
-use meshband_host::kinematic::amplitudes::{FittedLine, Weighted, subtract};
+use meshband_host::kinematic::amplitudes::{Weighted, subtract};
 use meshband_host::kinematic::baseline::{Baseline, Grids, unknowns};
-use meshband_host::kinematic::basis::{State, resonance};
+use meshband_host::kinematic::basis::{FittedLine, State, resonance};
 use meshband_host::kinematic::candidate::{Candidate, Domain, Kind, Place, Score};
 use meshband_host::kinematic::choice::Choice;
 use meshband_host::kinematic::errors::{self, Corrected, Stages};
@@ -137,7 +137,7 @@ fn ref_a_corrected_line_is_the_fitted_one_as_far_as_it_is_trusted_and_nothing_el
         assert_eq!(*orders, expected);
         let mut rest = baseline.calibrated[0][c].clone();
         let run = &scene.runs[0];
-        let lines = Weighted::new(run).fit(&mut rest, &expected, Some(&baseline.choices[0]));
+        let lines = Weighted::new(run).fit(&mut rest, &expected, Some(&baseline.choices[0]), &[]);
         unknown += unknowns(&lines);
         let mut taken_off = baseline.calibrated[0][c].clone();
         for ((line, ours), (trust, _)) in lines.iter().zip(&corrected.lines[0][c]).zip(&trusted) {
@@ -229,7 +229,7 @@ fn theory_a_line_gets_the_functions_of_the_speed_that_predict_stretches_left_out
     let poles = vec![[300.0, 0.05], [900.0, 0.05]];
     let choice = choice().with_poles(poles.clone());
     let (one, turned) = (Complex64::new(1.0, 0.0), Complex64::new(0.4, -0.3));
-    let chosen = |sums: &[Complex64]| choice.of(ORDER, sums);
+    let chosen = |sums: &[Complex64]| choice.of(ORDER, sums, &[]);
     let fitted = |sums: &[Complex64], amplitude: &dyn Fn(State) -> Complex64| {
         let basis = chosen(sums);
         let course = choice.sweep.course(ORDER, sums);
@@ -281,7 +281,7 @@ fn fault_a_line_with_few_stretches_stays_simple() {
     let choice = Choice::new(&states, &[1.0; 6], 1, 2);
     // Straight, but two functions of each of so few stretches are the most that is tried.
     let steep: Vec<Complex64> = states.iter().map(|s| Complex64::new(s[0], 0.0)).collect();
-    assert!(choice.of(3.0, &steep).len() <= 3);
+    assert!(choice.of(3.0, &steep, &[]).len() <= 3);
     let one = Choice::new(&states[..1], &[1.0], 0, 0);
-    assert_eq!(one.of(3.0, &steep[..1]).len(), 1, "a block of no turns is one of one");
+    assert_eq!(one.of(3.0, &steep[..1], &[]).len(), 1, "a block of no turns is one of one");
 }
