@@ -23,6 +23,8 @@ pub enum Domain {
     Folded,
     /// Order spectrum of the squared envelope of everything that is locked to neither shaft.
     WholeEnvelope,
+    /// Order spectrum of the course of strength of all turns.
+    Strength,
 }
 
 impl Domain {
@@ -36,7 +38,7 @@ impl Domain {
 }
 
 /// Orders spoken for, by domain.
-pub type TakenOf = [Taken; 5];
+pub type TakenOf = [Taken; 6];
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]
@@ -201,17 +203,20 @@ struct OwnLines {
     room: f64,
     /// Distance of the first sidebands from their mesh harmonics.
     first: Option<f64>,
+    /// Lowest and highest order, where copies spread over all that is free: a swing's spectrum is short.
+    spread: Option<[f64; 2]>,
 }
 
 impl OwnLines {
-    fn of(candidate: &Candidate, moved: f64) -> Self {
+    fn of(candidate: &Candidate, moved: f64, spectra: &Spectra) -> Self {
         let mut unmoved = Taken::default();
         if moved != 0.0 {
             unmoved.extend(candidate.places.iter().map(|place| place.order));
         }
         let shaft = candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min);
         let first = matches!(candidate.kind, Kind::Modulation(_)).then_some(candidate.base);
-        Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY }, first }
+        let spread = (candidate.domain == Domain::Strength).then_some([spectra.lowest, spectra.highest]);
+        Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY }, first, spread }
     }
 
     /// Place of a line in a copy, between the main lobes of two neighbours where there is room.
@@ -219,6 +224,11 @@ impl OwnLines {
         let order = moved_order(place, moved, bin);
         if moved == 0.0 {
             return order;
+        }
+        if let Some([lowest, highest]) = self.spread {
+            let free = (highest - lowest - 2.0 * (LOBE_BINS + 1.0) * bin).max(0.0);
+            let at = lowest + free * (0.5 + 0.5 * moved / WIDEST_MOVE);
+            return if at < place.order - (LOBE_BINS + 1.0) * bin { at } else { at + 2.0 * (LOBE_BINS + 1.0) * bin };
         }
         let (nearest, farthest) = ((LOBE_BINS + 1.0) * bin, self.room - (LOBE_BINS + 1.0) * bin);
         let mut away = (order - place.order).abs();
@@ -251,7 +261,7 @@ pub fn at_level(candidate: &Candidate, field: &Field, moved: f64, level: usize, 
     let spectra = field.spectra;
     let bins: Vec<f64> = (0..=level).map(|l| spectra.bin(l)).collect();
     let reach = usize::from(!candidate.locked);
-    let own = OwnLines::of(candidate, moved);
+    let own = OwnLines::of(candidate, moved, spectra);
     let mut score = Score { level, ..Score::default() };
     let mut all = Vec::new();
     let mut read: Vec<f64> = Vec::new();

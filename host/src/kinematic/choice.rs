@@ -7,6 +7,7 @@
 use super::basis::{Basis, FittedLine, Pole, State};
 use super::poles::{Course, Sweep};
 use rustfft::num_complex::Complex64;
+use std::borrow::Borrow;
 use std::sync::Arc;
 
 /// Numbers of a spline's nodes tried.
@@ -84,10 +85,8 @@ impl Choice {
 
     /// Bases that the course of another line carries.
     fn carried(&self, order: f64, carriers: &[Arc<FittedLine>]) -> Vec<Basis> {
-        let apart = |line: &Arc<FittedLine>| (line.order / order).ln().abs();
-        let nearest = carriers.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
         let swept = (self.sweep.range_hz.1 / self.sweep.range_hz.0).ln();
-        let Some(line) = nearest.filter(|line| apart(line) < SHARED * swept) else { return Vec::new() };
+        let Some(line) = carrier(carriers, order, swept) else { return Vec::new() };
         let mean_square = self.sweep.mean_square(line);
         let of = |n: &usize| Basis::of_speeds(&self.sweep.states, *n).carried_by(line, mean_square);
         BESIDE.iter().map(of).collect()
@@ -115,4 +114,11 @@ impl Choice {
             })
             .sum()
     }
+}
+
+/// Of some lines the one whose frequencies another line of this order shares most, where that is half of what is `swept` (logarithm of the fastest over the slowest speed) at least.
+pub fn carrier<Line: Borrow<FittedLine>>(lines: &[Line], order: f64, swept: f64) -> Option<&Line> {
+    let apart = |line: &Line| (line.borrow().order / order).ln().abs();
+    let nearest = lines.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+    nearest.filter(|line| apart(line) < SHARED * swept)
 }

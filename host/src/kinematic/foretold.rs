@@ -3,27 +3,34 @@
 //! The prior is the one that the lines were found with ([`Reading`]): what a place reads on the fitted turns says how strong its line is, and whether there is
 //! one in that run and channel at all. The worth of the family is the logarithm of the likelihood ratio of the other turns' readings so foretold
 //! against a floor without lines, at the places that stood. Empty places of the family ask for nothing there, and a line weaker than it should be
-//! speaks against it. A shorter stretch shows a line lower by the ratio of the lengths. Limit: a line that stands on one part alone, as a short disturbance does, is
+//! speaks against it. A shorter stretch shows a line lower by the ratio of the lengths; in a run-up, where the path swells a line, it is as much higher as the mesh line that swept its frequencies. Limit: a line that stands on one part alone, as a short disturbance does, is
 //! refused however strong it is.
 
-use super::candidate::{Place, own_level};
+use super::baseline::Baseline;
+use super::candidate::{Domain, Place, own_level};
+use super::choice::carrier;
 use super::evidence::{Reading, Shares, ln_sum};
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::Adopted;
+use super::spectra::Spectra;
+use super::split::Stretch;
+
+/// Most that a path is believed to swell a line from one part to the other, of its power.
+const MOST_SWELLED: f64 = 30.0;
 
 /// Logarithm of the likelihood ratio of the second views' readings, foretold from the first; the best level, coarser ones too, since slip moves between the two.
-pub fn ln_bayes(scene: &Scene, views: [&Views; 2], own: &Adopted) -> f64 {
+pub fn ln_bayes(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopted) -> f64 {
     let depth = views.map(|view| view.of(own.candidate.domain).depth()).into_iter().min().unwrap_or(0);
     if depth == 0 {
         return 0.0;
     }
     let finest = if own.candidate.locked { 0..1 } else { own.verdict.score.level.min(depth - 1)..depth };
     let choices = (finest.len() as f64).ln();
-    finest.map(|level| at_level(scene, views, own, level)).fold(f64::NEG_INFINITY, f64::max) - choices
+    finest.map(|level| at_level(scene, baseline, views, own, level)).fold(f64::NEG_INFINITY, f64::max) - choices
 }
 
-fn at_level(scene: &Scene, views: [&Views; 2], own: &Adopted, level: usize) -> f64 {
+fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopted, level: usize) -> f64 {
     let [fit, other] = views.map(|view| view.of(own.candidate.domain));
     let reach = usize::from(!own.candidate.locked);
     let read = |place: &Place| {
@@ -35,7 +42,14 @@ fn at_level(scene: &Scene, views: [&Views; 2], own: &Adopted, level: usize) -> f
                 let order = order + (i as f64 - reach as f64) * other.bin(level);
                 other.reading(run, channel, level, order, 0)
             });
-            Some((fitted, near.collect::<Vec<Reading>>(), fit.bin(level) / other.bin(level)))
+            let swelled = match own.candidate.domain {
+                Domain::Orders => swelled(scene, baseline, (run, channel), order),
+                _ => 1.0,
+            };
+            let over = |view: &Spectra| view.floor(run, channel, level, order);
+            let higher = swelled * over(fit) / over(other);
+            let higher = if swelled == 1.0 { 1.0 } else { higher.clamp(1.0 / MOST_SWELLED, MOST_SWELLED) };
+            Some((fitted, near.collect::<Vec<Reading>>(), higher * fit.bin(level) / other.bin(level)))
         })
     };
     let all = own.candidate.places.iter().flat_map(read).map(|(fitted, ..)| fitted.ln_bayes());
@@ -45,4 +59,21 @@ fn at_level(scene: &Scene, views: [&Views; 2], own: &Adopted, level: usize) -> f
         ln_sum([(1.0 - chance).ln(), chance.ln() + fitted.ln_foretold(&near, length)].into_iter())
     };
     own.standing().flat_map(read).filter(|(_, near, _)| !near.is_empty()).map(foretold).sum()
+}
+
+/// Power that the path gives a line of this order on the held-out turns of a run-up over that on the fitted ones, by the mesh line that swept its frequencies; one where none did.
+fn swelled(scene: &Scene, baseline: &Baseline, (run, channel): (usize, usize), order: f64) -> f64 {
+    let own = &scene.runs[run];
+    let swept = (own.angle.speed.fastest_hz / own.angle.speed.slowest_hz).ln();
+    let line = carrier(&baseline.lines[run][channel], order, swept).filter(|_| own.runs_up());
+    line.map_or(1.0, |line| {
+        let of = |stretches: &[Stretch]| {
+            let turns = stretches.iter().flat_map(|s| s.from..s.from + s.turns);
+            let powers =
+                turns.map(|turn| line.at([own.states[turn][0] * order / line.order, own.states[turn][1]]).norm_sqr());
+            let (count, sum) = powers.fold((0, 0.0), |(count, sum), power| (count + 1, sum + power));
+            (sum / f64::from(count.max(1))).max(f64::MIN_POSITIVE)
+        };
+        of(&own.split.held_out) / of(&own.split.fit)
+    })
 }

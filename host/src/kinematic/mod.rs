@@ -47,6 +47,7 @@ pub mod slipping;
 pub mod soundness;
 pub mod spectra;
 pub mod split;
+pub mod strength;
 pub mod view;
 pub mod worth;
 

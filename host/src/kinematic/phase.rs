@@ -93,7 +93,7 @@ fn windowed(samples: &[f64], per_turn: usize, order: f64, (length, hop): (f64, f
 }
 
 /// Sums of the samples turned back by `cycles` per sample, up to each of them.
-fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
+pub(super) fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
     let mut sums = Vec::with_capacity(samples.len() + 1);
     let mut sum = Complex64::default();
     let step = Complex64::from_polar(1.0, -TAU * cycles);

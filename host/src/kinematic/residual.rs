@@ -12,6 +12,7 @@ use super::following::followed;
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
+use super::strength::Strength;
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::{self, Band, not_locked};
 use crate::analysis::search::{self, Level, Range};
@@ -41,6 +42,8 @@ pub struct Views {
     pub folded: Spectra,
     /// Over orders, all turns.
     pub all_turns: Spectra,
+    /// How strongly the gears mesh, all turns.
+    pub strength: Strength,
     /// Band of each run's and channel's envelope.
     pub bands: Vec<Vec<Band>>,
 }
@@ -59,6 +62,7 @@ impl Views {
             Domain::WholeEnvelope => &self.whole_envelope,
             Domain::Frequency => &self.frequency,
             Domain::Folded => &self.folded,
+            Domain::Strength => &self.strength.spectra,
         }
     }
 }
@@ -99,6 +103,7 @@ pub fn views(
         bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
         orders,
         all_turns,
+        strength: earlier.map_or_else(|| Strength::of(scene), |earlier| earlier.strength.clone()),
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::accept::{self, Verdict};
 use super::all_turns::over_all_turns;
-use super::candidate::{Candidate, Domain, Kind, Place, Taken, TakenOf, score};
+use super::candidate::{Candidate, Domain, Field, Kind, Place, Taken, TakenOf, score};
 use super::families::fixed_frequency::supply_hz;
-use super::families::{self, Context, bearing, passage, tooth};
+use super::families::{self, Context, bearing, passage, swing, tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
@@ -60,12 +60,12 @@ impl Adopted {
     /// Whether a candidate is what this family has explained.
     pub fn explains(&self, candidate: &Candidate, scene: &Scene) -> bool {
         let own = &self.candidate;
-        let same_shaft_kind = match (own.kind, candidate.kind) {
+        let same_kind = match (own.kind, candidate.kind) {
             (Kind::SingleTooth(a) | Kind::Pattern(a), Kind::Modulation(b) | Kind::Pattern(b)) => a == b,
-            (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_)), b) => a == b,
+            (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_) | Kind::Swing), b) => a == b,
             _ => false,
         };
-        same_shaft_kind || (candidate.is_base() && own.is_base() && derived(candidate.base, own, scene))
+        same_kind || (candidate.is_base() && own.is_base() && derived(candidate.base, own, scene))
     }
 }
 
@@ -132,6 +132,7 @@ pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a TakenOf, feet:
         whole_envelope: &views.whole_envelope,
         frequency: &views.frequency,
         folded: &views.folded,
+        strength: &views.strength.spectra,
         taken,
         feet,
     }
@@ -220,13 +221,16 @@ impl Search {
                 verdict.refused = as_modulation(&candidate, &verdict, &context, views, &self.taken);
             }
             if verdict.refused.is_none() && is_slow(&candidate, scene) {
-                // What a swing is compared with may stand on its mesh line: residue there is as strong as one that is none.
-                let nothing = Taken::default();
-                let taken = if candidate.kind == Kind::Swing { &nothing } else { &self.taken[0] };
-                match over_all_turns(&candidate, &verdict, scene, taken, &views.all_turns) {
+                match over_all_turns(&candidate, &verdict, scene, &self.taken[0], &views.all_turns) {
                     Ok(there) => candidate = there,
                     Err(why) => verdict.refused = Some(why),
                 }
+            }
+            if verdict.refused.is_none() && candidate.kind == Kind::Swing {
+                let base = views.strength.refined(scene, 0..scene.searched, candidate.base);
+                candidate = swing::lines(&context, &Candidate { base, ..candidate });
+                let field = Field { spectra: &views.all_turns, taken: &self.taken[0], channels: 0..scene.searched };
+                verdict.score.of_places = score(&candidate, &field, 0.0).of_places;
             }
             if verdict.refused.is_none() {
                 found = Some((candidate, verdict));
@@ -281,7 +285,7 @@ impl Search {
                 Domain::Orders => take_frequencies(&mut self.taken[2], scene, views, place.order),
                 Domain::Frequency => take_orders(&mut self.taken[0], scene, views, place.order),
                 Domain::Folded => take_folded(&mut self.taken, scene, views, place.order),
-                Domain::Envelope | Domain::WholeEnvelope => {}
+                Domain::Envelope | Domain::WholeEnvelope | Domain::Strength => {}
             }
         }
         self.take_relatives(scene, views, candidate);

@@ -45,7 +45,7 @@ pub fn slipping_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], m
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
-        let mut covered: [Covered; 5] = Default::default();
+        let mut covered: [Covered; 6] = Default::default();
         let mut sum = 0.0;
         for (own, lines) in slipping.iter().zip(&lines) {
             let domain = own.candidate.domain;

@@ -14,8 +14,6 @@ const LEAST_ALONE: f64 = 20.0;
 /// generated records with nothing but a wander, where 25 nats and more were seen).
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
-/// Mesh harmonics that a swing of everything must show at: beside one alone stands its own skirt.
-const SWUNG: usize = 2;
 /// Orders of its shaft at which the cage of a rolling bearing can turn, the outer ring standing: half of one less a ratio of 0.36 to 0.12.
 const CAGES: (f64, f64) = (0.32, 0.44);
 /// Share of the evidence of a base's lines that may stand on such skirts.
@@ -251,10 +249,9 @@ fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
     [1.0, scene.gear_order].into_iter().any(of)
 }
 
-/// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: a swing, and an order of the signal that is slower than the slower shaft, be it a cage's or not.
+/// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: an order of the signal that is slower than the slower shaft, be it a cage's or not.
 pub fn is_slow(candidate: &Candidate, scene: &Scene) -> bool {
-    let is_order = candidate.domain == Domain::Orders && is_slow_base(candidate, scene) && scene.teeth[0] > 1;
-    candidate.kind == Kind::Swing || is_order
+    candidate.domain == Domain::Orders && is_slow_base(candidate, scene) && scene.teeth[0] > 1
 }
 
 /// Why a family is what a wandering speed makes of the mesh lines: nearer to a mesh harmonic, or slower, than the slower shaft's first sideband.
@@ -283,15 +280,6 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
     }
     if is_slow_base(candidate, scene) && candidate.domain.is_envelope() && !is_cage(candidate, scene) {
         return Some("slower than the slower shaft and no cage: the envelope of a swing, if anything".into());
-    }
-    if candidate.kind == Kind::Swing {
-        let about = |(place, ln): (&Place, &f64)| (*ln > 0.0).then_some((place.order / z).round() as u64);
-        let mut meshes: Vec<u64> = candidate.places.iter().zip(&verdict.score.of_places).filter_map(about).collect();
-        meshes.sort_unstable();
-        meshes.dedup();
-        if meshes.len() < SWUNG && z * 2.0 < scene.highest_order {
-            return Some("one mesh harmonic alone swings".into());
-        }
     }
     let is_slow = candidate.kind == Kind::Swing || is_slow_base(candidate, scene);
     (is_slow && verdict.ln_bayes < LEAST_SLOW).then(|| {

@@ -102,6 +102,13 @@ impl Spectra {
         Some(Reading { ratio: if is_foot { ratio.min(1.0) } else { ratio }, averages: level.averages as f64 })
     }
 
+    /// Density of the floor at an order at one level; one beyond the last bin.
+    pub fn floor(&self, run: usize, channel: usize, level: usize, order: f64) -> f64 {
+        let level = self.levels[run][channel].get(level);
+        let floor = level.and_then(|level| level.floor.get((order / level.density.bin).round() as usize));
+        floor.map_or(1.0, |floor| floor.max(f64::MIN_POSITIVE))
+    }
+
     /// Width of a bin, orders, at one level of the first run and channel.
     pub fn bin(&self, level: usize) -> f64 {
         let levels = self.levels.first().and_then(|run| run.first());

@@ -58,7 +58,13 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let is_lost = runs_up && left > MOST_LEFT;
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
-            let mut ln_bayes = foretold::ln_bayes(scene, views, own);
+            let is_swing = own.candidate.kind == Kind::Swing;
+            let mut ln_bayes = if is_swing {
+                let held = views[0].strength.held_out(scene, 0..scene.searched, own.candidate.base);
+                if held.agrees() { held.ln_bayes } else { held.ln_bayes.min(0.0) }
+            } else {
+                foretold::ln_bayes(scene, baseline, views, own)
+            };
             if runs_up {
                 // Skirts are foretold as lines are; all places together must speak for the family there, too.
                 let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
@@ -139,6 +145,9 @@ pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they outweigh it.
     let is_sure = adopted.candidate.kind == Kind::FixedFrequency && worth.ln_bayes > LEAST_OF_MOST;
     let predicts = worth.gain > 0.0 || is_sure || adopted.candidate.domain.is_envelope();
-    // A quarter of the turns cannot tell a swing from its mesh line; it was asked for on all of them.
-    adopted.candidate.kind == Kind::Swing || predicts && worth.ln_bayes > 0.0
+    if adopted.candidate.kind == Kind::Swing {
+        // A quarter of the turns cannot tell its power from the mesh lines'; it must be in step there.
+        return worth.ln_bayes > LEAST;
+    }
+    predicts && worth.ln_bayes > 0.0
 }

@@ -9,6 +9,7 @@ mod generator;
 mod names;
 mod run_up;
 mod stages;
+mod strength;
 
 use generator::{BENCH, Bench, Impacts, Line};
 use meshband_host::kinematic::baseline::Baseline;

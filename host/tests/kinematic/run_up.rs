@@ -40,3 +40,13 @@ fn fault_one_tooth_is_found_though_the_path_turns_its_lines() {
 fn fault_a_low_order_of_a_shaft_is_found() {
     expect(&loop_of(&run_up(), &[order(1.0, 0.3)], &[]), "ambiguous", "shaft-order", "pinion", "pinion-imbalance");
 }
+
+#[test]
+fn theory_sidebands_are_predicted_where_they_were_not_fitted() {
+    for (own, shaft) in [(BENCH.gear_order(), "gear"), (1.0, "pinion")] {
+        let outcome = loop_of(&Bench { noise: 0.05, ..run_up() }, &BENCH.modulation(own, 0.1, 1), &[]);
+        expect(&outcome, "ambiguous", "sideband", shaft, &format!("{shaft}-eccentricity"));
+        let held = outcome.held_out;
+        assert!(held.corrected < 0.35 * held.calibrated, "{held:?}");
+    }
+}

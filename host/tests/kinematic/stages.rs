@@ -6,7 +6,7 @@ use meshband_host::kinematic::accept::Surrogates;
 use meshband_host::kinematic::accept::Verdict;
 use meshband_host::kinematic::amplitudes::{Weighted, subtract};
 use meshband_host::kinematic::baseline::{Baseline, Grids, unknowns};
-use meshband_host::kinematic::basis::{FittedLine, State, resonance};
+use meshband_host::kinematic::basis::{Basis, FittedLine, State, resonance};
 use meshband_host::kinematic::candidate::{Candidate, Domain, Kind, Place, Score};
 use meshband_host::kinematic::choice::Choice;
 use meshband_host::kinematic::errors::{self, Corrected, Stages};
@@ -18,6 +18,7 @@ use meshband_host::kinematic::slipping::{controls, slipping_share};
 use meshband_host::kinematic::split::Stretch;
 use meshband_host::kinematic::{mesh_place, search};
 use rustfft::num_complex::Complex64;
+use std::sync::Arc;
 
 /// Six channels, of which three are searched; a runout, and a tone that follows no shaft.
 const SIX: Bench = Bench { channels: 6, ..SMALL };
@@ -255,6 +256,31 @@ fn theory_a_line_gets_the_functions_of_the_speed_that_predict_stretches_left_out
     let ringing = |s: State| 3.0 * resonance(poles[0], ORDER * s[0]) + turned;
     let (functions, away) = fitted(&sums(ringing, 0.05), &ringing);
     assert!(functions == 2 && away < 0.05, "{functions} {away}");
+}
+
+#[test]
+fn theory_a_weak_sideband_is_carried_through_a_resonance_by_its_mesh_line() {
+    let pole = [330.0, 0.03];
+    let truth = |order: f64, s: State| 3.0 * resonance(pole, order * s[0]) + 0.2;
+    let coefficients = vec![Complex64::new(0.2, 0.0), Complex64::new(3.0, 0.0)];
+    let mesh = Arc::new(FittedLine { order: 20.0, basis: Basis::of_pole(pole), coefficients });
+    let part = Complex64::from_polar(0.1, 1.0);
+    let sideband = |s: State| part * truth(20.4, s);
+    let (choice, sums) = (choice(), sums(sideband, 0.1));
+    let fitted = |carriers: &[Arc<FittedLine>]| {
+        let basis = choice.of(20.4, &sums, carriers);
+        let course = choice.sweep.course(20.4, &sums);
+        let coefficients = basis.fit(20.4, &choice.sweep.states, &choice.sweep.weights, &course.sums);
+        let line = FittedLine { order: 20.4, basis, coefficients };
+        let errors = choice.sweep.states.iter().map(|s| (line.at(*s) - sideband(*s)).norm_sqr());
+        (line.basis.is_carried(), line.basis.len(), errors.sum::<f64>())
+    };
+    let (alone, carried) = (fitted(&[]), fitted(std::slice::from_ref(&mesh)));
+    assert!(!alone.0 && carried.0 && carried.1 == 1, "{alone:?} {carried:?}");
+    assert!(carried.2 < 0.1 * alone.2, "{alone:?} {carried:?}");
+    // A line at twice the order had these frequencies at speeds that the record does not have.
+    let far = FittedLine { order: 41.0, ..FittedLine::clone(&mesh) };
+    assert_eq!(fitted(&[Arc::new(far)]), alone);
 }
 
 #[test]

@@ -33,6 +33,8 @@ pub struct Context<'a> {
     pub frequency: &'a Spectra,
     /// Order spectra of what is folded.
     pub folded: &'a Spectra,
+    /// Spectra of the course of strength.
+    pub strength: &'a Spectra,
     /// Orders spoken for, by domain.
     pub taken: &'a TakenOf,
     /// Feet of the mesh lines and their neighbours in the channels searched: what swings there is no order of its own.

@@ -1,8 +1,8 @@
-//! A slow swing of everything: sidebands closer to every mesh harmonic than either shaft's.
+//! A slow swing of everything: how strongly the gears mesh moves at one order, slower than the slower shaft.
 //!
-//! Bases are a grid of distances between the resolution and the slower shaft's order; each is paid for. What decides: the same distance about several harmonics, both
-//! sides; and that it stands on all turns at once ([`all_turns`](crate::kinematic::all_turns)). Whether strength or speed swings: what a tach follows is no swing of the angle any more, so what is left is mostly strength (load), or a swing faster than the tach resolves.
-//! Phases follow neither shaft: power is predicted. Limit: what is slower than the resolution belongs to the calibrated amplitudes.
+//! Looked for in the course of strength ([`Strength`](crate::kinematic::strength::Strength)), common to all mesh lines of a channel; bases are its bins, each is paid for. Its lines in the signal, sidebands at
+//! that distance on both sides of every mesh harmonic, are read once it is found. Whether load or speed swings: what a tach follows is no swing of the angle any more, so what is left is mostly the
+//! load, or a swing faster than the tach resolves. Phases follow neither shaft: power is predicted. Limit: fewer than eight swings over the record are a wander's.
 
 use super::Context;
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place};
@@ -10,26 +10,28 @@ use crate::kinematic::scene::SceneRun;
 
 /// Mesh harmonics.
 const MESH: usize = 8;
-/// Grid of bases, share of a main lobe.
-const STEP: f64 = 0.125;
-/// Least and largest distance: main lobes, share of the slower shaft's order.
-const RANGE: (f64, f64) = (1.25, 0.85);
+/// Fewest swings over the record: bins.
+const FEWEST: f64 = 8.0;
 
-/// Every slow distance; none in a run-up, where the mesh lines' own course looks alike.
+/// Every slow order; none in a run-up, where the path swells the mesh lines.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     if context.scene.runs.iter().any(SceneRun::runs_up) {
         return Vec::new();
     }
-    let lobe = context.scene.resolution();
-    let highest = RANGE.1 * context.scene.gear_order.min(1.0);
-    let steps = ((highest - RANGE.0 * lobe) / (STEP * lobe)).max(0.0) as usize;
-    let of_step = |i: usize| candidate(context, (RANGE.0 + STEP * i as f64) * lobe);
-    (0..steps).map(of_step).map(|c| Candidate { alternatives: steps as f64, ..c }).collect()
+    let bin = context.strength.bin(0);
+    let steps = (context.strength.highest / bin - FEWEST).max(0.0) as usize;
+    let of_step = |i: usize| {
+        let base = (FEWEST + i as f64) * bin;
+        let places = vec![Place { order: base, spacing: base, label: "swing".into() }];
+        let alternatives = steps as f64;
+        Candidate { kind: Kind::Swing, base, domain: Domain::Strength, places, locked: false, alternatives }
+    };
+    (0..steps).map(of_step).collect()
 }
 
-/// Sidebands at one distance.
-pub fn candidate(context: &Context, base: f64) -> Candidate {
-    let z = context.scene.mesh_order();
+/// The lines of a swing in the signal.
+pub fn lines(context: &Context, swing: &Candidate) -> Candidate {
+    let (z, base) = (context.scene.mesh_order(), swing.base);
     let mut places = Vec::new();
     for k in 1..=MESH.min((context.scene.highest_order / z) as usize) {
         for (side, sign) in [(-1.0, "-"), (1.0, "+")] {
@@ -40,5 +42,5 @@ pub fn candidate(context: &Context, base: f64) -> Candidate {
             });
         }
     }
-    Candidate { kind: Kind::Swing, base, domain: Domain::Orders, places, locked: false, alternatives: 1.0 }
+    Candidate { domain: Domain::Orders, places, ..swing.clone() }
 }

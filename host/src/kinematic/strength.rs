@@ -1,0 +1,302 @@
+//! How strongly the gears mesh over a steady run: where a swing of the load shows, and an angle that is off does not.
+//!
+//! An error of the angle turns the mesh lines and leaves their amplitudes; a load that swings swells all of them alike. So the amplitudes are read over whole turns of the slower shaft, in which that
+//! shaft's sidebands vanish, each relative to its mean, and their mean over a channel's lines, weighted by what noise leaves open of each, is that channel's course of strength. What the path makes of a
+//! speed that wanders is taken off: powers of the speed and its rate of change, by least squares. What is left is a spectrum of noise, over which a swing stands as one line.
+//! All turns take part in the spectrum, held-out ones too: a quarter of the turns cannot tell a swing from its mesh line. The swing must then be in step: fitted on the fitted turns, it must predict the
+//! held-out ones. Steady runs only: in a run-up the path swells the lines. Limit: a swing that moves the speed more than all else does is taken off with the speed.
+
+use super::phase::running_sums;
+use super::scene::{Scene, SceneRun};
+use super::spectra::{Spectra, follow_everywhere};
+use super::split::Stretch;
+use crate::analysis::lines::WINDOW;
+use crate::analysis::search::Level;
+use crate::spectral::{Spectrum, interpolated};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use realfft::RealFftPlanner;
+use rustfft::num_complex::Complex64;
+use std::f64::consts::{LN_2, PI, TAU};
+use std::ops::Range;
+
+/// Windows begun per turn of the slower shaft; each is one such turn long.
+const PER_TURN: usize = 8;
+/// Fewest windows of a course.
+const FEWEST: usize = 12 * PER_TURN;
+/// Largest noise, of relative amplitudes, with which a line takes part.
+const CLEAR: f64 = 0.1;
+/// Powers of the speed that are taken off.
+const POWERS: i32 = 5;
+/// Lowest bin read, and highest order, share of the slower shaft's: there the window has a tenth of its response.
+const LOWEST_BIN: f64 = 4.0;
+const HIGHEST: f64 = 0.9;
+/// Steps of a bin, each way, in which a swing's order is refined.
+const FINE: i32 = 20;
+/// Most by which held-out and fitted turns may differ in a swing's strength, and in its phase.
+const ALIKE: f64 = 2.0;
+const IN_STEP: f64 = 0.25 * PI;
+
+/// The course of one channel of a run.
+#[derive(Debug, Clone)]
+struct Course {
+    /// Relative strength less what the speed makes of it, window by window.
+    values: Vec<f64>,
+    /// Power of the noise in it, of one window were it without length.
+    noise: f64,
+}
+
+/// Courses of strength with their spectra.
+#[derive(Debug, Clone)]
+pub struct Strength {
+    /// Spectra over orders of the pinion; nothing stands in them where a run has no course.
+    pub spectra: Spectra,
+    courses: Vec<Vec<Option<Course>>>,
+}
+
+impl Strength {
+    /// Of all turns of the steady runs.
+    pub fn of(scene: &Scene) -> Self {
+        let orders = super::baseline::mesh_orders(scene);
+        let courses: Vec<Vec<Option<Course>>> = scene
+            .runs
+            .iter()
+            .map(|run| run.samples.par_iter().map(|samples| course(run, samples, &orders)).collect())
+            .collect();
+        let slower = scene.gear_order.min(1.0);
+        let levels = scene.runs.iter().zip(&courses).map(|(run, courses)| {
+            courses.iter().map(|course| vec![level(course.as_ref(), bin(run), slower)]).collect()
+        });
+        let levels: Vec<Vec<Vec<Level>>> = levels.collect();
+        let lowest = LOWEST_BIN * scene.runs.iter().map(bin).fold(0.0, f64::max);
+        Self { spectra: Spectra { levels, lowest, highest: HIGHEST * slower }, courses }
+    }
+
+    /// The order within a bin at which a swing takes most off the courses of all turns.
+    pub fn refined(&self, scene: &Scene, channels: Range<usize>, order: f64) -> f64 {
+        let step = self.spectra.bin(0) / f64::from(FINE);
+        let taken = |order: f64| -> f64 {
+            let of = |run: &SceneRun, course: &Course| {
+                let all: Vec<usize> = (0..course.values.len()).collect();
+                let wave = Wave { hop: hop(run), order };
+                wave.gain(course, &all, wave.fitted(course, &all))
+            };
+            self.over(scene, channels.clone(), of).into_iter().sum()
+        };
+        let tried = (-FINE..=FINE).map(|i| order + f64::from(i) * step).map(|order| (taken(order), order));
+        tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(order, |(_, order)| order)
+    }
+
+    /// What the held-out turns say of a swing of this order.
+    pub fn held_out(&self, scene: &Scene, channels: Range<usize>, order: f64) -> HeldOut {
+        let of = |run: &SceneRun, course: &Course| {
+            let [fit, held] = [&run.split.fit, &run.split.held_out].map(|stretches| inside(run, stretches));
+            let wave = Wave { hop: hop(run), order };
+            let [fitted, own] = [wave.fitted(course, &fit), wave.fitted(course, &held)];
+            (wave.gain(course, &held, fitted), own * fitted.conj() / course.noise, fitted.norm_sqr() / course.noise)
+        };
+        let of_courses = self.over(scene, channels, of);
+        let sum = |of: fn(&(f64, Complex64, f64)) -> Complex64| of_courses.iter().map(of).sum::<Complex64>();
+        let size = sum(|own| own.2.into()).re;
+        HeldOut { ln_bayes: sum(|own| own.0.into()).re, ratio: sum(|own| own.1) / size.max(f64::MIN_POSITIVE) }
+    }
+
+    /// Something of every course of some channels.
+    fn over<T>(&self, scene: &Scene, channels: Range<usize>, of: impl Fn(&SceneRun, &Course) -> T) -> Vec<T> {
+        let runs = scene.runs.iter().zip(&self.courses);
+        let courses = runs.flat_map(|(run, courses)| courses[channels.clone()].iter().flatten().map(move |c| (run, c)));
+        courses.map(|(run, course)| of(run, course)).collect()
+    }
+}
+
+/// What the held-out turns say of a swing.
+#[derive(Debug, Clone, Copy)]
+pub struct HeldOut {
+    /// Logarithm of their likelihood ratio with the swing as the fitted turns have it against none.
+    pub ln_bayes: f64,
+    /// The swing there over that on the fitted turns, meaned over channels.
+    pub ratio: Complex64,
+}
+
+impl HeldOut {
+    /// Whether it is as strong there within a factor of two, and in step within an eighth of a turn: what a wander's remainder now and then predicts is not.
+    pub fn agrees(&self) -> bool {
+        (1.0 / ALIKE..ALIKE).contains(&self.ratio.norm()) && self.ratio.arg().abs() < IN_STEP
+    }
+}
+
+/// A swing of one order, over windows so far apart.
+struct Wave {
+    hop: f64,
+    order: f64,
+}
+
+impl Wave {
+    fn at(&self, window: usize) -> Complex64 {
+        Complex64::from_polar(1.0, TAU * self.order * self.hop * window as f64)
+    }
+
+    /// Its complex amplitude by least squares over some windows, beside a constant.
+    fn fitted(&self, course: &Course, windows: &[usize]) -> Complex64 {
+        let row = |&i: &usize| [self.at(i).re, -self.at(i).im, 1.0];
+        let rows: Vec<[f64; 3]> = windows.iter().map(row).collect();
+        let values: Vec<f64> = windows.iter().map(|&i| course.values[i]).collect();
+        let fit = least_squares(&rows, &values, &vec![1.0; values.len()]);
+        if fit.is_empty() { Complex64::default() } else { Complex64::new(fit[0], fit[1]) }
+    }
+
+    /// Logarithm of the likelihood ratio of some windows with this amplitude against none. They overlap: each has an eighth of the noise's power, and of eight one is new.
+    fn gain(&self, course: &Course, windows: &[usize], amplitude: Complex64) -> f64 {
+        let gain = |&i: &usize| course.values[i].powi(2) - (course.values[i] - (amplitude * self.at(i)).re).powi(2);
+        windows.iter().map(gain).sum::<f64>() / (2.0 * course.noise)
+    }
+}
+
+/// Windows that lie within stretches.
+fn inside(run: &SceneRun, stretches: &[Stretch]) -> Vec<usize> {
+    let lies = |i: &usize| {
+        let (from, to) = (*i as f64 * hop(run), (i + PER_TURN) as f64 * hop(run));
+        stretches.iter().any(|s| from >= s.from as f64 && to <= (s.from + s.turns) as f64)
+    };
+    (0..windows(run)).filter(lies).collect()
+}
+
+/// Turns of the pinion from one window to the next.
+fn hop(run: &SceneRun) -> f64 {
+    1.0 / (run.angle.slower_order() * PER_TURN as f64)
+}
+
+/// Spacing of the spectrum, orders of the pinion.
+fn bin(run: &SceneRun) -> f64 {
+    1.0 / (windows(run).max(1) as f64 * hop(run))
+}
+
+/// Windows that fit into a run.
+fn windows(run: &SceneRun) -> usize {
+    ((run.angle.turns as f64 / hop(run)).floor() as usize + 1).saturating_sub(PER_TURN)
+}
+
+/// The course of a channel; nothing in a run-up, in a short run, and where no line is clear.
+fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
+    let (count, slower) = (windows(run), run.angle.slower_order());
+    if run.runs_up() || count < FEWEST {
+        return None;
+    }
+    let (mut sum, mut weights) = (vec![0.0; count], 0.0);
+    for order in orders {
+        let relative = amplitudes(run, samples, *order, count);
+        let noise = noise(&powers(&relative, bin(run), slower));
+        if noise > 0.0 && noise < CLEAR {
+            let weight = 1.0 / noise;
+            sum.iter_mut().zip(&relative).for_each(|(s, x)| *s += weight * x);
+            weights += weight;
+        }
+    }
+    if weights == 0.0 {
+        return None;
+    }
+    sum.iter_mut().for_each(|s| *s /= weights);
+    let values = without_the_speed(run, &sum);
+    let noise = noise(&powers(&values, bin(run), slower));
+    (noise > 0.0).then_some(Course { values, noise })
+}
+
+/// A line's amplitude window by window, relative to its mean, less one.
+fn amplitudes(run: &SceneRun, samples: &[f64], order: f64, count: usize) -> Vec<f64> {
+    let per_turn = run.angle.per_turn[0] as f64;
+    let sums = running_sums(samples, order / per_turn);
+    // A window is no whole number of samples; what it were too long, the other lines would leave in it.
+    let upto = |i: usize| {
+        let place = i as f64 * hop(run) * per_turn;
+        let before = (place as usize).min(samples.len() - 1);
+        sums[before] + (sums[before + 1] - sums[before]) * (place - before as f64).min(1.0)
+    };
+    let amplitudes: Vec<f64> = (0..count).map(|i| (upto(i + PER_TURN) - upto(i)).norm()).collect();
+    let mean = (amplitudes.iter().sum::<f64>() / count as f64).max(f64::MIN_POSITIVE);
+    amplitudes.iter().map(|a| a / mean - 1.0).collect()
+}
+
+/// Power of a course over orders, as of windows without length, up to the highest order read.
+fn powers(values: &[f64], bin: f64, slower: f64) -> Vec<f64> {
+    let weights = WINDOW.weights(values.len());
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    let mut windowed: Vec<f64> = values.iter().zip(&weights).map(|(x, w)| x * w).collect();
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(windowed.len());
+    let mut spectrum = forward.make_output_vec();
+    forward.process(&mut windowed, &mut spectrum).expect("matching lengths");
+    let response = |i: usize| {
+        let x = PI * i as f64 * bin / slower;
+        if i == 0 { 1.0 } else { x.sin() / x }
+    };
+    let count = (HIGHEST * slower / bin).ceil() as usize + 1;
+    let power = |(i, value): (usize, &Complex64)| value.norm_sqr() / (squares * response(i).powi(2));
+    spectrum.iter().take(count).enumerate().map(power).collect()
+}
+
+/// Power of the noise: the median's of all bins read.
+fn noise(powers: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = powers.iter().skip(LOWEST_BIN as usize).copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / LN_2
+}
+
+/// A course less its least-squares fit by powers of the speed and by its rate of change, which a path answers late, under the spectrum's window.
+fn without_the_speed(run: &SceneRun, course: &[f64]) -> Vec<f64> {
+    let [speeds, rates] = [0, 1].map(|i| run.states.iter().map(|state| state[i]).collect::<Vec<f64>>());
+    let middle = |i: usize| (i as f64 + 0.5 * PER_TURN as f64) * hop(run) - 0.5;
+    let read = |values: &[f64]| -> Vec<f64> { (0..course.len()).map(|i| interpolated(values, middle(i))).collect() };
+    let speeds = standardised(read(&speeds));
+    let rates = standardised(read(&rates));
+    let row = |(u, rate): (&f64, &f64)| {
+        let powers = (0..=POWERS).map(|power| u.powi(power));
+        powers.chain([*rate, rate * u, rate * rate]).collect::<Vec<f64>>()
+    };
+    let rows: Vec<Vec<f64>> = speeds.iter().zip(&rates).map(row).collect();
+    let fit = least_squares(&rows, course, &WINDOW.weights(course.len()));
+    let left = |(row, y): (&Vec<f64>, &f64)| y - row.iter().zip(&fit).map(|(x, c)| x * c).sum::<f64>();
+    rows.iter().zip(course).map(left).collect()
+}
+
+/// Values less their mean, over their standard deviation.
+fn standardised(mut values: Vec<f64>) -> Vec<f64> {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    values.iter_mut().for_each(|x| *x -= mean);
+    let deviation = (values.iter().map(|x| x * x).sum::<f64>() / count).sqrt().max(1e-12 * mean.abs());
+    values.iter_mut().for_each(|x| *x /= deviation.max(f64::MIN_POSITIVE));
+    values
+}
+
+/// Coefficients of weighted least squares.
+fn least_squares<Row: AsRef<[f64]>>(rows: &[Row], values: &[f64], weights: &[f64]) -> Vec<f64> {
+    let n = rows.first().map_or(0, |row| row.as_ref().len());
+    let (mut matrix, mut right) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
+    for ((row, value), weight) in rows.iter().zip(values).zip(weights) {
+        for (i, x) in row.as_ref().iter().enumerate() {
+            right[i] += weight * x * value;
+            row.as_ref().iter().enumerate().for_each(|(j, y)| matrix[(i, j)] += weight * x * y);
+        }
+    }
+    let small = 1e-12 * matrix.trace();
+    (0..n).for_each(|i| matrix[(i, i)] += small);
+    matrix.cholesky().map_or_else(|| vec![0.0; n], |factors| factors.solve(&right).iter().copied().collect())
+}
+
+/// Spectrum of a course, as of a window without length; noise alone of one where there is no course.
+fn level(course: Option<&Course>, bin: f64, slower: f64) -> Level {
+    let last = (HIGHEST * slower / bin).ceil() as usize + 1;
+    let none = vec![1.0; last];
+    let with = |values: Vec<f64>, floor: Vec<f64>, floor_error| Level {
+        density: Spectrum { bin, values },
+        averages: 1,
+        floor,
+        floor_error,
+    };
+    let Some(course) = course else { return with(none.clone(), none, 0.0) };
+    let values = powers(&course.values, bin, slower);
+    let floor = vec![course.noise; values.len()];
+    let floor_error = (values.len() as f64).sqrt().recip();
+    let mut level = with(values, floor, floor_error);
+    follow_everywhere(&mut level);
+    level
+}

@@ -1,0 +1,73 @@
+//! The course of strength: a swing of the load stands in it, an angle that swings and a speed that wanders do not.
+
+use super::generator::{BENCH, Bench, Line};
+use super::{expect, loop_of, view};
+use meshband_host::kinematic::scene::Scene;
+use meshband_host::kinematic::strength::Strength;
+use std::f64::consts::PI;
+
+const HZ: f64 = 1.9;
+
+/// Sidebands that make every mesh line swing by twice the share: its strength, or its angle.
+fn swing(bench: &Bench, share: f64, of_angle: bool) -> Vec<Line> {
+    let sideband = |m: &Line, side: f64| {
+        let turned = if of_angle { 0.5 * PI } else { 0.0 };
+        Line { hz: HZ * side, amplitude: share * m.amplitude, phase: m.phase + turned, ..*m }
+    };
+    bench.mesh().iter().flat_map(|m| [-1.0, 1.0].map(|side| sideband(m, side))).collect()
+}
+
+fn of(bench: &Bench, lines: &[Line]) -> (Scene, Strength) {
+    let record = bench.record(lines, &[]);
+    let scene = Scene::of(&record, record.require_tach().expect("a tach"), bench.teeth).expect("a scene");
+    let strength = Strength::of(&scene);
+    (scene, strength)
+}
+
+/// Highest power over the floor in any channel, and its order.
+fn highest(strength: &Strength) -> (f64, f64) {
+    let spectra = &strength.spectra;
+    let bins = (spectra.lowest / spectra.bin(0)).ceil() as usize..(spectra.highest / spectra.bin(0)) as usize;
+    let of_channel = |channel: usize| {
+        let spectra = &spectra;
+        bins.clone().filter_map(move |i| {
+            let order = i as f64 * spectra.bin(0);
+            spectra.reading(0, channel, 0, order, 0).map(|reading| (reading.ratio, order))
+        })
+    };
+    (0..2).flat_map(of_channel).max_by(|a, b| a.0.total_cmp(&b.0)).expect("bins")
+}
+
+#[test]
+fn theory_a_swing_of_the_strength_stands_in_it_and_one_of_the_angle_does_not() {
+    for seed in 1..6 {
+        let bench = Bench { seed, ..BENCH };
+        let (scene, strength) = of(&bench, &swing(&bench, 0.01, false));
+        let (ratio, order) = highest(&strength);
+        let true_order = HZ / bench.speed_hz;
+        assert!(ratio > 50.0 && (order - true_order).abs() < 1.5 * strength.spectra.bin(0), "{seed}: {ratio} {order}");
+        let refined = strength.refined(&scene, 0..2, order);
+        assert!((refined - true_order).abs() < 0.1 * strength.spectra.bin(0), "{seed}: {refined}");
+        let [own, other] = [refined, 1.4 * refined].map(|order| strength.held_out(&scene, 0..2, order));
+        assert!(own.ln_bayes > 20.0 && own.agrees() && !other.agrees(), "{seed}: {own:?} {other:?}");
+        for lines in [swing(&bench, 0.01, true), Vec::new()] {
+            let (ratio, order) = highest(&of(&bench, &lines).1);
+            assert!(ratio < 20.0, "{seed}: {ratio} {order}");
+        }
+    }
+}
+
+#[test]
+fn fault_a_load_that_swings_by_a_fiftieth_is_found_though_the_speed_wanders() {
+    let outcome = loop_of(&BENCH, &swing(&BENCH, 0.01, false), &[]);
+    expect(&outcome, "ambiguous", "non-stationary", "none", "load-fluctuation");
+    let order = outcome.effects[0].order_of_pinion.expect("an order");
+    assert!((order - HZ / BENCH.speed_hz).abs() < 1e-3, "{order} {}", view::text(&outcome));
+}
+
+#[test]
+fn theory_a_run_up_has_no_course_of_strength() {
+    let bench = Bench { run_up: 1.5, ..BENCH };
+    let (ratio, _) = highest(&of(&bench, &swing(&bench, 0.05, false)).1);
+    assert_eq!(ratio, 1.0);
+}
