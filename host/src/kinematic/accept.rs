@@ -99,20 +99,14 @@ fn displacement(i: usize) -> f64 {
     if i.is_multiple_of(2) { share } else { -share }
 }
 
-/// How often as far a line at a frequency may be moved for its copies: it stands between the frequencies that mesh lines sweep, and anywhere free says as much.
+/// How often as far copies may be moved where few of the nearest find a place: of a line at a frequency, which stands between the frequencies that mesh lines sweep, and of an order of neither shaft, where the
+/// shafts' own orders are dense. (One whole order of a shaft stays near: beside another shaft's line it may be that line's skirt, which only the nearest copies show.)
 const FARTHER: usize = 6;
-/// The same of an order of neither shaft: where the shafts' own orders are dense, few of the nearest copies find a place. (One whole order of a shaft stays near: beside another shaft's line it
-/// may be that line's skirt, which only the nearest copies show.)
-const FARTHER_OF_ORDERS: usize = 3;
 
 /// Scores of the copies of a candidate that find a place.
 pub fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
     let of = |moved: f64| score(candidate, field, moved).ln_bayes;
-    let farther = match candidate.kind {
-        Kind::FixedFrequency => FARTHER,
-        _ if candidate.is_base() => FARTHER_OF_ORDERS,
-        _ => 1,
-    };
+    let farther = if candidate.kind == Kind::FixedFrequency || candidate.is_base() { FARTHER } else { 1 };
     (0..farther * COPIES).map(displacement).map(of).filter(|score| score.is_finite()).take(COPIES).collect()
 }
 

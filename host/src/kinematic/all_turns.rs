@@ -1,4 +1,4 @@
-//! A swing, or an order as slow, on all turns in one stretch, fitted, held out and between: nearly three times as sharp as on the fitted ones.
+//! An order slower than the slower shaft on all turns in one stretch, fitted, held out and between: nearly three times as sharp as on the fitted ones.
 //!
 //! There a line stands higher, and what a wandering speed leaves beside the mesh lines does not. A quarter of the turns alone would not tell either from its mesh line. The
 //! fitted turns place it within some bins only, so it is looked for about there; where it stands is its rate. Asked before it is adopted: one that is none

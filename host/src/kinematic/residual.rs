@@ -1,6 +1,6 @@
 //! Spectra of what the calibrated model leaves: over orders, over frequency, of its squared envelopes, and of what is folded in it.
 //!
-//! Five views of the same stretches, and one of all turns, fitted, held out and between: nearly three times as long in one piece, so that a slow swing stands apart from its mesh line. A quarter of the
+//! Five views of the same stretches, and two of all turns, fitted, held out and between: nearly three times as long in one piece, so that a slow order stands apart from a mesh line, and a slow swing from a wander. A quarter of the
 //! turns alone would not tell the two; that turns held out take part is the price. The envelope is of what is locked to neither shaft on each stretch (both averages taken off there), in
 //! the band that the analysis finds most impulsive on the first fitted stretch; the same band serves all stretches, those held out too. The other envelope
 //! is of everything: damage may excite another band than the most impulsive one, which a rig's own knocks may have.
