@@ -43,6 +43,8 @@ const IN_STEP: f64 = PI / 6.0;
 struct Course {
     /// Relative strength less what the speed makes of it, window by window.
     values: Vec<f64>,
+    /// Weights of the windows: what the speed makes of the strength is not known at the ends of the run.
+    weights: Vec<f64>,
     /// Power of the noise in it, of one window were it without length.
     noise: f64,
 }
@@ -142,13 +144,17 @@ impl Wave {
         let row = |&i: &usize| [self.at(i).re, -self.at(i).im, 1.0];
         let rows: Vec<[f64; 3]> = windows.iter().map(row).collect();
         let values: Vec<f64> = windows.iter().map(|&i| course.values[i]).collect();
-        let fit = least_squares(&rows, &values, &vec![1.0; values.len()]);
+        let weights: Vec<f64> = windows.iter().map(|&i| course.weights[i]).collect();
+        let fit = least_squares(&rows, &values, &weights);
         if fit.is_empty() { Complex64::default() } else { Complex64::new(fit[0], fit[1]) }
     }
 
-    /// Logarithm of the likelihood ratio of some windows with this amplitude against none. They overlap: each has an eighth of the noise's power, and of eight one is new.
+    /// Logarithm of the likelihood ratio of some windows, weighted, with this amplitude against none. They overlap: each has an eighth of the noise's power, and of eight one is new.
     fn gain(&self, course: &Course, windows: &[usize], amplitude: Complex64) -> f64 {
-        let gain = |&i: &usize| course.values[i].powi(2) - (course.values[i] - (amplitude * self.at(i)).re).powi(2);
+        let gain = |&i: &usize| {
+            let (value, wave) = (course.values[i], (amplitude * self.at(i)).re);
+            course.weights[i] * (value * value - (value - wave).powi(2))
+        };
         windows.iter().map(gain).sum::<f64>() / (2.0 * course.noise)
     }
 }
@@ -183,23 +189,23 @@ fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
     if run.runs_up() || count < FEWEST {
         return None;
     }
-    let (mut sum, mut weights) = (vec![0.0; count], 0.0);
+    let weights = WINDOW.weights(count);
+    let (mut sum, mut total) = (vec![0.0; count], 0.0);
     for order in orders {
         let relative = amplitudes(run, samples, *order, count);
-        let noise = noise(&powers(&relative, bin(run), slower));
+        let noise = noise(&powers(&relative, &weights, bin(run), slower));
         if noise > 0.0 && noise < CLEAR {
-            let weight = 1.0 / noise;
-            sum.iter_mut().zip(&relative).for_each(|(s, x)| *s += weight * x);
-            weights += weight;
+            sum.iter_mut().zip(&relative).for_each(|(s, x)| *s += x / noise);
+            total += 1.0 / noise;
         }
     }
-    if weights == 0.0 {
+    if total == 0.0 {
         return None;
     }
-    sum.iter_mut().for_each(|s| *s /= weights);
-    let values = without_the_speed(run, &sum);
-    let noise = noise(&powers(&values, bin(run), slower));
-    (noise > 0.0).then_some(Course { values, noise })
+    sum.iter_mut().for_each(|s| *s /= total);
+    let values = without_the_speed(run, &sum, &weights);
+    let noise = noise(&powers(&values, &weights, bin(run), slower));
+    (noise > 0.0).then_some(Course { values, weights, noise })
 }
 
 /// A line's amplitude window by window, relative to its mean, less one.
@@ -218,10 +224,9 @@ fn amplitudes(run: &SceneRun, samples: &[f64], order: f64, count: usize) -> Vec<
 }
 
 /// Power of a course over orders, as of windows without length, up to the highest order read.
-fn powers(values: &[f64], bin: f64, slower: f64) -> Vec<f64> {
-    let weights = WINDOW.weights(values.len());
+fn powers(values: &[f64], weights: &[f64], bin: f64, slower: f64) -> Vec<f64> {
     let squares: f64 = weights.iter().map(|w| w * w).sum();
-    let mut windowed: Vec<f64> = values.iter().zip(&weights).map(|(x, w)| x * w).collect();
+    let mut windowed: Vec<f64> = values.iter().zip(weights).map(|(x, w)| x * w).collect();
     let forward = RealFftPlanner::<f64>::new().plan_fft_forward(windowed.len());
     let mut spectrum = forward.make_output_vec();
     forward.process(&mut windowed, &mut spectrum).expect("matching lengths");
@@ -242,7 +247,7 @@ fn noise(powers: &[f64]) -> f64 {
 }
 
 /// A course less its least-squares fit by powers of the speed and by its rate of change, which a path answers late, under the spectrum's window.
-fn without_the_speed(run: &SceneRun, course: &[f64]) -> Vec<f64> {
+fn without_the_speed(run: &SceneRun, course: &[f64], weights: &[f64]) -> Vec<f64> {
     let [speeds, rates] = [0, 1].map(|i| run.states.iter().map(|state| state[i]).collect::<Vec<f64>>());
     let middle = |i: usize| (i as f64 + 0.5 * PER_TURN as f64) * hop(run) - 0.5;
     let read = |values: &[f64]| -> Vec<f64> { (0..course.len()).map(|i| interpolated(values, middle(i))).collect() };
@@ -253,7 +258,7 @@ fn without_the_speed(run: &SceneRun, course: &[f64]) -> Vec<f64> {
         powers.chain([*rate, rate * u, rate * rate]).collect::<Vec<f64>>()
     };
     let rows: Vec<Vec<f64>> = speeds.iter().zip(&rates).map(row).collect();
-    let fit = least_squares(&rows, course, &WINDOW.weights(course.len()));
+    let fit = least_squares(&rows, course, weights);
     let left = |(row, y): (&Vec<f64>, &f64)| y - row.iter().zip(&fit).map(|(x, c)| x * c).sum::<f64>();
     rows.iter().zip(course).map(left).collect()
 }
@@ -294,7 +299,7 @@ fn level(course: Option<&Course>, bin: f64, slower: f64) -> Level {
         floor_error,
     };
     let Some(course) = course else { return with(none.clone(), none, 0.0) };
-    let values = powers(&course.values, bin, slower);
+    let values = powers(&course.values, &course.weights, bin, slower);
     let floor = vec![course.noise; values.len()];
     let floor_error = (values.len() as f64).sqrt().recip();
     let mut level = with(values, floor, floor_error);

@@ -58,6 +58,19 @@ fn theory_a_swing_of_the_strength_stands_in_it_and_one_of_the_angle_does_not() {
 }
 
 #[test]
+fn theory_what_a_fast_wander_leaves_at_the_ends_of_a_run_does_not_move_the_swing() {
+    for seed in 1..4 {
+        let bench = Bench { seed, wander: 0.012, ..BENCH };
+        let (scene, strength) = of(&bench, &swing(&bench, 0.01, false));
+        let (_, order) = highest(&strength);
+        let refined = strength.refined(&scene, 0..2, order);
+        let held = strength.held_out(&scene, 0..2, refined);
+        let bins = (refined - HZ / bench.speed_hz).abs() / strength.spectra.bin(0);
+        assert!(bins < 0.3 && held.agrees() && held.ln_bayes > 10.0, "{seed}: {bins} {held:?}");
+    }
+}
+
+#[test]
 fn fault_a_load_that_swings_by_a_fiftieth_is_found_though_the_speed_wanders() {
     let outcome = loop_of(&BENCH, &swing(&BENCH, 0.01, false), &[]);
     expect(&outcome, "ambiguous", "non-stationary", "none", "load-fluctuation");
