@@ -42,13 +42,13 @@ fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopte
                 let order = order + (i as f64 - reach as f64) * other.bin(level);
                 other.reading(run, channel, level, order, 0)
             });
+            let over = |view: &Spectra| view.floor(run, channel, level, order);
             let swelled = match own.candidate.domain {
                 Domain::Orders => swelled(scene, baseline, (run, channel), order),
-                _ => 1.0,
+                _ => None,
             };
-            let over = |view: &Spectra| view.floor(run, channel, level, order);
-            let higher = swelled * over(fit) / over(other);
-            let higher = if swelled == 1.0 { 1.0 } else { higher.clamp(1.0 / MOST_SWELLED, MOST_SWELLED) };
+            let higher = swelled
+                .map_or(1.0, |swelled| (swelled * over(fit) / over(other)).clamp(1.0 / MOST_SWELLED, MOST_SWELLED));
             Some((fitted, near.collect::<Vec<Reading>>(), higher * fit.bin(level) / other.bin(level)))
         })
     };
@@ -61,19 +61,17 @@ fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopte
     own.standing().flat_map(read).filter(|(_, near, _)| !near.is_empty()).map(foretold).sum()
 }
 
-/// Power that the path gives a line of this order on the held-out turns of a run-up over that on the fitted ones, by the mesh line that swept its frequencies; one where none did.
-fn swelled(scene: &Scene, baseline: &Baseline, (run, channel): (usize, usize), order: f64) -> f64 {
+/// Power that the path gives a line of this order on the held-out turns of a run-up over that on the fitted ones, by the mesh line that swept its frequencies, where one did.
+fn swelled(scene: &Scene, baseline: &Baseline, (run, channel): (usize, usize), order: f64) -> Option<f64> {
     let own = &scene.runs[run];
     let swept = (own.angle.speed.fastest_hz / own.angle.speed.slowest_hz).ln();
-    let line = carrier(&baseline.lines[run][channel], order, swept).filter(|_| own.runs_up());
-    line.map_or(1.0, |line| {
-        let of = |stretches: &[Stretch]| {
-            let turns = stretches.iter().flat_map(|s| s.from..s.from + s.turns);
-            let powers =
-                turns.map(|turn| line.at([own.states[turn][0] * order / line.order, own.states[turn][1]]).norm_sqr());
-            let (count, sum) = powers.fold((0, 0.0), |(count, sum), power| (count + 1, sum + power));
-            (sum / f64::from(count.max(1))).max(f64::MIN_POSITIVE)
-        };
-        of(&own.split.held_out) / of(&own.split.fit)
-    })
+    let line = carrier(&baseline.lines[run][channel], order, swept).filter(|_| own.runs_up())?;
+    let of = |stretches: &[Stretch]| {
+        let turns = stretches.iter().flat_map(|s| s.from..s.from + s.turns);
+        let powers =
+            turns.map(|turn| line.at([own.states[turn][0] * order / line.order, own.states[turn][1]]).norm_sqr());
+        let (count, sum) = powers.fold((0, 0.0), |(count, sum), power| (count + 1, sum + power));
+        (sum / f64::from(count.max(1))).max(f64::MIN_POSITIVE)
+    };
+    Some(of(&own.split.held_out) / of(&own.split.fit))
 }

@@ -33,6 +33,8 @@ const LOWEST_BIN: f64 = 4.0;
 const HIGHEST: f64 = 0.9;
 /// Steps of a bin, each way, in which a swing's order is refined.
 const FINE: i32 = 20;
+/// Singular values below it are none.
+const SINGULAR: f64 = 1e-9;
 /// Most by which held-out and fitted turns may differ in a swing's strength, and in its phase (set on generated records: swings were within a factor of 1.6 and 23 degrees, the two remainders of a wander that passed
 /// all else 36 and 59 degrees off).
 const ALIKE: f64 = 1.75;
@@ -276,16 +278,13 @@ fn standardised(mut values: Vec<f64>) -> Vec<f64> {
 /// Coefficients of weighted least squares.
 fn least_squares<Row: AsRef<[f64]>>(rows: &[Row], values: &[f64], weights: &[f64]) -> Vec<f64> {
     let n = rows.first().map_or(0, |row| row.as_ref().len());
-    let (mut matrix, mut right) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
-    for ((row, value), weight) in rows.iter().zip(values).zip(weights) {
-        for (i, x) in row.as_ref().iter().enumerate() {
-            right[i] += weight * x * value;
-            row.as_ref().iter().enumerate().for_each(|(j, y)| matrix[(i, j)] += weight * x * y);
-        }
+    if n == 0 {
+        return Vec::new();
     }
-    let small = 1e-12 * matrix.trace();
-    (0..n).for_each(|i| matrix[(i, i)] += small);
-    matrix.cholesky().map_or_else(|| vec![0.0; n], |factors| factors.solve(&right).iter().copied().collect())
+    let matrix = DMatrix::from_fn(rows.len(), n, |i, j| weights[i].sqrt() * rows[i].as_ref()[j]);
+    let right = DVector::from_fn(rows.len(), |i, _| weights[i].sqrt() * values[i]);
+    let solved = matrix.svd(true, true).solve(&right, SINGULAR);
+    solved.map_or_else(|_| vec![0.0; n], |x| x.iter().copied().collect())
 }
 
 /// Spectrum of a course, as of a window without length; noise alone of one where there is no course.
