@@ -9,6 +9,7 @@ use super::jitter;
 use super::phase;
 use super::split::Split;
 use crate::analysis::angle::Angle;
+use crate::analysis::lines::LOBE_BINS;
 use crate::budget::GRID;
 use crate::record::{Record, Run, Tach};
 use crate::{Error, Result};
@@ -73,6 +74,8 @@ pub struct Scene {
 const MANY_CHANNELS: usize = 6;
 /// Fastest over slowest turn from which the path turns the mesh lines.
 const RUNS_UP: f64 = 1.1;
+/// Bins beside a shaft's line from which another one is read.
+const BESIDE_BINS: f64 = 3.0;
 /// Shares of the turns between which a speed is usual.
 const USUAL: (f64, f64) = (0.1, 0.9);
 /// Rounds of taking the angle from the mesh lines.
@@ -146,8 +149,17 @@ impl Scene {
 
     /// Orders between lines that a fit stretch keeps apart: the main lobes' width.
     pub fn resolution(&self) -> f64 {
+        LOBE_BINS * self.bin()
+    }
+
+    /// Orders beside a shaft's line from which another one is read: there the window leaves -36 dB of it.
+    pub fn beside_a_shaft(&self) -> f64 {
+        BESIDE_BINS * self.bin()
+    }
+
+    fn bin(&self) -> f64 {
         let turns = self.runs.iter().flat_map(|run| &run.split.fit).map(|s| s.turns).min().unwrap_or(1);
-        crate::analysis::lines::LOBE_BINS / turns as f64
+        1.0 / turns as f64
     }
 }
 

@@ -56,7 +56,7 @@ impl Context<'_> {
 
     /// Whether an order is a whole one of the pinion.
     pub fn on_pinion(&self, order: f64) -> bool {
-        (order - order.round()).abs() <= self.scene.resolution()
+        (order - order.round()).abs() <= self.scene.beside_a_shaft()
     }
 }
 
