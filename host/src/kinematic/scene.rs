@@ -75,7 +75,7 @@ const MANY_CHANNELS: usize = 6;
 /// Fastest over slowest turn from which the path turns the mesh lines.
 const RUNS_UP: f64 = 1.1;
 /// Bins beside a shaft's line from which another one is read.
-const BESIDE_BINS: f64 = 3.0;
+const BESIDE_BINS: f64 = 2.5;
 /// Shares of the turns between which a speed is usual.
 const USUAL: (f64, f64) = (0.1, 0.9);
 /// Rounds of taking the angle from the mesh lines.
