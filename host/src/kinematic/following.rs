@@ -1,9 +1,10 @@
-//! Mesh lines of a run-up followed turn by turn: what families are searched in there.
+//! Mesh lines followed turn by turn: what families are searched in in a run-up, and what envelopes are of.
 //!
 //! A path turns and swells every mesh line as a run-up sweeps it through resonances. The calibrated model, which must predict turns not used, leaves several times the noise of it,
 //! beside the mesh lines, where sidebands stand. For a search nothing need be predicted: each line's amplitude is followed by a moving average over two turns
 //! of the slower shaft (triangular: its response vanishes at every whole order of that shaft, so no sideband of it is touched; of the other shaft 2 % at most), applied
-//! twice for lines that turn within it, and taken off. Only run-ups: where the speed is steady, swings and cages stand as near to the mesh lines as this reaches. The average
+//! twice for lines that turn within it, and taken off. Order spectra only in run-ups: where the speed is steady, swings and cages stand as near to the mesh lines as this reaches. Envelopes
+//! always: they are of what knocks, in wide bands, and a mesh line that swings fills them. The average
 //! reaches into the gap before held-out turns, not beyond it, but for the half that the second round adds; it takes the mesh off and adds nothing.
 
 use super::baseline::Grids;
@@ -15,15 +16,21 @@ use std::f64::consts::TAU;
 /// Rounds: what is left of a slow change falls with its square.
 const ROUNDS: usize = 2;
 
-/// What a model leaves, in run-ups less what mesh lines have of it that moves slowly.
+/// What a model leaves, less what mesh lines have of it that moves slowly; a rig without gears has no mesh.
 pub fn followed(scene: &Scene, left: &Grids) -> Grids {
     let of_run = |(run, channels): (&SceneRun, &Vec<Vec<f64>>)| -> Vec<Vec<f64>> {
-        if !run.runs_up() {
+        if scene.teeth[0] == 1 {
             return channels.clone();
         }
         channels.par_iter().map(|samples| without_mesh(scene, run, samples)).collect()
     };
     scene.runs.iter().zip(left).map(of_run).collect()
+}
+
+/// In run-ups what is left of followed lines, otherwise what the model leaves.
+pub fn followed_in_run_ups(scene: &Scene, left: &Grids, followed: &Grids) -> Grids {
+    let of_run = |r: usize| if scene.runs[r].runs_up() { followed[r].clone() } else { left[r].clone() };
+    (0..scene.runs.len()).map(of_run).collect()
 }
 
 fn without_mesh(scene: &Scene, run: &SceneRun, samples: &[f64]) -> Vec<f64> {

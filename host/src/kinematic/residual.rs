@@ -8,7 +8,7 @@
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
 use super::families::tooth::piece;
-use super::following::followed;
+use super::following::{followed, followed_in_run_ups};
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
@@ -74,7 +74,8 @@ pub fn views(
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
     earlier: Option<&Views>,
 ) -> Views {
-    let calibrated = &followed(scene, calibrated);
+    let followed = &followed(scene, calibrated);
+    let calibrated = &followed_in_run_ups(scene, calibrated, followed);
     let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let whole = |r: usize| vec![Stretch { from: 0, turns: scene.runs[r].angle.turns }];
     let all_turns =
@@ -83,7 +84,7 @@ pub fn views(
         let run = &scene.runs[r];
         let given = earlier.map(|earlier| earlier.bands[r][c]);
         let lowest_mesh_hz = scene.mesh_order() * run.angle.speed.slowest_hz;
-        of_channel(run, c, (&calibrated[r][c], lowest_mesh_hz), stretches(&run.split), given)
+        of_channel(run, c, ([&calibrated[r][c], &followed[r][c]], lowest_mesh_hz), stretches(&run.split), given)
     };
     let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())
         .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())
@@ -120,19 +121,20 @@ struct ChannelViews {
 fn of_channel(
     run: &SceneRun,
     channel: usize,
-    (calibrated, lowest_mesh_hz): (&[f64], f64),
+    ([calibrated, followed], lowest_mesh_hz): ([&[f64]; 2], f64),
     stretches: &[Stretch],
     given: Option<Band>,
 ) -> ChannelViews {
     let (samples, signal) = (&run.samples[channel], &run.signals[channel]);
     let per_turn = run.angle.per_turn[0];
-    let mut known: Vec<f64> = samples.iter().zip(calibrated).map(|(x, rest)| x - rest).collect();
-    let over_time = not_locked(signal, run.rate_hz, &known, &run.angle);
+    let less = |rest: &[f64]| -> Vec<f64> { samples.iter().zip(rest).map(|(x, rest)| x - rest).collect() };
+    let over_time = not_locked(signal, run.rate_hz, &less(calibrated), &run.angle);
     let frequency = over_frequency(run, &over_time, stretches, lowest_mesh_hz);
     let folded = folded_levels(run, &over_time, stretches);
+    let mut known = less(followed);
     for stretch in stretches {
         let range = stretch.samples(per_turn);
-        let locked = locked_part(&calibrated[range.clone()], &piece(&run.angle, *stretch));
+        let locked = locked_part(&followed[range.clone()], &piece(&run.angle, *stretch));
         known[range].iter_mut().zip(locked).for_each(|(k, l)| *k += l);
     }
     let rest = not_locked(signal, run.rate_hz, &known, &run.angle);

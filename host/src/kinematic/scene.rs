@@ -74,7 +74,7 @@ pub struct Scene {
 const MANY_CHANNELS: usize = 6;
 /// Fastest over slowest turn from which the path turns the mesh lines.
 const RUNS_UP: f64 = 1.1;
-/// Bins beside a shaft's line from which another one is read.
+/// Bins beside a shaft's order within which another line is not told from it: the window's lobe is down by 23 dB.
 const BESIDE_BINS: f64 = 2.5;
 /// Shares of the turns between which a speed is usual.
 const USUAL: (f64, f64) = (0.1, 0.9);
@@ -152,7 +152,7 @@ impl Scene {
         LOBE_BINS * self.bin()
     }
 
-    /// Orders beside a shaft's line from which another one is read: there the window leaves -36 dB of it.
+    /// Orders beside a shaft's order within which no other line is read: its own lobe reaches over to it.
     pub fn beside_a_shaft(&self) -> f64 {
         BESIDE_BINS * self.bin()
     }

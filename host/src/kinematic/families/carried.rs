@@ -79,10 +79,10 @@ fn candidate(scene: &Scene, found: &Candidate, standing: &[&Place], modulator: &
 
 /// A part of a family at the places that the record holds and that no shaft has.
 fn of_neither_shaft(scene: &Scene, found: &Candidate, mut places: Vec<Place>, alternatives: f64) -> Candidate {
-    let (apart, beside) = (scene.resolution(), scene.beside_a_shaft());
+    let apart = scene.resolution();
     let own = scene.gear_order;
     let of_shaft = |order: f64| {
-        (order - order.round()).abs() <= beside || (order - (order / own).round() * own).abs() <= beside.min(0.2 * own)
+        (order - order.round()).abs() <= apart || (order - (order / own).round() * own).abs() <= apart.min(0.2 * own)
     };
     places.retain(|p| p.order > 0.0 && p.order < scene.highest_order && !of_shaft(p.order));
     places.sort_by(|a, b| a.order.total_cmp(&b.order));

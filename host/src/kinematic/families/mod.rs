@@ -19,6 +19,9 @@ use super::scene::Scene;
 use super::spectra::Spectra;
 use crate::analysis::skirts::Skirts;
 
+/// Power over the floor from which a shaft's order is taken to stand.
+const STANDS: f64 = 3.0;
+
 /// What families are found from.
 pub struct Context<'a> {
     /// The record.
@@ -54,9 +57,22 @@ impl Context<'_> {
         self.feet.iter().any(|feet| feet.at(order, self.orders.bin(0)))
     }
 
-    /// Whether an order is a whole one of the pinion.
+    /// Whether an order is a whole one of the pinion, or so near one that stands that it cannot be told from it.
     pub fn on_pinion(&self, order: f64) -> bool {
-        (order - order.round()).abs() <= self.scene.beside_a_shaft()
+        self.hides(self.orders, order.round(), order)
+    }
+
+    /// Whether a line at an order of a shaft hides another order in a spectrum: it is as near as the window's own width, or within its main lobe and the shaft's line stands.
+    pub fn hides(&self, spectra: &Spectra, shaft_order: f64, order: f64) -> bool {
+        let away = (order - shaft_order).abs();
+        away <= self.scene.beside_a_shaft() || away <= self.scene.resolution() && self.stands(spectra, shaft_order)
+    }
+
+    /// Whether something stands at an order in any channel searched.
+    fn stands(&self, spectra: &Spectra, order: f64) -> bool {
+        let channels = (0..spectra.levels.len()).flat_map(|run| (0..self.scene.searched).map(move |c| (run, c)));
+        let mut readings = channels.filter_map(|(run, channel)| spectra.reading(run, channel, 0, order, 0));
+        readings.any(|reading| reading.ratio > STANDS)
     }
 }
 

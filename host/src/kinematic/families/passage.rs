@@ -162,8 +162,9 @@ fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Ve
     // On a shaft's order nothing can be told from the shaft.
     let of_shaft = |order: f64| {
         let own = context.scene.gear_order;
-        let half = context.scene.beside_a_shaft();
-        (order - order.round()).abs() <= half || (order - (order / own).round() * own).abs() <= half.min(0.2 * own)
+        let on_gear = (order / own).round() * own;
+        let is_near = (order - on_gear).abs() <= 0.2 * own;
+        context.hides(spectra, order.round(), order) || is_near && context.hides(spectra, on_gear, order)
     };
     let at_foot = |p: &Place| domain == Domain::Orders && context.at_foot(p.order);
     places.retain(|p| fits(p) && !of_shaft(p.order) && !at_foot(p));
