@@ -22,6 +22,8 @@ use std::f64::consts::TAU;
 
 /// Lowest frequency looked at, Hz: below it sensors drift.
 const LOWEST_HZ: f64 = 5.0;
+/// Part of a second of which a spectrum over frequency has a whole number.
+const PART_S: f64 = 0.25;
 /// Share of the sampling rate up to which frequencies are looked at.
 const PASS_SHARE: f64 = 0.4;
 
@@ -236,15 +238,16 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch], lowest_me
         let end = Stretch { from: s.from + s.turns, turns: 0 };
         first(&end) - first(s)
     };
-    // As many whole seconds as the shortest stretch has; a second is the "turn" of the search.
-    let second = (run.rate_hz.round() as usize).max(1);
+    // As many whole parts of a second as the shortest stretch has; such a part is the "turn" of the search.
+    let part = ((PART_S * run.rate_hz).round() as usize).max(1);
     let samples = stretches.iter().map(length).min().unwrap_or(0);
-    let per_turn = if samples >= second { second } else { samples.max(1) };
-    let range = Range { lowest: LOWEST_HZ, highest: PASS_SHARE * run.rate_hz, known: &|_, _| false };
+    let per_turn = if samples >= part { part } else { samples.max(1) };
     let scale = run.rate_hz / per_turn as f64;
+    let range = Range { lowest: LOWEST_HZ / scale, highest: PASS_SHARE * run.rate_hz / scale, known: &|_, _| false };
+    let slowest = run.angle.speed.slowest_hz / scale;
     let levels = |s: &Stretch| {
         let part = &rest[first(s)..(first(s) + samples).min(rest.len())];
-        let mut levels = search::levels(part, per_turn, run.angle.speed.slowest_hz, &range);
+        let mut levels = search::levels(part, per_turn, slowest, &range);
         for level in &mut levels {
             level.density.bin *= scale;
             follow_everywhere(level);
