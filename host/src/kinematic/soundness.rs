@@ -8,7 +8,7 @@ use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
 
-/// Logarithm of the Bayes factor from which one line alone is an order of its own.
+/// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
 /// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that something so slow needs (set on
 /// generated records with nothing but a wander, where 25 nats and more were seen).
@@ -223,6 +223,10 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         if matches!(candidate.kind, Kind::ModulatedPassage(_)) && carriers(candidate, verdict) < CARRIERS {
             return Some("sidebands without the lines between them".into());
         }
+    }
+    let is_lone_tone = candidate.domain == Domain::Frequency && supply_hz(candidate.base).is_none();
+    if is_lone_tone && standing.len() < 2 && verdict.ln_bayes <= LEAST_ALONE {
+        return Some(format!("one line of {:.0} nats, {LEAST_ALONE:.0} asked of one alone", verdict.ln_bayes));
     }
     let reading = sharpness::of(candidate, verdict, scene, views);
     // Where the two cannot be told, only a supply's frequency is likelier than an order.
