@@ -250,6 +250,7 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch], lowest_me
         let mut levels = search::levels(part, per_turn, slowest, &range);
         for level in &mut levels {
             level.density.bin *= scale;
+            level.density.values.iter_mut().chain(&mut level.floor).for_each(|density| *density /= scale);
             follow_everywhere(level);
         }
         levels

@@ -1,7 +1,7 @@
 //! What a family is in truth, once the gate lets it pass: whether it is one at all, and whether a simpler one or a higher base says the same.
 
 use super::accept::{self, Verdict};
-use super::candidate::{Candidate, Domain, Kind, Place, TakenOf};
+use super::candidate::{Candidate, Domain, Kind, Place, Shaft, TakenOf};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{Context, modulation, passage};
 use super::residual::Views;
@@ -131,9 +131,43 @@ pub fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> 
     numbers
 }
 
-/// A pattern over all teeth whose power lies next to the mesh is a modulation, where that passes the gate as well.
+/// What says the same with fewer lines, where that passes the gate as well: a pattern over all teeth whose power lies next to the mesh is a modulation, a modulated order without a sideband is an order.
 pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
-    let Kind::Pattern(shaft) = found.0.kind else { return found };
+    match found.0.kind {
+        Kind::Pattern(shaft) => without_the_teeth(found, shaft, context, views, taken),
+        Kind::ModulatedPassage(_) if !has_sidebands(&found.0, &found.1) => {
+            without_the_shaft(found, context, views, taken)
+        }
+        _ => found,
+    }
+}
+
+/// Whether a sideband of a modulated order stands.
+fn has_sidebands(candidate: &Candidate, verdict: &Verdict) -> bool {
+    let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
+    standing.count() > carriers(candidate, verdict)
+}
+
+fn without_the_shaft(
+    found: (Candidate, Verdict),
+    context: &Context,
+    views: &Views,
+    taken: &TakenOf,
+) -> (Candidate, Verdict) {
+    let alternatives = found.0.alternatives;
+    let alone = passage::harmonics(context, found.0.base, found.0.domain, passage::ALONE[0]);
+    let alone = Candidate { alternatives, ..alone };
+    let verdict = accept::judge(&alone, &views.field(taken, alone.domain, 0..context.scene.searched));
+    if verdict.refused.is_none() { (alone, verdict) } else { found }
+}
+
+fn without_the_teeth(
+    found: (Candidate, Verdict),
+    shaft: Shaft,
+    context: &Context,
+    views: &Views,
+    taken: &TakenOf,
+) -> (Candidate, Verdict) {
     let scene = context.scene;
     let power = |candidate: &Candidate| -> f64 {
         let of = |r: usize, c: usize| -> f64 {

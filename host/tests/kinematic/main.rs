@@ -7,6 +7,7 @@ mod common;
 mod gate;
 mod generator;
 mod names;
+mod neighbours;
 mod run_up;
 mod stages;
 mod strength;

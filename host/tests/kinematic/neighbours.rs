@@ -1,0 +1,93 @@
+//! What stands beside something else: an order next to a shaft's own, knocks beside mesh lines that swing, a tone over as long a stretch as there is.
+
+use super::generator::{BENCH, Bench, Impacts};
+use super::{IMPACTS, expect, loop_of, order, tone, view};
+use meshband_host::analysis::search::Level;
+use meshband_host::kinematic::baseline::Baseline;
+use meshband_host::kinematic::residual::views;
+use meshband_host::kinematic::scene::Scene;
+use meshband_host::kinematic::split::{Split, Stretch};
+
+/// A pair whose gear has many whole orders near those of the pinion, in a run-up of short stretches.
+const NEAR_ONE: Bench = Bench { teeth: [39, 42], speed_hz: 10.0, run_up: 1.7, seconds: 10.0, ..BENCH };
+/// The order 67 of its gear, next to the order 62 of its pinion.
+const GHOST: f64 = 67.0 * 39.0 / 42.0;
+
+fn of_fit(split: &Split) -> &[Stretch] {
+    &split.fit
+}
+
+fn of_held_out(split: &Split) -> &[Stretch] {
+    &split.held_out
+}
+
+fn scene(bench: &Bench) -> Scene {
+    let record = bench.record(&[], &[]);
+    Scene::of(&record, record.require_tach().expect("a tach"), bench.teeth).expect("a scene")
+}
+
+#[test]
+fn fault_a_ghost_of_the_gear_within_the_lobe_of_a_quiet_order_of_the_pinion_is_found() {
+    let scene = scene(&NEAR_ONE);
+    let away = GHOST - GHOST.round();
+    assert!(away < scene.resolution() && away > scene.beside_a_shaft(), "{away} {}", scene.resolution());
+    let outcome = loop_of(&NEAR_ONE, &[order(GHOST, 0.1)], &[]);
+    expect(&outcome, "named", "shaft-order", "gear", "gear-ghost-order");
+    assert!((outcome.effects[0].order_of_pinion.expect("an order") - GHOST).abs() < 1e-6);
+}
+
+#[test]
+fn theory_what_the_window_shows_beside_a_strong_order_of_the_pinion_is_no_ghost_of_the_gear() {
+    for amplitude in [0.1, 1.0] {
+        let outcome = loop_of(&NEAR_ONE, &[order(GHOST.round(), amplitude)], &[]);
+        let shafts: Vec<&str> = outcome.effects.iter().map(|effect| effect.shaft.as_str()).collect();
+        assert_eq!(shafts, ["pinion"], "{amplitude}: {}", view::text(&outcome));
+    }
+}
+
+#[test]
+fn fault_an_order_of_neither_shaft_within_the_lobe_of_a_quiet_order_of_the_gear_is_found() {
+    let bench = BENCH;
+    let scene = scene(&bench);
+    let beside = 0.5 * (scene.resolution() + scene.beside_a_shaft());
+    let own = 14.0 * bench.gear_order() + beside;
+    let outcome = loop_of(&bench, &[order(own, 0.1), order(2.0 * own, 0.1)], &[]);
+    expect(&outcome, "generic", "non-integer-order", "none", &format!("unexplained order {own:.2}"));
+}
+
+#[test]
+fn fault_knocks_are_found_though_mesh_lines_swing_beside_which_they_are_small() {
+    let bench = Bench { wander: 0.02, noise: 0.02, ..BENCH };
+    let knocks = Impacts { amplitude: 0.12, ..IMPACTS };
+    let outcome = loop_of(&bench, &[], &[knocks]);
+    expect(&outcome, "named", "non-integer-order", "none", "bearing-impacts");
+}
+
+#[test]
+fn theory_spectra_over_frequency_take_all_of_a_stretch_but_a_quarter_of_a_second_and_keep_its_power() {
+    let scene = scene(&BENCH);
+    let baseline = Baseline::of(&scene);
+    let run = &scene.runs[0];
+    let power = |level: &Level| level.density.values.iter().sum::<f64>() * level.density.bin;
+    for chosen in [of_fit as fn(&Split) -> &[Stretch], of_held_out] {
+        let at = |turn: usize| run.angle.map.time_at(run.angle.from_turn + turn as f64);
+        let length = |s: &Stretch| at(s.from + s.turns) - at(s.from);
+        let shortest = chosen(&run.split).iter().map(length).fold(f64::INFINITY, f64::min);
+        let own = views(&scene, &baseline.calibrated, chosen, None);
+        let read = 1.0 / own.frequency.bin(0);
+        assert!(read <= shortest + 1e-3 && read > shortest - 0.26, "{read} of {shortest}");
+        let [of_time, of_angle] = [&own.frequency, &own.orders].map(|spectra| power(&spectra.levels[0][0][0]));
+        assert!((of_time / of_angle - 1.0).abs() < 0.15, "{of_time} {of_angle}");
+    }
+}
+
+#[test]
+fn theory_a_lone_tone_is_named_with_twenty_nats_or_not_at_all() {
+    let mut named = 0;
+    for amplitude in [1e-3, 2e-3, 3e-3, 4e-3, 6e-3, 1e-2] {
+        let outcome = loop_of(&BENCH, &[tone(777.0, amplitude)], &[]);
+        named += outcome.effects.len();
+        assert!(outcome.effects.iter().all(|e| e.evidence.ln_bayes > 20.0), "{amplitude}: {}", view::text(&outcome));
+    }
+    assert!((1..6).contains(&named), "{named}");
+}
