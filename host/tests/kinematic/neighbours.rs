@@ -1,6 +1,6 @@
 //! What stands beside something else: an order next to a shaft's own, knocks beside mesh lines that swing, a tone over as long a stretch as there is.
 
-use super::generator::{BENCH, Bench, Impacts};
+use super::generator::{BENCH, Bench, Impacts, Line};
 use super::{IMPACTS, expect, loop_of, order, tone, view};
 use meshband_host::analysis::search::Level;
 use meshband_host::kinematic::baseline::Baseline;
@@ -55,12 +55,24 @@ fn fault_an_order_of_neither_shaft_within_the_lobe_of_a_quiet_order_of_the_gear_
     expect(&outcome, "generic", "non-integer-order", "none", &format!("unexplained order {own:.2}"));
 }
 
+/// What makes every mesh line swell and turn without a period, faster than its course over the speed and slower than the slower shaft.
+fn restless(bench: &Bench, share: f64) -> Vec<Line> {
+    let sideband = |m: &Line, i: i32| Line {
+        hz: 0.217 * f64::from(i),
+        amplitude: share * m.amplitude,
+        phase: f64::from(i * i) + m.phase * f64::from(i),
+        ..*m
+    };
+    bench.mesh().iter().flat_map(|m| (-8..=8).filter(|i| *i != 0).map(|i| sideband(m, i))).collect()
+}
+
 #[test]
-fn fault_knocks_are_found_though_mesh_lines_swing_beside_which_they_are_small() {
-    let bench = Bench { wander: 0.02, noise: 0.02, ..BENCH };
-    let knocks = Impacts { amplitude: 0.12, ..IMPACTS };
-    let outcome = loop_of(&bench, &[], &[knocks]);
-    expect(&outcome, "named", "non-integer-order", "none", "bearing-impacts");
+fn fault_knocks_are_found_beside_restless_mesh_lines_that_would_fill_their_envelope() {
+    for (amplitude, share) in [(0.06, 0.01), (0.12, 0.03)] {
+        let bench = Bench { noise: 0.05, ..BENCH };
+        let outcome = loop_of(&bench, &restless(&bench, share), &[Impacts { amplitude, ..IMPACTS }]);
+        expect(&outcome, "named", "non-integer-order", "none", "bearing-impacts");
+    }
 }
 
 #[test]
@@ -83,11 +95,9 @@ fn theory_spectra_over_frequency_take_all_of_a_stretch_but_a_quarter_of_a_second
 
 #[test]
 fn theory_a_lone_tone_is_named_with_twenty_nats_or_not_at_all() {
-    let mut named = 0;
-    for amplitude in [1e-3, 2e-3, 3e-3, 4e-3, 6e-3, 1e-2] {
+    for amplitude in [7.6e-3, 8e-3, 8.4e-3] {
         let outcome = loop_of(&BENCH, &[tone(777.0, amplitude)], &[]);
-        named += outcome.effects.len();
-        assert!(outcome.effects.iter().all(|e| e.evidence.ln_bayes > 20.0), "{amplitude}: {}", view::text(&outcome));
+        assert!(outcome.effects.is_empty(), "{amplitude}: {}", view::text(&outcome));
     }
-    assert!((1..6).contains(&named), "{named}");
+    expect(&loop_of(&BENCH, &[tone(777.0, 1e-2)], &[]), "named", "fixed-frequency", "none", "fixed-tone");
 }
