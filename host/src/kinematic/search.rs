@@ -28,6 +28,8 @@ pub const JUDGED: usize = 60;
 pub const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
+/// Multiples above them that are its own as well, but for their sidebands.
+const HIGHER: u32 = 12;
 /// Lines of a family that a supply with its harmonics may have as well.
 const LONE_LINES: usize = 3;
 /// Sidebands of an adopted modulation that are its own, on each side.
@@ -385,11 +387,13 @@ fn derived(base: f64, own: &Candidate, scene: &Scene) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= half.max(share * b);
     let own = own.base;
     let z = scene.mesh_order();
-    (1..=DERIVED.0).map(f64::from).any(|j| {
-        let of_shafts = (-DERIVED.1..=DERIVED.1)
-            .any(|n| [1.0, scene.gear_order].iter().any(|s| near(base, (j * own + f64::from(n) * s).abs())));
-        of_shafts || near(base * j, own) || (1..=4).any(|k| near(base, (f64::from(k) * z - j * own).abs()))
-    })
+    let is_higher = |j: u32| (base / (f64::from(j) * own) - 1.0).abs() <= SAME_BASE;
+    (DERIVED.0 + 1..=HIGHER).any(is_higher)
+        || (1..=DERIVED.0).map(f64::from).any(|j| {
+            let of_shafts = (-DERIVED.1..=DERIVED.1)
+                .any(|n| [1.0, scene.gear_order].iter().any(|s| near(base, (j * own + f64::from(n) * s).abs())));
+            of_shafts || near(base * j, own) || (1..=4).any(|k| near(base, (f64::from(k) * z - j * own).abs()))
+        })
 }
 
 /// Bases of the adopted families of neither shaft.
