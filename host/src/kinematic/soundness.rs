@@ -7,6 +7,7 @@ use super::families::{Context, modulation, passage};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
+use std::ops::RangeInclusive;
 
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
@@ -28,6 +29,8 @@ const FEWEST_MULTIPLES: usize = 3;
 const SLIPPING: f64 = 7e-3;
 /// Harmonics of a modulated base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
+/// Multiples of a rate in an envelope that an order of the signal may be, or be a sideband of.
+const RATES: RangeInclusive<u32> = 1..=2;
 
 /// The same family with a higher base, where multiples of one number have nearly all of its evidence.
 pub fn higher_base(
@@ -210,13 +213,20 @@ pub fn as_modulation(
     refused.map(|why| format!("hardly more than first sidebands of the mesh: {why}"))
 }
 
-/// Whether an envelope's family can be that of `other`, its base one or two orders of the shaft beside it.
-fn is_beside(rival: &Candidate, other: &Candidate, own: f64, steps: std::ops::RangeInclusive<i32>) -> bool {
-    let is_at = |n: i32| (rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
-    rival.kind == other.kind && rival.domain.is_envelope() && steps.into_iter().any(is_at)
+/// Whether an envelope's family can be that of `other`: a multiple of its base lies at that family's, or one or two orders of the shaft beside it.
+fn is_beside(
+    rival: &Candidate,
+    other: &Candidate,
+    own: f64,
+    multiples: RangeInclusive<u32>,
+    sidebands: RangeInclusive<i32>,
+) -> bool {
+    let is_at = |m: u32, n: i32| (f64::from(m) * rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
+    let is_kin = rival.kind == other.kind && rival.domain.is_envelope();
+    is_kin && multiples.into_iter().any(|m| sidebands.clone().any(|n| is_at(m, n)))
 }
 
-/// A modulated order whose rate is one of its own sidebands' in an envelope is that: in the signal a resonance may lift a sideband over the order that it belongs to, and every combination of
+/// A modulated order that is a multiple, or a sideband of a multiple, of a rate in an envelope is that rate's: in the signal a resonance may lift any of them over the order that it belongs to, and every combination of
 /// the two then stands about the wrong one; knocks are counted in the envelope. `ranked` are all candidates with their strengths.
 pub fn at_its_own_rate(
     found: (Candidate, Verdict),
@@ -227,8 +237,8 @@ pub fn at_its_own_rate(
 ) -> (Candidate, Verdict) {
     let (Kind::ModulatedPassage(shaft), Domain::Orders) = (found.0.kind, found.0.domain) else { return found };
     let own = scene.shaft_order(shaft as usize);
-    let is_elsewhere = |(_, c): &&(f64, Candidate)| !is_beside(c, &found.0, own, 0..=0);
-    let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own, -2..=2));
+    let is_elsewhere = |(_, c): &&(f64, Candidate)| !is_beside(c, &found.0, own, 1..=1, 0..=0);
+    let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own, RATES, -2..=2));
     let Some((_, rival)) = rivals.max_by(|a, b| a.0.total_cmp(&b.0)).filter(is_elsewhere) else { return found };
     let verdict = accept::judge(rival, &views.field(taken, rival.domain, 0..scene.searched));
     let stands = verdict.refused.is_none() && unsound(rival, &verdict, scene, views).is_none();
@@ -323,4 +333,30 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
     (is_slow && verdict.ln_bayes < LEAST_SLOW).then(|| {
         format!("{:.0} nats of {LEAST_SLOW:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn modulated(base: f64, domain: Domain) -> Candidate {
+        let kind = Kind::ModulatedPassage(Shaft::Pinion);
+        Candidate { kind, base, domain, places: Vec::new(), locked: false, alternatives: 1.0 }
+    }
+
+    #[test]
+    fn golden_an_order_is_beside_a_rate_of_an_envelope_that_it_is_a_sideband_of_or_of_twice_it() {
+        let is_beside = |rate: f64, order: f64| {
+            let rival = modulated(rate, Domain::WholeEnvelope);
+            is_beside(&rival, &modulated(order, Domain::Orders), 1.0, RATES, -2..=2)
+        };
+        for order in [4.9125, 5.9125, 2.9125, 9.825, 8.825, 8.848, 11.825] {
+            assert!(is_beside(4.9125, order), "{order}");
+        }
+        for order in [5.4, 7.4, 12.825, 14.7375] {
+            assert!(!is_beside(4.9125, order), "{order}");
+        }
+        let in_the_signal = modulated(4.9125, Domain::Orders);
+        assert!(!super::is_beside(&in_the_signal, &modulated(8.825, Domain::Orders), 1.0, RATES, -2..=2));
+    }
 }

@@ -1,13 +1,13 @@
 //! Orders of neither shaft: harmonics of a base, the same modulated by a shaft, or sidebands at the base about the mesh.
 //!
-//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from both squared envelopes. Each is then
+//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from both squared envelopes, and in the first strong lines between two sidebands. Each is then
 //! scored as every shape in all three, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs);
 //! `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape and spectrum.
 
 use super::Context;
 use crate::analysis::explained::Explained;
 use crate::analysis::families::{self, Family, Orders};
-use crate::analysis::search::{self, Level, Range};
+use crate::analysis::search::{self, Line, Range};
 use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
 use crate::kinematic::spectra::Spectra;
 
@@ -25,6 +25,11 @@ const MESH: usize = 6;
 const SIDEBANDS: [i32; 5] = [0, -1, 1, -2, 2];
 /// Multiples of the base that a line may be.
 pub const MULTIPLES: usize = 4;
+/// Spectra, and lines of one channel, between whose sidebands a base is looked for.
+const CENTRED: [Domain; 1] = [Domain::Orders];
+const CENTRES: usize = 4;
+/// Bins by which a sideband may be missed there.
+const CENTRE_BINS: f64 = 1.5;
 /// Relative distance of bases that are one.
 const SAME: f64 = 1e-3;
 /// Trial bases about a base: steps of this share.
@@ -106,15 +111,40 @@ pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], chann
 fn bases(context: &Context) -> Vec<f64> {
     let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
     let of_domain = |domain| grouped(context, domain).into_iter().flatten().flat_map(best);
-    let bases: Vec<f64> = DOMAINS.into_iter().flat_map(of_domain).collect();
+    let mut bases: Vec<f64> = DOMAINS.into_iter().flat_map(of_domain).collect();
+    for domain in CENTRED {
+        let shafts = Shaft::BOTH.map(|shaft| context.scene.shaft_order(shaft as usize));
+        bases.extend(lines(context, domain).iter().flatten().flat_map(|lines| centres(lines, shafts)));
+    }
     let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
     distinct(parts, context.orders.lowest.max(2.0 * context.scene.resolution()))
+}
+
+/// Strongest lines that stand between two others one turn of a shaft away on either side, given the orders of the shafts: where a shaft modulates a family, one of its sidebands or a part of one may group more lines.
+fn centres(lines: &[Line], shafts: [f64; 2]) -> Vec<f64> {
+    let stands = |order: f64, bin: f64| lines.iter().any(|l| (l.order - order).abs() <= CENTRE_BINS * bin.max(l.bin));
+    let is_between = |line: &Line, own: f64| [-own, own].into_iter().all(|side| stands(line.order + side, line.bin));
+    let mut centres: Vec<&Line> = lines.iter().filter(|l| shafts.into_iter().any(|own| is_between(l, own))).collect();
+    centres.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
+    centres.into_iter().take(CENTRES).map(|line| line.order).collect()
+}
+
+/// Lines of every run and channel searched.
+fn lines(context: &Context, domain: Domain) -> Vec<Vec<Vec<Line>>> {
+    let spectra = spectra(context, domain);
+    let of_run = |r: usize| {
+        let known = known(context, domain, r);
+        let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
+        spectra.levels[r][..context.scene.searched].iter().map(|levels| search::lines(levels, &range)).collect()
+    };
+    (0..context.scene.runs.len()).map(of_run).collect()
 }
 
 /// Lines of every run and channel searched in families, most powerful first.
 pub fn grouped(context: &Context, domain: Domain) -> Vec<Vec<Vec<Family>>> {
     let scene = context.scene;
     let (spectra, mesh) = (spectra(context, domain), domain == Domain::Orders);
+    let lines = lines(context, domain);
     let orders = Orders {
         teeth: scene.mesh_order(),
         gear_order: scene.gear_order,
@@ -124,9 +154,7 @@ pub fn grouped(context: &Context, domain: Domain) -> Vec<Vec<Vec<Family>>> {
     };
     let of_run = |r: usize| {
         let known = known(context, domain, r);
-        let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
-        let group = |levels: &Vec<Level>| families::group(&search::lines(levels, &range), &orders, &known);
-        spectra.levels[r][..scene.searched].iter().map(group).collect()
+        lines[r].iter().map(|lines| families::group(lines, &orders, &known)).collect()
     };
     (0..scene.runs.len()).map(of_run).collect()
 }
@@ -209,4 +237,28 @@ pub fn about_mesh(context: &Context, base: f64) -> Candidate {
         }
     }
     make(context, Kind::AboutMesh, base, Domain::Orders, places)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BIN: f64 = 0.01;
+
+    fn line(order: f64, amplitude: f64) -> Line {
+        Line { order, amplitude, over_floor_db: 30.0, ln_probability: -100.0, bin: BIN }
+    }
+
+    #[test]
+    fn golden_the_strongest_lines_between_two_sidebands_of_one_shaft_are_bases() {
+        let gear = 0.37;
+        let mut lines = vec![line(6.70, 3.0), line(5.71, 9.0), line(7.70, 8.0), line(13.40, 1.0)];
+        assert_eq!(centres(&lines, [1.0, gear]), [6.70], "the weaker line is the one between");
+        lines.extend([line(13.40 - gear, 0.5), line(13.40 + gear, 0.5)]);
+        assert_eq!(centres(&lines, [1.0, gear]), [6.70, 13.40], "of the gear as well, strongest first");
+        lines[1].order = 5.70 + 2.0 * BIN;
+        assert_eq!(centres(&lines, [1.0, gear]), [13.40], "a sideband two bins off is none");
+        lines = (0..12).map(|i| line(20.5 + f64::from(i), 1.0 + f64::from(i))).collect();
+        assert_eq!(centres(&lines, [1.0, gear]), [30.5, 29.5, 28.5, 27.5], "four at most, none at an end");
+    }
 }
