@@ -1,6 +1,7 @@
 //! Orders of neither shaft: harmonics of a base, the same modulated by a shaft, or sidebands at the base about the mesh.
 //!
-//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from both squared envelopes, and in the first strong lines between two sidebands. Each is then
+//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum and from both squared envelopes,
+//! and in the order spectrum the strongest lines that stand between two others one turn of a shaft away (`centres`). Each is then
 //! scored as every shape in all three, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs);
 //! `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape and spectrum.
 
@@ -25,8 +26,7 @@ const MESH: usize = 6;
 const SIDEBANDS: [i32; 5] = [0, -1, 1, -2, 2];
 /// Multiples of the base that a line may be.
 pub const MULTIPLES: usize = 4;
-/// Spectra, and lines of one channel, between whose sidebands a base is looked for.
-const CENTRED: [Domain; 1] = [Domain::Orders];
+/// Lines of one channel's order spectrum, each between two sidebands, that are tried as bases.
 const CENTRES: usize = 4;
 /// Bins by which a sideband may be missed there.
 const CENTRE_BINS: f64 = 1.5;
@@ -112,10 +112,8 @@ fn bases(context: &Context) -> Vec<f64> {
     let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
     let of_domain = |domain| grouped(context, domain).into_iter().flatten().flat_map(best);
     let mut bases: Vec<f64> = DOMAINS.into_iter().flat_map(of_domain).collect();
-    for domain in CENTRED {
-        let shafts = Shaft::BOTH.map(|shaft| context.scene.shaft_order(shaft as usize));
-        bases.extend(lines(context, domain).iter().flatten().flat_map(|lines| centres(lines, shafts)));
-    }
+    let shafts = Shaft::BOTH.map(|shaft| context.scene.shaft_order(shaft as usize));
+    bases.extend(lines(context, Domain::Orders).iter().flatten().flat_map(|lines| centres(lines, shafts)));
     let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
     distinct(parts, context.orders.lowest.max(2.0 * context.scene.resolution()))
 }
