@@ -26,18 +26,25 @@ impl Lock {
     pub(super) fn take(target: &Path) -> Result<Self> {
         let path = beside(target, "lock");
         loop {
-            let open = || OpenOptions::new().create(true).truncate(false).write(true).open(&path);
-            let file = undisturbed(open).map_err(Error::file(target))?;
-            match file.try_lock() {
-                Err(TryLockError::WouldBlock) => {
-                    return Err(Error::invalid(target.display(), "another meshband is writing it"));
-                }
-                Err(TryLockError::Error(_)) | Ok(()) => {}
-            }
-            let held = file.metadata().ok().as_ref().and_then(identity);
-            if held == path.metadata().ok().as_ref().and_then(identity) {
-                return Ok(Self { _name: Temporary::register(path), _file: file });
+            // An interrupt between the file and its registration would leave it behind.
+            if let Some(lock) = undisturbed(|| Self::attempt(target, &path))? {
+                return Ok(lock);
             }
         }
+    }
+
+    /// The lock, or nothing where its file went while it was taken.
+    fn attempt(target: &Path, path: &Path) -> Result<Option<Self>> {
+        let open = OpenOptions::new().create(true).truncate(false).write(true).open(path);
+        let file = open.map_err(Error::file(target))?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                return Err(Error::invalid(target.display(), "another meshband is writing it"));
+            }
+            Err(TryLockError::Error(_)) | Ok(()) => {}
+        }
+        let held = file.metadata().ok().as_ref().and_then(identity);
+        let is_ours = held == path.metadata().ok().as_ref().and_then(identity);
+        Ok(is_ours.then(|| Self { _name: Temporary::register(path.to_path_buf()), _file: file }))
     }
 }
