@@ -30,7 +30,9 @@ const SLIPPING: f64 = 7e-3;
 /// Harmonics of a modulated base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
 /// Multiples of a rate in an envelope that an order of the signal may be, or be a sideband of.
-const RATES: RangeInclusive<u32> = 1..=2;
+const RATES: [f64; 2] = [1.0, 2.0];
+/// Orders of the shaft between the two.
+const SIDEBANDS: RangeInclusive<i32> = -2..=2;
 
 /// The same family with a higher base, where multiples of one number have nearly all of its evidence.
 pub fn higher_base(
@@ -213,17 +215,11 @@ pub fn as_modulation(
     refused.map(|why| format!("hardly more than first sidebands of the mesh: {why}"))
 }
 
-/// Whether an envelope's family can be that of `other`: a multiple of its base lies at that family's, or one or two orders of the shaft beside it.
-fn is_beside(
-    rival: &Candidate,
-    other: &Candidate,
-    own: f64,
-    multiples: RangeInclusive<u32>,
-    sidebands: RangeInclusive<i32>,
-) -> bool {
-    let is_at = |m: u32, n: i32| (f64::from(m) * rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
+/// Whether an envelope's family can be that of `other`, which a shaft modulates: its rate or twice it lies at that family's base, or one or two orders of the shaft beside it.
+fn is_beside(rival: &Candidate, other: &Candidate, own: f64) -> bool {
+    let is_at = |m: f64, n: i32| (m * rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
     let is_kin = rival.kind == other.kind && rival.domain.is_envelope();
-    is_kin && multiples.into_iter().any(|m| sidebands.clone().any(|n| is_at(m, n)))
+    is_kin && RATES.into_iter().any(|m| SIDEBANDS.into_iter().any(|n| is_at(m, n)))
 }
 
 /// A modulated order that is a multiple, or a sideband of a multiple, of a rate in an envelope is that rate's: in the signal a resonance may lift any of them over the order that it belongs to, and every combination of
@@ -237,8 +233,8 @@ pub fn at_its_own_rate(
 ) -> (Candidate, Verdict) {
     let (Kind::ModulatedPassage(shaft), Domain::Orders) = (found.0.kind, found.0.domain) else { return found };
     let own = scene.shaft_order(shaft as usize);
-    let is_elsewhere = |(_, c): &&(f64, Candidate)| !is_beside(c, &found.0, own, 1..=1, 0..=0);
-    let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own, RATES, -2..=2));
+    let is_elsewhere = |(_, c): &&(f64, Candidate)| (c.base / found.0.base - 1.0).abs() >= SLIPPING;
+    let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own));
     let Some((_, rival)) = rivals.max_by(|a, b| a.0.total_cmp(&b.0)).filter(is_elsewhere) else { return found };
     let verdict = accept::judge(rival, &views.field(taken, rival.domain, 0..scene.searched));
     let stands = verdict.refused.is_none() && unsound(rival, &verdict, scene, views).is_none();
@@ -348,7 +344,7 @@ mod tests {
     fn golden_an_order_is_beside_a_rate_of_an_envelope_that_it_is_a_sideband_of_or_of_twice_it() {
         let is_beside = |rate: f64, order: f64| {
             let rival = modulated(rate, Domain::WholeEnvelope);
-            is_beside(&rival, &modulated(order, Domain::Orders), 1.0, RATES, -2..=2)
+            is_beside(&rival, &modulated(order, Domain::Orders), 1.0)
         };
         for order in [4.9125, 5.9125, 2.9125, 9.825, 8.825, 8.848, 11.825] {
             assert!(is_beside(4.9125, order), "{order}");
@@ -357,6 +353,6 @@ mod tests {
             assert!(!is_beside(4.9125, order), "{order}");
         }
         let in_the_signal = modulated(4.9125, Domain::Orders);
-        assert!(!super::is_beside(&in_the_signal, &modulated(8.825, Domain::Orders), 1.0, RATES, -2..=2));
+        assert!(!super::is_beside(&in_the_signal, &modulated(8.825, Domain::Orders), 1.0));
     }
 }

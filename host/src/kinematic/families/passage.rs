@@ -109,11 +109,16 @@ pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], chann
 }
 
 fn bases(context: &Context) -> Vec<f64> {
-    let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
-    let of_domain = |domain| grouped(context, domain).into_iter().flatten().flat_map(best);
-    let mut bases: Vec<f64> = DOMAINS.into_iter().flat_map(of_domain).collect();
     let shafts = Shaft::BOTH.map(|shaft| context.scene.shaft_order(shaft as usize));
-    bases.extend(lines(context, Domain::Orders).iter().flatten().flat_map(|lines| centres(lines, shafts)));
+    let mut bases = Vec::new();
+    for domain in DOMAINS {
+        let lines = lines(context, domain);
+        let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
+        bases.extend(in_families(context, domain, &lines).into_iter().flatten().flat_map(best));
+        if domain == Domain::Orders {
+            bases.extend(lines.iter().flatten().flat_map(|lines| centres(lines, shafts)));
+        }
+    }
     let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
     distinct(parts, context.orders.lowest.max(2.0 * context.scene.resolution()))
 }
@@ -140,9 +145,12 @@ fn lines(context: &Context, domain: Domain) -> Vec<Vec<Vec<Line>>> {
 
 /// Lines of every run and channel searched in families, most powerful first.
 pub fn grouped(context: &Context, domain: Domain) -> Vec<Vec<Vec<Family>>> {
+    in_families(context, domain, &lines(context, domain))
+}
+
+fn in_families(context: &Context, domain: Domain, lines: &[Vec<Vec<Line>>]) -> Vec<Vec<Vec<Family>>> {
     let scene = context.scene;
     let (spectra, mesh) = (spectra(context, domain), domain == Domain::Orders);
-    let lines = lines(context, domain);
     let orders = Orders {
         teeth: scene.mesh_order(),
         gear_order: scene.gear_order,
@@ -150,11 +158,11 @@ pub fn grouped(context: &Context, domain: Domain) -> Vec<Vec<Vec<Family>>> {
         highest: spectra.highest,
         mesh,
     };
-    let of_run = |r: usize| {
+    let of_run = |(r, channels): (usize, &Vec<Vec<Line>>)| {
         let known = known(context, domain, r);
-        lines[r].iter().map(|lines| families::group(lines, &orders, &known)).collect()
+        channels.iter().map(|lines| families::group(lines, &orders, &known)).collect()
     };
-    (0..scene.runs.len()).map(of_run).collect()
+    lines.iter().enumerate().map(of_run).collect()
 }
 
 /// Whether an order of a run, within a half width, carries no base: the pair has lines there, a family found before, or the foot of either.
