@@ -5,7 +5,7 @@ use super::families::bearing::{Bearing, Part};
 use super::families::fixed_frequency::supply_hz;
 use super::scene::Scene;
 use super::search::Adopted;
-use super::soundness::has_its_own_rate;
+use super::soundness::{has_its_own_rate, has_sidebands};
 
 /// Orders of its shaft at which a passage of a bearing can lie at all: seven elements and a ratio of 0.32, to 30.
 const PASSAGES: (f64, f64) = (2.38, 20.0);
@@ -182,7 +182,9 @@ fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
     let standing = adopted.verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     match candidate.kind {
         Kind::ModulatedPassage(shaft)
-            if of_bearings.contains(&shaft) && has_its_own_rate(candidate, &adopted.verdict) =>
+            if of_bearings.contains(&shaft)
+                && has_its_own_rate(candidate, &adopted.verdict)
+                && has_sidebands(candidate, &adopted.verdict) =>
         {
             let word = shaft.word();
             let name = format!("bearing-impacts, inner ring of the {word}'s shaft");

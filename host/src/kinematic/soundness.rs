@@ -148,7 +148,7 @@ pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, ta
 }
 
 /// Whether a sideband of a modulated order stands.
-fn has_sidebands(candidate: &Candidate, verdict: &Verdict) -> bool {
+pub fn has_sidebands(candidate: &Candidate, verdict: &Verdict) -> bool {
     let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
     standing.count() > carriers(candidate, verdict)
 }

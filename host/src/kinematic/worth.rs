@@ -4,7 +4,7 @@
 //! against without, at the places fitted, in units of the floor there: about a third of what the fitted turns said where the family is true (a quarter of
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
 //! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have. In a run-up the path turns
-//! phases from one part to the other: a locked family away from the mesh may pass the whole gate again there instead.
+//! phases from one part to the other: a locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as the one alternative.
 
 use super::accept;
 use super::amplitudes::Weighted;
@@ -43,7 +43,7 @@ pub struct Worth {
     pub runs_up: bool,
     /// Of a locked family with lines about the mesh: the calibrated model leaves most of a run-up, so its angle is not the machine's.
     pub is_lost: bool,
-    /// Of a locked family in a run-up, but for first sidebands of the mesh: the held-out turns alone let the rest of it pass the gate, their own moved copies beside it.
+    /// In a run-up, of a locked family but for first sidebands of the mesh, and of an order of neither shaft: the held-out turns alone let it pass the gate, their own moved copies beside it.
     pub stands_again: bool,
 }
 
@@ -56,6 +56,11 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
     let is_lost = runs_up && left > MOST_LEFT;
+    // These turns choose nothing any more: the candidate is the one alternative.
+    let passes_again = |candidate: Candidate| {
+        let field = views[1].field(&mesh, candidate.domain, 0..scene.searched);
+        accept::judge(&Candidate { alternatives: 1.0, ..candidate }, &field).refused.is_none()
+    };
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
             let is_swing = own.candidate.kind == Kind::Swing;
@@ -71,7 +76,9 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
                 ln_bayes = ln_bayes.min(score(&own.candidate, &field, 0.0).ln_bayes);
             }
             let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
-            return Worth { gain, ln_bayes, ..Worth::default() };
+            // A knock that a resonance swells a hundredfold on the fitted turns is foretold too loud for the others.
+            let stands_again = runs_up && own.candidate.is_base() && passes_again(own.candidate.clone());
+            return Worth { gain, ln_bayes, runs_up, stands_again, ..Worth::default() };
         }
         let before = corrected.residual.clone();
         let orders = corrected.add(scene, baseline, views[0], own);
@@ -89,10 +96,9 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         if ln_bayes <= LEAST {
             corrected.residual = before;
         }
-        let stands_again = runs_up && !matches!(own.candidate.kind, Kind::Modulation(_)) && {
-            let field = views[1].field(&mesh, own.candidate.domain, 0..scene.searched);
-            accept::judge(&away_from_the_mesh(&own.candidate, scene.mesh_order()), &field).refused.is_none()
-        };
+        let stands_again = runs_up
+            && !matches!(own.candidate.kind, Kind::Modulation(_))
+            && passes_again(away_from_the_mesh(&own.candidate, scene.mesh_order()));
         // Low orders of a shaft are no skirts of the mesh.
         let is_lost = is_lost && !matches!(own.candidate.kind, Kind::ShaftOrders(_));
         Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost, stands_again }
@@ -149,5 +155,5 @@ pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
         // A quarter of the turns cannot tell its power from the mesh lines'; it must be in step there.
         return worth.ln_bayes > LEAST;
     }
-    predicts && worth.ln_bayes > 0.0
+    predicts && worth.ln_bayes > 0.0 || worth.stands_again
 }

@@ -6,6 +6,7 @@ use meshband_host::kinematic::families::bearing::{Bearing, Part};
 use meshband_host::kinematic::naming::{Naming, name};
 use meshband_host::kinematic::scene::Scene;
 use meshband_host::kinematic::search::Adopted;
+use meshband_host::kinematic::worth::{Worth, holds};
 
 /// A pair of 20 and 50 teeth without a run: names ask for nothing else.
 fn scene() -> Scene {
@@ -177,6 +178,31 @@ fn golden_an_order_of_neither_shaft_is_a_bearing_only_where_more_than_the_order_
         let verdict = if named { "named" } else { "generic" };
         assert_called(&inner, verdict, &words, "non-integer-order", if named { shaft.word() } else { "none" });
     }
+}
+
+#[test]
+fn fault_a_modulated_order_of_which_no_sideband_stands_is_no_inner_ring() {
+    let lines = [(5.4, 2.0), (10.8, 2.0), (4.4, 0.0), (6.4, 0.0)];
+    let mut own = family(Kind::ModulatedPassage(Shaft::Pinion), 5.4, &lines);
+    let labels = ["1 o", "2 o", "1 o - 1 pinion", "1 o + 1 pinion"];
+    own.candidate.places.iter_mut().zip(labels).for_each(|(place, label)| place.label = label.into());
+    let bare = name(&own, None, &[], &scene());
+    assert_called(&bare, "generic", "unexplained order 5.4000", "non-integer-order", "none");
+    own.verdict.score.of_places[3] = 2.0;
+    let modulated = name(&own, None, &[], &scene());
+    let words = "bearing-impacts, inner ring of the pinion's shaft";
+    assert_called(&modulated, "named", words, "non-integer-order", "pinion");
+}
+
+/// What the held-out turns say of an order of neither shaft that was foretold too loud for them.
+#[test]
+fn theory_an_order_of_a_run_up_that_stands_again_by_itself_is_not_vetoed_and_one_that_does_not_is() {
+    let mut own = family(Kind::Passage, 2.389, &[(2.389, 2.0), (4.778, 2.0)]);
+    own.candidate.locked = false;
+    own.candidate.domain = Domain::WholeEnvelope;
+    let worth = Worth { ln_bayes: -30.0, runs_up: true, ..Worth::default() };
+    assert!(!holds(&own, &worth));
+    assert!(holds(&own, &Worth { stands_again: true, ..worth }));
 }
 
 #[test]
