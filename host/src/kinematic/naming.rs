@@ -17,6 +17,8 @@ const FEWEST_TEETH: u32 = 10;
 /// Evidence in nats, about power over floor, from which a line alone is a ghost order: a path's resonances make the lines of a random pattern of the pitch differ by
 /// a factor of ten to twenty, and above this the next one would stand as well.
 const LONE_LINE: f64 = 400.0;
+/// Two orders are one within this.
+const SAME_ORDER: f64 = 1e-6;
 /// Ratios of two of the first harmonics of one line.
 const HARMONICS: [(f64, f64); 5] = [(2.0, 1.0), (3.0, 1.0), (4.0, 1.0), (3.0, 2.0), (4.0, 3.0)];
 
@@ -113,6 +115,13 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             }
             let is_other = |ghost: &&f64| (*ghost / candidate.base - 1.0).abs() > 1e-6;
             let is_alone = !ghosts.iter().filter(is_other).any(|ghost| shaft_of_ghost(*ghost) == shaft);
+            if is_of_both(candidate.base, scene) {
+                let ghosts = "pinion-ghost-order or gear-ghost-order";
+                let is_sure = is_alone && adopted.verdict.score.ln_bayes >= LONE_LINE;
+                let others = if is_sure { "" } else { " or pinion-pitch-error or gear-pitch-error" };
+                let remark = "a whole order of both shafts: they have the same line there";
+                return naming("ambiguous", format!("{ghosts}{others}"), "shaft-order", "none", Some(remark));
+            }
             if !is_alone {
                 let name = format!("{shaft}-ghost-order or {shaft}-pitch-error");
                 let remark = "more than one whole order of that shaft, as a pattern of the pitch has";
@@ -154,6 +163,12 @@ fn common_divisor(a: u32, b: u32) -> u32 {
 /// The shaft of a whole order.
 fn shaft_of_ghost(base: f64) -> &'static str {
     if (base - base.round()).abs() < 1e-6 { "pinion" } else { "gear" }
+}
+
+/// Whether an order is a whole one of both shafts, or nearer to one of the other shaft's than half a bin.
+fn is_of_both(base: f64, scene: &Scene) -> bool {
+    let away = |own: f64| (base - (base / own).round() * own).abs();
+    away(1.0).max(away(scene.gear_order)) <= (0.5 * scene.bin()).max(SAME_ORDER)
 }
 
 /// Whether another ghost stands at a whole multiple of this one, or both at multiples of a third.

@@ -157,9 +157,10 @@ impl Scene {
         BESIDE_BINS * self.bin()
     }
 
-    fn bin(&self) -> f64 {
-        let turns = self.runs.iter().flat_map(|run| &run.split.fit).map(|s| s.turns).min().unwrap_or(1);
-        1.0 / turns as f64
+    /// Width of a bin of the shortest fitted stretch, orders; zero where there is none.
+    pub fn bin(&self) -> f64 {
+        let turns = self.runs.iter().flat_map(|run| &run.split.fit).map(|s| s.turns).min();
+        turns.map_or(0.0, |turns| 1.0 / turns as f64)
     }
 }
 

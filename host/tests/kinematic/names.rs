@@ -194,6 +194,18 @@ fn fault_a_modulated_order_of_which_no_sideband_stands_is_no_inner_ring() {
     assert_called(&modulated, "named", words, "non-integer-order", "pinion");
 }
 
+#[test]
+fn fault_a_ghost_at_a_whole_order_of_both_shafts_is_neither_shafts_alone() {
+    // Order 18 of the pinion is order 45 of the gear.
+    let mut own = family(Kind::Ghost, 18.0, &[(18.0, 427.0)]);
+    own.verdict.score.ln_bayes = 427.0;
+    let both = "pinion-ghost-order or gear-ghost-order";
+    assert_called(&name(&own, None, &[18.0], &scene()), "ambiguous", both, "shaft-order", "none");
+    own.verdict.score.ln_bayes = 100.0;
+    let weak = format!("{both} or pinion-pitch-error or gear-pitch-error");
+    assert_called(&name(&own, None, &[18.0], &scene()), "ambiguous", &weak, "shaft-order", "none");
+}
+
 /// What the held-out turns say of an order of neither shaft that was foretold too loud for them.
 #[test]
 fn theory_an_order_of_a_run_up_that_stands_again_by_itself_is_not_vetoed_and_one_that_does_not_is() {
