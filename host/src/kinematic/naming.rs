@@ -17,7 +17,7 @@ const FEWEST_TEETH: u32 = 10;
 /// Evidence in nats, about power over floor, from which a line alone is a ghost order: a path's resonances make the lines of a random pattern of the pitch differ by
 /// a factor of ten to twenty, and above this the next one would stand as well.
 const LONE_LINE: f64 = 400.0;
-/// Two orders are one within this.
+/// Two orders that are computed are one within this.
 const SAME_ORDER: f64 = 1e-6;
 /// Ratios of two of the first harmonics of one line.
 const HARMONICS: [(f64, f64); 5] = [(2.0, 1.0), (3.0, 1.0), (4.0, 1.0), (3.0, 2.0), (4.0, 3.0)];
@@ -162,7 +162,7 @@ fn common_divisor(a: u32, b: u32) -> u32 {
 
 /// The shaft of a whole order.
 fn shaft_of_ghost(base: f64) -> &'static str {
-    if (base - base.round()).abs() < 1e-6 { "pinion" } else { "gear" }
+    if (base - base.round()).abs() < SAME_ORDER { "pinion" } else { "gear" }
 }
 
 /// Whether an order is a whole one of both shafts, or nearer to one of the other shaft's than half a bin.
