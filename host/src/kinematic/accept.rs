@@ -3,7 +3,9 @@
 //! Three conditions. *Evidence*: the Bayes factor with the prior of `evidence`, divided by the number of alternatives it was chosen from, exceeds exp(5).
 //! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way (farther where no copy finds a place so near) in this very record, where skirts, swings and
 //! everything else that no model foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half, and the
-//! probability so found, times the families of the library, must be below 1 %; and it is three times the highest (set on generated run-ups, where weaker ones were false). *Held out* (`errors`): the part not used must gain. Limit: 48 moved copies
+//! probability so found, times the families of the library, must be below 1 %; and it is three times the highest (set on generated run-ups, where weaker ones were false). *Held out* (`worth`): the part not used must gain. A family
+//! that stands out of every copy, but not so far, may be adopted last and must then pass this whole gate on the held-out turns as well: to be the highest of 49 by chance and to pass there are
+//! unlikely together. Limit: 48 moved copies
 //! say nothing themselves about one in a hundred; the tail's form is an assumption.
 
 use super::candidate::{Candidate, Field, Kind, Score, WIDEST_MOVE, score};
@@ -87,6 +89,13 @@ pub struct Verdict {
     pub surrogates: Surrogates,
     /// Why it is refused.
     pub refused: Option<String>,
+    /// It stands out of every moved copy, and the highest comes too near it: the held-out turns decide ([`super::worth`]).
+    pub is_close: bool,
+}
+
+/// Whether turns on which nothing was chosen let a family pass the gate: it is the one alternative there.
+pub fn passes_alone(candidate: &Candidate, field: &Field) -> bool {
+    judge(&Candidate { alternatives: 1.0, ..candidate.clone() }, field).refused.is_none()
 }
 
 /// Displacements of the copies: both ways, 1 to 6 % of the spacing.
@@ -134,5 +143,7 @@ pub fn judge(candidate: &Candidate, field: &Field) -> Verdict {
     } else {
         None
     };
-    Verdict { score: own, ln_bayes, surrogates, refused }
+    let is_highest = ln_bayes > LEAST && surrogates.copies >= FEWEST_COPIES && surrogates.as_high == 0;
+    let is_close = is_highest && refused.is_some();
+    Verdict { score: own, ln_bayes, surrogates, refused, is_close }
 }

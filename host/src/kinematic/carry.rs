@@ -10,8 +10,9 @@ use super::candidate::{Candidate, Domain, Place, Shaft, Taken, TakenOf};
 use super::families::carried::{self, Modulator};
 use super::residual::Views;
 use super::scene::Scene;
-use super::search::{Adopted, Carries, Search, mesh_taken};
+use super::search::{Adopted, Carries, Search};
 use super::shaft_rest;
+use super::spoken_for::mesh_taken;
 
 /// Rounds in which parts that were refused are asked again.
 const ROUNDS: usize = 3;

@@ -3,7 +3,7 @@
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
 //! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]).
+//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]).
 //!    A slow swing of the load is looked for in the [`strength`] with which all lines mesh.
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]); a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
@@ -48,6 +48,7 @@ pub mod slipping;
 pub mod soundness;
 pub mod spectra;
 pub mod split;
+pub mod spoken_for;
 pub mod strength;
 pub mod view;
 pub mod worth;
@@ -86,7 +87,10 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit))
     };
     let views = [&fit, &held];
-    let passed = rest.iter().filter(|own| own.verdict.refused.is_none());
+    let passed: Vec<&Adopted> = rest.iter().filter(|own| own.verdict.refused.is_none()).collect();
+    if held_out && misplaced.is_none() {
+        search::search_on(&mut found, &passed, &scene, views);
+    }
     let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
     let worths = worth::worths(&scene, &baseline, views, &all);
     let (mut kept, vetoed): (Vec<_>, Vec<_>) =

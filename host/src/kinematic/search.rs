@@ -2,7 +2,7 @@
 
 use super::accept::{self, Verdict};
 use super::all_turns::over_all_turns;
-use super::candidate::{Candidate, Domain, Field, Kind, Place, Taken, TakenOf, score};
+use super::candidate::{Candidate, Domain, Field, Kind, Place, TakenOf, score};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, swing, tooth};
 use super::residual::Views;
@@ -11,6 +11,7 @@ use super::sharpness::{self, Sharper};
 use super::soundness::{
     as_modulation, at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, simpler, unsound,
 };
+use super::spoken_for::{mesh_taken, relatives, take_folded, take_frequencies, take_orders};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -28,12 +29,12 @@ pub const JUDGED: usize = 60;
 pub const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
+/// Sidebands of an adopted modulation that are its own, on each side.
+const SIDES: i32 = 8;
 /// Multiples above them that are its own as well, but for their sidebands.
 const HIGHER: u32 = 12;
 /// Lines of a family that a supply with its harmonics may have as well.
 const LONE_LINES: usize = 3;
-/// Sidebands of an adopted modulation that are its own, on each side.
-const SIDES: i32 = 8;
 
 /// A family adopted on the fitted part.
 #[derive(Debug, Clone)]
@@ -119,10 +120,41 @@ pub fn nothing(scene: &Scene, views: &Views) -> Search {
 pub fn search(scene: &Scene, views: &Views) -> Search {
     let mut search = nothing(scene, views);
     while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, views) else { break };
+        let Some(found) = search.round(scene, views, None) else { break };
         search.take(scene, views, found);
     }
     search
+}
+
+/// Searches on with the families that stand out of every moved copy though the highest comes too near ([`Verdict::is_close`]) and that the held-out turns alone let pass the gate; last, so that no line is taken from what is
+/// surer. `rest`: parts of the shafts that were let pass.
+pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, held]: [&Views; 2]) {
+    let of_the_signal = |own: &&Adopted| own.candidate.domain == Domain::Orders;
+    let all = search.adopted.iter().chain(rest.iter().copied()).filter(of_the_signal);
+    let parts: Vec<f64> = all.flat_map(Adopted::standing).map(|place| place.order).collect();
+    let (before, sure) = (search.taken.clone(), search.adopted.len());
+    search.taken[0].extend(parts);
+    while search.adopted.len() < MOST {
+        let Some(found) = search.round(scene, fit, Some(held)) else { break };
+        search.take(scene, fit, found);
+    }
+    if search.adopted.len() == sure {
+        search.taken = before;
+    }
+}
+
+/// A family of neither shaft with its base as finely as its standing lines say; any other as it is.
+fn placed(context: &Context, candidate: Candidate, verdict: &Verdict) -> Candidate {
+    if !candidate.is_base() {
+        return candidate;
+    }
+    let standing: Vec<bool> = verdict.score.of_places.iter().map(|ln| *ln > 0.0).collect();
+    passage::placed(context, &candidate, &standing, context.scene.searched)
+}
+
+/// Whether a family passes the gate on other turns alone.
+fn stands_there(candidate: &Candidate, scene: &Scene, views: &Views) -> bool {
+    accept::passes_alone(candidate, &views.field(&mesh_taken(scene, views), candidate.domain, 0..scene.searched))
 }
 
 /// Context of the families.
@@ -140,42 +172,10 @@ pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a TakenOf, feet:
     }
 }
 
-/// The mesh itself is spoken for; in an envelope the shafts' orders are.
-pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
-    let mut taken: TakenOf = Default::default();
-    let z = scene.mesh_order();
-    taken[0].extend((1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z));
-    for own in [1.0, scene.gear_order] {
-        for domain in Domain::ENVELOPES {
-            taken[index(domain)].extend((1..=(views.of(domain).highest / own) as usize).map(|n| n as f64 * own));
-        }
-    }
-    for k in 1..=(scene.highest_order / z) as usize {
-        let order = k as f64 * z;
-        let is_line = |run: &SceneRun| {
-            let swept = run.usual_speeds_hz().map(|hz| order * hz);
-            !sharpness::is_smeared(swept, views.frequency.bin(0))
-        };
-        if scene.runs.iter().any(is_line) {
-            take_frequencies(&mut taken[2], scene, views, order);
-        }
-    }
-    taken
-}
-
-/// Takes the frequencies that an order sweeps.
-fn take_frequencies(taken: &mut Taken, scene: &Scene, views: &Views, order: f64) {
-    let bin = views.frequency.bin(0);
-    for run in &scene.runs {
-        let (low, high) = (order * run.angle.speed.slowest_hz, order * run.angle.speed.fastest_hz);
-        taken.extend((0..=((high - low) / bin) as usize + 1).map(|i| low + i as f64 * bin));
-    }
-}
-
 impl Search {
     /// The family that one more round on these views would adopt.
     pub fn next(&self, scene: &Scene, views: &Views) -> Option<Adopted> {
-        self.clone().round(scene, views)
+        self.clone().round(scene, views, None)
     }
 
     /// Logarithm of a candidate's Bayes factor after the choice.
@@ -197,7 +197,7 @@ impl Search {
         (ranked, count)
     }
 
-    fn round(&mut self, scene: &Scene, views: &Views) -> Option<Adopted> {
+    fn round(&mut self, scene: &Scene, views: &Views, held: Option<&Views>) -> Option<Adopted> {
         let (ranked, count) = self.ranked(scene, views);
         self.tried += count;
         let context = context(scene, views, &self.taken, &self.feet);
@@ -211,6 +211,10 @@ impl Search {
             let mut candidate = best.map_or(candidate, |(_, c)| c);
             let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
+            let stands = |held: &Views| stands_there(&placed(&context, candidate.clone(), &verdict), scene, held);
+            if verdict.is_close && held.is_some_and(stands) {
+                verdict.refused = None;
+            }
             if verdict.refused.is_none() {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);
             }
@@ -252,10 +256,7 @@ impl Search {
         if let Some((higher, judged)) = higher_base(&candidate, &verdict, &context, views, &self.taken) {
             (candidate, verdict) = (higher, judged);
         }
-        if candidate.is_base() {
-            let standing: Vec<bool> = verdict.score.of_places.iter().map(|ln| *ln > 0.0).collect();
-            candidate = passage::placed(&context, &candidate, &standing, scene.searched);
-        }
+        candidate = placed(&context, candidate, &verdict);
         let pulse = match candidate.kind {
             Kind::Pattern(shaft) => tooth::is_single(scene, shaft),
             _ => None,
@@ -347,37 +348,6 @@ pub fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = &(f64,
         *count <= JUDGED_OF_KIND
     };
     ranked.iter().filter(few).take(JUDGED)
-}
-
-/// Multiples of a base with sidebands of both shafts, alone and about the first mesh harmonics.
-fn relatives(base: f64, scene: &Scene) -> impl Iterator<Item = f64> {
-    let (z, gear) = (scene.mesh_order(), scene.gear_order);
-    let sidebands = move |order: f64| [0.0, 1.0, -1.0, gear, -gear].map(|own| (order + own).abs());
-    let about =
-        move |j: i32| (0..=6).flat_map(move |k| [1.0, -1.0].map(|side| f64::from(k) * z + side * f64::from(j) * base));
-    (1..=5).flat_map(about).flat_map(sidebands).filter(|order| *order > 0.0)
-}
-
-fn take_orders(taken: &mut Taken, scene: &Scene, views: &Views, hz: f64) {
-    let bin = views.orders.bin(0);
-    for run in &scene.runs {
-        let (low, high) = (hz / run.angle.speed.fastest_hz, hz / run.angle.speed.slowest_hz);
-        taken.extend((0..=((high - low) / bin) as usize + 1).map(|i| low + i as f64 * bin));
-    }
-}
-
-/// Takes the orders and frequencies that a folded order sweeps.
-fn take_folded(taken: &mut TakenOf, scene: &Scene, views: &Views, order: f64) {
-    for run in &scene.runs {
-        let folded = |hz: f64| (run.rate_hz - order * hz).abs();
-        let speed = run.angle.speed;
-        let (a, b) = (folded(speed.slowest_hz), folded(speed.fastest_hz));
-        let (low, high) = (a.min(b), a.max(b));
-        let steps =
-            |from: f64, to: f64, bin: f64| (0..=((to - from) / bin) as usize + 1).map(move |i| from + i as f64 * bin);
-        taken[2].extend(steps(low, high, views.frequency.bin(0)));
-        taken[0].extend(steps(low / speed.fastest_hz, high / speed.slowest_hz, views.orders.bin(0)));
-    }
 }
 
 /// Whether a base is a multiple, a part or a sideband of another; one that slips is smeared, and its skirts look like bases beside it.

@@ -4,7 +4,8 @@
 //! against without, at the places fitted, in units of the floor there: about a third of what the fitted turns said where the family is true (a quarter of
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
 //! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have. In a run-up the path turns
-//! phases from one part to the other: a locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as the one alternative.
+//! phases from one part to the other: a locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as the one alternative. A family that is there because it did so
+//! (`search::search_on`) must lower the error of the waveform besides, where it is locked.
 
 use super::accept;
 use super::amplitudes::Weighted;
@@ -14,8 +15,9 @@ use super::errors::{Corrected, held_out, mean, shares};
 use super::foretold;
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
-use super::search::{Adopted, mesh_taken};
+use super::search::Adopted;
 use super::slipping::slipping_share;
+use super::spoken_for::mesh_taken;
 use rayon::prelude::*;
 
 /// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
@@ -52,15 +54,13 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let all = 0..scene.channels.len();
     let nothing: TakenOf = Default::default();
     let mesh = mesh_taken(scene, views[1]);
+    let passes_again = |candidate: &Candidate| {
+        accept::passes_alone(candidate, &views[1].field(&mesh, candidate.domain, 0..scene.searched))
+    };
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
     let is_lost = runs_up && left > MOST_LEFT;
-    // These turns choose nothing any more: the candidate is the one alternative.
-    let passes_again = |candidate: Candidate| {
-        let field = views[1].field(&mesh, candidate.domain, 0..scene.searched);
-        accept::judge(&Candidate { alternatives: 1.0, ..candidate }, &field).refused.is_none()
-    };
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
             let is_swing = own.candidate.kind == Kind::Swing;
@@ -77,7 +77,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
             }
             let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
             // A knock that a resonance swells a hundredfold on the fitted turns is foretold too loud for the others.
-            let stands_again = runs_up && own.candidate.is_base() && passes_again(own.candidate.clone());
+            let stands_again = runs_up && own.candidate.is_base() && passes_again(&own.candidate);
             return Worth { gain, ln_bayes, runs_up, stands_again, ..Worth::default() };
         }
         let before = corrected.residual.clone();
@@ -98,7 +98,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         }
         let stands_again = runs_up
             && !matches!(own.candidate.kind, Kind::Modulation(_))
-            && passes_again(away_from_the_mesh(&own.candidate, scene.mesh_order()));
+            && passes_again(&away_from_the_mesh(&own.candidate, scene.mesh_order()));
         // Low orders of a shaft are no skirts of the mesh.
         let is_lost = is_lost && !matches!(own.candidate.kind, Kind::ShaftOrders(_));
         Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost, stands_again }
@@ -144,6 +144,9 @@ pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
 
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
+    if adopted.candidate.locked && adopted.verdict.is_close && worth.gain <= 0.0 {
+        return false;
+    }
     if adopted.candidate.locked {
         let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
         return predicts_waveform(adopted, worth) || most || worth.stands_again;

@@ -198,5 +198,19 @@ fn fault_a_tail_of_copies_that_comes_near_is_a_refusal_although_none_is_as_stron
     let lines = [copies, vec![(20.0, own)]].concat();
     let verdict = judged(&spectra(&lines, 0.4, 45.0), &family(&[20.0], 1.0));
     assert!(verdict.surrogates.false_alarm > FALSE_ALARM && verdict.surrogates.as_high == 0, "{verdict:?}");
+    assert!(verdict.is_close, "the held-out turns may still let it pass");
     refusal(verdict, "moved copies come near it: false-alarm rate");
+}
+
+#[test]
+fn theory_close_is_only_what_stands_out_of_every_copy_and_not_thrice() {
+    let close = |lines: Lines, level: f64, highest: f64, alternatives: f64| {
+        judged(&spectra(lines, level, highest), &family(&[20.0], alternatives)).is_close
+    };
+    let line: Lines = &[(20.0, 60.0)];
+    assert!(close(line, 30.0, 45.0, 1.0), "twice the copies");
+    assert!(!close(line, 1.0, 45.0, 1.0), "it passes");
+    assert!(!close(line, 30.0, 45.0, 1e300), "no evidence");
+    assert!(!close(line, 30.0, 20.0, 1.0), "too few copies");
+    assert!(!close(&[], 60.0, 45.0, 1.0), "copies are as strong");
 }

@@ -40,6 +40,7 @@ fn family(kind: Kind, base: f64, places: &[(f64, f64)]) -> Adopted {
             ln_bayes: 399.0,
             surrogates: Surrogates::of(vec![0.0; 48], 399.0),
             refused: None,
+            is_close: false,
         },
         pulse: None,
         carries: Vec::new(),
@@ -215,6 +216,16 @@ fn theory_an_order_of_a_run_up_that_stands_again_by_itself_is_not_vetoed_and_one
     let worth = Worth { ln_bayes: -30.0, runs_up: true, ..Worth::default() };
     assert!(!holds(&own, &worth));
     assert!(holds(&own, &Worth { stands_again: true, ..worth }));
+}
+
+#[test]
+fn theory_a_locked_family_that_a_moved_copy_came_close_to_must_lower_the_error_besides() {
+    let gains = Worth { gain: 1e-3, ln_bayes: 90.0, ln_of_most: 90.0, ..Worth::default() };
+    let loses = Worth { gain: -1e-3, stands_again: true, ..gains };
+    let mut own = family(Kind::Modulation(Shaft::Gear), 0.4, &[(20.4, 90.0)]);
+    assert!(holds(&own, &gains) && holds(&own, &loses));
+    own.verdict.is_close = true;
+    assert!(holds(&own, &gains) && !holds(&own, &loses));
 }
 
 #[test]

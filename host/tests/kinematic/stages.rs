@@ -176,7 +176,7 @@ fn claim_of_a_family_of_many_lines_the_surest_are_fitted() {
             locked: true,
             alternatives: 1.0,
         },
-        verdict: Verdict { score, ln_bayes: 1.0, surrogates, refused: None },
+        verdict: Verdict { score, ln_bayes: 1.0, surrogates, refused: None, is_close: false },
         pulse: None,
         carries: Vec::new(),
         impulsive: false,
