@@ -199,7 +199,8 @@ impl Search {
 
     fn round(&mut self, scene: &Scene, views: &Views, held: Option<&Views>) -> Option<Adopted> {
         let (ranked, count) = self.ranked(scene, views);
-        self.tried += count;
+        // Asked again on the held-out turns they are no further ones.
+        self.tried += if held.is_some() { 0 } else { count };
         let context = context(scene, views, &self.taken, &self.feet);
         let strength = |c: &Candidate| self.strength(c, scene, views);
         let mut refused = Vec::new();
