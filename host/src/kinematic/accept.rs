@@ -89,13 +89,24 @@ pub struct Verdict {
     pub surrogates: Surrogates,
     /// Why it is refused.
     pub refused: Option<String>,
-    /// It stands out of every moved copy, and the highest comes too near it: the held-out turns decide ([`super::worth`]).
+    /// It stands out of every moved copy, and the highest comes too near it: the held-out turns decide (`search::search_on`).
     pub is_close: bool,
 }
 
-/// Whether turns on which nothing was chosen let a family pass the gate: it is the one alternative there.
-pub fn passes_alone(candidate: &Candidate, field: &Field) -> bool {
-    judge(&Candidate { alternatives: 1.0, ..candidate.clone() }, field).refused.is_none()
+impl Verdict {
+    /// Lets a family pass that is close, where other turns alone do; the chance that both are false is that of the two.
+    pub fn passed_by(&mut self, alone: &Self) {
+        if self.is_close && alone.refused.is_none() {
+            self.refused = None;
+            let both = self.surrogates.false_alarm * alone.surrogates.false_alarm;
+            self.surrogates.false_alarm = both.max(LEAST_CHANCE);
+        }
+    }
+}
+
+/// Judges a candidate on turns on which nothing was chosen: it is the one alternative there.
+pub fn judge_alone(candidate: &Candidate, field: &Field) -> Verdict {
+    judge(&Candidate { alternatives: 1.0, ..candidate.clone() }, field)
 }
 
 /// Displacements of the copies: both ways, 1 to 6 % of the spacing.

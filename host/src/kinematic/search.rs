@@ -152,9 +152,9 @@ fn placed(context: &Context, candidate: Candidate, verdict: &Verdict) -> Candida
     passage::placed(context, &candidate, &standing, context.scene.searched)
 }
 
-/// Whether a family passes the gate on other turns alone.
-fn stands_there(candidate: &Candidate, scene: &Scene, views: &Views) -> bool {
-    accept::passes_alone(candidate, &views.field(&mesh_taken(scene, views), candidate.domain, 0..scene.searched))
+/// The gate's answer on other turns alone.
+fn there(candidate: &Candidate, scene: &Scene, views: &Views) -> Verdict {
+    accept::judge_alone(candidate, &views.field(&mesh_taken(scene, views), candidate.domain, 0..scene.searched))
 }
 
 /// Context of the families.
@@ -212,9 +212,8 @@ impl Search {
             let mut candidate = best.map_or(candidate, |(_, c)| c);
             let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
-            let stands = |held: &Views| stands_there(&placed(&context, candidate.clone(), &verdict), scene, held);
-            if verdict.is_close && held.is_some_and(stands) {
-                verdict.refused = None;
+            if let Some(held) = held.filter(|_| verdict.is_close) {
+                verdict.passed_by(&there(&placed(&context, candidate.clone(), &verdict), scene, held));
             }
             if verdict.refused.is_none() {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);

@@ -55,7 +55,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let nothing: TakenOf = Default::default();
     let mesh = mesh_taken(scene, views[1]);
     let passes_again = |candidate: &Candidate| {
-        accept::passes_alone(candidate, &views[1].field(&mesh, candidate.domain, 0..scene.searched))
+        accept::judge_alone(candidate, &views[1].field(&mesh, candidate.domain, 0..scene.searched)).refused.is_none()
     };
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());

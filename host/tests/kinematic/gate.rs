@@ -214,3 +214,20 @@ fn theory_close_is_only_what_stands_out_of_every_copy_and_not_thrice() {
     assert!(!close(line, 30.0, 20.0, 1.0), "too few copies");
     assert!(!close(&[], 60.0, 45.0, 1.0), "copies are as strong");
 }
+
+#[test]
+fn theory_what_is_close_passes_by_other_turns_and_nothing_else_does() {
+    let there = |ratio: f64| judged(&spectra(&[(20.0, ratio)], 1.0, 45.0), &family(&[20.0], 1.0));
+    let close = judged(&spectra(&[(20.0, 60.0)], 30.0, 45.0), &family(&[20.0], 1.0));
+    let of = |mut verdict: Verdict, alone: &Verdict| {
+        verdict.passed_by(alone);
+        verdict
+    };
+    let passed = of(close.clone(), &there(60.0));
+    assert_eq!(passed.refused, None);
+    let both = close.surrogates.false_alarm * there(60.0).surrogates.false_alarm;
+    assert_near(passed.surrogates.false_alarm, both.max(LEAST_CHANCE), "chance of both");
+    assert!(of(close.clone(), &there(1.0)).refused.is_some(), "nothing there");
+    let copies_as_high = judged(&spectra(&[], 60.0, 45.0), &family(&[20.0], 1.0));
+    assert!(of(copies_as_high, &there(60.0)).refused.is_some(), "not the highest");
+}
