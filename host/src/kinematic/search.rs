@@ -29,12 +29,12 @@ pub const JUDGED: usize = 60;
 pub const JUDGED_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
 const DERIVED: (u32, i32) = (6, 3);
-/// Sidebands of an adopted modulation that are its own, on each side.
-const SIDES: i32 = 8;
 /// Multiples above them that are its own as well, but for their sidebands.
 const HIGHER: u32 = 12;
 /// Lines of a family that a supply with its harmonics may have as well.
 const LONE_LINES: usize = 3;
+/// Sidebands of an adopted modulation that are its own, on each side.
+const SIDES: i32 = 8;
 
 /// A family adopted on the fitted part.
 #[derive(Debug, Clone)]
@@ -92,6 +92,8 @@ pub struct Search {
     pub taken: TakenOf,
     /// Candidates scored.
     pub tried: usize,
+    /// Whether a family that was judged came close ([`Verdict::is_close`]).
+    pub had_close: bool,
     /// Feet of the pair's lines.
     pub feet: Vec<Skirts>,
 }
@@ -112,6 +114,7 @@ pub fn nothing(scene: &Scene, views: &Views) -> Search {
         refused: Vec::new(),
         taken: mesh_taken(scene, views),
         tried: 0,
+        had_close: false,
         feet: scene.runs.iter().zip(&views.orders.levels).flat_map(feet).collect(),
     }
 }
@@ -133,9 +136,14 @@ pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, he
     let all = search.adopted.iter().chain(rest.iter().copied()).filter(of_the_signal);
     let parts: Vec<f64> = all.flat_map(Adopted::standing).map(|place| place.order).collect();
     let (before, sure) = (search.taken.clone(), search.adopted.len());
+    if parts.is_empty() && !search.had_close {
+        // The last round would come out as it did.
+        return;
+    }
     search.taken[0].extend(parts);
+    let mesh = mesh_taken(scene, held);
     while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, fit, Some(held)) else { break };
+        let Some(found) = search.round(scene, fit, Some((held, &mesh))) else { break };
         search.take(scene, fit, found);
     }
     if search.adopted.len() == sure {
@@ -150,11 +158,6 @@ fn placed(context: &Context, candidate: Candidate, verdict: &Verdict) -> Candida
     }
     let standing: Vec<bool> = verdict.score.of_places.iter().map(|ln| *ln > 0.0).collect();
     passage::placed(context, &candidate, &standing, context.scene.searched)
-}
-
-/// The gate's answer on other turns alone.
-fn there(candidate: &Candidate, scene: &Scene, views: &Views) -> Verdict {
-    accept::judge_alone(candidate, &views.field(&mesh_taken(scene, views), candidate.domain, 0..scene.searched))
 }
 
 /// Context of the families.
@@ -197,13 +200,13 @@ impl Search {
         (ranked, count)
     }
 
-    fn round(&mut self, scene: &Scene, views: &Views, held: Option<&Views>) -> Option<Adopted> {
+    fn round(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) -> Option<Adopted> {
         let (ranked, count) = self.ranked(scene, views);
         // Asked again on the held-out turns they are no further ones.
         self.tried += if held.is_some() { 0 } else { count };
         let context = context(scene, views, &self.taken, &self.feet);
         let strength = |c: &Candidate| self.strength(c, scene, views);
-        let mut refused = Vec::new();
+        let (mut refused, mut had_close) = (Vec::new(), false);
         let mut found = None;
         for (_, candidate) in of_every_kind(&ranked) {
             let candidate = candidate.clone();
@@ -212,8 +215,10 @@ impl Search {
             let mut candidate = best.map_or(candidate, |(_, c)| c);
             let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
-            if let Some(held) = held.filter(|_| verdict.is_close) {
-                verdict.passed_by(&there(&placed(&context, candidate.clone(), &verdict), scene, held));
+            had_close |= verdict.is_close;
+            if let Some((held, taken)) = held.filter(|_| verdict.is_close) {
+                let there = held.field(taken, candidate.domain, 0..scene.searched);
+                verdict.passed_by(&accept::judge_alone(&placed(&context, candidate.clone(), &verdict), &there));
             }
             if verdict.refused.is_none() {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);
@@ -246,6 +251,7 @@ impl Search {
         }
         found = found.map(|found| simpler(found, &context, views, &self.taken));
         found = found.map(|found| at_its_own_rate(found, &ranked, scene, views, &self.taken));
+        self.had_close |= had_close;
         for (candidate, verdict) in refused {
             if self.refused.iter().all(|(c, _)| c.kind != candidate.kind) {
                 self.refused.push((candidate, verdict));

@@ -144,10 +144,10 @@ pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
 
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
-    if adopted.candidate.locked && adopted.verdict.is_close && worth.gain <= 0.0 {
-        return false;
-    }
     if adopted.candidate.locked {
+        if adopted.verdict.is_close && worth.gain <= 0.0 {
+            return false;
+        }
         let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
         return predicts_waveform(adopted, worth) || most || worth.stands_again;
     }
