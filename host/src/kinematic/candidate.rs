@@ -123,6 +123,12 @@ impl Candidate {
     pub fn is_base(&self) -> bool {
         matches!(self.kind, Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh)
     }
+
+    /// What a line's order moves by where the base moves by its whole: of sidebands about its lines, nothing.
+    pub fn lever(&self, place: &Place) -> f64 {
+        let multiple = place.spacing / self.base;
+        if (multiple - multiple.round()).abs() < 1e-6 { place.spacing } else { 0.0 }
+    }
 }
 
 /// How strongly the record speaks for a candidate.

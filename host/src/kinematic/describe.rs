@@ -229,6 +229,14 @@ fn parameters(parts: &Parts, adopted: &Adopted) -> BTreeMap<String, Value> {
             Value { value: tooth, ci95: [tooth - 1.0, tooth + 1.0], unit: "from angle 0".into() },
         );
     }
+    if adopted.slip.share != 0.0 {
+        let [value, step] = [adopted.slip.share, adopted.slip.step].map(|share| 100.0 * share);
+        let unit = "% of its order".into();
+        values.insert(
+            "slip_on_held_out_turns".into(),
+            Value { value, ci95: [value - 2.0 * step, value + 2.0 * step], unit },
+        );
+    }
     if candidate.domain != Domain::Orders {
         return values;
     }

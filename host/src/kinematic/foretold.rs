@@ -27,19 +27,21 @@ pub fn ln_bayes(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Ad
     }
     let finest = if own.candidate.locked { 0..1 } else { own.verdict.score.level.min(depth - 1)..depth };
     let choices = (finest.len() as f64).ln();
-    finest.map(|level| at_level(scene, baseline, views, own, level)).fold(f64::NEG_INFINITY, f64::max) - choices
+    finest.map(|level| at_level(scene, baseline, views, own, level)).fold(f64::NEG_INFINITY, f64::max)
+        - choices
+        - own.slip.cost
 }
 
 fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopted, level: usize) -> f64 {
     let [fit, other] = views.map(|view| view.of(own.candidate.domain));
     let reach = usize::from(!own.candidate.locked);
     let read = |place: &Place| {
-        let (order, level) = (place.order, own_level(place, level, fit));
+        let (order, level, off) = (place.order, own_level(place, level, fit), own.off(place));
         let places = (0..scene.runs.len()).flat_map(|run| (0..scene.searched).map(move |channel| (run, channel)));
         places.filter_map(move |(run, channel)| {
             let fitted = fit.reading(run, channel, level, order, reach)?;
             let near = (0..=2 * reach).filter_map(move |i| {
-                let order = order + (i as f64 - reach as f64) * other.bin(level);
+                let order = order + off + (i as f64 - reach as f64) * other.bin(level);
                 other.reading(run, channel, level, order, 0)
             });
             let over = |view: &Spectra| view.floor(run, channel, level, order);

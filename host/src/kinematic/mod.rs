@@ -5,7 +5,7 @@
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]).
 //!    A slow swing of the load is looked for in the [`strength`] with which all lines mesh.
-//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]); a veto. [`named_lines`]: what their lines hold at most.
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`slipped`]); a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
@@ -44,6 +44,7 @@ pub mod search;
 pub mod shaft_rest;
 pub mod sharpness;
 pub mod slip;
+pub mod slipped;
 pub mod slipping;
 pub mod soundness;
 pub mod spectra;
@@ -91,6 +92,9 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     if held_out && misplaced.is_none() {
         search::search_on(&mut found, &passed, &scene, views);
     }
+    if held_out && misplaced.is_none() {
+        slipped::read(&mut found.adopted, &passed, &scene, views);
+    }
     let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
     let worths = worth::worths(&scene, &baseline, views, &all);
     let (mut kept, vetoed): (Vec<_>, Vec<_>) =
@@ -106,7 +110,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
     let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
     let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
-    let named = named_lines::of(&scene, &own_held, &fit, &adopted);
+    let named = named_lines::of(&scene, &own_held, views, &adopted);
     errors.per_channel.iter_mut().zip(named).for_each(|(channel, named)| channel.named_lines = named);
     let named: Vec<&Adopted> = families.iter().map(|(a, _)| *a).collect();
     let limits = limits::limits(&scene, &baseline, &fit, &found, &named);

@@ -1,7 +1,7 @@
 //! What lies outside the named lines: an upper bound for any model that has just these lines.
 //!
 //! No amplitude is predicted here. The power of the record itself on the turns not used, up to the highest order, is parted into the bins within a Hann
-//! window's main lobe of a mesh harmonic or of a line that stands on the fitted turns, and the rest. The control moves the spacing of every
+//! window's main lobe of a mesh harmonic or of a line that stands on the fitted turns (a bearing's where it has slipped to), and the rest. The control moves the spacing of every
 //! slipping family by 1 to 6 % and chooses its lines by the same rule; what lies at real lines is not counted for it.
 
 use super::accept;
@@ -9,6 +9,7 @@ use super::candidate::Domain;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::Adopted;
+use super::slipped;
 use super::slipping::orders;
 use super::spectra::Spectra;
 use rayon::prelude::*;
@@ -46,12 +47,13 @@ fn share(values: &[f64], at: impl Fn(usize) -> bool) -> f64 {
     sum / values.iter().sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
-/// Channel by channel; `held` are spectra of the record itself on the held-out turns, `fit` the views that families were found on.
-pub fn of(scene: &Scene, held: &Spectra, fit: &Views, adopted: &[&Adopted]) -> Vec<NamedLines> {
+/// Channel by channel; `held` are spectra of the record itself on the held-out turns, `views` those that families were found on, and of the turns not used.
+pub fn of(scene: &Scene, held: &Spectra, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<NamedLines> {
     let over_orders = |own: &&&Adopted| own.candidate.domain == Domain::Orders;
+    let spoken_for = slipped::spoken_for(adopted, scene, views[1]);
     let lines = |moved: f64, all: bool| -> Vec<f64> {
         let chosen = adopted.iter().filter(over_orders).filter(|own| all || !own.candidate.locked);
-        chosen.flat_map(|own| orders(own, fit, scene, moved)).collect()
+        chosen.flat_map(|own| orders(own, views, scene, moved, &spoken_for)).map(|order| order[1]).collect()
     };
     let z = scene.mesh_order();
     let mut named: Vec<f64> = (0..=(scene.highest_order / z) as usize).map(|k| k as f64 * z).collect();

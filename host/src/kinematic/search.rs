@@ -51,6 +51,19 @@ pub struct Adopted {
     pub impulsive: bool,
     /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
     pub either_hz: Option<f64>,
+    /// What its base moves by on the held-out turns.
+    pub slip: Slip,
+}
+
+/// What a base moves by on the turns not used.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Slip {
+    /// Share of the base; 0 where none is worth its choice.
+    pub share: f64,
+    /// Step of the choices: half a bin of the line that moves most.
+    pub step: f64,
+    /// Logarithm of the number of choices, where one was taken.
+    pub cost: f64,
 }
 
 impl Adopted {
@@ -58,6 +71,11 @@ impl Adopted {
     pub fn standing(&self) -> impl Iterator<Item = &Place> {
         let lines = self.candidate.places.iter().zip(&self.verdict.score.of_places);
         lines.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| place)
+    }
+
+    /// What a line's order moves by on the held-out turns.
+    pub fn off(&self, place: &Place) -> f64 {
+        if self.slip.share == 0.0 { 0.0 } else { self.slip.share * self.candidate.lever(place) }
     }
 
     /// Whether a candidate is what this family has explained.
@@ -272,7 +290,7 @@ impl Search {
         }
         let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz })
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz, slip: Slip::default() })
     }
 
     /// Whether a candidate is what an adopted family has explained already.

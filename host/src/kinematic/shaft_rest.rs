@@ -10,7 +10,7 @@ use super::candidate::{Candidate, Domain, Kind, Shaft, Taken};
 use super::families::tooth;
 use super::residual::Views;
 use super::scene::Scene;
-use super::search::{Adopted, Search, context};
+use super::search::{Adopted, Search, Slip, context};
 use super::worth::Worth;
 
 /// Whole orders of a shaft that no family has read; none where the shaft has no family.
@@ -60,5 +60,13 @@ fn read<'a>(adopted: impl Iterator<Item = &'a Adopted>) -> Taken {
 
 /// They as a family without a name.
 pub fn part(candidate: Candidate, verdict: Verdict) -> Adopted {
-    Adopted { candidate, verdict, pulse: None, carries: Vec::new(), impulsive: false, either_hz: None }
+    Adopted {
+        candidate,
+        verdict,
+        pulse: None,
+        carries: Vec::new(),
+        impulsive: false,
+        either_hz: None,
+        slip: Slip::default(),
+    }
 }

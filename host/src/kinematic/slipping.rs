@@ -5,10 +5,11 @@
 //! many lines at wrong places take. Lines at the real places are left to the real family.
 
 use super::accept;
-use super::candidate::{Place, moved_order};
+use super::candidate::{Taken, moved_order};
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::Adopted;
+use super::slipped;
 use super::spectra::Spectra;
 use super::split::Stretch;
 use rayon::prelude::*;
@@ -41,7 +42,8 @@ pub fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
 pub fn slipping_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
     let slipping: Vec<&Adopted> =
         adopted.iter().copied().filter(|a| !a.candidate.locked && !a.candidate.domain.is_envelope()).collect();
-    let lines: Vec<Vec<f64>> = slipping.iter().map(|own| orders(own, views[0], scene, moved)).collect();
+    let spoken_for = slipped::spoken_for(adopted, scene, views[1]);
+    let lines: Vec<Vec<[f64; 2]>> = slipping.iter().map(|own| orders(own, views, scene, moved, &spoken_for)).collect();
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
@@ -58,9 +60,10 @@ pub fn slipping_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], m
                 covered.0.extend(real.map(|(place, _)| (place.order - half, place.order + half)));
             }
             for &order in lines {
-                let [predicted, found] = [fit, held].map(|s| excess(s, (r, c), level, (order, half), covered));
+                let predicted = excess(fit, (r, c), level, (order[0], half), covered);
+                let found = excess(held, (r, c), level, (order[1], half), covered);
                 sum += predicted.min(found).max(0.0);
-                covered.0.push((order - half, order + half));
+                covered.0.push((order[1] - half, order[1] + half));
             }
         }
         sum / total.max(f64::MIN_POSITIVE)
@@ -85,22 +88,25 @@ fn excess(spectra: &Spectra, (r, c): (usize, usize), level: usize, line: (f64, f
         .sum()
 }
 
-/// Orders of a family's lines that stand on the fitted turns of the channels searched: its own, or of a moved copy.
-pub fn orders(own: &Adopted, fit: &Views, scene: &Scene, moved: f64) -> Vec<f64> {
-    let candidate = &own.candidate;
+/// Orders of a family's lines that stand on the fitted turns of the channels searched, its own or of a moved copy: there, and on the turns not used, where the base may have slipped.
+/// `spoken_for` are the real families' lines, which no copy may slip to.
+pub fn orders(own: &Adopted, views: [&Views; 2], scene: &Scene, moved: f64, spoken_for: &Taken) -> Vec<[f64; 2]> {
     if moved == 0.0 {
-        let stand = candidate.places.iter().zip(&own.verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
-        return stand.map(|(place, _)| place.order).collect();
+        return own.standing().map(|place| [place.order, place.order + own.off(place)]).collect();
     }
-    let spectra = fit.of(candidate.domain);
+    let spectra = views[0].of(own.candidate.domain);
     let level = own.verdict.score.level;
     let strength = |order: f64| -> f64 {
         let readings = (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c)));
         let of = |(r, c): (usize, usize)| spectra.reading(r, c, level, order, 1).map(|reading| reading.ln_bayes());
         readings.filter_map(of).sum()
     };
-    let moved = |place: &Place| moved_order(place, moved, spectra.bin(level));
-    candidate.places.iter().map(moved).filter(|order| strength(*order) > 0.0).collect()
+    let copies =
+        own.candidate.places.iter().map(|p| [moved_order(p, moved, spectra.bin(level)), own.candidate.lever(p)]);
+    let lines: Vec<[f64; 2]> = copies.filter(|[order, _]| strength(*order) > 0.0).collect();
+    let slip =
+        if slipped::may_slip(own, scene) { slipped::slip(&lines, own, spoken_for, scene, views[1]).share } else { 0.0 };
+    lines.into_iter().map(|[order, lever]| [order, order + slip * lever]).collect()
 }
 
 /// What moved copies take, channel by channel: median and largest.

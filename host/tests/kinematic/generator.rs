@@ -273,6 +273,17 @@ impl Bench {
         self.written(signals, &turns)
     }
 
+    /// The record with a part of it, by time, from another.
+    pub fn spliced(&self, record: &Record, other: &Record, part: std::ops::Range<f64>) -> Record {
+        let signal = |c: usize| {
+            let mut signal = record.runs[0].signal_m_s2(c);
+            let [from, to] = [part.start, part.end].map(|share| (share * signal.len() as f64) as usize);
+            signal[from..to].copy_from_slice(&other.runs[0].signal_m_s2(c)[from..to]);
+            signal
+        };
+        self.written((0..self.channels).map(signal).collect(), &self.turns())
+    }
+
     /// The record with one channel limited at a share of its peak.
     pub fn limited(&self, record: &Record, channel: usize, share: f64) -> Record {
         let mut signals: Vec<Vec<f64>> = (0..self.channels).map(|c| record.runs[0].signal_m_s2(c)).collect();

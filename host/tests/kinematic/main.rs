@@ -9,6 +9,7 @@ mod generator;
 mod names;
 mod neighbours;
 mod run_up;
+mod slipped;
 mod stages;
 mod strength;
 

@@ -5,7 +5,7 @@ use meshband_host::kinematic::candidate::{Candidate, Domain, Kind, Place, Score,
 use meshband_host::kinematic::families::bearing::{Bearing, Part};
 use meshband_host::kinematic::naming::{Naming, name};
 use meshband_host::kinematic::scene::Scene;
-use meshband_host::kinematic::search::Adopted;
+use meshband_host::kinematic::search::{Adopted, Slip};
 use meshband_host::kinematic::worth::{Worth, holds};
 
 /// A pair of 20 and 50 teeth without a run: names ask for nothing else.
@@ -46,6 +46,7 @@ fn family(kind: Kind, base: f64, places: &[(f64, f64)]) -> Adopted {
         carries: Vec::new(),
         impulsive: false,
         either_hz: None,
+        slip: Slip::default(),
     }
 }
 

@@ -13,7 +13,7 @@ use meshband_host::kinematic::errors::{self, Corrected, Stages};
 use meshband_host::kinematic::evidence::{Reading, Shares};
 use meshband_host::kinematic::residual::{Views, views};
 use meshband_host::kinematic::scene::{Scene, SceneRun};
-use meshband_host::kinematic::search::Adopted;
+use meshband_host::kinematic::search::{Adopted, Slip};
 use meshband_host::kinematic::slipping::{controls, slipping_share};
 use meshband_host::kinematic::split::Stretch;
 use meshband_host::kinematic::{mesh_place, search};
@@ -181,6 +181,7 @@ fn claim_of_a_family_of_many_lines_the_surest_are_fitted() {
         carries: Vec::new(),
         impulsive: false,
         either_hz: None,
+        slip: Slip::default(),
     };
     let mut corrected = Corrected::none(&case.scene, &case.baseline);
     let orders = corrected.add(&case.scene, &case.baseline, &case.views[0], &own);
