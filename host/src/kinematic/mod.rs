@@ -91,8 +91,6 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let passed: Vec<&Adopted> = rest.iter().filter(|own| own.verdict.refused.is_none()).collect();
     if held_out && misplaced.is_none() {
         search::search_on(&mut found, &passed, &scene, views);
-    }
-    if held_out && misplaced.is_none() {
         slipped::read(&mut found.adopted, &passed, &scene, views);
     }
     let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
