@@ -11,10 +11,10 @@ use super::baseline::{Baseline, Grids, unknowns};
 use super::basis::FittedLine;
 use super::evidence::{Reading, Shares};
 use super::named_lines::NamedLines;
+use super::nonsynchronous::{self, nonsynchronous_share, power};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::search::Adopted;
-use super::slipping::{self, power, slipping_share};
 use super::spectra::Spectra;
 use super::split::{Split, Stretch};
 use rayon::prelude::*;
@@ -51,7 +51,7 @@ pub struct ChannelError {
     pub unexplained_share: f64,
     /// What the named lines hold at most.
     pub named_lines: NamedLines,
-    /// What slipping families with their spacings moved by 1 to 6 % would take in the same way: median and largest share of the power.
+    /// What nonsynchronous families with their spacings moved by 1 to 6 % would take in the same way: median and largest share of the power.
     pub control: [f64; 2],
 }
 
@@ -208,8 +208,8 @@ pub fn errors(
         corrected: mean(&shares(scene, &corrected.residual, stretches), channels.clone()).sqrt(),
         noise_floor: mean(&floors(scene, own, stretches), channels).sqrt(),
     };
-    let predicted = slipping_share(scene, views, adopted, 0.0);
-    let controls = slipping::controls(scene, views, adopted);
+    let predicted = nonsynchronous_share(scene, views, adopted, 0.0);
+    let controls = nonsynchronous::controls(scene, views, adopted);
     let held = waveform(held_out, all.clone());
     let square = |x: f64| x * x;
     let per_channel = all

@@ -5,8 +5,8 @@
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]).
 //!    A slow swing of the load is looked for in the [`strength`] with which all lines mesh.
-//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`slipped`]); a veto. [`named_lines`]: what their lines hold at most.
-//! 6. [`slip`]: the speed against a declared load, and the supply that it slips against.
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`bearing_slip`]); a veto. [`named_lines`]: what their lines hold at most.
+//! 6. [`motor_slip`]: the speed against a declared load, and the supply that it slips against.
 //! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
 //! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
@@ -17,6 +17,7 @@ pub mod amplitudes;
 pub mod at_limit;
 pub mod baseline;
 pub mod basis;
+pub mod bearing_slip;
 pub mod candidate;
 pub mod carry;
 pub mod choice;
@@ -29,8 +30,10 @@ pub mod foretold;
 pub mod jitter;
 pub mod limits;
 pub mod mesh_place;
+pub mod motor_slip;
 pub mod named_lines;
 pub mod naming;
+pub mod nonsynchronous;
 pub mod outcome;
 pub mod phase;
 pub mod places;
@@ -43,9 +46,6 @@ pub mod scene;
 pub mod search;
 pub mod shaft_rest;
 pub mod sharpness;
-pub mod slip;
-pub mod slipped;
-pub mod slipping;
 pub mod soundness;
 pub mod spectra;
 pub mod split;
@@ -91,7 +91,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let passed: Vec<&Adopted> = rest.iter().filter(|own| own.verdict.refused.is_none()).collect();
     if held_out && misplaced.is_none() {
         search::search_on(&mut found, &passed, &scene, views);
-        slipped::read(&mut found.adopted, &passed, &scene, views);
+        bearing_slip::read(&mut found.adopted, &passed, &scene, views);
     }
     let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
     let worths = worth::worths(&scene, &baseline, views, &all);
@@ -121,7 +121,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         rest: &rest,
     };
     let mut outcome = describe::outcome(&parts, &families, &vetoed, errors, limits, preflight);
-    outcome.slip = slip::law(record, &scene);
+    outcome.slip = motor_slip::law(record, &scene);
     Ok(match misplaced {
         Some(finding) => outcome.abstaining(finding),
         None => outcome,

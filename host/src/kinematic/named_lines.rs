@@ -2,15 +2,15 @@
 //!
 //! No amplitude is predicted here. The power of the record itself on the turns not used, up to the highest order, is parted into the bins within a Hann
 //! window's main lobe of a mesh harmonic or of a line that stands on the fitted turns (a bearing's where it has slipped to), and the rest. The control moves the spacing of every
-//! slipping family by 1 to 6 % and chooses its lines by the same rule; what lies at real lines is not counted for it.
+//! nonsynchronous family by 1 to 6 % and chooses its lines by the same rule; what lies at real lines is not counted for it.
 
 use super::accept;
+use super::bearing_slip;
 use super::candidate::Domain;
+use super::nonsynchronous::orders;
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::Adopted;
-use super::slipped;
-use super::slipping::orders;
 use super::spectra::Spectra;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -25,7 +25,7 @@ pub struct NamedLines {
     pub outside: f64,
     /// Share of the bins that they cover.
     pub covered: f64,
-    /// Share of the power that moved copies of the slipping families take: median and largest.
+    /// Share of the power that moved copies of the nonsynchronous families take: median and largest.
     pub control: [f64; 2],
 }
 
@@ -50,7 +50,7 @@ fn share(values: &[f64], at: impl Fn(usize) -> bool) -> f64 {
 /// Channel by channel; `held` are spectra of the record itself on the held-out turns, `views` those that families were found on, and of the turns not used.
 pub fn of(scene: &Scene, held: &Spectra, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<NamedLines> {
     let over_orders = |own: &&&Adopted| own.candidate.domain == Domain::Orders;
-    let spoken_for = slipped::spoken_for(adopted, scene, views[1]);
+    let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);
     let lines = |moved: f64, all: bool| -> Vec<f64> {
         let chosen = adopted.iter().filter(over_orders).filter(|own| all || !own.candidate.locked);
         chosen.flat_map(|own| orders(own, views, scene, moved, &spoken_for)).map(|order| order[1]).collect()

@@ -38,7 +38,7 @@ pub struct Outcome {
     pub bearing: Option<BearingRead>,
     /// Speed against load, where the runs declare loads.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub slip: Option<super::slip::Law>,
+    pub slip: Option<super::motor_slip::Law>,
     /// Families not found: what would have been.
     pub limits: Vec<Limit>,
     /// What the moved copies of every family judged say.

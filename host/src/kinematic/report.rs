@@ -74,17 +74,24 @@ fn drawn(page: Report, picture: &Picture, outcome: &Outcome) -> Result<Report> {
         names.iter().zip(&picture.spectra).map(|(name, points)| Series::new(name, points.clone())).collect();
     let top = picture.spectra[0].last().map_or(0.0, |p| p.0);
     let marks = outcome.effects.iter().filter(|e| e.order_of_pinion.is_some()).flat_map(|effect| {
-        effect.lines.iter().take(MARKED).map(|(label, order)| Label { x: *order, text: label.clone() })
+        effect.lines.iter().take(MARKED).map(|(label, order)| Label { x: *order, text: marked(label, effect) })
     });
     let labels: Vec<Label> = marks.filter(|label| label.x < top).collect();
     let y = format!("amplitude, dB re 1 {}", crate::text::name(&outcome.unit));
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let (run, channel) = picture.place;
     let caption = format!(
-        "Run {run}, channel {channel} ({}), all turns; strongest lines of the families marked.",
+        "Run {run}, channel {channel} ({}), all turns; strongest lines of the families marked, those of an order of neither shaft by that order.",
         crate::text::name(&picture.name)
     );
     Ok(page.picture(&svg, &caption))
+}
+
+/// A line's place in words that tell whose it is: with several orders of neither shaft "1 o" would be any of theirs.
+fn marked(label: &str, effect: &Effect) -> String {
+    let Some(base) = effect.order_of_pinion else { return label.to_owned() };
+    let words = label.split(' ').map(|word| if word == "o" { format!("x {base:.3}") } else { word.to_owned() });
+    words.collect::<Vec<_>>().join(" ")
 }
 
 fn family(page: Report, effect: &Effect) -> Report {
@@ -111,5 +118,20 @@ fn family(page: Report, effect: &Effect) -> Report {
     match &effect.remark {
         Some(remark) => page.note(remark),
         None => page,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_tell_whose_line_it_is() {
+        let mut effect = Effect { order_of_pinion: Some(2.384), ..Effect::default() };
+        assert_eq!(marked("2 o", &effect), "2 x 2.384");
+        assert_eq!(marked("3 mesh + 1 o - 1 pinion", &effect), "3 mesh + 1 x 2.384 - 1 pinion");
+        assert_eq!(marked("2 pinion", &effect), "2 pinion");
+        effect.order_of_pinion = None;
+        assert_eq!(marked("2 f", &effect), "2 f");
     }
 }

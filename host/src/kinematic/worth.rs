@@ -13,10 +13,10 @@ use super::baseline::Baseline;
 use super::candidate::{Candidate, Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
 use super::foretold;
+use super::nonsynchronous::nonsynchronous_share;
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::search::Adopted;
-use super::slipping::slipping_share;
 use super::spoken_for::mesh_taken;
 use rayon::prelude::*;
 
@@ -75,7 +75,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
                 let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
                 ln_bayes = ln_bayes.min(score(&own.candidate, &field, 0.0).ln_bayes);
             }
-            let gain = mean(&slipping_share(scene, views, &[own], 0.0), all.clone());
+            let gain = mean(&nonsynchronous_share(scene, views, &[own], 0.0), all.clone());
             // A knock that a resonance swells a hundredfold on the fitted turns is foretold too loud for the others.
             let stands_again = runs_up && own.candidate.is_base() && passes_again(&own.candidate);
             return Worth { gain, ln_bayes, runs_up, stands_again, ..Worth::default() };

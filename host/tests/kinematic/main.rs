@@ -1,6 +1,7 @@
 //! The loop's kinematic level on generated records of the measured kind: what is in them is found and named, what is not is not.
 
 mod adverse;
+mod bearing_slip;
 mod carried;
 #[path = "../common/mod.rs"]
 mod common;
@@ -9,7 +10,6 @@ mod generator;
 mod names;
 mod neighbours;
 mod run_up;
-mod slipped;
 mod stages;
 mod strength;
 

@@ -11,10 +11,10 @@ use meshband_host::kinematic::candidate::{Candidate, Domain, Kind, Place, Score}
 use meshband_host::kinematic::choice::Choice;
 use meshband_host::kinematic::errors::{self, Corrected, Stages};
 use meshband_host::kinematic::evidence::{Reading, Shares};
+use meshband_host::kinematic::nonsynchronous::{controls, nonsynchronous_share};
 use meshband_host::kinematic::residual::{Views, views};
 use meshband_host::kinematic::scene::{Scene, SceneRun};
 use meshband_host::kinematic::search::{Adopted, Slip};
-use meshband_host::kinematic::slipping::{controls, slipping_share};
 use meshband_host::kinematic::split::Stretch;
 use meshband_host::kinematic::{mesh_place, search};
 use rustfft::num_complex::Complex64;
@@ -87,7 +87,7 @@ fn ref_errors_are_roots_of_the_shares_of_power_that_each_stage_leaves() {
         let floor = |c: usize| own.floor_power(0, c) / mean_square(run, &run.samples[c], stretches);
         (0..scene.channels.len()).map(floor).collect()
     };
-    let predicted = &slipping_share(scene, both, &all, 0.0)[0];
+    let predicted = &nonsynchronous_share(scene, both, &all, 0.0)[0];
     assert!(predicted[0] > 1e-3, "the tone takes something: {predicted:?}");
     for (stages, held) in [(found.fit, false), (found.held_out, true)] {
         let Stages { declared, calibrated, corrected: with, noise_floor } = stages;
@@ -153,9 +153,9 @@ fn ref_a_corrected_line_is_the_fitted_one_as_far_as_it_is_trusted_and_nothing_el
         assert!(away < 1e-9 * scale, "{away} of {scale}");
     }
     assert_eq!(corrected.unknowns, unknown);
-    let slipping = case.adopted.iter().find(|a| !a.candidate.locked).expect("the tone");
+    let nonsynchronous = case.adopted.iter().find(|a| !a.candidate.locked).expect("the tone");
     let before = corrected.residual.clone();
-    assert!(corrected.add(scene, baseline, fit, slipping).is_empty());
+    assert!(corrected.add(scene, baseline, fit, nonsynchronous).is_empty());
     assert_eq!((corrected.unknowns, corrected.residual == before), (unknown, true));
 }
 

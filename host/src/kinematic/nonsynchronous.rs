@@ -5,16 +5,16 @@
 //! many lines at wrong places take. Lines at the real places are left to the real family.
 
 use super::accept;
+use super::bearing_slip;
 use super::candidate::{Taken, moved_order};
 use super::residual::Views;
 use super::scene::Scene;
 use super::search::Adopted;
-use super::slipped;
 use super::spectra::Spectra;
 use super::split::Stretch;
 use rayon::prelude::*;
 
-/// Bins on each side of a slipping line whose power is its own.
+/// Bins on each side of a nonsynchronous line whose power is its own.
 const LINE_BINS: f64 = 3.5;
 
 /// Stretches of orders that are spoken for, in the order taken.
@@ -38,18 +38,19 @@ pub fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// Share of the held-out power that slipping families predicted and that was there, by run and channel, with their spacings moved by a share.
-pub fn slipping_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
-    let slipping: Vec<&Adopted> =
+/// Share of the held-out power that nonsynchronous families predicted and that was there, by run and channel, with their spacings moved by a share.
+pub fn nonsynchronous_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
+    let nonsynchronous: Vec<&Adopted> =
         adopted.iter().copied().filter(|a| !a.candidate.locked && !a.candidate.domain.is_envelope()).collect();
-    let spoken_for = slipped::spoken_for(adopted, scene, views[1]);
-    let lines: Vec<Vec<[f64; 2]>> = slipping.iter().map(|own| orders(own, views, scene, moved, &spoken_for)).collect();
+    let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);
+    let lines: Vec<Vec<[f64; 2]>> =
+        nonsynchronous.iter().map(|own| orders(own, views, scene, moved, &spoken_for)).collect();
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
         let mut covered: [Covered; 6] = Default::default();
         let mut sum = 0.0;
-        for (own, lines) in slipping.iter().zip(&lines) {
+        for (own, lines) in nonsynchronous.iter().zip(&lines) {
             let domain = own.candidate.domain;
             let covered = &mut covered[domain as usize];
             let [fit, held] = [0, 1].map(|i| views[i].of(domain));
@@ -104,15 +105,18 @@ pub fn orders(own: &Adopted, views: [&Views; 2], scene: &Scene, moved: f64, spok
     let copies =
         own.candidate.places.iter().map(|p| [moved_order(p, moved, spectra.bin(level)), own.candidate.lever(p)]);
     let lines: Vec<[f64; 2]> = copies.filter(|[order, _]| strength(*order) > 0.0).collect();
-    let slip =
-        if slipped::may_slip(own, scene) { slipped::slip(&lines, own, spoken_for, scene, views[1]).share } else { 0.0 };
+    let slip = if bearing_slip::may_slip(own, scene) {
+        bearing_slip::slip(&lines, own, spoken_for, scene, views[1]).share
+    } else {
+        0.0
+    };
     lines.into_iter().map(|[order, lever]| [order, order + slip * lever]).collect()
 }
 
 /// What moved copies take, channel by channel: median and largest.
 pub fn controls(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<[f64; 2]> {
     let copies: Vec<Vec<Vec<f64>>> =
-        accept::displacements().map(|moved| slipping_share(scene, views, adopted, moved)).collect();
+        accept::displacements().map(|moved| nonsynchronous_share(scene, views, adopted, moved)).collect();
     let of_channel = |c: usize| {
         let mean = |runs: &Vec<Vec<f64>>| runs.iter().map(|run| run[c]).sum::<f64>() / runs.len().max(1) as f64;
         let mut shares: Vec<f64> = copies.iter().map(mean).collect();
