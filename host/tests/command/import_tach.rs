@@ -541,6 +541,22 @@ fn hostile_sources_that_are_no_tachometer_are_refused() {
 }
 
 #[test]
+fn hostile_pulses_shorter_than_a_sampling_interval_are_said_to_be() {
+    let folder = folder("tach-short");
+    let rig = Rig { speed_hz: 20.0, run_up_hz_per_s: 8.0, rise: 0.1, ..Rig::wheel(60, 0.3) };
+    let mut channels = rig.housing();
+    channels.push(rig.tach_v(&rig.edges_s()));
+    let file = wav(&folder.join("short.wav"), &channels);
+    let options = ["--tach", "3", "--pulses", "60", "--threshold", "2.5"];
+    refused_import(
+        &folder,
+        &file,
+        &options,
+        &["follow no steady period", "samples", "sample faster or use fewer marks"],
+    );
+}
+
+#[test]
 fn theory_measured_and_virtual_tach_agree() {
     let folder = folder("tach-virtual");
     let rig = Rig { wander: vec![(0.001, 0.3)], seconds: 15.0, ..Rig::new() };

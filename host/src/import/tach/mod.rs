@@ -30,6 +30,8 @@ use toml::Table;
 
 /// Share of pulses out of step above which a signal is no tachometer's.
 const MOST_IRREGULAR: f64 = 0.2;
+/// Samples from one pulse to the next below which a short pulse can fall between two of them.
+const FEWEST_SAMPLES: f64 = 8.0;
 /// Fewest pulses whose intervals can be compared.
 const FEWEST: usize = 6;
 /// Ratio of speeds below which a shaft given by its ratio is the pinion's or the gear's.
@@ -174,7 +176,7 @@ pub(super) fn measured(
     let found = source::take(options, runs, rate_hz, reading)?;
     let mut made: Vec<MeasuredTach> = Vec::new();
     for (run, found) in runs.iter().zip(found) {
-        let mut tach = one(&run.label, options.pulses, found)?;
+        let mut tach = one(&run.label, options.pulses, rate_hz, found)?;
         let ratio = if shaft == Shaft::Pinion { Some(1.0) } else { teeth.map(|teeth| shaft.ratio(teeth)) };
         let ratio = if let Shaft::Ratio(ratio) = shaft { Some(ratio) } else { ratio };
         let speed = tach.figures.shaft_speed_hz;
@@ -241,7 +243,7 @@ struct Single {
     figures: TachFigures,
 }
 
-fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
+fn one(label: &str, per_turn: u32, rate_hz: f64, found: source::Found) -> Result<Single> {
     let edges = found.edges_s.len();
     let mut pulses = if edges < FEWEST {
         Pulses { times_s: found.edges_s, measured: vec![true; edges], ..Pulses::default() }
@@ -249,11 +251,16 @@ fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
         pulses::counted(&found.edges_s, per_turn > 1)
     };
     if !in_step(&pulses, edges) {
-        let what = format!(
-            "{} of {edges} edges of {} follow no steady period: no tachometer's, or a threshold in its noise (--threshold)",
-            pulses.out_of_step(),
-            found.source
-        );
+        let (out, source) = (pulses.out_of_step(), &found.source);
+        let apart = rate_hz * median_interval(&pulses.times_s);
+        let why = if found.levels.is_some() && apart < FEWEST_SAMPLES {
+            format!(
+                "pulses come every {apart:.1} samples, so short ones fall between two: sample faster or use fewer marks"
+            )
+        } else {
+            "no tachometer's, or a threshold in its noise (--threshold)".into()
+        };
+        let what = format!("{out} of {edges} edges of {source} follow no steady period: {why}");
         return Err(Error::invalid(label, what));
     }
     let marks = per_turn as usize;
@@ -284,6 +291,13 @@ fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
         mesh: None,
     };
     Ok(Single { edges_s: pulses.times_s, sure_s, figures })
+}
+
+/// Median time from one pulse to the next, s; 0 of fewer than two.
+fn median_interval(times_s: &[f64]) -> f64 {
+    let mut intervals: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    intervals.get(intervals.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Whether few enough of the edges are out of step for a shaft to have made them.
