@@ -81,6 +81,11 @@ pub fn counted(edges_s: &[f64], several_marks: bool) -> Pulses {
 }
 
 impl Pulses {
+    /// Median time from one pulse to the next, s; 0 of fewer than two.
+    pub fn median_interval_s(&self) -> f64 {
+        median(self.times_s.windows(2).map(|w| w[1] - w[0]).collect())
+    }
+
     /// Joins what was walked backwards from this one's first pulse.
     fn put_before(&mut self, ahead: Pulses) {
         let added = ahead.times_s.len() - 1;

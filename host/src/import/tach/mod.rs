@@ -252,7 +252,7 @@ fn one(label: &str, per_turn: u32, rate_hz: f64, found: source::Found) -> Result
     };
     if !in_step(&pulses, edges) {
         let (out, source) = (pulses.out_of_step(), &found.source);
-        let apart = rate_hz * median_interval(&pulses.times_s);
+        let apart = rate_hz * pulses.median_interval_s();
         let why = if found.levels.is_some() && apart < FEWEST_SAMPLES {
             format!(
                 "pulses come every {apart:.1} samples, so short ones fall between two: sample faster or use fewer marks"
@@ -291,13 +291,6 @@ fn one(label: &str, per_turn: u32, rate_hz: f64, found: source::Found) -> Result
         mesh: None,
     };
     Ok(Single { edges_s: pulses.times_s, sure_s, figures })
-}
-
-/// Median time from one pulse to the next, s; 0 of fewer than two.
-fn median_interval(times_s: &[f64]) -> f64 {
-    let mut intervals: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Whether few enough of the edges are out of step for a shaft to have made them.
