@@ -9,7 +9,8 @@ use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
 use super::soundness::{
-    as_modulation, at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, simpler, unsound,
+    as_modulation, at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, says_too_little, simpler,
+    unsound,
 };
 use super::spoken_for::{mesh_taken, relatives, take_folded, take_frequencies, take_orders};
 use crate::analysis::lines::LOBE_BINS;
@@ -224,6 +225,12 @@ impl Search {
         self.tried += if held.is_some() { 0 } else { count };
         let context = context(scene, views, &self.taken, &self.feet);
         let strength = |c: &Candidate| self.strength(c, scene, views);
+        // What is close may pass on the held-out turns.
+        let pass_there = |candidate: &Candidate, verdict: &mut Verdict| {
+            let Some((held, taken)) = held.filter(|_| verdict.is_close) else { return };
+            let there = held.field(taken, candidate.domain, 0..scene.searched);
+            verdict.passed_by(&accept::judge_alone(&placed(&context, candidate.clone(), verdict), &there));
+        };
         let (mut refused, mut had_close) = (Vec::new(), false);
         let mut found = None;
         for (_, candidate) in of_every_kind(&ranked) {
@@ -234,12 +241,17 @@ impl Search {
             let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
             had_close |= verdict.is_close;
-            if let Some((held, taken)) = held.filter(|_| verdict.is_close) {
-                let there = held.field(taken, candidate.domain, 0..scene.searched);
-                verdict.passed_by(&accept::judge_alone(&placed(&context, candidate.clone(), &verdict), &there));
-            }
+            pass_there(&candidate, &mut verdict);
             if verdict.refused.is_none() {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);
+            }
+            if let (None, false, Some(why)) =
+                (&verdict.refused, verdict.is_close, says_too_little(&candidate, &verdict))
+            {
+                verdict.is_close = !candidate.domain.is_envelope();
+                had_close |= verdict.is_close;
+                verdict.refused = Some(why);
+                pass_there(&candidate, &mut verdict);
             }
             if verdict.refused.is_none() {
                 let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);

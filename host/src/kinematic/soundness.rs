@@ -237,7 +237,9 @@ pub fn at_its_own_rate(
     let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own));
     let Some((_, rival)) = rivals.max_by(|a, b| a.0.total_cmp(&b.0)).filter(is_elsewhere) else { return found };
     let verdict = accept::judge(rival, &views.field(taken, rival.domain, 0..scene.searched));
-    let stands = verdict.refused.is_none() && unsound(rival, &verdict, scene, views).is_none();
+    let stands = verdict.refused.is_none()
+        && unsound(rival, &verdict, scene, views).is_none()
+        && says_too_little(rival, &verdict).is_none();
     if stands { (rival.clone(), verdict) } else { found }
 }
 
@@ -252,8 +254,7 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         let harmonics = standing_harmonics(candidate, verdict);
         // A run-up's envelope rises and falls with the resonances that it crosses.
         let says_little = candidate.domain.is_envelope() && scene.runs.iter().any(SceneRun::runs_up);
-        let is_passage = candidate.kind == Kind::Passage && !says_little;
-        let alone = is_passage && harmonics.len() == 1 && verdict.ln_bayes > LEAST_ALONE;
+        let alone = candidate.kind == Kind::Passage && !says_little && harmonics.len() == 1;
         if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
             return Some(format!("one harmonic only, {} lines", standing.len()));
         }
@@ -263,10 +264,6 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         if matches!(candidate.kind, Kind::ModulatedPassage(_)) && carriers(candidate, verdict) < CARRIERS {
             return Some("sidebands without the lines between them".into());
         }
-    }
-    let is_lone_tone = candidate.domain == Domain::Frequency && supply_hz(candidate.base).is_none();
-    if is_lone_tone && standing.len() < 2 && verdict.ln_bayes <= LEAST_ALONE {
-        return Some(format!("one line of {:.0} nats, {LEAST_ALONE:.0} asked of one alone", verdict.ln_bayes));
     }
     let reading = sharpness::of(candidate, verdict, scene, views);
     // Where the two cannot be told, only a supply's frequency is likelier than an order.
@@ -280,6 +277,18 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         }
         _ => None,
     }
+}
+
+/// Why a family that is sound says too little: one line alone, an order of neither shaft or a frequency of no supply, must speak more than families do, or hold on other turns as well.
+pub fn says_too_little(candidate: &Candidate, verdict: &Verdict) -> Option<String> {
+    let standing = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
+    let is_lone = match candidate.kind {
+        Kind::Passage => standing_harmonics(candidate, verdict).len() < 2,
+        Kind::FixedFrequency => supply_hz(candidate.base).is_none() && standing < 2,
+        _ => false,
+    };
+    let nats = verdict.ln_bayes;
+    (is_lone && nats <= LEAST_ALONE).then(|| format!("one line of {nats:.0} nats, {LEAST_ALONE:.0} asked of one alone"))
 }
 
 /// Whether a base is slower than the slower shaft's first sideband, where a wandering speed leaves skirts.

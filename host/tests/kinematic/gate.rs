@@ -4,6 +4,7 @@ use meshband_host::analysis::search::Level;
 use meshband_host::kinematic::accept::{self, COPIES, FALSE_ALARM, FAMILIES, LEAST_CHANCE, Surrogates, Verdict};
 use meshband_host::kinematic::candidate::{Candidate, Domain, Field, Kind, Place, Taken};
 use meshband_host::kinematic::evidence::{Reading, Shares, ln_sum, of_family};
+use meshband_host::kinematic::soundness::says_too_little;
 use meshband_host::kinematic::spectra::Spectra;
 use meshband_host::spectral::Spectrum;
 
@@ -230,4 +231,24 @@ fn theory_what_is_close_passes_by_other_turns_and_nothing_else_does() {
     assert!(of(close.clone(), &there(1.0)).refused.is_some(), "nothing there");
     let copies_as_high = judged(&spectra(&[], 60.0, 45.0), &family(&[20.0], 1.0));
     assert!(of(copies_as_high, &there(60.0)).refused.is_some(), "not the highest");
+}
+
+/// Power over the floor of one line that says enough for a family, not alone.
+const WEAK: f64 = 6.0;
+
+#[test]
+fn theory_one_line_alone_is_asked_for_more_than_a_family_and_a_supply_is_not() {
+    let lone = |kind: Kind, base: f64, ratio: f64| {
+        let mut candidate = family(&[20.0], 1.0);
+        (candidate.kind, candidate.base) = (kind, base);
+        candidate.places[0].spacing = 20.0;
+        let verdict = judged(&spectra(&[(20.0, ratio)], 1.0, 45.0), &candidate);
+        assert_eq!(verdict.refused, None);
+        says_too_little(&candidate, &verdict).is_some()
+    };
+    assert!((8.0..18.0).contains(&at(WEAK)) && at(60.0) > 25.0, "{} {}", at(WEAK), at(60.0));
+    assert!(lone(Kind::FixedFrequency, 20.0, WEAK) && !lone(Kind::FixedFrequency, 20.0, 60.0));
+    assert!(lone(Kind::Passage, 20.0, WEAK) && !lone(Kind::Passage, 20.0, 60.0));
+    assert!(!lone(Kind::FixedFrequency, 50.0, WEAK), "a supply's");
+    assert!(!lone(Kind::Ghost, 20.0, WEAK), "a whole order");
 }
