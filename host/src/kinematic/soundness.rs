@@ -253,8 +253,8 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     if candidate.is_base() {
         let harmonics = standing_harmonics(candidate, verdict);
         // A run-up's envelope rises and falls with the resonances that it crosses.
-        let says_little = candidate.domain.is_envelope() && scene.runs.iter().any(SceneRun::runs_up);
-        let alone = candidate.kind == Kind::Passage && !says_little && harmonics.len() == 1;
+        let is_swept = candidate.domain.is_envelope() && scene.runs.iter().any(SceneRun::runs_up);
+        let alone = candidate.kind == Kind::Passage && !is_swept && harmonics.len() == 1;
         if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
             return Some(format!("one harmonic only, {} lines", standing.len()));
         }
