@@ -13,6 +13,8 @@ use serde::Serialize;
 
 /// Least logarithm of the Bayes factor after the choice.
 const LEAST: f64 = 5.0;
+/// The same of one line alone on turns on which nothing was chosen, which only have to agree.
+const AGREES: f64 = 1.0;
 /// Moved copies.
 pub const COPIES: usize = 48;
 /// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its power, and only their ratio means anything.
@@ -107,6 +109,17 @@ impl Verdict {
 /// Judges a candidate on turns on which nothing was chosen: it is the one alternative there.
 pub fn judge_alone(candidate: &Candidate, field: &Field) -> Verdict {
     judge(&Candidate { alternatives: 1.0, ..candidate.clone() }, field)
+}
+
+/// Judges one line alone, of which the fitted turns say enough for a family, on turns on which nothing was chosen: it has to agree there and to be the highest of all its copies. How far copies fall
+/// off cannot be asked of a line that short turns show faintly.
+pub fn agrees_alone(candidate: &Candidate, field: &Field) -> Verdict {
+    let mut verdict = judge_alone(candidate, field);
+    let Surrogates { copies, as_high, .. } = verdict.surrogates;
+    if verdict.ln_bayes > AGREES && copies >= FEWEST_COPIES && as_high == 0 {
+        verdict.refused = None;
+    }
+    verdict
 }
 
 /// Displacements of the copies: both ways, 1 to 6 % of the spacing.

@@ -65,6 +65,9 @@ use search::Adopted;
 /// A rig of one shaft is a pair of one tooth: its "mesh harmonics" are the shaft's own orders.
 const NO_GEARS: [u32; 2] = [1, 1];
 
+/// How often the search is made again without what the held-out turns veto.
+const AGAIN: usize = 2;
+
 /// Runs the kinematic level on a record.
 ///
 /// # Errors
@@ -89,14 +92,32 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     };
     let views = [&fit, &held];
     let passed: Vec<&Adopted> = rest.iter().filter(|own| own.verdict.refused.is_none()).collect();
-    if held_out && misplaced.is_none() {
+    let judges = held_out && misplaced.is_none();
+    if judges {
         search::search_on(&mut found, &passed, &scene, views);
         bearing_slip::read(&mut found.adopted, &passed, &scene, views);
     }
+    let worths_of = |all: &[&Adopted]| worth::worths(&scene, &baseline, views, all);
+    let mut vetoed_before: Vec<(Adopted, worth::Worth)> = Vec::new();
+    for _ in 0..AGAIN * usize::from(judges) {
+        let worths = worths_of(&found.adopted.iter().chain(passed.iter().copied()).collect::<Vec<_>>());
+        let judged = found.adopted.iter().cloned().zip(worths);
+        let (kept, vetoed): (Vec<_>, Vec<_>) = judged.partition(|(own, worth)| worth::holds(own, worth));
+        if vetoed.is_empty() {
+            break;
+        }
+        let families = [&kept, &vetoed].map(|of| of.iter().map(|(own, _)| own.clone()).collect());
+        vetoed_before.extend(vetoed);
+        if !search::search_again(&mut found, families, &passed, &scene, views) {
+            break;
+        }
+        bearing_slip::read(&mut found.adopted, &passed, &scene, views);
+    }
     let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
-    let worths = worth::worths(&scene, &baseline, views, &all);
-    let (mut kept, vetoed): (Vec<_>, Vec<_>) =
+    let worths = worths_of(&all);
+    let (mut kept, mut vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
+    vetoed.extend(vetoed_before.iter().map(|(own, worth)| (own, *worth)));
     let families = shaft_rest::families(&kept, &rest);
     kept.retain(|(own, _)| shaft_rest::is_wanted(own, &rest, &families));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();

@@ -115,6 +115,8 @@ pub struct Search {
     pub had_close: bool,
     /// Feet of the pair's lines.
     pub feet: Vec<Skirts>,
+    /// Families that the held-out turns vetoed: they and what they would explain are not asked for again.
+    pub vetoed: Vec<Adopted>,
 }
 
 /// Index of a domain among the views.
@@ -135,6 +137,7 @@ pub fn nothing(scene: &Scene, views: &Views) -> Search {
         tried: 0,
         had_close: false,
         feet: scene.runs.iter().zip(&views.orders.levels).flat_map(feet).collect(),
+        vetoed: Vec::new(),
     }
 }
 
@@ -148,12 +151,33 @@ pub fn search(scene: &Scene, views: &Views) -> Search {
     search
 }
 
+/// Searches again once the held-out turns have vetoed families: their lines are free, be it for what stands close beside them or for what they were taken for, a tone for an order. `kept` and `rest`, parts of the
+/// shafts that were let pass, stay as they are. Whether a family is found.
+pub fn search_again(
+    search: &mut Search,
+    [kept, vetoed]: [Vec<Adopted>; 2],
+    rest: &[&Adopted],
+    scene: &Scene,
+    [fit, held]: [&Views; 2],
+) -> bool {
+    search.vetoed.extend(vetoed);
+    (search.taken, search.had_close) = (mesh_taken(scene, fit), false);
+    search.adopted.clear();
+    let count = kept.len();
+    kept.into_iter().for_each(|own| search.take(scene, fit, own));
+    search.taken[0].extend(orders_of(rest.iter().copied()));
+    while search.adopted.len() < MOST {
+        let Some(found) = search.round(scene, fit, None) else { break };
+        search.take(scene, fit, found);
+    }
+    search_on(search, rest, scene, [fit, held]);
+    search.adopted.len() > count
+}
+
 /// Searches on with the families that stand out of every moved copy though the highest comes too near ([`Verdict::is_close`]) and that the held-out turns alone let pass the gate; last, so that no line is taken from what is
 /// surer. `rest`: parts of the shafts that were let pass.
 pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, held]: [&Views; 2]) {
-    let of_the_signal = |own: &&Adopted| own.candidate.domain == Domain::Orders;
-    let all = search.adopted.iter().chain(rest.iter().copied()).filter(of_the_signal);
-    let parts: Vec<f64> = all.flat_map(Adopted::standing).map(|place| place.order).collect();
+    let parts = orders_of(search.adopted.iter().chain(rest.iter().copied()));
     let (before, sure) = (search.taken.clone(), search.adopted.len());
     if parts.is_empty() && !search.had_close {
         // The last round would come out as it did.
@@ -168,6 +192,12 @@ pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, he
     if search.adopted.len() == sure {
         search.taken = before;
     }
+}
+
+/// Orders of the signal at which lines of families stand.
+fn orders_of<'a>(families: impl Iterator<Item = &'a Adopted>) -> Vec<f64> {
+    let of_the_signal = families.filter(|own| own.candidate.domain == Domain::Orders);
+    of_the_signal.flat_map(Adopted::standing).map(|place| place.order).collect()
 }
 
 /// A family of neither shaft with its base as finely as its standing lines say; any other as it is.
@@ -226,10 +256,10 @@ impl Search {
         let context = context(scene, views, &self.taken, &self.feet);
         let strength = |c: &Candidate| self.strength(c, scene, views);
         // What is close may pass on the held-out turns.
-        let pass_there = |candidate: &Candidate, verdict: &mut Verdict| {
+        let pass_there = |candidate: &Candidate, verdict: &mut Verdict, judge: fn(&Candidate, &Field) -> Verdict| {
             let Some((held, taken)) = held.filter(|_| verdict.is_close) else { return };
             let there = held.field(taken, candidate.domain, 0..scene.searched);
-            verdict.passed_by(&accept::judge_alone(&placed(&context, candidate.clone(), verdict), &there));
+            verdict.passed_by(&judge(&placed(&context, candidate.clone(), verdict), &there));
         };
         let (mut refused, mut had_close) = (Vec::new(), false);
         let mut found = None;
@@ -241,7 +271,7 @@ impl Search {
             let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
             let mut verdict = accept::judge(&candidate, &field);
             had_close |= verdict.is_close;
-            pass_there(&candidate, &mut verdict);
+            pass_there(&candidate, &mut verdict, accept::judge_alone);
             if verdict.refused.is_none() {
                 verdict.refused = unsound(&candidate, &verdict, scene, views);
             }
@@ -251,7 +281,7 @@ impl Search {
                 verdict.is_close = !candidate.domain.is_envelope();
                 had_close |= verdict.is_close;
                 verdict.refused = Some(why);
-                pass_there(&candidate, &mut verdict);
+                pass_there(&candidate, &mut verdict, accept::agrees_alone);
             }
             if verdict.refused.is_none() {
                 let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);
@@ -305,9 +335,11 @@ impl Search {
         Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz, slip: Slip::default() })
     }
 
-    /// Whether a candidate is what an adopted family has explained already.
+    /// Whether a candidate is what an adopted family has explained already, or one that was vetoed.
     pub fn knows(&self, candidate: &Candidate, scene: &Scene) -> bool {
+        let is_same = |own: &Adopted| own.candidate.kind == candidate.kind && own.candidate.base == candidate.base;
         self.adopted.iter().any(|own| own.explains(candidate, scene))
+            || self.vetoed.iter().any(|own| own.explains(candidate, scene) || is_same(own))
     }
 
     fn take(&mut self, scene: &Scene, views: &Views, found: Adopted) {

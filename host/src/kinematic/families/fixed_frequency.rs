@@ -18,6 +18,8 @@ const HARMONICS: usize = 3;
 /// Supplies, Hz, and how far their frequency strays: 0.1 Hz of 50, which large grids hold but for disturbances (EN 50160 allows 0.5 Hz), so that a tone near a harmonic is not called one.
 const SUPPLIES_HZ: [f64; 2] = [50.0, 60.0];
 const STRAYS: f64 = 2e-3;
+/// Harmonics of a supply that are its own.
+const OF_A_SUPPLY: u32 = 6;
 
 /// Every strong line over frequency; what speckles where a mesh line is smeared is asked for where nothing else stands.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
@@ -53,8 +55,8 @@ fn shaped(context: &Context, bases: Vec<f64>) -> Vec<Candidate> {
             domain: Domain::Frequency,
             places: (1..=most).map(|j| place(hz, j)).filter(|p| p.order < spectra.highest).collect(),
             locked: false,
-            // The line was chosen from all bins.
-            alternatives: 2.0 * bins,
+            // The line was chosen from all bins, or from those that a supply has.
+            alternatives: 2.0 * if supply_hz(hz).is_some() { bins_of_supplies(spectra.bin(0)) } else { bins },
         })
     };
     bases.iter().flat_map(shape).collect()
@@ -80,6 +82,12 @@ fn place(hz: f64, j: usize) -> Place {
 pub fn supply_hz(hz: f64) -> Option<f64> {
     SUPPLIES_HZ.into_iter().find(|supply| {
         let n = (hz / supply).round();
-        (1.0..=6.0).contains(&n) && (hz / n / supply - 1.0).abs() < STRAYS
+        (1..=OF_A_SUPPLY).contains(&(n as u32)) && (hz / n / supply - 1.0).abs() < STRAYS
     })
+}
+
+/// Bins that a supply or one of its harmonics may stand in, one at least for each.
+fn bins_of_supplies(bin: f64) -> f64 {
+    let strays = |supply: f64| (1..=OF_A_SUPPLY).map(move |n| 1.0 + 2.0 * STRAYS * f64::from(n) * supply / bin);
+    SUPPLIES_HZ.into_iter().flat_map(strays).sum()
 }
