@@ -91,7 +91,7 @@ pub struct Verdict {
     pub surrogates: Surrogates,
     /// Why it is refused.
     pub refused: Option<String>,
-    /// It stands out of every moved copy, and the highest comes too near it, or it is one line alone that says too little: the held-out turns decide (`search::search_on`).
+    /// It stands out of every moved copy, and the highest comes too near it, or it is one line alone that says too little: the held-out turns decide (`again::search_on`).
     pub is_close: bool,
 }
 

@@ -12,6 +12,7 @@
 //! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
 
 pub mod accept;
+pub mod again;
 pub mod all_turns;
 pub mod amplitudes;
 pub mod at_limit;
@@ -94,7 +95,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let passed: Vec<&Adopted> = rest.iter().filter(|own| own.verdict.refused.is_none()).collect();
     let judges = held_out && misplaced.is_none();
     if judges {
-        search::search_on(&mut found, &passed, &scene, views);
+        again::search_on(&mut found, &passed, &scene, views);
         bearing_slip::read(&mut found.adopted, &passed, &scene, views);
     }
     let worths_of = |all: &[&Adopted]| worth::worths(&scene, &baseline, views, all);
@@ -108,7 +109,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         }
         let families = [&kept, &vetoed].map(|of| of.iter().map(|(own, _)| own.clone()).collect());
         vetoed_before.extend(vetoed);
-        if !search::search_again(&mut found, families, &passed, &scene, views) {
+        if !again::search_again(&mut found, families, &passed, &scene, views) {
             break;
         }
         bearing_slip::read(&mut found.adopted, &passed, &scene, views);

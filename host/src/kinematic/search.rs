@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Most families adopted.
-const MOST: usize = 8;
+pub const MOST: usize = 8;
 /// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by less within a record).
 const SAME_BASE: f64 = 3e-3;
 const SLIPPING: f64 = 7e-3;
@@ -34,6 +34,8 @@ const DERIVED: (u32, i32) = (6, 3);
 const HIGHER: u32 = 12;
 /// Lines of a family that a supply with its harmonics may have as well.
 const LONE_LINES: usize = 3;
+/// Share of a family's evidence that makes it what was vetoed.
+const MOSTLY: f64 = 0.5;
 /// Sidebands of an adopted modulation that are its own, on each side.
 const SIDES: i32 = 8;
 
@@ -151,55 +153,6 @@ pub fn search(scene: &Scene, views: &Views) -> Search {
     search
 }
 
-/// Searches again once the held-out turns have vetoed families: their lines are free, be it for what stands close beside them or for what they were taken for, a tone for an order. `kept` and `rest`, parts of the
-/// shafts that were let pass, stay as they are. Whether a family is found.
-pub fn search_again(
-    search: &mut Search,
-    [kept, vetoed]: [Vec<Adopted>; 2],
-    rest: &[&Adopted],
-    scene: &Scene,
-    [fit, held]: [&Views; 2],
-) -> bool {
-    search.vetoed.extend(vetoed);
-    (search.taken, search.had_close) = (mesh_taken(scene, fit), false);
-    search.adopted.clear();
-    let count = kept.len();
-    kept.into_iter().for_each(|own| search.take(scene, fit, own));
-    search.taken[0].extend(orders_of(rest.iter().copied()));
-    while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, fit, None) else { break };
-        search.take(scene, fit, found);
-    }
-    search_on(search, rest, scene, [fit, held]);
-    search.adopted.len() > count
-}
-
-/// Searches on with the families that stand out of every moved copy though the highest comes too near ([`Verdict::is_close`]) and that the held-out turns alone let pass the gate; last, so that no line is taken from what is
-/// surer. `rest`: parts of the shafts that were let pass.
-pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, held]: [&Views; 2]) {
-    let parts = orders_of(search.adopted.iter().chain(rest.iter().copied()));
-    let (before, sure) = (search.taken.clone(), search.adopted.len());
-    if parts.is_empty() && !search.had_close {
-        // The last round would come out as it did.
-        return;
-    }
-    search.taken[0].extend(parts);
-    let mesh = mesh_taken(scene, held);
-    while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, fit, Some((held, &mesh))) else { break };
-        search.take(scene, fit, found);
-    }
-    if search.adopted.len() == sure {
-        search.taken = before;
-    }
-}
-
-/// Orders of the signal at which lines of families stand.
-fn orders_of<'a>(families: impl Iterator<Item = &'a Adopted>) -> Vec<f64> {
-    let of_the_signal = families.filter(|own| own.candidate.domain == Domain::Orders);
-    of_the_signal.flat_map(Adopted::standing).map(|place| place.order).collect()
-}
-
 /// A family of neither shaft with its base as finely as its standing lines say; any other as it is.
 fn placed(context: &Context, candidate: Candidate, verdict: &Verdict) -> Candidate {
     if !candidate.is_base() {
@@ -249,7 +202,8 @@ impl Search {
         (ranked, count)
     }
 
-    fn round(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) -> Option<Adopted> {
+    /// One round: the strongest family that the gate lets pass, on the held-out turns alone where it is close and they are given.
+    pub fn round(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) -> Option<Adopted> {
         let (ranked, count) = self.ranked(scene, views);
         // Asked again on the held-out turns they are no further ones.
         self.tried += if held.is_some() { 0 } else { count };
@@ -282,6 +236,9 @@ impl Search {
                 had_close |= verdict.is_close;
                 verdict.refused = Some(why);
                 pass_there(&candidate, &mut verdict, accept::agrees_alone);
+            }
+            if verdict.refused.is_none() {
+                verdict.refused = self.by_another_name(&candidate, &verdict, views);
             }
             if verdict.refused.is_none() {
                 let higher = higher_base(&candidate, &verdict, &context, views, &self.taken).map(|(higher, _)| higher);
@@ -342,7 +299,23 @@ impl Search {
             || self.vetoed.iter().any(|own| own.explains(candidate, scene) || is_same(own))
     }
 
-    fn take(&mut self, scene: &Scene, views: &Views, found: Adopted) {
+    /// Why a family is what was vetoed by another name: most of its evidence is that of lines of a vetoed one which has no more lines than it. A part of what was vetoed may hold by itself.
+    fn by_another_name(&self, candidate: &Candidate, verdict: &Verdict, views: &Views) -> Option<String> {
+        let lines = candidate.places.iter().zip(&verdict.score.of_places);
+        let standing: Vec<(f64, f64)> = lines.filter(|(_, ln)| **ln > 0.0).map(|(p, ln)| (p.order, *ln)).collect();
+        let all: f64 = standing.iter().map(|(_, ln)| ln).sum();
+        let near = 0.5 * views.of(candidate.domain).bin(0);
+        let is_it = |own: &Adopted| {
+            let has = |order: f64| own.standing().any(|place| (place.order - order).abs() < near);
+            let shared: f64 = standing.iter().filter(|(order, _)| has(*order)).map(|(_, ln)| ln).sum();
+            let is_no_part = own.standing().count() <= standing.len();
+            own.candidate.domain == candidate.domain && is_no_part && shared > MOSTLY * all
+        };
+        self.vetoed.iter().any(is_it).then(|| "most of it is what the held-out turns vetoed".into())
+    }
+
+    /// Adopts a family: its lines are spoken for.
+    pub fn take(&mut self, scene: &Scene, views: &Views, found: Adopted) {
         let candidate = &found.candidate;
         let own = index(candidate.domain);
         let spectra = views.of(candidate.domain);

@@ -5,7 +5,7 @@
 //! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
 //! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have. In a run-up the path turns
 //! phases from one part to the other: a locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as the one alternative. A family that is there because it did so
-//! (`search::search_on`) must lower the error of the waveform besides, where it is locked.
+//! (`again::search_on`) must lower the error of the waveform besides, where it is locked.
 
 use super::accept;
 use super::amplitudes::Weighted;

@@ -252,3 +252,21 @@ fn theory_one_line_alone_is_asked_for_more_than_a_family_and_a_supply_is_not() {
     assert!(!lone(Kind::FixedFrequency, 50.0, WEAK), "a supply's");
     assert!(!lone(Kind::Ghost, 20.0, WEAK), "a whole order");
 }
+
+#[test]
+fn theory_one_line_alone_agrees_where_it_is_faint_and_the_highest_of_its_copies() {
+    let agrees = |ratio: f64, level: f64| {
+        let spectra = spectra(&[(20.0, ratio)], level, 45.0);
+        let taken = Taken::default();
+        let field = Field { spectra: &spectra, taken: &taken, channels: 0..1 };
+        accept::agrees_alone(&family(&[20.0], 70.0), &field).refused.is_none()
+    };
+    let nats = |ratio: f64| of_family(&[at(ratio)]);
+    let mut faint = 1.0;
+    while nats(faint) < 1.1 {
+        faint += 0.01;
+    }
+    assert!(agrees(faint, 0.2), "{} nats", nats(faint));
+    assert!(!agrees(faint - 0.2, 0.2), "{} nats", nats(faint - 0.2));
+    assert!(!agrees(faint, faint + 0.1), "copies as high");
+}

@@ -91,3 +91,23 @@ fn bins_of_supplies(bin: f64) -> f64 {
     let strays = |supply: f64| (1..=OF_A_SUPPLY).map(move |n| 1.0 + 2.0 * STRAYS * f64::from(n) * supply / bin);
     SUPPLIES_HZ.into_iter().flat_map(strays).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn golden_supplies_have_few_bins_of_all() {
+        // Twelve harmonics with a bin each, and two five hundredths of the sum of their frequencies.
+        assert!((bins_of_supplies(0.4) - (12.0 + 2.0 * 2e-3 * 21.0 * 110.0 / 0.4)).abs() < 1e-9);
+        assert!(bins_of_supplies(1e9) < 12.001, "one for each at least");
+    }
+
+    #[test]
+    fn golden_a_supplys_harmonics_are_its_own_to_the_sixth_and_to_a_five_hundredth() {
+        for (hz, supply) in [(50.0, Some(50.0)), (149.8, Some(50.0)), (360.0, Some(60.0)), (350.0, None), (50.2, None)]
+        {
+            assert_eq!(supply_hz(hz), supply, "{hz}");
+        }
+    }
+}
