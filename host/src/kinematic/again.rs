@@ -7,7 +7,7 @@
 use super::candidate::Domain;
 use super::residual::Views;
 use super::scene::Scene;
-use super::search::{Adopted, MOST, Search};
+use super::search::{Adopted, Search};
 use super::spoken_for::mesh_taken;
 
 /// Searches again once the held-out turns have vetoed families; `kept` and `rest`, parts of the shafts that were let pass, stay as they are. Whether a family is found.
@@ -24,10 +24,7 @@ pub fn search_again(
     let count = kept.len();
     kept.into_iter().for_each(|own| search.take(scene, fit, own));
     search.taken[0].extend(orders_of(rest.iter().copied()));
-    while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, fit, None) else { break };
-        search.take(scene, fit, found);
-    }
+    search.rounds(scene, fit, None);
     search_on(search, rest, scene, [fit, held]);
     search.adopted.len() > count
 }
@@ -43,10 +40,7 @@ pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, he
     }
     search.taken[0].extend(parts);
     let mesh = mesh_taken(scene, held);
-    while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, fit, Some((held, &mesh))) else { break };
-        search.take(scene, fit, found);
-    }
+    search.rounds(scene, fit, Some((held, &mesh)));
     if search.adopted.len() == sure {
         search.taken = before;
     }

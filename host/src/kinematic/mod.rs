@@ -98,24 +98,30 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         again::search_on(&mut found, &passed, &scene, views);
         bearing_slip::read(&mut found.adopted, &passed, &scene, views);
     }
-    let worths_of = |all: &[&Adopted]| worth::worths(&scene, &baseline, views, all);
+    let worths_of = |adopted: &[Adopted]| {
+        let all: Vec<&Adopted> = adopted.iter().chain(passed.iter().copied()).collect();
+        worth::worths(&scene, &baseline, views, &all)
+    };
+    let mut worths = worths_of(&found.adopted);
     let mut vetoed_before: Vec<(Adopted, worth::Worth)> = Vec::new();
     for _ in 0..AGAIN * usize::from(judges) {
-        let worths = worths_of(&found.adopted.iter().chain(passed.iter().copied()).collect::<Vec<_>>());
-        let judged = found.adopted.iter().cloned().zip(worths);
+        let judged = found.adopted.iter().cloned().zip(worths.iter().copied());
         let (kept, vetoed): (Vec<_>, Vec<_>) = judged.partition(|(own, worth)| worth::holds(own, worth));
         if vetoed.is_empty() {
             break;
         }
         let families = [&kept, &vetoed].map(|of| of.iter().map(|(own, _)| own.clone()).collect());
         vetoed_before.extend(vetoed);
-        if !again::search_again(&mut found, families, &passed, &scene, views) {
+        let finds = again::search_again(&mut found, families, &passed, &scene, views);
+        if finds {
+            bearing_slip::read(&mut found.adopted, &passed, &scene, views);
+        }
+        worths = worths_of(&found.adopted);
+        if !finds {
             break;
         }
-        bearing_slip::read(&mut found.adopted, &passed, &scene, views);
     }
-    let all: Vec<&Adopted> = found.adopted.iter().chain(passed).collect();
-    let worths = worths_of(&all);
+    let all: Vec<&Adopted> = found.adopted.iter().chain(passed.iter().copied()).collect();
     let (mut kept, mut vetoed): (Vec<_>, Vec<_>) =
         all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
     vetoed.extend(vetoed_before.iter().map(|(own, worth)| (own, *worth)));

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Most families adopted.
-pub const MOST: usize = 8;
+const MOST: usize = 8;
 /// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by less within a record).
 const SAME_BASE: f64 = 3e-3;
 const SLIPPING: f64 = 7e-3;
@@ -146,10 +146,7 @@ pub fn nothing(scene: &Scene, views: &Views) -> Search {
 /// Searches on the fitted part of the searched channels.
 pub fn search(scene: &Scene, views: &Views) -> Search {
     let mut search = nothing(scene, views);
-    while search.adopted.len() < MOST {
-        let Some(found) = search.round(scene, views, None) else { break };
-        search.take(scene, views, found);
-    }
+    search.rounds(scene, views, None);
     search
 }
 
@@ -202,8 +199,15 @@ impl Search {
         (ranked, count)
     }
 
-    /// One round: the strongest family that the gate lets pass, on the held-out turns alone where it is close and they are given.
-    pub fn round(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) -> Option<Adopted> {
+    /// Rounds until no family is found, or there are enough; what is close passes on the held-out turns alone, where they are given.
+    pub fn rounds(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) {
+        while self.adopted.len() < MOST {
+            let Some(found) = self.round(scene, views, held) else { break };
+            self.take(scene, views, found);
+        }
+    }
+
+    fn round(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) -> Option<Adopted> {
         let (ranked, count) = self.ranked(scene, views);
         // Asked again on the held-out turns they are no further ones.
         self.tried += if held.is_some() { 0 } else { count };
