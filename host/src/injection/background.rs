@@ -13,7 +13,7 @@ use crate::kinematic::outcome::Limit;
 use crate::kinematic::residual::{self, Views};
 use crate::kinematic::scene::Scene;
 use crate::kinematic::search::{self, Adopted, Search};
-use crate::kinematic::{carry, describe, limits, naming, places};
+use crate::kinematic::{carry, describe, limits, naming, path_angle, places};
 use crate::record::Record;
 use crate::{Error, Result};
 use rand::RngExt;
@@ -53,8 +53,8 @@ impl Background {
     pub fn new(record: &Record) -> Result<Self> {
         let place = record.folder.join("record.toml");
         let teeth = record.declaration.teeth().ok_or_else(|| Error::invalid(place.display(), "has no tooth counts"))?;
-        let scene = Scene::of(record, record.require_tach()?, teeth)?;
-        let baseline = Baseline::of(&scene);
+        let mut scene = Scene::of(record, record.require_tach()?, teeth)?;
+        let baseline = path_angle::fitted(&mut scene);
         let views = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
         let mut found = search::search(&scene, &views);
         carry::carry(&mut found, &scene, &views);

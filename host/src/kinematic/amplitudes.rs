@@ -130,26 +130,32 @@ impl<'a> Weighted<'a> {
 pub fn subtract(samples: &mut [f64], run: &SceneRun, line: &FittedLine) {
     let per_turn = run.angle.per_turn[0];
     let step = Complex64::from_polar(1.0, TAU * line.order / per_turn as f64);
-    let states = &run.states;
-    // At the border of two turns; within a turn the amplitude goes straight on, or its steps would be lines of the pinion's shaft.
-    let at_border = |turn: usize| {
-        let (before, after) = (turn.saturating_sub(1), turn.min(states.len() - 1));
-        line.at([0, 1].map(|i| 0.5 * (states[before][i] + states[after][i])))
-    };
     let ahead = step.powu(LANES as u32);
-    let mut begin = at_border(0);
+    let states = &run.states;
+    // A place in turns; a turn's state is that of its middle.
+    let at = |place: f64| {
+        let place = (place - 0.5).clamp(0.0, (states.len() - 1) as f64);
+        let turn = place as usize;
+        line.at(states[turn].towards(states[(turn + 1).min(states.len() - 1)], place.fract()))
+    };
+    let mut begin = at(0.0);
     for (turn, values) in samples.chunks_mut(per_turn).enumerate() {
-        let end = at_border(turn + 1);
-        let change = (end - begin) / per_turn as f64;
-        let first = Complex64::from_polar(1.0, TAU * (line.order * turn as f64).fract());
-        let mut rotating: [Complex64; LANES] = std::array::from_fn(|lane| first * step.powu(lane as u32));
-        for (chunk, values) in values.chunks_mut(LANES).enumerate() {
-            let amplitude = begin + change * (chunk * LANES) as f64;
-            for (lane, x) in values.iter_mut().enumerate() {
-                *x -= ((amplitude + change * lane as f64) * rotating[lane]).re;
-                rotating[lane] *= ahead;
+        let points = line.basis.points(line.order, states[turn]);
+        // Between points the amplitude goes straight on, or its steps would be lines of the pinion's shaft.
+        for point in 0..points {
+            let [from, to] = [point, point + 1].map(|i| (i * per_turn / points).min(values.len()));
+            let end = at(turn as f64 + to as f64 / per_turn as f64);
+            let change = (end - begin) / (to - from).max(1) as f64;
+            let first = Complex64::from_polar(1.0, TAU * (line.order * turn as f64).fract()) * step.powu(from as u32);
+            let mut rotating: [Complex64; LANES] = std::array::from_fn(|lane| first * step.powu(lane as u32));
+            for (chunk, values) in values[from..to].chunks_mut(LANES).enumerate() {
+                let amplitude = begin + change * (chunk * LANES) as f64;
+                for (lane, x) in values.iter_mut().enumerate() {
+                    *x -= ((amplitude + change * lane as f64) * rotating[lane]).re;
+                    rotating[lane] *= ahead;
+                }
             }
+            begin = end;
         }
-        begin = end;
     }
 }

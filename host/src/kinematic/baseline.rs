@@ -6,10 +6,11 @@
 //! function of every line counts as two unknowns.
 
 use super::amplitudes::Weighted;
-use super::basis::FittedLine;
+use super::basis::{FittedLine, State};
 use super::choice::Choice;
-use super::poles::{self, Course};
+use super::poles;
 use super::scene::{Scene, SceneRun};
+use super::sweep::Course;
 use rayon::prelude::*;
 
 /// Samples by run and channel.
@@ -79,7 +80,9 @@ impl Baseline {
     pub fn nearest_mesh(&self, scene: &Scene, run: usize, channel: usize, order: f64) -> f64 {
         let lines = &self.lines[run][channel];
         let k = ((order / scene.mesh_order()).round().max(1.0) as usize).min(lines.len());
-        lines.get(k.wrapping_sub(1)).map_or(0.0, |line| line.at([scene.runs[run].angle.speed.mean_hz, 0.0]).norm())
+        lines
+            .get(k.wrapping_sub(1))
+            .map_or(0.0, |line| line.at(State::steady(scene.runs[run].angle.speed.mean_hz)).norm())
     }
 
     /// Largest mean amplitude of a mesh line in a run and channel.

@@ -2,9 +2,10 @@
 //!
 //! One node is a constant, two a straight line, more a spline between nodes at equal shares of the fitted turns, straight on beyond them. A path's response is smooth, so a spline of few nodes leaves a
 //! fifteenth of the power that as many straight pieces do (on the course of the test), and unlike a polynomial it does not swing out far where a stretch was not fitted. A resonance of the path stands at a frequency, not at a
-//! speed: its function `f^2 / (f_m^2 - f^2 + 2 i zeta f f_m)` of the line's own frequency is shared by every line and channel ([`super::poles`]), only the residue is free. It
+//! speed: its function of the line's own frequency and how fast that moves ([`super::swept`]) is shared by every line and channel ([`super::poles`]), only the residue is free. It
 //! carries across a gap of speeds what no interpolation can. A speed that changes takes a torque, which the mesh carries beside the load's: a function of the rate of change. Every function of every line is a complex unknown and is counted.
 
+use super::swept::{Pole, resonance};
 use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;
@@ -13,11 +14,49 @@ use std::sync::Arc;
 const STRAIGHT: f64 = 1e-3;
 const SMALL: f64 = 1e-5;
 
-/// A pole: frequency, Hz, and damping ratio.
-pub type Pole = [f64; 2];
+/// How a shaft turns during a turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// Speed, Hz.
+    pub speed_hz: f64,
+    /// Rate of change of the speed, Hz/s.
+    pub sweep_hz_s: f64,
+    /// The same over the run's usual one.
+    pub swing: f64,
+}
 
-/// How a shaft turns: speed, Hz, and its rate of change over the usual one.
-pub type State = [f64; 2];
+impl State {
+    /// At a constant speed.
+    pub fn steady(speed_hz: f64) -> Self {
+        Self { speed_hz, sweep_hz_s: 0.0, swing: 0.0 }
+    }
+
+    /// At which a line of another order had the frequency that one of `factor` times its order has at this.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { speed_hz: self.speed_hz * factor, sweep_hz_s: self.sweep_hz_s * factor, ..self }
+    }
+
+    /// A share of the way to another.
+    pub fn towards(self, other: Self, share: f64) -> Self {
+        let of = |a: f64, b: f64| a + share * (b - a);
+        Self {
+            speed_hz: of(self.speed_hz, other.speed_hz),
+            sweep_hz_s: of(self.sweep_hz_s, other.sweep_hz_s),
+            swing: of(self.swing, other.swing),
+        }
+    }
+
+    /// A share of a turn later, or earlier.
+    fn later(self, turns: f64) -> Self {
+        Self { speed_hz: self.speed_hz + self.sweep_hz_s * turns / self.speed_hz, ..self }
+    }
+}
+
+/// Share of its distance from a pole, at least of the half-width, by which a line may move from one point to the next, and most points of a turn.
+const STEP_SHARE: f64 = 0.25;
+const MOST_POINTS: f64 = 16.0;
+/// Half-widths from a pole within which a mode that was passed rings on.
+const RINGS_WITHIN: f64 = 4.0;
 
 /// How far beyond the outer nodes a spline goes straight on, share of the outer piece.
 const BEYOND: f64 = 0.2;
@@ -59,8 +98,8 @@ struct Carried {
 }
 
 impl Carried {
-    fn at(&self, order: f64, [speed_hz, swing]: State) -> Complex64 {
-        self.line.at([speed_hz * order / self.line.order, swing]) * self.scale
+    fn at(&self, order: f64, state: State) -> Complex64 {
+        self.line.at(state.scaled(order / self.line.order)) * self.scale
     }
 }
 
@@ -81,7 +120,7 @@ impl Basis {
 
     /// A spline of `count` nodes over the speeds of the fitted turns; fewer where these hardly differ.
     pub fn of_speeds(states: &[State], count: usize) -> Self {
-        let mut sorted: Vec<f64> = states.iter().map(|state| state[0]).collect();
+        let mut sorted: Vec<f64> = states.iter().map(|state| state.speed_hz).collect();
         sorted.sort_by(f64::total_cmp);
         let Some(last) = sorted.len().checked_sub(1).filter(|_| count > 1) else { return Self::constant() };
         let mut nodes_hz: Vec<f64> = (0..count).map(|i| sorted[i * last / (count - 1)]).collect();
@@ -146,11 +185,11 @@ impl Basis {
     }
 
     /// Functions of a line of this order at a state, by number.
-    fn functions(&self, order: f64, [speed_hz, swing]: State) -> impl Iterator<Item = (usize, Complex64)> + '_ {
-        let path = self.carried.as_ref().map_or(Complex64::ONE, |line| line.at(order, [speed_hz, swing]));
-        let spline = self.spline(speed_hz).map(move |u| path * u);
-        let of_pole = move |pole: &Pole| resonance(*pole, order * speed_hz);
-        let last = self.swings.then(|| Complex64::new(swing, 0.0));
+    fn functions(&self, order: f64, state: State) -> impl Iterator<Item = (usize, Complex64)> + '_ {
+        let path = self.carried.as_ref().map_or(Complex64::ONE, |line| line.at(order, state));
+        let spline = self.spline(state.speed_hz).map(move |u| path * u);
+        let of_pole = move |pole: &Pole| resonance(*pole, order * state.speed_hz, order * state.sweep_hz_s);
+        let last = self.swings.then(|| Complex64::new(state.swing, 0.0));
         spline.chain(self.poles.iter().map(of_pole)).chain(last).enumerate()
     }
 
@@ -159,9 +198,32 @@ impl Basis {
         self.functions(order, state).map(|(i, u)| coefficients[i] * u).sum()
     }
 
-    /// The functions at states, one row each.
+    /// Points of a turn between which a line's amplitude goes straight on: one where no pole is near.
+    pub fn points(&self, order: f64, state: State) -> usize {
+        let moves = (order * state.sweep_hz_s / state.speed_hz).abs();
+        let of_pole = |[own_hz, damping]: &Pole| {
+            let half_width = own_hz * damping;
+            let apart = (order * state.speed_hz - own_hz).abs() - RINGS_WITHIN * half_width;
+            moves / (STEP_SHARE * apart.max(half_width))
+        };
+        let most = self.poles.iter().map(of_pole).fold(1.0, f64::max).min(MOST_POINTS).ceil() as usize;
+        let carrier =
+            |carried: &Carried| carried.line.basis.points(carried.line.order, state.scaled(order / carried.line.order));
+        self.carried.as_ref().map_or(most, |carried| most.max(carrier(carried)))
+    }
+
+    /// The functions meaned over turns, one row each.
     pub fn rows(&self, order: f64, states: &[State]) -> Vec<Complex64> {
-        states.iter().flat_map(|state| self.functions(order, *state).map(|(_, u)| u)).collect()
+        let n = self.len();
+        let mut rows = vec![Complex64::ZERO; n * states.len()];
+        for (row, state) in rows.chunks_mut(n).zip(states) {
+            let points = self.points(order, *state);
+            for point in 0..points {
+                let state = state.later((point as f64 + 0.5) / points as f64 - 0.5);
+                self.functions(order, state).for_each(|(i, u)| row[i] += u / points as f64);
+            }
+        }
+        rows
     }
 
     /// Least squares of values with weights at states: the coefficients.
@@ -223,11 +285,6 @@ fn bends(nodes_hz: &[f64]) -> DMatrix<f64> {
     none
 }
 
-/// A mode's response at a frequency, about one in size at its peak.
-pub fn resonance([own_hz, damping]: Pole, hz: f64) -> Complex64 {
-    2.0 * damping * hz * hz / Complex64::new(own_hz * own_hz - hz * hz, 2.0 * damping * hz * own_hz)
-}
-
 /// Index and weight of three neighbouring nodes in the departure of the middle one from the straight line through the others.
 fn bend(first: usize, nodes_hz: &[f64]) -> [(usize, f64); 3] {
     let (left, right) = (nodes_hz[1] - nodes_hz[0], nodes_hz[2] - nodes_hz[1]);
@@ -241,41 +298,46 @@ mod tests {
     #[test]
     fn theory_a_straight_course_is_fitted_and_carried_across_a_gap() {
         let truth = |s: f64| Complex64::new(2.0 * s - 3.0, 1.0 - s);
-        let speeds: Vec<State> =
-            (0..200).map(|i| [10.0 + 0.05 * f64::from(i), 0.0]).filter(|s| !(14.0..16.0).contains(&s[0])).collect();
+        let speeds: Vec<State> = (0..200)
+            .map(|i| State::steady(10.0 + 0.05 * f64::from(i)))
+            .filter(|s| !(14.0..16.0).contains(&s.speed_hz))
+            .collect();
         for count in [2, 3, 6] {
             let basis = Basis::of_speeds(&speeds, count);
-            let values: Vec<Complex64> = speeds.iter().map(|s| truth(s[0])).collect();
+            let values: Vec<Complex64> = speeds.iter().map(|s| truth(s.speed_hz)).collect();
             let fit = basis.fit(1.0, &speeds, &vec![1.0; speeds.len()], &values);
-            assert!((basis.value(1.0, &fit, [15.0, 0.0]) - truth(15.0)).norm() < 1e-5, "{count}");
+            assert!((basis.value(1.0, &fit, State::steady(15.0)) - truth(15.0)).norm() < 1e-5, "{count}");
         }
-        assert_eq!(Basis::of_speeds(&[[20.0, 0.0]; 50], 5).len(), 1);
+        assert_eq!(Basis::of_speeds(&[State::steady(20.0); 50], 5).len(), 1);
     }
 
     #[test]
     fn theory_a_smooth_course_is_followed_far_better_than_by_straight_pieces() {
         let truth = |s: f64| Complex64::from_polar(1.0 + 0.2 * (3.0 * (s - 10.0)).sin(), 2.0 * (s - 10.0));
-        let speeds: Vec<State> = (0..200).map(|i| [10.0 + 0.005 * f64::from(i), 0.0]).collect();
+        let speeds: Vec<State> = (0..200).map(|i| State::steady(10.0 + 0.005 * f64::from(i))).collect();
         let basis = Basis::of_speeds(&speeds, 6);
-        let values: Vec<Complex64> = speeds.iter().map(|s| truth(s[0])).collect();
+        let values: Vec<Complex64> = speeds.iter().map(|s| truth(s.speed_hz)).collect();
         let fit = basis.fit(1.0, &speeds, &vec![1.0; speeds.len()], &values);
-        let errors = speeds.iter().map(|s| (basis.value(1.0, &fit, *s) - truth(s[0])).norm_sqr());
+        let errors = speeds.iter().map(|s| (basis.value(1.0, &fit, *s) - truth(s.speed_hz)).norm_sqr());
         let error = (errors.sum::<f64>() / speeds.len() as f64).sqrt();
         // Five straight pieces between the same nodes leave 9.4e-3.
         assert!(error < 3e-3, "{error}");
-        let beyond = |s: f64| basis.value(1.0, &fit, [s, 0.0]);
+        let beyond = |s: f64| basis.value(1.0, &fit, State::steady(s));
         assert!((beyond(11.01) - 2.0 * beyond(10.995) + beyond(10.98)).norm() < 1e-3);
     }
 
     #[test]
     fn theory_a_resonance_in_a_gap_is_carried_by_its_pole_alone() {
-        let truth = |s: f64| Complex64::new(0.3, 0.1) + Complex64::new(1.0, -2.0) * resonance([150.0, 0.02], 10.0 * s);
-        let speeds: Vec<State> =
-            (0..200).map(|i| [10.0 + 0.05 * f64::from(i), 0.0]).filter(|s| !(14.5..15.5).contains(&s[0])).collect();
-        let values: Vec<Complex64> = speeds.iter().map(|s| truth(s[0])).collect();
+        let truth =
+            |s: f64| Complex64::new(0.3, 0.1) + Complex64::new(1.0, -2.0) * resonance([150.0, 0.02], 10.0 * s, 0.0);
+        let speeds: Vec<State> = (0..200)
+            .map(|i| State::steady(10.0 + 0.05 * f64::from(i)))
+            .filter(|s| !(14.5..15.5).contains(&s.speed_hz))
+            .collect();
+        let values: Vec<Complex64> = speeds.iter().map(|s| truth(s.speed_hz)).collect();
         let error = |basis: &Basis| {
             let fit = basis.fit(10.0, &speeds, &vec![1.0; speeds.len()], &values);
-            (basis.value(10.0, &fit, [15.0, 0.0]) - truth(15.0)).norm()
+            (basis.value(10.0, &fit, State::steady(15.0)) - truth(15.0)).norm()
         };
         let spline = Basis::of_speeds(&speeds, 28);
         assert!(error(&spline) > 0.5 && error(&Basis::constant().with_poles(&[[150.0, 0.02]])) < 0.02);

@@ -4,8 +4,9 @@
 //! stretches as long as those held out; each inner one is predicted from the others. The next richer basis must predict better by
 //! the share that its unknowns would gain by chance. Means are over whole turns of the slower shaft, over which its sidebands cancel.
 
-use super::basis::{Basis, FittedLine, Pole, State};
-use super::poles::{Course, Sweep};
+use super::basis::{Basis, FittedLine, State};
+use super::sweep::{Course, Sweep};
+use super::swept::Pole;
 use rustfft::num_complex::Complex64;
 use std::borrow::Borrow;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ const FUNCTIONS: [usize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];
 /// Stretches per function at least.
 const PER_FUNCTION: usize = 3;
 /// Nodes beside resonances.
-const BESIDE: [usize; 3] = [1, 2, 4];
+const BESIDE: [usize; 5] = [1, 2, 4, 7, 12];
 /// Richer bases in turn that gain nothing, after which no richer one is tried.
 const IN_VAIN: usize = 3;
 /// Stretches' worth of error that a richer basis must gain beyond its unknowns: many are tried, and what one of them gains by chance costs a weak line its prediction.

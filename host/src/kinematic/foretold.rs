@@ -70,8 +70,7 @@ fn swelled(scene: &Scene, baseline: &Baseline, (run, channel): (usize, usize), o
     let line = carrier(&baseline.lines[run][channel], order, swept).filter(|_| own.runs_up())?;
     let of = |stretches: &[Stretch]| {
         let turns = stretches.iter().flat_map(|s| s.from..s.from + s.turns);
-        let powers =
-            turns.map(|turn| line.at([own.states[turn][0] * order / line.order, own.states[turn][1]]).norm_sqr());
+        let powers = turns.map(|turn| line.at(own.states[turn].scaled(order / line.order)).norm_sqr());
         let (count, sum) = powers.fold((0, 0.0), |(count, sum), power| (count + 1, sum + power));
         (sum / f64::from(count.max(1))).max(f64::MIN_POSITIVE)
     };

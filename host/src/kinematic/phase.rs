@@ -27,6 +27,8 @@ const CLEAR: f64 = 0.9;
 /// are clear come first: else the harmonics agree on a wrong cycle.
 const ROUNDS: [(f64, f64); 8] =
     [(1.0, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05)];
+/// Fewest windows.
+const FEWEST: usize = 8;
 /// Samples after which a turning factor is made anew.
 const RENEWED: usize = 1024;
 
@@ -44,34 +46,56 @@ pub struct Departure {
     turns: Vec<f64>,
 }
 
+/// Windows over which lines are read.
+pub struct Windows {
+    /// Length and distance, turns of the pinion.
+    length: f64,
+    hop: f64,
+    /// How many.
+    pub count: usize,
+}
+
+impl Windows {
+    /// Of a run; nothing where it is short.
+    pub fn of(angle: &Angle) -> Option<Self> {
+        let length = WINDOW_TURNS / angle.slower_order();
+        let hop = 1.0 / (PER_TURN * angle.slower_order());
+        let count = ((angle.turns as f64 - 0.5 * length) / hop).floor().max(0.0) as usize + 1;
+        (count >= FEWEST).then_some(Self { length, hop, count })
+    }
+
+    /// A line's value in each.
+    pub fn read(&self, samples: &[f64], per_turn: usize, order: f64) -> Vec<Complex64> {
+        windowed(samples, per_turn, order, (self.length, self.hop), self.count)
+    }
+
+    /// A departure that was read in them; its mean, which no line can show, is none.
+    pub fn departure(&self, mut turns: Vec<f64>) -> Departure {
+        let mean = turns.iter().sum::<f64>() / turns.len() as f64;
+        turns.iter_mut().for_each(|t| *t -= mean);
+        // The outer windows are cut in half by the ends.
+        Departure { first: 0.25 * self.length, hop: self.hop, turns }
+    }
+}
+
 /// What the lines say the angle is off; nothing where they do not get sharper.
 pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_order: f64) -> Option<Departure> {
     let count = ((highest_order / mesh_order) as usize).min(HARMONICS);
-    let length = WINDOW_TURNS / angle.slower_order();
-    let hop = 1.0 / (PER_TURN * angle.slower_order());
-    let windows = ((angle.turns as f64 - 0.5 * length) / hop).floor().max(0.0) as usize + 1;
-    if count == 0 || windows < 8 {
-        return None;
-    }
+    let windows = Windows::of(angle).filter(|_| count > 0)?;
     let reads: Vec<Read> = samples
         .par_iter()
         .flat_map_iter(|samples| (1..=count).map(move |k| (samples, k as f64 * mesh_order)))
-        .map(|(samples, order)| Read {
-            order,
-            values: windowed(samples, angle.per_turn[0], order, (length, hop), windows),
-        })
+        .map(|(samples, order)| Read { order, values: windows.read(samples, angle.per_turn[0], order) })
         .collect();
-    let mut turns = unwrapped(&reads, mesh_order).unwrap_or_else(|| vec![0.0; windows]);
+    let mut turns = unwrapped(&reads, mesh_order).unwrap_or_else(|| vec![0.0; windows.count]);
     for (upto, clear) in ROUNDS {
         let own: Vec<&Read> = reads.iter().filter(|read| read.order < (upto + 0.5) * mesh_order).collect();
         let change = common(&own, &turns, clear);
         turns.iter_mut().zip(&change).for_each(|(t, c)| *t += c);
     }
-    let mean = turns.iter().sum::<f64>() / windows as f64;
-    turns.iter_mut().for_each(|t| *t -= mean);
-    let none = vec![0.0; windows];
-    // The outer windows are cut in half by the ends.
-    (beside(&reads, &turns) < SHARPER * beside(&reads, &none)).then_some(Departure { first: 0.25 * length, hop, turns })
+    let departure = windows.departure(turns);
+    let none = vec![0.0; windows.count];
+    (beside(&reads, &departure.turns) < SHARPER * beside(&reads, &none)).then_some(departure)
 }
 
 /// A line turned to zero under Hann windows, from running sums of it and of its neighbours one window's width away, which make the window exactly: sums over parts of a window

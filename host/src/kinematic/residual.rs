@@ -69,15 +69,15 @@ impl Views {
     }
 }
 
-/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves; bands and all turns are those of an `earlier` view of the same, if there is one.
+/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves (`left`); bands and all turns are those of an `earlier` view of the same, if there is one.
 pub fn views(
     scene: &Scene,
-    calibrated: &Grids,
+    left: &Grids,
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
     earlier: Option<&Views>,
 ) -> Views {
-    let followed = &followed(scene, calibrated);
-    let calibrated = &followed_in_run_ups(scene, calibrated, followed);
+    let followed = &followed(scene, left);
+    let calibrated = &followed_in_run_ups(scene, left, followed);
     let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let whole = |r: usize| vec![Stretch { from: 0, turns: scene.runs[r].angle.turns }];
     let all_turns =
@@ -106,7 +106,7 @@ pub fn views(
         bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
         orders,
         all_turns,
-        strength: earlier.map_or_else(|| Strength::of(scene), |earlier| earlier.strength.clone()),
+        strength: earlier.map_or_else(|| Strength::of(scene, left), |earlier| earlier.strength.clone()),
     }
 }
 
@@ -200,7 +200,7 @@ fn folded_levels(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Lev
         return mean(stretches.iter().map(|stretch| unfolded(run, rest, *stretch, range)));
     }
     let of_stretch = |stretch: &Stretch| {
-        let speeds = || run.states[stretch.from..stretch.from + stretch.turns].iter().map(|state| state[0]);
+        let speeds = || run.states[stretch.from..stretch.from + stretch.turns].iter().map(|state| state.speed_hz);
         let slowest = speeds().fold(f64::INFINITY, f64::min);
         let range = folded_between(run, [slowest, speeds().fold(0.0, f64::max)]);
         let mut levels = unfolded(run, rest, *stretch, range);

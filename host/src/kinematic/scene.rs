@@ -12,6 +12,7 @@ use crate::analysis::angle::Angle;
 use crate::analysis::lines::LOBE_BINS;
 use crate::budget::GRID;
 use crate::record::{Record, Run, Tach};
+use crate::spectral::AngleMap;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
@@ -35,6 +36,8 @@ pub struct SceneRun {
     pub angle: Angle,
     /// Sampling rate, Hz.
     pub rate_hz: f64,
+    /// Whether pulses of a shaft give the angle, not the mesh lines.
+    pub has_pulses: bool,
     /// Which turns are fitted.
     pub split: Split,
     /// How the pinion turns in each turn of the grid.
@@ -108,7 +111,7 @@ impl Scene {
         GRID.check(record.folder.display(), points, "cut the runs or leave channels out at import")?;
         let highest_order = runs.iter().map(|(_, _, a)| a.highest_order).fold(f64::INFINITY, f64::min);
         let mut runs: Vec<SceneRun> =
-            runs.into_iter().map(|(i, run, angle)| seen(i, run, angle, &order, highest_order)).collect();
+            runs.into_iter().map(|own| seen(own, !tach.is_virtual(), &order, highest_order)).collect();
         for run in &mut runs {
             // Where a run-up begins and ends its speed has kinks, which smoothing would turn into swings.
             if !tach.is_virtual() && !run.runs_up() {
@@ -184,12 +187,18 @@ fn channels(record: &Record, notes: &mut Vec<String>) -> Result<(Vec<usize>, usi
     Ok(([searched, others].concat(), count))
 }
 
-fn seen(index: usize, run: &Run, angle: Angle, channels: &[usize], highest_order: f64) -> SceneRun {
+fn seen(
+    (index, run, angle): (usize, &Run, Angle),
+    has_pulses: bool,
+    channels: &[usize],
+    highest_order: f64,
+) -> SceneRun {
     let rate_hz = run.sample_rate_hz();
     let standing = |&c: &usize| at_limit(&run.channel_codes(c));
     let mut seen = SceneRun {
         index,
         rate_hz,
+        has_pulses,
         split: Split::new(angle.turns, angle.slower_order(), angle.speed.fastest_hz / angle.speed.slowest_hz),
         states: Vec::new(),
         at_limit: channels.iter().map(standing).collect(),
@@ -209,7 +218,8 @@ fn states(speeds_hz: &[f64]) -> Vec<State> {
     };
     let rates: Vec<f64> = (0..speeds_hz.len()).map(rate).collect();
     let usual = (rates.iter().map(|r| r * r).sum::<f64>() / rates.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
-    speeds_hz.iter().zip(&rates).map(|(speed, rate)| [*speed, rate / usual]).collect()
+    let state = |(&speed_hz, &sweep_hz_s): (&f64, &f64)| State { speed_hz, sweep_hz_s, swing: sweep_hz_s / usual };
+    speeds_hz.iter().zip(&rates).map(state).collect()
 }
 
 /// A signal at equal angles, less its mean and what lies above the highest order: what no run holds at every speed is no error of a model.
@@ -249,17 +259,22 @@ impl SceneRun {
 
     /// Speeds that the run has in eight turns of ten, Hz.
     pub fn usual_speeds_hz(&self) -> [f64; 2] {
-        let mut speeds: Vec<f64> = self.states.iter().map(|state| state[0]).collect();
+        let mut speeds: Vec<f64> = self.states.iter().map(|state| state.speed_hz).collect();
         speeds.sort_by(f64::total_cmp);
         let at = |share: f64| speeds.get((share * speeds.len() as f64) as usize).copied().unwrap_or(0.0);
         [at(USUAL.0), at(USUAL.1)]
     }
 
+    /// Takes another angle.
+    pub fn turn(&mut self, map: AngleMap, highest_order: f64) {
+        self.angle.map = map;
+        self.read(highest_order);
+    }
+
     /// Takes the tachometer's jitter out of the angle.
     fn settle(&mut self, highest_order: f64) {
         if let Some(map) = jitter::settled(&self.angle) {
-            self.angle.map = map;
-            self.read(highest_order);
+            self.turn(map, highest_order);
         }
     }
 
@@ -272,8 +287,7 @@ impl SceneRun {
         for _ in 0..SHARPENED {
             let departure = phase::departure(&self.samples, &self.angle, mesh_order, highest_order);
             let Some(map) = departure.and_then(|departure| departure.taken_out(&self.angle)) else { break };
-            self.angle.map = map;
-            self.read(highest_order);
+            self.turn(map, highest_order);
             sharper = true;
         }
         sharper

@@ -12,9 +12,10 @@ use std::ops::RangeInclusive;
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
 /// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that something so slow needs (set on
-/// generated records with nothing but a wander, where 25 nats and more were seen).
+/// generated records with nothing but a wander, where 25 nats and more were seen; in run-ups, where the calibrated model takes the wander off and swings must be more, 5).
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
+const LEAST_SLOW_IN_RUN_UPS: f64 = 15.0;
 /// Orders of its shaft at which the cage of a rolling bearing can turn, the outer ring standing: half of one less a ratio of 0.36 to 0.12.
 const CAGES: (f64, f64) = (0.32, 0.44);
 /// Share of the evidence of a base's lines that may stand on such skirts.
@@ -335,8 +336,9 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
         return Some("slower than the slower shaft and no cage: the envelope of a swing, if anything".into());
     }
     let is_slow = candidate.kind == Kind::Swing || is_slow_base(candidate, scene);
-    (is_slow && verdict.ln_bayes < LEAST_SLOW).then(|| {
-        format!("{:.0} nats of {LEAST_SLOW:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
+    let least = if scene.runs.iter().any(SceneRun::runs_up) { LEAST_SLOW_IN_RUN_UPS } else { LEAST_SLOW };
+    (is_slow && verdict.ln_bayes < least).then(|| {
+        format!("{:.0} nats of {least:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
     })
 }
 

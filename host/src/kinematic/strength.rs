@@ -1,11 +1,17 @@
-//! How strongly the gears mesh over a steady run: where a swing of the load shows, and an angle that is off does not.
+//! How strongly the gears mesh over a run: where a swing of the load shows, and an angle that is off does not.
 //!
 //! An error of the angle turns the mesh lines and leaves their amplitudes; a load that swings swells all of them alike. So the amplitudes are read over whole turns of the slower shaft, in which that
 //! shaft's sidebands vanish, each relative to its mean, and their mean over a channel's lines, weighted by what noise leaves open of each, is that channel's course of strength. What the path makes of a
 //! speed that wanders is taken off: powers of the speed and its rate of change, by least squares. What is left is a spectrum of noise, over which a swing stands as one line.
 //! All turns take part in the spectrum, held-out ones too: a quarter of the turns cannot tell a swing from its mesh line. The swing must then be in step: fitted on the fitted turns, it must predict the
-//! held-out ones. Steady runs only: in a run-up the path swells the lines. Limit: a swing that moves the speed more than all else does is taken off with the speed.
+//! held-out ones.
+//!
+//! In a run-up the path swells the lines. There each is read over whole turns of the pinion, relative to what the calibrated model makes of it, which knows the path; what stands in
+//! step with it counts, weighted moment by moment with what the line has over what is left of it there. Windows are equally far apart in time, "orders" are frequencies over the mean speed: a load swings at a rate of its own, which no shaft gives. Only
+//! where pulses give the angle: one that is taken from mesh lines turns with the path.
+//! Limit: a swing that moves the speed more than all else does is taken off with the speed.
 
+use super::baseline::Grids;
 use super::phase::running_sums;
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, follow_everywhere};
@@ -20,12 +26,14 @@ use rustfft::num_complex::Complex64;
 use std::f64::consts::{LN_2, PI, TAU};
 use std::ops::Range;
 
-/// Windows begun per turn of the slower shaft; each is one such turn long.
+/// Windows begun per turn of the shaft whose turn each lasts.
 const PER_TURN: usize = 8;
 /// Fewest windows of a course.
 const FEWEST: usize = 12 * PER_TURN;
 /// Largest noise, of relative amplitudes, with which a line takes part.
 const CLEAR: f64 = 0.1;
+/// Turns on either side over which what is left of a line in a run-up is its noise.
+const NOISE_TURNS: usize = 6;
 /// Powers of the speed that are taken off.
 const POWERS: i32 = 5;
 /// Lowest bin read, and highest order, share of the slower shaft's: there the window has a tenth of its response.
@@ -60,18 +68,24 @@ pub struct Strength {
 }
 
 impl Strength {
-    /// Of all turns of the steady runs.
-    pub fn of(scene: &Scene) -> Self {
+    /// Of all turns; `left` is what the calibrated model leaves.
+    pub fn of(scene: &Scene, left: &Grids) -> Self {
         let orders = super::baseline::mesh_orders(scene);
-        let courses: Vec<Vec<Option<Course>>> = scene
+        let of_run = |(run, left): (&SceneRun, &Vec<Vec<f64>>)| -> Vec<Option<Course>> {
+            if !run.runs_up() {
+                return run.samples.par_iter().map(|samples| course(run, samples, &orders)).collect();
+            }
+            let mut courses = vec![None; left.len()];
+            courses[0] = swept_course(run, &left[..scene.searched], &orders);
+            courses
+        };
+        let courses: Vec<Vec<Option<Course>>> = scene.runs.iter().zip(left).map(of_run).collect();
+        let slower = scene.gear_order.min(1.0);
+        let levels = scene
             .runs
             .iter()
-            .map(|run| run.samples.par_iter().map(|samples| course(run, samples, &orders)).collect())
-            .collect();
-        let slower = scene.gear_order.min(1.0);
-        let levels = scene.runs.iter().zip(&courses).map(|(run, courses)| {
-            courses.iter().map(|course| vec![level(course.as_ref(), bin(run), slower)]).collect()
-        });
+            .zip(&courses)
+            .map(|(run, courses)| courses.iter().map(|course| vec![level(run, course.as_ref())]).collect());
         let levels: Vec<Vec<Vec<Level>>> = levels.collect();
         let lowest = LOWEST_BIN * scene.runs.iter().map(bin).fold(0.0, f64::max);
         Self { spectra: Spectra { levels, lowest, highest: HIGHEST * slower }, courses }
@@ -163,16 +177,37 @@ impl Wave {
 
 /// Windows that lie within stretches.
 fn inside(run: &SceneRun, stretches: &[Stretch]) -> Vec<usize> {
-    let lies = |i: &usize| {
-        let (from, to) = (*i as f64 * hop(run), (i + PER_TURN) as f64 * hop(run));
-        stretches.iter().any(|s| from >= s.from as f64 && to <= (s.from + s.turns) as f64)
+    let lies = |(_, from): &(usize, f64)| {
+        let to = from + window(run);
+        stretches.iter().any(|s| *from >= s.from as f64 && to <= (s.from + s.turns) as f64)
     };
-    (0..windows(run)).filter(lies).collect()
+    starts(run).into_iter().enumerate().filter(lies).map(|(i, _)| i).collect()
 }
 
-/// Turns of the pinion from one window to the next.
+/// Length of a window, turns of the pinion.
+fn window(run: &SceneRun) -> f64 {
+    if run.runs_up() { 1.0 } else { 1.0 / run.angle.slower_order() }
+}
+
+/// Where the windows begin, turns of the pinion from the first of the grid: equally far apart, in a run-up in time.
+fn starts(run: &SceneRun) -> Vec<f64> {
+    let count = windows(run);
+    if !run.runs_up() {
+        return (0..count).map(|i| i as f64 * hop(run)).collect();
+    }
+    let (angle, turns) = (&run.angle, run.angle.turns as f64);
+    let [first, last] = [0.0, turns].map(|turn| angle.map.time_at(angle.from_turn + turn));
+    let begins = |i: usize| {
+        let middle = (i as f64 * hop(run) + 0.5 * window(run)) / turns;
+        let turn = angle.map.turns_at(first + middle * (last - first)) - angle.from_turn;
+        (turn - 0.5 * window(run)).clamp(0.0, turns - window(run))
+    };
+    (0..count).map(begins).collect()
+}
+
+/// Turns of the pinion from one window to the next; in a run-up at its mean speed.
 fn hop(run: &SceneRun) -> f64 {
-    1.0 / (run.angle.slower_order() * PER_TURN as f64)
+    window(run) / PER_TURN as f64
 }
 
 /// Spacing of the spectrum, orders of the pinion.
@@ -185,17 +220,17 @@ fn windows(run: &SceneRun) -> usize {
     ((run.angle.turns as f64 / hop(run)).floor() as usize + 1).saturating_sub(PER_TURN)
 }
 
-/// The course of a channel; nothing in a run-up, in a short run, and where no line is clear.
+/// The course of a channel; nothing in a short run and where no line is clear.
 fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
-    let (count, slower) = (windows(run), run.angle.slower_order());
-    if run.runs_up() || count < FEWEST {
+    let count = windows(run);
+    if count < FEWEST {
         return None;
     }
     let weights = WINDOW.weights(count);
     let (mut sum, mut total) = (vec![0.0; count], 0.0);
     for order in orders {
-        let relative = amplitudes(run, samples, *order, count);
-        let noise = noise(&powers(&relative, &weights, bin(run), slower));
+        let relative = amplitudes(run, samples, *order);
+        let noise = noise(&powers(run, &relative, &weights));
         if noise > 0.0 && noise < CLEAR {
             sum.iter_mut().zip(&relative).for_each(|(s, x)| *s += x / noise);
             total += 1.0 / noise;
@@ -205,40 +240,102 @@ fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
         return None;
     }
     sum.iter_mut().for_each(|s| *s /= total);
-    let values = without_the_speed(run, &sum, &weights);
-    let noise = noise(&powers(&values, &weights, bin(run), slower));
-    (noise > 0.0).then_some(Course { values, weights, noise })
+    Course::of(run, &sum, weights)
 }
 
-/// A line's amplitude window by window, relative to its mean, less one.
-fn amplitudes(run: &SceneRun, samples: &[f64], order: f64, count: usize) -> Vec<f64> {
+/// The course of all channels of a run-up together, of which the calibrated model leaves `left`: a swing is in step in all of them. Nothing in a short run, where no line is clear, and without pulses.
+fn swept_course(run: &SceneRun, left: &[Vec<f64>], orders: &[f64]) -> Option<Course> {
+    let count = windows(run);
+    if count < FEWEST || !run.has_pulses {
+        return None;
+    }
+    let lines: Vec<(&Vec<f64>, &Vec<f64>, f64)> =
+        run.samples.iter().zip(left).flat_map(|(x, left)| orders.iter().map(move |order| (x, left, *order))).collect();
+    let of_line = |(samples, left, order): &(&Vec<f64>, &Vec<f64>, f64)| {
+        let [all, left] = [samples, left].map(|samples| over_windows(run, samples, *order));
+        let own: Vec<Complex64> = all.iter().zip(&left).map(|(all, left)| all - left).collect();
+        in_step(&own, &left)
+    };
+    let (mut sums, mut totals) = (vec![0.0; count], vec![0.0; count]);
+    for line in lines.par_iter().map(of_line).collect::<Vec<_>>() {
+        for (i, [sum, total]) in line.into_iter().enumerate() {
+            sums[i] += sum;
+            totals[i] += total;
+        }
+    }
+    let mut sorted = totals.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted[count / 2];
+    if usual * CLEAR < 1.0 {
+        return None;
+    }
+    let relative: Vec<f64> = sums.iter().zip(&totals).map(|(sum, total)| sum / total.max(f64::MIN_POSITIVE)).collect();
+    let weights = WINDOW.weights(count).iter().zip(&totals).map(|(w, total)| w * (total / usual).min(1.0)).collect();
+    Course::of(run, &relative, weights)
+}
+
+/// What is left of a line in step with it, and its own power, over the noise about each window.
+fn in_step(own: &[Complex64], left: &[Complex64]) -> Vec<[f64; 2]> {
+    let beside = NOISE_TURNS * PER_TURN;
+    let mut powers = vec![0.0];
+    for value in left {
+        powers.push(powers[powers.len() - 1] + value.norm_sqr());
+    }
+    let of = |(i, (own, left)): (usize, (&Complex64, &Complex64))| {
+        let (from, to) = (i.saturating_sub(beside), (i + beside + 1).min(powers.len() - 1));
+        let noise = ((powers[to] - powers[from]) / (to - from) as f64).max(f64::MIN_POSITIVE);
+        [(own.conj() * left).re / noise, own.norm_sqr() / noise]
+    };
+    own.iter().zip(left).enumerate().map(of).collect()
+}
+
+impl Course {
+    /// Of relative strengths; nothing where there is no noise to compare with.
+    fn of(run: &SceneRun, relative: &[f64], weights: Vec<f64>) -> Option<Self> {
+        let values = without_the_speed(run, relative, &weights);
+        let noise = noise(&powers(run, &values, &weights));
+        (noise > 0.0).then_some(Self { values, weights, noise })
+    }
+}
+
+/// A line's sums over the windows.
+fn over_windows(run: &SceneRun, samples: &[f64], order: f64) -> Vec<Complex64> {
     let per_turn = run.angle.per_turn[0] as f64;
     let sums = running_sums(samples, order / per_turn);
     // A window is no whole number of samples; what it were too long, the other lines would leave in it.
-    let upto = |i: usize| {
-        let place = i as f64 * hop(run) * per_turn;
+    let upto = |turn: f64| {
+        let place = turn * per_turn;
         let before = (place as usize).min(samples.len() - 1);
         sums[before] + (sums[before + 1] - sums[before]) * (place - before as f64).min(1.0)
     };
-    let amplitudes: Vec<f64> = (0..count).map(|i| (upto(i + PER_TURN) - upto(i)).norm()).collect();
-    let mean = (amplitudes.iter().sum::<f64>() / count as f64).max(f64::MIN_POSITIVE);
+    starts(run).into_iter().map(|start| upto(start + window(run)) - upto(start)).collect()
+}
+
+/// A line's amplitude window by window, relative to its mean, less one.
+fn amplitudes(run: &SceneRun, samples: &[f64], order: f64) -> Vec<f64> {
+    let amplitudes: Vec<f64> = over_windows(run, samples, order).iter().map(|sum| sum.norm()).collect();
+    let mean = (amplitudes.iter().sum::<f64>() / amplitudes.len() as f64).max(f64::MIN_POSITIVE);
     amplitudes.iter().map(|a| a / mean - 1.0).collect()
 }
 
+/// Bins of a run's spectrum.
+fn bins(run: &SceneRun) -> usize {
+    (HIGHEST * run.angle.slower_order() / bin(run)).ceil() as usize + 1
+}
+
 /// Power of a course over orders, as of windows without length, up to the highest order read.
-fn powers(values: &[f64], weights: &[f64], bin: f64, slower: f64) -> Vec<f64> {
+fn powers(run: &SceneRun, values: &[f64], weights: &[f64]) -> Vec<f64> {
     let squares: f64 = weights.iter().map(|w| w * w).sum();
     let mut windowed: Vec<f64> = values.iter().zip(weights).map(|(x, w)| x * w).collect();
     let forward = RealFftPlanner::<f64>::new().plan_fft_forward(windowed.len());
     let mut spectrum = forward.make_output_vec();
     forward.process(&mut windowed, &mut spectrum).expect("matching lengths");
     let response = |i: usize| {
-        let x = PI * i as f64 * bin / slower;
+        let x = PI * i as f64 * bin(run) * window(run);
         if i == 0 { 1.0 } else { x.sin() / x }
     };
-    let count = (HIGHEST * slower / bin).ceil() as usize + 1;
     let power = |(i, value): (usize, &Complex64)| value.norm_sqr() / (squares * response(i).powi(2));
-    spectrum.iter().take(count).enumerate().map(power).collect()
+    spectrum.iter().take(bins(run)).enumerate().map(power).collect()
 }
 
 /// Power of the noise: the median's of all bins read.
@@ -250,9 +347,10 @@ fn noise(powers: &[f64]) -> f64 {
 
 /// A course less its least-squares fit by powers of the speed and by its rate of change, which a path answers late, under the spectrum's window.
 fn without_the_speed(run: &SceneRun, course: &[f64], weights: &[f64]) -> Vec<f64> {
-    let [speeds, rates] = [0, 1].map(|i| run.states.iter().map(|state| state[i]).collect::<Vec<f64>>());
-    let middle = |i: usize| (i as f64 + 0.5 * PER_TURN as f64) * hop(run) - 0.5;
-    let read = |values: &[f64]| -> Vec<f64> { (0..course.len()).map(|i| interpolated(values, middle(i))).collect() };
+    let (speeds, rates): (Vec<f64>, Vec<f64>) = run.states.iter().map(|state| (state.speed_hz, state.swing)).unzip();
+    let starts = starts(run);
+    let middle = |start: &f64| start + 0.5 * window(run) - 0.5;
+    let read = |values: &[f64]| -> Vec<f64> { starts.iter().map(|i| interpolated(values, middle(i))).collect() };
     let speeds = standardised(read(&speeds));
     let rates = standardised(read(&rates));
     let row = |(u, rate): (&f64, &f64)| {
@@ -288,17 +386,16 @@ fn least_squares<Row: AsRef<[f64]>>(rows: &[Row], values: &[f64], weights: &[f64
 }
 
 /// Spectrum of a course, as of a window without length; noise alone of one where there is no course.
-fn level(course: Option<&Course>, bin: f64, slower: f64) -> Level {
-    let last = (HIGHEST * slower / bin).ceil() as usize + 1;
-    let none = vec![1.0; last];
+fn level(run: &SceneRun, course: Option<&Course>) -> Level {
+    let none = vec![1.0; bins(run)];
     let with = |values: Vec<f64>, floor: Vec<f64>, floor_error| Level {
-        density: Spectrum { bin, values },
+        density: Spectrum { bin: bin(run), values },
         averages: 1,
         floor,
         floor_error,
     };
     let Some(course) = course else { return with(none.clone(), none, 0.0) };
-    let values = powers(&course.values, &course.weights, bin, slower);
+    let values = powers(run, &course.values, &course.weights);
     let floor = vec![course.noise; values.len()];
     let floor_error = (values.len() as f64).sqrt().recip();
     let mut level = with(values, floor, floor_error);

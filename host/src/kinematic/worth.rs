@@ -70,7 +70,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
             } else {
                 foretold::ln_bayes(scene, baseline, views, own)
             };
-            if runs_up {
+            if runs_up && !is_swing {
                 // Skirts are foretold as lines are; all places together must speak for the family there, too.
                 let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
                 ln_bayes = ln_bayes.min(score(&own.candidate, &field, 0.0).ln_bayes);

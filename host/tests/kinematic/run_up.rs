@@ -1,7 +1,13 @@
 //! Run-ups: mesh lines swept through the path's resonances are predicted where they were not fitted, and what stands beside them is found.
 
 use super::generator::{BENCH, Bench, Impacts};
+use super::strength::swing;
 use super::{IMPACTS, expect, loop_of, order, tone, view};
+use meshband_host::kinematic::baseline::Baseline;
+use meshband_host::kinematic::path_angle;
+use meshband_host::kinematic::scene::Scene;
+use meshband_host::kinematic::strength::Strength;
+use std::f64::consts::TAU;
 
 /// Twice the speed at the end: every mesh line crosses several of the six modes.
 fn run_up() -> Bench {
@@ -49,4 +55,43 @@ fn theory_sidebands_are_predicted_where_they_were_not_fitted() {
         let held = outcome.held_out;
         assert!(held.corrected < 0.35 * held.calibrated, "{held:?}");
     }
+}
+
+#[test]
+fn fault_a_swing_of_the_load_is_found_where_the_tach_has_pulses_and_not_asked_for_where_it_has_none() {
+    let lines = swing(&run_up(), 0.01, false);
+    expect(&loop_of(&run_up(), &lines, &[]), "ambiguous", "non-stationary", "none", "load-fluctuation");
+    let mut record = run_up().record(&lines, &[]);
+    record.declaration.tach.as_mut().expect("a tach").source = Some("virtual".into());
+    let scene = Scene::of(&record, record.require_tach().expect("a tach"), BENCH.teeth).expect("a scene");
+    let spectra = Strength::of(&scene, &Baseline::of(&scene).calibrated).spectra;
+    assert!(spectra.levels[0].iter().all(|levels| levels[0].density.values.iter().all(|x| *x == 1.0)));
+}
+
+#[test]
+fn theory_an_angle_that_wriggles_as_mesh_lines_turn_is_told_from_the_path_that_turns_them() {
+    let bench = Bench { noise: 0.03, ..run_up() };
+    let of = |wriggle: f64| {
+        let mut record = bench.record(&[], &[]);
+        // A thousandth of a turn, a radian at the seventh harmonic: what a virtual tach leaves beside a resonance.
+        for edge in &mut record.runs[0].edges_s {
+            *edge += wriggle * (TAU * 0.7 * *edge).sin() / 18.0;
+        }
+        record.declaration.tach.as_mut().expect("a tach").source = Some("virtual".into());
+        let mut scene = Scene::of(&record, record.require_tach().expect("a tach"), BENCH.teeth).expect("a scene");
+        let before = Baseline::of(&scene);
+        let left = |scene: &Scene, baseline: &Baseline| -> f64 {
+            let run = &scene.runs[0];
+            let power = |samples: &[f64]| -> f64 {
+                let fitted = run.split.fit.iter().flat_map(|s| &samples[s.samples(run.angle.per_turn[0])]);
+                fitted.map(|x| x * x).sum()
+            };
+            baseline.calibrated[0].iter().zip(&run.samples).map(|(left, all)| power(left) / power(all)).sum()
+        };
+        let own = left(&scene, &before);
+        let fitted = path_angle::fitted(&mut scene);
+        [own, left(&scene, &fitted)]
+    };
+    let ([_, clean], [before, after]) = (of(0.0), of(1e-3));
+    assert!(before > 100.0 * clean && after < 0.05 * before, "{clean} {before} {after}");
 }

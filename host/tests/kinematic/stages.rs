@@ -6,7 +6,7 @@ use meshband_host::kinematic::accept::Surrogates;
 use meshband_host::kinematic::accept::Verdict;
 use meshband_host::kinematic::amplitudes::{Weighted, subtract};
 use meshband_host::kinematic::baseline::{Baseline, Grids, unknowns};
-use meshband_host::kinematic::basis::{Basis, FittedLine, State, resonance};
+use meshband_host::kinematic::basis::{Basis, FittedLine, State};
 use meshband_host::kinematic::candidate::{Candidate, Domain, Kind, Place, Score};
 use meshband_host::kinematic::choice::Choice;
 use meshband_host::kinematic::errors::{self, Corrected, Stages};
@@ -16,6 +16,7 @@ use meshband_host::kinematic::residual::{Views, views};
 use meshband_host::kinematic::scene::{Scene, SceneRun};
 use meshband_host::kinematic::search::{Adopted, Slip};
 use meshband_host::kinematic::split::Stretch;
+use meshband_host::kinematic::swept::resonance;
 use meshband_host::kinematic::{mesh_place, search};
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;
@@ -209,7 +210,8 @@ const BLOCK: usize = 2;
 
 /// A speed from 10 to 22 Hz that swings, and weights that differ.
 fn turning() -> (Vec<State>, Vec<f64>) {
-    let state = |i: usize| [10.0 + 12.0 * i as f64 / TURNS as f64, (0.7 * i as f64).sin()];
+    let swing = |i: usize| (0.7 * i as f64).sin();
+    let state = |i: usize| State { swing: swing(i), ..State::steady(10.0 + 12.0 * i as f64 / TURNS as f64) };
     ((0..TURNS).map(state).collect(), (0..TURNS).map(|i| 1.0 + 0.3 * (i % 5) as f64).collect())
 }
 
@@ -244,17 +246,17 @@ fn theory_a_line_gets_the_functions_of_the_speed_that_predict_stretches_left_out
     let constant = |_: State| one;
     let (functions, away) = fitted(&sums(constant, 0.1), &constant);
     assert!(functions == 1 && away < 0.05, "{functions} {away}");
-    let straight = |s: State| one + turned * (s[0] - 16.0);
+    let straight = |s: State| one + turned * (s.speed_hz - 16.0);
     let (functions, away) = fitted(&sums(straight, 0.05), &straight);
     assert!((2..=4).contains(&functions) && away < 0.05, "{functions} {away}");
-    let swinging = |s: State| straight(s) + turned * 0.8 * s[1];
+    let swinging = |s: State| straight(s) + turned * 0.8 * s.swing;
     let (functions, away) = fitted(&sums(swinging, 0.05), &swinging);
     assert!((3..=5).contains(&functions) && away < 0.1, "{functions} {away}");
-    let curved = |s: State| one * (0.5 * (s[0] - 16.0)).cos();
+    let curved = |s: State| one * (0.5 * (s.speed_hz - 16.0)).cos();
     let (functions, away) = fitted(&sums(curved, 0.05), &curved);
     assert!((4..=14).contains(&functions) && away < 0.1, "{functions} {away}");
     // The first pole lies within the line's frequencies, the second one beyond.
-    let ringing = |s: State| 3.0 * resonance(poles[0], ORDER * s[0]) + turned;
+    let ringing = |s: State| 3.0 * resonance(poles[0], ORDER * s.speed_hz, 0.0) + turned;
     let (functions, away) = fitted(&sums(ringing, 0.05), &ringing);
     assert!(functions == 2 && away < 0.05, "{functions} {away}");
 }
@@ -262,7 +264,7 @@ fn theory_a_line_gets_the_functions_of_the_speed_that_predict_stretches_left_out
 #[test]
 fn theory_a_weak_sideband_is_carried_through_a_resonance_by_its_mesh_line() {
     let pole = [330.0, 0.03];
-    let truth = |order: f64, s: State| 3.0 * resonance(pole, order * s[0]) + 0.2;
+    let truth = |order: f64, s: State| 3.0 * resonance(pole, order * s.speed_hz, 0.0) + 0.2;
     let coefficients = vec![Complex64::new(0.2, 0.0), Complex64::new(3.0, 0.0)];
     let mesh = Arc::new(FittedLine { order: 20.0, basis: Basis::of_pole(pole), coefficients });
     let part = Complex64::from_polar(0.1, 1.0);
@@ -288,26 +290,28 @@ fn theory_a_weak_sideband_is_carried_through_a_resonance_by_its_mesh_line() {
 fn theory_stretches_are_weighted_means_and_plain_sums() {
     let (states, weights) = turning();
     let choice = choice();
-    let all = sums(|s| Complex64::new(s[0], s[1]), 0.2);
+    let all = sums(|s| Complex64::new(s.speed_hz, s.swing), 0.2);
     let course = choice.sweep.course(7.0, &all);
     assert_eq!((course.order, course.sums.len(), choice.sweep.states.len()), (7.0, TURNS / BLOCK, TURNS / BLOCK));
     for i in 0..TURNS / BLOCK {
         let [a, b] = [BLOCK * i, BLOCK * i + 1];
         assert!((course.sums[i] - all[a] - all[b]).norm() < 1e-12);
         assert_near(choice.sweep.weights[i], weights[a] + weights[b], "weight");
-        let mean = |k: usize| (states[a][k] * weights[a] + states[b][k] * weights[b]) / (weights[a] + weights[b]);
-        let [speed, swing] = choice.sweep.states[i];
-        assert_near(speed, mean(0), "speed");
-        assert_near(swing, mean(1), "swing");
+        let mean = |of: fn(&State) -> f64| {
+            (of(&states[a]) * weights[a] + of(&states[b]) * weights[b]) / (weights[a] + weights[b])
+        };
+        let State { speed_hz: speed, swing, .. } = choice.sweep.states[i];
+        assert_near(speed, mean(|s| s.speed_hz), "speed");
+        assert_near(swing, mean(|s| s.swing), "swing");
     }
 }
 
 #[test]
 fn fault_a_line_with_few_stretches_stays_simple() {
-    let states: Vec<State> = (0..6).map(|i| [10.0 + f64::from(i), 0.0]).collect();
+    let states: Vec<State> = (0..6).map(|i| State::steady(10.0 + f64::from(i))).collect();
     let choice = Choice::new(&states, &[1.0; 6], 1, 2);
     // Straight, but two functions of each of so few stretches are the most that is tried.
-    let steep: Vec<Complex64> = states.iter().map(|s| Complex64::new(s[0], 0.0)).collect();
+    let steep: Vec<Complex64> = states.iter().map(|s| Complex64::new(s.speed_hz, 0.0)).collect();
     assert!(choice.of(3.0, &steep, &[]).len() <= 3);
     let one = Choice::new(&states[..1], &[1.0], 0, 0);
     assert_eq!(one.of(3.0, &steep[..1], &[]).len(), 1, "a block of no turns is one of one");

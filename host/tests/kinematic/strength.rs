@@ -2,6 +2,7 @@
 
 use super::generator::{BENCH, Bench, Line};
 use super::{expect, loop_of, view};
+use meshband_host::kinematic::baseline::Baseline;
 use meshband_host::kinematic::scene::Scene;
 use meshband_host::kinematic::strength::Strength;
 use std::f64::consts::PI;
@@ -9,7 +10,7 @@ use std::f64::consts::PI;
 const HZ: f64 = 1.9;
 
 /// Sidebands that make every mesh line swing by twice the share: its strength, or its angle.
-fn swing(bench: &Bench, share: f64, of_angle: bool) -> Vec<Line> {
+pub fn swing(bench: &Bench, share: f64, of_angle: bool) -> Vec<Line> {
     let sideband = |m: &Line, side: f64| {
         let turned = if of_angle { 0.5 * PI } else { 0.0 };
         Line { hz: HZ * side, amplitude: share * m.amplitude, phase: m.phase + turned, ..*m }
@@ -20,7 +21,7 @@ fn swing(bench: &Bench, share: f64, of_angle: bool) -> Vec<Line> {
 fn of(bench: &Bench, lines: &[Line]) -> (Scene, Strength) {
     let record = bench.record(lines, &[]);
     let scene = Scene::of(&record, record.require_tach().expect("a tach"), bench.teeth).expect("a scene");
-    let strength = Strength::of(&scene);
+    let strength = Strength::of(&scene, &Baseline::of(&scene).calibrated);
     (scene, strength)
 }
 
@@ -79,8 +80,21 @@ fn fault_a_load_that_swings_by_a_fiftieth_is_found_though_the_speed_wanders() {
 }
 
 #[test]
-fn theory_a_run_up_has_no_course_of_strength() {
-    let bench = Bench { run_up: 1.5, ..BENCH };
-    let (ratio, _) = highest(&of(&bench, &swing(&bench, 0.05, false)).1);
-    assert_eq!(ratio, 1.0);
+fn theory_in_a_run_up_a_swing_stands_at_its_frequency_over_the_mean_speed() {
+    for seed in 1..4 {
+        let bench = Bench { seed, speed_hz: 12.0, run_up: 2.0, ..BENCH };
+        let (scene, strength) = of(&bench, &swing(&bench, 0.01, false));
+        let run = &scene.runs[0];
+        let [first, last] = [0.0, run.angle.turns as f64].map(|turn| run.angle.map.time_at(run.angle.from_turn + turn));
+        let true_order = HZ * (last - first) / run.angle.turns as f64;
+        let (ratio, order) = highest(&strength);
+        assert!(ratio > 30.0 && (order - true_order).abs() < 1.5 * strength.spectra.bin(0), "{seed}: {ratio} {order}");
+        let [own, other] = [order, 1.4 * order].map(|order| {
+            let refined = strength.refined(&scene, 0..2, order);
+            strength.held_out(&scene, 0..2, refined)
+        });
+        assert!(own.ln_bayes > 10.0 && own.agrees() && !other.agrees(), "{seed}: {own:?} {other:?}");
+        let (ratio, order) = highest(&of(&bench, &[]).1);
+        assert!(ratio < 15.0, "{seed}: {ratio} {order}");
+    }
 }
