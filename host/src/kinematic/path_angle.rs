@@ -7,6 +7,7 @@
 //! Limit: what turns all lines alike as a smooth function of the speed, a delay, is left to the path, which is free in it.
 
 use super::baseline::{Baseline, mesh_orders};
+use super::errors::shares;
 use super::phase::{self, Departure};
 use super::scene::Scene;
 use rayon::prelude::*;
@@ -46,18 +47,11 @@ pub fn fitted(scene: &mut Scene) -> Baseline {
     baseline
 }
 
-/// What the model leaves of the fitted turns of run-ups without pulses: the mean share of a channel's power.
+/// What the model leaves of the fitted turns of run-ups without pulses: shares of the channels' power, summed.
 fn left(scene: &Scene, baseline: &Baseline) -> f64 {
-    let of_run = |r: usize| -> f64 {
-        let run = &scene.runs[r];
-        let power = |samples: &[f64]| -> f64 {
-            let stretches = run.split.fit.iter().flat_map(|s| &samples[s.samples(run.angle.per_turn[0])]);
-            stretches.map(|x| x * x).sum()
-        };
-        let channels = baseline.calibrated[r].iter().zip(&run.samples);
-        channels.map(|(left, all)| power(left) / power(all).max(f64::MIN_POSITIVE)).sum()
-    };
-    (0..scene.runs.len()).filter(|&r| scene.runs[r].runs_up() && !scene.runs[r].has_pulses).map(of_run).sum()
+    let shares = shares(scene, &baseline.calibrated, |split| &split.fit);
+    let own = scene.runs.iter().zip(shares).filter(|(run, _)| run.runs_up() && !run.has_pulses);
+    own.flat_map(|(_, shares)| shares).sum()
 }
 
 /// What all lines of a run together say that the angle is off.
@@ -87,16 +81,11 @@ fn departure(scene: &Scene, baseline: &Baseline, r: usize) -> Option<Departure> 
 
 /// A line's departure from the model, turns, window by window, times its weight, and the weight.
 fn weighted(order: f64, all: &[Complex64], left: &[Complex64]) -> Vec<[f64; 2]> {
-    let mut powers = vec![0.0];
-    for value in left {
-        powers.push(powers[powers.len() - 1] + value.norm_sqr());
-    }
-    let of = |i: usize| {
-        let own = all[i] - left[i];
-        let (from, to) = (i.saturating_sub(NOISE_WINDOWS), (i + NOISE_WINDOWS + 1).min(left.len()));
-        let noise = (powers[to] - powers[from]) / (to - from) as f64 + LEAST_NOISE.powi(2) * own.norm_sqr();
+    let of = |((all, left), power): ((&Complex64, &Complex64), f64)| {
+        let own = all - left;
+        let noise = power + LEAST_NOISE.powi(2) * own.norm_sqr();
         let weight = (TAU * order).powi(2) * own.norm_sqr() / noise.max(f64::MIN_POSITIVE);
-        [weight * (all[i] * own.conj()).arg() / (TAU * order), weight]
+        [weight * (all * own.conj()).arg() / (TAU * order), weight]
     };
-    (0..left.len()).map(of).collect()
+    all.iter().zip(left).zip(phase::running_power(left, NOISE_WINDOWS)).map(of).collect()
 }

@@ -134,6 +134,19 @@ pub(super) fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
     sums
 }
 
+/// Mean square of the values up to `beside` places on either side of each.
+pub(super) fn running_power(values: &[Complex64], beside: usize) -> Vec<f64> {
+    let mut sums = vec![0.0];
+    for value in values {
+        sums.push(sums[sums.len() - 1] + value.norm_sqr());
+    }
+    let mean = |i: usize| {
+        let (from, to) = (i.saturating_sub(beside), (i + beside + 1).min(values.len()));
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..values.len()).map(mean).collect()
+}
+
 /// The departure by the first mesh harmonic alone, followed from window to window, in the channel that shows it best: a tachometer that counts another harmonic's cycles may have lost one. Nothing
 /// where no channel shows it clearly.
 fn unwrapped(reads: &[Read], mesh_order: f64) -> Option<Vec<f64>> {

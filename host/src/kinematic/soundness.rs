@@ -12,7 +12,7 @@ use std::ops::RangeInclusive;
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
 /// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that something so slow needs (set on
-/// generated records with nothing but a wander, where 25 nats and more were seen; in run-ups, where the calibrated model takes the wander off and swings must be more, 5).
+/// generated records with nothing but a wander, where 25 nats and more were seen; in run-ups, where the calibrated model takes most of the wander off and swings must be more, 4 on records without an effect, 21 on one of friction).
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
 const LEAST_SLOW_IN_RUN_UPS: f64 = 15.0;

@@ -12,7 +12,7 @@
 //! Limit: a swing that moves the speed more than all else does is taken off with the speed.
 
 use super::baseline::Grids;
-use super::phase::running_sums;
+use super::phase::{running_power, running_sums};
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, follow_everywhere};
 use super::split::Stretch;
@@ -276,17 +276,11 @@ fn swept_course(run: &SceneRun, left: &[Vec<f64>], orders: &[f64]) -> Option<Cou
 
 /// What is left of a line in step with it, and its own power, over the noise about each window.
 fn in_step(own: &[Complex64], left: &[Complex64]) -> Vec<[f64; 2]> {
-    let beside = NOISE_TURNS * PER_TURN;
-    let mut powers = vec![0.0];
-    for value in left {
-        powers.push(powers[powers.len() - 1] + value.norm_sqr());
-    }
-    let of = |(i, (own, left)): (usize, (&Complex64, &Complex64))| {
-        let (from, to) = (i.saturating_sub(beside), (i + beside + 1).min(powers.len() - 1));
-        let noise = ((powers[to] - powers[from]) / (to - from) as f64).max(f64::MIN_POSITIVE);
+    let of = |((own, left), power): ((&Complex64, &Complex64), f64)| {
+        let noise = power.max(f64::MIN_POSITIVE);
         [(own.conj() * left).re / noise, own.norm_sqr() / noise]
     };
-    own.iter().zip(left).enumerate().map(of).collect()
+    own.iter().zip(left).zip(running_power(left, NOISE_TURNS * PER_TURN)).map(of).collect()
 }
 
 impl Course {

@@ -1,8 +1,8 @@
 //! A mode's response to a line that is swept through it.
 //!
 //! A mode remembers for about `1 / (2 pi zeta f)`. Where the line moves on meanwhile, its response is late, lower and broader than the steady one, and rings
-//! on at the mode's own frequency when the line has passed. With a half-width of 5 Hz and the fourth mesh harmonic moving by 60 Hz
-//! a second the difference is a quarter of the peak; it stands beside the mesh line, where sidebands are looked for. For a rate of change that holds as long as the mode remembers the response is
+//! on at the mode's own frequency when the line has passed. With a half-width of 6 Hz and the fourth mesh harmonic moving by 60 Hz
+//! a second the difference is more than a fifth of the peak; it stands beside the mesh line, where sidebands are looked for. For a rate of change that holds as long as the mode remembers the response is
 //! known: `integral over tau > 0 of exp(-s tau + i r tau^2 / 2)`, with `s` the distance from the pole and `r` the rate, an error function of complex
 //! argument (Lewis 1932, Trans. ASME 54; Hok 1948, J. Appl. Phys. 19), here as Faddeeva's w by Weideman's rational series (SIAM J. Numer. Anal. 31, 1994). Cost: forty multiplications. Limit: a rate that changes
 //! within the mode's memory, as where a run-up begins.

@@ -4,6 +4,7 @@ use super::generator::{BENCH, Bench, Impacts};
 use super::strength::swing;
 use super::{IMPACTS, expect, loop_of, order, tone, view};
 use meshband_host::kinematic::baseline::Baseline;
+use meshband_host::kinematic::nonsynchronous::power;
 use meshband_host::kinematic::path_angle;
 use meshband_host::kinematic::scene::Scene;
 use meshband_host::kinematic::strength::Strength;
@@ -82,10 +83,7 @@ fn theory_an_angle_that_wriggles_as_mesh_lines_turn_is_told_from_the_path_that_t
         let before = Baseline::of(&scene);
         let left = |scene: &Scene, baseline: &Baseline| -> f64 {
             let run = &scene.runs[0];
-            let power = |samples: &[f64]| -> f64 {
-                let fitted = run.split.fit.iter().flat_map(|s| &samples[s.samples(run.angle.per_turn[0])]);
-                fitted.map(|x| x * x).sum()
-            };
+            let power = |samples: &[f64]| power(samples, run.angle.per_turn[0], &run.split.fit);
             baseline.calibrated[0].iter().zip(&run.samples).map(|(left, all)| power(left) / power(all)).sum()
         };
         let own = left(&scene, &before);
