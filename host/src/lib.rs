@@ -1,38 +1,19 @@
-//! Workbench of the meshband vibration node: simulator, law, records, virtual node and closed loop.
+//! Workbench of the meshband vibration node, under one name: every room of the crates below.
+//!
+//! The layers, lowest first: `meshband-common`, `-signal`, `-mechanics`, `-record`, `-analysis`, `-law`, `-node`, `-signal-based` and
+//! `-model-based`. Cargo keeps them: a room can only name what its crate depends on.
 
-pub mod analysis;
-pub mod budget;
-pub mod check;
-pub mod closed_loop;
-pub mod commissioning;
-pub mod confined;
-pub mod dynamics;
-pub mod effects;
-pub mod error;
-pub mod field;
-pub mod field_proof;
-pub mod import;
-pub mod injection;
-pub mod kinematic;
-pub(crate) mod lanes;
-pub mod law;
-pub mod levels;
-pub mod link;
-pub mod machine;
-pub mod measured;
-pub mod model;
+pub mod program;
+pub mod results;
+
+pub use meshband_analysis::{analysis, check, drawn, generate, model, observation};
+pub use meshband_common::{Error, Result, budget, confined, error, output, remark, report, say, terminal, text};
+pub use meshband_law as law;
+pub use meshband_mechanics::{dynamics, effects, machine, piecewise, stiffness};
+pub use meshband_model_based as model_based;
 #[cfg(feature = "monitor")]
-pub mod monitor;
-pub mod observation;
-pub mod output;
-pub mod piecewise;
-pub mod pulses;
-pub mod record;
-pub mod report;
-pub mod spectral;
-pub mod stiffness;
-pub mod terminal;
-pub mod text;
-pub mod virtual_node;
-
-pub use error::{Error, Result};
+pub use meshband_node_side::monitor;
+pub use meshband_node_side::{commissioning, levels, link, virtual_node};
+pub use meshband_record::{field, import, predict, record};
+pub use meshband_signal::{pulses, spectral};
+pub use meshband_signal_based as signal_based;

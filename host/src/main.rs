@@ -1,8 +1,7 @@
 //! The `meshband` command: one subcommand per file in `commands/`.
 
 use clap::{Parser, Subcommand};
-use meshband_host::output::{CLOSED_EXIT_CODE, interrupt, show};
-use meshband_host::{Error, Result, remark};
+use meshband_host::{Result, program};
 use std::process::ExitCode;
 
 mod commands;
@@ -53,31 +52,13 @@ enum Command {
     Predict(commands::predict::Args),
     /// A record folder of a simulated machine.
     Simulate(commands::simulate::Args),
-    /// Finds what the declared machine of a record lacks; error declared, calibrated and corrected.
-    Loop(commands::close::Args),
-    /// Published measurements: lines the model lacks, held-out error before and after.
-    Measured(commands::measured::Args),
-    /// Known effects put into a measured record: found, rightly named, or not, against the limits that the loop prints.
-    Inject(commands::inject::Args),
-    /// Proof campaign of the loop on generated records: null, power, withheld effects, two effects.
-    Prove(commands::prove::Args),
+    /// Finds what the declared machine of a record lacks; error declared, calibrated and corrected (alias: loop).
+    #[command(alias = "loop")]
+    Diagnose(commands::close::Args),
 }
 
 fn main() -> ExitCode {
-    let result = interrupt::install().and_then(|()| match Cli::try_parse() {
-        Ok(cli) => run(cli.command),
-        Err(error) => usage(&error),
-    });
-    interrupt::wait_if_ending();
-    match result {
-        Err(error) if error.is_closed_output() => ExitCode::from(CLOSED_EXIT_CODE),
-        Err(error) => {
-            remark!("meshband: {error}");
-            ExitCode::from(2)
-        }
-        Ok(()) if interrupt::requested() => ExitCode::from(interrupt::EXIT_CODE),
-        Ok(()) => ExitCode::SUCCESS,
-    }
+    program::execute(|cli: Cli| run(cli.command))
 }
 
 fn run(command: Command) -> Result<()> {
@@ -100,23 +81,6 @@ fn run(command: Command) -> Result<()> {
         Command::Node(args) => commands::node::run(args),
         Command::Predict(args) => commands::predict::run(args),
         Command::Simulate(args) => commands::simulate::run(args),
-        Command::Loop(args) => commands::close::run(args),
-        Command::Measured(args) => commands::measured::run(args),
-        Command::Inject(args) => commands::inject::run(args),
-        Command::Prove(args) => commands::prove::run(args),
+        Command::Diagnose(args) => commands::close::run(args),
     }
-}
-
-/// Help and version as they are; of a wrong command line the one line that says what is wrong.
-fn usage(error: &clap::Error) -> Result<()> {
-    let text = error.render().to_string();
-    if !error.use_stderr() || error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        return show(&text);
-    }
-    let is_advice = |line: &&str| line.starts_with("Usage:") || line.starts_with("For more information");
-    let parts: Vec<&str> =
-        text.lines().map(str::trim).filter(|l| !l.is_empty()).take_while(|l| !is_advice(l)).collect();
-    let what = parts.join(" ");
-    let what = what.strip_prefix("error: ").unwrap_or(&what);
-    Err(Error::invalid("command line", format!("{what}; --help lists the options")))
 }

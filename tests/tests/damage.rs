@@ -20,7 +20,7 @@ fn program() -> PathBuf {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |folder| root.join(folder));
     let program = std::path::absolute(target.join("release/meshband")).expect("a path");
     let built = program.metadata().and_then(|about| about.modified()).ok();
-    let newest = ["host/src", "shared/src"].iter().filter_map(|folder| newest(&root.join(folder))).max();
+    let newest = ["host", "shared/src"].iter().filter_map(|folder| newest(&root.join(folder))).max();
     if built.is_none_or(|built| newest.is_some_and(|newest| newest > built)) {
         let status = Command::new(env!("CARGO"))
             .args(["build", "--quiet", "--release", "--package", "meshband-host", "--bin", "meshband"])

@@ -1,6 +1,6 @@
 //! The Python environment with pymodbus, an independent Modbus master, under `target/modbus-python`; made once.
 //!
-//! The tests of the emulated board use it where it is (`tests/emulator/tests/flashed/modbus`) and say that they are skipped where it is not. The variable
+//! The tests of the emulated board use it where it is (`emulator/tests/flashed/modbus`) and say that they are skipped where it is not. The variable
 //! `MESHBAND_MODBUS_PYTHON` names another interpreter that has the package.
 
 use crate::shell::{Outcome, capture, cargo, last_line, on_path, root, run, timed, with_retries};

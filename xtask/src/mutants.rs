@@ -63,7 +63,7 @@ extern "C" fn end_at_first_panic() {
 }
 "#;
 
-/// Files of the inference, of `host/src/kinematic`.
+/// Files of the inference, of `host/signal_based/src`.
 const INFERENCE: [&str; 5] = ["accept", "choice", "errors", "evidence", "naming"];
 /// Tests that know what these must say: seconds for each mutant.
 const INFERENCE_TESTS: [&str; 3] = ["gate::", "names::", "stages::"];
@@ -97,11 +97,11 @@ pub fn run_task(args: &[String]) -> Outcome {
             mutants.args(["--profile", "mutants", "--timeout", "1200"]);
         }
         "inference" => {
-            mutants.args(["--package", "meshband-host", "--profile", "mutants", "--in-place"]);
+            mutants.args(["--package", "meshband-signal-based", "--profile", "mutants", "--in-place"]);
             for file in INFERENCE {
-                mutants.arg("--file").arg(format!("host/src/kinematic/{file}.rs"));
+                mutants.arg("--file").arg(format!("host/signal_based/src/{file}.rs"));
             }
-            mutants.args(["--", "--test", "kinematic", "--"]).args(INFERENCE_TESTS);
+            mutants.args(["--", "--test", "signal_based", "--"]).args(INFERENCE_TESTS);
         }
         other => return Err(format!("mutants takes `shared` or `inference`, not {other}")),
     }

@@ -20,7 +20,7 @@ cycles, is of one sensor and of two: of 28 block buffers two are being filled, t
 
 const TAIL: &str = "
 The highest rate that a configuration may ask for (`Timing::STM32F405`) is 420 kHz: below what two cycles per instruction allow, and room for the
-octave plan's overlap of 5 % above twice 200 kHz. Where waveforms lose blocks, a lower `limits.highest_adc` ends that. `tests/emulator/tests/flashed/pace.rs` holds the released image to it. A stored
+octave plan's overlap of 5 % above twice 200 kHz. Where waveforms lose blocks, a lower `limits.highest_adc` ends that. `emulator/tests/flashed/pace.rs` holds the released image to it. A stored
 configuration that asks for more is lowered to it.
 ";
 

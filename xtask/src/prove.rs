@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// The campaign of the proof; further arguments go to `meshband prove` in place of the counts.
 pub fn campaign(args: &[String]) -> Outcome {
-    let [program] = programs(["meshband"])?;
+    let [program] = programs(["meshband-validate"])?;
     let docs = root().join("docs/proof");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
     let counts = "--null 200 --power 252 --levels 2,20,2,2,2,2,2,2,2 --leave-one-out 27 --two 13 --seconds 1 --seed 1";
@@ -27,7 +27,7 @@ pub fn campaign(args: &[String]) -> Outcome {
 
 /// The campaign of the kinematic level; further arguments go to `meshband prove --field` in place of the counts.
 pub fn field(args: &[String]) -> Outcome {
-    let [program] = programs(["meshband"])?;
+    let [program] = programs(["meshband-validate"])?;
     let docs = root().join("docs/proof/field");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
     let counts = "--null 100 --power 138 --levels 4,2,4,8,4,20 --seed 20261122";

@@ -2,7 +2,7 @@
 //!
 //! An image becomes whole by its header (`shared/src/update/header.rs`): what it says of itself (symbol `IMAGE_DESCRIPTION`), with place, length and
 //! checksums filled in here. An update file is both slots' images behind one another, each behind its header: the host sends the one that fits the
-//! slot that is free. `tests/emulator/tests/flashed/update.rs` holds the file against the node's own reading of it.
+//! slot that is free. `emulator/tests/flashed/update.rs` holds the file against the node's own reading of it.
 
 use crate::elf::{self, Image};
 use crate::node_build::{RELEASED, image};

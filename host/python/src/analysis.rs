@@ -4,15 +4,15 @@ use crate::outcome::Outcome;
 use crate::record::Record;
 use crate::work;
 use meshband_host::analysis::{self, Choice, report, view};
-use meshband_host::closed_loop::replay::replay;
-use meshband_host::closed_loop::{self, Options};
+use meshband_host::model_based::replay::replay;
+use meshband_host::model_based::{self, Options};
 use meshband_host::dynamics::assembly::Damping;
-use meshband_host::dynamics::predict::Predictor;
+use meshband_host::predict::Predictor;
 use meshband_host::dynamics::rig::Rig;
-use meshband_host::kinematic::preflight::{Level, Preflight};
+use meshband_host::signal_based::preflight::{Level, Preflight};
 use meshband_host::observation::input;
 use meshband_host::report::Report;
-use meshband_host::{Error, Result, check as checking, effects, kinematic, machine};
+use meshband_host::{Error, Result, check as checking, effects, signal_based, machine};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ pub fn check(py: Python<'_>, record: &Record) -> PyResult<Outcome> {
     work::run(py, move || {
         let findings = checking::record(&input::view(&record)?);
         let page = Report::new(&format!("Check: {}", record.declaration.title()), "What is wrong with the record");
-        let html = closed_loop::report::findings(page, &findings).html();
+        let html = model_based::report::findings(page, &findings).html();
         Outcome::new(&findings, findings.text(), html)
     })
 }
@@ -73,17 +73,17 @@ fn closed(
             // A machine that is declared wrongly is refused, not passed over.
             input::view(record)?;
         }
-        let mut found = kinematic::run(record, &preflight)?;
+        let mut found = signal_based::run(record, &preflight)?;
         found.record = name.unwrap_or(found.record);
-        let html = if with_report { kinematic::report::report(&found)?.html() } else { String::new() };
-        return Outcome::new(&found, kinematic::view::text(&found), html);
+        let html = if with_report { signal_based::report::report(&found)?.html() } else { String::new() };
+        return Outcome::new(&found, signal_based::view::text(&found), html);
     }
     let seen = input::view(record)?;
     checking::record(&seen).require_usable()?;
-    let mut found = closed_loop::close_loop(&seen, &Options { seed, limits: true, ..Options::default() })?;
+    let mut found = model_based::close_loop(&seen, &Options { seed, limits: true, ..Options::default() })?;
     found.record = name.unwrap_or(found.record);
     let html = match with_report {
-        true => closed_loop::report::report(&found, &replay(&seen, &found))?.html(),
+        true => model_based::report::report(&found, &replay(&seen, &found))?.html(),
         false => String::new(),
     };
     Outcome::new(&found, found.summary(), html)

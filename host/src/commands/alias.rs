@@ -1,10 +1,10 @@
 //! `meshband alias`: folded mesh harmonics at a sampling rate, and which of them explain given lines.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::output::show;
 use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, stems};
+use meshband_host::results::Results;
 use meshband_host::{Error, Result, terminal};
 use serde::Serialize;
 

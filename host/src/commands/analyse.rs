@@ -1,11 +1,11 @@
 //! `meshband analyse`: order spectrum and map, sidebands, averages, envelope and unexplained orders of a record.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::Result;
 use meshband_host::analysis::{self, Choice, report, view};
 use meshband_host::output::show;
 use meshband_host::record::Record;
+use meshband_host::results::Results;
 use std::path::PathBuf;
 
 /// Arguments of `meshband analyse`.

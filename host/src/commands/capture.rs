@@ -1,10 +1,10 @@
 //! `meshband capture`: a waveform that a node holds, as a record.
 
-use super::results::Force;
 use clap::Args as ClapArgs;
 use meshband_host::link::Client;
 use meshband_host::link::capture::{await_held, fetch};
 use meshband_host::output::Content;
+use meshband_host::results::Force;
 use meshband_host::{Result, say};
 use std::path::PathBuf;
 use std::time::Duration;

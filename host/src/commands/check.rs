@@ -1,11 +1,11 @@
 //! `meshband check`: what is wrong with a record, before anything is inferred from it.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
-use meshband_host::closed_loop::report;
+use meshband_host::model_based::report;
 use meshband_host::observation::input;
 use meshband_host::output::show;
 use meshband_host::report::Report;
+use meshband_host::results::Results;
 use meshband_host::{Result, check, say};
 use std::path::PathBuf;
 

@@ -1,7 +1,6 @@
 //! `meshband commission`: a node from wired to watching, in one course.
 
 use super::installation::InstallationArgs;
-use super::results::Force;
 use clap::Args as ClapArgs;
 use meshband_host::commissioning::ear::Operator;
 use meshband_host::commissioning::outcome::Commissioning;
@@ -11,6 +10,7 @@ use meshband_host::link::Client;
 use meshband_host::link::setup::Sources;
 use meshband_host::machine::Machine;
 use meshband_host::output::{COMMISSIONING, Content, OutputFolder, interrupt};
+use meshband_host::results::Force;
 use meshband_host::{Error, Result, remark, say};
 use std::io::{BufRead, IsTerminal};
 use std::path::PathBuf;

@@ -1,13 +1,13 @@
 //! `meshband configure`: tells a node its machine and law, and has it stored.
 
 use super::installation::InstallationArgs;
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband::board::Timing;
 use meshband::config::{LinkConfig, Personality};
 use meshband::units::TicksPerSecond;
 use meshband_host::link::setup::Sources;
 use meshband_host::link::{Client, report};
+use meshband_host::results::Results;
 use meshband_host::{Error, Result, say};
 use std::path::PathBuf;
 use std::time::Duration;

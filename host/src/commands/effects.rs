@@ -1,6 +1,5 @@
 //! `meshband effects`: the library of effects, and the page of the documentation that shows them.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::Rig;
 use meshband_host::dynamics::assembly::{Damping, Model};
@@ -9,6 +8,7 @@ use meshband_host::effects::{Entry, REGISTRY};
 use meshband_host::machine::Machine;
 use meshband_host::output::{OutputFile, Outputs, show};
 use meshband_host::report::Report;
+use meshband_host::results::Results;
 use meshband_host::{Error, Result, terminal};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};

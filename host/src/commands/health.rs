@@ -1,9 +1,9 @@
 //! `meshband health`: the node as a device, and the time of day told to it.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::link::{Client, health, report};
 use meshband_host::output::show;
+use meshband_host::results::Results;
 use meshband_host::terminal::table;
 use meshband_host::{Error, Result, say};
 

@@ -3,11 +3,11 @@
 mod page;
 mod tach;
 
-use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachChoice, Unit};
 use meshband_host::machine::Machine;
 use meshband_host::output::{Content, show};
+use meshband_host::results::Results;
 use meshband_host::{Error, Result, say, terminal};
 use std::path::{Path, PathBuf};
 

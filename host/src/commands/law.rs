@@ -1,6 +1,5 @@
 //! `meshband law`: the paper's studies on a machine, its bandwidth law, and the check at speeds not fitted.
 
-use super::results::{Announced, Force, Results};
 use clap::{Args as ClapArgs, Subcommand};
 use meshband_host::law::derive::{Check, Laws, OPERATING_POINTS, check, derive};
 use meshband_host::law::domain::Domain;
@@ -15,6 +14,7 @@ use meshband_host::machine::Machine;
 use meshband_host::output::show;
 use meshband_host::record::Record;
 use meshband_host::report::Report;
+use meshband_host::results::{Announced, Force, Results};
 use meshband_host::terminal::{Progress, table};
 use meshband_host::{Error, Result, say};
 use serde::Serialize;

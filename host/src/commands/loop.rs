@@ -1,21 +1,21 @@
 //! `meshband loop`: what a record's declared machine lacks, and the held-out error as declared, calibrated and corrected.
 
-use super::results::{Announced, Results};
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::check::{self, Findings};
-use meshband_host::closed_loop::Outcome;
-use meshband_host::closed_loop::apply::{Applied, Correction};
-use meshband_host::closed_loop::bands::{bands, occupied};
-use meshband_host::closed_loop::node_check::{HEADS, NodeCheck, node_check};
-use meshband_host::closed_loop::replay::{Replay, replay};
-use meshband_host::closed_loop::report::{self, report};
-use meshband_host::closed_loop::{Options, close_loop};
-use meshband_host::kinematic::preflight::{self, Preflight};
+use meshband_host::model_based::Outcome;
+use meshband_host::model_based::apply::{Applied, Correction};
+use meshband_host::model_based::bands::{bands, occupied};
+use meshband_host::model_based::node_check::{HEADS, NodeCheck, node_check};
+use meshband_host::model_based::replay::{Replay, replay};
+use meshband_host::model_based::report::{self, report};
+use meshband_host::model_based::{Options, close_loop};
 use meshband_host::observation::input;
 use meshband_host::output::show;
 use meshband_host::record::Record;
 use meshband_host::report::Report;
-use meshband_host::{Error, Result, kinematic, say, terminal};
+use meshband_host::results::{Announced, Results};
+use meshband_host::signal_based::preflight::{self, Preflight};
+use meshband_host::{Error, Result, say, signal_based, terminal};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -140,12 +140,12 @@ fn nothing_to_correct(preflight: &Preflight) -> Error {
 
 /// The kinematic level: families of lines in what the mesh leaves.
 fn run_kinematic(args: &Args, record: &Record, preflight: &Preflight, written: &mut Announced) -> Result<()> {
-    let mut outcome = kinematic::run(record, preflight)?;
+    let mut outcome = signal_based::run(record, preflight)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();
     }
-    written.write(&outcome, || kinematic::report::report(&outcome))?;
-    show(&kinematic::view::text(&outcome))
+    written.write(&outcome, || signal_based::report::report(&outcome))?;
+    show(&signal_based::view::text(&outcome))
 }
 
 /// What came of `--apply`.

@@ -1,6 +1,5 @@
 //! `meshband machine`: a machine file from a few figures, what a machine file says, and every key it may have.
 
-use super::results::{Force, Results};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use meshband_host::dynamics::Rig;
 use meshband_host::dynamics::assembly::{Damping, Model};
@@ -11,6 +10,7 @@ use meshband_host::machine::estimate::{Bearings, Known, estimate};
 use meshband_host::machine::{Hunting, Machine, keys};
 use meshband_host::output::show;
 use meshband_host::report::Report;
+use meshband_host::results::{Force, Results};
 use meshband_host::stiffness::report::Report as Stiffness;
 use meshband_host::terminal::{Progress, table};
 use meshband_host::{Error, Result, remark, say};

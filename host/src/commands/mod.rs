@@ -13,17 +13,14 @@ pub mod configure;
 pub mod effects;
 pub mod health;
 pub mod import;
-pub mod inject;
 pub mod installation;
 pub mod law;
 pub mod levels;
 pub mod machine;
-pub mod measured;
 pub mod monitor;
 pub mod node;
 pub mod predict;
-pub mod prove;
-pub mod results;
+
 pub mod simulate;
 pub mod stiffness;
 pub mod update;

@@ -3,7 +3,6 @@
 //! In a terminal the view is live and everything is captured; elsewhere (a pipe, `--once`, `--frames`) text comes at the end. Both open a
 //! lost port again; a port that stays away for the patience ends the command with an error, after what was heard is written.
 
-use super::results::{Announced, Results};
 use clap::Args as ClapArgs;
 use meshband::message::Identification;
 use meshband_host::link::view::View;
@@ -13,6 +12,7 @@ use meshband_host::monitor::link::{Standing, Watched};
 use meshband_host::monitor::panel::Panel;
 use meshband_host::monitor::terminal::{Limits, live};
 use meshband_host::output::{Outputs, interrupt, show};
+use meshband_host::results::{Announced, Results};
 use meshband_host::{Error, Result, remark, say};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};

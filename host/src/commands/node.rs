@@ -1,6 +1,5 @@
 //! `meshband node`: the real firmware on a virtual board, fed with a run of a record, or with a machine simulated for the purpose.
 
-use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband::config::Configuration;
 use meshband::law::Law;
@@ -10,6 +9,7 @@ use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
 use meshband_host::output::{interrupt, show};
 use meshband_host::record::Record;
+use meshband_host::results::Results;
 use meshband_host::virtual_node::emulated::run::Emulated;
 use meshband_host::virtual_node::profile::Pace;
 use meshband_host::virtual_node::qemu::{Qemu, built_firmware};

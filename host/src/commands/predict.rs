@@ -1,16 +1,16 @@
 //! `meshband predict`: what the declared machine gives for each run of a record.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::assembly::{Damping, Model};
-use meshband_host::dynamics::predict::Predictor;
 use meshband_host::dynamics::rig::{PARTS, Rig};
 use meshband_host::dynamics::taylor::Statistics;
 use meshband_host::machine::Machine;
 use meshband_host::output::{Content, show};
+use meshband_host::predict::Predictor;
 use meshband_host::record::{Record, Run, npy};
 use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, spectrum};
+use meshband_host::results::Results;
 use meshband_host::spectral::{Window, amplitude_spectrum};
 use meshband_host::{Error, Result, effects, say, terminal};
 use rayon::prelude::*;

@@ -2,7 +2,6 @@
 
 mod field;
 
-use super::results::Results;
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::budget::ALL_STEPS;
 use meshband_host::dynamics::assembly::{Damping, Model};
@@ -16,6 +15,7 @@ use meshband_host::output::Content;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
 use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, lines, spectrum};
+use meshband_host::results::Results;
 use meshband_host::spectral::{Window, amplitude_spectrum};
 use meshband_host::{Error, Result, effects, remark, terminal};
 use rayon::prelude::*;

@@ -1,8 +1,8 @@
 //! `meshband stiffness`: mesh stiffness over the cycle, its components, and ISO 6336 beside it.
 
-use super::results::Results;
 use clap::Args as ClapArgs;
 use meshband_host::output::show;
+use meshband_host::results::Results;
 use meshband_host::stiffness::page::page;
 use meshband_host::stiffness::report::Report;
 use meshband_host::{Result, remark};

@@ -7,6 +7,7 @@ mod analyse;
 mod capture;
 mod cli;
 mod commission;
+mod diagnose;
 mod emulated_line;
 mod field;
 mod foreign_formats;

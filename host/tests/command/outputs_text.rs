@@ -121,7 +121,6 @@ fn commands(m: &str) -> Vec<(&'static str, Vec<&str>, bool)> {
         ),
         ("loop-dynamic", vec!["loop", "three"], true),
         ("alone", vec!["analyse", "own", "--channel", "0"], true),
-        ("measured", vec!["measured", "cases", "--data", ".", "-o", "measured.md", "--json", "measured.json"], false),
         (
             "machine-new",
             vec![

@@ -1,6 +1,6 @@
 //! The proof campaign: same seed same records, and a stopped campaign goes on where it was.
 
-use meshband_host::closed_loop::campaign::{Plan, Scored, run, summarise};
+use meshband_validate::campaign::{Plan, Scored, run, summarise};
 use std::path::{Path, PathBuf};
 
 fn machine(name: &str) -> PathBuf {

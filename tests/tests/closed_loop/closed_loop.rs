@@ -1,17 +1,17 @@
 //! The closed loop: its forward model against records with nothing undeclared.
 
-use meshband_host::closed_loop::base_fit::Base;
-use meshband_host::closed_loop::candidate::Claim;
-use meshband_host::closed_loop::detect::Found;
-use meshband_host::closed_loop::frame::Frame;
-use meshband_host::closed_loop::generate::{Scenario, record};
-use meshband_host::closed_loop::judge::Split;
-use meshband_host::closed_loop::least_squares::chi_square;
-use meshband_host::closed_loop::library::{Bench, order};
 use meshband_host::effects::hypothesis::{Draw, Hidden, Hypothesis, Seat};
 use meshband_host::effects::{hidden, hypotheses};
+use meshband_host::generate::{Scenario, record};
 use meshband_host::machine::{Pair, Shafts};
 use meshband_host::model::harmonic_balance::Machine;
+use meshband_host::model_based::base_fit::Base;
+use meshband_host::model_based::candidate::Claim;
+use meshband_host::model_based::detect::Found;
+use meshband_host::model_based::frame::Frame;
+use meshband_host::model_based::judge::Split;
+use meshband_host::model_based::least_squares::chi_square;
+use meshband_host::model_based::library::{Bench, order};
 use meshband_host::observation::angle::Angle;
 use meshband_host::observation::input::{self, Record};
 use meshband_host::observation::spectrum::Analyser;

@@ -1,14 +1,6 @@
 //! What `meshband loop --apply` writes: effects that the simulator reproduces in phase, a machine that predicts the record, a law for its node.
 
-use meshband_host::closed_loop::apply::{Applied, Correction};
-use meshband_host::closed_loop::candidate::{Parameter, Tuning};
-use meshband_host::closed_loop::carry::{PHASE_FREE, carry};
-use meshband_host::closed_loop::node_check::node_check;
-use meshband_host::closed_loop::outcome::{Effect, Evidence, Outcome, Term, Value};
-use meshband_host::closed_loop::start::Start;
-use meshband_host::closed_loop::{Options, close_loop};
 use meshband_host::dynamics::assembly::{Damping, Model};
-use meshband_host::dynamics::predict::Predictor;
 use meshband_host::dynamics::simulate::{Acquisition, simulate};
 use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::effects;
@@ -17,8 +9,16 @@ use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
 use meshband_host::model::fixed_step::{self, Point, accelerations, of_runs};
 use meshband_host::model::harmonic_balance;
+use meshband_host::model_based::apply::{Applied, Correction};
+use meshband_host::model_based::candidate::{Parameter, Tuning};
+use meshband_host::model_based::carry::{PHASE_FREE, carry};
+use meshband_host::model_based::node_check::node_check;
+use meshband_host::model_based::outcome::{Effect, Evidence, Outcome, Term, Value};
+use meshband_host::model_based::start::Start;
+use meshband_host::model_based::{Options, close_loop};
 use meshband_host::observation::input;
 use meshband_host::output::Outputs;
+use meshband_host::predict::Predictor;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! The whole loop on short generated records, one undeclared effect each: what is said of it, and that nothing is said of nothing.
 
-use meshband_host::closed_loop::generate::{self, Scenario};
-use meshband_host::closed_loop::outcome::Effect as Found;
-use meshband_host::closed_loop::{Options, Outcome, close_loop};
+use meshband_host::generate::{self, Scenario};
+use meshband_host::model_based::outcome::Effect as Found;
+use meshband_host::model_based::{Options, Outcome, close_loop};
 use meshband_host::observation::input::{self, Record};
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! What would have been found, and what to measure next, on generated records.
 
-use meshband_host::closed_loop::generate::{self, Scenario};
-use meshband_host::closed_loop::limits::Limit;
-use meshband_host::closed_loop::{Options, Outcome, close_loop};
+use meshband_host::generate::{self, Scenario};
+use meshband_host::model_based::limits::Limit;
+use meshband_host::model_based::{Options, Outcome, close_loop};
 use meshband_host::observation::input::{self, Record};
 use std::path::Path;
 

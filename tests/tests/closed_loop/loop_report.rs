@@ -1,8 +1,8 @@
 //! The loop's report, band levels and corrected machine, on a generated record with a known effect.
 
-use meshband_host::closed_loop::generate::{self, Scenario};
-use meshband_host::closed_loop::{Options, apply, bands, close_loop, replay, report};
+use meshband_host::generate::{self, Scenario};
 use meshband_host::machine::Machine;
+use meshband_host::model_based::{Options, apply, bands, close_loop, replay, report};
 use meshband_host::observation::input;
 use meshband_host::output::Outputs;
 use meshband_host::record::Record;

@@ -1,11 +1,11 @@
 //! Where a run starts in the hunting period: an unknown of the record that the loop finds together with the effect.
 
-use meshband_host::closed_loop::base_fit::Base;
-use meshband_host::closed_loop::generate::{self, Scenario};
-use meshband_host::closed_loop::library::{Bench, order};
-use meshband_host::closed_loop::start::{self, Products, Start};
-use meshband_host::closed_loop::{Options, Outcome, close_loop};
+use meshband_host::generate::{self, Scenario};
 use meshband_host::machine::{Freedom, Hunting};
+use meshband_host::model_based::base_fit::Base;
+use meshband_host::model_based::library::{Bench, order};
+use meshband_host::model_based::start::{self, Products, Start};
+use meshband_host::model_based::{Options, Outcome, close_loop};
 use meshband_host::observation::input;
 use meshband_host::observation::spectrum::Sparse;
 use rustfft::num_complex::Complex64 as C;

@@ -1,14 +1,14 @@
 //! What the loop says of chance and of worth: tails, degrees of freedom, trials, and errors in three stages.
 
-use meshband_host::closed_loop::base_fit::Base;
-use meshband_host::closed_loop::candidate::Candidate;
-use meshband_host::closed_loop::detect::Found;
-use meshband_host::closed_loop::generate::{self, Scenario};
-use meshband_host::closed_loop::judge::{Judge, Judged, Split};
-use meshband_host::closed_loop::library::{Bench, order};
-use meshband_host::closed_loop::outcome::Evidence;
-use meshband_host::closed_loop::probability::Probability;
-use meshband_host::closed_loop::{Options, close_loop};
+use meshband_host::generate::{self, Scenario};
+use meshband_host::model_based::base_fit::Base;
+use meshband_host::model_based::candidate::Candidate;
+use meshband_host::model_based::detect::Found;
+use meshband_host::model_based::judge::{Judge, Judged, Split};
+use meshband_host::model_based::library::{Bench, order};
+use meshband_host::model_based::outcome::Evidence;
+use meshband_host::model_based::probability::Probability;
+use meshband_host::model_based::{Options, close_loop};
 use meshband_host::observation::input::{self, Record};
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 //! runs that it does not explain.
 
 use meshband_host::check::{self, Findings, Kind, Severity};
-use meshband_host::closed_loop::generate::{self, Scenario};
-use meshband_host::closed_loop::outcome::MOST_OVER_FLOOR;
-use meshband_host::closed_loop::{Options, Outcome, close_loop};
+use meshband_host::generate::{self, Scenario};
+use meshband_host::model_based::outcome::MOST_OVER_FLOOR;
+use meshband_host::model_based::{Options, Outcome, close_loop};
 use meshband_host::observation::input::{self, Record, Run};
 use meshband_host::record;
 use rand::{RngExt, SeedableRng};

@@ -6,11 +6,11 @@ use golden_pair::{Golden, companion, golden, golden_machine, number, vectors};
 use meshband_host::dynamics::assembly::{Damping, Model, Options as AssemblyOptions};
 use meshband_host::dynamics::energy::Meter;
 use meshband_host::dynamics::mesh::MeshDamping;
-use meshband_host::dynamics::predict::Predictor;
 use meshband_host::dynamics::steady::steady_state;
 use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Mesh, Solver, State, System};
 use meshband_host::effects;
+use meshband_host::predict::Predictor;
 use meshband_host::record::Record;
 
 #[test]

@@ -1,8 +1,8 @@
 //! Published measurements: what the model lacks, found on one part of the data and scored on the other.
 
-use meshband_host::kinematic::outcome::Outcome;
-use meshband_host::kinematic::view;
-use meshband_host::measured::{self, Case, cases, paper};
+use meshband_host::signal_based::outcome::Outcome;
+use meshband_host::signal_based::view;
+use meshband_validate::measured::{self, Case, cases, paper};
 use std::path::Path;
 
 /// The loop's answer on a case of the project; none where its data are not at hand.

@@ -1,0 +1,13 @@
+//! What a record shows by itself: observation, steady-state model, check of the record, order analysis.
+
+pub mod analysis;
+pub mod check;
+pub mod drawn;
+pub mod generate;
+pub mod model;
+pub mod observation;
+
+use meshband_common::{Error, Result, budget, report, terminal, text};
+use meshband_mechanics::{dynamics, effects, lanes, machine, stiffness};
+use meshband_record::record;
+use meshband_signal::{pulses, spectral};

@@ -1,0 +1,164 @@
+//! The loop on measured records: what tooth counts and a speed reference say, without a machine's equations.
+//!
+//! 1. [`preflight`]: which level a record allows, and what is missing for the next.
+//! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
+//! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
+//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]).
+//!    A slow swing of the load is looked for in the [`strength`] with which all lines mesh.
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`bearing_slip`]); a veto. [`named_lines`]: what their lines hold at most.
+//! 6. [`motor_slip`]: the speed against a declared load, and the supply that it slips against.
+//! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
+//!
+//! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
+
+pub mod accept;
+pub mod again;
+pub mod all_turns;
+pub mod amplitudes;
+pub mod at_limit;
+pub mod baseline;
+pub mod basis;
+pub mod bearing_slip;
+pub mod candidate;
+pub mod carry;
+pub mod choice;
+pub mod describe;
+pub mod errors;
+pub mod evidence;
+pub mod families;
+pub mod following;
+pub mod foretold;
+pub mod jitter;
+pub mod limits;
+pub mod mesh_place;
+pub mod motor_slip;
+pub mod named_lines;
+pub mod naming;
+pub mod nonsynchronous;
+pub mod outcome;
+pub mod path_angle;
+pub mod phase;
+pub mod places;
+pub mod pole_fit;
+pub mod poles;
+pub mod preflight;
+pub mod report;
+pub mod residual;
+pub mod rivals;
+pub mod scene;
+pub mod search;
+pub mod shaft_rest;
+pub mod sharpness;
+pub mod soundness;
+pub mod spectra;
+pub mod split;
+pub mod spoken_for;
+pub mod strength;
+pub mod sweep;
+pub mod swept;
+pub mod view;
+pub mod worth;
+
+use crate::record::Record;
+use outcome::Outcome;
+use preflight::Preflight;
+use scene::Scene;
+use search::Adopted;
+
+/// A rig of one shaft is a pair of one tooth: its "mesh harmonics" are the shaft's own orders.
+const NO_GEARS: [u32; 2] = [1, 1];
+
+/// How often the search is made again without what the held-out turns veto.
+const AGAIN: usize = 2;
+
+/// Runs the kinematic level on a record.
+///
+/// # Errors
+/// A record without tooth counts, tach or enough turns; more points than the budget.
+pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
+    let place = record.folder.join("record.toml");
+    let missing = || Error::invalid(place.display(), "has no tooth counts");
+    let declaration = &record.declaration;
+    let teeth = if declaration.has_no_gears() { NO_GEARS } else { declaration.teeth().ok_or_else(missing)? };
+    let mut scene = Scene::of(record, record.require_tach()?, teeth)?;
+    let baseline = path_angle::fitted(&mut scene);
+    let fit = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
+    let own = mesh_place::spectra(&scene, |split| &split.fit);
+    let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
+    let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
+    let rest = carry::carry(&mut found, &scene, &fit);
+    let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
+    let held = if held_out {
+        residual::views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit))
+    } else {
+        residual::views(&scene, &baseline.calibrated, |split| &split.fit, Some(&fit))
+    };
+    let views = [&fit, &held];
+    let passed: Vec<&Adopted> = rest.iter().filter(|own| own.verdict.refused.is_none()).collect();
+    let judges = held_out && misplaced.is_none();
+    if judges {
+        again::search_on(&mut found, &passed, &scene, views);
+        bearing_slip::read(&mut found.adopted, &passed, &scene, views);
+    }
+    let worths_of = |adopted: &[Adopted]| {
+        let all: Vec<&Adopted> = adopted.iter().chain(passed.iter().copied()).collect();
+        worth::worths(&scene, &baseline, views, &all)
+    };
+    let mut worths = worths_of(&found.adopted);
+    let mut vetoed_before: Vec<(Adopted, worth::Worth)> = Vec::new();
+    for _ in 0..AGAIN * usize::from(judges) {
+        let judged = found.adopted.iter().cloned().zip(worths.iter().copied());
+        let (kept, vetoed): (Vec<_>, Vec<_>) = judged.partition(|(own, worth)| worth::holds(own, worth));
+        if vetoed.is_empty() {
+            break;
+        }
+        let families = [&kept, &vetoed].map(|of| of.iter().map(|(own, _)| own.clone()).collect());
+        vetoed_before.extend(vetoed);
+        let finds = again::search_again(&mut found, families, &passed, &scene, views);
+        if finds {
+            bearing_slip::read(&mut found.adopted, &passed, &scene, views);
+        }
+        worths = worths_of(&found.adopted);
+        if !finds {
+            break;
+        }
+    }
+    let all: Vec<&Adopted> = found.adopted.iter().chain(passed.iter().copied()).collect();
+    let (mut kept, mut vetoed): (Vec<_>, Vec<_>) =
+        all.into_iter().zip(worths).partition(|(a, worth)| !held_out || worth::holds(a, worth));
+    vetoed.extend(vetoed_before.iter().map(|(own, worth)| (own, *worth)));
+    let families = shaft_rest::families(&kept, &rest);
+    kept.retain(|(own, _)| shaft_rest::is_wanted(own, &rest, &families));
+    let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
+    let predicts = |(own, worth): &&(&Adopted, worth::Worth)| {
+        let pays = !shaft_rest::is_among(&rest, own) || worth.gain > 0.0;
+        !held_out || !own.candidate.locked || worth::predicts_waveform(own, worth) && pays
+    };
+    let predicting: Vec<&Adopted> = kept.iter().filter(predicts).map(|(a, _)| *a).collect();
+    let corrected = errors::correct(&scene, &baseline, &fit, &predicting);
+    let mut errors = errors::errors(&scene, &baseline, &corrected, (views, &own), &adopted);
+    let own_held = mesh_place::spectra(&scene, |split| if held_out { &split.held_out } else { &split.fit });
+    let named = named_lines::of(&scene, &own_held, views, &adopted);
+    errors.per_channel.iter_mut().zip(named).for_each(|(channel, named)| channel.named_lines = named);
+    let named: Vec<&Adopted> = families.iter().map(|(a, _)| *a).collect();
+    let limits = limits::limits(&scene, &baseline, &fit, &found, &named);
+    let parts = describe::Parts {
+        scene: &scene,
+        baseline: &baseline,
+        views: &fit,
+        corrected: &corrected,
+        search: &found,
+        rest: &rest,
+    };
+    let mut outcome = describe::outcome(&parts, &families, &vetoed, errors, limits, preflight);
+    outcome.slip = motor_slip::law(record, &scene);
+    Ok(match misplaced {
+        Some(finding) => outcome.abstaining(finding),
+        None => outcome,
+    })
+}
+
+use meshband_analysis::analysis;
+use meshband_common::{Error, Result, budget, terminal, text};
+use meshband_record::record;
+use meshband_signal::spectral;
