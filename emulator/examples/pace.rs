@@ -1,4 +1,4 @@
-//! Which sampling rates the flashed image keeps up with, against cycles per instruction, and with waveforms kept: the tables of `docs/pace.md`.
+//! Which sampling rates the flashed image keeps up with, against cycles per instruction, and with waveforms kept: the tables of `cargo xtask pace`.
 //!
 //! Every run is the image's heaviest ordinary work ([`compared::load`]): the wideband path at the law's rate, mesh records, synchronous averages,
 //! edges timed for the law's check, waveforms asked for without end, at three speeds up to the highest. A rate is kept up with where no

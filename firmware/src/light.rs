@@ -1,4 +1,4 @@
-//! What the light says, as numbers of flashes; `docs/node.md` lists them. Their timing is the driver's
+//! What the light says, as numbers of flashes; `book/src/reference/node.md` lists them. Their timing is the driver's
 //! ([`meshband_drivers::status_light`]).
 
 use meshband::node::State;

@@ -1,4 +1,4 @@
-"""What the gateway does when something around it is wrong: each outcome defined (docs/fleet.md) and looked at here.
+"""What the gateway does when something around it is wrong: each outcome, defined in book/src/howto/fleet.md.
 
 MESHBAND_GATEWAY names the program; `python -m unittest` in this folder.
 """

@@ -29,7 +29,7 @@ impl Timing {
     pub const AN386: Self =
         Self { clock: TicksPerSecond(25_000_000), period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: None };
     /// STM32F405: the converter runs on a quarter of the timer's clock and could follow 750 kHz; the highest rate is what the main loop
-    /// keeps up with at two cycles per instruction, with margin (`docs/pace.md`).
+    /// keeps up with at two cycles per instruction, with margin (`cargo xtask pace`).
     pub const STM32F405: Self = Self {
         clock: TicksPerSecond(84_000_000),
         period_step: 4,

@@ -1,4 +1,4 @@
-//! `cargo xtask damage`: the campaign of attacks on the command, into `docs/damage.md`.
+//! `cargo xtask damage`: the campaign of attacks on the command, into `target/damage.md`.
 
 use crate::shell::{Outcome, programs, root, run};
 
@@ -9,7 +9,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     let mut command = std::process::Command::new(campaign);
     command.arg("--program").arg(program).args(args);
     if !args.iter().any(|arg| arg == "--only") {
-        command.arg("--markdown").arg(root().join("docs/damage.md"));
+        command.arg("--markdown").arg(root().join("target/damage.md"));
     }
     run(&mut command)
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask fuzz`: every target of `meshband_tests::fuzz` under libFuzzer for a time, into `docs/fuzzing.md`.
+//! `cargo xtask fuzz`: every target of `meshband_tests::fuzz` under libFuzzer for a time, into `target/fuzzing.md`.
 //!
 //! The program is `fuzz/`, built for coverage by flags that the stable compiler takes, so neither a nightly nor cargo-fuzz is needed; libFuzzer
 //! itself is C++ and is compiled once. No address sanitizer: what is fuzzed has no unsafe code of ours. The corpus stays in
@@ -81,7 +81,7 @@ pub fn run_task(args: &[String]) -> Outcome {
         fresh.insert(name, row);
         failed.extend(found.case.map(|case| format!("{name}: {case}")));
     }
-    let path = root().join("docs/fuzzing.md");
+    let path = root().join("target/fuzzing.md");
     let before = std::fs::read_to_string(&path).unwrap_or_default();
     let mut page = format!(
         "{HEAD}| target | reads | inputs | edges | inputs kept | longest, s | memory, MB | found | run |\n\

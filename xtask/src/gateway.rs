@@ -11,7 +11,7 @@ const HELP: &str = "\
 cargo xtask gateway [--full] [--faults]
   Builds the gateway, checks it (rustfmt, clippy, unit tests, those of its Python part), then looks at the faults and at the
   proof against mosquitto: virtual nodes, broker and gateway killed.
-  --full    50 nodes for ten minutes, into docs/fleet/gateway-proof.json; without it 8 nodes for 45 s
+  --full    50 nodes for ten minutes, into docs/evidence/gateway-proof.json; without it 8 nodes for 45 s
   --faults  the faults alone";
 
 /// Build, checks, faults, proof.
@@ -48,7 +48,7 @@ pub fn proof(args: &[String]) -> Outcome {
         let mut proof = Command::new(&python);
         proof.arg("prove.py").arg(&program).current_dir(&folder);
         if full {
-            let page = root().join("docs/fleet");
+            let page = root().join("docs/evidence");
             std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
             proof.arg("--json").arg(page.join("gateway-proof.json"));
         } else {
@@ -83,7 +83,7 @@ pub fn spark(args: &[String]) -> Outcome {
     }
     run(&mut crate::shell::cargo(&["build", "--quiet", "--release", "--bin", "meshband"]))?;
     let python = python(&["duckdb", "pyarrow", "pytz", "pandas<3", "pyspark"])?;
-    let page = root().join("docs/fleet");
+    let page = root().join("docs/evidence");
     std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
     let mut job = Command::new(python);
     job.arg(root().join("gateway/proof/spark_proof.py"))

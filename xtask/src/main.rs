@@ -33,30 +33,30 @@ cargo xtask TASK
 
   setup        compiler target, QEMU and Unicorn; does nothing where all are present
   demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
-  prove        the loop's proof campaign on generated records, resumable, into docs/proof
-  prove-field  the same of the kinematic level on generated records of the measured kind, into docs/proof/field
-  blind        the loop's answers on the blind records that have none yet, into docs/blind
-  damage       6600 attacks on the command (damaged inputs, interrupts, full disks, ...), into docs/damage.md;
+  prove        the loop's proof campaign on generated records, resumable, into target/proof
+  prove-field  the same of the kinematic level on generated records of the measured kind, into target/proof/field
+  blind        the loop's answers on the blind records that have none yet, into docs/evidence/blind
+  damage       6600 attacks on the command (damaged inputs, interrupts, full disks, ...), into target/damage.md;
                --cases N --seed S, or --only FAMILY:NUMBER to make one again
   test         everything the project claims: style, lints, documentation, host tests, QEMU tests
-  test-long    the tests that `test` leaves out because of their length, into docs/long-tests.md
+  test-long    the tests that `test` leaves out because of their length, into target/long-tests.md
   node-build   all firmware images, with their sizes
   size         text, data and bss of the images against limits and snapshots, and where they can panic
-  pace         with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into docs/pace.md
-  bench        kernels beside SciPy and ROSS, whole commands, node stages, into docs/benchmarks.md (--without-ross)
+  pace         with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into target/pace.md
+  bench        kernels beside SciPy and ROSS, whole commands, node stages, into target/benchmarks.md (--without-ross)
   bench-node   instructions of the node's stages in QEMU against the committed counts (--overwrite)
   wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
   modbus       the released image as a Modbus station, read by pymodbus (skipped without Python)
-  screenshots  pictures of the reports and of the live view, into docs/pictures (names of pictures may follow)
+  screenshots  pictures of the reports and of the live view, into book/src/pictures (names of pictures may follow)
   gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
-  fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into docs/fuzzing.md;
+  fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into target/fuzzing.md;
                names of targets may follow (then only printed), MESHBAND_FUZZ_JOBS run at a time
-  mutants      cargo-mutants on every N-th mutant: `mutants shared 40`, `mutants inference 16`, into docs/mutation.md
-  soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into docs/soak.md
-  soak-image   the released image in the emulator for --hours H (1), likewise, into docs/soak-image.md
+  mutants      cargo-mutants on every N-th mutant: `mutants shared 40`, `mutants inference 16`, into target/mutation.md
+  soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into target/soak.md
+  soak-image   the released image in the emulator for --hours H (1), likewise, into target/soak-image.md
   supply-chain bill of materials, and cargo-deny where it is installed
-  reproducible all images twice in two folders, compared byte by byte, into docs/reproducible.md
+  reproducible all images twice in two folders, compared byte by byte, into target/reproducible.md
   flash        writes the STM32F405 image with probe-rs (or `flash --dfu` through dfu-util)
 ";
 

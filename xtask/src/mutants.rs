@@ -1,4 +1,4 @@
-//! `cargo xtask mutants`: cargo-mutants on a stated sample, into `docs/mutation.md`.
+//! `cargo xtask mutants`: cargo-mutants on a stated sample, into `target/mutation.md`.
 //!
 //! A mutant of `shared` would have everything rebuilt that stands on it, the host above all. So it runs in a tree of its own under
 //! `target/mutants`: `shared`, and the node's tests that need nothing else, which takes seconds per mutant instead of minutes; what only
@@ -108,7 +108,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     // Exit codes say whether mutants survived; the lists say it, too.
     let _ = timed("mutants", || run(&mut mutants));
     let section = section(what, [every, first], &folder.join("mutants.out"))?;
-    let path = root().join("docs/mutation.md");
+    let path = root().join("target/mutation.md");
     let before = std::fs::read_to_string(&path).unwrap_or_default();
     // The other part's section stays.
     let mut page = String::from(HEAD);

@@ -148,7 +148,7 @@ fn recorded(table: &str, board: &str) -> Option<(u64, u64)> {
 }
 
 /// The released image must set its vector table's address, because a boot loader that jumps to it leaves its own in force, and
-/// must hold the log that `docs/node.md` says a debug probe shows: the strings themselves lie outside the flash.
+/// must hold the log that `book/src/howto/flash.md` shows by a probe: the strings themselves lie outside the flash.
 fn check_start_and_logs(complaints: &mut Vec<String>) -> Outcome {
     const VECTOR_TABLE_OFFSET: u32 = 0xe000_ed08;
     let path = image(RELEASED);

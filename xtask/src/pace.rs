@@ -1,4 +1,4 @@
-//! `cargo xtask pace`: with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into `docs/pace.md`.
+//! `cargo xtask pace`: with which sampling rates the emulated STM32F405 keeps up, by cycles per instruction, into `target/pace.md`.
 
 use crate::setup::{self, TARGET};
 use crate::shell::{Outcome, capture, cargo, root, timed};
@@ -10,7 +10,7 @@ const HEAD: &str = "\
 # Rates that the STM32F405 image keeps up with
 
 Written by `cargo xtask pace`. The image of this commit, built to accept every rate that the converter follows, runs on the emulated chip; a
-constant number of cycles is charged for each instruction (the core's manual gives 1 to 2.5 with wait states; `docs/first-hour.md` says how to
+constant number of cycles is charged for each instruction (the core's manual gives 1 to 2.5 with wait states; `book/src/howto/first-hour.md` says how to
 see the real load). Every run lasts 4 s and asks for waveforms four times a second beside mesh records, synchronous averages and timed
 edges. A rate is kept up with where not one block is lost at any of the three speeds, and the next two rates below it hold, too. The second
 table is of nodes that keep waveforms (`[capture]`), at two cycles per instruction: blocks that are lost are counted by the node and said. The third one, at two
@@ -41,7 +41,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     let image = root().join(FOLDER).join(TARGET).join("firmware/stm32f405");
     let example = ["run", "--quiet", "--release", "--package", "meshband-emulator", "--example", "pace", "--"];
     let table = timed("the sweep", || capture(cargo(&example).arg(image)))?;
-    let page = root().join("docs/pace.md");
+    let page = root().join("target/pace.md");
     print!("{table}");
     std::fs::write(&page, format!("{HEAD}{table}{TAIL}")).map_err(|error| format!("{}: {error}", page.display()))
 }

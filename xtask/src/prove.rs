@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// The campaign of the proof; further arguments go to `meshband prove` in place of the counts.
 pub fn campaign(args: &[String]) -> Outcome {
     let [program] = programs(["meshband-validate"])?;
-    let docs = root().join("docs/proof");
+    let docs = root().join("target/proof");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
     let counts = "--null 200 --power 252 --levels 2,20,2,2,2,2,2,2,2 --leave-one-out 27 --two 13 --seconds 1 --seed 1";
     let mut command = std::process::Command::new(program);
@@ -28,7 +28,7 @@ pub fn campaign(args: &[String]) -> Outcome {
 /// The campaign of the kinematic level; further arguments go to `meshband prove --field` in place of the counts.
 pub fn field(args: &[String]) -> Outcome {
     let [program] = programs(["meshband-validate"])?;
-    let docs = root().join("docs/proof/field");
+    let docs = root().join("target/proof/field");
     std::fs::create_dir_all(&docs).map_err(|e| format!("{}: {e}", docs.display()))?;
     let counts = "--null 100 --power 138 --levels 4,2,4,8,4,20 --seed 20261122";
     let mut command = std::process::Command::new(program);
@@ -53,7 +53,7 @@ pub fn blind() -> Outcome {
         .collect();
     cases.sort();
     let [program] = programs(["meshband"])?;
-    let docs = root().join("docs/blind");
+    let docs = root().join("docs/evidence/blind");
     for case in cases {
         let name = case.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let json = docs.join(format!("{name}.json"));
@@ -62,7 +62,8 @@ pub fn blind() -> Outcome {
             continue;
         }
         let mut command = std::process::Command::new(&program);
-        command.arg("loop").arg(&case).arg("--json").arg(&json).arg("--report").arg(docs.join(format!("{name}.html")));
+        let report = root().join(format!("target/{name}.html"));
+        command.arg("loop").arg(&case).arg("--json").arg(&json).arg("--report").arg(report);
         timed(&name, || run(&mut command))?;
     }
     Ok(())

@@ -1,5 +1,5 @@
-//! `cargo xtask soak`: the node for a day of virtual time, into `docs/soak.md`; `cargo xtask soak-image`: the released image on the
-//! emulated chip for an hour, into `docs/soak-image.md`. Arguments go to the program (`--hours H`, `--seed S`).
+//! `cargo xtask soak`: the node for a day of virtual time, into `target/soak.md`; `cargo xtask soak-image`: the released image on the
+//! emulated chip for an hour, into `target/soak-image.md`. Arguments go to the program (`--hours H`, `--seed S`).
 
 use crate::shell::{Outcome, capture, cargo, programs, root, run, stamp, timed};
 use crate::{node_build, setup};
@@ -8,7 +8,7 @@ use crate::{node_build, setup};
 pub fn run_task(args: &[String]) -> Outcome {
     let [program] = programs(["soak"])?;
     let page = timed("soak", || capture(std::process::Command::new(program).args(args)))?;
-    write("docs/soak.md", &page)
+    write("target/soak.md", &page)
 }
 
 /// Builds the image and runs the emulator's example `soak`.
@@ -20,7 +20,7 @@ pub fn run_image(args: &[String]) -> Outcome {
     let page = timed("soak of the image", || {
         capture(cargo(&["run"]).args(example).arg("--").arg(node_build::image("stm32f405")).args(args))
     })?;
-    write("docs/soak-image.md", &page)
+    write("target/soak-image.md", &page)
 }
 
 fn write(name: &str, page: &str) -> Outcome {

@@ -41,7 +41,7 @@ shorter one of the same file stays in the test command: fewer cases, or one effe
 
 ";
 
-/// `cargo xtask test-long`: the tests that the test command leaves out, into `docs/long-tests.md`.
+/// `cargo xtask test-long`: the tests that the test command leaves out, into `target/long-tests.md`.
 pub fn run_long() -> Outcome {
     setup::run()?;
     node_build::build()?;
@@ -57,7 +57,7 @@ pub fn run_long() -> Outcome {
         let _ = writeln!(page, "| {name} | {word} |");
     }
     print!("{page}");
-    let path = root().join("docs/long-tests.md");
+    let path = root().join("target/long-tests.md");
     std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?;
     outcome
 }

@@ -62,7 +62,7 @@ fn is_unreachable(line: &str) -> bool {
 }
 
 /// Builds every image from the present commit in two clean folders of different names and compares what is loaded.
-/// The result goes to `docs/reproducible.md`.
+/// The result goes to `target/reproducible.md`.
 pub fn reproducible(args: &[String]) -> Outcome {
     if !args.is_empty() {
         return Err("reproducible takes no arguments".into());
@@ -85,7 +85,7 @@ pub fn reproducible(args: &[String]) -> Outcome {
         }
     }
     print!("{page}");
-    let path = root().join("docs/reproducible.md");
+    let path = root().join("target/reproducible.md");
     std::fs::write(&path, page).map_err(|e| format!("{}: {e}", path.display()))?;
     if different.is_empty() { Ok(()) } else { Err(format!("not reproducible: {}", different.join(", "))) }
 }

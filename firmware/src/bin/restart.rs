@@ -78,4 +78,4 @@ fn hang() -> ! {
     }
 }
 
-const _: () = assert!(Cause::StackOverflow as u32 == 4, "docs/node.md and tests/tests/qemu/qemu_runner.rs say so");
+const _: () = assert!(Cause::StackOverflow as u32 == 4, "see reference/node.md of the book and qemu_runner.rs");

@@ -1,7 +1,7 @@
 //! Figures of the STM32F405 board's design, in one place: clocks, converter, blocks, link, watchdog.
 //!
 //! What the node and a host need too (time base, step of the sample period, highest rate) is `meshband::board::Timing::STM32F405`;
-//! the image asserts at compile time that the two agree. Sources: RM0090, DS8626; the rates: `docs/node.md`.
+//! the image asserts at compile time that the two agree. Sources: RM0090, DS8626; rates: `book/src/reference/node.md`.
 
 /// Crystal, Hz.
 pub const CRYSTAL_HZ: u32 = 8_000_000;
@@ -26,7 +26,7 @@ pub const PERIOD_STEP: u32 = ADC_DIVIDER * (TIMER_HZ / APB2_HZ);
 /// Shortest sample period that the converter follows, ticks: the next multiple of the step.
 pub const SHORTEST_PERIOD: u32 = CONVERSION_TICKS + PERIOD_STEP;
 /// Highest rate a configuration may ask for, Hz: what the main loop keeps up with at two cycles per instruction, with margin
-/// (`docs/pace.md`). The converter could follow 750 kHz.
+/// (`cargo xtask pace`). The converter could follow 750 kHz.
 pub const HIGHEST_RATE_HZ: u32 = 420_000;
 
 /// Samples of a block.

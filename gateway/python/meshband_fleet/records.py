@@ -1,7 +1,7 @@
 """Record folders as Parquet: one file per record, one row per run and channel, waveforms in the record's unit as list columns.
 
 The file's name is the fingerprint of the record's content: a record that is there is not written again, one that has changed is
-another file. Files appear whole or not at all. The format of records is docs/records.md's; what `meshband` would refuse is
+another file. Files appear whole or not at all. The format of records is book/src/reference/record.md's; what `meshband` would refuse is
 refused here where it matters for the waveforms.
 """
 

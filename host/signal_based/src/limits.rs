@@ -5,7 +5,7 @@
 //! the gate's threshold of its own moved copies there, and that enough of them find a place; that it is among the candidates judged, and that the order spectrum of a channel proposes its base
 //! ([`super::rivals`]). The strength is a share of the mean amplitude of the neighbouring mesh line, channel by channel (what the path passes there), or of the channel's strongest mesh line for orders
 //! far from the mesh. In half, and in nine of ten of the places it is found; where it would be at no strength, the place counts as not found. A limited channel's strength is the share of its
-//! largest value that is cut off. Checked against real injections into measured records (`docs/injection.md`). Limits: lines do not slip and are not looked for in envelopes; the veto of the
+//! largest value that is cut off. Checked against real injections into measured records (`book/src/results/injection.md`). Limits: lines do not slip and are not looked for in envelopes; the veto of the
 //! held-out turns is not asked. Cost: one more round of the search, and some fifty scores per family and place.
 
 use super::accept::{self, FEWEST_COPIES, Surrogates};

@@ -26,7 +26,7 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
-    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture (docs/node.md). Options below go before it.
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture (book/src/reference/node.md). Options below go before it.
     #[arg(long)]
     settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.

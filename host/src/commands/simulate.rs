@@ -66,7 +66,7 @@ pub struct Args {
     /// Model: bending-torsional, bending-torsional-6 or casing.
     #[arg(long, default_value = "bending-torsional")]
     model: Model,
-    /// A record as owners have them: wander, housing channels, tachometer, noise from this TOML file (docs/records.md).
+    /// A record as owners have them: wander, housing, tachometer, noise from this TOML file (book: howto/simulate).
     #[arg(long, value_name = "FILE", conflicts_with = "random_start")]
     field: Option<PathBuf>,
     /// With --field: writes a folder of an acquisition system's files instead of a record.

@@ -1,4 +1,4 @@
-//! `docs/reference.md`: every public name of the node's configuration and messages, with unit, default and meaning, from the code itself.
+//! `book/src/reference/messages.md`: every public name of the node's configuration and messages, with unit, default and meaning, from the code itself.
 //!
 //! Names, types and meanings are read from the source of `shared` (rustfmt's form is what is understood: one field or variant per line, its
 //! documentation above it), beginning with the configuration, the requests, the replies and the messages and following every type that they
@@ -15,7 +15,7 @@ use std::fs;
 use std::path::Path;
 
 const COMMAND: &str = "MESHBAND_BLESS=1 cargo test --release -p meshband-host --test command reference";
-const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference.md");
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../book/src/reference/messages.md");
 const SOURCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/src");
 
 /// Types that carry a unit.
@@ -239,13 +239,13 @@ impl Page<'_> {
     }
 
     fn field_rows(&mut self, fields: &[Field], defaults: Option<&Value>) {
-        let head = if defaults.is_some() { ("default | ", "---|") } else { ("", "") };
-        self.text += &format!("\n| name | type | unit | {}meaning |\n|---|---|---|{}---|\n", head.0, head.1);
+        let head = if defaults.is_some() { ("default|", "---|") } else { ("", "") };
+        self.text += &format!("\n|name|type|unit|{}meaning|\n|---|---|---|{}---|\n", head.0, head.1);
         for field in fields {
             assert!(!field.doc.is_empty(), "{} has no documentation", field.name);
-            let default = defaults.map_or(String::new(), |all| format!("{} | ", shown(all.get(&field.name))));
+            let default = defaults.map_or(String::new(), |all| format!("{}|", shown(all.get(&field.name))));
             let (kind, unit, doc) = (self.kind(&field.kind), unit(field), prose(&field.doc));
-            self.text += &format!("| `{}` | {kind} | {unit} | {default}{doc} |\n", field.name);
+            self.text += &format!("|`{}`|{kind}|{unit}|{default}{doc}|\n", field.name);
             self.want(&field.kind);
         }
     }
@@ -260,8 +260,7 @@ impl Page<'_> {
                 self.field_rows(fields, defaults);
             }
             Item::Enum(doc, variants) => {
-                self.text +=
-                    &format!("\n### {name}\n\n{}\n\n| name | carries | meaning |\n|---|---|---|\n", prose(doc));
+                self.text += &format!("\n### {name}\n\n{}\n\n|name|carries|meaning|\n|---|---|---|\n", prose(doc));
                 for variant in variants {
                     let carries: Vec<String> = variant
                         .fields
@@ -272,7 +271,7 @@ impl Page<'_> {
                             (name, unit) => format!("`{name}` ({unit}): {}", prose(&field.doc)),
                         })
                         .collect();
-                    self.text += &format!("| `{}` | {} | {} |\n", variant.name, carries.join(" "), prose(&variant.doc));
+                    self.text += &format!("|`{}`|{}|{}|\n", variant.name, carries.join(" "), prose(&variant.doc));
                     variant.fields.iter().for_each(|field| self.want(&field.kind));
                 }
             }
@@ -312,22 +311,20 @@ fn modbus() -> String {
     for row in REGISTERS {
         if row.group != group {
             group = row.group;
-            text += &format!(
-                "\n### Registers: {group}\n\n| address | type | name | unit | meaning |\n|---|---|---|---|---|\n"
-            );
+            text += &format!("\n### Registers: {group}\n\n|address|type|name|unit|meaning|\n|---|---|---|---|---|\n");
         }
         let kind = match row.kind {
             Kind::Word => "word",
             Kind::Long => "long",
             Kind::Float => "float",
         };
-        text += &format!("| {} | {kind} | `{}` | {} | {} |\n", row.address, row.name, row.unit, row.meaning);
+        text += &format!("|{}|{kind}|`{}`|{}|{}|\n", row.address, row.name, row.unit, row.meaning);
     }
-    text += "\n### Discrete inputs\n\nFunction 2.\n\n| address | name | meaning of 1 |\n|---|---|---|\n";
+    text += "\n### Discrete inputs\n\nFunction 2.\n\n|address|name|meaning of 1|\n|---|---|---|\n";
     for input in INPUTS {
         let last = input.address + input.count - 1;
         let place = if input.count == 1 { last.to_string() } else { format!("{} to {last}", input.address) };
-        text += &format!("| {place} | `{}` | {} |\n", input.name, input.meaning);
+        text += &format!("|{place}|`{}`|{}|\n", input.name, input.meaning);
     }
     text
 }
@@ -376,7 +373,7 @@ fn regress_the_reference_is_that_of_the_code() {
         .zip(page.lines())
         .position(|(a, b)| a != b)
         .map_or("its length".into(), |n| format!("line {}", n + 1));
-    assert!(kept == page, "docs/reference.md is stale ({differs}): {COMMAND}");
+    assert!(kept == page, "book/src/reference/messages.md is stale ({differs}): {COMMAND}");
 }
 
 #[test]

@@ -8,7 +8,7 @@
 //! [`header`] is what an image says of itself, [`slots`] the words behind it and the choice, [`receiver`] takes an image over the link,
 //! [`trial`] says when a new image may be confirmed. All of it knows flash by `embedded_storage` alone and runs on a host as well.
 //!
-//! Why not a loader that swaps (embassy-boot): `docs/design-history.md`. Price of two slots: every image is linked twice, and an
+//! Why not a loader that swaps (embassy-boot): `book/src/adr/0007-two-slots.md`. Price of two slots: every image is linked twice, and an
 //! update has both. Limits: flash without error correction (a word may be programmed again towards zeros); no signature, whoever has the
 //! line has the node; the loader itself is only written by a probe or the chip's own boot loader.
 

@@ -32,7 +32,7 @@ fn fault_a_configuration_that_fails_for_ever_is_left_at_the_fourth_failure() {
     let mut kept = None;
     let mixed = [Fresh, Recorded, Unrecorded, Recorded, Unrecorded];
     assert_eq!(starts(&mut kept, &mixed), [false, false, false, false, true]);
-    assert_eq!(FAILURES, 4, "docs/node.md says so");
+    assert_eq!(FAILURES, 4, "book/src/reference/node.md says so");
     // Memory that never held a record, after a restart of a node that did not fail.
     assert_eq!(failures_at(Recorded, None), 0);
     assert_eq!(failures_at(Unrecorded, Some(u32::MAX)), u32::MAX);

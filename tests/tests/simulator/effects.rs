@@ -502,9 +502,9 @@ fn regress_every_effect_runs_with_its_defaults_and_its_example() {
 
 #[test]
 fn regress_the_page_of_effects_is_the_library_s_and_has_a_picture_of_each() {
-    let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../book/src/reference");
     let page = std::fs::read_to_string(docs.join("effects.md")).expect("the page");
-    assert_eq!(page, effects::catalogue::markdown(), "run `meshband effects --docs docs/effects.md --force`");
+    assert_eq!(page, effects::catalogue::markdown(), "meshband effects --docs book/src/reference/effects.md --force");
     for entry in effects::REGISTRY {
         let svg = std::fs::read_to_string(docs.join("effects").join(format!("{}.svg", entry.name))).expect("a picture");
         assert!(svg.starts_with("<svg") && svg.len() < 100_000, "{}", entry.name);

@@ -310,7 +310,7 @@ fn golden_node_constants_are_the_fitted_law() {
 
 #[test]
 fn golden_validation_page_states_the_verdicts_of_this_code() {
-    let page = include_str!("../../../docs/validation.md");
+    let page = include_str!("../../../book/src/results/paper.md");
     for claim in claims(&OUTCOME) {
         let at = page.find(claim.sentence).unwrap_or_else(|| panic!("missing: {}", claim.sentence));
         let entry = page[at..].split("\n   - `").next().unwrap();

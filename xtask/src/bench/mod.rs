@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: what the tools cost, beside peers on the same machine in the same run, into `docs/benchmarks.md`.
+//! `cargo xtask bench`: what the tools cost, beside peers on the same machine in the same run, into `target/benchmarks.md`.
 //!
 //! Processor time throughout: on a shared machine the wall clock measures the neighbours. Ratios come first, because they
 //! survive a change of machine; a slow or busy machine slows both sides. The peers need Python packages ([`peers`]).
@@ -29,7 +29,7 @@ pub fn run_task(args: &[String]) -> Outcome {
     page.push_str(&kernels::table(&kernels, &scipy, ross));
     page.push_str(&commands::table(&python, &program, &folder.0)?);
     page.push_str(&node::page()?);
-    let path = root().join("docs/benchmarks.md");
+    let path = root().join("target/benchmarks.md");
     std::fs::write(&path, &page).map_err(|e| format!("{}: {e}", path.display()))?;
     print!("{page}");
     say(format_args!("written: {}", path.display()));

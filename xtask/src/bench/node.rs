@@ -1,7 +1,7 @@
 //! `cargo xtask bench-node`: instructions of the node's stages in QEMU against the committed counts.
 //!
 //! `--overwrite` writes the counts instead. Counts repeat exactly; a change beyond the tolerance is a change of code or
-//! compiler and wants a look. The table sets resolving the mesh bands against one full-band FFT (docs/design-history.md, "Price of the mesh bands").
+//! compiler and wants a look. The table sets resolving the mesh bands against one full-band FFT (book/src/adr/0026-mesh-bands.md).
 
 use crate::setup::TARGET;
 use crate::shell::{Outcome, cargo, root, run, say};

@@ -1,4 +1,4 @@
-//! `cargo xtask screenshots`: a picture of each main thing, into `docs/pictures`.
+//! `cargo xtask screenshots`: a picture of each main thing, into `book/src/pictures`.
 //!
 //! Reports of the commands on one simulated and one imported record through headless Chromium, light and one of them dark; the live view
 //! through tmux at 80x24 and 200x60 with a virtual node behind it. Pictures show what the commands make at this commit: nothing is drawn
@@ -23,7 +23,7 @@ pub fn run_task(names: &[String]) -> Outcome {
         programs(["meshband"])?;
     }
     let folder = TemporaryFolder::new("screenshots")?;
-    let pictures = root().join("docs/pictures");
+    let pictures = root().join("book/src/pictures");
     std::fs::create_dir_all(&pictures).map_err(|e| format!("{}: {e}", pictures.display()))?;
     let wanted = |name: &str| names.is_empty() || names.iter().any(|wanted| wanted == name);
     if wanted("monitor") {

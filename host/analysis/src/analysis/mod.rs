@@ -54,7 +54,7 @@ pub struct Choice {
 /// What was found in a record.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
-    /// Version of this schema; docs/analysis.md.
+    /// Version of this schema; book/src/explanation/analysis.md.
     pub schema: u32,
     /// Title of the record.
     pub title: String,

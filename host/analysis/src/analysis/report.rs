@@ -50,7 +50,7 @@ pub fn report(outcome: &Outcome) -> Result<Report> {
 const EXPLANATION: &str = "Orders are multiples of the pinion's turns. AM and PM are indices of amplitude and phase modulation (rad), given where the \
      harmonic and both sidebands stand over the floor. SER is the sum of the amplitudes of three sidebands on each side over the harmonic's. FM0, \
      FM4, NA4 and the other indicators are computed by the node's own code on the average shown; NA4 runs on over the runs of like torque and \
-     speed. Tooth numbers count tooth pitches from angle 0. What the mesh does not explain is listed by energy and named by nothing but its orders. Definitions, limits and sources: docs/analysis.md.";
+     speed. Tooth numbers count tooth pitches from angle 0. What the mesh does not explain is listed by energy and named by nothing but its orders. Definitions, limits and sources: book/src/explanation/analysis.md.";
 
 fn of_channel(
     mut report: Report,

@@ -2,7 +2,7 @@
 //!
 //! Where many samples fall into a step, its polynomial is re-expanded about the middle of short blocks:
 //! there a few terms give full precision, and the evaluation is a short loop over independent pairs of samples that
-//! the compiler vectorises; four blocks are expanded side by side. Cost: `docs/benchmarks.md`.
+//! the compiler vectorises; four blocks are expanded side by side. Cost: `cargo xtask bench`.
 
 use super::series::{LENGTH, Series};
 use super::taylor::Step;

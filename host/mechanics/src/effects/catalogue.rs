@@ -1,4 +1,4 @@
-//! The catalogue of effects with one picture each: what `docs/effects.md` shows is computed, not drawn.
+//! The catalogue of effects with one picture each: what `book/src/reference/effects.md` shows is computed, not drawn.
 //!
 //! Every picture is the amplitude spectrum of the pinion channel of the 19/48 machine at 10 turns/s, without
 //! and with the effect at the example values, from one second at 10 240 Hz, so that all orders of the pinion
@@ -66,7 +66,7 @@ pub fn markdown() -> String {
     let mut text = String::from(
         "# Effects\n\n\
          What real gears and their measuring chains add to the ideal model. This page and its pictures are written by\n\n\
-         ```\nmeshband effects --docs docs/effects.md --force\n```\n\n\
+         ```\nmeshband effects --docs book/src/reference/effects.md --force\n```\n\n\
          On the command line an effect is `--effect name:key=value,key=value`; keys left out take the defaults below, and\n\
          `pinion-` or `gear-` before the name of an effect on one gear chooses the gear. Several effects add up; those of\n\
          the measuring chain act in the order given. Adding an effect takes one file in `host/mechanics/src/effects/` and its line\n\
@@ -77,12 +77,12 @@ pub fn markdown() -> String {
         let _ =
             write!(text, "\n## {}\n\n{}.\n\nSignature: {}.\n\n", entry.name, capital(entry.meaning), entry.signature);
         if !entry.parameters.is_empty() {
-            text.push_str("| key | unit | default | range | meaning |\n| --- | --- | --- | --- | --- |\n");
+            text.push_str("|key|unit|default|range|meaning|\n|---|---|---|---|---|\n");
         }
         for p in entry.parameters {
             let unit = if p.unit.is_empty() { "1" } else { p.unit };
             let [low, high] = p.range;
-            let _ = writeln!(text, "| {} | {unit} | {} | {low} to {high} | {} |", p.name, p.default, p.meaning);
+            let _ = writeln!(text, "|{}|{unit}|{}|{low} to {high}|{}|", p.name, p.default, p.meaning);
         }
         let gap = if entry.parameters.is_empty() { "" } else { "\n" };
         let _ = writeln!(text, "{gap}![Spectrum with and without {}](effects/{}.svg)", entry.name, entry.name);

@@ -116,7 +116,7 @@ fn starts(events: &[Event]) -> Vec<Finding> {
             }
             BROWN_OUT => (
                 format!("brown-out reset: {}", BROWN_OUT_LEVELS[BROWN_OUT_LEVELS.len().min(number as usize + 1) - 1]),
-                "flash may be programmed at too low a voltage: set BOR_LEV to level 3 by a probe (docs/node.md, wiring)",
+                "flash may be programmed at too low a voltage: set BOR_LEV to level 3 by a probe (book/src/howto/flash.md)",
             ),
             SAFE_START => (
                 format!("safe start after {number} failures"),
