@@ -17,6 +17,7 @@ mod hostile_link;
 mod hostile_machine;
 mod import_tach;
 mod link_cli;
+mod link_state;
 mod machine_wizard;
 mod modbus_link;
 mod monitor;
