@@ -1,12 +1,13 @@
 //! A speed as people write it: `24.75Hz`, `1485rpm`, or a bare number in the unit that the option names.
 //!
-//! Everything inside is in Hz (turns per second). A bare number that would be an unlikely speed of a shaft is asked about: 1485 is mostly
-//! meant in turns per minute.
+//! Everything inside is in Hz (turns per second). A bare number that would be an unlikely speed of a shaft is asked
+//! about: 1485 is mostly meant in turns per minute.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Fastest shaft that a bare number in Hz is believed for, Hz: 6000 turns per minute. Faster ones are written with their unit.
+/// Fastest shaft that a bare number in Hz is believed for, Hz: 6000 turns per minute. Faster ones are written with
+/// their unit.
 pub const BARE_MOST_HZ: f64 = 100.0;
 
 /// Turns per second.
@@ -52,7 +53,9 @@ mod tests {
 
     #[test]
     fn ref_speeds_are_read_with_either_unit_and_doubtful_ones_are_asked_about() {
-        for (text, hz) in [("24.75", 24.75), ("24.75Hz", 24.75), (" 1485 rpm", 24.75), ("1485RPM", 24.75), ("150hz", 150.0)] {
+        for (text, hz) in
+            [("24.75", 24.75), ("24.75Hz", 24.75), (" 1485 rpm", 24.75), ("1485RPM", 24.75), ("150hz", 150.0)]
+        {
             assert_eq!(text.parse(), Ok(Speed(hz)), "{text}");
         }
         let asked = "1485".parse::<Speed>().expect_err("a motor's turns per minute");

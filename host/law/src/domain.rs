@@ -4,8 +4,8 @@
 //! Fit and check never share a speed but by chance: knots come from a grid in equal ratios, the check's speeds are drawn at random.
 
 use crate::machine::Machine;
-use meshband_common::speed::Speed;
 use crate::{Error, Result};
+use meshband_common::speed::Speed;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
 use std::str::FromStr;

@@ -1,4 +1,5 @@
-//! The answer as a letter: what was measured, what was found and how sure, what to do next; and the findings as one table.
+//! The answer as a letter: what was measured, what was found and how sure, what to do next; and the findings as one
+//! table.
 
 use super::outcome::{Effect, NextMeasurement, Outcome};
 use super::replay::Replay;
@@ -84,11 +85,9 @@ pub fn findings(outcome: &Outcome, replay: &Replay, about: &About) -> (Vec<&'sta
         let order = effect.order_of_pinion;
         let hz = effect.frequency_hz.or_else(|| about.hz(order?));
         let (sensor, strength, over) = match hz.and_then(|_| strongest(outcome, replay, effect)) {
-            Some((channel, line)) => (
-                format!("channel {channel}"),
-                format!("{:.3}", line.amplitude),
-                format!("{:.0}", line.over_floor_db),
-            ),
+            Some((channel, line)) => {
+                (format!("channel {channel}"), format!("{:.3}", line.amplitude), format!("{:.0}", line.over_floor_db))
+            }
             None => ("-".into(), "-".into(), "-".into()),
         };
         let sure = effect.evidence.chance.as_ref().map_or("-".into(), ToString::to_string);
@@ -116,7 +115,8 @@ pub fn findings(outcome: &Outcome, replay: &Replay, about: &About) -> (Vec<&'sta
     (head, outcome.effects.iter().map(row).collect())
 }
 
-/// The channel in which the line at an effect's own place is strongest, in what the declared machine leaves of a held-out run.
+/// The channel in which the line at an effect's own place is strongest, in what the declared machine leaves of a
+/// held-out run.
 fn strongest(outcome: &Outcome, replay: &Replay, effect: &Effect) -> Option<(usize, Line)> {
     let &run = outcome.held_out_places().last()?;
     let base = &replay.declared;

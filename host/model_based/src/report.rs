@@ -65,7 +65,10 @@ fn stages(report: Report, outcome: &Outcome) -> Report {
     let percent = |error: f64| format!("{:.1} %", 100.0 * error);
     report
         .section("How well the machine is described")
-        .text(&format!("As declared, the machine leaves {} of what is locked to the shafts unexplained.", percent(held.declared)))
+        .text(&format!(
+            "As declared, the machine leaves {} of what is locked to the shafts unexplained.",
+            percent(held.declared)
+        ))
         .text(&format!("With its own parameters adjusted within their tolerances {} stay.", percent(held.calibrated)))
         .text(&format!(
             "With the findings {} stay; noise alone leaves {}.",
@@ -147,12 +150,16 @@ fn residuals(
         let in_orders = scale != 1.0;
         let mut owners = Owners::new(top / 60.0);
         if in_orders {
-            (1..=3).for_each(|h| drop(owners.claim(f64::from(h) * z, format!("{h} x mesh"))));
+            for harmonic in 1..=3 {
+                owners.claim(f64::from(harmonic) * z, format!("{harmonic} x mesh"));
+            }
         }
         for e in outcome.effects.iter().filter(|_| in_orders) {
             let own = e.order_of_pinion.or(e.frequency_hz.map(|f| f / hz));
             let at = own.filter(|&order| stands(&all[0], order)).or_else(|| most_explained(&all[1], &all[2]));
-            at.into_iter().for_each(|x| drop(owners.claim(x, e.name.chars().take(28).collect::<String>())));
+            if let Some(x) = at {
+                owners.claim(x, e.name.chars().take(28).collect::<String>());
+            }
         }
         let labels = owners.labels();
         let svg = spectrum(&all, &labels, 1.0, 110.0, Axes { x, y: "dB re 1 m/s2" })?;

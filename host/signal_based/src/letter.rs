@@ -1,4 +1,5 @@
-//! The answer as a letter: three sentences and the table of findings, with the lines marked that are theirs and nobody else's.
+//! The answer as a letter: three sentences and the table of findings, with the lines marked that are theirs and nobody
+//! else's.
 
 use super::candidate::Domain;
 use super::outcome::{Effect, Outcome, Picture};
@@ -144,8 +145,10 @@ pub fn marks(outcome: &Outcome, picture: &Picture, pinion_teeth: Option<u32>) ->
     let top = picture.spectra[0].last().map_or(0.0, |point| point.0);
     let mut owners = Owners::new((APART * top).max(OF_THE_MESH));
     for harmonic in 1..=HARMONICS {
-        let order = pinion_teeth.map(|teeth| f64::from(harmonic * teeth)).filter(|&order| order < top);
-        order.into_iter().for_each(|order| drop(owners.claim(order, format!("{harmonic} x mesh"))));
+        let order = pinion_teeth.map(|teeth| f64::from(harmonic * teeth));
+        if let Some(order) = order.filter(|&order| order < top) {
+            owners.claim(order, format!("{harmonic} x mesh"));
+        }
     }
     for effect in outcome.effects.iter().filter(|effect| is_in_the_spectrum(effect)) {
         for (label, order) in effect.lines.iter().filter(|(_, order)| *order < top).take(MARKED) {

@@ -18,9 +18,10 @@ const SPAN_DB: f64 = 90.0;
 /// # Errors
 /// A picture that cannot be drawn.
 pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
-    let mut page = Report::new(&format!("Gear and bearings: {}", outcome.record), "What the record shows beyond its mesh")
-        .verdict(letter::sentences(outcome, about))
-        .facts(about.facts.clone());
+    let mut page =
+        Report::new(&format!("Gear and bearings: {}", outcome.record), "What the record shows beyond its mesh")
+            .verdict(letter::sentences(outcome, about))
+            .facts(about.facts.clone());
     let caption = format!("Findings; the strongest line in {}.", crate::text::name(&outcome.unit));
     page = table(page.section("Findings"), &caption, letter::findings(outcome, about));
     if outcome.effects.is_empty() {

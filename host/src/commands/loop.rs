@@ -118,8 +118,9 @@ pub fn run(args: Args) -> Result<()> {
     let replayed = (written.wants_report() || correction.is_some()).then(|| replay(&record, &outcome));
     if correction.is_some() {
         // The correction takes its time and may fail: what has been found is safe first.
-        written
-            .write_early(&Written::of(&outcome, &Correcting::default()), || page(&outcome, replayed.as_ref(), &about, None))?;
+        written.write_early(&Written::of(&outcome, &Correcting::default()), || {
+            page(&outcome, replayed.as_ref(), &about, None)
+        })?;
     }
     let made = correction.map(|correction| correct(correction, &files, &outcome)).unwrap_or_default();
     written.write(&Written::of(&outcome, &made), || page(&outcome, replayed.as_ref(), &about, made.check.as_ref()))?;

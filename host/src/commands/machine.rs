@@ -167,7 +167,9 @@ const SCOPE: &str = "one pair of spur gears; of a gearbox with several stages de
 
 fn known(args: &New) -> Result<Known> {
     if let Some(degrees) = args.helix.filter(|degrees| *degrees != 0.0) {
-        let what = format!("{degrees} degrees: helical gears are outside the model; `import`, `analyse`, `loop` on a record and `commission` work without it");
+        let what = format!(
+            "{degrees} degrees: helical gears are outside the model; `import`, `analyse`, `loop` on a record and `commission` work without it"
+        );
         return Err(Error::invalid("--helix", what));
     }
     let all_given = args.teeth.is_some() && args.module.is_some() && args.width.is_some() && args.speed.is_some();
@@ -177,14 +179,18 @@ fn known(args: &New) -> Result<Known> {
     let teeth = args.teeth.map_or_else(|| asked("teeth of pinion and gear, as 21,64", "--teeth", teeth), Ok)?;
     if teeth[0] > teeth[1] {
         let ratio = f64::from(teeth[0]) / f64::from(teeth[1]);
-        remark!("note: {} teeth drive {}: the pair speeds up by {ratio:.2}; the pinion is the one whose speed and torque are given", teeth[0], teeth[1]);
+        remark!(
+            "note: {} teeth drive {}: the pair speeds up by {ratio:.2}; the pinion is the one whose speed and torque are given",
+            teeth[0],
+            teeth[1]
+        );
     }
-    let positive_or = |given: Option<f64>, question: &str, option: &str| {
-        given.map_or_else(|| asked(question, option, positive), Ok)
-    };
+    let positive_or =
+        |given: Option<f64>, question: &str, option: &str| given.map_or_else(|| asked(question, option, positive), Ok);
     let module_m = 1e-3 * positive_or(args.module, "module, mm", "--module")?;
     let face_width_m = 1e-3 * positive_or(args.width, "face width, mm", "--width")?;
-    let speed = args.speed.map_or_else(|| asked("speed of the pinion, as 24.75Hz or 1485rpm", "--speed", turning), Ok)?;
+    let speed =
+        args.speed.map_or_else(|| asked("speed of the pinion, as 24.75Hz or 1485rpm", "--speed", turning), Ok)?;
     let speed_hz = speed.0;
     let torque_n_m = match (args.torque, args.power) {
         (Some(torque), _) => torque,
@@ -245,7 +251,8 @@ fn teeth(text: &str) -> std::result::Result<[u32; 2], String> {
     const RANGE: std::ops::RangeInclusive<u32> = 5..=1000;
     let refuse = || format!("'{}' are not two tooth counts from 5 to 1000: as 21,64", meshband_host::text::name(text));
     let parts = text.split([',', '/', ' ']).filter(|part| !part.is_empty());
-    let counts: Vec<u32> = parts.map(|part| part.parse().map_err(|_| refuse())).collect::<std::result::Result<_, _>>()?;
+    let counts: Vec<u32> =
+        parts.map(|part| part.parse().map_err(|_| refuse())).collect::<std::result::Result<_, _>>()?;
     match counts[..] {
         [pinion, gear] if RANGE.contains(&pinion) && RANGE.contains(&gear) => Ok([pinion, gear]),
         _ => Err(refuse()),

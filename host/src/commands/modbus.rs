@@ -42,7 +42,9 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(file) = &mut file {
         file.write(csv_of(&rows)?)?;
     }
-    say!("one request per line; addresses from 0, high word first, float32 is IEEE 754, what does not exist is not a number\n")?;
+    say!(
+        "one request per line; addresses from 0, high word first, float32 is IEEE 754, what does not exist is not a number\n"
+    )?;
     let line = |(function, group, first, count): (u8, String, u16, u16)| {
         vec![function.to_string(), first.to_string(), count.to_string(), group]
     };
@@ -50,7 +52,12 @@ pub fn run(args: Args) -> Result<()> {
     show(&table(&["function", "first address", "count", "group"], &lines))?;
     let Some(row) = rows.iter().find(|row| row.name == SHOWN_NAME) else { return Ok(()) };
     let [request, answer] = example(args.address, row, SHOWN).map(|bytes| hex(&bytes));
-    say!("\n{} of station {} on the serial line\nrequest {request}\nanswer  {answer}   = {SHOWN} {}", row.name, args.address, row.unit)?;
+    say!(
+        "\n{} of station {} on the serial line\nrequest {request}\nanswer  {answer}   = {SHOWN} {}",
+        row.name,
+        args.address,
+        row.unit
+    )?;
     say!("over TCP the same without the last two bytes, the checksum, behind a header of 6 bytes")
 }
 

@@ -66,17 +66,22 @@ pub fn run(args: Args) -> Result<()> {
     }
     let mut outputs = args.results.outputs(args.replay.as_deref());
     let mut files = args.results.announce(&mut outputs)?;
+    let mut kept = None;
     let (heard, source) = match (&args.replay, &args.port) {
         (Some(path), _) => (replayed(path, &args)?, path.display().to_string()),
         (None, Some(port)) => {
             let in_terminal = std::io::stdout().is_terminal() && !args.once;
             let capture = capture(&args, in_terminal, &mut outputs)?;
+            kept = capture.clone().filter(|_| in_terminal);
             let heard =
                 if in_terminal { watched_live(port, &args, capture.as_ref())? } else { watched(port, &args, capture)? };
             (heard, port.clone())
         }
         (None, None) => return Err(Error::invalid("PORT", "a port or --replay FILE is needed")),
     };
+    if let Some(capture) = kept {
+        remark!("monitor: every byte is kept in {}; --no-record keeps none", capture.path().display());
+    }
     finish(heard, &source, &mut files)
 }
 

@@ -214,7 +214,9 @@ fn announce(signal: &Signal, ready: &serve::Ready<'_>) -> Result<()> {
     }
     let [before, behind] = repeated.speeds_hz();
     if (before / behind - 1.0).abs() > SPEED_JUMP {
-        remark!("note: the speed jumps from {before:.2} to {behind:.2} Hz once per loop: the signal ends at another than it begins with");
+        remark!(
+            "note: the speed jumps from {before:.2} to {behind:.2} Hz once per loop: the signal ends at another than it begins with"
+        );
     }
     Ok(())
 }
@@ -332,8 +334,7 @@ fn of_machine(args: &Args) -> Result<Signal> {
         seed: 1,
     };
     let effects = &effects[..];
-    let operation =
-        Operation { speed_hz, final_speed_hz, back_s, torque_n_m, effects, acquisition, channel, second };
+    let operation = Operation { speed_hz, final_speed_hz, back_s, torque_n_m, effects, acquisition, channel, second };
     progress(&format!("simulating {duration_s} s of {}", machine.title));
     Signal::of_machine(&machine, &operation)
 }

@@ -14,10 +14,10 @@ use meshband_host::machine::Machine;
 use meshband_host::output::Content;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
 use meshband_host::report::Report;
-use meshband_host::speed::Speed;
 use meshband_host::report::plot::{Axes, Series, lines, spectrum};
 use meshband_host::results::Results;
 use meshband_host::spectral::{Window, amplitude_spectrum};
+use meshband_host::speed::Speed;
 use meshband_host::{Error, Result, effects, remark, terminal};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -172,7 +172,11 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
     let mut default_s = 2.0;
     match args.run_up[..] {
         [] => {
-            for speed_hz in nominal(&args.speed.iter().map(|speed| speed.0).collect::<Vec<_>>(), "--speed", machine.nominal.map(|n| n.speed_hz))? {
+            for speed_hz in nominal(
+                &args.speed.iter().map(|speed| speed.0).collect::<Vec<_>>(),
+                "--speed",
+                machine.nominal.map(|n| n.speed_hz),
+            )? {
                 motions.push((Motion::Constant { speed_hz, turns_at_zero: 0.0 }, format!("{speed_hz}")));
             }
         }

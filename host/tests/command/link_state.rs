@@ -1,5 +1,5 @@
-//! One state of a link: live, in chunks and over reconnects, and replayed from the capture, everything that is said of it agrees, and the
-//! alarms are those of the node.
+//! One state of a link: live, in chunks and over reconnects, and replayed from the capture, everything that is said of
+//! it agrees, and the alarms are those of the node.
 
 use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::Configuration;

@@ -73,15 +73,8 @@ fn panel() -> Panel {
 
 pub fn picture(panel: &Panel, standing: &Standing, now_s: f64, size: (u16, u16)) -> Vec<String> {
     let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).expect("a terminal");
-    let scene = Scene {
-        panel,
-        standing,
-        losses: Losses::default(),
-        capture: None,
-        now_s,
-        events_open: false,
-        help: false,
-    };
+    let scene =
+        Scene { panel, standing, losses: Losses::default(), capture: None, now_s, events_open: false, help: false };
     terminal.draw(|frame| draw(frame, &scene)).expect("drawn");
     let cells = terminal.backend().buffer().content();
     cells.chunks(usize::from(size.0)).map(|row| row.iter().map(|cell| cell.symbol()).collect()).collect()

@@ -1,4 +1,5 @@
-//! The analysis as a letter: what was measured, what stands out of the mesh, what to do next, and the same as one table over all channels.
+//! The analysis as a letter: what was measured, what stands out of the mesh, what to do next, and the same as one table
+//! over all channels.
 
 use super::sidebands::Harmonic;
 use super::unexplained::Found;

@@ -1,7 +1,8 @@
 //! What one does about a finding: the part to look at, the next measurement, and whether it can wait.
 //!
-//! Words of practice, not of the record: how far a fault has gone is not known from one measurement, so nothing here says that a machine may
-//! run on. By the library's names; a finding with two names gets the advice of the first that is known.
+//! Words of practice, not of the record: how far a fault has gone is not known from one measurement, so nothing here
+//! says that a machine may run on. By the library's names; a finding with two names gets the advice of the first that
+//! is known.
 
 /// What to look at, and when.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,10 +66,7 @@ const BY_NAME: [(&str, Advice); 13] = [
     ),
     (
         "misalignment",
-        Advice {
-            look: "check the alignment of the coupling, warm and cold",
-            when: "at the next planned stop",
-        },
+        Advice { look: "check the alignment of the coupling, warm and cold", when: "at the next planned stop" },
     ),
     (
         "ghost",
@@ -83,7 +81,10 @@ const BY_NAME: [(&str, Advice); 13] = [
     ),
     (
         "clipping",
-        Advice { look: "lower the gain or take a less sensitive sensor, and measure again", when: "now: what was clipped hides the rest" },
+        Advice {
+            look: "lower the gain or take a less sensitive sensor, and measure again",
+            when: "now: what was clipped hides the rest",
+        },
     ),
     (
         "fluctuation",
@@ -94,7 +95,10 @@ const BY_NAME: [(&str, Advice); 13] = [
     ),
     (
         "resonance",
-        Advice { look: "measure at one more speed, or with the sensor at another place", when: "with the next measurement" },
+        Advice {
+            look: "measure at one more speed, or with the sensor at another place",
+            when: "with the next measurement",
+        },
     ),
 ];
 

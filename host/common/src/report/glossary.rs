@@ -1,12 +1,16 @@
 //! Terms of the field and of this program, explained under the pointer where they stand in a table's head or a caption.
 //!
-//! One sentence each; the page needs no other document for its first reading. A term is explained once in a piece of text.
+//! One sentence each; the page needs no other document for its first reading. A term is explained once in a piece of
+//! text.
 
 use super::escape;
 
 /// Term, as it is written, and what it means.
 pub const TERMS: [(&str, &str); 30] = [
-    ("nats", "natural logarithm of how much more likely the record is with the finding than without it; 5 is a factor of 148"),
+    (
+        "nats",
+        "natural logarithm of how much more likely the record is with the finding than without it; 5 is a factor of 148",
+    ),
     ("held-out", "measured but not used to fit anything: what the result is checked on"),
     ("held out", "measured but not used to fit anything: what the result is checked on"),
     ("declared", "with the machine as its owner described it, nothing adjusted"),
@@ -55,7 +59,8 @@ fn place(text: &str, term: &str) -> Option<usize> {
     let is_letter = |byte: Option<&u8>| byte.is_some_and(u8::is_ascii_alphanumeric);
     let bytes = text.as_bytes();
     text.match_indices(term).map(|(at, _)| at).find(|&at| {
-        let alone = !is_letter(at.checked_sub(1).and_then(|at| bytes.get(at))) && !is_letter(bytes.get(at + term.len()));
+        let alone =
+            !is_letter(at.checked_sub(1).and_then(|at| bytes.get(at))) && !is_letter(bytes.get(at + term.len()));
         let before = &text[..at];
         let in_tag = before.rfind('<') > before.rfind('>');
         let in_term = before.matches("<abbr").count() > before.matches("</abbr").count();

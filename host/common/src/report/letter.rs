@@ -1,4 +1,5 @@
-//! The first lines of a report, as one would write them to a colleague: what was measured, what was found and how sure, what to do next.
+//! The first lines of a report, as one would write them to a colleague: what was measured, what was found and how sure,
+//! what to do next.
 
 use super::facts::Facts;
 

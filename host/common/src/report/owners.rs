@@ -1,4 +1,5 @@
-//! Who owns a line of a spectrum: the first that claims it. A mark beside an owned line would say that two causes made it.
+//! Who owns a line of a spectrum: the first that claims it. A mark beside an owned line would say that two causes made
+//! it.
 
 use super::plot::Label;
 

@@ -92,7 +92,8 @@ fn over_time(heard: &Heard) -> Option<Finding> {
     }
     let mean = |part: &[Observation]| part.iter().map(|value| value.level_db).sum::<f64>() / part.len() as f64;
     let means: Vec<f64> = values.chunks(values.len().div_ceil(FIXED)).map(mean).collect();
-    let [low, high] = [means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
+    let [low, high] =
+        [means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
     let seen = format!("means of {} stretches within {:.2} dB of each other", means.len(), high - low);
     Some(if high - low > DRIFT_DB {
         let advice = "the level follows load or temperature: listen through more of both (--values), or allow for it (--allowance)";

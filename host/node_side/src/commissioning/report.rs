@@ -78,7 +78,8 @@ fn letter(done: &Commissioning) -> Vec<String> {
         format!(", pinion at {low:.2} to {high:.2} Hz ({:.0} to {:.0} rpm)", 60.0 * low, 60.0 * high)
     });
     let values = done.heard.as_ref().map_or(0, |heard| heard.levels.by_quantity[0].len());
-    let first = format!("{} with the node at {}: {values} values of the sound machine{range}.", done.machine, done.port);
+    let first =
+        format!("{} with the node at {}: {values} values of the sound machine{range}.", done.machine, done.port);
     let alarms = done.alarms.as_ref().map_or(0, |proposal| proposal.alarms.len());
     let asked = done.alarms.as_ref().map_or(0.0, |proposal| proposal.false_alarms_per_year);
     let [second, third] = match (done.refusal(), done.stored) {
@@ -88,7 +89,8 @@ fn letter(done: &Commissioning) -> Vec<String> {
         ],
         (None, true) => [
             format!("It is watched from now on, by {alarms} alarms made for {asked} false alarms per year of turning."),
-            "Next: nothing; look at this page again when load, sensor or machine change, and commission anew then.".into(),
+            "Next: nothing; look at this page again when load, sensor or machine change, and commission anew then."
+                .into(),
         ],
         (None, false) => [
             format!("It is not watched: {alarms} alarms were made but not stored."),
@@ -112,7 +114,9 @@ fn to_do(report: Report, done: &Commissioning) -> Report {
         .collect();
     match rows.is_empty() {
         true => report.section("Reservations").text("None: every step passed."),
-        false => report.section("Reservations").table("", &["step", "outcome", "looked at", "seen", "what to do"], &rows),
+        false => {
+            report.section("Reservations").table("", &["step", "outcome", "looked at", "seen", "what to do"], &rows)
+        }
     }
 }
 

@@ -8,12 +8,12 @@ use super::ear::{Ear, Operator};
 use super::step::{Finding, Step, StepRecord};
 use crate::law::domain::Domain;
 use crate::levels::observe::Observations;
-use meshband_common::speed::Speed;
 use crate::{Error, Result};
 use meshband::alarm::Watched;
 use meshband::events::EventKind;
 use meshband::message::{Indicators, Message};
 use meshband::tach::Validity;
+use meshband_common::speed::Speed;
 use serde::Serialize;
 
 /// Between two lines that say how far it is, s of the node.
@@ -230,10 +230,9 @@ pub fn speeds(text: &str) -> std::result::Result<Domain, String> {
 pub fn range(asked: Option<Domain>, machine: &crate::machine::Machine) -> Result<Domain> {
     /// Shares of the nominal speed that a machine goes through.
     const SHARES: [f64; 2] = [0.5, 1.05];
-    let nominal = machine.nominal.map(|nominal| Domain {
-        lowest_hz: SHARES[0] * nominal.speed_hz,
-        highest_hz: SHARES[1] * nominal.speed_hz,
-    });
+    let nominal = machine
+        .nominal
+        .map(|nominal| Domain { lowest_hz: SHARES[0] * nominal.speed_hz, highest_hz: SHARES[1] * nominal.speed_hz });
     let missing = || Error::invalid("--speeds", format!("is needed: {} declares no [nominal] speed_hz", machine.title));
     asked.or(nominal).ok_or_else(missing)
 }

@@ -73,7 +73,8 @@ pub fn learn(observations: &Observations, allowance_db: f64) -> Result<Learned> 
     }
     let speeds = knots(&observations.by_quantity[0]);
     if speeds.is_empty() {
-        let what = "no value of good quality at a locked speed: a longer record, or one whose tach and signal are sound";
+        let what =
+            "no value of good quality at a locked speed: a longer record, or one whose tach and signal are sound";
         return Err(Error::invalid("levels", what));
     }
     if let [_] = speeds[..] {

@@ -1,7 +1,9 @@
-//! Alarms in words: what stands, on what, for how long; the same sentences in the view, in reports, in texts and in JSON.
+//! Alarms in words: what stands, on what, for how long; the same sentences in the view, in reports, in texts and in
+//! JSON.
 //!
-//! The node's status decides; events that are newer than it are taken in by [`View`] until the next one. Alarms are numbered from 1, as the
-//! registers of a PLC have them; the settings' list begins with number 1, too. Before the first status nothing is said of them.
+//! The node's status decides; events that are newer than it are taken in by [`View`] until the next one. Alarms are
+//! numbered from 1, as the registers of a PLC have them; the settings' list begins with number 1, too. Before the first
+//! status nothing is said of them.
 
 use super::view::View;
 use super::words::name_and_unit;

@@ -64,7 +64,10 @@ pub fn facts(view: &View, source: &str) -> Facts {
         facts.push(("time of the node".into(), super::health::date(unix_us)));
     }
     if let Some(status) = &view.status {
-        facts.push(("sampling".into(), format!("{:.0} Hz granted, converter {:.0} Hz", status.granted_hz, status.adc_hz)));
+        facts.push((
+            "sampling".into(),
+            format!("{:.0} Hz granted, converter {:.0} Hz", status.granted_hz, status.adc_hz),
+        ));
     }
     if let Some(node) = &view.identity {
         facts.push(("node".into(), super::report::identity(node)));

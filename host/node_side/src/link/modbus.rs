@@ -1,7 +1,7 @@
 //! The register map for whoever programs a PLC: one row per value, one request per group, bytes of an example.
 //!
-//! Made from [`meshband::modbus::map`], the table that a node answers from, so it cannot differ from it. Addresses count from 0, as they are
-//! on the line.
+//! Made from [`meshband::modbus::map`], the table that a node answers from, so it cannot differ from it. Addresses
+//! count from 0, as they are on the line.
 
 use super::words::name_and_unit;
 use meshband::alarm::AlarmBand;

@@ -1,9 +1,11 @@
-//! Bytes of a link into packets and counters: the one place that says what was lost, what was refused, and that a node restarted.
+//! Bytes of a link into packets and counters: the one place that says what was lost, what was refused, and that a node
+//! restarted.
 //!
-//! A live view, a capture that is replayed and a command all count here, so equal bytes give equal figures. Where a link was lost and
-//! opened again [`REOPENED`] stands between the bytes; what went by meanwhile was nobody's loss. A node that begins anew is known by its
-//! sequence (zero, or going back) or, where both runs of numbers happen to fit, by the ticks of its statuses, which go back.
-//! Limit: frames lost around a restart cannot be told from frames that were never sent; only those of the new run are counted.
+//! A live view, a capture that is replayed and a command all count here, so equal bytes give equal figures. Where a
+//! link was lost and opened again [`REOPENED`] stands between the bytes; what went by meanwhile was nobody's loss. A
+//! node that begins anew is known by its sequence (zero, or going back) or, where both runs of numbers happen to fit,
+//! by the ticks of its statuses, which go back. Limit: frames lost around a restart cannot be told from frames that
+//! were never sent; only those of the new run are counted.
 
 use meshband::frame::{Decoder, FrameError, Packet};
 use meshband::message::Message;

@@ -215,10 +215,9 @@ impl View {
             out += "\nevents\n";
         }
         for e in &self.events {
-            let time = self.since_start_s(e.first_tick).map_or_else(
-                || format!("tick {}", e.first_tick),
-                |seconds| format!("{seconds:10.3} s"),
-            );
+            let time = self
+                .since_start_s(e.first_tick)
+                .map_or_else(|| format!("tick {}", e.first_tick), |seconds| format!("{seconds:10.3} s"));
             out += &format!("{time}  {}  x{}\n", super::words::event(e), e.count);
         }
         let also = [(losses.unread, "messages not read in time"), (losses.reopened, "times the link was opened again")];

@@ -5,8 +5,8 @@
 
 use super::capture::{Capture, Kept};
 use crate::Result;
-use crate::link::transport::{self, Transport};
 use crate::link::stream::REOPENED;
+use crate::link::transport::{self, Transport};
 use crate::link::{Client, Losses};
 use meshband::message::Message;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};

@@ -102,7 +102,8 @@ fn draw_wide(frame: &mut Frame, area: Rect, scene: &Scene) {
     let bands = scene.panel.view.spectrum.as_ref().map_or(1, |s| s.bands.len()).max(1) as u16;
     let [top, bottom] =
         Layout::vertical([Constraint::Length((bands + 2).min(left.height)), Constraint::Min(0)]).areas(left);
-    frame.render_widget(Paragraph::new(band_lines(scene, top.width)).block(titled("mesh bands, m/s2 peak", scene)), top);
+    frame
+        .render_widget(Paragraph::new(band_lines(scene, top.width)).block(titled("mesh bands, m/s2 peak", scene)), top);
     frame.render_widget(
         Paragraph::new(order_lines(scene, bottom)).block(titled("orders of the pinion, dB below the strongest", scene)),
         bottom,
@@ -312,7 +313,8 @@ fn strongest_lines(scene: &Scene) -> Vec<Line<'static>> {
     };
     let speed = f64::from(peaks.tag.speed_hz);
     let line = |line: &SpectralLine| {
-        let order = if speed > 0.0 { format!("order {:9.3}", f64::from(line.frequency_hz) / speed) } else { String::new() };
+        let order =
+            if speed > 0.0 { format!("order {:9.3}", f64::from(line.frequency_hz) / speed) } else { String::new() };
         Line::raw(format!("{:10.2} Hz {:10.4}   {order}", line.frequency_hz, line.amplitude))
     };
     peaks.lines.iter().take(STRONGEST).map(line).collect()
@@ -357,7 +359,8 @@ fn axis(top: f64, width: usize) -> String {
     const APART: f64 = 12.0;
     let least = APART * top / width as f64;
     let decade = 10f64.powf(least.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|n| n * decade).into_iter().find(|step| *step >= least).unwrap_or(10.0 * decade);
+    let step =
+        [1.0, 2.0, 5.0, 10.0].map(|n| n * decade).into_iter().find(|step| *step >= least).unwrap_or(10.0 * decade);
     let mut text = " ".repeat(width);
     let mut n = 0.0;
     while n * step < top {

@@ -1,10 +1,12 @@
-//! A signal without an end, made of one that has an end: cut at tach edges where all angles come back, blended over the seam.
+//! A signal without an end, made of one that has an end: cut at tach edges where all angles come back, blended over the
+//! seam.
 //!
-//! The cut holds whole hunting periods where the signal has them, so that both shafts and the mesh go on; else the whole turns of the
-//! tach's shaft after which the other shaft is nearest to where it began, and how far it jumps is known ([`Loop::jump_deg`]). Over the last
-//! quarter of a turn the signal passes into what came before the first edge, so samples do not jump either. Values are interpolated from the
-//! record's own samples at any instant ([`super::analogue`]): no length is too long for a memory, and nothing is silent.
-//! Cost: 64 multiply-adds per value, 128 within the seam.
+//! The cut holds whole hunting periods where the signal has them, so that both shafts and the mesh go on; else the
+//! whole turns of the tach's shaft after which the other shaft is nearest to where it began, and how far it jumps is
+//! known ([`Loop::jump_deg`]). Over the last quarter of a turn the signal passes into what came before the first edge,
+//! so samples do not jump either. Values are interpolated from the record's own samples at any instant
+//! ([`super::analogue`]): no length is too long for a memory, and nothing is silent. Cost: 64 multiply-adds per value,
+//! 128 within the seam.
 
 use super::analogue::{HALF, Interpolator};
 use super::image::TICKS_PER_SECOND;
@@ -136,9 +138,9 @@ impl Loop {
         old * at(within) + (1.0 - old) * at(-rest)
     }
 
-    /// What the converter gives at a tick: offset binary of 16 bits.
-    pub fn code(&self, channel: &Channel<'_>, tick: u64) -> u16 {
-        let code = self.value(channel, tick) / channel.full_scale * HALF_RANGE;
+    /// What the converter gives at a tick of a signal that is `factor` times as strong: offset binary of 16 bits.
+    pub fn code(&self, channel: &Channel<'_>, tick: u64, factor: f64) -> u16 {
+        let code = factor * self.value(channel, tick) / channel.full_scale * HALF_RANGE;
         (code + f64::from(ZERO_CODE)).round().clamp(0.0, f64::from(u16::MAX)) as u16
     }
 }

@@ -1,8 +1,8 @@
 //! Those who listen to a served node: every one hears everything, each is answered alone.
 //!
-//! A node has one link and numbers its frames once; here each peer has its own numbers, from its first frame on, so nobody takes the others'
-//! answers for losses. Commands reach the node frame by frame: two peers that write at once do not mix. Whatever a peer does not take in time
-//! is lost for it, as on a wire, and counted at its end.
+//! A node has one link and numbers its frames once; here each peer has its own numbers, from its first frame on, so
+//! nobody takes the others' answers for losses. Commands reach the node frame by frame: two peers that write at once do
+//! not mix. Whatever a peer does not take in time is lost for it, as on a wire, and counted at its end.
 
 use meshband::frame::{Decoder, MAX_FRAME, Packet, encode};
 use std::io::{ErrorKind, Read, Write};

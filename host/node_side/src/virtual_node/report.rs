@@ -44,10 +44,7 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
     report = report.appendix("Every band, rate and check");
     if let Some(spectrum) = trial.spectra.last() {
         for harmonic in harmonics(spectrum).into_iter().skip(1) {
-            report = report.picture(
-                &mesh_band(signal, spectrum, harmonic)?,
-                &band_caption(spectrum, harmonic),
-            );
+            report = report.picture(&mesh_band(signal, spectrum, harmonic)?, &band_caption(spectrum, harmonic));
         }
         report = report.picture(&errors(trial)?, "Error of every line that stands clear of the noise, all spectra.");
         let caption = "Sidebands in turns of the pinion, then of the gear. What is not a clear line of that shaft is marked and left out of the worst errors.";
@@ -104,7 +101,11 @@ fn letter(trial: &Trial, signal: &Signal) -> Vec<String> {
             "Its mesh lines are {} in frequency and {} in amplitude of the double-precision reference; {}.",
             percent(worst.lines, worst.frequency_error),
             decibels(worst.lines, worst.amplitude_error_db),
-            if whole { "nothing was lost and every byte is the host's" } else { "but it lost blocks, or differs from the host" }
+            if whole {
+                "nothing was lost and every byte is the host's"
+            } else {
+                "but it lost blocks, or differs from the host"
+            }
         )
     };
     let third = match (trial.spectra.is_empty(), whole) {

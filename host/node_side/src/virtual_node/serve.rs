@@ -38,6 +38,7 @@ pub struct Looped<'a> {
     next_edge: u64,
     now: u64,
     sequence: u32,
+    strength: f64,
     /// Periods wished after the blocks before: the wish governs the block after the next, as on a board.
     periods: [u32; 2],
 }
@@ -62,12 +63,18 @@ impl<'a> Looped<'a> {
         let session = Session::new(config, TicksPerSecond(TICKS_PER_SECOND), Identity::HOST).map_err(refuse)?;
         let wish = session.node().requested_period_ticks().clamp(1, LONGEST_PERIOD);
         let (bank, next_edge, now, sequence) = (Bank::default(), 0, 0, 0);
-        Ok(Self { repeated, first, second, session, bank, next_edge, now, sequence, periods: [wish; 2] })
+        let strength = 1.0;
+        Ok(Self { repeated, first, second, session, bank, next_edge, now, sequence, strength, periods: [wish; 2] })
     }
 
     /// What is repeated.
     pub fn repeated(&self) -> &Loop {
         &self.repeated
+    }
+
+    /// From here on the machine vibrates so many times as strongly as its signal.
+    pub fn set_strength(&mut self, factor: f64) {
+        self.strength = factor;
     }
 
     /// The node with its registers.
@@ -141,7 +148,7 @@ impl<'a> Looped<'a> {
 
     fn sample(&self, channel: &Channel<'_>, period: u32, codes: &mut [u16]) {
         for (n, code) in (0u64..).zip(codes) {
-            *code = self.repeated.code(channel, self.now + n * u64::from(period));
+            *code = self.repeated.code(channel, self.now + n * u64::from(period), self.strength);
         }
     }
 }

@@ -1,8 +1,10 @@
-//! A served node as a Modbus station: over TCP (one frame per request, any unit number) and as RTU over a pseudo-terminal.
+//! A served node as a Modbus station: over TCP (one frame per request, any unit number) and as RTU over a
+//! pseudo-terminal.
 //!
-//! Both are answered by the node's own server from the node's own map ([`meshband::modbus`]); RTU by its own receiver, too, with the silence
-//! of its rate, measured on this host's clock. A board speaks RTU only, and the link or Modbus, not both: here both may be tried at once.
-//! Sources: "MODBUS messaging on TCP/IP implementation guide V1.0b" (header of seven bytes).
+//! Both are answered by the node's own server from the node's own map ([`meshband::modbus`]); RTU by its own receiver,
+//! too, with the silence of its rate, measured on this host's clock. A board speaks RTU only, and the link or Modbus,
+//! not both: here both may be tried at once. Sources: "MODBUS messaging on TCP/IP implementation guide V1.0b" (header
+//! of seven bytes).
 
 use crate::virtual_node::image::TICKS_PER_SECOND;
 use crate::{Error, Result};
@@ -101,16 +103,16 @@ impl Stations {
 
     /// Answers what has been asked.
     pub fn serve(&mut self, node: &Node, bank: &Bank) {
-        let mut count = |exception: bool| self.exceptions = self.exceptions.wrapping_add(u16::from(exception));
         #[cfg(unix)]
         let heard = self.lines.first().map(rtu::Terminal::heard).unwrap_or_default();
         #[cfg(not(unix))]
         let heard = Default::default();
         let view = View::of(node, bank, Traffic { heard, exceptions: self.exceptions });
+        let mut refused = 0;
         #[cfg(unix)]
         for line in &mut self.lines {
             let now = (self.begun.elapsed().as_secs_f64() * f64::from(TICKS_PER_SECOND)) as u64 as u32;
-            count(line.serve(self.address, &view, now));
+            refused += u16::from(line.serve(self.address, &view, now));
         }
         for listener in &self.listeners {
             while let Ok((stream, _)) = listener.accept() {
@@ -120,8 +122,9 @@ impl Stations {
             }
         }
         for master in &mut self.masters {
-            count(master.serve(self.address, &view));
+            refused += u16::from(master.serve(self.address, &view));
         }
+        self.exceptions = self.exceptions.wrapping_add(refused);
         self.masters.retain(|master| !master.gone);
     }
 }
@@ -168,7 +171,7 @@ fn request_of(pdu: &[u8]) -> Option<Request> {
 fn framed(header: &[u8], answer: &Answer) -> Vec<u8> {
     let pdu = &answer[1..answer.len() - 2];
     let length = (pdu.len() + UNIT) as u16;
-    [&header[..4], &length.to_be_bytes(), &header[6..HEADER], pdu].concat()
+    [&header[..4], &length.to_be_bytes()[..], &header[6..HEADER], pdu].concat()
 }
 
 /// How the line of a station is set, whatever language the configuration names.

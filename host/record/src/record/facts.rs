@@ -1,9 +1,9 @@
 //! The facts of a record as a report names them: file and its day, machine, speed, load, sampling, sensors.
 
 use super::Record;
+use jiff::Timestamp;
 use meshband_common::report::facts::Facts;
 use meshband_common::report::letter::About;
-use jiff::Timestamp;
 
 /// Channels named before the rest is counted.
 const NAMED: usize = 8;
@@ -70,7 +70,11 @@ fn load(record: &Record) -> String {
     let loads: Vec<f64> = record.runs.iter().filter_map(|run| run.declaration.load()).collect();
     let Some(lowest) = loads.iter().copied().reduce(f64::min) else { return "not declared".into() };
     let highest = loads.iter().copied().fold(lowest, f64::max);
-    if lowest == highest { format!("{lowest} N m at the pinion") } else { format!("{lowest} to {highest} N m at the pinion") }
+    if lowest == highest {
+        format!("{lowest} N m at the pinion")
+    } else {
+        format!("{lowest} to {highest} N m at the pinion")
+    }
 }
 
 /// The record as a letter names it.

@@ -47,17 +47,18 @@ impl Record {
         } else {
             folder
         };
+        if is_left_over(folder) {
+            return Err(Error::invalid(folder.display(), "is what an interrupted command left, no record"));
+        }
         let table = folder.join("record.toml");
         if folder.is_file() {
             let what = "is a file, not a record: a recording is made one by `meshband import FILE... -o RECORD`";
             return Err(Error::invalid(folder.display(), what));
         }
         if folder.is_dir() && !table.exists() {
-            let what = "is no record (it has no record.toml): `meshband import FILE... -o RECORD` makes one of a recording";
+            let what =
+                "is no record (it has no record.toml): `meshband import FILE... -o RECORD` makes one of a recording";
             return Err(Error::invalid(folder.display(), what));
-        }
-        if is_left_over(folder) {
-            return Err(Error::invalid(folder.display(), "is what an interrupted command left, no record"));
         }
         let declaration = Declaration::read(&table)?;
         // A table that is missing is said by whoever needs it.
