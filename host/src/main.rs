@@ -28,7 +28,7 @@ enum Command {
     Effects(commands::effects::Args),
     /// A node as a device: supply, temperature, bias, clock, time of day.
     Health(commands::health::Args),
-    /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
+    /// Measurement files (mat, HDF5, TDMS, csv, wav, FLAC, npy, uff58) into a record folder, with their tach or a virtual one.
     Import(commands::import::Args),
     /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
     Law(commands::law::Args),

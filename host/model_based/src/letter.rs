@@ -18,7 +18,8 @@ pub fn sentences(outcome: &Outcome, about: &About) -> Vec<String> {
 fn found(outcome: &Outcome, about: &About) -> String {
     let held = outcome.error.held_out_runs.shaft_synchronous;
     let errors = format!(
-        "on runs that took no part in the fit, {:.1} % of the signal that is locked to the shafts stays unexplained, where noise alone leaves {:.1} %",
+        "on runs that took no part in the fit, {:.1} % of the signal that is locked to the shafts stays \
+         unexplained, where noise alone leaves {:.1} %",
         100.0 * held.corrected,
         100.0 * held.noise_floor
     );
@@ -59,7 +60,9 @@ fn next(outcome: &Outcome) -> String {
         return format!("Next: {experiment}.");
     }
     match outcome.effects.first() {
-        None => "Next: keep this record as the reference; the table of limits says what would have been found.".into(),
+        None => "Next: keep this record as the reference; the table of limits says what would have been \
+         found."
+            .into(),
         Some(first) => {
             let advice = advice::for_name(&first.name);
             format!("Next: {}; {}.", advice.look, advice.when)
@@ -70,7 +73,8 @@ fn next(outcome: &Outcome) -> String {
 fn run_to_make(next: &NextMeasurement) -> String {
     let decides = if next.decides { "decides" } else { "tells most" };
     format!(
-        "measure {:.0} s at {:.2} Hz ({:.0} rpm) and {:.1} N m: that {decides} between the causes in question ({} among them)",
+        "measure {:.0} s at {:.2} Hz ({:.0} rpm) and {:.1} N m: that {decides} between the causes in question ({} \
+         among them)",
         next.seconds,
         next.speed_hz,
         60.0 * next.speed_hz,

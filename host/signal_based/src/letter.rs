@@ -39,7 +39,8 @@ fn found(outcome: &Outcome, about: &About) -> String {
     if outcome.effects.is_empty() {
         let odds = odds(outcome.false_alarm);
         return format!(
-            "Nothing was found beyond the lines of a sound pair of gears; the search was set to a chance of {odds} of a false finding, and what it would have seen is in the table of limits."
+            "Nothing was found beyond the lines of a sound pair of gears; the search was set to a chance of {odds} \
+             of a false finding, and what it would have seen is in the table of limits."
         );
     }
     let clauses: Vec<String> = outcome.effects.iter().map(|effect| clause(effect, about)).collect();
@@ -76,7 +77,9 @@ fn plain(name: &str) -> String {
 
 fn next(outcome: &Outcome) -> String {
     let Some(first) = outcome.effects.iter().max_by(|a, b| a.evidence.ln_bayes.total_cmp(&b.evidence.ln_bayes)) else {
-        return "Next: keep this record as the reference, and measure again at the usual interval, at this speed and load.".into();
+        return "Next: keep this record as the reference, and measure again at the usual interval, at this speed and \
+         load."
+            .into();
     };
     let advice = advice::for_name(&first.name);
     let others = outcome.effects.len() - 1;

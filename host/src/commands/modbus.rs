@@ -43,7 +43,8 @@ pub fn run(args: Args) -> Result<()> {
         file.write(csv_of(&rows)?)?;
     }
     say!(
-        "one request per line; addresses from 0, high word first, float32 is IEEE 754, what does not exist is not a number\n"
+        "one request per line; addresses from 0, high word first, float32 is IEEE 754, what does not exist is not a \
+         number\n"
     )?;
     let line = |(function, group, first, count): (u8, String, u16, u16)| {
         vec![function.to_string(), first.to_string(), count.to_string(), group]

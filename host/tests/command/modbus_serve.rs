@@ -116,7 +116,12 @@ fn ref_a_request_over_tcp_is_answered_with_its_transaction_and_refused_as_the_st
     let rms = f32::from_be_bytes(answer[9..13].try_into().expect("four bytes"));
     assert!(rms > 0.0 && rms < 1e4, "{rms}");
     assert_eq!(ask(&[0, 8, 0, 0, 0, 6, 1, 6, 0, 1, 0, 1], 9), [0, 8, 0, 0, 0, 3, 1, 0x86, 1], "writing is refused");
-    assert_eq!(ask(&[0, 9, 0, 0, 0, 6, 1, 4, 0x7f, 0xff, 0, 2], 9), [0, 9, 0, 0, 0, 3, 1, 0x84, 2], "no such address");
+    assert_eq!(
+        ask(&[0, 9, 0, 0, 0, 6, 1, 4, 0x7f, 0xff, 0, 2], 9),
+        [0, 9, 0, 0, 0, 3, 1, 0x84, 2],
+        "no such \
+     address"
+    );
 }
 
 #[test]

@@ -148,7 +148,8 @@ fn regress_two_viewers_hear_the_same_and_a_third_asks_meanwhile() {
 fn regress_an_alarm_that_stands_is_shown_to_whoever_comes_later() {
     let folder = folder("served-alarm");
     let settings = folder.join("set.toml");
-    let alarm = "[[alarms]]\nwatched = \"Rms\"\nfrom = 5\nto = 60\nraise = 0.001\nclear = 0.0005\npersistence = 3\n\n[holding]\nlatching = true\n";
+    let alarm = "[[alarms]]\nwatched = \"Rms\"\nfrom = 5\nto = 60\nraise = 0.001\nclear = 0.0005\npersistence = \
+     3\n\n[holding]\nlatching = true\n";
     std::fs::write(&settings, alarm).expect("written");
     let node = Node::start("17-38.toml", &["--duration", "3"]);
     accepted(&["configure", &node.port(), "--settings", &text(&settings)]);

@@ -69,7 +69,8 @@ pub fn without_mesh(outcome: &Outcome) -> Option<String> {
     (channels().count() > 0 && !channels().any(stands)).then(|| {
         let [pinion, gear] = outcome.teeth;
         format!(
-            "No mesh harmonic of {pinion}/{gear} teeth stands over the noise in any channel: check the tooth counts and the tachometer's shaft before anything below is believed."
+            "No mesh harmonic of {pinion}/{gear} teeth stands over the noise in any channel: check the tooth counts \
+             and the tachometer's shaft before anything below is believed."
         )
     })
 }
@@ -117,10 +118,12 @@ fn modulation(outcome: &Outcome) -> String {
 
 fn next(all: &[Seen]) -> String {
     if all.is_empty() {
-        return "Next: keep this record as the reference; `meshband loop RECORD` says what it would have found.".into();
+        return "Next: keep this record as the reference; `meshband diagnose RECORD` says what it would have \
+         found."
+            .into();
     }
     let look = if all.iter().any(|seen| seen.in_envelope) { advice::for_name("bearing") } else { advice::for_name("") };
-    format!("Next: {}; `meshband loop RECORD` looks for causes and says how sure they are; {}.", look.look, look.when)
+    format!("Next: {}; `meshband diagnose RECORD` looks for causes and says how sure they are; {}.", look.look, look.when)
 }
 
 /// One row per order.

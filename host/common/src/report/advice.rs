@@ -18,7 +18,8 @@ const BY_NAME: [(&str, Advice); 13] = [
     (
         "bearing",
         Advice {
-            look: "compare the order with the passage orders of the bearings on this shaft (BPFO, BPFI, ball spin), then inspect that bearing",
+            look: "compare the order with the passage orders of the bearings on this shaft (BPFO, BPFI, ball spin), \
+             then inspect that bearing",
             when: "measure again within a week; if its lines have risen by 6 dB, plan the stop",
         },
     ),
@@ -39,7 +40,8 @@ const BY_NAME: [(&str, Advice); 13] = [
     (
         "pitch-error",
         Advice {
-            look: "look for runout and pitch errors of this gear, and at its seat on the shaft; one more torque tells them apart",
+            look: "look for runout and pitch errors of this gear, and at its seat on the shaft; one more torque \
+             tells them apart",
             when: "it can wait for the next planned stop unless it grows: measure again in a month",
         },
     ),
@@ -60,7 +62,8 @@ const BY_NAME: [(&str, Advice); 13] = [
     (
         "imbalance",
         Advice {
-            look: "check balance, coupling and foundation of this shaft; a second speed tells imbalance (rising with its square) from the rest",
+            look: "check balance, coupling and foundation of this shaft; a second speed tells imbalance (rising \
+             with its square) from the rest",
             when: "at the next planned stop, or sooner if the velocity is beyond the machine's zone",
         },
     ),
@@ -105,7 +108,8 @@ const BY_NAME: [(&str, Advice); 13] = [
 /// Where nothing more is known than an order or a frequency.
 const OTHERWISE: Advice = Advice {
     look: "find what turns at this order or hums at this frequency: bearings, cages, other stages, fans, the drive",
-    when: "measure again at another speed: what keeps its order turns with the shaft, what keeps its frequency does not",
+    when: "measure again at another speed: what keeps its order turns with the shaft, what keeps its frequency does \
+     not",
 };
 
 /// The advice for a finding by its library name or names.

@@ -9,7 +9,8 @@ use super::escape;
 pub const TERMS: [(&str, &str); 30] = [
     (
         "nats",
-        "natural logarithm of how much more likely the record is with the finding than without it; 5 is a factor of 148",
+        "natural logarithm of how much more likely the record is with the finding than without it; 5 is a factor of \
+         148",
     ),
     ("held-out", "measured but not used to fit anything: what the result is checked on"),
     ("held out", "measured but not used to fit anything: what the result is checked on"),
@@ -17,8 +18,16 @@ pub const TERMS: [(&str, &str); 30] = [
     ("calibrated", "with the numbers of the machine adjusted to the record, nothing added"),
     ("corrected", "with the findings of this page added"),
     ("noise floor", "what stays where nothing but noise is left: no model can come below"),
-    ("moved copy", "the same search at an order moved by some per cent, where nothing can be: what chance alone gives"),
-    ("moved copies", "the same search at orders moved by some per cent, where nothing can be: what chance alone gives"),
+    (
+        "moved copy",
+        "the same search at an order moved by some per cent, where nothing can be: what chance alone \
+     gives",
+    ),
+    (
+        "moved copies",
+        "the same search at orders moved by some per cent, where nothing can be: what chance alone \
+     gives",
+    ),
     ("order", "frequency as a multiple of the pinion's turns per second"),
     ("envelope", "how the strength of the high-frequency part rises and falls: impacts repeat in it"),
     ("sideband", "line beside a mesh harmonic, at the distance of a shaft's turns: modulation once per turn"),

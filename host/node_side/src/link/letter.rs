@@ -41,15 +41,23 @@ fn next(view: &View, alarms: &Alarms, losses: Losses) -> String {
         return "Next: see that the node is started and its line whole: no verdict can be given.".into();
     };
     if alarms.signal_bad {
-        return "Next: see to the sensor, its supply and gain: what the other values say of the machine counts for little.".into();
+        return "Next: see to the sensor, its supply and gain: what the other values say of the machine counts for \
+         little."
+            .into();
     }
     if !alarms.standing.is_empty() {
-        return "Next: look at the machine; fetch the waveform of the alarm (`meshband capture`) or record it and have it analysed (`meshband analyse`, `meshband loop`); acknowledge when seen.".into();
+        return "Next: look at the machine; fetch the waveform of the alarm (`meshband capture`) or record it and \
+         have it analysed (`meshband analyse`, `meshband diagnose`); acknowledge when seen."
+            .into();
     }
     match status.state {
         State::Stopped => "Next: start it (`meshband configure PORT --start`): it does not watch.".into(),
-        State::WaitingForTach => "Next: see to the tachometer, or wait for the machine to turn: without a speed mesh bands and expected levels are not watched.".into(),
-        _ if losses.lost + losses.refused > 0 => "Next: nothing at the machine; the line loses frames: look at its cable and bit rate.".into(),
+        State::WaitingForTach => "Next: see to the tachometer, or wait for the machine to turn: without a speed \
+         mesh bands and expected levels are not watched."
+            .into(),
+        _ if losses.lost + losses.refused > 0 => "Next: nothing at the machine; the line loses frames: look at its \
+         cable and bit rate."
+            .into(),
         _ => match alarms.configured {
             Some(0) => "Next: give it alarms (`meshband commission`): none is configured, so none can stand.".into(),
             _ => "Next: nothing; the node watches.".into(),
