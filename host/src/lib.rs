@@ -7,7 +7,7 @@ pub mod program;
 pub mod results;
 
 pub use meshband_analysis::{analysis, check, drawn, generate, model, observation};
-pub use meshband_common::{Error, Result, budget, confined, error, output, remark, report, say, terminal, text};
+pub use meshband_common::{Error, Result, budget, confined, error, output, remark, report, say, speed, terminal, text};
 pub use meshband_law as law;
 pub use meshband_mechanics::{dynamics, effects, machine, piecewise, stiffness};
 pub use meshband_model_based as model_based;

@@ -1,7 +1,7 @@
 //! The `meshband` command: one subcommand per file in `commands/`.
 
 use clap::{Parser, Subcommand};
-use meshband_host::{Result, program};
+use meshband_host::{Result, program, report};
 use std::process::ExitCode;
 
 mod commands;
@@ -28,7 +28,7 @@ enum Command {
     Effects(commands::effects::Args),
     /// A node as a device: supply, temperature, bias, clock, time of day.
     Health(commands::health::Args),
-    /// Measurement files (mat, csv, wav, npy, uff58) into a record folder, with a virtual tach.
+    /// Measurement files (mat, HDF5, TDMS, csv, wav, FLAC, npy, uff58) into a record folder, with their tach or a virtual one.
     Import(commands::import::Args),
     /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
     Law(commands::law::Args),
@@ -42,6 +42,8 @@ enum Command {
     Commission(commands::commission::Args),
     /// Another image for a node, over its link, with the way back.
     Update(commands::update::Args),
+    /// A node's registers for whoever programs a PLC: the map as csv, one request per group, an example in bytes.
+    Modbus(commands::modbus::Args),
     /// Live view of a node in the terminal, or of a captured link.
     Monitor(commands::monitor::Args),
     /// Mesh stiffness over the cycle: tooth components, pair, total, ISO 6336 beside it.
@@ -58,6 +60,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    report::facts::set_command(std::env::args_os().map(|word| word.to_string_lossy().into_owned()));
     program::execute(|cli: Cli| run(cli.command))
 }
 
@@ -76,6 +79,7 @@ fn run(command: Command) -> Result<()> {
         Command::Configure(args) => commands::configure::run(args),
         Command::Commission(args) => commands::commission::run(args),
         Command::Update(args) => commands::update::run(args),
+        Command::Modbus(args) => commands::modbus::run(args),
         Command::Monitor(args) => commands::monitor::run(args),
         Command::Stiffness(args) => commands::stiffness::run(args),
         Command::Node(args) => commands::node::run(args),

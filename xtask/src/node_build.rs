@@ -4,11 +4,12 @@
 use crate::elf::{self, PanicSite, Sizes};
 use crate::release;
 use crate::setup::{self, TARGET};
-use crate::shell::{Outcome, cargo, root, timed};
+use crate::shell::{Outcome, cargo, root, timed, watched};
 use crate::stack_use::{self, StackUse};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::process::Command;
 
 /// Images whose sizes are watched, with what their board needs.
 const SIZED: [&str; 3] = ["an386", "loader", "stm32f405"];
@@ -52,11 +53,20 @@ pub fn build() -> Outcome {
     release::write()
 }
 
+/// Builds one image, with signs of life.
+pub fn build_one(image: &str) -> Outcome {
+    let (image, board) = IMAGES.iter().find(|(name, _)| *name == image).ok_or(format!("no image {image}"))?;
+    timed(&format!("firmware {image}"), || watched(&format!("firmware {image}"), &mut of_image(image, board)))
+}
+
 fn run_build(image: &str, board: &str) -> Outcome {
+    crate::shell::run(of_image(image, board).arg("--quiet"))
+}
+
+fn of_image(image: &str, board: &str) -> Command {
     let feature = format!("board-{board}");
-    crate::shell::run(&mut cargo(&[
+    cargo(&[
         "build",
-        "--quiet",
         "--package",
         "meshband-node",
         "--target",
@@ -67,7 +77,7 @@ fn run_build(image: &str, board: &str) -> Outcome {
         image,
         "--features",
         &feature,
-    ]))
+    ])
 }
 
 /// Prints text, data, bss and deepest stack of each image, and the released image's panics; an error names every limit passed, every

@@ -37,6 +37,26 @@ pub fn run(command: &mut Command) -> Outcome {
     if status.success() { Ok(()) } else { Err(format!("`{}` failed ({status})", describe(command))) }
 }
 
+/// Between two lines that say that a step is still under way.
+const PULSE: Duration = Duration::from_secs(15);
+
+/// Runs a command with its output shown and says every 15 s that it still runs: builds name crates, but one crate may take minutes.
+pub fn watched(what: &str, command: &mut Command) -> Outcome {
+    let mut child = command.spawn().map_err(|e| format!("{}: {e}", describe(command)))?;
+    let start = Instant::now();
+    let mut told = start;
+    loop {
+        if let Some(status) = child.try_wait().map_err(|e| format!("{}: {e}", describe(command)))? {
+            return if status.success() { Ok(()) } else { Err(format!("`{}` failed ({status})", describe(command))) };
+        }
+        if told.elapsed() >= PULSE {
+            told = Instant::now();
+            say(format!("{what}: {:.0} s so far", start.elapsed().as_secs_f64()));
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
 /// Runs a command quietly; gives its standard output, or the last lines of its complaints.
 pub fn capture(command: &mut Command) -> Outcome<String> {
     let output = command.stdin(Stdio::null()).output().map_err(|e| format!("{}: {e}", describe(command)))?;

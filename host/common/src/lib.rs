@@ -5,6 +5,7 @@ pub mod confined;
 pub mod error;
 pub mod output;
 pub mod report;
+pub mod speed;
 pub mod terminal;
 pub mod text;
 

@@ -282,7 +282,7 @@ impl Check {
             }
             (hidden, _) => format!(
                 "The tabulated law does not predict single edges: they lie up to {off}, from it, and the ring hides them at {hidden} of {} speeds; \
-                 it is an average.",
+                 it is an average: good for sampling rates with that margin; for single edges measure it on the machine (`meshband law learn`).",
                 self.rows.len()
             ),
         }

@@ -5,6 +5,7 @@
 
 use crate::machine::Machine;
 use crate::{Error, Result};
+use meshband_common::speed::Speed;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
 use std::str::FromStr;
@@ -74,18 +75,18 @@ impl Domain {
 impl FromStr for Domain {
     type Err = Error;
 
-    /// `LOW..HIGH` in Hz.
+    /// `LOW..HIGH`, each a [`Speed`].
     fn from_str(text: &str) -> Result<Self> {
         let [slowest, fastest] = POSSIBLE_HZ;
         let refuse = || {
             let what = format!(
-                "`{}` is no range of pinion speeds: LOW..HIGH in Hz from {slowest} to {fastest}, HIGH at least {LEAST_SPAN} times LOW",
+                "`{}` is no range of pinion speeds: LOW..HIGH, as 12Hz..25Hz or 750rpm..1500rpm, from {slowest} to {fastest} Hz, HIGH at least {LEAST_SPAN} times LOW",
                 crate::text::name(text)
             );
             Error::invalid("--speeds", what)
         };
         let (low, high) = text.split_once("..").ok_or_else(refuse)?;
-        let number = |text: &str| text.trim().parse::<f64>().map_err(|_| refuse());
+        let number = |text: &str| text.parse::<Speed>().map(|speed| speed.0).map_err(|_| refuse());
         let domain = Self { lowest_hz: number(low)?, highest_hz: number(high)? };
         let possible = domain.lowest_hz >= slowest && domain.highest_hz <= fastest;
         // Not a number is in no range.

@@ -216,7 +216,7 @@ pub fn torque_sweep(machine: &Machine, shaft_hz: f64) -> Result<Sweep> {
                     e.torque_n_m = Some(torque);
                 }
             })?;
-            row(&Bench::new(&other)?, format!("{torque} N m"), torque, shaft_hz, torque)
+            row(&Bench::new(&other)?, format!("{torque:.1} N m"), torque, shaft_hz, torque)
         })
         .collect::<Result<_>>()?;
     Ok(Sweep { name: "torque", unit: "N m", rows })

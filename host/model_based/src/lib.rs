@@ -26,6 +26,7 @@ pub mod held_out;
 pub mod impulsive;
 pub mod judge;
 pub mod least_squares;
+pub mod letter;
 pub mod library;
 pub mod limits;
 pub mod lookahead;

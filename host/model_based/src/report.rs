@@ -1,12 +1,15 @@
 //! The loop's report for people: errors in three stages, residual spectra as declared and corrected, evidence, what was refused, what stays.
 
 use super::bands::bands;
+use super::letter;
 use super::outcome::{Outcome, StagedError, Stages};
 use super::replay::Replay;
 use crate::Result;
 use crate::check::Findings;
 use meshband_common::report::Report;
-use meshband_common::report::plot::{Axes, Label, Series, spectrum};
+use meshband_common::report::letter::About;
+use meshband_common::report::owners::Owners;
+use meshband_common::report::plot::{Axes, Series, spectrum};
 
 fn number(x: f64) -> String {
     if x == 0.0 {
@@ -29,26 +32,49 @@ fn interval(value: Option<f64>, range: Option<[f64; 2]>) -> String {
     }
 }
 
-/// The whole report.
+/// The whole report of a record that `about` describes: the letter first, the figures of the method last.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn report(outcome: &Outcome, replay: &Replay) -> Result<Report> {
-    let held = outcome.error.held_out_runs.shaft_synchronous;
-    let mut report = Report::new(&format!("Closed loop: {}", outcome.record), &outcome.headline)
-        .figure("held-out error, declared", number(held.declared))
-        .figure("calibrated", number(held.calibrated))
-        .figure("corrected", number(held.corrected))
-        .figure("noise floor", number(held.noise_floor))
-        .figure("effects", outcome.effects.len());
+pub fn report(outcome: &Outcome, replay: &Replay, about: &About) -> Result<Report> {
+    let mut report = Report::new(&format!("Gear pair: {}", outcome.record), "What the declared machine lacks")
+        .verdict(letter::sentences(outcome, about))
+        .facts(about.facts.clone());
+    let (head, rows) = letter::findings(outcome, replay, about);
+    report = report.section("Findings");
+    report = match rows.is_empty() {
+        true => report.text("None beyond the declared machine."),
+        false => report.table("Lines are those that the declared machine leaves on a held-out run.", &head, &rows),
+    };
+    report = stages(report, outcome);
     report = findings(report, &outcome.findings);
+    report = residuals(report, outcome, replay, 0..1)?;
+    report = report.appendix("All figures");
     report = errors(report, outcome);
-    report = residuals(report, outcome, replay)?;
+    report = residuals(report, outcome, replay, 1..PICTURES)?;
     report = evidence(report, outcome);
     report = limits(report, outcome);
     report = levels(report, outcome, replay);
     report = refused(report, outcome);
     Ok(report)
+}
+
+/// The three stages, one sentence each.
+fn stages(report: Report, outcome: &Outcome) -> Report {
+    let held = outcome.error.held_out_runs.shaft_synchronous;
+    let percent = |error: f64| format!("{:.1} %", 100.0 * error);
+    report
+        .section("How well the machine is described")
+        .text(&format!(
+            "As declared, the machine leaves {} of what is locked to the shafts unexplained.",
+            percent(held.declared)
+        ))
+        .text(&format!("With its own parameters adjusted within their tolerances {} stay.", percent(held.calibrated)))
+        .text(&format!(
+            "With the findings {} stay; noise alone leaves {}.",
+            percent(held.corrected),
+            percent(held.noise_floor)
+        ))
 }
 
 /// What is wrong with the record itself.
@@ -88,7 +114,16 @@ fn errors(report: Report, outcome: &Outcome) -> Report {
 /// Bins at the end of the band that are not drawn.
 const SKIRT_BINS: usize = 4;
 
-fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<Report> {
+/// Two channels, each over orders and over frequency.
+const PICTURES: usize = 4;
+
+/// Some of them.
+fn residuals(
+    mut report: Report,
+    outcome: &Outcome,
+    replay: &Replay,
+    pictures: std::ops::Range<usize>,
+) -> Result<Report> {
     let Some(&run) = outcome.held_out_places().last() else { return Ok(report) };
     let base = &replay.declared;
     let (hz, bin) = (base.runs[run].angle.shaft_hz, 1.0 / base.analyser.duration_s());
@@ -104,26 +139,31 @@ fn residuals(mut report: Report, outcome: &Outcome, replay: &Replay) -> Result<R
         "Held-out run {} at {hz:.3} Hz, {:.1} N m. Peak amplitudes, dB re 1 m/s2.",
         outcome.runs_used[run], base.runs[run].torque_n_m
     ));
-    for channel in 0..2 {
-        for (scale, top, x) in [(1.0 / hz, 3.6 * z, "order of the pinion"), (1.0, 15_000.0, "frequency, Hz")] {
-            let all = [
-                series("record", &base.runs[run].measured[channel], scale, top),
-                series("residual, declared", &replay.declared_residual[run][channel], scale, top),
-                series("residual, corrected", &replay.corrected_residual[run][channel], scale, top),
-            ];
-            let in_orders = scale != 1.0;
-            let mut labels: Vec<Label> = Vec::new();
-            if in_orders {
-                labels.extend((1..=3).map(|h| Label { x: f64::from(h) * z, text: format!("{h} x mesh") }));
+    let axes = [(1.0 / hz, 3.6 * z, "order of the pinion"), (1.0, 15_000.0, "frequency, Hz")];
+    let all_places = (0..2).flat_map(|channel| axes.map(|(scale, top, x)| (channel, scale, top, x)));
+    for (channel, scale, top, x) in all_places.skip(pictures.start).take(pictures.len()) {
+        let all = [
+            series("record", &base.runs[run].measured[channel], scale, top),
+            series("residual, declared", &replay.declared_residual[run][channel], scale, top),
+            series("residual, corrected", &replay.corrected_residual[run][channel], scale, top),
+        ];
+        let in_orders = scale != 1.0;
+        let mut owners = Owners::new(top / 60.0);
+        if in_orders {
+            for harmonic in 1..=3 {
+                owners.claim(f64::from(harmonic) * z, format!("{harmonic} x mesh"));
             }
-            for e in outcome.effects.iter().filter(|_| in_orders) {
-                let own = e.order_of_pinion.or(e.frequency_hz.map(|f| f / hz));
-                let at = own.filter(|&order| stands(&all[0], order)).or_else(|| most_explained(&all[1], &all[2]));
-                labels.extend(at.map(|x| Label { x, text: e.name.chars().take(28).collect() }));
-            }
-            let svg = spectrum(&all, &labels, 1.0, 110.0, Axes { x, y: "dB re 1 m/s2" })?;
-            report = report.picture(&svg, &format!("Channel {channel} over {x}."));
         }
+        for e in outcome.effects.iter().filter(|_| in_orders) {
+            let own = e.order_of_pinion.or(e.frequency_hz.map(|f| f / hz));
+            let at = own.filter(|&order| stands(&all[0], order)).or_else(|| most_explained(&all[1], &all[2]));
+            if let Some(x) = at {
+                owners.claim(x, e.name.chars().take(28).collect::<String>());
+            }
+        }
+        let labels = owners.labels();
+        let svg = spectrum(&all, &labels, 1.0, 110.0, Axes { x, y: "dB re 1 m/s2" })?;
+        report = report.picture(&svg, &format!("Channel {channel} over {x}."));
     }
     Ok(report)
 }

@@ -23,7 +23,7 @@ pub fn analyse(py: Python<'_>, record: &Record, run: Option<usize>, channel: Opt
     let record = Arc::clone(&record.inner);
     work::run(py, move || {
         let found = analysis::record(&record, Choice { run, channel })?;
-        let html = report::report(&found)?.html();
+        let html = report::report(&found, &Default::default())?.html();
         Outcome::new(&found, view::text(&found), html)
     })
 }
@@ -75,7 +75,8 @@ fn closed(
         }
         let mut found = signal_based::run(record, &preflight)?;
         found.record = name.unwrap_or(found.record);
-        let html = if with_report { signal_based::report::report(&found)?.html() } else { String::new() };
+        let html =
+            if with_report { signal_based::report::report(&found, &Default::default())?.html() } else { String::new() };
         return Outcome::new(&found, signal_based::view::text(&found), html);
     }
     let seen = input::view(record)?;
@@ -83,7 +84,7 @@ fn closed(
     let mut found = model_based::close_loop(&seen, &Options { seed, limits: true, ..Options::default() })?;
     found.record = name.unwrap_or(found.record);
     let html = match with_report {
-        true => model_based::report::report(&found, &replay(&seen, &found))?.html(),
+        true => model_based::report::report(&found, &replay(&seen, &found), &Default::default())?.html(),
         false => String::new(),
     };
     Outcome::new(&found, found.summary(), html)

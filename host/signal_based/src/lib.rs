@@ -29,6 +29,7 @@ pub mod families;
 pub mod following;
 pub mod foretold;
 pub mod jitter;
+pub mod letter;
 pub mod limits;
 pub mod mesh_place;
 pub mod motor_slip;

@@ -1,51 +1,85 @@
-//! The answer as a page: errors, spectra before and after with the lines marked, families with their evidence, limits.
+//! The answer as a page: a letter with the table of findings, spectra with the lines marked, errors in three stages; evidence and limits behind.
 
+use super::letter;
 use super::outcome::{Effect, Outcome, Picture};
 use super::view;
 use crate::Result;
 use meshband_common::report::Report;
-use meshband_common::report::plot::{Axes, Label, Series, spectrum};
+use meshband_common::report::letter::About;
+use meshband_common::report::plot::{Axes, Series, spectrum};
 
-/// Channels drawn.
-const DRAWN: usize = 8;
-/// Lines of one family marked.
-const MARKED: usize = 6;
+/// Channels drawn on the letter, and in all.
+const DRAWN: [usize; 2] = [1, 8];
 /// Decibels shown.
 const SPAN_DB: f64 = 90.0;
 
-/// The page.
+/// The page of a record that `about` describes.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn report(outcome: &Outcome) -> Result<Report> {
-    let held = outcome.held_out;
+pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
     let mut page =
-        Report::new(&format!("Closed loop: {}", outcome.record), &format!("Kinematic level. {}", outcome.headline))
-            .figure("held-out error, declared", format!("{:.4}", held.declared))
-            .figure("calibrated", format!("{:.4}", held.calibrated))
-            .figure("corrected", format!("{:.4}", held.corrected))
-            .figure("noise floor", format!("{:.4}", held.noise_floor))
-            .figure("families", outcome.effects.len());
+        Report::new(&format!("Gear and bearings: {}", outcome.record), "What the record shows beyond its mesh")
+            .verdict(letter::sentences(outcome, about))
+            .facts(about.facts.clone());
+    let caption = format!("Findings; the strongest line in {}.", crate::text::name(&outcome.unit));
+    page = table(page.section("Findings"), &caption, letter::findings(outcome, about));
+    if outcome.effects.is_empty() {
+        page = page.text("None: nothing of the library stands out of this record.");
+    }
     for note in &outcome.notes {
         page = page.note(note);
     }
+    let strongest = strongest_first(outcome);
+    for picture in strongest.iter().take(DRAWN[0]) {
+        page = drawn(page, picture, outcome, about)?;
+    }
+    page = errors(page, outcome);
+    page = page.appendix("All figures");
+    for picture in strongest.iter().take(DRAWN[1]).skip(DRAWN[0]) {
+        page = drawn(page, picture, outcome, about)?;
+    }
+    Ok(details(page, outcome))
+}
+
+/// Pictures, the one with the strongest line of the first finding before the others.
+fn strongest_first(outcome: &Outcome) -> Vec<&Picture> {
+    let mut pictures: Vec<&Picture> = outcome.pictures.iter().collect();
+    let place = outcome.effects.iter().find_map(|effect| letter::strongest(outcome, effect)).map(|(own, _)| own.place);
+    pictures.sort_by_key(|picture| Some(picture.place) != place);
+    pictures
+}
+
+/// The three stages, each with what it says.
+fn errors(page: Report, outcome: &Outcome) -> Report {
+    let held = outcome.held_out;
+    let percent = |error: f64| format!("{:.1} %", 100.0 * error);
+    page.section("How well the record is described")
+        .text(&format!(
+            "On turns that took no part in the fit, {} of the waveform's RMS stays unexplained with the mesh alone, as declared.",
+            percent(held.declared)
+        ))
+        .text(&format!(
+            "With its strengths adjusted to the record {} stay; with the findings above {}; where nothing but noise is left it would be {}.",
+            percent(held.calibrated),
+            percent(held.corrected),
+            percent(held.noise_floor)
+        ))
+}
+
+fn details(mut page: Report, outcome: &Outcome) -> Report {
     if !outcome.to_raise_the_level.is_empty() {
-        page =
-            page.note(&format!("For the dynamic level this record lacks: {}.", outcome.to_raise_the_level.join("; ")));
+        page = page.text(&format!(
+            "This is the kinematic level: lines, not forces. For the dynamic level the record lacks: {}.",
+            outcome.to_raise_the_level.join("; ")
+        ));
     }
     page = page
         .section("Error in three stages")
         .text(&format!("Split: {}. {}.", outcome.split.kind, outcome.error.metric));
     page = table(page, "", view::errors(outcome));
     page = table(page, "Held-out turns, channel by channel.", view::channels(outcome));
-    page = page.section("Spectra before and after");
-    for picture in outcome.pictures.iter().take(DRAWN) {
-        page = drawn(page, picture, outcome)?;
-    }
     page = page.section("Families found");
-    if outcome.effects.is_empty() {
-        page = page.text("None: nothing of the library stands out of this record.");
-    }
     for effect in &outcome.effects {
         page = family(page, effect);
     }
@@ -61,37 +95,26 @@ pub fn report(outcome: &Outcome) -> Result<Report> {
     for left in &outcome.unexplained {
         page = page.text(&format!("{}: {:.2} % of the variance.", left.description, 100.0 * left.variance_share));
     }
-    Ok(page)
+    page
 }
 
 fn table(page: Report, caption: &str, (head, rows): view::Table) -> Report {
     if rows.is_empty() { page } else { page.table(caption, &head, &rows) }
 }
 
-fn drawn(page: Report, picture: &Picture, outcome: &Outcome) -> Result<Report> {
+fn drawn(page: Report, picture: &Picture, outcome: &Outcome, about: &About) -> Result<Report> {
     let names = ["record", "residual, calibrated", "residual, corrected"];
     let series: Vec<Series> =
         names.iter().zip(&picture.spectra).map(|(name, points)| Series::new(name, points.clone())).collect();
-    let top = picture.spectra[0].last().map_or(0.0, |p| p.0);
-    let marks = outcome.effects.iter().filter(|e| e.order_of_pinion.is_some()).flat_map(|effect| {
-        effect.lines.iter().take(MARKED).map(|(label, order)| Label { x: *order, text: marked(label, effect) })
-    });
-    let labels: Vec<Label> = marks.filter(|label| label.x < top).collect();
+    let labels = letter::marks(outcome, picture, about.pinion_teeth);
     let y = format!("amplitude, dB re 1 {}", crate::text::name(&outcome.unit));
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let (run, channel) = picture.place;
     let caption = format!(
-        "Run {run}, channel {channel} ({}), all turns; strongest lines of the families marked, those of an order of neither shaft by that order.",
+        "Run {run}, channel {channel} ({}), all turns. Mesh harmonics are marked, and the strongest lines of the findings that stand in this spectrum; no line has two marks.",
         crate::text::name(&picture.name)
     );
     Ok(page.picture(&svg, &caption))
-}
-
-/// A line's place in words that tell whose it is: with several orders of neither shaft "1 o" would be any of theirs.
-fn marked(label: &str, effect: &Effect) -> String {
-    let Some(base) = effect.order_of_pinion else { return label.to_owned() };
-    let words = label.split(' ').map(|word| if word == "o" { format!("x {base:.3}") } else { word.to_owned() });
-    words.collect::<Vec<_>>().join(" ")
 }
 
 fn family(page: Report, effect: &Effect) -> Report {
@@ -118,20 +141,5 @@ fn family(page: Report, effect: &Effect) -> Report {
     match &effect.remark {
         Some(remark) => page.note(remark),
         None => page,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn marks_tell_whose_line_it_is() {
-        let mut effect = Effect { order_of_pinion: Some(2.384), ..Effect::default() };
-        assert_eq!(marked("2 o", &effect), "2 x 2.384");
-        assert_eq!(marked("3 mesh + 1 o - 1 pinion", &effect), "3 mesh + 1 x 2.384 - 1 pinion");
-        assert_eq!(marked("2 pinion", &effect), "2 pinion");
-        effect.order_of_pinion = None;
-        assert_eq!(marked("2 f", &effect), "2 f");
     }
 }

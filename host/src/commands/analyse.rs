@@ -4,7 +4,7 @@ use clap::Args as ClapArgs;
 use meshband_host::Result;
 use meshband_host::analysis::{self, Choice, report, view};
 use meshband_host::output::show;
-use meshband_host::record::Record;
+use meshband_host::record::{Record, facts};
 use meshband_host::results::Results;
 use std::path::PathBuf;
 
@@ -28,6 +28,6 @@ pub fn run(args: Args) -> Result<()> {
     let mut files = args.results.announce(&mut args.results.outputs([args.record.as_path()]))?;
     let record = Record::read(&args.record)?;
     let outcome = analysis::record(&record, Choice { run: args.run, channel: args.channel })?;
-    files.write(&outcome, || report::report(&outcome))?;
+    files.write(&outcome, || report::report(&outcome, &facts::about(&record)))?;
     show(&view::text(&outcome))
 }

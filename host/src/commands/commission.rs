@@ -2,6 +2,7 @@
 
 use super::installation::InstallationArgs;
 use clap::Args as ClapArgs;
+use meshband_host::commissioning::coverage::Coverage;
 use meshband_host::commissioning::ear::Operator;
 use meshband_host::commissioning::outcome::Commissioning;
 use meshband_host::commissioning::{Plan, commission, report, run_up, settings_text};
@@ -14,6 +15,9 @@ use meshband_host::results::Force;
 use meshband_host::{Error, Result, remark, say};
 use std::io::{BufRead, IsTerminal};
 use std::path::PathBuf;
+
+/// Values over all classes below which no spread is known: ten degrees of freedom, and two points of a table.
+const FEWEST_VALUES: usize = 12;
 
 /// Arguments of `meshband commission`.
 #[derive(ClapArgs)]
@@ -34,10 +38,10 @@ pub struct Args {
     settings: Option<PathBuf>,
     #[command(flatten)]
     installation: InstallationArgs,
-    /// Pinion speeds that the machine goes through, Hz; otherwise half to 1.05 times its nominal speed.
-    #[arg(long, value_name = "LOW..HIGH")]
+    /// Pinion speeds that the machine goes through, as 12Hz..25Hz or 750rpm..1500rpm, or its one speed, as 1485rpm; otherwise half to 1.05 times its nominal speed.
+    #[arg(long, value_name = "LOW..HIGH|SPEED", value_parser = run_up::speeds)]
     speeds: Option<Domain>,
-    /// Values, of a second each at least, that fill a class of speeds.
+    /// Values, of a second each at least, that fill a class of speeds; a machine of one speed is listened to five times as long.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(4..=1000))]
     values: u16,
     /// Time for one way through the speeds, minutes.
@@ -120,9 +124,20 @@ fn plan(args: &Args) -> Result<Plan> {
     within("--false-alarms", args.false_alarms, [1e-6, 1e4])?;
     let machine = Machine::read(&args.machine)?;
     let sources = Sources::read(Some(&args.machine), args.law.as_deref(), args.settings.as_deref())?;
+    let range = run_up::range(args.speeds, &machine)?;
+    let classes = Coverage::new(range, usize::from(args.values));
+    let planned = classes.wanted * classes.classes.len();
+    if planned < FEWEST_VALUES {
+        let what = format!(
+            "{} for {} classes are {planned} values: nothing can be expected from fewer than {FEWEST_VALUES}",
+            args.values,
+            classes.classes.len()
+        );
+        return Err(Error::invalid("--values", what));
+    }
     Ok(Plan {
         port: args.port.clone(),
-        range: run_up::range(args.speeds, &machine)?,
+        range,
         machine,
         sources,
         installation: args.installation.facts(None),

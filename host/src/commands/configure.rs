@@ -2,13 +2,14 @@
 
 use super::installation::InstallationArgs;
 use clap::Args as ClapArgs;
+use meshband::alarm::Watched;
 use meshband::board::Timing;
-use meshband::config::{LinkConfig, Personality};
+use meshband::config::{Configuration, LinkConfig, Personality};
 use meshband::units::TicksPerSecond;
 use meshband_host::link::setup::Sources;
 use meshband_host::link::{Client, report};
 use meshband_host::results::Results;
-use meshband_host::{Error, Result, say};
+use meshband_host::{Error, Result, remark, say};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -44,7 +45,7 @@ pub struct Args {
     #[arg(long)]
     at_start: bool,
     /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
-    #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio", "sensitivity",
+    #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio", "sensitivity", "volt_per_g",
         "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json", "report"])]
     acknowledge: bool,
     #[command(flatten)]
@@ -71,6 +72,7 @@ pub fn run(args: Args) -> Result<()> {
     config
         .validate(Timing::of(&identity.board, TicksPerSecond(identity.ticks_per_second)))
         .map_err(|error| Error::invalid("configuration", format!("{error} on this node")))?;
+    doubts(&config).iter().for_each(|doubt| remark!("warning: {doubt}"));
     client.set_configuration(&config)?;
     let held = client.configuration()?;
     if held != config {
@@ -106,6 +108,21 @@ pub fn run(args: Args) -> Result<()> {
         Personality::Meshband => Ok(()),
         Personality::Modbus => say!("{}", from_next_start(&held.link, args.volatile, &args.port)),
     }
+}
+
+/// What a configuration says that is allowed and hardly meant.
+fn doubts(config: &Configuration) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let expects_nothing = config.levels.is_empty() && config.local_levels.is_empty();
+    if expects_nothing && config.alarms.iter().any(|alarm| alarm.watched == Watched::Departure) {
+        doubts.push("an alarm on Departure can never be raised without expected levels: `meshband levels learn` or `meshband commission` makes them".into());
+    }
+    let [pinion, gear] = [config.gears.pinion_teeth, config.gears.gear_teeth];
+    if pinion > gear {
+        let ratio = f64::from(pinion) / f64::from(gear);
+        doubts.push(format!("{pinion} teeth drive {gear}: the pair speeds up by {ratio:.2}; the first count is the pinion's, whose turns the tach gives"));
+    }
+    doubts
 }
 
 fn open(args: &Args) -> Result<Client> {

@@ -3,6 +3,27 @@
 use clap::Args as ClapArgs;
 use meshband_host::link::setup::Installation;
 
+/// Reference of the converter, V, and its codes.
+const REFERENCE_V: f32 = 3.3;
+const CODES: f32 = 65_536.0;
+/// Standard gravity, m/s2.
+const GRAVITY: f32 = 9.806_65;
+/// Sensitivities that accelerometers have, V per g.
+const POSSIBLE: std::ops::RangeInclusive<f32> = 0.001..=10.0;
+
+/// Acceleration per code, m/s2, of a sensor of so many V per g.
+fn per_code(volt_per_g: f32) -> f32 {
+    REFERENCE_V / CODES / volt_per_g * GRAVITY
+}
+
+fn volt_per_g(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|_| format!("'{}' is no number", meshband_host::text::name(text)))?;
+    if POSSIBLE.contains(&value) {
+        return Ok(value);
+    }
+    Err(format!("{value} V per g is outside 0.001 to 10: {value} mV/g is {}", value / 1000.0))
+}
+
 /// Tach wheel, sensor, filter.
 #[derive(ClapArgs)]
 pub struct InstallationArgs {
@@ -18,6 +39,9 @@ pub struct InstallationArgs {
     /// Acceleration per 16-bit ADC code, m/s2.
     #[arg(long, allow_negative_numbers = true)]
     pub sensitivity: Option<f32>,
+    /// Sensor's sensitivity, V per g, instead of --sensitivity: as 0.1 for 100 mV/g, at a converter reference of 3.3 V and gain 1.
+    #[arg(long, conflicts_with = "sensitivity", value_parser = volt_per_g)]
+    pub volt_per_g: Option<f32>,
     /// Stop edge of the analogue filter, Hz.
     #[arg(long)]
     pub analogue_stop: Option<f32>,
@@ -40,7 +64,7 @@ impl InstallationArgs {
             pulses_per_turn: self.pulses,
             missing: self.missing,
             pinion_per_tach: self.ratio,
-            acceleration_per_code: self.sensitivity,
+            acceleration_per_code: self.sensitivity.or(self.volt_per_g.map(per_code)),
             analogue_stop_hz: self.analogue_stop,
             highest_adc_hz: self.highest_adc,
             harmonics: self.harmonics,

@@ -3,6 +3,7 @@
 use clap::{Args as ClapArgs, Subcommand};
 use meshband_host::law::derive::{Check, Laws, OPERATING_POINTS, check, derive};
 use meshband_host::law::domain::Domain;
+use meshband_host::law::file::LawFile;
 use meshband_host::law::learn::{self, Learned, Wanted};
 use meshband_host::law::operating::Bench;
 use meshband_host::law::outcome::{self, Outcome};
@@ -227,6 +228,16 @@ fn fitted(path: &Path, domain: Option<Domain>) -> Result<(Laws, Check)> {
     let laws = derive(&machine, &bench, domain, &|| progress.step())?;
     let check = check(&laws, &bench, &|| progress.step())?;
     Ok((laws, check))
+}
+
+/// The law that a node of this machine gets.
+pub(super) fn for_node(path: &Path) -> Result<LawFile> {
+    let machine = Machine::read(path)?;
+    let bench = Bench::new(&machine)?;
+    let laws = derive(&machine, &bench, Domain::of(&machine), &|| ())?;
+    let file = laws.file(check(&laws, &bench, &|| ())?.relative_uncertainty());
+    file.for_node()?;
+    Ok(file)
 }
 
 fn write_common(files: &mut Announced, laws: &Laws, check: &Check, title: &str) -> Result<()> {

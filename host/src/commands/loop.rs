@@ -11,8 +11,9 @@ use meshband_host::model_based::report::{self, report};
 use meshband_host::model_based::{Options, close_loop};
 use meshband_host::observation::input;
 use meshband_host::output::show;
-use meshband_host::record::Record;
+use meshband_host::record::{Record, facts};
 use meshband_host::report::Report;
+use meshband_host::report::letter::About;
 use meshband_host::results::{Announced, Results};
 use meshband_host::signal_based::preflight::{self, Preflight};
 use meshband_host::{Error, Result, say, signal_based, terminal};
@@ -113,14 +114,16 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();
     }
+    let about = facts::about(&files);
     let replayed = (written.wants_report() || correction.is_some()).then(|| replay(&record, &outcome));
     if correction.is_some() {
         // The correction takes its time and may fail: what has been found is safe first.
-        written
-            .write_early(&Written::of(&outcome, &Correcting::default()), || page(&outcome, replayed.as_ref(), None))?;
+        written.write_early(&Written::of(&outcome, &Correcting::default()), || {
+            page(&outcome, replayed.as_ref(), &about, None)
+        })?;
     }
     let made = correction.map(|correction| correct(correction, &files, &outcome)).unwrap_or_default();
-    written.write(&Written::of(&outcome, &made), || page(&outcome, replayed.as_ref(), made.check.as_ref()))?;
+    written.write(&Written::of(&outcome, &made), || page(&outcome, replayed.as_ref(), &about, made.check.as_ref()))?;
     show(&outcome.summary())?;
     if let (Some(applied), Some(replayed)) = (&made.applied, &replayed) {
         print_applied(applied)?;
@@ -144,7 +147,7 @@ fn run_kinematic(args: &Args, record: &Record, preflight: &Preflight, written: &
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();
     }
-    written.write(&outcome, || signal_based::report::report(&outcome))?;
+    written.write(&outcome, || signal_based::report::report(&outcome, &facts::about(record)))?;
     show(&signal_based::view::text(&outcome))
 }
 
@@ -175,8 +178,8 @@ impl<'a> Written<'a> {
     }
 }
 
-fn page(outcome: &Outcome, replayed: Option<&Replay>, check: Option<&NodeCheck>) -> Result<Report> {
-    let page = report(outcome, replayed.expect("a report is only made of a replayed outcome"))?;
+fn page(outcome: &Outcome, replayed: Option<&Replay>, about: &About, check: Option<&NodeCheck>) -> Result<Report> {
+    let page = report(outcome, replayed.expect("a report is only made of a replayed outcome"), about)?;
     let Some(check) = check else { return Ok(page) };
     let [levels, widths] = check.rows();
     Ok(page

@@ -8,9 +8,10 @@ use meshband_host::law::domain::Domain;
 use meshband_host::law::guesses::{Sensitivity, sensitivity};
 use meshband_host::machine::estimate::{Bearings, Known, estimate};
 use meshband_host::machine::{Hunting, Machine, keys};
-use meshband_host::output::show;
+use meshband_host::output::{interrupt, show};
 use meshband_host::report::Report;
 use meshband_host::results::{Force, Results};
+use meshband_host::speed::Speed;
 use meshband_host::stiffness::report::Report as Stiffness;
 use meshband_host::terminal::{Progress, table};
 use meshband_host::{Error, Result, remark, say};
@@ -45,18 +46,18 @@ struct New {
     /// Machine file to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Tooth counts of pinion and gear, as 21,64.
-    #[arg(long, value_delimiter = ',', num_args = 1)]
-    teeth: Vec<u32>,
+    /// Tooth counts of pinion and gear, as 21,64 or 21/64.
+    #[arg(long, value_parser = teeth)]
+    teeth: Option<[u32; 2]>,
     /// Module, mm.
     #[arg(long, value_name = "MM")]
     module: Option<f64>,
     /// Face width, mm.
     #[arg(long, value_name = "MM")]
     width: Option<f64>,
-    /// Speed of the pinion, Hz.
-    #[arg(long, value_name = "HZ")]
-    speed: Option<f64>,
+    /// Speed of the pinion, as 24.75Hz or 1485rpm; a bare number is Hz.
+    #[arg(long)]
+    speed: Option<Speed>,
     /// Power, kW; the torque follows from it.
     #[arg(long, value_name = "KW", conflicts_with = "torque")]
     power: Option<f64>,
@@ -78,6 +79,9 @@ struct New {
     /// Pinion rotation over which a pair takes up its load, mrad, where it was measured.
     #[arg(long, value_name = "MRAD")]
     ramp: Option<f64>,
+    /// Helix angle, degrees: refused, because only spur gears are in the model.
+    #[arg(long, value_name = "DEGREES", hide = true)]
+    helix: Option<f64>,
     /// Does not work out which guesses move the law.
     #[arg(long)]
     quick: bool,
@@ -158,19 +162,39 @@ fn guesses_text(found: &Sensitivity) -> String {
     )
 }
 
+/// What the wizard can describe, before its first question.
+const SCOPE: &str = "one pair of spur gears; of a gearbox with several stages describe the pair nearest to the sensor, the others stay outside; helical and planetary gears are outside the model";
+
 fn known(args: &New) -> Result<Known> {
-    let teeth = match args.teeth[..] {
-        [pinion, gear] => [pinion, gear],
-        [] => [asked("teeth of the pinion", "--teeth")?, asked("teeth of the gear", "--teeth")?].map(|z: f64| z as u32),
-        _ => return Err(Error::invalid("--teeth", "needs two counts, as 21,64")),
-    };
-    let or_asked = |given: Option<f64>, question: &str, option: &str| given.map_or_else(|| asked(question, option), Ok);
-    let module_m = 1e-3 * or_asked(args.module, "module, mm", "--module")?;
-    let face_width_m = 1e-3 * or_asked(args.width, "face width, mm", "--width")?;
-    let speed_hz = or_asked(args.speed, "speed of the pinion, Hz", "--speed")?;
+    if let Some(degrees) = args.helix.filter(|degrees| *degrees != 0.0) {
+        let what = format!(
+            "{degrees} degrees: helical gears are outside the model; `import`, `analyse`, `loop` on a record and `commission` work without it"
+        );
+        return Err(Error::invalid("--helix", what));
+    }
+    let all_given = args.teeth.is_some() && args.module.is_some() && args.width.is_some() && args.speed.is_some();
+    if !(all_given && (args.torque.is_some() || args.power.is_some())) && can_ask() {
+        remark!("{SCOPE}");
+    }
+    let teeth = args.teeth.map_or_else(|| asked("teeth of pinion and gear, as 21,64", "--teeth", teeth), Ok)?;
+    if teeth[0] > teeth[1] {
+        let ratio = f64::from(teeth[0]) / f64::from(teeth[1]);
+        remark!(
+            "note: {} teeth drive {}: the pair speeds up by {ratio:.2}; the pinion is the one whose speed and torque are given",
+            teeth[0],
+            teeth[1]
+        );
+    }
+    let positive_or =
+        |given: Option<f64>, question: &str, option: &str| given.map_or_else(|| asked(question, option, positive), Ok);
+    let module_m = 1e-3 * positive_or(args.module, "module, mm", "--module")?;
+    let face_width_m = 1e-3 * positive_or(args.width, "face width, mm", "--width")?;
+    let speed =
+        args.speed.map_or_else(|| asked("speed of the pinion, as 24.75Hz or 1485rpm", "--speed", turning), Ok)?;
+    let speed_hz = speed.0;
     let torque_n_m = match (args.torque, args.power) {
         (Some(torque), _) => torque,
-        (None, power) => 1e3 * or_asked(power, "power, kW", "--power or --torque")? / (TAU * speed_hz),
+        (None, power) => 1e3 * positive_or(power, "power, kW", "--power or --torque")? / (TAU * speed_hz),
     };
     let bore_radius_m = match args.bores[..] {
         [] => None,
@@ -197,16 +221,52 @@ fn known(args: &New) -> Result<Known> {
     })
 }
 
-/// A number asked for in the terminal; without one the option is named.
-fn asked(question: &str, option: &str) -> Result<f64> {
-    if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+fn can_ask() -> bool {
+    std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
+}
+
+/// Asked for in the terminal until the answer can be read; without a terminal the option is named.
+fn asked<T>(question: &str, option: &str, read: impl Fn(&str) -> std::result::Result<T, String>) -> Result<T> {
+    if !can_ask() {
         return Err(Error::invalid(option, format!("is needed: {question}")));
     }
-    let mut text = String::new();
-    let mut err = std::io::stderr();
-    let _ = write!(err, "{question}? ").and_then(|()| err.flush());
-    std::io::stdin().read_line(&mut text).map_err(|error| Error::tool("terminal", error))?;
-    text.trim().parse().map_err(|_| Error::invalid(option, format!("'{}' is no number", text.trim())))
+    loop {
+        let mut text = String::new();
+        let mut err = std::io::stderr();
+        let _ = write!(err, "{question}? ").and_then(|()| err.flush());
+        let count = std::io::stdin().read_line(&mut text).map_err(|error| Error::tool("terminal", error))?;
+        if count == 0 || interrupt::requested() {
+            return Err(Error::invalid(option, format!("no answer: {question}")));
+        }
+        match read(text.trim()) {
+            Ok(value) => return Ok(value),
+            Err(why) => remark!("{why}"),
+        }
+    }
+}
+
+/// Two tooth counts, with a comma, a slash or a blank between them.
+fn teeth(text: &str) -> std::result::Result<[u32; 2], String> {
+    /// Fewest and most teeth.
+    const RANGE: std::ops::RangeInclusive<u32> = 5..=1000;
+    let refuse = || format!("'{}' are not two tooth counts from 5 to 1000: as 21,64", meshband_host::text::name(text));
+    let parts = text.split([',', '/', ' ']).filter(|part| !part.is_empty());
+    let counts: Vec<u32> =
+        parts.map(|part| part.parse().map_err(|_| refuse())).collect::<std::result::Result<_, _>>()?;
+    match counts[..] {
+        [pinion, gear] if RANGE.contains(&pinion) && RANGE.contains(&gear) => Ok([pinion, gear]),
+        _ => Err(refuse()),
+    }
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    let value = text.replace(',', ".").parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
+    value.ok_or_else(|| format!("'{}' is no positive number", meshband_host::text::name(text)))
+}
+
+fn turning(text: &str) -> std::result::Result<Speed, String> {
+    let speed: Speed = text.parse()?;
+    if speed.0 > 0.0 && speed.0.is_finite() { Ok(speed) } else { Err("a speed is above zero".into()) }
 }
 
 /// What `machine check` says.

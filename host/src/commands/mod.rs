@@ -17,6 +17,7 @@ pub mod installation;
 pub mod law;
 pub mod levels;
 pub mod machine;
+pub mod modbus;
 pub mod monitor;
 pub mod node;
 pub mod predict;

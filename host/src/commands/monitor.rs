@@ -4,13 +4,12 @@
 //! lost port again; a port that stays away for the patience ends the command with an error, after what was heard is written.
 
 use clap::Args as ClapArgs;
-use meshband::message::Identification;
 use meshband_host::link::view::View;
 use meshband_host::link::{Client, Losses, health, report, transport};
 use meshband_host::monitor::capture::Capture;
 use meshband_host::monitor::link::{Standing, Watched};
 use meshband_host::monitor::panel::Panel;
-use meshband_host::monitor::terminal::{Limits, live};
+use meshband_host::monitor::terminal::{Limits, live, take_replies};
 use meshband_host::output::{Outputs, interrupt, show};
 use meshband_host::results::{Announced, Results};
 use meshband_host::{Error, Result, remark, say};
@@ -36,7 +35,7 @@ pub struct Args {
     /// Ends after this many messages.
     #[arg(long)]
     frames: Option<u64>,
-    /// Shows the view once, after a mesh-band spectrum has come (or the link has ended), and ends.
+    /// Shows the view once, after a status and a mesh-band spectrum have come (or the patience or the link has ended), and ends.
     #[arg(long)]
     once: bool,
     /// Without a terminal: ends after this many seconds without any message.
@@ -56,7 +55,6 @@ const NOTHING_SENT: &str = "the link ended before the node sent any message";
 struct Heard {
     view: View,
     losses: Losses,
-    identity: Option<Identification>,
     /// Why it ended, where that is a fault.
     fault: Option<Error>,
 }
@@ -68,17 +66,22 @@ pub fn run(args: Args) -> Result<()> {
     }
     let mut outputs = args.results.outputs(args.replay.as_deref());
     let mut files = args.results.announce(&mut outputs)?;
+    let mut kept = None;
     let (heard, source) = match (&args.replay, &args.port) {
         (Some(path), _) => (replayed(path, &args)?, path.display().to_string()),
         (None, Some(port)) => {
             let in_terminal = std::io::stdout().is_terminal() && !args.once;
             let capture = capture(&args, in_terminal, &mut outputs)?;
+            kept = capture.clone().filter(|_| in_terminal);
             let heard =
                 if in_terminal { watched_live(port, &args, capture.as_ref())? } else { watched(port, &args, capture)? };
             (heard, port.clone())
         }
         (None, None) => return Err(Error::invalid("PORT", "a port or --replay FILE is needed")),
     };
+    if let Some(capture) = kept {
+        remark!("monitor: every byte is kept in {}; --no-record keeps none", capture.path().display());
+    }
     finish(heard, &source, &mut files)
 }
 
@@ -99,19 +102,17 @@ fn capture(args: &Args, in_terminal: bool, outputs: &mut Outputs) -> Result<Opti
 
 /// Writes the files, then shows what was heard; the fault comes last.
 fn finish(heard: Heard, source: &str, files: &mut Announced) -> Result<()> {
-    let Heard { view, losses, identity, fault } = heard;
+    let Heard { view, losses, fault } = heard;
     if view.messages == 0
         && let Some(fault) = fault
     {
         return Err(fault);
     }
-    files.write(&serde_json::json!({ "identity": identity, "view": view, "losses": losses }), || {
-        report::of_view(&view, losses, source, identity.as_ref())
-    })?;
-    if let Some(identity) = &identity {
-        say!("{}\n{}", report::identity(identity), report::self_test(identity.self_test))?;
+    files.write(&view.json(losses), || report::of_view(&view, losses, source))?;
+    if let Some(identity) = &view.identity {
+        say!("{}\n{}", report::identity(identity), report::self_test(view.self_test.unwrap_or(identity.self_test)))?;
     }
-    show(&view.text(losses, identity.as_ref().map(|identity| identity.ticks_per_second)))?;
+    show(&view.text(losses))?;
     fault.map_or(Ok(()), Err)
 }
 
@@ -123,37 +124,57 @@ fn replayed(path: &Path, args: &Args) -> Result<Heard> {
         if let Some(message) = client.next_message(STEP)? {
             view.take(message);
         }
+        client.take_replies().into_iter().for_each(|reply| view.take_reply(reply));
     }
     let why = || client.unreadable().unwrap_or_else(|| "holds no intact frame of a node".to_owned());
     let fault = (view.messages == 0).then(|| Error::invalid(path.display(), why()));
-    Ok(Heard { view, losses: client.losses(), identity: None, fault })
+    Ok(Heard { view, losses: client.losses(), fault })
 }
 
 fn enough(args: &Args, view: &View) -> bool {
-    let counted = args.frames.is_some_and(|frames| view.messages >= frames);
-    counted || (args.once && view.spectrum.is_some()) || interrupt::requested()
+    let whole = view.spectrum.is_some() && view.status.is_some();
+    counted(args, view) || (args.once && whole) || interrupt::requested()
+}
+
+fn counted(args: &Args, view: &View) -> bool {
+    args.frames.is_some_and(|frames| view.messages >= frames)
+}
+
+/// Asks the node who it is, and for its alarms.
+fn introduce(link: &mut Watched, view: &mut View) -> Result<()> {
+    let Some(client) = link.client() else { return Ok(()) };
+    view.identity = Some(client.identify()?);
+    // A node of another schema is still watched: its alarms then have numbers only.
+    view.bands = client.configuration().map(|config| config.alarms.to_vec()).ok();
+    Ok(())
+}
+
+/// What has come and is in the capture, but was not taken up yet: a replay will show it, too.
+fn drain(link: &mut Watched, view: &mut View, args: &Args) {
+    while let Some(message) = (!counted(args, view)).then(|| link.waiting_message()).flatten() {
+        view.take(message);
+    }
+    take_replies(link, view);
 }
 
 /// The live view.
 fn watched_live(port: &str, args: &Args, capture: Option<&Capture>) -> Result<Heard> {
     let mut link = Watched::open(port, capture.cloned())?;
     let mut panel = Panel::default();
-    if let Some(client) = link.client() {
-        panel.identity = Some(client.identify()?);
-        // A node of another schema is still watched: its alarms then have numbers only.
-        panel.bands = client.configuration().map(|config| config.alarms.to_vec()).unwrap_or_default();
-    }
+    introduce(&mut link, &mut panel.view)?;
     interrupt::only_ask();
     live(&mut link, &mut panel, capture, Limits { messages: args.frames })?;
-    Ok(Heard { view: panel.view, losses: link.losses(), identity: panel.identity, fault: None })
+    let mut view = panel.view;
+    drain(&mut link, &mut view, args);
+    Ok(Heard { view, losses: link.losses(), fault: None })
 }
 
 /// The view without a terminal: silence ends it, a lost link is said and opened again.
 fn watched(port: &str, args: &Args, capture: Option<Capture>) -> Result<Heard> {
     let mut link = Watched::open(port, capture)?;
-    let identity = link.client().map(Client::identify).transpose()?;
     let mut view = View::default();
-    let (mut heard, mut standing) = (Instant::now(), Standing::Open);
+    introduce(&mut link, &mut view)?;
+    let (begun, mut heard, mut standing) = (Instant::now(), Instant::now(), Standing::Open);
     // Ctrl-C is how such a view ends: what has been heard is still written.
     interrupt::only_ask();
     let mut silent = false;
@@ -163,9 +184,12 @@ fn watched(port: &str, args: &Args, capture: Option<Capture>) -> Result<Heard> {
             heard = Instant::now();
         }
         standing = told(&standing, link.standing());
+        take_replies(&mut link, &mut view);
         let never = view.messages == 0 && standing != Standing::Open;
         silent = heard.elapsed().as_secs_f64() > args.patience;
-        if never || silent {
+        // A node without a speed sends no mesh bands: what it did say is shown then.
+        let waited = args.once && view.status.is_some() && begun.elapsed().as_secs_f64() > args.patience;
+        if never || silent || waited {
             break;
         }
     }
@@ -191,11 +215,15 @@ fn watched(port: &str, args: &Args, capture: Option<Capture>) -> Result<Heard> {
     };
     // The self-test goes on after the start; the newest result, where the node is still there to ask.
     let fresh = heard.elapsed() < Duration::from_secs(5) && !interrupt::requested();
-    let newer = link.client().filter(|_| fresh).and_then(|client| client.identify().ok());
-    if newer.as_ref().is_some_and(health::is_known_to) {
-        view.health = link.client().and_then(|client| client.health().ok());
+    if let Some(client) = link.client().filter(|_| fresh)
+        && let Ok(newer) = client.identify()
+    {
+        let asked = health::is_known_to(&newer).then(|| client.health().ok()).flatten();
+        view.identity = Some(newer);
+        view.health = asked.or(view.health);
     }
-    Ok(Heard { view, losses: link.losses(), identity: newer.or(identity), fault })
+    drain(&mut link, &mut view, args);
+    Ok(Heard { view, losses: link.losses(), fault })
 }
 
 /// Says a change of the link, once; gives the new standing.

@@ -6,22 +6,31 @@ use meshband::law::Law;
 use meshband_emulator::board::CYCLES_PER_INSTRUCTION;
 use meshband_host::dynamics::simulate::Acquisition;
 use meshband_host::law::file::LawFile;
-use meshband_host::machine::Machine;
+use meshband_host::machine::{Hunting, Machine};
 use meshband_host::output::{interrupt, show};
 use meshband_host::record::Record;
 use meshband_host::results::Results;
+use meshband_host::speed::Speed;
 use meshband_host::virtual_node::emulated::run::Emulated;
 use meshband_host::virtual_node::profile::Pace;
 use meshband_host::virtual_node::qemu::{Qemu, built_firmware};
 use meshband_host::virtual_node::serve;
 use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
+use meshband_host::virtual_node::stations::Stations;
 use meshband_host::virtual_node::summary::{self, Table};
 use meshband_host::virtual_node::trial::{self, Trial};
 use meshband_host::virtual_node::{profile, report};
 use meshband_host::{Error, Result, effects, remark, say, terminal};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+
+/// Longest signal that is simulated, s.
+const MOST_S: f64 = 60.0;
+/// Turns of the pinion beyond whole hunting periods that a loop is cut from.
+const SPARE_TURNS: f64 = 3.0;
+/// Relative jump of the speed at a loop's seam from which on it is said.
+const SPEED_JUMP: f64 = 0.02;
 
 /// Arguments of `meshband node`.
 #[derive(ClapArgs)]
@@ -44,18 +53,18 @@ pub struct Args {
     /// Start of the stretch to replay, s; the memory of an386 holds 8.3 s.
     #[arg(long, default_value_t = 0.0)]
     start: f64,
-    /// Length of the stretch, s; the rest of the run, or 3 s of a machine.
+    /// Length of the stretch, s; the rest of the run, or 3 s of a machine, with --serve long enough for both shafts to come round.
     #[arg(long)]
     duration: Option<f64>,
     /// Unit of the amplitudes shown.
     #[arg(long, value_enum)]
     unit: Option<ShownUnit>,
-    /// Machine: pinion speed, Hz; its nominal speed otherwise.
+    /// Machine: pinion speed, as 24.75Hz or 1485rpm (a bare number is Hz); its nominal speed otherwise.
     #[arg(long)]
-    speed: Option<f64>,
-    /// Machine: run-up between two pinion speeds, Hz, as 3,25.
+    speed: Option<Speed>,
+    /// Machine: run-up between two pinion speeds, as 3,25 or 180rpm,1500rpm; with --serve it comes down again.
     #[arg(long, value_delimiter = ',', conflicts_with = "speed")]
-    run_up: Option<Vec<f64>>,
+    run_up: Option<Vec<Speed>>,
     /// Machine: torque at the motor, N m; its nominal torque otherwise.
     #[arg(long)]
     torque: Option<f64>,
@@ -80,6 +89,9 @@ pub struct Args {
     /// With --serve: the record or machine, which is looped.
     #[arg(long = "loop", value_name = "RECORD|MACHINE", requires = "serve", conflicts_with = "input")]
     looped: Option<PathBuf>,
+    /// With --serve: the node as a Modbus station, too: tcp:PORT, or rtu at a pseudo-terminal; may be repeated.
+    #[arg(long, value_name = "tcp:PORT|rtu", requires = "serve")]
+    modbus: Vec<String>,
     /// Runs on the board; more than one are compared byte for byte.
     #[arg(long, default_value_t = 1)]
     runs: usize,
@@ -129,7 +141,10 @@ pub fn run(args: Args) -> Result<()> {
     let input = args.input();
     let inputs = std::iter::once(input).chain(args.law.as_deref());
     let mut files = args.results.announce(&mut args.results.outputs(inputs))?;
-    let law = args.law.as_deref().map(LawFile::read).transpose()?;
+    let law = match &args.law {
+        Some(path) => Some(LawFile::read(path)?),
+        None => own_law(&args),
+    };
     let mut signal = if is_record(input) { of_record(&args)? } else { of_machine(&args)? };
     if let Some(unit) = args.unit {
         if signal.unit != Unit::Acceleration {
@@ -149,7 +164,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     signal.notes.extend(whose_law(&config.law, signal.machine_hash));
     if let Some(port) = &args.serve {
-        return live(&signal, &config, port);
+        return live(&args, &signal, &config, port);
     }
     let (trial, paces) = match args.board {
         BoardName::An386 => in_qemu(&args, &signal, &config)?,
@@ -173,17 +188,47 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// A node in real time until it is told to end.
-fn live(signal: &Signal, config: &Configuration, port: &str) -> Result<()> {
-    let address = serve::address(port)?;
+fn live(args: &Args, signal: &Signal, config: &Configuration, port: &str) -> Result<()> {
+    let address = serve::address("--serve", port)?;
+    let stations = Stations::new(&args.modbus, &config.link)?;
     signal.notes.iter().for_each(|note| remark!("note: {note}"));
     interrupt::only_ask();
-    let ready = |address: &str, loop_s: f64| {
-        say!(
-            "node of {} at tcp:{address}, {loop_s:.2} s looped; `meshband monitor tcp:{address}` shows it, Ctrl-C ends it",
-            signal.title
-        )
-    };
-    serve::serve(signal, config, &address, ready, interrupt::requested)
+    serve::serve(signal, config, &address, stations, |ready| announce(signal, &ready), interrupt::requested)
+}
+
+/// Where the node is, and what of its loop is not as in a machine that turns on.
+fn announce(signal: &Signal, ready: &serve::Ready<'_>) -> Result<()> {
+    let (address, repeated) = (ready.address, ready.repeated);
+    say!(
+        "node of {} at tcp:{address}, {:.2} s looped; `meshband monitor tcp:{address}` shows it, Ctrl-C ends it",
+        signal.title,
+        repeated.seconds()
+    )?;
+    ready.stations.iter().try_for_each(|station| say!("{station}; its registers: `meshband modbus -o map.csv`"))?;
+    if repeated.jump_deg() > 0.0 {
+        let turns = Hunting::of(signal.teeth).turns;
+        remark!(
+            "note: the signal is shorter than {turns} turns of the pinion, after which both shafts come round: one shaft jumps by {:.0} degrees once per loop",
+            repeated.jump_deg()
+        );
+    }
+    let [before, behind] = repeated.speeds_hz();
+    if (before / behind - 1.0).abs() > SPEED_JUMP {
+        remark!(
+            "note: the speed jumps from {before:.2} to {behind:.2} Hz once per loop: the signal ends at another than it begins with"
+        );
+    }
+    Ok(())
+}
+
+/// A machine that is served gets its own law where one can be fitted: rates are then those of this machine.
+fn own_law(args: &Args) -> Option<LawFile> {
+    if args.serve.is_none() || is_record(args.input()) {
+        return None;
+    }
+    progress("fitting the machine's law");
+    let file = super::law::for_node(args.input());
+    file.map_err(|error| remark!("note: no law of this machine can be fitted ({error}); the built-in one serves")).ok()
 }
 
 /// What must be said of a law that is not known to be the machine's own.
@@ -254,9 +299,9 @@ fn of_machine(args: &Args) -> Result<Signal> {
         }
     };
     let (speed_hz, final_speed_hz) = match args.run_up.as_deref() {
-        None => (nominal(args.speed, "--speed", machine.nominal.map(|n| n.speed_hz))?, None),
-        Some(&[from, to]) if [from, to].iter().all(|hz| hz.is_finite() && *hz > 0.0) => (from, Some(to)),
-        Some(_) => return Err(Error::invalid("--run-up", "needs two positive speeds in Hz, as 3,25")),
+        None => (nominal(args.speed.map(|speed| speed.0), "--speed", machine.nominal.map(|n| n.speed_hz))?, None),
+        Some(&[Speed(from), Speed(to)]) if [from, to].iter().all(|hz| hz.is_finite() && *hz > 0.0) => (from, Some(to)),
+        Some(_) => return Err(Error::invalid("--run-up", "needs two positive speeds, as 3Hz,25Hz or 180rpm,1500rpm")),
     };
     let torque_n_m = nominal(args.torque, "--torque", machine.nominal.map(|n| n.torque_n_m))?;
     let effects = args.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
@@ -267,10 +312,19 @@ fn of_machine(args: &Args) -> Result<Signal> {
     };
     let channel = body(&args.channel, "--channel")?;
     let second = args.second.as_deref().map(|wanted| body(wanted, "--second")).transpose()?;
-    let duration_s = args.duration.unwrap_or(if final_speed_hz.is_some() { 8.0 } else { 3.0 });
-    if !(0.1..=60.0).contains(&duration_s) {
-        return Err(Error::invalid("--duration", format!("{duration_s} s is not within 0.1 to 60 s")));
+    // Turns in which both shafts come round, and a few more to cut in.
+    let round_s = (f64::from(Hunting::of(machine.pair.teeth).turns) + SPARE_TURNS) / speed_hz;
+    let back_s = (args.serve.is_some() && final_speed_hz.is_some()).then_some(round_s.min(MOST_S / 2.0));
+    let usual_s = match (final_speed_hz, &args.serve) {
+        (Some(_), _) => 8.0,
+        (None, Some(_)) => round_s.clamp(3.0, MOST_S),
+        (None, None) => 3.0,
+    };
+    let duration_s = args.duration.unwrap_or(usual_s);
+    if !(0.1..=MOST_S).contains(&duration_s) {
+        return Err(Error::invalid("--duration", format!("{duration_s} s is not within 0.1 to {MOST_S} s")));
     }
+    let duration_s = duration_s + back_s.unwrap_or(0.0);
     let acquisition = Acquisition {
         rate_hz: args.signal_rate,
         duration_s,
@@ -279,7 +333,8 @@ fn of_machine(args: &Args) -> Result<Signal> {
         noise_m_s2: 0.0,
         seed: 1,
     };
-    let operation = Operation { speed_hz, final_speed_hz, torque_n_m, effects: &effects, acquisition, channel, second };
+    let effects = &effects[..];
+    let operation = Operation { speed_hz, final_speed_hz, back_s, torque_n_m, effects, acquisition, channel, second };
     progress(&format!("simulating {duration_s} s of {}", machine.title));
     Signal::of_machine(&machine, &operation)
 }

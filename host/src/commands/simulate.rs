@@ -17,6 +17,7 @@ use meshband_host::report::Report;
 use meshband_host::report::plot::{Axes, Series, lines, spectrum};
 use meshband_host::results::Results;
 use meshband_host::spectral::{Window, amplitude_spectrum};
+use meshband_host::speed::Speed;
 use meshband_host::{Error, Result, effects, remark, terminal};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -27,9 +28,9 @@ use std::sync::Arc;
 pub struct Args {
     /// Machine file or record folder.
     machine: PathBuf,
-    /// Pinion speeds, Hz, separated by commas; default: the machine's nominal speed.
+    /// Pinion speeds, as 24.75Hz or 1485rpm (a bare number is Hz), separated by commas; default: the machine's nominal speed.
     #[arg(long, value_delimiter = ',')]
-    speed: Vec<f64>,
+    speed: Vec<Speed>,
     /// One run whose speed changes linearly instead: FROM,TO (Hz),SECONDS; it lasts at least that long.
     #[arg(long, value_delimiter = ',', num_args = 1, conflicts_with = "speed")]
     run_up: Vec<f64>,
@@ -171,7 +172,11 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
     let mut default_s = 2.0;
     match args.run_up[..] {
         [] => {
-            for speed_hz in nominal(&args.speed, "--speed", machine.nominal.map(|n| n.speed_hz))? {
+            for speed_hz in nominal(
+                &args.speed.iter().map(|speed| speed.0).collect::<Vec<_>>(),
+                "--speed",
+                machine.nominal.map(|n| n.speed_hz),
+            )? {
                 motions.push((Motion::Constant { speed_hz, turns_at_zero: 0.0 }, format!("{speed_hz}")));
             }
         }

@@ -16,13 +16,17 @@ mod hostile_import;
 mod hostile_link;
 mod hostile_machine;
 mod import_tach;
+mod in_process;
 mod link_cli;
+mod link_state;
 mod machine_wizard;
 mod modbus_link;
+mod modbus_serve;
 mod monitor;
 #[cfg(unix)]
 mod outputs_cli;
 mod outputs_text;
 mod reference;
 mod second_sensor;
+mod served;
 mod update;

@@ -30,7 +30,7 @@ fn loop_report_and_corrected_machine_agree_with_the_outcome() {
         println!("{band:?}");
         assert!(band.record_db.is_finite() && band.corrected_error_db < band.declared_error_db + 0.3, "{band:?}");
     }
-    let html = report::report(&outcome, &replayed).unwrap().html();
+    let html = report::report(&outcome, &replayed, &Default::default()).unwrap().html();
     for section in [
         "Error in three stages",
         "Residual spectrum",

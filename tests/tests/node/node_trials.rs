@@ -187,6 +187,7 @@ pub fn paper_rig(speed_hz: f64, final_speed_hz: Option<f64>, duration_s: f64) ->
     let operation = Operation {
         speed_hz,
         final_speed_hz,
+        back_s: None,
         torque_n_m: 12.0,
         effects: &effects,
         acquisition,

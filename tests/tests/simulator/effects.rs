@@ -544,11 +544,11 @@ fn regress_the_closed_loop_s_names_are_known() {
 #[test]
 fn fault_senseless_effects_are_refused_with_the_reason() {
     for (text, expected) in [
-        ("nothing", "is not one of"),
+        ("nothing", "is no effect"),
         ("ghost:order=x", "key=number"),
         ("ghost:order=NaN", "not within"),
-        ("ghost:size=1", "is not one of"),
-        ("gear-noise", "is not one of"),
+        ("ghost:size=1", "is no effect"),
+        ("gear-noise", "is no effect"),
     ] {
         let error = effects::parse(text).err().expect("refused").to_string();
         assert!(error.contains(expected), "{text}: {error}");

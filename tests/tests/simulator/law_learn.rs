@@ -124,6 +124,7 @@ fn ref_edges_of_a_simulated_machine_give_its_simulated_law() {
             let operation = Operation {
                 speed_hz,
                 final_speed_hz: None,
+                back_s: None,
                 torque_n_m,
                 effects: &[],
                 acquisition,

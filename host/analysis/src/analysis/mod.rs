@@ -10,6 +10,7 @@ pub mod average;
 pub mod envelope;
 pub mod explained;
 pub mod families;
+pub mod letter;
 pub mod lines;
 pub mod order_map;
 pub mod order_spectrum;

@@ -1,6 +1,7 @@
-//! The analysis as a page: per channel the order spectrum, the order map, both averages and the envelope's spectrum, with their tables.
+//! The analysis as a page: a letter with the table of findings, then per channel the order spectrum, the order map, both averages and the envelope's spectrum, with their tables.
 
 use super::average::Average;
+use super::letter;
 use super::lines::WINDOW;
 use super::search::Level;
 use super::unexplained::Found;
@@ -8,6 +9,8 @@ use super::view::{self, Table};
 use super::{ChannelOutcome, Outcome, RunOutcome};
 use crate::Result;
 use crate::report::Report;
+use crate::report::letter::About;
+use crate::report::owners::Owners;
 use crate::report::plot::{Axes, Label, Series, dense_map, lines, spectrum};
 
 /// Channels drawn; the others have their tables.
@@ -24,15 +27,27 @@ const LABELLED: usize = 4;
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn report(outcome: &Outcome) -> Result<Report> {
+pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
     let mut report = Report::new(&format!("Analysis: {}", outcome.title), &view::heading(outcome))
-        .figure("Teeth", format!("{} / {}", outcome.teeth[0], outcome.teeth[1]))
-        .figure("Runs", outcome.runs.len())
-        .figure("Hunting period", format!("{} turns", outcome.hunting_turns))
-        .figure("Unit", &outcome.unit);
+        .verdict(letter::sentences(outcome, about))
+        .facts(about.facts.clone());
     for note in &outcome.notes {
         report = report.note(note);
     }
+    report = table(
+        report.section("Orders that the mesh does not explain"),
+        "Each where it is strongest.",
+        letter::findings(outcome),
+    );
+    if let Some(channel) = loudest(outcome) {
+        report = order_spectrum(report, channel, &outcome.unit)?;
+        report = table(
+            report,
+            &format!("Mesh harmonics in {}; amplitudes in brackets do not stand over the floor.", channel.name),
+            view::mesh(channel),
+        );
+    }
+    report = report.appendix("Every run and channel");
     let mut drawn = 0;
     for run in &outcome.runs {
         for channel in &run.channels {
@@ -45,6 +60,16 @@ pub fn report(outcome: &Outcome) -> Result<Report> {
             report.note(&format!("pictures of the first {DRAWN} channels only; --run and --channel choose others"));
     }
     Ok(report.section("How to read this").text(EXPLANATION))
+}
+
+/// The channel with the most that the mesh does not explain; without any, the strongest.
+fn loudest(outcome: &Outcome) -> Option<&ChannelOutcome> {
+    let rest = |channel: &&ChannelOutcome| {
+        let strongest = channel.unexplained.spectrum.first().map_or(0.0, |found| found.family.rms);
+        (strongest, channel.rms)
+    };
+    let channels = outcome.runs.iter().flat_map(|run| &run.channels);
+    channels.max_by(|a, b| rest(a).0.total_cmp(&rest(b).0).then(rest(a).1.total_cmp(&rest(b).1)))
 }
 
 const EXPLANATION: &str = "Orders are multiples of the pinion's turns. AM and PM are indices of amplitude and phase modulation (rad), given where the \
@@ -103,13 +128,14 @@ fn order_spectrum(report: Report, channel: &ChannelOutcome, unit: &str) -> Resul
     let first = (0.2 / own.bin_orders).ceil() as usize;
     let last = ((top / own.bin_orders) as usize).min(own.spectrum.values.len().saturating_sub(1));
     let series = [Series::new("order spectrum", (first..=last).map(points).collect())];
-    let mut labels: Vec<Label> = channel
-        .mesh
-        .iter()
-        .filter(|h| h.line.stands && h.line.order < top)
-        .map(|h| Label { x: h.line.order, text: format!("{} z", h.number) })
-        .collect();
-    labels.extend(marks(&channel.unexplained.spectrum, top));
+    let mut owners = Owners::new((top / 60.0).max(own.resolution_orders));
+    for harmonic in channel.mesh.iter().filter(|h| h.line.stands && h.line.order < top) {
+        owners.claim(harmonic.line.order, format!("{} z", harmonic.number));
+    }
+    for label in marks(&channel.unexplained.spectrum, top) {
+        owners.claim(label.x, label.text);
+    }
+    let labels = owners.labels();
     let y = format!("amplitude, dB re 1 {unit}");
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let caption = format!(

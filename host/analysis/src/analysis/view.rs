@@ -18,7 +18,7 @@ pub type Table = (Vec<&'static str>, Vec<Vec<String>>);
 /// The whole outcome as text.
 pub fn text(outcome: &Outcome) -> String {
     let mut out = format!("{}\n", heading(outcome));
-    for note in &outcome.notes {
+    for note in outcome.notes.iter().chain(&super::letter::without_mesh(outcome)) {
         out += &format!("note: {note}\n");
     }
     for run in &outcome.runs {

@@ -272,9 +272,28 @@ fn resolve(name: &str) -> Result<(&'static Entry, Option<f64>)> {
     };
     let found = known(name).map(|entry| (entry, None));
     found.or_else(|| on_gear("pinion-", 0.0)).or_else(|| on_gear("gear-", 1.0)).ok_or_else(|| {
-        let known: Vec<_> = REGISTRY.iter().map(|e| e.name).collect();
-        Error::invalid("effect", format!("`{name}` is not one of {}", known.join(", ")))
+        let near = nearest(name).join(", ");
+        let what = format!("`{}` is no effect; nearest: {near}; `meshband effects` lists all", crate::text::name(name));
+        Error::invalid("effect", what)
     })
+}
+
+/// Names of the library that share most with a name that is none: first by whole words, then by letters at both ends.
+fn nearest(name: &str) -> Vec<&'static str> {
+    /// Names given.
+    const MOST: usize = 3;
+    let words = |of: &str| of.split(['-', '_', ' ']).map(str::to_owned).collect::<Vec<_>>();
+    let own = words(name);
+    let shared = |other: &str| {
+        let whole = words(other).iter().filter(|word| own.contains(word)).count();
+        let front = other.bytes().zip(name.bytes()).take_while(|(a, b)| a == b).count();
+        let back = other.bytes().rev().zip(name.bytes().rev()).take_while(|(a, b)| a == b).count();
+        (whole, front + back)
+    };
+    let mut names: Vec<&str> = REGISTRY.iter().map(|entry| entry.name).collect();
+    names.sort_by_key(|other| std::cmp::Reverse(shared(other)));
+    names.truncate(MOST);
+    names
 }
 
 /// An effect from `name` or `name:key=value,key=value`.

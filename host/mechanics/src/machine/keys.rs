@@ -143,6 +143,9 @@ pub fn unknown(source: &Table) -> Vec<String> {
 /// An unknown key with the known one of its table that shares most with it.
 fn described(table: &str, key: &str) -> String {
     let shown = format!("[{table}] {}", crate::text::name(key));
+    if key.contains("helix") {
+        return format!("{shown} (helical gears are outside the model)");
+    }
     let near =
         KEYS.iter().filter(|known| known.table == table).map(|known| (shared(known.name, key), known.name)).max();
     match near {

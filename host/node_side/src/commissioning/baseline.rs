@@ -3,17 +3,20 @@
 //! A table of twelve points from a hundred values has a handful behind each point, and a spread from a handful is hardly known: limits from it would be several times too wide or too bold. So the
 //! spread about the table is pooled over all points of a quantity, and no point counts as less uncertain than that. A quantity with too few values to tell its spread is not expected at all.
 
+use super::coverage::FIXED;
 use super::run_up::Heard;
 use super::step::{Finding, Step, StepRecord};
 use crate::Result;
 use crate::levels::learn::{Expected, FLOOR_DB, Learned, learn};
-use crate::levels::observe::QUANTITIES;
+use crate::levels::observe::{Observation, QUANTITIES};
 use meshband::levels::{Departure, ExpectedLevel, departure};
 use meshband::units::Hertz;
 use serde::Serialize;
 
 /// Largest useful standard uncertainty of an expected level, dB: beyond it a fault has to triple the value before anybody is told.
 const USEFUL_DB: f32 = 3.0;
+/// Difference of stretches of a steady machine that load or temperature explain rather than chance, dB.
+const DRIFT_DB: f64 = 1.0;
 /// Names of the quantities, in the order of the observations.
 pub const NAMES: [&str; QUANTITIES.len()] =
     ["RMS", "velocity RMS", "first mesh harmonic", "residual RMS", "sidebands", "FM0"];
@@ -77,7 +80,27 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, Spread
             _ => Finding::passed(name, seen),
         });
     }
+    findings.extend(over_time(heard));
     Ok((learned, spreads, StepRecord::new(Step::Baseline, findings)))
+}
+
+/// For a machine of one speed: what its level did while it was listened to, stretch by stretch; load and temperature show here or nowhere.
+fn over_time(heard: &Heard) -> Option<Finding> {
+    let values = &heard.levels.by_quantity[0];
+    if !heard.coverage.has_one_speed() || values.len() < FIXED {
+        return None;
+    }
+    let mean = |part: &[Observation]| part.iter().map(|value| value.level_db).sum::<f64>() / part.len() as f64;
+    let means: Vec<f64> = values.chunks(values.len().div_ceil(FIXED)).map(mean).collect();
+    let [low, high] =
+        [means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
+    let seen = format!("means of {} stretches within {:.2} dB of each other", means.len(), high - low);
+    Some(if high - low > DRIFT_DB {
+        let advice = "the level follows load or temperature: listen through more of both (--values), or allow for it (--allowance)";
+        Finding::warned("RMS over time", seen, advice)
+    } else {
+        Finding::passed("RMS over time", seen)
+    })
 }
 
 /// Pools each quantity's spread, and raises the points that claim less.

@@ -7,6 +7,7 @@ use super::ear::{Ear, Operator};
 use super::step::{Finding, Step, StepRecord};
 use crate::Result;
 use crate::link::report;
+use crate::link::view::FIRST_TICK;
 use meshband::config::{Configuration, Personality, SensorSupply};
 use meshband::events::{Event, EventKind};
 use meshband::message::{Identification, Message, Status, WIRE_SCHEMA};
@@ -44,7 +45,7 @@ pub fn identify(
         Ok(false)
     })?;
     let mut findings = vec![Finding::passed("node", report::identity(node)), schemas(node), image(node)];
-    findings.push(Finding::passed("running for", format!("{:.0} s", ear.now_s().unwrap_or(0.0))));
+    findings.push(Finding::passed("running for", format!("{:.0} s", running_s(ear, &events))));
     findings.extend(starts(&events));
     findings.extend(state(ear.status(), held));
     findings.push(Finding::passed("self-test so far", report::self_test(node.self_test)));
@@ -54,6 +55,12 @@ pub fn identify(
         findings.push(Finding::warned("line", "Modbus", advice));
     }
     Ok(StepRecord::new(Step::Identify, findings))
+}
+
+/// Seconds since the node's start, by its clock: from the event of the start, where the node still has it.
+fn running_s(ear: &Ear<'_>, events: &[Event]) -> f64 {
+    let origin = events.iter().find(|event| event.kind == EventKind::Started).map(|event| event.first_tick);
+    ear.status().map_or(0.0, |status| ear.seconds(status.tick.saturating_sub(origin.unwrap_or(0).max(FIRST_TICK))))
 }
 
 fn schemas(node: &Identification) -> Finding {

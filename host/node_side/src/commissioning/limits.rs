@@ -29,6 +29,8 @@ const CLEAR: f64 = 0.8;
 const SHAPES: [Watched; 3] = [Watched::Kurtosis, Watched::SidebandEnergyRatio, Watched::Fm4];
 /// Parts of the speed range with a limit of their own for each shape: with the departure's they fill seven of eight places.
 const PARTS: usize = 2;
+/// A range of no more than this ratio has one part: a machine of one speed.
+const ONE_PART: f64 = 1.2;
 /// Fewest values behind a limit on a shape.
 const FEWEST: usize = 8;
 /// A limit on a shape further away than this, as a natural logarithm, would never be reached: a factor of four.
@@ -119,7 +121,8 @@ fn on_shapes(
     allowance_db: f64,
     chance: f64,
 ) -> Vec<(Option<AlarmBand>, Finding)> {
-    let edge = |n: usize| from_hz * (to_hz / from_hz).powf(n as f64 / PARTS as f64);
+    let parts = if to_hz / from_hz <= ONE_PART { 1 } else { PARTS };
+    let edge = |n: usize| from_hz * (to_hz / from_hz).powf(n as f64 / parts as f64);
     let of = |(watched, part): (Watched, usize)| {
         let ends = [edge(part), edge(part + 1)];
         let is_meant = |v: &&ShapeValue| v.watched == watched && (ends[0]..=ends[1]).contains(&v.speed_hz);

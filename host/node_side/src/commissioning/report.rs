@@ -7,6 +7,7 @@ use super::step::StepRecord;
 use crate::Result;
 use crate::levels::learn::{Expected, HEAD, Learned};
 use crate::report::Report;
+use crate::report::facts::Facts;
 use crate::report::plot::{self, Axes, Series};
 use meshband::alarm::AlarmBand;
 
@@ -24,6 +25,8 @@ pub fn of(done: &Commissioning) -> Result<Report> {
         (None, false) => "ready, not stored".into(),
     };
     let mut report = Report::new("Commissioning", &format!("{} with the node at {}", done.machine, done.port))
+        .verdict(letter(done))
+        .facts(facts(done))
         .figure("Verdict", verdict)
         .figure("Node", done.node.board.to_string());
     if let Some(coverage) = &done.coverage {
@@ -36,6 +39,12 @@ pub fn of(done: &Commissioning) -> Result<Report> {
     if let Some((step, finding)) = done.refusal() {
         report = report.note(&format!("{}: {}, {}. {}", step.step.name(), finding.what, finding.seen, finding.advice));
     }
+    report = to_do(report, done);
+    if let (Some(learned), Some(proposal)) = (&done.levels, &done.alarms) {
+        report = alarms(report, &proposal.alarms);
+        report = report.table("Expected levels and standard uncertainties.", &HEAD, &learned.rows());
+    }
+    report = report.appendix("Every step");
     for step in &done.steps {
         report = section(report, step);
     }
@@ -50,7 +59,6 @@ pub fn of(done: &Commissioning) -> Result<Report> {
     if let (Some(learned), Some(heard), Some(proposal)) = (&done.levels, &done.heard, &done.alarms) {
         let limit = proposal.alarms.first().map_or(0.0, |alarm| f64::from(alarm.raise));
         report = levels(report, learned, heard, limit)?;
-        report = alarms(report, &proposal.alarms);
     }
     if !done.changes.is_empty() {
         let row = |change: &super::settings_text::Change| {
@@ -61,6 +69,65 @@ pub fn of(done: &Commissioning) -> Result<Report> {
             report.section("Configuration").table("What differs from the one found.", &["key", "before", "now"], &rows);
     }
     Ok(report)
+}
+
+/// What was done, whether the machine is watched, what to do next.
+fn letter(done: &Commissioning) -> Vec<String> {
+    let speeds = done.coverage.as_ref().and_then(|coverage| coverage.covered_hz());
+    let range = speeds.map_or(String::new(), |[low, high]| {
+        format!(", pinion at {low:.2} to {high:.2} Hz ({:.0} to {:.0} rpm)", 60.0 * low, 60.0 * high)
+    });
+    let values = done.heard.as_ref().map_or(0, |heard| heard.levels.by_quantity[0].len());
+    let first =
+        format!("{} with the node at {}: {values} values of the sound machine{range}.", done.machine, done.port);
+    let alarms = done.alarms.as_ref().map_or(0, |proposal| proposal.alarms.len());
+    let asked = done.alarms.as_ref().map_or(0.0, |proposal| proposal.false_alarms_per_year);
+    let [second, third] = match (done.refusal(), done.stored) {
+        (Some((step, finding)), _) => [
+            format!("It is not watched: {} refused {} ({}).", step.step.name(), finding.what, finding.seen),
+            format!("Next: {}; then `meshband commission` once more.", finding.advice),
+        ],
+        (None, true) => [
+            format!("It is watched from now on, by {alarms} alarms made for {asked} false alarms per year of turning."),
+            "Next: nothing; look at this page again when load, sensor or machine change, and commission anew then."
+                .into(),
+        ],
+        (None, false) => [
+            format!("It is not watched: {alarms} alarms were made but not stored."),
+            "Next: store them: `meshband configure PORT --settings node.toml`, or commission with --yes.".into(),
+        ],
+    };
+    vec![first, second, third]
+}
+
+/// Everything with an advice, in one table.
+fn to_do(report: Report, done: &Commissioning) -> Report {
+    let rows: Vec<Vec<String>> = done
+        .steps
+        .iter()
+        .flat_map(|step| step.findings.iter().map(move |finding| (step, finding)))
+        .filter(|(_, finding)| !finding.advice.is_empty())
+        .map(|(step, finding)| {
+            let cells = [step.step.name(), finding.outcome.name(), &finding.what, &finding.seen, &finding.advice];
+            cells.map(str::to_owned).to_vec()
+        })
+        .collect();
+    match rows.is_empty() {
+        true => report.section("Reservations").text("None: every step passed."),
+        false => {
+            report.section("Reservations").table("", &["step", "outcome", "looked at", "seen", "what to do"], &rows)
+        }
+    }
+}
+
+fn facts(done: &Commissioning) -> Facts {
+    let mut facts = vec![("node".to_owned(), crate::link::report::identity(&done.node))];
+    if let Some(config) = &done.configuration {
+        let gears = config.gears;
+        facts.push(("teeth, pinion and gear".into(), format!("{} and {}", gears.pinion_teeth, gears.gear_teeth)));
+        facts.push(("sensor".into(), format!("{} m/s2 per code", config.sensor.acceleration_per_code.0)));
+    }
+    facts
 }
 
 fn section(report: Report, step: &StepRecord) -> Report {
@@ -113,7 +180,7 @@ fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> R
         )?;
         report = report.picture(&picture, &format!("{name}, {} values.", values.len()));
     }
-    Ok(report.table("Expected levels and standard uncertainties.", &HEAD, &learned.rows()))
+    Ok(report)
 }
 
 fn alarms(report: Report, alarms: &[AlarmBand]) -> Report {

@@ -6,18 +6,23 @@
 use super::coverage::Coverage;
 use super::ear::{Ear, Operator};
 use super::step::{Finding, Step, StepRecord};
+use crate::law::domain::Domain;
 use crate::levels::observe::Observations;
 use crate::{Error, Result};
 use meshband::alarm::Watched;
 use meshband::events::EventKind;
 use meshband::message::{Indicators, Message};
 use meshband::tach::Validity;
+use meshband_common::speed::Speed;
 use serde::Serialize;
 
 /// Between two lines that say how far it is, s of the node.
 const TELL_EVERY_S: f64 = 30.0;
-/// Classes without which there is nothing to learn.
-const FEWEST_CLASSES: usize = 2;
+
+/// Ratio about a machine's one speed: slip of an induction motor over its loads.
+const ABOUT: f64 = 1.03;
+/// Speeds of a pinion that a node can follow, Hz.
+const POSSIBLE_HZ: [f64; 2] = [0.25, 100.0];
 
 /// A bandwidth as the node timed it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -122,7 +127,10 @@ impl Heard {
 /// Of the link, and where the end is asked for.
 pub fn run_up(ear: &mut Ear<'_>, coverage: Coverage, seconds: f64, operator: &mut dyn Operator) -> Result<Heard> {
     let mut heard = Heard::new(coverage);
-    operator.tell(&format!("run-up: bring the machine through its speeds: {}", heard.coverage.missing()))?;
+    operator.tell(&match heard.coverage.classes.len() {
+        1 => format!("run-up: let the machine run at its one speed: {}", heard.coverage.missing()),
+        _ => format!("run-up: bring the machine through its speeds: {}", heard.coverage.missing()),
+    })?;
     loop {
         let mut told_s = None;
         ear.listen(seconds, operator, |message, ear, operator| {
@@ -164,12 +172,16 @@ pub fn judged(heard: &Heard) -> StepRecord {
     let missing = format!("missing: {}; nothing is expected there", coverage.missing());
     let mut findings = vec![match coverage.filled().count() {
         filled if filled == coverage.classes.len() => Finding::passed("speeds", seen),
-        filled if filled < FEWEST_CLASSES => {
+        0 => {
             let advice = format!(
-                "missing: {}; name the range that the machine has (--speeds), or more time (--time)",
+                "missing: {}; name the speeds that the machine has (--speeds 750rpm..1500rpm, or its one speed: --speeds 1485rpm), or more time (--time)",
                 coverage.missing()
             );
             Finding::refused("speeds", seen, advice)
+        }
+        1 if coverage.has_one_speed() => {
+            let advice = "the machine has run at one speed only: nothing is expected of others";
+            Finding::warned("speeds", seen, advice)
         }
         _ => Finding::warned("speeds", seen, missing),
     }];
@@ -189,20 +201,38 @@ pub fn judged(heard: &Heard) -> StepRecord {
     StepRecord::new(Step::RunUp, findings)
 }
 
+/// A range of pinion speeds as one asks for it: `LOW..HIGH`, or the one speed that a machine has, for 3 % about it.
+///
+/// # Errors
+/// Another text, speeds out of a node's range or in the wrong order.
+pub fn speeds(text: &str) -> std::result::Result<Domain, String> {
+    let (low, high) = match text.split_once("..") {
+        Some((low, high)) => (low.parse::<Speed>()?.0, high.parse::<Speed>()?.0),
+        None => {
+            let Speed(only) = text.parse()?;
+            (only / ABOUT, only * ABOUT)
+        }
+    };
+    let [slowest, fastest] = POSSIBLE_HZ;
+    if !(slowest..=fastest).contains(&low) || !(slowest..=fastest).contains(&high) || low >= high {
+        return Err(format!(
+            "'{}' is no range of pinion speeds from {slowest} to {fastest} Hz, the lower first: as 12Hz..25Hz, or one speed as 1485rpm",
+            meshband_common::text::name(text)
+        ));
+    }
+    Ok(Domain { lowest_hz: low, highest_hz: high })
+}
+
 /// The range to go through: as asked for, or round the machine's nominal speed.
 ///
 /// # Errors
 /// A machine without nominal speed where no range is given.
-pub fn range(
-    asked: Option<crate::law::domain::Domain>,
-    machine: &crate::machine::Machine,
-) -> Result<crate::law::domain::Domain> {
+pub fn range(asked: Option<Domain>, machine: &crate::machine::Machine) -> Result<Domain> {
     /// Shares of the nominal speed that a machine goes through.
     const SHARES: [f64; 2] = [0.5, 1.05];
-    let nominal = machine.nominal.map(|nominal| crate::law::domain::Domain {
-        lowest_hz: SHARES[0] * nominal.speed_hz,
-        highest_hz: SHARES[1] * nominal.speed_hz,
-    });
+    let nominal = machine
+        .nominal
+        .map(|nominal| Domain { lowest_hz: SHARES[0] * nominal.speed_hz, highest_hz: SHARES[1] * nominal.speed_hz });
     let missing = || Error::invalid("--speeds", format!("is needed: {} declares no [nominal] speed_hz", machine.title));
     asked.or(nominal).ok_or_else(missing)
 }

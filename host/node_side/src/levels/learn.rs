@@ -6,6 +6,8 @@
 //! there: the scatter about the fit, what the fit itself is uncertain by, the owner's allowance for what the observed hours did not
 //! show, and a tenth of a decibel for filters. A point with fewer than [`LEAST`] values expects nothing of that quantity.
 //!
+//! A machine of one speed gets one level from all values over time, for speeds within 3 % of those seen: there the node's two points are alike.
+//!
 //! Limits: a resonance narrower than the distance of two points shows as scatter, honestly but bluntly; loads that did not occur while
 //! it was learned are departures afterwards.
 
@@ -64,15 +66,19 @@ pub struct Learned {
 /// Makes a table; `allowance_db` is the owner's standard uncertainty for what the values do not show (load, temperature).
 ///
 /// # Errors
-/// [`Error::Invalid`] for an allowance that is none, and for values at fewer than two speeds.
+/// [`Error::Invalid`] for an allowance that is none, and where there is no value at all.
 pub fn learn(observations: &Observations, allowance_db: f64) -> Result<Learned> {
     if !(0.0..=40.0).contains(&allowance_db) {
         return Err(Error::invalid("--allowance", format!("{allowance_db} dB is not within 0 to 40 dB")));
     }
     let speeds = knots(&observations.by_quantity[0]);
-    if speeds.len() < 2 {
-        let what = "values of good quality at two speeds at least are needed: a longer record, or one more speed";
+    if speeds.is_empty() {
+        let what =
+            "no value of good quality at a locked speed: a longer record, or one whose tach and signal are sound";
         return Err(Error::invalid("levels", what));
+    }
+    if let [_] = speeds[..] {
+        return Ok(of_one_speed(observations, allowance_db));
     }
     let nothing = |&speed: &f64| Expected { speed: Hertz(speed as f32), levels: Default::default() };
     let mut points: Vec<Expected> = speeds.iter().map(nothing).collect();
@@ -82,6 +88,29 @@ pub fn learn(observations: &Observations, allowance_db: f64) -> Result<Learned> 
         }
     }
     Ok(Learned { points, values: observations.by_quantity.each_ref().map(Vec::len) })
+}
+
+/// A machine of one speed: the same level at both ends of what counts as that speed, scatter over time as everywhere.
+fn of_one_speed(observations: &Observations, allowance_db: f64) -> Learned {
+    let speeds = observations.by_quantity[0].iter().map(|o| o.speed_hz);
+    let [lowest, highest] = [speeds.clone().fold(f64::INFINITY, f64::min), speeds.fold(0.0, f64::max)];
+    let levels = observations.by_quantity.each_ref().map(|values| level_of(values, allowance_db));
+    let point = |speed: f64| Expected { speed: Hertz(speed as f32), levels };
+    let values = observations.by_quantity.each_ref().map(Vec::len);
+    Learned { points: vec![point(lowest / APART), point(highest * APART)], values }
+}
+
+/// Mean of all values with the uncertainty of one more.
+fn level_of(values: &[Observation], allowance_db: f64) -> ExpectedLevel {
+    let count = values.len() as f64;
+    if count < LEAST {
+        return ExpectedLevel::default();
+    }
+    let mean = values.iter().map(|o| o.level_db).sum::<f64>() / count;
+    let scatter: f64 = values.iter().map(|o| (o.level_db - mean).powi(2)).sum();
+    let variance = scatter / (count - 1.0) * (1.0 + 1.0 / count);
+    let uncertainty = (variance + FLOOR_DB * FLOOR_DB + allowance_db * allowance_db).sqrt();
+    ExpectedLevel { level_db: mean as f32, uncertainty_db: uncertainty as f32 }
 }
 
 /// Speeds of the table, ascending.
@@ -253,8 +282,25 @@ mod tests {
             // Variance 1 of the values, 4 of the allowance, 0.01 of the filters.
             assert!((point.levels[0].uncertainty_db - 5.03f32.sqrt()).abs() < 0.01, "{point:?}");
         }
-        let one = observed((0..50).map(|_| (10.0, 0.0)));
-        assert!(learn(&one, 0.0).is_err() && learn(&Observations::default(), 0.0).is_err());
+        assert!(learn(&Observations::default(), 0.0).is_err(), "nothing was heard");
+    }
+
+    #[test]
+    fn theory_a_machine_of_one_speed_is_expected_at_it_and_nowhere_else() {
+        let values = (0..60).map(|n| (24.75 + 0.02 * f64::from(n % 5), if n % 2 == 0 { 4.0 } else { 2.0 }));
+        let learned = learn(&observed(values), 1.0).expect("one speed is enough");
+        assert_eq!(learned.points.len(), 2, "the node's table has two points at least");
+        let at = |speed: f64| {
+            let value = 10f64.powf(9.0 / 20.0) as f32;
+            departure(&learned.points, Hertz(speed as f32), 0.0, value, |p| p.levels[0])
+        };
+        let found = at(24.79).expect("this is the speed");
+        // Variance 60/59 of the values, 1 of the allowance, 0.01 of the filters.
+        let expected = (60.0 / 59.0 * (1.0 + 1.0 / 60.0) + 1.01f64).sqrt();
+        assert!((f64::from(found.departure_db) - 6.0).abs() < 1e-3, "{found:?}");
+        assert!((f64::from(found.uncertainty_db) - expected).abs() < 1e-3, "{found:?} {expected}");
+        assert!(at(25.4).is_some() && at(24.1).is_some(), "slip of 2.5 % is the same speed");
+        assert!(at(26.0).is_none() && at(23.0).is_none(), "nothing is known of another speed");
     }
 
     #[test]

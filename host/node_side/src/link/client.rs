@@ -3,11 +3,12 @@
 //! A node answers every command with one reply, in order, between its streamed messages. A command or its answer can be
 //! lost on the line; every command may be repeated without harm, so the client asks again, up to [`ATTEMPTS`] times.
 
+use super::stream::{Losses, REOPENED, Stream};
 use super::transport::{BITS_PER_SECOND, Transport};
 use crate::{Error, Result};
 use meshband::config::{Configuration, SCHEMA};
 use meshband::events::{Event, EventKind};
-use meshband::frame::{Decoder, FrameError, MAX_FRAME, Packet, encode};
+use meshband::frame::{MAX_FRAME, Packet, encode};
 use meshband::health::Health;
 use meshband::law::Law;
 use meshband::message::{Identification, Message, Reply, Request, SelfTest, Statistics, WIRE_SCHEMA};
@@ -31,52 +32,27 @@ pub const REPLIES: usize = 64;
 /// Most streamed messages kept that nobody has read yet: half a minute of a busy node.
 pub const MESSAGES: usize = 4096;
 
-/// What did not arrive, or not whole.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Losses {
-    /// Frames missing by sequence number.
-    pub lost: u32,
-    /// Pieces refused: checksum, form, version.
-    pub refused: u32,
-    /// Times the sequence began anew: the node restarted.
-    pub restarts: u32,
-    /// Messages dropped here because nobody read them in time.
-    pub unread: u32,
-    /// Intact messages of kinds that only newer programs know.
-    pub unknown: u32,
-}
-
 /// A node at the other end of a transport.
 pub struct Client {
     transport: Box<dyn Transport>,
-    decoder: Decoder,
+    stream: Stream,
     sequence: u16,
-    losses: Losses,
     messages: VecDeque<Message>,
     replies: VecDeque<Reply>,
     ended: bool,
-    /// Schema of a sender that cannot be read here.
-    other_schema: Option<u8>,
-    /// Bytes and intact frames received.
-    bytes: u64,
-    frames: u64,
 }
 
 impl Client {
     /// Speaks over this transport.
     pub fn new(transport: Box<dyn Transport>) -> Self {
-        Self {
-            transport,
-            decoder: Decoder::new(),
-            sequence: 0,
-            losses: Losses::default(),
-            messages: VecDeque::new(),
-            replies: VecDeque::new(),
-            ended: false,
-            other_schema: None,
-            bytes: 0,
-            frames: 0,
-        }
+        let (messages, replies) = (VecDeque::new(), VecDeque::new());
+        Self { transport, stream: Stream::default(), sequence: 0, messages, replies, ended: false }
+    }
+
+    /// Goes on over another transport: counters stay, and what went by meanwhile is no loss.
+    pub fn reopen(&mut self, transport: Box<dyn Transport>) {
+        (self.transport, self.ended) = (transport, false);
+        self.take_in(REOPENED);
     }
 
     /// Opens a port by name (see [`super::transport`]).
@@ -89,12 +65,12 @@ impl Client {
 
     /// What the link lost so far.
     pub fn losses(&self) -> Losses {
-        self.losses
+        self.stream.losses()
     }
 
     /// Why nothing the node says can be read here, if so.
     pub fn unreadable(&self) -> Option<String> {
-        self.other_schema.map(|schema| differs("link", schema.into(), WIRE_SCHEMA.into()))
+        self.stream.other_schema().map(|schema| differs("link", schema.into(), WIRE_SCHEMA.into()))
     }
 
     /// Whether the link has ended (file read to its end, connection closed) and every message received was taken.
@@ -119,6 +95,11 @@ impl Client {
         }
     }
 
+    /// A message that has come already.
+    pub fn waiting_message(&mut self) -> Option<Message> {
+        self.messages.pop_front()
+    }
+
     /// Takes in what comes until an instant; it stays in the stream.
     ///
     /// # Errors
@@ -137,11 +118,11 @@ impl Client {
     pub fn wait_event(&mut self, kinds: &[EventKind], patience: Duration) -> Result<Event> {
         let deadline = Instant::now() + patience;
         let wanted = |message: &Message| matches!(message, Message::Event(event) if kinds.contains(&event.kind));
-        let (mut seen, mut dropped) = (0, self.losses.unread);
+        let (mut seen, mut dropped) = (0, self.losses().unread);
         loop {
             // What was dropped at the front has moved the rest.
-            seen -= (self.losses.unread - dropped).min(seen as u32) as usize;
-            dropped = self.losses.unread;
+            seen -= (self.losses().unread - dropped).min(seen as u32) as usize;
+            dropped = self.losses().unread;
             if let Some(at) = (seen..self.messages.len()).find(|&i| wanted(&self.messages[i]))
                 && let Some(Message::Event(event)) = self.messages.remove(at)
             {
@@ -180,7 +161,8 @@ impl Client {
     /// Why a command has no answer, as far as what did come tells.
     fn silence(&self, request: &Request) -> String {
         let patience = ANSWER_PATIENCE.as_secs() * u64::from(ATTEMPTS);
-        match (self.unreadable(), self.bytes, self.frames) {
+        let (bytes, frames) = self.stream.received();
+        match (self.unreadable(), bytes, frames) {
             (Some(why), ..) => why,
             _ if self.ended => format!("the link ended before {} was answered", name(request)),
             (_, 0, _) => {
@@ -366,19 +348,6 @@ impl Client {
         }
     }
 
-    /// The newest answer to [`Request::GetHealth`] that no command waits for; other answers stay.
-    pub fn take_health(&mut self) -> Option<Health> {
-        let mut newest = None;
-        self.replies.retain(|reply| match reply {
-            Reply::Health(health) => {
-                newest = Some(*health);
-                false
-            }
-            _ => true,
-        });
-        newest
-    }
-
     /// The newest answers received that no command waits for, as the node's closing statistics; at most [`REPLIES`].
     pub fn take_replies(&mut self) -> Vec<Reply> {
         self.replies.drain(..).collect()
@@ -419,7 +388,10 @@ impl Client {
     /// Puts a packet where it is waited for; what nobody takes does not grow without end.
     fn keep(&mut self, packet: Packet) {
         match packet {
-            Packet::Message(message) => self.losses.unread += push(&mut self.messages, message, MESSAGES),
+            Packet::Message(message) => {
+                let dropped = push(&mut self.messages, message, MESSAGES);
+                self.stream.drop_unread(dropped);
+            }
             // Answers that nobody asked for are no loss.
             Packet::Reply(reply) => {
                 push(&mut self.replies, reply, REPLIES);
@@ -435,33 +407,16 @@ impl Client {
             self.ended = true;
             return Ok(());
         };
-        self.bytes += count as u64;
-        for &byte in &buffer[..count] {
-            match self.decoder.push(byte) {
-                None => {}
-                Some(Err(FrameError::Unknown(_))) => {
-                    self.frames += 1;
-                    self.losses.unknown += 1;
-                }
-                Some(Err(error)) => {
-                    self.losses.refused += 1;
-                    if let FrameError::Version(schema) = error {
-                        self.other_schema = Some(schema);
-                    }
-                }
-                Some(Ok(frame)) => {
-                    self.frames += 1;
-                    // A restarted node counts from zero; a gap that ends exactly there is no loss of 65 000 frames.
-                    if frame.sequence == 0 && frame.lost != 0 {
-                        self.losses.restarts += 1;
-                    } else {
-                        self.losses.lost += u32::from(frame.lost);
-                    }
-                    self.keep(frame.packet);
-                }
+        self.take_in(&buffer[..count]);
+        Ok(())
+    }
+
+    fn take_in(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(packet) = self.stream.push(byte) {
+                self.keep(packet);
             }
         }
-        Ok(())
     }
 }
 

@@ -48,15 +48,14 @@ pub fn unix_us(time: SystemTime) -> Result<u64> {
 }
 
 /// A time of day in words, to the millisecond.
-fn date(unix_us: u64) -> String {
+pub(super) fn date(unix_us: u64) -> String {
     let timestamp = i64::try_from(unix_us / 1000).ok().and_then(|ms| Timestamp::from_millisecond(ms).ok());
     timestamp.map_or_else(|| format!("{unix_us} us since 1970"), |time| format!("{time:.3}"))
 }
 
-/// Every figure with its unit; what is not known is said so.
+/// Every figure with its unit; what this node does not know is named in one row at the end.
 pub fn rows(health: &Health) -> Vec<Vec<String>> {
-    let row =
-        |name: &str, value: Option<String>| vec![name.to_owned(), value.unwrap_or_else(|| "not known".to_owned())];
+    let row = |name: &'static str, value: Option<String>| (name, value);
     let mut rows = vec![
         row("since the start", Some(format!("{} s", health.uptime_s))),
         row("started by", Some(super::words::words(&health.started))),
@@ -86,7 +85,13 @@ pub fn rows(health: &Health) -> Vec<Vec<String>> {
             )
         }),
     ));
-    rows
+    let unknown: Vec<&str> = rows.iter().filter(|(_, value)| value.is_none()).map(|(name, _)| *name).collect();
+    let mut shown: Vec<Vec<String>> =
+        rows.iter().filter_map(|(name, value)| Some(vec![(*name).to_owned(), value.clone()?])).collect();
+    if !unknown.is_empty() {
+        shown.push(vec!["not known to this node".into(), unknown.join(", ")]);
+    }
+    shown
 }
 
 /// What a plant wants to see at a glance: supply, temperature, bias; empty where none is known.

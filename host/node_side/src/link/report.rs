@@ -7,6 +7,7 @@ use crate::Result;
 use crate::report::Report;
 use crate::report::plot::{self, Axes, Series};
 use meshband::config::Configuration;
+use meshband::events::Event;
 use meshband::health::Health;
 use meshband::message::{Identification, SelfTest, Spectrum, Status};
 use meshband::update::{RunningImage, Slot};
@@ -64,11 +65,15 @@ fn image(image: &RunningImage) -> String {
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identification>) -> Result<Report> {
+pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
+    let node = view.identity.as_ref();
     let mut report = Report::new("Node", &format!("What the node at {source} said"))
+        .verdict(super::letter::of_view(view, losses, source))
+        .facts(super::letter::facts(view, source))
         .figure("Messages", view.messages)
         .figure("Frames lost", losses.lost)
-        .figure("Pieces refused", losses.refused);
+        .figure("Pieces refused", losses.refused)
+        .figure("Restarts", losses.restarts);
     if let Some(status) = &view.status {
         report = report.figure("State", words(&status.state)).figure("Speed", format!("{:.4} Hz", status.speed_hz));
     }
@@ -141,13 +146,10 @@ pub fn of_view(view: &View, losses: Losses, source: &str, node: Option<&Identifi
         );
     }
     if !view.events.is_empty() {
-        let rate = node.map(|node| f64::from(node.ticks_per_second));
-        let time = |tick: u64| rate.map_or(format!("tick {tick}"), |rate| format!("{:.3} s", tick as f64 / rate));
-        let event = |e: &meshband::events::Event| {
-            vec![time(e.first_tick), words(&e.kind), e.detail.to_string(), e.count.to_string()]
-        };
+        let time = |tick: u64| view.since_start_s(tick).map_or(format!("tick {tick}"), |s| format!("{s:.3} s"));
+        let event = |e: &Event| vec![time(e.first_tick), super::words::event(e), e.count.to_string()];
         let rows: Vec<Vec<String>> = view.events.iter().map(event).collect();
-        report = report.section("Events").table("The newest.", &["since start", "event", "detail", "times"], &rows);
+        report = report.section("Events").table("The newest.", &["since start", "event", "times"], &rows);
     }
     Ok(report)
 }

@@ -1,6 +1,6 @@
 //! Where the bytes come from and go to.
 //!
-//! Ports are named as people name them: `tcp:HOST:PORT`, the path of a serial port or pseudo-terminal, or a file that
+//! Ports are named as people name them: `tcp:HOST:PORT`, `tcp:PORT` on this machine, `HOST:PORT`, the path of a serial port or pseudo-terminal, or a file that
 //! holds captured bytes (read only; its end is the end of the link).
 
 use crate::{Error, Result};
@@ -41,8 +41,8 @@ pub trait Transport: Send {
 /// [`Error::Invalid`] with the port's name and the system's reason.
 pub fn open(port: &str) -> Result<Box<dyn Transport>> {
     let refuse = |reason: &dyn std::fmt::Display| Error::invalid(format!("port {port}"), reason);
-    if let Some(address) = port.strip_prefix("tcp:") {
-        let stream = connect(address).map_err(|e| refuse(&e))?;
+    if let Some(address) = network_address(port) {
+        let stream = connect(&address).map_err(|e| refuse(&e))?;
         return Ok(Box::new(Tcp::new(stream).map_err(|e| refuse(&e))?));
     }
     if Path::new(port).is_file() {
@@ -50,6 +50,19 @@ pub fn open(port: &str) -> Result<Box<dyn Transport>> {
     }
     let serial = serialport::new(port, BITS_PER_SECOND).timeout(READ_PATIENCE).open().map_err(|e| refuse(&e))?;
     Ok(Box::new(Serial(serial)))
+}
+
+/// The address that `tcp:HOST:PORT`, `tcp:PORT` (this machine) or a bare `HOST:PORT` means; none for a path.
+fn network_address(port: &str) -> Option<String> {
+    match port.strip_prefix("tcp:") {
+        Some(number) if number.parse::<u16>().is_ok() => Some(format!("127.0.0.1:{number}")),
+        Some(address) => Some(address.to_owned()),
+        None => {
+            let (host, number) = port.rsplit_once(':')?;
+            let is_network = number.parse::<u16>().is_ok() && !host.contains(['/', '\\']) && !Path::new(port).exists();
+            is_network.then(|| port.to_owned())
+        }
+    }
 }
 
 /// The first address of a host that takes the connection in time.

@@ -1,14 +1,19 @@
-//! What a person sees of a node: the newest of everything it said, as plain text.
+//! What is known of a node: the newest of everything it said. The live view, texts, reports and JSON show this and nothing else.
+//!
+//! A status decides which alarms stand; an event of a later tick is taken into it until the next one. Time is the node's own, so a capture
+//! that is replayed gives what was seen live.
 
 use super::Losses;
+use super::alarms::Alarms;
 use super::words::words;
 use crate::terminal::table;
-use meshband::events::Event;
+use meshband::alarm::AlarmBand;
+use meshband::events::{Event, EventKind};
 use meshband::health::Health;
 use meshband::levels::Departure;
 use meshband::message::{
-    AlarmState, Bound, ChannelValues, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics,
-    Status,
+    Bound, ChannelValues, Identification, Indicators, Message, Peaks, Quality, Reply, SelfTest, Snapshot, Spectrum,
+    Statistics, Status,
 };
 use meshband::waveform::CapturePhase;
 use std::collections::VecDeque;
@@ -16,7 +21,12 @@ use std::collections::VecDeque;
 /// Events shown.
 const EVENTS: usize = 8;
 
-/// Newest messages of each kind.
+/// Tick from which a node that begins at 0 of its timer counts: the timer's 32 bits are extended, and nothing lies before its first.
+pub const FIRST_TICK: u64 = 1 << 32;
+/// Places for the ticks at which alarms were raised.
+const ALARMS: usize = 8;
+
+/// Newest messages of each kind, and the answers that say who the node is.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct View {
     /// Messages received.
@@ -39,6 +49,17 @@ pub struct View {
     pub events: VecDeque<Event>,
     /// The waveform that is arriving: samples so far and in all.
     pub snapshot: Option<(usize, usize)>,
+    /// Who the node is, where it was asked.
+    #[serde(skip)]
+    pub identity: Option<Identification>,
+    /// Its alarm bands, where its configuration was read.
+    #[serde(skip)]
+    pub bands: Option<Vec<AlarmBand>>,
+    /// Ticks at which alarms were raised, where that was heard.
+    #[serde(skip)]
+    started_tick: Option<u64>,
+    #[serde(skip)]
+    raised_tick: [Option<u64>; ALARMS],
 }
 
 impl View {
@@ -46,7 +67,7 @@ impl View {
     pub fn take(&mut self, message: Message) {
         self.messages += 1;
         match message {
-            Message::Status(status) => self.status = Some(status),
+            Message::Status(status) => self.status(status),
             Message::Spectrum(spectrum) => self.spectrum = Some(spectrum),
             Message::Peaks(peaks) => self.peaks = Some(peaks),
             Message::Indicators(mut indicators) => {
@@ -59,6 +80,10 @@ impl View {
             Message::Statistics(statistics) => self.statistics = Some(statistics),
             Message::SelfTest(result) => self.self_test = Some(result),
             Message::Event(event) => {
+                if event.kind == EventKind::Started {
+                    self.started_tick = Some(event.first_tick);
+                }
+                self.alarm_event(&event);
                 if self.events.len() == EVENTS {
                     self.events.pop_front();
                 }
@@ -70,12 +95,95 @@ impl View {
         }
     }
 
-    /// The picture as text; `ticks_per_second` of the node's time base, where known, turns event times into seconds.
-    pub fn text(&self, losses: Losses, ticks_per_second: Option<u32>) -> String {
+    /// Takes in an answer: who the node is, its alarms' limits, its health; others say nothing of the link.
+    pub fn take_reply(&mut self, reply: Reply) {
+        match reply {
+            Reply::Identity(identity) => self.identity = Some(identity),
+            Reply::Configuration(config) => self.bands = Some(config.alarms.to_vec()),
+            Reply::Health(health) => self.health = Some(health),
+            Reply::SelfTest(result) => self.self_test = Some(result),
+            Reply::Statistics(statistics) => self.statistics = Some(statistics),
+            _ => {}
+        }
+    }
+
+    fn status(&mut self, status: Status) {
+        if self.status.is_some_and(|former| status.tick < former.tick) {
+            // The node began anew: what it was heard to raise before is another run's.
+            self.raised_tick = [None; ALARMS];
+        }
+        for (index, raised) in self.raised_tick.iter_mut().enumerate() {
+            if status.alarms.standing >> index & 1 == 0 {
+                *raised = None;
+            }
+        }
+        self.status = Some(status);
+    }
+
+    /// What an event newer than the status says of alarms; a node repeats old ones on request.
+    fn alarm_event(&mut self, event: &Event) {
+        let Some(status) = self.status.as_mut().filter(|status| event.last_tick > status.tick) else { return };
+        let index = event.detail as usize;
+        let bit = 1u8.checked_shl(event.detail).unwrap_or(0);
+        let alarms = &mut status.alarms;
+        match event.kind {
+            EventKind::AlarmRaised => {
+                for bits in [&mut alarms.raised, &mut alarms.standing, &mut alarms.unseen] {
+                    *bits |= bit;
+                }
+                if let Some(tick) = self.raised_tick.get_mut(index) {
+                    *tick = Some(event.last_tick);
+                }
+            }
+            // Said only when it stands no longer: a latched one is silent.
+            EventKind::AlarmCleared => {
+                for bits in [&mut alarms.raised, &mut alarms.standing, &mut alarms.unseen] {
+                    *bits &= !bit;
+                }
+                if let Some(tick) = self.raised_tick.get_mut(index) {
+                    *tick = None;
+                }
+            }
+            EventKind::SignalBad => alarms.signal_bad = true,
+            EventKind::SignalGood => alarms.signal_bad = false,
+            EventKind::AlarmsAcknowledged => alarms.unseen = 0,
+            _ => {}
+        }
+    }
+
+    /// Seconds for which an alarm has stood at the newest status, where its beginning was heard.
+    pub(super) fn raised_for_s(&self, index: u8) -> Option<f64> {
+        let raised = (*self.raised_tick.get(usize::from(index))?)?;
+        let rate = self.ticks_per_second()?;
+        Some(self.status?.tick.saturating_sub(raised) as f64 / rate)
+    }
+
+    /// Seconds since the node's start, as its health counts them; the start's own event says where that was.
+    pub fn since_start_s(&self, tick: u64) -> Option<f64> {
+        let origin = self.started_tick.unwrap_or(0).max(FIRST_TICK);
+        Some(tick.saturating_sub(origin) as f64 / self.ticks_per_second()?)
+    }
+
+    fn ticks_per_second(&self) -> Option<f64> {
+        self.identity.as_ref().map(|node| f64::from(node.ticks_per_second)).filter(|&rate| rate > 0.0)
+    }
+
+    /// For `--json`: the same whether heard live or replayed.
+    pub fn json(&self, losses: Losses) -> serde_json::Value {
+        let alarms = Alarms::of(self);
+        serde_json::json!({ "identity": self.identity, "alarms": alarms, "view": self, "losses": losses })
+    }
+
+    /// The picture as text.
+    pub fn text(&self, losses: Losses) -> String {
         let mut out = match &self.status {
             Some(s) => status_lines(s),
             None => "no status yet\n".to_owned(),
         };
+        Alarms::of(self).lines().iter().for_each(|line| out += &format!("{line}\n"));
+        if let Some(text) = self.status.and_then(|status| capture_text(status.capture)) {
+            out += &format!("{text}\n");
+        }
         if let Some(i) = &self.indicators {
             out += &format!(
                 "RMS {:.4} m/s2   peak {:.4} m/s2   crest {:.2}   kurtosis {:.2}   sideband ratio {:.3}\n",
@@ -107,19 +215,20 @@ impl View {
             out += "\nevents\n";
         }
         for e in &self.events {
-            let time = match ticks_per_second {
-                Some(rate) => format!("{:10.3} s", e.first_tick as f64 / f64::from(rate)),
-                None => format!("tick {}", e.first_tick),
-            };
-            out += &format!("{time}  {} {}  x{}\n", words(&e.kind), e.detail, e.count);
+            let time = self
+                .since_start_s(e.first_tick)
+                .map_or_else(|| format!("tick {}", e.first_tick), |seconds| format!("{seconds:10.3} s"));
+            out += &format!("{time}  {}  x{}\n", super::words::event(e), e.count);
         }
+        let also = [(losses.unread, "messages not read in time"), (losses.reopened, "times the link was opened again")];
+        let also = also.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
         out += &format!(
             "\n{} messages; {} frames lost, {} pieces refused, {} restarts of the node{}\n",
             self.messages,
             losses.lost,
             losses.refused,
             losses.restarts,
-            if losses.unread > 0 { format!(", {} messages not read in time", losses.unread) } else { String::new() }
+            also.collect::<String>()
         );
         if losses.unknown > 0 {
             out += &format!("{} messages of kinds that only a newer program knows\n", losses.unknown);
@@ -128,24 +237,25 @@ impl View {
     }
 }
 
-fn status_lines(s: &Status) -> String {
-    let mut notes = Vec::new();
-    for (set, note) in [
+/// What is to be known about the figures of a status.
+pub fn status_notes(s: &Status) -> Vec<&'static str> {
+    let all = [
         (s.law_clamped, "speed outside the law's domain"),
         (s.law_provisional, "law provisional"),
         (s.limited, "rate limited by the board"),
         (s.safe_rate, "no speed: safe maximum rate"),
         (s.bound == Bound::AnalogueFilter, "the analogue filter passes less than the law asks"),
         (s.bound == Bound::Sensor, "the sensor passes less than the law asks"),
-    ] {
-        if set {
-            notes.push(note);
-        }
-    }
+    ];
+    all.into_iter().filter_map(|(set, note)| set.then_some(note)).collect()
+}
+
+fn status_lines(s: &Status) -> String {
+    let notes = status_notes(s);
     let notes = if notes.is_empty() { String::new() } else { format!("({})\n", notes.join("; ")) };
     format!(
         "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} Hz   granted {:.1} Hz   \
-         ADC {:.1} Hz / 2^{}\n{notes}{}{}",
+         ADC {:.1} Hz / 2^{}\n{notes}",
         words(&s.state),
         s.speed_hz,
         s.speed_uncertainty,
@@ -156,9 +266,7 @@ fn status_lines(s: &Status) -> String {
         s.requested_hz,
         s.granted_hz,
         s.adc_hz,
-        s.stages,
-        alarm_line(&s.alarms),
-        capture_text(s.capture).map_or(String::new(), |text| format!("{text}\n"))
+        s.stages
     )
 }
 
@@ -243,25 +351,6 @@ pub fn capture_text(phase: CapturePhase) -> Option<&'static str> {
         CapturePhase::Collecting | CapturePhase::Sealing => Some("a waveform is being taken"),
         CapturePhase::Held => Some("a WAVEFORM IS HELD: `meshband capture` fetches it"),
     }
-}
-
-/// Alarms by their number in the configuration.
-fn alarm_line(alarms: &AlarmState) -> String {
-    let numbers = |bits: u8| {
-        let of: Vec<String> = (0..8).filter(|n| bits >> n & 1 != 0).map(|n| n.to_string()).collect();
-        of.join(", ")
-    };
-    let mut parts = Vec::new();
-    if alarms.raised != 0 {
-        parts.push(format!("raised: {}", numbers(alarms.raised)));
-    }
-    if alarms.standing & !alarms.raised != 0 {
-        parts.push(format!("latched: {}", numbers(alarms.standing & !alarms.raised)));
-    }
-    if alarms.signal_bad {
-        parts.push("the signal itself".to_owned());
-    }
-    if parts.is_empty() { String::new() } else { format!("ALARM ({})\n", parts.join("; ")) }
 }
 
 fn bands(spectrum: &Spectrum) -> String {

@@ -1,6 +1,7 @@
 //! Names of the link's vocabulary as people read them.
 
 use meshband::alarm::Watched;
+use meshband::events::{Event, EventKind};
 use std::fmt::Debug;
 
 /// A variant's name in words: `TachLocked` becomes "tach locked"; what it carries is left out.
@@ -38,6 +39,29 @@ pub fn watched(watched: Watched) -> &'static str {
         Watched::SecondKurtosis => "kurtosis of the second sensor",
         Watched::SecondVelocityRms => "velocity RMS of the second sensor, m/s",
     }
+}
+
+/// An event with its detail: alarms by their number from 1.
+pub fn event(event: &Event) -> String {
+    let name = words(&event.kind);
+    match event.kind {
+        EventKind::AlarmRaised | EventKind::AlarmCleared => format!("{name}: number {}", u64::from(event.detail) + 1),
+        _ => format!("{name} {}", event.detail),
+    }
+}
+
+/// A stretch of time: "0.3 s", "12 s", "3 min".
+pub fn seconds(age_s: f64) -> String {
+    match age_s {
+        age if age < 10.0 => format!("{:.1} s", age.max(0.0)),
+        age if age < 120.0 => format!("{age:.0} s"),
+        age => format!("{:.0} min", age / 60.0),
+    }
+}
+
+/// What an alarm watches and its unit; the unit is empty for a plain number.
+pub fn name_and_unit(of: Watched) -> (&'static str, &'static str) {
+    watched(of).rsplit_once(", ").unwrap_or((watched(of), ""))
 }
 
 #[cfg(test)]

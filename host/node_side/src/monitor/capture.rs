@@ -3,6 +3,7 @@
 //! Appended as it comes and flushed at once: what a power cut leaves is a capture, too. A failing disk must not end the view; the capture
 //! stops and says why.
 
+use crate::link::stream::REOPENED;
 use crate::link::transport::Transport;
 use crate::output::Lock;
 use crate::{Error, Result};
@@ -32,8 +33,13 @@ impl Capture {
     /// A file that cannot be opened.
     pub fn append(path: &Path, lock: Lock) -> Result<Self> {
         let file = File::options().create(true).append(true).open(path).map_err(Error::file(path))?;
+        let begun = file.metadata().map_err(Error::file(path))?.len() > 0;
         let inner = Inner { file, bytes: 0, failed: None, _lock: lock };
-        Ok(Self { inner: Arc::new(Mutex::new(inner)), path: path.to_owned() })
+        let capture = Self { inner: Arc::new(Mutex::new(inner)), path: path.to_owned() };
+        if begun {
+            capture.keep(REOPENED);
+        }
+        Ok(capture)
     }
 
     /// Where it is.
@@ -47,7 +53,8 @@ impl Capture {
         inner.failed.clone().map_or(Ok(inner.bytes), Err)
     }
 
-    fn keep(&self, bytes: &[u8]) {
+    /// Keeps bytes that came.
+    pub fn keep(&self, bytes: &[u8]) {
         let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         if inner.failed.is_some() {
             return;

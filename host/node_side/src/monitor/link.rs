@@ -5,6 +5,7 @@
 
 use super::capture::{Capture, Kept};
 use crate::Result;
+use crate::link::stream::REOPENED;
 use crate::link::transport::{self, Transport};
 use crate::link::{Client, Losses};
 use meshband::message::Message;
@@ -36,12 +37,9 @@ pub enum Standing {
 pub struct Watched {
     port: String,
     capture: Option<Capture>,
-    client: Option<Client>,
-    /// Losses of the clients before this one.
-    former: Losses,
-    lost: Lost,
-    /// Times the link was opened again.
-    pub reconnects: u32,
+    client: Client,
+    /// Why and since when the link is lost; none while it is open.
+    lost: Option<Lost>,
 }
 
 #[derive(Default)]
@@ -58,50 +56,44 @@ impl Watched {
     /// # Errors
     /// Of the port.
     pub fn open(port: &str, capture: Option<Capture>) -> Result<Self> {
-        let mut watched = Self {
-            port: port.to_owned(),
-            capture,
-            client: None,
-            former: Losses::default(),
-            lost: Lost::default(),
-            reconnects: 0,
-        };
-        watched.client = Some(watched.client_of(transport::open(port)?));
-        Ok(watched)
+        let client = Client::new(kept(transport::open(port)?, capture.as_ref(), false));
+        Ok(Self { port: port.to_owned(), capture, client, lost: None })
     }
 
     /// The client, while the link is open.
     pub fn client(&mut self) -> Option<&mut Client> {
-        self.client.as_mut()
+        self.lost.is_none().then_some(&mut self.client)
     }
 
     /// Losses of all connections together.
     pub fn losses(&self) -> Losses {
-        let now = self.client.as_ref().map(Client::losses).unwrap_or_default();
-        sum(self.former, now)
+        self.client.losses()
     }
 
     /// How the link stands.
     pub fn standing(&self) -> Standing {
-        if self.client.is_some() {
-            return Standing::Open;
-        }
-        let next = self.lost.next.map_or(0.0, |next| next.saturating_duration_since(Instant::now()).as_secs_f64());
-        Standing::Lost { reason: self.lost.reason.clone(), attempts: self.lost.attempts, next_s: next }
+        let Some(lost) = &self.lost else { return Standing::Open };
+        let next = lost.next.map_or(0.0, |next| next.saturating_duration_since(Instant::now()).as_secs_f64());
+        Standing::Lost { reason: lost.reason.clone(), attempts: lost.attempts, next_s: next }
+    }
+
+    /// A message that has come already.
+    pub fn waiting_message(&mut self) -> Option<Message> {
+        self.client.waiting_message()
     }
 
     /// The next message within `patience`; opens the link again where it is lost.
     pub fn next_message(&mut self, patience: Duration) -> Option<Message> {
-        let Some(client) = &mut self.client else {
+        if self.lost.is_some() {
             self.reopen();
-            if self.client.is_none() {
+            if self.lost.is_some() {
                 std::thread::sleep(patience.min(Duration::from_millis(50)));
             }
             return None;
-        };
-        match client.next_message(patience) {
+        }
+        match self.client.next_message(patience) {
             Ok(Some(message)) => return Some(message),
-            Ok(None) if !client.has_ended() => return None,
+            Ok(None) if !self.client.has_ended() => return None,
             Ok(None) => self.drop_link("the other end closed the connection".into()),
             Err(error) => self.drop_link(error.to_string()),
         }
@@ -109,56 +101,48 @@ impl Watched {
     }
 
     fn drop_link(&mut self, reason: String) {
-        self.former = self.losses();
-        self.client = None;
-        self.lost = Lost { reason, next: Some(Instant::now() + FIRST_PAUSE), ..Lost::default() };
+        self.lost = Some(Lost { reason, next: Some(Instant::now() + FIRST_PAUSE), ..Lost::default() });
     }
 
     /// Begins an attempt that is due, or takes up the outcome of the one under way.
     fn reopen(&mut self) {
-        match self.lost.opening.as_ref().map(Receiver::try_recv) {
-            None if self.lost.next.is_none_or(|next| Instant::now() >= next) => self.begin(),
+        let Some(lost) = &mut self.lost else { return };
+        match lost.opening.as_ref().map(Receiver::try_recv) {
+            None if lost.next.is_none_or(|next| Instant::now() >= next) => lost.begin(&self.port),
             None | Some(Err(TryRecvError::Empty)) => {}
             Some(Ok(Ok(transport))) => {
-                self.client = Some(self.client_of(transport));
-                self.reconnects += 1;
-                self.lost = Lost::default();
+                self.client.reopen(kept(transport, self.capture.as_ref(), true));
+                self.lost = None;
             }
-            Some(Ok(Err(error))) => self.failed(error.to_string()),
-            Some(Err(TryRecvError::Disconnected)) => self.failed("the attempt to open the port broke off".into()),
-        }
-    }
-
-    fn begin(&mut self) {
-        let (sender, receiver) = channel();
-        let port = self.port.clone();
-        std::thread::spawn(move || drop(sender.send(transport::open(&port))));
-        self.lost.next = None;
-        self.lost.opening = Some(receiver);
-    }
-
-    fn failed(&mut self, reason: String) {
-        self.lost.attempts += 1;
-        let pause = FIRST_PAUSE * 2u32.saturating_pow(self.lost.attempts);
-        self.lost.next = Some(Instant::now() + pause.min(LONGEST_PAUSE));
-        self.lost.opening = None;
-        self.lost.reason = reason;
-    }
-
-    fn client_of(&self, transport: Box<dyn Transport>) -> Client {
-        match &self.capture {
-            Some(capture) => Client::new(Box::new(Kept::new(transport, capture.clone()))),
-            None => Client::new(transport),
+            Some(Ok(Err(error))) => lost.failed(error.to_string()),
+            Some(Err(TryRecvError::Disconnected)) => lost.failed("the attempt to open the port broke off".into()),
         }
     }
 }
 
-fn sum(a: Losses, b: Losses) -> Losses {
-    Losses {
-        lost: a.lost + b.lost,
-        refused: a.refused + b.refused,
-        restarts: a.restarts + b.restarts,
-        unread: a.unread + b.unread,
-        unknown: a.unknown + b.unknown,
+impl Lost {
+    fn begin(&mut self, port: &str) {
+        let (sender, receiver) = channel();
+        let port = port.to_owned();
+        std::thread::spawn(move || drop(sender.send(transport::open(&port))));
+        self.next = None;
+        self.opening = Some(receiver);
     }
+
+    fn failed(&mut self, reason: String) {
+        self.attempts += 1;
+        let pause = FIRST_PAUSE * 2u32.saturating_pow(self.attempts);
+        self.next = Some(Instant::now() + pause.min(LONGEST_PAUSE));
+        self.opening = None;
+        self.reason = reason;
+    }
+}
+
+/// The transport, with its bytes kept where a capture is wanted; one that was opened again is marked there.
+fn kept(transport: Box<dyn Transport>, capture: Option<&Capture>, again: bool) -> Box<dyn Transport> {
+    let Some(capture) = capture else { return transport };
+    if again {
+        capture.keep(REOPENED);
+    }
+    Box::new(Kept::new(transport, capture.clone()))
 }

@@ -1,13 +1,13 @@
-//! What the view holds: the newest of everything with its age, trends, alarms.
+//! What the live view adds to the state of the link ([`View`]): ages, trends, alarms that are over.
 //!
 //! Values that come in one message of several (FM0, NA4, measured bandwidth) are kept until their next, with their own age.
 
 use crate::link::Losses;
+use crate::link::alarms::numbers;
 use crate::link::view::{View, departures};
-use meshband::alarm::AlarmBand;
-use meshband::events::{Event, EventKind};
-use meshband::message::{Identification, Indicators, Message};
-use std::collections::{BTreeMap, VecDeque};
+use meshband::events::Event;
+use meshband::message::{Indicators, Message};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 /// Values of a trend that are kept.
 pub const TREND: usize = 240;
@@ -48,26 +48,11 @@ impl Trend {
     }
 }
 
-/// An alarm that was raised since the start.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Alarm {
-    /// Seconds since the start.
-    pub raised_s: f64,
-    /// Seconds since the start at which it was cleared, if it was.
-    pub cleared_s: Option<f64>,
-    /// Somebody has seen it.
-    pub acknowledged: bool,
-}
-
 /// Everything the screen shows.
 #[derive(Debug, Clone, Default)]
 pub struct Panel {
-    /// Newest of each message.
+    /// The state of the link: newest of each message, who the node is, its alarms.
     pub view: View,
-    /// Who the node is.
-    pub identity: Option<Identification>,
-    /// Its alarm bands, by index.
-    pub bands: Vec<AlarmBand>,
     /// Seconds since the start at which any message came last.
     pub heard_s: Option<f64>,
     /// Ages: when each kind came last.
@@ -78,8 +63,8 @@ pub struct Panel {
     pub values: BTreeMap<&'static str, Trend>,
     /// First line of each mesh harmonic, by number.
     pub harmonics: BTreeMap<u8, Trend>,
-    /// Alarms by index.
-    pub alarms: BTreeMap<u32, Alarm>,
+    /// Alarms that are over, by index, with the seconds since the start at which they ended.
+    pub over: BTreeMap<u8, f64>,
     /// Events, oldest first, with the seconds since the start at which they came.
     pub events: VecDeque<(f64, Event)>,
 }
@@ -104,6 +89,7 @@ impl Panel {
     /// Takes in a message at an instant.
     pub fn take(&mut self, message: Message, now_s: f64) {
         self.heard_s = Some(now_s);
+        let before = self.standing();
         match &message {
             Message::Status(_) => self.status_s = Some(now_s),
             Message::Spectrum(spectrum) => {
@@ -118,6 +104,13 @@ impl Panel {
             _ => {}
         }
         self.view.take(message);
+        let after = self.standing();
+        self.over.retain(|index, _| !after.contains(index));
+        self.over.extend(before.difference(&after).map(|&index| (index, now_s)));
+    }
+
+    fn standing(&self) -> BTreeSet<u8> {
+        self.view.status.iter().flat_map(|status| numbers(&status.alarms)).collect()
     }
 
     fn indicators(&mut self, i: &Indicators, now_s: f64) {
@@ -151,36 +144,10 @@ impl Panel {
     }
 
     fn event(&mut self, event: Event, now_s: f64) {
-        match event.kind {
-            EventKind::AlarmRaised => {
-                let alarm = Alarm { raised_s: now_s, cleared_s: None, acknowledged: false };
-                // The node repeats kept events on request: one that stands already is not raised again.
-                self.alarms
-                    .entry(event.detail)
-                    .and_modify(|a| {
-                        if a.cleared_s.is_some() {
-                            *a = alarm
-                        }
-                    })
-                    .or_insert(alarm);
-            }
-            EventKind::AlarmCleared => {
-                if let Some(alarm) = self.alarms.get_mut(&event.detail) {
-                    alarm.cleared_s = Some(now_s);
-                }
-            }
-            _ => {}
-        }
         if self.events.len() == EVENTS {
             self.events.pop_front();
         }
         self.events.push_back((now_s, event));
-    }
-
-    /// Marks all alarms as seen; those that are over go.
-    pub fn acknowledge(&mut self) {
-        self.alarms.retain(|_, alarm| alarm.cleared_s.is_none());
-        self.alarms.values_mut().for_each(|alarm| alarm.acknowledged = true);
     }
 
     /// Seconds since anything came, where that is long enough to be said.

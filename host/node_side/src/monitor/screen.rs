@@ -5,8 +5,9 @@
 
 use super::capture::Capture;
 use super::link::Standing;
-use super::panel::{Alarm, Panel, Trend, VALUES};
-use crate::link::words::{watched, words};
+use super::panel::{Panel, SILENT_S, Trend, VALUES};
+use crate::link::alarms::Alarms;
+use crate::link::words::{event, seconds, words};
 use crate::link::{Losses, health};
 use meshband::message::{SpectralLine, Spectrum, Status};
 use meshband::node::State;
@@ -22,6 +23,10 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 const SPAN_DB: f64 = 60.0;
 /// Signs of a trend, from low to high.
 const STEPS: [&str; 8] = ["▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
+/// A sideband below this share of its harmonic (-34 dB) is the search's own noise more often than not.
+const SIDE_SHARE: f32 = 0.02;
+/// Strongest lines shown where there is room.
+const STRONGEST: usize = 8;
 /// Age from which on a figure is drawn faint, s.
 const OLD_S: f64 = 10.0;
 
@@ -33,8 +38,6 @@ pub struct Scene<'a> {
     pub standing: &'a Standing,
     /// What was lost.
     pub losses: Losses,
-    /// Times the link was opened again.
-    pub reconnects: u32,
     /// Capture, where one is kept.
     pub capture: Option<&'a Capture>,
     /// Seconds since the start.
@@ -50,7 +53,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene) {
     let area = frame.area();
     let panel = scene.panel;
     let wide = area.width >= 120;
-    let alarms = panel.alarms.len().clamp(1, 4) as u16;
+    let alarms = alarm_lines(scene).len().clamp(1, 4) as u16;
     let values_rows = if wide { VALUES.len() as u16 } else { VALUES.len().div_ceil(2) as u16 };
     let bands = panel.view.spectrum.as_ref().map_or(1, |s| s.bands.len()).max(1) as u16;
     let events = if scene.events_open { area.height / 3 } else { 1 };
@@ -79,7 +82,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene) {
         let [bands_area, values_area] =
             Layout::vertical([Constraint::Length(band_rows), Constraint::Length(value_rows)]).areas(middle_area);
         frame.render_widget(
-            Paragraph::new(band_lines(scene, bands_area.width)).block(titled("mesh bands", scene)),
+            Paragraph::new(band_lines(scene, bands_area.width)).block(titled("mesh bands, m/s2 peak", scene)),
             bands_area,
         );
         frame.render_widget(
@@ -99,12 +102,17 @@ fn draw_wide(frame: &mut Frame, area: Rect, scene: &Scene) {
     let bands = scene.panel.view.spectrum.as_ref().map_or(1, |s| s.bands.len()).max(1) as u16;
     let [top, bottom] =
         Layout::vertical([Constraint::Length((bands + 2).min(left.height)), Constraint::Min(0)]).areas(left);
-    frame.render_widget(Paragraph::new(band_lines(scene, top.width)).block(titled("mesh bands", scene)), top);
+    frame
+        .render_widget(Paragraph::new(band_lines(scene, top.width)).block(titled("mesh bands, m/s2 peak", scene)), top);
     frame.render_widget(
         Paragraph::new(order_lines(scene, bottom)).block(titled("orders of the pinion, dB below the strongest", scene)),
         bottom,
     );
-    frame.render_widget(Paragraph::new(value_lines(scene, 1, right.width)).block(titled("values", scene)), right);
+    let strongest = strongest_lines(scene);
+    let [upper, lower] =
+        Layout::vertical([Constraint::Min(0), Constraint::Length(strongest.len() as u16 + 1)]).areas(right);
+    frame.render_widget(Paragraph::new(value_lines(scene, 1, upper.width)).block(titled("values", scene)), upper);
+    frame.render_widget(Paragraph::new(strongest).block(titled("strongest lines, m/s2 peak", scene)), lower);
 }
 
 fn titled<'a>(title: &'a str, scene: &Scene) -> Block<'a> {
@@ -115,15 +123,6 @@ fn titled<'a>(title: &'a str, scene: &Scene) -> Block<'a> {
     };
     let aside = aside.map_or(String::new(), |text| format!(" ({text}) "));
     Block::new().borders(Borders::TOP).title(format!(" {title}{aside}")).border_style(Style::new().dark_gray())
-}
-
-/// "0.3 s", "12 s", "3 min".
-fn seconds(age_s: f64) -> String {
-    match age_s {
-        age if age < 10.0 => format!("{:.1} s", age.max(0.0)),
-        age if age < 120.0 => format!("{age:.0} s"),
-        age => format!("{:.0} min", age / 60.0),
-    }
 }
 
 fn header(scene: &Scene, width: u16) -> Vec<Line<'static>> {
@@ -191,7 +190,7 @@ fn state_line(status: Option<&Status>, panel: &Panel, losses: Losses) -> Line<'s
         }
     }
     let quality = if notes.is_empty() { "no reservation".to_owned() } else { notes.join("; ") };
-    let who = panel.identity.as_ref().map_or(String::new(), |node| format!("   {}", node.board));
+    let who = panel.view.identity.as_ref().map_or(String::new(), |node| format!("   {}", node.board));
     let colour = if notes.is_empty() { Color::Green } else { Color::Yellow };
     let held = if s.capture == CapturePhase::Held { "   WAVEFORM HELD" } else { "" };
     Line::from(vec![
@@ -224,26 +223,32 @@ fn rate_text(s: &Status) -> String {
     )
 }
 
+/// What stands, then what is over; with its age where the node has not confirmed it for a while.
 fn alarm_lines(scene: &Scene) -> Vec<Line<'static>> {
     let panel = scene.panel;
-    if panel.alarms.is_empty() {
-        let text = if panel.bands.is_empty() { "no alarm (none is configured)" } else { "no alarm" };
-        return vec![Line::styled(text, Style::new().dark_gray())];
-    }
-    let line = |(&index, alarm): (&u32, &Alarm)| {
-        let what = panel.bands.get(index as usize).map_or_else(
-            || format!("alarm {index}"),
-            |band| format!("alarm {index}: {} above {}", watched(band.watched), band.raise),
-        );
-        let since = seconds(scene.now_s - alarm.raised_s);
-        let (text, style) = match (alarm.cleared_s, alarm.acknowledged) {
-            (Some(at), _) => (format!("{what}, over since {}", seconds(scene.now_s - at)), Style::new().yellow()),
-            (None, true) => (format!("{what}, for {since}, seen"), Style::new().red()),
-            (None, false) => (format!("{what}, for {since}; a acknowledges"), Style::new().white().on_red().bold()),
-        };
-        Line::styled(format!(" {text} "), style)
+    let alarms = Alarms::of(&panel.view);
+    let old = panel.status_s.map(|at| scene.now_s - at).filter(|&age| age >= SILENT_S);
+    let as_of = old.map_or(String::new(), |age| format!("{} ago, not known now: ", seconds(age)));
+    let style = match (alarms.any(), old) {
+        (false, _) => Style::new().dark_gray(),
+        (true, Some(_)) => Style::new().red().add_modifier(Modifier::DIM),
+        (true, None) if alarms.standing.iter().all(|alarm| alarm.acknowledged) && !alarms.signal_bad => {
+            Style::new().red()
+        }
+        (true, None) => Style::new().white().on_red().bold(),
     };
-    panel.alarms.iter().map(line).collect()
+    let unseen = alarms.standing.iter().any(|alarm| !alarm.acknowledged);
+    let mut lines: Vec<Line> =
+        alarms.lines().into_iter().map(|line| Line::styled(format!(" {as_of}{line} "), style)).collect();
+    if let Some(last) = lines.last_mut().filter(|_| unseen && old.is_none()) {
+        last.push_span(Span::raw("  a acknowledges"));
+    }
+    let over = panel.over.iter().map(|(index, at)| {
+        let text = format!(" alarm {} is over since {}", index + 1, seconds(scene.now_s - at));
+        Line::styled(text, Style::new().yellow())
+    });
+    lines.extend(over);
+    lines
 }
 
 fn band_lines(scene: &Scene, width: u16) -> Vec<Line<'static>> {
@@ -256,7 +261,8 @@ fn band_lines(scene: &Scene, width: u16) -> Vec<Line<'static>> {
     let line = |band: &meshband::message::MeshBand| {
         let trend = scene.panel.harmonics.get(&band.harmonic).map_or(String::new(), |t| sparkline(t, trend_width));
         let side = [&band.sidebands[..], &band.gear_sidebands[..]].concat();
-        let side = side.iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)).filter(|l| l.amplitude > 0.0);
+        let side = side.iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
+        let side = side.filter(|line| line.amplitude > SIDE_SHARE * band.line.amplitude);
         let side = side.map_or(String::new(), |l| format!(" side {:8.1} {:8.4}", l.frequency_hz, l.amplitude));
         Line::from(vec![
             Span::raw(format!("{}x {:9.2} Hz {:9.4} ", band.harmonic, band.line.frequency_hz, band.line.amplitude)),
@@ -300,6 +306,20 @@ fn value_lines(scene: &Scene, columns: usize, width: u16) -> Vec<Line<'static>> 
     VALUES.chunks(columns).map(|row| Line::from(row.iter().map(|&v| cell(v)).collect::<Vec<_>>())).collect()
 }
 
+/// The strongest lines of the whole band, wherever they come from.
+fn strongest_lines(scene: &Scene) -> Vec<Line<'static>> {
+    let Some(peaks) = &scene.panel.view.peaks else {
+        return vec![Line::styled("no wideband spectrum yet", Style::new().dark_gray())];
+    };
+    let speed = f64::from(peaks.tag.speed_hz);
+    let line = |line: &SpectralLine| {
+        let order =
+            if speed > 0.0 { format!("order {:9.3}", f64::from(line.frequency_hz) / speed) } else { String::new() };
+        Line::raw(format!("{:10.2} Hz {:10.4}   {order}", line.frequency_hz, line.amplitude))
+    };
+    peaks.lines.iter().take(STRONGEST).map(line).collect()
+}
+
 /// All lines of the newest spectrum as columns over the order, the strongest of each column.
 fn order_lines(scene: &Scene, area: Rect) -> Vec<Line<'static>> {
     let (width, height) = (usize::from(area.width), usize::from(area.height.saturating_sub(2)));
@@ -329,9 +349,29 @@ fn order_lines(scene: &Scene, area: Rect) -> Vec<Line<'static>> {
     };
     let mut out: Vec<Line> = (0..height).map(|r| Line::styled(row(r), Style::new().cyan())).collect();
     let top = 1.05 * highest / speed;
-    let end = format!("{top:.1}");
-    out.push(Line::styled(format!("0{end:>w$}", w = width - 1), Style::new().dark_gray()));
+    out.push(Line::styled(axis(top, width), Style::new().dark_gray()));
     out
+}
+
+/// Orders under the columns, at round numbers.
+fn axis(top: f64, width: usize) -> String {
+    /// Columns between two numbers, at least.
+    const APART: f64 = 12.0;
+    let least = APART * top / width as f64;
+    let decade = 10f64.powf(least.log10().floor());
+    let step =
+        [1.0, 2.0, 5.0, 10.0].map(|n| n * decade).into_iter().find(|step| *step >= least).unwrap_or(10.0 * decade);
+    let mut text = " ".repeat(width);
+    let mut n = 0.0;
+    while n * step < top {
+        let at = (n * step / top * width as f64) as usize;
+        let number = format!("{}", n * step);
+        if at + number.len() <= width {
+            text.replace_range(at..at + number.len(), &number);
+        }
+        n += 1.0;
+    }
+    text
 }
 
 fn all_lines(spectrum: &Spectrum) -> Vec<SpectralLine> {
@@ -344,7 +384,7 @@ fn event_lines(scene: &Scene, height: usize) -> Vec<Line<'static>> {
     let events = &scene.panel.events;
     let text = |(at, e): &(f64, meshband::events::Event)| {
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
-        format!("{} ago: {} {}{times}", seconds(scene.now_s - at), words(&e.kind), e.detail)
+        format!("{} ago: {}{times}", seconds(scene.now_s - at), event(e))
     };
     let faint = Style::new().dark_gray();
     match (events.back(), scene.events_open) {
@@ -368,17 +408,23 @@ fn footer(scene: &Scene) -> Line<'static> {
         Some((Ok(bytes), path)) => format!("{} KB in {}", bytes / 1000, path.display()),
         Some((Err(reason), _)) => format!("CAPTURE STOPPED: {reason}"),
     };
-    // The capture before the counters: what does not fit is cut at the end.
-    let text = format!(
-        "q quit, h help  {kept}  {} messages, {} lost, {} refused, {} reconnects, {} restarts",
-        scene.panel.view.messages, losses.lost, losses.refused, scene.reconnects, losses.restarts
-    );
+    let counters = [
+        (losses.lost, "lost"),
+        (losses.refused, "refused"),
+        (losses.reopened, "reconnects"),
+        (losses.restarts, "restarts"),
+    ];
+    let counted: String =
+        counters.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}")).collect();
+    let counted = if counted.is_empty() { ", none lost".to_owned() } else { counted };
+    // The counters before the capture's name: what does not fit is cut at the end.
+    let text = format!("q quit, h help  {} messages{counted}  {kept}", scene.panel.view.messages);
     Line::styled(text, Style::new().dark_gray())
 }
 
 const HELP: [&str; 14] = [
     "q, Ctrl-C   end; --json and --report are written then",
-    "a           acknowledge all alarms; those that are over go",
+    "a           tell the node that all alarms are seen; latched ones end",
     "e           events as a list, or one line",
     "s           ask for a waveform (snapshot)",
     "t           run the self-test again",

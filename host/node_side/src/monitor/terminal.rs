@@ -7,6 +7,7 @@ use super::link::Watched;
 use super::panel::Panel;
 use super::screen::{Scene, draw};
 use crate::link::health;
+use crate::link::view::View;
 use crate::monitor::capture::Capture;
 use crate::output::interrupt;
 use crate::{Error, Result};
@@ -46,19 +47,24 @@ pub fn live(link: &mut Watched, panel: &mut Panel, capture: Option<&Capture>, li
         let mut open = Open::default();
         let mut drawn: Option<Instant> = None;
         let mut health_asked: Option<Instant> = None;
-        let health_known = panel.identity.as_ref().is_some_and(health::is_known_to);
+        let mut reopened = link.losses().reopened;
         while !open.end && !interrupt::requested() && !is_closed(keyboard.as_ref()) {
             let pause = drawn.map_or(Duration::ZERO, |at| REDRAW.saturating_sub(at.elapsed()));
             if let Some(message) = link.next_message(pause.min(Duration::from_millis(50))) {
                 panel.take(message, started.elapsed().as_secs_f64());
             }
+            if link.losses().reopened != reopened {
+                // Another node may answer there, or the same with another configuration.
+                reopened = link.losses().reopened;
+                ask(link, Request::Identify);
+                ask(link, Request::GetConfiguration);
+            }
+            let health_known = panel.view.identity.as_ref().is_some_and(health::is_known_to);
             if health_known && health_asked.is_none_or(|at| at.elapsed() >= HEALTH_EVERY) {
                 health_asked = Some(Instant::now());
                 ask(link, Request::GetHealth);
             }
-            if let Some(said) = link.client().and_then(|client| client.take_health()) {
-                panel.view.health = Some(said);
-            }
+            take_replies(link, &mut panel.view);
             if is_closed(keyboard.as_ref()) {
                 break;
             }
@@ -70,7 +76,6 @@ pub fn live(link: &mut Watched, panel: &mut Panel, capture: Option<&Capture>, li
                     panel,
                     standing: &link.standing(),
                     losses: link.losses(),
-                    reconnects: link.reconnects,
                     capture,
                     now_s: started.elapsed().as_secs_f64(),
                     events_open: open.events,
@@ -140,13 +145,22 @@ fn keys(open: &mut Open, link: &mut Watched, panel: &mut Panel) -> Result<()> {
             KeyCode::Char('q') => open.end = true,
             KeyCode::Char('h' | '?') => open.help = !open.help,
             KeyCode::Char('e') => open.events = !open.events,
-            KeyCode::Char('a') => panel.acknowledge(),
+            KeyCode::Char('a') => {
+                ask(link, Request::AcknowledgeAlarms);
+                panel.over.clear();
+            }
             KeyCode::Char('s') => ask(link, Request::Snapshot),
             KeyCode::Char('t') => ask(link, Request::SelfTest),
             _ => {}
         }
     }
     Ok(())
+}
+
+/// Hands on the answers that nobody waits for.
+pub fn take_replies(link: &mut Watched, view: &mut View) {
+    let replies = link.client().map(|client| client.take_replies()).unwrap_or_default();
+    replies.into_iter().for_each(|reply| view.take_reply(reply));
 }
 
 /// Sends a request without waiting: a node that is silent must not stop the view.

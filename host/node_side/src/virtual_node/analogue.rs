@@ -13,7 +13,7 @@ use crate::spectral::bessel_i0;
 use rayon::prelude::*;
 
 /// Taps on each side of an instant.
-const HALF: usize = 32;
+pub(super) const HALF: usize = 32;
 /// Table rows per sample interval.
 const PHASES: usize = 1024;
 /// Kaiser's parameter for 98 dB.

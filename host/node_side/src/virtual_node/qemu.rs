@@ -154,7 +154,10 @@ impl Qemu {
     /// [`Error::Tool`] where image or QEMU is absent, [`Error::Invalid`] for a replay larger than the memory.
     pub fn start(&self, replay: &[u8]) -> Result<Running> {
         if !self.firmware.is_file() {
-            let what = format!("no image at {}: build it with `cargo xtask node-build`", self.firmware.display());
+            let what = format!(
+                "no image at {}: in a checkout of the sources `cargo xtask node-build` makes it, elsewhere name one with --firmware; without any, `meshband node --serve tcp:PORT --loop RECORD` runs the node's own code",
+                self.firmware.display()
+            );
             return Err(Error::tool("firmware", what));
         }
         if replay.len() > IMAGE_CAPACITY {

@@ -8,6 +8,7 @@ use super::summary::{self, Table};
 use super::trial::{SpectrumRow, Trial};
 use crate::Result;
 use crate::report::Report;
+use crate::report::facts::Facts;
 use crate::report::plot::{self, Axes, Label, Series};
 
 /// Builds the report.
@@ -20,6 +21,8 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
     let worst = trial.worst_harmonics;
     let yes = |is: bool| if is { "yes" } else { "no" };
     let mut report = Report::new(&title, &subtitle)
+        .verdict(letter(trial, signal))
+        .facts(facts(trial, signal))
         .figure("Signal replayed", format!("{:.2} s", trial.duration_s))
         .figure("Spectra compared", trial.spectra.len())
         .figure("Frequency of harmonics", percent(worst.lines, worst.frequency_error))
@@ -34,15 +37,14 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
             signal.unit
         ),
     );
+    if let Some(first) = trial.spectra.last().and_then(|spectrum| Some((spectrum, *harmonics(spectrum).first()?))) {
+        let (spectrum, harmonic) = first;
+        report = report.picture(&mesh_band(signal, spectrum, harmonic)?, &band_caption(spectrum, harmonic));
+    }
+    report = report.appendix("Every band, rate and check");
     if let Some(spectrum) = trial.spectra.last() {
-        for harmonic in harmonics(spectrum) {
-            report = report.picture(
-                &mesh_band(signal, spectrum, harmonic)?,
-                &format!(
-                    "Mesh harmonic {harmonic}: reference spectrum of the same {:.2} s and the lines the node sent; bins of {:.2} Hz.",
-                    spectrum.length_s, spectrum.resolution_hz
-                ),
-            );
+        for harmonic in harmonics(spectrum).into_iter().skip(1) {
+            report = report.picture(&mesh_band(signal, spectrum, harmonic)?, &band_caption(spectrum, harmonic));
         }
         report = report.picture(&errors(trial)?, "Error of every line that stands clear of the noise, all spectra.");
         let caption = "Sidebands in turns of the pinion, then of the gear. What is not a clear line of that shaft is marked and left out of the worst errors.";
@@ -74,6 +76,58 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
         report = with_table(report.section("Instruction rate"), Some(table), caption);
     }
     Ok(report)
+}
+
+fn band_caption(spectrum: &SpectrumRow, harmonic: u8) -> String {
+    format!(
+        "Mesh harmonic {harmonic}: reference spectrum of the same {:.2} s and the lines the node sent; bins of {:.2} Hz.",
+        spectrum.length_s, spectrum.resolution_hz
+    )
+}
+
+/// What was tried, how the node did, what to do.
+fn letter(trial: &Trial, signal: &Signal) -> Vec<String> {
+    let integrity = &trial.integrity;
+    let whole = integrity.identical_to_host && integrity.blocks_lost == 0;
+    let first = format!(
+        "The firmware on a virtual board was fed {:.2} s of {}, {}.",
+        trial.duration_s, signal.title, signal.channel
+    );
+    let worst = trial.worst_harmonics;
+    let second = if trial.spectra.is_empty() {
+        "It sent no mesh bands: the signal is too short, or its speed was never locked.".to_owned()
+    } else {
+        format!(
+            "Its mesh lines are {} in frequency and {} in amplitude of the double-precision reference; {}.",
+            percent(worst.lines, worst.frequency_error),
+            decibels(worst.lines, worst.amplitude_error_db),
+            if whole {
+                "nothing was lost and every byte is the host's"
+            } else {
+                "but it lost blocks, or differs from the host"
+            }
+        )
+    };
+    let third = match (trial.spectra.is_empty(), whole) {
+        (true, _) => "Next: a longer stretch (--duration), or another (--start).",
+        (false, true) => "Next: nothing; a board with this firmware will report this machine so.",
+        (false, false) => "Next: see the table of checks; a slower processor shows so, too (--icount-shift).",
+    };
+    vec![first, second, third.into()]
+}
+
+fn facts(trial: &Trial, signal: &Signal) -> Facts {
+    let [pinion, gear] = signal.teeth;
+    let speed = trial.spectra.last().map_or("not locked".into(), |s| format!("{:.3} Hz at the end", s.speed_hz));
+    [
+        ("signal", signal.place.clone()),
+        ("teeth, pinion and gear", format!("{pinion} and {gear}")),
+        ("speed of the pinion", speed),
+        ("sampling of the signal", format!("{} Hz, {:.2} s", signal.rate_hz, signal.duration_s())),
+        ("sensor", format!("{}, in {}", signal.channel, signal.unit)),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .to_vec()
 }
 
 fn percent(lines: usize, error: f64) -> String {

@@ -1,76 +1,85 @@
-//! A live virtual node: the node's own code on a looped signal, in real time, behind a TCP port.
+//! A live virtual node: the node's own code on a looped signal, in real time, behind a TCP port and, where wanted, as a Modbus station.
 //!
-//! For anyone to try `monitor`, `configure` and gateways without hardware. The signal is cut to whole hunting periods where it holds one, else
-//! to whole turns of the tach's shaft, and begins anew at its end: the tach goes on evenly, the mesh keeps its phase, and only what
-//! belongs to the gear's turn may jump at the seam. Blocks are computed when their time has come; a host that is too busy makes the node
-//! late, never wrong, because the node's clock is that of its samples. One peer at a time; without one what is sent goes nowhere, as on a wire.
+//! For anyone to try `monitor`, `configure`, gateways and a PLC without hardware. Blocks are computed when their time has come; a host that
+//! is too busy makes the node late, never wrong, because the node's clock is that of its samples. [`super::looped`] says what is looped,
+//! [`super::peers`] who hears it, [`super::stations`] how Modbus reads it.
 
 use super::image::TICKS_PER_SECOND;
+use super::looped::{Channel, Loop, ZERO_CODE};
+use super::peers::{Peers, packets};
 use super::signal::Signal;
+use super::stations::Stations;
 use crate::{Error, Result};
 use meshband::config::Configuration;
+use meshband::frame::Packet;
 use meshband::identity::Identity;
+use meshband::modbus::bank::Bank;
 use meshband::node::Block;
 use meshband::pipeline::Channels;
-use meshband::replay::{BLOCK_SAMPLES, LONGEST_PERIOD, Replay};
+use meshband::replay::{BLOCK_SAMPLES, LONGEST_PERIOD};
 use meshband::session::Session;
 use meshband::units::TicksPerSecond;
-use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
 /// Lateness after which time is taken as new instead of being caught up, s.
 const MOST_LATE: Duration = Duration::from_secs(1);
+/// Longest pause between two looks at the peers.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
 
-/// A node on a looped replay image.
+/// A node on a looped signal.
 pub struct Looped<'a> {
-    replay: Replay<'a>,
+    repeated: Loop,
+    first: Channel<'a>,
     /// What a second sensor hears.
-    second: Option<Replay<'a>>,
+    second: Option<Channel<'a>>,
     session: Session,
-    /// First and last tick of the loop.
-    from: u32,
-    length: u64,
-    /// Edges of one loop, ticks from its start.
-    edges: Vec<u32>,
+    /// Results as registers are read from.
+    bank: Bank,
     next_edge: u64,
     now: u64,
     sequence: u32,
+    strength: f64,
     /// Periods wished after the blocks before: the wish governs the block after the next, as on a board.
     periods: [u32; 2],
 }
 
 impl<'a> Looped<'a> {
-    /// A node on `image` and, for a second sensor, another without edges; `turns` are the tach turns that a loop should be a multiple of, where the signal holds them.
+    /// A node with this configuration, but the sensors' scales, which are the signal's.
     ///
     /// # Errors
-    /// An image that the firmware would refuse, and a signal without a whole turn.
-    pub fn new(image: &'a [u8], second: Option<&'a [u8]>, pulses_per_turn: u32, turns: u32) -> Result<Self> {
-        let refuse = |what: String| Error::invalid("virtual node", what);
-        let parse = |image| Replay::parse(image).map_err(|e| refuse(format!("its image cannot be read: {e:?}")));
-        let (replay, second) = (parse(image)?, second.map(parse).transpose()?);
-        let config: Configuration =
-            postcard::from_bytes(replay.configuration()).map_err(|e| refuse(format!("configuration: {e}")))?;
-        let all: Vec<u32> = (0..).map_while(|i| replay.edge(i)).collect();
-        let whole = (all.len().saturating_sub(1)) / pulses_per_turn as usize;
-        let multiple = (turns as usize).max(1);
-        let used = if whole >= multiple { whole / multiple * multiple } else { whole };
-        if used == 0 {
-            return Err(refuse(format!("{} tach edges are no whole turn: lengthen the signal", all.len())));
+    /// What [`Loop::new`] refuses, and a configuration that the node does.
+    pub fn new(signal: &'a Signal, config: &Configuration) -> Result<Self> {
+        let repeated = Loop::new(signal)?;
+        let first = Channel::new(&signal.samples, &signal.place)?;
+        let second = signal.second.as_ref().map(|second| Channel::new(&second.samples, &signal.place)).transpose()?;
+        let mut config = config.clone();
+        config.sensor.acceleration_per_code = first.acceleration_per_code();
+        config.sensor.zero_code = ZERO_CODE;
+        if let (Some(channel), Some(sensor)) = (&second, &mut config.second) {
+            sensor.acceleration_per_code = channel.acceleration_per_code();
+            sensor.zero_code = ZERO_CODE;
         }
-        let (from, end) = (all[0], all[used * pulses_per_turn as usize]);
-        let edges = all.iter().filter(|&&edge| edge < end).map(|edge| edge - from).collect();
-        let clock = TicksPerSecond(TICKS_PER_SECOND);
-        let session = Session::new(config, clock, Identity::HOST).map_err(|e| refuse(format!("configuration: {e}")))?;
-        let first = session.node().requested_period_ticks().clamp(1, LONGEST_PERIOD);
-        let length = u64::from(end - from);
-        let (next_edge, now, sequence) = (0, 0, 0);
-        Ok(Self { replay, second, session, from, length, edges, next_edge, now, sequence, periods: [first; 2] })
+        let refuse = |what| Error::invalid("virtual node", format!("configuration: {what}"));
+        let session = Session::new(config, TicksPerSecond(TICKS_PER_SECOND), Identity::HOST).map_err(refuse)?;
+        let wish = session.node().requested_period_ticks().clamp(1, LONGEST_PERIOD);
+        let (bank, next_edge, now, sequence) = (Bank::default(), 0, 0, 0);
+        let strength = 1.0;
+        Ok(Self { repeated, first, second, session, bank, next_edge, now, sequence, strength, periods: [wish; 2] })
     }
 
-    /// Length of the loop, s.
-    pub fn loop_s(&self) -> f64 {
-        self.length as f64 / f64::from(TICKS_PER_SECOND)
+    /// What is repeated.
+    pub fn repeated(&self) -> &Loop {
+        &self.repeated
+    }
+
+    /// From here on the machine vibrates so many times as strongly as its signal.
+    pub fn set_strength(&mut self, factor: f64) {
+        self.strength = factor;
+    }
+
+    /// The node with its registers.
+    pub fn session(&self) -> (&Session, &Bank) {
+        (&self.session, &self.bank)
     }
 
     /// End of the next block, s since the start.
@@ -87,56 +96,59 @@ impl<'a> Looped<'a> {
         self.now + u64::from(self.periods[0]) * self.instants() as u64
     }
 
-    /// The next block; what the node says goes to `send`.
-    pub fn block(&mut self, send: &mut impl FnMut(&[u8])) {
+    /// The next block, and what the node says of it.
+    pub fn block(&mut self) -> Vec<Packet> {
         let period = self.periods[0];
         let end = self.block_end();
-        while self.edge_tick(self.next_edge) < end {
-            self.session.on_edge(self.edge_tick(self.next_edge) as u32);
+        while self.repeated.edge_tick(self.next_edge) < end {
+            self.session.on_edge(self.repeated.edge_tick(self.next_edge) as u32);
             self.next_edge += 1;
         }
         let mut codes = [0; BLOCK_SAMPLES];
         let (codes, rest) = codes.split_at_mut(self.instants());
-        self.sample(&self.replay, period, codes);
+        self.sample(&self.first, period, codes);
         let second = match &self.second {
-            Some(replay) => {
-                self.sample(replay, period, rest);
+            Some(channel) => {
+                self.sample(channel, period, rest);
                 &*rest
             }
             None => &[],
         };
         let (first_tick, sequence) = (self.now as u32, self.sequence);
         let block = Block { codes, second, first_tick, period_ticks: period, sequence, overrun: false };
-        self.session.on_block(block, send);
-        if self.session.take_commit() {
-            // There is no flash to fail: what is in force stays until the program ends.
-            self.session.on_stored(true);
-        }
+        let mut sent = Vec::new();
+        self.session.on_block(block, &mut |frame| sent.extend_from_slice(frame));
+        self.store();
         self.now = end;
         self.sequence = self.sequence.wrapping_add(1);
         let wish = self.session.node().requested_period_ticks().clamp(1, LONGEST_PERIOD);
         self.periods = [self.periods[1], wish];
+        let said = packets(&sent);
+        for packet in &said {
+            if let Packet::Message(message) = packet {
+                self.bank.take(message, self.now);
+            }
+        }
+        said
     }
 
-    /// Bytes from the peer.
-    pub fn receive(&mut self, bytes: &[u8], send: &mut impl FnMut(&[u8])) {
-        bytes.iter().for_each(|&byte| self.session.on_byte(byte, send));
+    /// Bytes of a peer, and what the node answers.
+    pub fn receive(&mut self, bytes: &[u8]) -> Vec<Packet> {
+        let mut sent = Vec::new();
+        bytes.iter().for_each(|&byte| self.session.on_byte(byte, &mut |frame| sent.extend_from_slice(frame)));
+        packets(&sent)
     }
 
-    /// Tick of the edge `index`, loops counted on.
-    fn edge_tick(&self, index: u64) -> u64 {
-        let count = self.edges.len() as u64;
-        index / count * self.length + u64::from(self.edges[(index % count) as usize])
+    /// There is no flash to fail: what is in force stays until the program ends.
+    fn store(&mut self) {
+        if self.session.take_commit() {
+            self.session.on_stored(true);
+        }
     }
 
-    /// Samples of the block that begins now, across the loop's seam.
-    fn sample(&self, replay: &Replay<'_>, period: u32, codes: &mut [u16]) {
-        let mut done = 0;
-        while done < codes.len() {
-            let within = (self.now + done as u64 * u64::from(period)) % self.length;
-            let count = ((self.length - within).div_ceil(u64::from(period)) as usize).min(codes.len() - done);
-            replay.sample(self.from + within as u32, period, &mut codes[done..done + count]);
-            done += count;
+    fn sample(&self, channel: &Channel<'_>, period: u32, codes: &mut [u16]) {
+        for (n, code) in (0u64..).zip(codes) {
+            *code = self.repeated.code(channel, self.now + n * u64::from(period), self.strength);
         }
     }
 }
@@ -145,13 +157,22 @@ impl<'a> Looped<'a> {
 ///
 /// # Errors
 /// Any other text.
-pub fn address(text: &str) -> Result<String> {
-    let rest =
-        text.strip_prefix("tcp:").ok_or_else(|| Error::invalid("--serve", format!("'{text}' is not tcp:PORT")))?;
+pub fn address(option: &str, text: &str) -> Result<String> {
+    let rest = text.strip_prefix("tcp:").ok_or_else(|| Error::invalid(option, format!("'{text}' is not tcp:PORT")))?;
     Ok(if rest.contains(':') { rest.to_owned() } else { format!("127.0.0.1:{rest}") })
 }
 
-/// Serves `signal` until `ended` says so; `ready` is told the address.
+/// What is served, for whoever starts it.
+pub struct Ready<'a> {
+    /// Address of the link.
+    pub address: &'a str,
+    /// Modbus stations, each as one names it: an address, or the path of a pseudo-terminal.
+    pub stations: &'a [String],
+    /// What is repeated.
+    pub repeated: &'a Loop,
+}
+
+/// Serves `signal` until `ended` says so; `ready` is told where.
 ///
 /// # Errors
 /// A port that cannot be had, and what [`Looped::new`] refuses.
@@ -159,67 +180,31 @@ pub fn serve(
     signal: &Signal,
     config: &Configuration,
     address: &str,
-    ready: impl FnOnce(&str, f64) -> Result<()>,
+    mut stations: Stations,
+    ready: impl FnOnce(Ready<'_>) -> Result<()>,
     ended: impl Fn() -> bool,
 ) -> Result<()> {
     let refuse = |error: std::io::Error| Error::invalid(format!("tcp:{address}"), error);
-    let (config, second) = signal.second_image(config)?;
-    let image = signal.image(&config)?;
-    let hunting = crate::machine::Hunting::of(signal.teeth).turns;
-    let turns = (f64::from(hunting) / signal.pinion_per_tach).round().max(1.0) as u32;
-    let mut node =
-        Looped::new(&image.bytes, second.as_ref().map(|image| &image.bytes[..]), signal.pulses_per_turn, turns)?;
-    let listener = TcpListener::bind(address).map_err(refuse)?;
-    listener.set_nonblocking(true).map_err(refuse)?;
-    ready(&listener.local_addr().map_err(refuse)?.to_string(), node.loop_s())?;
-    let mut peer: Option<TcpStream> = None;
+    let mut node = Looped::new(signal, config)?;
+    let mut peers = Peers::at(address).map_err(refuse)?;
+    let told = peers.address().map_err(refuse)?;
+    ready(Ready { address: &told, stations: &stations.names(), repeated: node.repeated() })?;
     let mut origin = Instant::now();
     while !ended() {
-        if let Ok((stream, _)) = listener.accept()
-            && stream.set_nonblocking(true).is_ok()
-            && stream.set_nodelay(true).is_ok()
-        {
-            peer = Some(stream);
-        }
-        let mut out = Vec::new();
-        if let Some(bytes) = peer.as_mut().map(received) {
-            match bytes {
-                Some(bytes) => node.receive(&bytes, &mut |frame| out.extend_from_slice(frame)),
-                None => peer = None,
-            }
-        }
+        peers.admit();
+        peers.serve(|piece| node.receive(piece));
+        let (session, bank) = node.session();
+        stations.serve(session.node(), bank);
         let due = origin + Duration::from_secs_f64(node.block_end_s());
         let now = Instant::now();
         if now >= due {
             if now - due > MOST_LATE {
                 origin += now - due;
             }
-            node.block(&mut |frame| out.extend_from_slice(frame));
+            peers.tell(&node.block());
         } else {
-            std::thread::sleep((due - now).min(Duration::from_millis(10)));
-        }
-        if peer.as_mut().is_some_and(|stream| !sent(stream, &out)) {
-            peer = None;
+            std::thread::sleep((due - now).min(LOOK_EVERY));
         }
     }
     Ok(())
-}
-
-/// What the peer has sent; `None` where it has gone.
-fn received(stream: &mut TcpStream) -> Option<Vec<u8>> {
-    let mut buffer = [0; 4096];
-    match stream.read(&mut buffer) {
-        Ok(0) => None,
-        Ok(count) => Some(buffer[..count].to_vec()),
-        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Some(Vec::new()),
-        Err(_) => None,
-    }
-}
-
-/// Whether the peer is still there after these bytes; what it does not take is lost, as on a wire.
-fn sent(stream: &mut TcpStream, bytes: &[u8]) -> bool {
-    match stream.write_all(bytes) {
-        Ok(()) => true,
-        Err(error) => error.kind() == ErrorKind::WouldBlock,
-    }
 }

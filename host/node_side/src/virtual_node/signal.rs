@@ -85,6 +85,8 @@ pub struct Operation<'a> {
     pub speed_hz: f64,
     /// Pinion speed at the end, Hz, for a run-up.
     pub final_speed_hz: Option<f64>,
+    /// A run-up comes down again and stays at its first speed for so long, s, so that it can be repeated.
+    pub back_s: Option<f64>,
     /// Torque at the motor, N m.
     pub torque_n_m: f64,
     /// Effects on top of the declared machine.
@@ -171,7 +173,7 @@ impl Signal {
         let acquisition = &operation.acquisition;
         let motion = match operation.final_speed_hz {
             None => Motion::Constant { speed_hz: operation.speed_hz, turns_at_zero: 0.0 },
-            Some(to_hz) => run_up(operation.speed_hz, to_hz, acquisition.duration_s),
+            Some(to_hz) => run_up(operation.speed_hz, to_hz, acquisition.duration_s, operation.back_s),
         };
         let simulated = simulate(&rig, &motion, operation.torque_n_m, operation.effects, acquisition)?;
         let names = ["pinion bearing, line of action", "gear bearing, line of action"];
@@ -215,45 +217,42 @@ impl Signal {
         })
     }
 
-    /// The replay image of the second sensor's signal, without edges, and the configuration with that sensor's scale.
-    ///
-    /// # Errors
-    /// As [`Signal::image`].
-    pub fn second_image(&self, config: &Configuration) -> Result<(Configuration, Option<Image>)> {
-        let mut config = config.clone();
-        let Some(second) = &self.second else { return Ok((config, None)) };
-        let source = Source { samples: &second.samples, rate_hz: self.rate_hz, edges_s: &[] };
-        let image = Image::new(source, &config, |header| header).map_err(|error| match error {
-            Error::Invalid { what, .. } => Error::invalid(format!("{}, channel {}", self.place, second.channel), what),
-            other => other,
-        })?;
-        if let Some(sensor) = &mut config.second {
-            sensor.acceleration_per_code = image.acceleration_per_code();
-            sensor.zero_code = 0x8000;
-        }
-        Ok((config, Some(image)))
-    }
-
     /// For the replay image.
     pub fn source(&self) -> Source<'_> {
         Source { samples: &self.samples, rate_hz: self.rate_hz, edges_s: &self.edges_s }
     }
 }
 
-/// Steady for the first fifth, so that the tach can lock, then rising by the same share every second, steady for the
-/// last tenth.
-fn run_up(from_hz: f64, to_hz: f64, duration_s: f64) -> Motion {
-    let (start, end) = (0.2 * duration_s, 0.9 * duration_s);
+/// Steady for the first fifth, so that the tach can lock, then rising by the same share every second, steady for the last tenth; with
+/// `back_s` up to the middle, down again likewise, and steady for the last `back_s`.
+fn run_up(from_hz: f64, to_hz: f64, duration_s: f64, back_s: Option<f64>) -> Motion {
+    let moving_s = duration_s - back_s.unwrap_or(0.0);
+    let (start, end) = match back_s {
+        None => (0.2 * moving_s, 0.9 * moving_s),
+        Some(_) => (0.1 * moving_s, 0.5 * moving_s),
+    };
     let growth = (to_hz / from_hz).ln() / (end - start);
+    let rise = |held: f64| if growth == 0.0 { from_hz * held } else { from_hz * (growth * held).exp_m1() / growth };
+    let turns_up = rise(end - start);
+    // Turns since the rise began, by seconds held in it, and the speed.
     let at = |t: f64| {
-        let held = t.min(end).max(start) - start;
-        let speed = from_hz * (growth * held).exp();
-        let rising = if growth == 0.0 { from_hz * held } else { (speed - from_hz) / growth };
-        (from_hz * t.min(start) + rising + to_hz * (t - end).max(0.0), speed)
+        let up = t.min(end).max(start) - start;
+        let speed = from_hz * (growth * up).exp();
+        let (mut turns, mut speed) = (from_hz * t.min(start) + rise(up), speed);
+        if back_s.is_none() {
+            turns += to_hz * (t - end).max(0.0);
+        } else if t > end {
+            let left = (end - start - (t - end)).max(0.0);
+            turns += turns_up - rise(left) + from_hz * (t - end - (end - start)).max(0.0);
+            speed = from_hz * (growth * left).exp();
+        }
+        (turns, speed)
     };
     // Cubic pieces between so many knots follow the exponential to 1e-7 of a turn.
-    let rising = (0..=140).map(|i| start + (end - start) * f64::from(i) / 140.0);
-    let times_s: Vec<f64> = std::iter::once(0.0).chain(rising).chain([duration_s]).collect();
+    let last = if back_s.is_some() { 2.0 * end - start } else { end };
+    let count = if back_s.is_some() { 280 } else { 140 };
+    let moving = (0..=count).map(|i| start + (last - start) * f64::from(i) / f64::from(count));
+    let times_s: Vec<f64> = std::iter::once(0.0).chain(moving).chain([duration_s]).collect();
     let (turns, speeds_hz) = times_s.iter().map(|&t| at(t)).unzip();
     Motion::Knots { times_s, turns, speeds_hz }
 }

@@ -9,6 +9,7 @@
 
 mod codes;
 mod declaration;
+pub mod facts;
 pub mod npy;
 mod run;
 mod tach;
@@ -49,7 +50,17 @@ impl Record {
         if is_left_over(folder) {
             return Err(Error::invalid(folder.display(), "is what an interrupted command left, no record"));
         }
-        let declaration = Declaration::read(&folder.join("record.toml"))?;
+        let table = folder.join("record.toml");
+        if folder.is_file() {
+            let what = "is a file, not a record: a recording is made one by `meshband import FILE... -o RECORD`";
+            return Err(Error::invalid(folder.display(), what));
+        }
+        if folder.is_dir() && !table.exists() {
+            let what =
+                "is no record (it has no record.toml): `meshband import FILE... -o RECORD` makes one of a recording";
+            return Err(Error::invalid(folder.display(), what));
+        }
+        let declaration = Declaration::read(&table)?;
         // A table that is missing is said by whoever needs it.
         let tables = declaration.stiffness_tables().into_iter().filter(|(_, table)| folder.join(table).exists());
         for (_, table) in tables {

@@ -1,0 +1,177 @@
+//! Alarms in words: what stands, on what, for how long; the same sentences in the view, in reports, in texts and in
+//! JSON.
+//!
+//! The node's status decides; events that are newer than it are taken in by [`View`] until the next one. Alarms are
+//! numbered from 1, as the registers of a PLC have them; the settings' list begins with number 1, too. Before the first
+//! status nothing is said of them.
+
+use super::view::View;
+use super::words::name_and_unit;
+use meshband::alarm::{AlarmBand, Watched};
+use meshband::message::AlarmState;
+use serde::Serialize;
+
+/// Bits of an [`AlarmState`].
+const MOST: u8 = 8;
+
+/// All alarms of a node as far as they are known.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alarms {
+    /// Whether a status has come.
+    pub known: bool,
+    /// How many are configured, where the configuration has been read.
+    pub configured: Option<usize>,
+    /// The signal is clipped or does not move.
+    pub signal_bad: bool,
+    /// Those that stand, by number.
+    pub standing: Vec<Standing>,
+}
+
+/// An alarm that stands.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Standing {
+    /// Its place in the settings, from 1.
+    pub number: u8,
+    /// Quantity, where the configuration has been read.
+    pub what: Option<&'static str>,
+    /// Unit of value and limit; empty for a plain number.
+    pub unit: &'static str,
+    /// Newest value.
+    pub value: Option<f32>,
+    /// Value above which it is raised.
+    pub limit: Option<f32>,
+    /// The value is beyond the limit now; else it was, and nobody has acknowledged it.
+    pub raised: bool,
+    /// A person has seen it.
+    pub acknowledged: bool,
+    /// Seconds since it was raised, by the node's clock, where that was heard.
+    pub for_s: Option<f64>,
+}
+
+impl Alarms {
+    /// As a view knows them.
+    pub fn of(view: &View) -> Self {
+        let configured = view.bands.as_ref().map(Vec::len);
+        let Some(status) = &view.status else {
+            return Self { known: false, configured, signal_bad: false, standing: Vec::new() };
+        };
+        let bits = status.alarms;
+        let standing = numbers(&bits).map(|index| standing(view, &bits, index)).collect();
+        Self { known: true, configured, signal_bad: bits.signal_bad, standing }
+    }
+
+    /// Whether one stands, or the signal is bad.
+    pub fn any(&self) -> bool {
+        self.signal_bad || !self.standing.is_empty()
+    }
+
+    /// One line for each that stands, else one that says why there is none.
+    pub fn lines(&self) -> Vec<String> {
+        if !self.known {
+            return vec!["alarms not known yet: no status has come".into()];
+        }
+        let mut lines: Vec<String> = self.standing.iter().map(Standing::line).collect();
+        if self.signal_bad {
+            lines.push("ALARM of the signal: it is clipped or does not move".into());
+        }
+        if lines.is_empty() {
+            lines.push(match self.configured {
+                Some(0) => "no alarm (none is configured)".into(),
+                Some(_) => "no alarm".into(),
+                None => "no alarm (which are configured is not known)".into(),
+            });
+        }
+        lines
+    }
+}
+
+impl Standing {
+    /// The alarm as a sentence.
+    pub fn line(&self) -> String {
+        let number = self.number;
+        let Some((what, limit)) = self.what.zip(self.limit) else {
+            let state = if self.raised { "raised" } else { "latched" };
+            return format!("ALARM {number}: {state}{}; its limit is not known here{}", self.since(), self.seen());
+        };
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        let value = self.value.filter(|value| value.is_finite()).map(|value| format!(" {}", figures(value)));
+        if self.raised {
+            let value = value.map_or(String::new(), |value| format!("{value}{unit}"));
+            format!("ALARM {number}: {what}{value} above {limit}{unit}{}{}", self.since(), self.seen())
+        } else {
+            let now = value.map_or(String::new(), |value| format!(", now{value}{unit}"));
+            format!("ALARM {number}: {what} was above {limit}{unit}{now}; latched until acknowledged{}", self.since())
+        }
+    }
+
+    fn since(&self) -> String {
+        self.for_s.map_or(String::new(), |age| format!(", for {}", super::words::seconds(age)))
+    }
+
+    fn seen(&self) -> &'static str {
+        if self.acknowledged { ", acknowledged" } else { "" }
+    }
+}
+
+/// Three digits that count.
+fn figures(value: f32) -> String {
+    let digits = if value == 0.0 { 0 } else { (2 - value.abs().log10().floor() as i32).clamp(0, 6) };
+    format!("{value:.*}", digits as usize)
+}
+
+/// Indices of those that stand, ascending.
+pub fn numbers(bits: &AlarmState) -> impl Iterator<Item = u8> + use<> {
+    let set = bits.standing | bits.raised;
+    (0..MOST).filter(move |index| set >> index & 1 != 0)
+}
+
+fn standing(view: &View, bits: &AlarmState, index: u8) -> Standing {
+    let set = |bits: u8| bits >> index & 1 != 0;
+    let band: Option<&AlarmBand> = view.bands.as_ref().and_then(|bands| bands.get(usize::from(index)));
+    let (what, unit) = band.map_or((None, ""), |band| {
+        let (name, unit) = name_and_unit(band.watched);
+        (Some(name), unit)
+    });
+    Standing {
+        number: index + 1,
+        what,
+        unit,
+        value: band.and_then(|band| value(view, band.watched)),
+        limit: band.map(|band| band.raise),
+        raised: set(bits.raised),
+        acknowledged: !set(bits.unseen),
+        for_s: view.raised_for_s(index),
+    }
+}
+
+/// The newest value of what an alarm watches, in the alarm's unit.
+fn value(view: &View, watched: Watched) -> Option<f32> {
+    let values = view.indicators.as_ref();
+    let second = values.and_then(|values| values.second);
+    let gear = values.and_then(|values| values.gear);
+    match watched {
+        Watched::Rms => values.map(|values| values.rms),
+        Watched::Peak => values.map(|values| values.peak),
+        Watched::Crest => values.map(|values| values.crest),
+        Watched::Kurtosis => values.map(|values| values.kurtosis),
+        Watched::Fm0 => gear.map(|gear| gear.fm0),
+        Watched::Fm4 => gear.map(|gear| gear.fm4),
+        Watched::SidebandEnergyRatio => values.map(|values| values.sideband_energy_ratio),
+        Watched::MeshAmplitude => {
+            let first = view.spectrum.as_ref()?.bands.iter().find(|band| band.harmonic == 1)?;
+            Some(first.line.amplitude)
+        }
+        Watched::BandwidthRatio => values?.bandwidth.map(|measured| measured.bandwidth_hz / measured.law_hz),
+        Watched::VelocityRms => values.map(|values| values.velocity_rms),
+        Watched::OncePerTurn => values?.pinion.and_then(|orders| orders.lines.first().map(|line| line.amplitude)),
+        Watched::Departure => {
+            let largest = super::view::departures(values?).map(|(_, departure)| departure.normalised());
+            largest.max_by(f32::total_cmp)
+        }
+        Watched::SecondRms => second.map(|second| second.rms),
+        Watched::SecondPeak => second.map(|second| second.peak),
+        Watched::SecondCrest => second.map(|second| second.crest),
+        Watched::SecondKurtosis => second.map(|second| second.kurtosis),
+        Watched::SecondVelocityRms => second.map(|second| second.velocity_rms),
+    }
+}

@@ -1,0 +1,50 @@
+"""A PLC's programmer with nothing but the csv map: reads every value of a node, group by group, and prints them as JSON.
+
+    modbus_map.py MAP.csv tcp HOST PORT ADDRESS
+    modbus_map.py MAP.csv rtu PATH ADDRESS
+"""
+import csv
+import json
+import struct
+import sys
+
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+
+path, kind, *place = sys.argv[1:]
+if kind == "tcp":
+    client = ModbusTcpClient(place[0], port=int(place[1]), timeout=20, retries=3)
+else:
+    client = ModbusSerialClient(place[0], baudrate=19200, parity="E", timeout=20, retries=3)
+device = int(place[-1])
+assert client.connect(), "no connection"
+
+with open(path, newline="", encoding="utf-8") as file:
+    rows = list(csv.DictReader(file))
+for row in rows:
+    for key in ("function", "address", "count"):
+        row[key] = int(row[key])
+
+
+def words(row):
+    """What one request gives."""
+    call = {2: client.read_discrete_inputs, 4: client.read_input_registers}[row["function"]]
+    reply = call(row["address"], count=row["count"], device_id=device)
+    assert not reply.isError(), f"{row['name']}: {reply}"
+    return reply.bits if row["function"] == 2 else reply.registers
+
+
+def value(row, read):
+    """The words of a value as the map says they are read."""
+    if row["type"] == "bit":
+        return bool(read[0])
+    if row["type"] == "uint16":
+        return read[0]
+    raw = struct.pack(">HH", *read[:2])
+    return struct.unpack(">f" if row["type"] == "float32" else ">I", raw)[0]
+
+
+found = {}
+for row in rows:
+    number = value(row, words(row))
+    found[f"{row['group']}/{row['name']}"] = None if number != number else number
+print(json.dumps(found))
