@@ -1,5 +1,6 @@
 //! Records of machines: folders, import of foreign formats, simulated acquisition, prediction by the declared machine.
 
+pub mod data_quality;
 pub mod field;
 pub mod import;
 pub mod predict;

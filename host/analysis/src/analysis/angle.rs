@@ -66,7 +66,7 @@ impl Angle {
     /// Edges that cannot be repaired, too few turns, more points than the budget; `place` names the run.
     pub fn of(run: &Run, tach: &Tach, teeth: [u32; 2], place: &str) -> Result<Self> {
         let gear_order = f64::from(teeth[0]) / f64::from(teeth[1]);
-        let repair = Repair::of(&run.edges_s, tach.pulses_per_rev);
+        let repair = Repair::of(&run.edges_s);
         if repair.is_beyond() {
             return Err(Error::invalid(place, "tach edges are too irregular to repair; `meshband check` says more"));
         }

@@ -13,7 +13,6 @@ mod grouped;
 mod hdf5;
 mod lines;
 mod mat;
-mod mesh_line;
 mod quality;
 mod quantisation;
 mod record;
