@@ -9,3 +9,4 @@ pub mod record;
 use meshband_common::{Error, Result, budget, confined, output, text};
 use meshband_mechanics::{dynamics, machine};
 use meshband_signal::{pulses, spectral};
+use meshband_train as train;

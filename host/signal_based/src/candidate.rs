@@ -6,6 +6,7 @@
 //! true one would count each line as often as it has a combination near it.
 
 use super::evidence::{Reading, of_family};
+pub use super::shaft::Shaft;
 use super::spectra::Spectra;
 use crate::analysis::lines::LOBE_BINS;
 
@@ -79,26 +80,8 @@ pub enum Kind {
     Clipping,
     /// Strength or speed of everything swings slowly.
     Swing,
-}
-
-/// A shaft.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Shaft {
-    /// Of the pinion.
-    Pinion,
-    /// Of the gear.
-    Gear,
-}
-
-impl Shaft {
-    /// Both.
-    pub const BOTH: [Shaft; 2] = [Shaft::Pinion, Shaft::Gear];
-
-    /// "pinion" or "gear".
-    pub fn word(self) -> &'static str {
-        ["pinion", "gear"][self as usize]
-    }
+    /// A fault of a train, by its index among the train's families.
+    Train(u16),
 }
 
 /// A family that may be adopted.
@@ -219,7 +202,10 @@ impl OwnLines {
         if moved != 0.0 {
             unmoved.extend(candidate.places.iter().map(|place| place.order));
         }
-        let shaft = candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min);
+        let shaft = match candidate.kind {
+            Kind::Train(_) => median_gap(&candidate.places),
+            _ => candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min),
+        };
         let first = matches!(candidate.kind, Kind::Modulation(_)).then_some(candidate.base);
         let spread = (candidate.domain == Domain::Strength).then_some([spectra.lowest, spectra.highest]);
         Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY }, first, spread }
@@ -252,6 +238,15 @@ impl OwnLines {
         }
         place.order + moved.signum() * away
     }
+}
+
+/// Median distance of neighbouring lines: sidebands of several rates lie unevenly.
+fn median_gap(places: &[Place]) -> f64 {
+    let mut orders: Vec<f64> = places.iter().map(|place| place.order).collect();
+    orders.sort_by(f64::total_cmp);
+    let mut gaps: Vec<f64> = orders.windows(2).map(|w| w[1] - w[0]).collect();
+    gaps.sort_by(f64::total_cmp);
+    gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// Level at which a place is read in spectra: slip smears in proportion, and no line is read more coarsely than its own smear could be.

@@ -60,14 +60,19 @@ pub fn outcome(
     let ghosts: Vec<f64> = adopted.iter().filter(is_ghost).map(|a| a.candidate.base).collect();
     let effects: Vec<Effect> = kept.iter().map(|(a, worth)| effect(parts, a, worth, read_from, &ghosts)).collect();
     let effects = [effects, clipped(scene)].concat();
-    let mut surrogates: Vec<Judged> = parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict)).collect();
+    let mut surrogates: Vec<Judged> =
+        parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict, scene)).collect();
     for (judged, adopted) in surrogates.iter_mut().zip(&parts.search.adopted) {
         judged.refused = veto(adopted, vetoed);
     }
-    surrogates.extend(parts.search.refused.iter().map(|(c, v)| judged(c, v)));
+    surrogates.extend(parts.search.refused.iter().map(|(c, v)| judged(c, v, scene)));
     surrogates.extend(parts.rest.iter().map(|own| {
-        let row = judged(&own.candidate, &own.verdict);
-        Judged { family: further_orders(&own.candidate), refused: row.refused.clone().or(veto(own, vetoed)), ..row }
+        let row = judged(&own.candidate, &own.verdict, scene);
+        Judged {
+            family: further_orders(&own.candidate, scene),
+            refused: row.refused.clone().or(veto(own, vetoed)),
+            ..row
+        }
     }));
     let [declared, calibrated] = parts.baseline.unknowns;
     Outcome {
@@ -122,7 +127,7 @@ fn clipped(scene: &Scene) -> Vec<Effect> {
 }
 
 /// Name of a family in lists.
-pub fn words(candidate: &Candidate) -> String {
+pub fn words(candidate: &Candidate, scene: &Scene) -> String {
     let base = candidate.base;
     let of_domain = match candidate.domain {
         Domain::Envelope => " in the envelope",
@@ -137,27 +142,28 @@ pub fn words(candidate: &Candidate) -> String {
         Kind::Ghost => format!("ghost order {base:.4}"),
         Kind::Passage => format!("harmonics of order {base:.4}"),
         Kind::ModulatedPassage(shaft) => {
-            format!("harmonics of order {base:.4} modulated by the {}'s shaft", shaft.word())
+            format!("harmonics of order {base:.4} modulated by {}", shaft.phrase())
         }
         Kind::AboutMesh => format!("order {base:.4} about the mesh"),
         Kind::FixedFrequency => format!("line at {base:.3} Hz"),
         Kind::Alias => "folded mesh harmonics".into(),
         Kind::Clipping => "clipping".into(),
         Kind::Swing => "slow swing".into(),
+        Kind::Train(own) => scene.gearing.as_ref().map_or_else(String::new, |gearing| gearing.words(own)),
     };
     name + of_domain
 }
 
-fn further_orders(candidate: &Candidate) -> String {
+fn further_orders(candidate: &Candidate, scene: &Scene) -> String {
     match candidate.kind {
         Kind::Pattern(shaft) => format!("further orders of the {}'s shaft", shaft.word()),
-        _ => words(candidate),
+        _ => words(candidate, scene),
     }
 }
 
-fn judged(candidate: &Candidate, verdict: &Verdict) -> Judged {
+fn judged(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Judged {
     Judged {
-        family: words(candidate),
+        family: words(candidate, scene),
         base: candidate.base,
         ln_bayes: verdict.ln_bayes,
         refused: verdict.refused.clone(),

@@ -28,6 +28,7 @@ pub mod evidence;
 pub mod families;
 pub mod following;
 pub mod foretold;
+pub mod gearing;
 pub mod jitter;
 pub mod letter;
 pub mod limits;
@@ -48,6 +49,7 @@ pub mod residual;
 pub mod rivals;
 pub mod scene;
 pub mod search;
+pub mod shaft;
 pub mod shaft_rest;
 pub mod sharpness;
 pub mod soundness;
@@ -80,8 +82,12 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let place = record.folder.join("record.toml");
     let missing = || Error::invalid(place.display(), "has no tooth counts");
     let declaration = &record.declaration;
-    let teeth = if declaration.has_no_gears() { NO_GEARS } else { declaration.teeth().ok_or_else(missing)? };
-    let mut scene = Scene::of(record, record.require_tach()?, teeth)?;
+    let tach = record.require_tach()?;
+    let mut scene = match declaration.train()? {
+        Some(train) => Scene::of_train(record, tach, &train)?,
+        None if declaration.has_no_gears() => Scene::of(record, tach, NO_GEARS)?,
+        None => Scene::of(record, tach, declaration.teeth().ok_or_else(missing)?)?,
+    };
     let baseline = path_angle::fitted(&mut scene);
     let fit = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
     let own = mesh_place::spectra(&scene, |split| &split.fit);
@@ -163,3 +169,4 @@ use meshband_analysis::analysis;
 use meshband_common::{Error, Result, budget, terminal, text};
 use meshband_record::record;
 use meshband_signal::spectral;
+use meshband_train as train;

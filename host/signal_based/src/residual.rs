@@ -85,8 +85,8 @@ pub fn views(
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
         let given = earlier.map(|earlier| earlier.bands[r][c]);
-        let lowest_mesh_hz = scene.mesh_order() * run.angle.speed.slowest_hz;
-        of_channel(run, c, ([&calibrated[r][c], &followed[r][c]], lowest_mesh_hz), stretches(&run.split), given)
+        let lowest_mesh_hz = scene.meshes().into_iter().fold(f64::INFINITY, f64::min) * run.angle.speed.slowest_hz;
+        of_channel(scene, run, c, ([&calibrated[r][c], &followed[r][c]], lowest_mesh_hz), stretches(&run.split), given)
     };
     let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())
         .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())
@@ -121,6 +121,7 @@ struct ChannelViews {
 }
 
 fn of_channel(
+    scene: &Scene,
     run: &SceneRun,
     channel: usize,
     ([calibrated, followed], lowest_mesh_hz): ([&[f64]; 2], f64),
@@ -136,7 +137,10 @@ fn of_channel(
     let mut known = less(followed);
     for stretch in stretches {
         let range = stretch.samples(per_turn);
-        let locked = locked_part(&followed[range.clone()], &piece(&run.angle, *stretch));
+        let locked = match &scene.gearing {
+            Some(gearing) => gearing.owned.locked_part(&followed[range.clone()], stretch.turns),
+            None => locked_part(&followed[range.clone()], &piece(&run.angle, *stretch)),
+        };
         known[range].iter_mut().zip(locked).for_each(|(k, l)| *k += l);
     }
     let rest = not_locked(signal, run.rate_hz, &known, &run.angle);

@@ -4,7 +4,7 @@ use super::accept::{self, Verdict};
 use super::all_turns::over_all_turns;
 use super::candidate::{Candidate, Domain, Field, Kind, Place, TakenOf, score};
 use super::families::fixed_frequency::supply_hz;
-use super::families::{self, Context, bearing, passage, swing, tooth};
+use super::families::{self, Context, bearing, passage, swing, tooth, train, train_tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
@@ -56,6 +56,8 @@ pub struct Adopted {
     pub either_hz: Option<f64>,
     /// What its base moves by on the held-out turns.
     pub slip: Slip,
+    /// Families of a train that say the same as well.
+    pub or_else: Vec<u16>,
 }
 
 /// What a base moves by on the turns not used.
@@ -85,6 +87,7 @@ impl Adopted {
     pub fn explains(&self, candidate: &Candidate, scene: &Scene) -> bool {
         let own = &self.candidate;
         let same_kind = match (own.kind, candidate.kind) {
+            (Kind::Train(a), Kind::Train(b)) => scene.gearing.as_ref().is_some_and(|g| g.covers(a, b)),
             (Kind::SingleTooth(a) | Kind::Pattern(a), Kind::Modulation(b) | Kind::Pattern(b)) => a == b,
             (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_) | Kind::Swing), b) => a == b,
             _ => false,
@@ -130,6 +133,9 @@ pub fn index(domain: Domain) -> usize {
 pub fn nothing(scene: &Scene, views: &Views) -> Search {
     let feet = |(run, channels): (&SceneRun, &Vec<Vec<Level>>)| -> Vec<Skirts> {
         let levels = channels[..scene.searched].iter().filter_map(|levels| levels.first());
+        if let Some(g) = &scene.gearing {
+            return levels.map(|level| Skirts::of_train(level, scene.gear_order, &g.shafts, &g.sound)).collect();
+        }
         levels.map(|level| Skirts::of(level, &run.angle, scene.teeth[0], scene.highest_order)).collect()
     };
     Search {
@@ -285,6 +291,7 @@ impl Search {
         }
         candidate = placed(&context, candidate, &verdict);
         let pulse = match candidate.kind {
+            Kind::Train(_) => train_tooth::is_single(scene, &candidate),
             Kind::Pattern(shaft) => tooth::is_single(scene, shaft),
             _ => None,
         };
@@ -293,7 +300,17 @@ impl Search {
         }
         let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz, slip: Slip::default() })
+        let or_else = train::rivals(&candidate, &verdict, &context, views, &self.taken);
+        Some(Adopted {
+            candidate,
+            verdict,
+            pulse,
+            carries: Vec::new(),
+            impulsive,
+            either_hz,
+            slip: Slip::default(),
+            or_else,
+        })
     }
 
     /// Whether a candidate is what an adopted family has explained already, or one that was vetoed.
@@ -345,6 +362,10 @@ impl Search {
         let z = scene.mesh_order();
         let mesh = (scene.highest_order / z) as i32;
         match candidate.kind {
+            Kind::Train(own) => {
+                let gearing = scene.gearing.as_ref();
+                self.taken[0].extend(gearing.into_iter().flat_map(|gearing| gearing.of_seat(own)));
+            }
             Kind::SingleTooth(shaft) | Kind::Pattern(shaft) => {
                 let own = scene.shaft_order(shaft as usize);
                 self.taken[0].extend((1..=(scene.highest_order / own) as usize).map(|n| n as f64 * own));

@@ -68,5 +68,6 @@ pub fn part(candidate: Candidate, verdict: Verdict) -> Adopted {
         impulsive: false,
         either_hz: None,
         slip: Slip::default(),
+        or_else: Vec::new(),
     }
 }

@@ -3,7 +3,7 @@
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Place, Shaft, TakenOf};
 use super::families::fixed_frequency::supply_hz;
-use super::families::{Context, modulation, passage};
+use super::families::{Context, modulation, passage, train};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
@@ -141,6 +141,7 @@ pub fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> 
 pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
     match found.0.kind {
         Kind::Pattern(shaft) => without_the_teeth(found, shaft, context, views, taken),
+        Kind::Train(_) => train::simpler(found, context, views, taken),
         Kind::ModulatedPassage(_) if !has_sidebands(&found.0, &found.1) => {
             without_the_shaft(found, context, views, taken)
         }
@@ -300,7 +301,7 @@ fn is_slow_base(candidate: &Candidate, scene: &Scene) -> bool {
 /// Whether a base can be the cage of a rolling bearing on either shaft.
 fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
     let of = |own: f64| (CAGES.0..CAGES.1).contains(&(candidate.base / own));
-    [1.0, scene.gear_order].into_iter().any(of)
+    scene.shafts().iter().map(|own| scene.shaft_order(*own as usize)).any(of)
 }
 
 /// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: an order of the signal that is slower than the slower shaft, be it a cage's or not.
@@ -317,11 +318,15 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
     if scene.teeth[0] == 1 {
         return None;
     }
-    if candidate.is_base() && k >= 1.0 && (candidate.base - k * z).abs() < near {
+    let of_train = scene.gearing.as_ref().is_some_and(|g| g.is_beside(candidate.base, near));
+    if candidate.is_base() && (of_train || k >= 1.0 && (candidate.base - k * z).abs() < near) {
         return Some("beside a mesh harmonic, which swings as the speed wanders".into());
     }
     if matches!(candidate.kind, Kind::Passage | Kind::ModulatedPassage(_)) {
-        let on_skirt = |order: f64| (order - (order / z).round().max(1.0) * z).abs() < near;
+        let on_skirt = |order: f64| match &scene.gearing {
+            Some(gearing) => gearing.is_beside(order, near),
+            None => (order - (order / z).round().max(1.0) * z).abs() < near,
+        };
         let lines = || candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
         let all: f64 = lines().map(|(_, ln)| ln).sum();
         let beside: f64 = lines().filter(|(place, _)| on_skirt(place.order)).map(|(_, ln)| ln).sum();

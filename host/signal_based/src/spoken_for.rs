@@ -10,15 +10,15 @@ use super::sharpness;
 /// The mesh itself is spoken for; in an envelope the shafts' orders are.
 pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     let mut taken: TakenOf = Default::default();
-    let z = scene.mesh_order();
-    taken[0].extend((1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z));
-    for own in [1.0, scene.gear_order] {
+    let lines = scene.mesh_lines();
+    taken[0].extend(lines.iter().copied());
+    let members = scene.gearing.as_ref().map_or_else(|| vec![1.0, scene.gear_order], |g| g.owned.shafts.clone());
+    for own in members {
         for domain in Domain::ENVELOPES {
             taken[domain as usize].extend((1..=(views.of(domain).highest / own) as usize).map(|n| n as f64 * own));
         }
     }
-    for k in 1..=(scene.highest_order / z) as usize {
-        let order = k as f64 * z;
+    for order in lines {
         let is_line = |run: &SceneRun| {
             let swept = run.usual_speeds_hz().map(|hz| order * hz);
             !sharpness::is_smeared(swept, views.frequency.bin(0))

@@ -4,10 +4,12 @@ mod page;
 mod tach;
 
 use clap::{Args as ClapArgs, ValueEnum};
+use meshband_host::import::tach::{Shaft, TachOptions};
 use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachChoice, Unit};
 use meshband_host::machine::Machine;
 use meshband_host::output::{Content, show};
 use meshband_host::results::Results;
+use meshband_host::train::Train;
 use meshband_host::{Error, Result, say, terminal};
 use std::path::{Path, PathBuf};
 
@@ -68,6 +70,9 @@ pub struct Args {
     /// No tachometer was recorded; the shaft turns at this constant speed, rpm.
     #[arg(long, value_name = "RPM", conflicts_with_all = ["no_tach", "tach"])]
     speed: Option<f64>,
+    /// Train file ([[stage]]): the record then declares all stages, and its [tach] says shaft and pulses of the tachometer.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["teeth", "machine", "no_gears"])]
+    train: Option<PathBuf>,
     /// Machine file: the record then declares the whole machine, its tooth counts included.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
@@ -114,9 +119,14 @@ enum SourceUnit {
 /// Imports the files, writes the record, prints what was found.
 pub fn run(args: Args) -> Result<()> {
     let machine = args.machine.as_deref().map(Machine::read).transpose()?;
-    let teeth = import::teeth(machine.as_ref(), given_teeth(args.teeth.as_deref())?)?;
+    let train = args.train.as_deref().map(Train::read).transpose()?;
+    let given = train.as_ref().and_then(|train| train.declaration.as_pair());
+    let teeth = import::teeth(machine.as_ref(), given.or(given_teeth(args.teeth.as_deref())?))?;
     let (mesh_guess_hz, mesh_range_hz) = mesh(&args.mesh)?;
-    let measured = args.tach.options()?;
+    let measured = match &train {
+        Some(train) => train_tach(train, args.tach.options()?, !args.no_tach && args.speed.is_none())?,
+        None => args.tach.options()?,
+    };
     let name = args.output.file_name().map_or_else(|| "import".into(), |name| name.to_string_lossy().into_owned());
     let options = ImportOptions {
         title: args.title.unwrap_or(name),
@@ -127,6 +137,7 @@ pub fn run(args: Args) -> Result<()> {
         rate_hz: args.rate,
         override_rate: args.override_rate,
         teeth,
+        train,
         mesh_guess_hz,
         mesh_range_hz,
         units: units(&args.unit, &args.volt_per_g)?,
@@ -149,7 +160,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     let mut read = args.files.clone();
     read.extend(args.tach.files());
-    read.extend(args.machine.iter().cloned());
+    read.extend(args.machine.iter().chain(&args.train).cloned());
     read.extend(args.source_full_scale.iter().map(PathBuf::from).filter(|path| path.is_file()));
     let mut outputs = args.results.outputs(read.iter().map(PathBuf::as_path));
     let folder = outputs.folder(&args.output, Content::Record)?;
@@ -158,6 +169,17 @@ pub fn run(args: Args) -> Result<()> {
     record.write_to(folder)?;
     files.write(&summary, || page::page(&options.title, &record, &summary))?;
     print(&summary)
+}
+
+/// The tachometer that a train declares, on the channel that `given` names or on the one that looks like it; `given` itself where none is declared.
+fn train_tach(train: &Train, given: Option<TachOptions>, wanted: bool) -> Result<Option<TachOptions>> {
+    let Some(declared) = train.declaration.tachs.first().filter(|_| wanted) else { return Ok(given) };
+    let ratio = train.shaft_order(declared.shaft).value();
+    let (falling, threshold) = given.as_ref().map_or((None, None), |given| (given.falling, given.threshold));
+    let own = || declared.source.iter().cloned().collect();
+    let sources = given.map_or_else(own, |given| given.sources);
+    let shaft = if declared.shaft == 0 { Shaft::Pinion } else { Shaft::Ratio(ratio) };
+    Ok(Some(TachOptions { sources, pulses: declared.pulses_per_turn, shaft, falling, threshold }))
 }
 
 /// Tooth counts as given.

@@ -18,6 +18,9 @@ pub mod report;
 pub mod search;
 pub mod sidebands;
 pub mod skirts;
+pub mod train;
+pub mod train_average;
+pub mod train_view;
 pub mod unexplained;
 pub mod view;
 pub mod whole_turns;
@@ -194,7 +197,7 @@ fn run_outcomes(
     }
 }
 
-fn require_tach(record: &Record) -> Result<&Tach> {
+pub(crate) fn require_tach(record: &Record) -> Result<&Tach> {
     record.require_tach().map_err(|error| match error {
         Error::Invalid { place, what } => {
             Error::invalid(place, what + "; `meshband import --teeth` makes a virtual tach from the mesh line")
@@ -203,7 +206,7 @@ fn require_tach(record: &Record) -> Result<&Tach> {
     })
 }
 
-fn chosen(index: Option<usize>, count: usize, what: &str, record: &Record) -> Result<Vec<usize>> {
+pub(crate) fn chosen(index: Option<usize>, count: usize, what: &str, record: &Record) -> Result<Vec<usize>> {
     let refuse = |text: String| Err(Error::invalid(record.folder.display(), text));
     match index {
         _ if count == 0 => refuse(format!("has no {what}")),
@@ -213,7 +216,7 @@ fn chosen(index: Option<usize>, count: usize, what: &str, record: &Record) -> Re
     }
 }
 
-fn notes_of(tach: &Tach, unit: Option<&str>) -> Vec<String> {
+pub(crate) fn notes_of(tach: &Tach, unit: Option<&str>) -> Vec<String> {
     let mut notes = Vec::new();
     if tach.is_virtual() {
         notes.push(
@@ -353,7 +356,7 @@ fn channel(
     }
 }
 
-fn variance(samples: &[f64]) -> f64 {
+pub(crate) fn variance(samples: &[f64]) -> f64 {
     let count = samples.len().max(1) as f64;
     let mean = samples.iter().sum::<f64>() / count;
     samples.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count

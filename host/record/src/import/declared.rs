@@ -141,6 +141,9 @@ pub(super) fn declaration(
             if options.no_gears {
                 declaration.declare_no_gears();
             }
+            if let Some(train) = &options.train {
+                declaration.rest.extend(train.declaration.tables()?);
+            }
             Ok((declaration, PathBuf::from(".")))
         }
     }

@@ -5,6 +5,7 @@ use crate::{Error, Result, text};
 use std::path::{Path, PathBuf};
 
 /// Channels that become one run.
+#[derive(Clone)]
 pub(super) struct Group {
     /// The files, for messages.
     pub label: String,

@@ -19,6 +19,7 @@ mod record;
 pub mod tach;
 mod tdms;
 mod time_axis;
+mod train;
 mod uff58;
 mod variables;
 pub mod virtual_tach;

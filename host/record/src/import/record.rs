@@ -7,6 +7,7 @@ use super::{Columns, Reading, declared, quantisation, read_as};
 use crate::budget::VALUES;
 use crate::machine::Machine;
 use crate::record::{Acquisition, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale};
+use crate::train::Train;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -68,6 +69,8 @@ pub struct ImportOptions {
     pub override_rate: bool,
     /// Tooth counts; required for the virtual tach, checked against a measured one.
     pub teeth: Option<[u32; 2]>,
+    /// The train, where it is one.
+    pub train: Option<Train>,
     /// Mesh frequency as far as known, Hz.
     pub mesh_guess_hz: Option<f64>,
     /// Range that the mesh frequency stays within where it changes much (a run-up), Hz; the speed is then followed.
@@ -108,6 +111,7 @@ impl Default for ImportOptions {
             rate_hz: None,
             override_rate: false,
             teeth: None,
+            train: None,
             mesh_guess_hz: None,
             mesh_range_hz: None,
             units: vec![Unit::MetrePerSecondSquared],
@@ -174,6 +178,9 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     if of_every_column {
         declared::scaled(&mut runs, options)?;
     }
+    let found = super::train::with_channel(options, &runs)?;
+    let options = &found;
+    remarks.extend(super::train::other_tachs(options, &mut runs, rate_hz)?);
     let measured = match &options.tach {
         TachChoice::Measured(tach) => tach::measured(tach, &mut runs, rate_hz, options.teeth, &options.reading)?,
         TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => {
@@ -341,6 +348,7 @@ fn made(
         TachChoice::Virtual => Some(on_pinion("virtual", Some(jitter_s))),
         TachChoice::Nominal(_) => Some(on_pinion("nominal", None)),
     };
+    let tach = tach.map(|tach| super::train::on_shaft(tach, options));
     Ok(Made { runs: made, tach, quality, figures })
 }
 
@@ -400,6 +408,7 @@ fn run_tach(
 ) -> Result<super::virtual_tach::VirtualTach> {
     let teeth = options
         .teeth
+        .or_else(|| options.train.as_ref().and_then(super::train::virtual_teeth).map(|(teeth, _)| teeth))
         .ok_or_else(|| Error::invalid("--teeth", "the virtual tach needs tooth counts; or give --no-tach"))?;
     if let Some(hz) = options.mesh_guess_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(Error::invalid("--mesh", format!("{hz} is not a positive frequency in Hz")));

@@ -6,6 +6,7 @@
 
 use crate::confined::check_name;
 use crate::machine::{Machine, check_lists};
+use crate::train::{self, Train};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ const SHAFT_RATIOS: std::ops::RangeInclusive<f64> = 0.001..=1000.0;
 const JITTER_S: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// Keys of `record.toml` that do not describe the machine.
-const RECORD_KEYS: [&str; 4] = ["acquisition", "tach", "run", "import"];
+const RECORD_KEYS: [&str; 5] = ["acquisition", "tach", "run", "import", "stage"];
 
 /// Keys of `[pair]` that name a file.
 const STIFFNESS_KEYS: [&str; 2] = ["pair_stiffness", "total_stiffness"];
@@ -71,6 +72,9 @@ const GEARS: &str = "gears";
 /// Key of `[[run]]`: load in any one unit of the record's runs.
 pub const LOAD: &str = "load";
 
+/// Key of `[tach]`: its shaft in a train.
+const TRAIN_SHAFT: &str = "train_shaft";
+
 /// `code_bits` of float samples.
 pub const FLOAT_BITS: u32 = 32;
 
@@ -108,6 +112,18 @@ impl Tach {
             "gear" => teeth.map(|[pinion, gear]| f64::from(pinion) / f64::from(gear)),
             _ => self.turns_per_pinion_turn,
         }
+    }
+
+    /// Shaft of a declared train, with `shaft = "other"` (`train_shaft`): the ratio is then exact.
+    pub fn train_shaft(&self) -> Option<usize> {
+        usize::try_from(self.other.get(TRAIN_SHAFT)?.as_integer()?).ok()
+    }
+
+    /// The same tach on a shaft of a train, with its turns per turn of shaft 0.
+    #[must_use]
+    pub fn on_train_shaft(mut self, shaft: usize, turns: f64) -> Self {
+        self.other.insert(TRAIN_SHAFT.into(), Value::Integer(shaft as i64));
+        Self { shaft: "other".into(), turns_per_pinion_turn: Some(turns), ..self }
     }
 
     /// Whether the edges were made from the mesh line; tooth index and angle 0 are then unknown.
@@ -256,6 +272,23 @@ impl Declaration {
         }
     }
 
+    /// The declared train; none where there is none, or one plain pair, which is a pair's record.
+    ///
+    /// # Errors
+    /// As [`train::Declaration::read`].
+    pub fn train(&self) -> Result<Option<Train>> {
+        if !self.has_train() {
+            return Ok(None);
+        }
+        let declared = train::Declaration::of_table(&self.rest, &self.place)?;
+        if declared.as_pair().is_some() { Ok(None) } else { Train::of(declared).map(Some) }
+    }
+
+    /// Whether stages are declared.
+    pub fn has_train(&self) -> bool {
+        self.rest.contains_key("stage")
+    }
+
     /// Whether the whole machine is declared and not only its tooth counts.
     pub fn has_machine(&self) -> bool {
         self.rest.contains_key("shafts") && self.rest.get("pair").is_some_and(|pair| pair.get("module_m").is_some())
@@ -330,6 +363,12 @@ impl Declaration {
             if !(1..=10_000).contains(&tach.pulses_per_rev) {
                 return refuse("[tach] pulses_per_rev", format!("{} is not within 1 to 10000", tach.pulses_per_rev));
             }
+        }
+        let train = self.train()?;
+        if let Some(shaft) = self.tach.as_ref().and_then(Tach::train_shaft)
+            && train.as_ref().is_none_or(|train| shaft >= train.shafts.len())
+        {
+            return refuse("[tach] train_shaft", format!("{shaft} is no shaft of the declared [[stage]]s"));
         }
         for (key, table) in self.stiffness_tables() {
             check_name(&format!("{} [pair] {key}", self.place), &table)?;

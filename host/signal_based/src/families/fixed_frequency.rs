@@ -64,14 +64,17 @@ fn shaped(context: &Context, bases: Vec<f64>) -> Vec<Candidate> {
 
 /// Whether a mesh line is swept across a frequency.
 fn is_swept(context: &Context, hz: f64) -> bool {
-    let z = context.scene.mesh_order();
-    context.scene.runs.iter().any(|run| {
-        let speed = run.angle.speed;
-        let k = (hz / z / speed.mean_hz).round().max(1.0);
-        let lobes = LOBE_BINS * context.frequency.bin(0) + BEYOND * k * z * (speed.fastest_hz - speed.slowest_hz);
-        let is_of = |k: f64| (k * z * speed.slowest_hz - lobes..=k * z * speed.fastest_hz + lobes).contains(&hz);
-        [k - 1.0, k, k + 1.0].into_iter().any(is_of)
-    })
+    let meshes = context.scene.meshes();
+    let by = |z: f64| {
+        context.scene.runs.iter().any(|run| {
+            let speed = run.angle.speed;
+            let k = (hz / z / speed.mean_hz).round().max(1.0);
+            let lobes = LOBE_BINS * context.frequency.bin(0) + BEYOND * k * z * (speed.fastest_hz - speed.slowest_hz);
+            let is_of = |k: f64| (k * z * speed.slowest_hz - lobes..=k * z * speed.fastest_hz + lobes).contains(&hz);
+            [k - 1.0, k, k + 1.0].into_iter().any(is_of)
+        })
+    };
+    meshes.into_iter().any(by)
 }
 
 fn place(hz: f64, j: usize) -> Place {

@@ -6,7 +6,6 @@
 //! `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape and spectrum.
 
 use super::Context;
-use crate::analysis::explained::Explained;
 use crate::analysis::families::{self, Family, Orders};
 use crate::analysis::search::{self, Line, Range};
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};
@@ -50,7 +49,7 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
             .iter()
             .flat_map(|domain| ALONE.map(|most| harmonics(context, base, *domain, most)))
             .collect::<Vec<Candidate>>();
-        for shaft in Shaft::BOTH {
+        for &shaft in context.scene.shafts() {
             all.extend(DOMAINS.map(|domain| modulated(context, base, shaft, domain)));
         }
         all.push(about_mesh(context, base));
@@ -109,14 +108,14 @@ pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], chann
 }
 
 fn bases(context: &Context) -> Vec<f64> {
-    let shafts = Shaft::BOTH.map(|shaft| context.scene.shaft_order(shaft as usize));
+    let shafts: Vec<f64> = context.scene.shafts().iter().map(|s| context.scene.shaft_order(*s as usize)).collect();
     let mut bases = Vec::new();
     for domain in DOMAINS {
         let lines = lines(context, domain);
         let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
         bases.extend(in_families(context, domain, &lines).into_iter().flatten().flat_map(best));
         if domain == Domain::Orders {
-            bases.extend(lines.iter().flatten().flat_map(|lines| centres(lines, shafts)));
+            bases.extend(lines.iter().flatten().flat_map(|lines| centres(lines, &shafts)));
         }
     }
     let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
@@ -124,10 +123,10 @@ fn bases(context: &Context) -> Vec<f64> {
 }
 
 /// Strongest lines that stand between two others one turn of a shaft away on either side, given the orders of the shafts: where a shaft modulates a family, one of its sidebands or a part of one may group more lines.
-fn centres(lines: &[Line], shafts: [f64; 2]) -> Vec<f64> {
+fn centres(lines: &[Line], shafts: &[f64]) -> Vec<f64> {
     let stands = |order: f64, bin: f64| lines.iter().any(|l| (l.order - order).abs() <= CENTRE_BINS * bin.max(l.bin));
     let is_between = |line: &Line, own: f64| [-own, own].into_iter().all(|side| stands(line.order + side, line.bin));
-    let mut centres: Vec<&Line> = lines.iter().filter(|l| shafts.into_iter().any(|own| is_between(l, own))).collect();
+    let mut centres: Vec<&Line> = lines.iter().filter(|l| shafts.iter().any(|own| is_between(l, *own))).collect();
     centres.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
     centres.into_iter().take(CENTRES).map(|line| line.order).collect()
 }
@@ -168,7 +167,7 @@ fn in_families(context: &Context, domain: Domain, lines: &[Vec<Vec<Line>>]) -> V
 /// Whether an order of a run, within a half width, carries no base: the pair has lines there, a family found before, or the foot of either.
 pub fn known<'a>(context: &'a Context, domain: Domain, run: usize) -> impl Fn(f64, f64) -> bool + 'a {
     let (scene, mesh) = (context.scene, domain == Domain::Orders);
-    let explained = Explained::new(scene.teeth[0], &scene.runs[run].angle, spectra(context, domain).highest);
+    let explained = scene.explained(&scene.runs[run].angle, spectra(context, domain).highest);
     move |order: f64, half: f64| {
         let own = if mesh { explained.at(order, half) } else { explained.of_shafts(order, half) };
         own || context.taken[domain as usize].near(order, half) || (mesh && context.at_foot(order))
@@ -195,6 +194,11 @@ fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Ve
     let fits = |p: &Place| p.order > spectra.lowest && p.order < spectra.highest;
     // On a shaft's order nothing can be told from the shaft.
     let of_shaft = |order: f64| {
+        if let Some(gearing) = &context.scene.gearing {
+            let half = context.scene.beside_a_shaft();
+            let owned = &gearing.owned;
+            return if domain.is_envelope() { owned.of_shafts(order, half) } else { owned.at(order, half) };
+        }
         let own = context.scene.gear_order;
         let on_gear = (order / own).round() * own;
         let is_near = (order - on_gear).abs() <= 0.2 * own;
@@ -259,12 +263,12 @@ mod tests {
     fn golden_the_strongest_lines_between_two_sidebands_of_one_shaft_are_bases() {
         let gear = 0.37;
         let mut lines = vec![line(6.70, 3.0), line(5.71, 9.0), line(7.70, 8.0), line(13.40, 1.0)];
-        assert_eq!(centres(&lines, [1.0, gear]), [6.70], "the weaker line is the one between");
+        assert_eq!(centres(&lines, &[1.0, gear]), [6.70], "the weaker line is the one between");
         lines.extend([line(13.40 - gear, 0.5), line(13.40 + gear, 0.5)]);
-        assert_eq!(centres(&lines, [1.0, gear]), [6.70, 13.40], "of the gear as well, strongest first");
+        assert_eq!(centres(&lines, &[1.0, gear]), [6.70, 13.40], "of the gear as well, strongest first");
         lines[1].order = 5.70 + 2.0 * BIN;
-        assert_eq!(centres(&lines, [1.0, gear]), [13.40], "a sideband two bins off is none");
+        assert_eq!(centres(&lines, &[1.0, gear]), [13.40], "a sideband two bins off is none");
         lines = (0..12).map(|i| line(20.5 + f64::from(i), 1.0 + f64::from(i))).collect();
-        assert_eq!(centres(&lines, [1.0, gear]), [30.5, 29.5, 28.5, 27.5], "four at most, none at an end");
+        assert_eq!(centres(&lines, &[1.0, gear]), [30.5, 29.5, 28.5, 27.5], "four at most, none at an end");
     }
 }

@@ -47,6 +47,7 @@ fn family(kind: Kind, base: f64, places: &[(f64, f64)]) -> Adopted {
         impulsive: false,
         either_hz: None,
         slip: Slip::default(),
+        or_else: Vec::new(),
     }
 }
 
