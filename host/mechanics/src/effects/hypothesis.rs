@@ -60,6 +60,8 @@ pub enum Path {
     Mode,
     /// A delay within 200 us.
     Delay,
+    /// The signal once more, later.
+    Echo,
     /// A gain that changes linearly over the run.
     Drift,
     /// A response with the square of the signal.
@@ -89,6 +91,8 @@ pub enum Seat {
     MeshOrders(usize),
     /// Friction of the flanks, reversing at the pitch point.
     Sliding,
+    /// The stiffness of every pair changing linearly over the run.
+    MeshDrift,
     /// The path of a channel.
     Path(Path),
     /// The record as a whole, judged before the library is searched.

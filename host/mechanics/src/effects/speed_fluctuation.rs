@@ -67,6 +67,10 @@ struct SpeedFluctuation {
 }
 
 impl Effect for SpeedFluctuation {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(0, self.order, self.frequency_hz)
+    }
+
     fn turns(&self, start_s: f64, length_s: f64, turns: &mut Series) {
         let mut phase = Series::linear(start_s, length_s).scaled(TAU * self.frequency_hz);
         phase.add_scaled(turns, TAU * self.order);
