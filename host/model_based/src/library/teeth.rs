@@ -6,7 +6,7 @@
 
 use super::Bench;
 use crate::base_fit::Base;
-use crate::candidate::{Candidate, Claim, Parameter, Template, quadrature};
+use crate::candidate::{Candidate, Claim, Parameter, Template, Tuning, quadrature};
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Seat, Tooth};
 use crate::judge::Split;
