@@ -140,6 +140,11 @@ impl Scene {
         })
     }
 
+    /// Whether the rig has gears: a shaft alone is a pair of one tooth.
+    pub fn has_gears(&self) -> bool {
+        self.teeth[0] > 1
+    }
+
     /// Teeth of the pinion: the mesh's order.
     pub fn mesh_order(&self) -> f64 {
         f64::from(self.teeth[0])

@@ -60,13 +60,5 @@ fn read<'a>(adopted: impl Iterator<Item = &'a Adopted>) -> Taken {
 
 /// They as a family without a name.
 pub fn part(candidate: Candidate, verdict: Verdict) -> Adopted {
-    Adopted {
-        candidate,
-        verdict,
-        pulse: None,
-        carries: Vec::new(),
-        impulsive: false,
-        either_hz: None,
-        slip: Slip::default(),
-    }
+    Adopted { candidate, verdict, pulse: None, carries: Vec::new(), either_hz: None, slip: Slip::default() }
 }

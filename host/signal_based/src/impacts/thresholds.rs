@@ -6,11 +6,13 @@ pub const PARTS: [usize; 8] = [1, 2, 3, 4, 6, 8, 12, 16];
 pub const LEAST_WIDTH: f64 = 24.0;
 /// Power over the spectrum's own local floor beyond which a bin is a deterministic line, and is cut down to.
 pub const DETERMINISTIC: f64 = 10.0;
-/// Highest order of a squared envelope that is read, and points of its grid per turn.
+/// Highest order of a squared envelope that is read.
 pub const HIGHEST_ORDER: f64 = 40.0;
+/// Points of its grid per turn.
 pub const PER_TURN: usize = 128;
-/// Share of the turns that a comb is found on, and from which on it has to stand again.
+/// Share of the turns that a comb is found on.
 pub const FITTED: f64 = 0.74;
+/// Share of the turns from which on it has to stand again.
 pub const HELD_OUT: f64 = 0.75;
 /// Fewest turns of the held-out part: its bins must part a comb from a shaft's orders.
 pub const FEWEST_TURNS: usize = 8;
@@ -18,8 +20,9 @@ pub const FEWEST_TURNS: usize = 8;
 pub const SMEARS: [f64; 2] = [0.0, 0.01];
 /// Harmonics that a comb is read with, alternatives.
 pub const HARMONICS: [usize; 4] = [3, 4, 6, 8];
-/// Combs of one band and number of harmonics that are looked at closely, and in all.
+/// Combs of one band and number of harmonics that are looked at closely.
 pub const FINALISTS: usize = 3;
+/// The same of all bands.
 pub const LOOKED_AT: usize = 60;
 /// Orders of the slower, and of the faster shaft, that a comb's base lies between.
 pub const BASES: (f64, f64) = (1.3, 14.0);
@@ -39,11 +42,13 @@ pub const HALF_TURN: f64 = 0.004;
 pub const CLEARLY: f64 = 0.25;
 /// The same for a multiple or a part of the base.
 pub const MULTIPLE: f64 = 2.0;
-/// Nats and power over their carriers' from which sidebands say that a shaft modulates the comb as a turning ring is.
+/// Nats from which sidebands stand.
 pub const SIDEBANDS: f64 = 8.0;
+/// Power of sidebands over their carriers' from which a shaft modulates the comb as it does a turning ring.
 pub const STRONG: f64 = 0.12;
-/// Least order of an outer and of an inner ring's passage: seven elements, ratio of diameters 0.36 and 0.12.
+/// Least order of an outer ring's passage: seven elements, ratio of diameters 0.36.
 pub const LEAST_OUTER: f64 = 2.24;
+/// Least order of an inner ring's passage: seven elements, ratio of diameters 0.12.
 pub const LEAST_INNER: f64 = 3.92;
 /// Order from which an outer ring needs twelve elements or more, which ball bearings do not have.
 pub const MANY_ELEMENTS: f64 = 4.84;

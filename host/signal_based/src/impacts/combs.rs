@@ -95,7 +95,11 @@ impl Ranked {
     pub fn of(spectrum: &Spectrum, known: &Known, smear: f64) -> Self {
         let mask = known.mask(spectrum);
         let clean: Vec<f64> = spectrum.over.iter().zip(&mask).map(|(x, m)| if *m { 0.0 } else { *x }).collect();
-        Self { values: if smear > 0.0 { meaned(&clean, smear) } else { highest(&clean) }, known: mask, bin: spectrum.bin }
+        Self {
+            values: if smear > 0.0 { meaned(&clean, smear) } else { highest(&clean) },
+            known: mask,
+            bin: spectrum.bin,
+        }
     }
 
     /// Values of the background, ascending.

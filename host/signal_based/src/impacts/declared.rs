@@ -10,6 +10,9 @@ use super::combs::{self, Comb, Known};
 use super::readings::{self, Reading};
 use super::thresholds::{ADOPTED, DECLARED_SLIP, HIGHEST_ORDER, STANDS_AGAIN, WITHIN};
 use crate::machine::bearing::BearingOrders;
+use crate::record::Record;
+use crate::scene::Scene;
+use crate::{Error, Result};
 
 /// A declared bearing on a shaft of the scene.
 #[derive(Debug, Clone)]
@@ -22,6 +25,30 @@ pub struct Declared {
     pub own: f64,
     /// Its orders per turn of its shaft.
     pub orders: BearingOrders,
+}
+
+/// The bearings of a record's `[[bearing]]` tables.
+///
+/// # Errors
+/// A bearing that makes no sense, or is on a shaft that the record does not have.
+pub fn of_record(record: &Record, scene: &Scene) -> Result<Vec<Declared>> {
+    let place = record.folder.join("record.toml");
+    let of = |bearing: crate::machine::bearing::Bearing| {
+        let shaft = match bearing.shaft.as_str() {
+            "pinion" => 0,
+            "shaft" if !scene.has_gears() => 0,
+            "gear" if scene.has_gears() => 1,
+            other => {
+                let shafts = if scene.has_gears() { "pinion, gear" } else { "shaft" };
+                let [name, other] = [&bearing.name, other].map(crate::text::name);
+                let what = format!("bearing {name} is on shaft '{other}', which is none of: {shafts}");
+                return Err(Error::invalid(place.display(), what));
+            }
+        };
+        let orders = bearing.orders().map_err(|error| Error::invalid(place.display(), error))?;
+        Ok(Declared { name: bearing.name, shaft, own: scene.shaft_order(shaft), orders })
+    };
+    record.declaration.bearings()?.into_iter().map(of).collect()
 }
 
 impl Declared {

@@ -113,7 +113,10 @@ pub fn read(band: &Band, comb: &Comb, known: &Known) -> Reading {
     } else if fitting.is_empty() {
         "no ordinary bearing has it as a passage".into()
     } else if comb.nats < NAMED {
-        format!("{:.0} nats of the {NAMED:.0} that a name needs: a sound bearing's passage may stand so high", comb.nats)
+        format!(
+            "{:.0} nats of the {NAMED:.0} that a name needs: a sound bearing's passage may stand so high",
+            comb.nats
+        )
     } else if let Some(rival) = rival {
         format!("order {rival:.4}, one turn of a shaft away, explains as much")
     } else {

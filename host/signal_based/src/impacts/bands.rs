@@ -11,9 +11,9 @@
 use super::thresholds::{DETERMINISTIC, FITTED, HELD_OUT, HIGHEST_ORDER, LEAST_WIDTH, PARTS, PER_TURN};
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::not_locked;
-use crate::kinematic::baseline::Grids;
-use crate::kinematic::following::followed;
-use crate::kinematic::scene::{Scene, SceneRun};
+use crate::baseline::Grids;
+use crate::following::followed;
+use crate::scene::{Scene, SceneRun};
 use crate::spectral::{Window, resample_by_angle, running_median};
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
