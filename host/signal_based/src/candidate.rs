@@ -16,30 +16,23 @@ use crate::analysis::lines::LOBE_BINS;
 pub enum Domain {
     /// Order spectrum of the residual.
     Orders,
-    /// Order spectrum of the squared envelope of an impulsive band.
-    Envelope,
     /// Spectrum over frequency, "orders" being hertz.
     Frequency,
     /// Order spectrum of what folded at the sampling rate.
     Folded,
-    /// Order spectrum of the squared envelope of everything that is locked to neither shaft.
-    WholeEnvelope,
     /// Order spectrum of the course of strength of all turns.
     Strength,
 }
 
 impl Domain {
-    /// Both envelopes.
-    pub const ENVELOPES: [Domain; 2] = [Domain::Envelope, Domain::WholeEnvelope];
-
-    /// Whether lines are those of an envelope.
-    pub fn is_envelope(self) -> bool {
-        Self::ENVELOPES.contains(&self)
+    /// As JSON has it.
+    pub fn word(self) -> &'static str {
+        ["orders", "frequency", "folded", "strength"][self as usize]
     }
 }
 
 /// Orders spoken for, by domain.
-pub type TakenOf = [Taken; 6];
+pub type TakenOf = [Taken; 4];
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]

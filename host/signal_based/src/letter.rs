@@ -128,7 +128,7 @@ pub fn findings(outcome: &Outcome, about: &About) -> Table {
 
 /// Whether a family's lines stand in the plain spectrum over orders.
 fn is_in_the_spectrum(effect: &Effect) -> bool {
-    matches!(effect.evidence.domain, None | Some(Domain::Orders)) && effect.order_of_pinion.is_some()
+    matches!(effect.evidence.domain, None | Some("orders")) && effect.order_of_pinion.is_some()
 }
 
 /// Where the strongest of a family's lines stands, in what calibration leaves.

@@ -4,6 +4,7 @@
 //! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]).
+//!    Impacts that follow no shaft, in squared envelopes ([`impacts`]).
 //!    A slow swing of the load is looked for in the [`strength`] with which all lines mesh.
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`bearing_slip`]); a veto. [`named_lines`]: what their lines hold at most.
 //! 6. [`motor_slip`]: the speed against a declared load, and the supply that it slips against.
@@ -29,6 +30,7 @@ pub mod families;
 pub mod following;
 pub mod foretold;
 pub mod gearing;
+pub mod impacts;
 pub mod jitter;
 pub mod letter;
 pub mod limits;
@@ -89,9 +91,11 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         None => Scene::of(record, tach, declaration.teeth().ok_or_else(missing)?)?,
     };
     let baseline = path_angle::fitted(&mut scene);
+    let declared = impacts::declared::of_record(record, &scene)?;
     let fit = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
     let own = mesh_place::spectra(&scene, |split| &split.fit);
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
+    let impacts = if misplaced.is_some() { Vec::new() } else { impacts::find(&scene, &baseline.calibrated, &declared) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     let rest = carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
@@ -156,6 +160,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         corrected: &corrected,
         search: &found,
         rest: &rest,
+        impacts: &impacts,
     };
     let mut outcome = describe::outcome(&parts, &families, &vetoed, errors, limits, preflight);
     outcome.slip = motor_slip::law(record, &scene);
@@ -167,6 +172,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
 
 use meshband_analysis::analysis;
 use meshband_common::{Error, Result, budget, terminal, text};
+use meshband_mechanics::machine;
 use meshband_record::record;
 use meshband_signal::spectral;
 use meshband_train as train;

@@ -10,7 +10,7 @@
 
 use super::accept::{self, FEWEST_COPIES, Surrogates};
 use super::baseline::Baseline;
-use super::candidate::{Candidate, Domain, Field, Kind, Place, Shaft, at_level};
+use super::candidate::{Candidate, Field, Kind, Place, Shaft, at_level};
 use super::evidence::Reading;
 use super::families::{Context, alias, clipping, ghost, modulation, passage, shaft_orders, tooth, train};
 use super::outcome::Limit;
@@ -83,11 +83,11 @@ pub fn library(context: &Context, ranked: &[(f64, Candidate)]) -> Vec<(String, C
     }
     // Bases of ordinary bearings, on no order of either shaft.
     let alternatives = ranked.iter().find(|(_, c)| c.is_base()).map_or(FEW_BASES, |(_, c)| c.alternatives);
-    let outer = passage::harmonics(context, 3.587, Domain::Orders, passage::ALONE[0]);
+    let outer = passage::harmonics(context, 3.587, passage::ALONE[0]);
     all.push(("harmonics of an order of neither shaft".into(), Candidate { alternatives, ..outer }));
     for &shaft in context.scene.shafts() {
         let own = context.scene.shaft_order(shaft as usize);
-        let inner = passage::modulated(context, 5.413 * own, shaft, Domain::Orders);
+        let inner = passage::modulated(context, 5.413 * own, shaft);
         let family = format!("harmonics of such an order modulated by {}", shaft.phrase());
         all.push((family, Candidate { alternatives, ..inner }));
     }

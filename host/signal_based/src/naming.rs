@@ -3,15 +3,13 @@
 use super::candidate::{Kind, Shaft};
 use super::families::bearing::{Bearing, Part};
 use super::families::fixed_frequency::supply_hz;
+use super::impacts::Impacts;
 use super::scene::Scene;
 use super::search::Adopted;
-use super::soundness::{has_its_own_rate, has_sidebands};
 use crate::train::families::What;
 
 /// Orders of its shaft at which a passage of a bearing can lie at all: seven elements and a ratio of 0.32, to 30.
 const PASSAGES: (f64, f64) = (2.38, 20.0);
-/// Harmonics of a base that stand, from which it is impacts where it is seen in an envelope.
-const IMPACTS: usize = 3;
 
 /// Fewest teeth of another stage that a pattern is read as.
 const FEWEST_TEETH: u32 = 10;
@@ -173,6 +171,41 @@ fn of_train(adopted: &Adopted, own: u16, scene: &Scene) -> Naming {
     naming(verdict, names.concat(), group, shaft, Some(remark))
 }
 
+/// Names a comb of impacts. A rig without gears has one shaft, which needs no name.
+pub fn impacts(own: &Impacts, scene: &Scene) -> Naming {
+    let reading = &own.reading;
+    let shaft = reading.shaft.map_or("none", |shaft| Shaft::BOTH[shaft].word());
+    let seat = match (&own.bearing, reading.shaft) {
+        (Some(bearing), _) => format!(" of bearing {}", crate::text::name(bearing)),
+        (None, Some(shaft)) if scene.has_gears() => format!(" of the {}'s shaft", Shaft::BOTH[shaft].word()),
+        _ => String::new(),
+    };
+    let (verdict, name) = match reading.parts.as_slice() {
+        [] => ("generic", format!("unexplained order {:.4}", reading.base)),
+        [part] => ("named", format!("bearing-impacts, {part}{seat}")),
+        parts => ("ambiguous", format!("bearing-impacts, {}{seat}", parts.join(" or "))),
+    };
+    naming(verdict, name, "non-integer-order", shaft, None)
+}
+
+/// A text about a rig of one shaft without the words of gears.
+pub fn without_gears(text: &str) -> String {
+    let words = [
+        ("pinion-pitch-error or pinion-profile-error", "pattern over a turn"),
+        ("pinion-tooth-crack or pinion-pitch-error", "one pulse per turn"),
+        ("the pinion's shaft", "the shaft"),
+        ("pinion-", ""),
+        (" of the pinion", " of the shaft"),
+        ("pinion", "shaft"),
+        ("beyond the mesh", "beyond the shaft's own orders"),
+        ("many teeth, no single one", "no single place of the turn"),
+        ("mesh", "shaft"),
+        ("either shaft", "the shaft"),
+        ("gear", "second shaft"),
+    ];
+    words.iter().fold(text.to_owned(), |text, (own, other)| text.replace(own, other))
+}
+
 /// What a line at a frequency is called.
 fn tone(hz: f64) -> &'static str {
     if supply_hz(hz).is_some() { "mains-hum" } else { "fixed-tone" }
@@ -225,26 +258,7 @@ fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
     let family = "non-integer-order";
     let order = format!("unexplained order {:.4}", candidate.base);
     let of_bearings = shafts(candidate.base, scene);
-    let standing = adopted.verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     match candidate.kind {
-        Kind::ModulatedPassage(shaft)
-            if of_bearings.contains(&shaft)
-                && has_its_own_rate(candidate, &adopted.verdict)
-                && has_sidebands(candidate, &adopted.verdict) =>
-        {
-            let name = format!("bearing-impacts, inner ring of {}", shaft.phrase());
-            naming("named", name, family, shaft.word(), Some("modulated by the shaft that it turns with"))
-        }
-        Kind::Passage if adopted.impulsive && standing >= IMPACTS && !of_bearings.is_empty() => {
-            let shaft = if let [one] = of_bearings.as_slice() { one.word() } else { "none" };
-            naming(
-                "named",
-                "bearing-impacts",
-                family,
-                shaft,
-                Some("harmonics in an envelope, not modulated by a shaft"),
-            )
-        }
         Kind::AboutMesh if !of_bearings.is_empty() => {
             let name = format!("bearing-stiffness-modulation or {order}");
             naming("ambiguous", name, family, "none", Some("a second order of the same bearing would decide"))

@@ -4,7 +4,7 @@
 //! places that a family found before has taken or explained: there the search asks nothing further. What else may keep an effect from being found (moved copies without a place,
 //! stronger rivals, lines on the pair's own orders) is no reason to leave a place out: it belongs to the limit.
 
-use super::candidate::{Candidate, Domain, Kind};
+use super::candidate::{Candidate, Kind};
 use super::families::{Context, ghost, passage};
 use super::search::Search;
 use crate::analysis::lines::LOBE_BINS;
@@ -28,12 +28,10 @@ pub fn drawn(context: &Context, found: &Search, typical: &Candidate, random: &mu
             let chosen = (random.random::<f64>() * ghosts.len() as f64) as usize;
             ghosts.into_iter().nth(chosen)
         }
-        Kind::Passage => first_free(context, found, typical, || {
-            passage::harmonics(context, base(), Domain::Orders, passage::ALONE[0])
-        }),
+        Kind::Passage => first_free(context, found, typical, || passage::harmonics(context, base(), passage::ALONE[0])),
         Kind::ModulatedPassage(shaft) => {
             let own = context.scene.shaft_order(shaft as usize);
-            first_free(context, found, typical, || passage::modulated(context, own * base(), shaft, Domain::Orders))
+            first_free(context, found, typical, || passage::modulated(context, own * base(), shaft))
         }
         _ => Some(typical.clone()).filter(|c| !found.knows(c, context.scene)),
     }

@@ -175,6 +175,11 @@ impl Scene {
         })
     }
 
+    /// Whether the rig has gears: a shaft alone is a pair of one tooth.
+    pub fn has_gears(&self) -> bool {
+        self.teeth[0] > 1
+    }
+
     /// Teeth of the pinion: the mesh's order; of a train that of the mesh that leads.
     pub fn mesh_order(&self) -> f64 {
         self.gearing.as_ref().map_or(f64::from(self.teeth[0]), |gearing| gearing.leading)

@@ -8,10 +8,7 @@ use super::families::{self, Context, bearing, passage, swing, tooth, train, trai
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
-use super::soundness::{
-    as_modulation, at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, says_too_little, simpler,
-    unsound,
-};
+use super::soundness::{as_modulation, by_higher_base, higher_base, is_slow, says_too_little, simpler, unsound};
 use super::spoken_for::{mesh_taken, relatives, take_folded, take_frequencies, take_orders};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
@@ -50,8 +47,6 @@ pub struct Adopted {
     pub pulse: Option<tooth::Pulse>,
     /// Further harmonics and sidebands that the gate let pass; their lines are among the candidate's.
     pub carries: Vec<Carries>,
-    /// The base stands in an envelope as well: it is of impacts.
-    pub impulsive: bool,
     /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
     pub either_hz: Option<f64>,
     /// What its base moves by on the held-out turns.
@@ -170,8 +165,6 @@ pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a TakenOf, feet:
     Context {
         scene,
         orders: &views.orders,
-        envelope: &views.envelope,
-        whole_envelope: &views.whole_envelope,
         frequency: &views.frequency,
         folded: &views.folded,
         strength: &views.strength.spectra,
@@ -242,8 +235,8 @@ impl Search {
             if let (None, false, Some(why)) =
                 (&verdict.refused, verdict.is_close, says_too_little(&candidate, &verdict))
             {
-                verdict.is_close = !candidate.domain.is_envelope();
-                had_close |= verdict.is_close;
+                verdict.is_close = true;
+                had_close = true;
                 verdict.refused = Some(why);
                 pass_there(&candidate, &mut verdict, accept::agrees_alone);
             }
@@ -277,7 +270,6 @@ impl Search {
             refused.push((candidate, verdict));
         }
         found = found.map(|found| simpler(found, &context, views, &self.taken));
-        found = found.map(|found| at_its_own_rate(found, &ranked, scene, views, &self.taken));
         self.had_close |= had_close;
         for (candidate, verdict) in refused {
             if self.refused.iter().all(|(c, _)| c.kind != candidate.kind) {
@@ -298,19 +290,9 @@ impl Search {
         if let (Kind::Pattern(shaft), Some(_)) = (candidate.kind, pulse) {
             candidate.kind = Kind::SingleTooth(shaft);
         }
-        let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
         let or_else = train::rivals(&candidate, &verdict, &context, views, &self.taken);
-        Some(Adopted {
-            candidate,
-            verdict,
-            pulse,
-            carries: Vec::new(),
-            impulsive,
-            either_hz,
-            slip: Slip::default(),
-            or_else,
-        })
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), either_hz, slip: Slip::default(), or_else })
     }
 
     /// Whether a candidate is what an adopted family has explained already, or one that was vetoed.
@@ -347,10 +329,12 @@ impl Search {
             }
             self.taken[own].extend((-steps..=steps).map(|i| place.order + f64::from(i) * spectra.bin(0) * LOBE_BINS));
             match candidate.domain {
-                Domain::Orders => take_frequencies(&mut self.taken[2], scene, views, place.order),
+                Domain::Orders => {
+                    take_frequencies(&mut self.taken[index(Domain::Frequency)], scene, views, place.order)
+                }
                 Domain::Frequency => take_orders(&mut self.taken[0], scene, views, place.order),
                 Domain::Folded => take_folded(&mut self.taken, scene, views, place.order),
-                Domain::Envelope | Domain::WholeEnvelope | Domain::Strength => {}
+                Domain::Strength => {}
             }
         }
         self.take_relatives(scene, views, candidate);
@@ -377,8 +361,9 @@ impl Search {
             }
             _ if candidate.is_base() || candidate.kind == Kind::Swing => {
                 let orders: Vec<f64> = relatives(candidate.base, scene).collect();
-                orders.iter().for_each(|&order| take_frequencies(&mut self.taken[2], scene, views, order));
-                Domain::ENVELOPES.iter().for_each(|own| self.taken[index(*own)].extend(orders.iter().copied()));
+                orders.iter().for_each(|&order| {
+                    take_frequencies(&mut self.taken[index(Domain::Frequency)], scene, views, order)
+                });
                 self.taken[0].extend(orders);
             }
             _ => {}

@@ -7,6 +7,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::import::tach::{Shaft, TachOptions};
 use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachChoice, Unit};
 use meshband_host::machine::Machine;
+use meshband_host::machine::bearing::Bearing;
 use meshband_host::output::{Content, show};
 use meshband_host::results::Results;
 use meshband_host::train::Train;
@@ -67,6 +68,10 @@ pub struct Args {
     /// The rig has one shaft and no gears.
     #[arg(long, conflicts_with_all = ["teeth", "machine"])]
     no_gears: bool,
+    /// Bearing by designation, on the pinion's shaft or on SHAFT: `6205`, `gear=NU206`; once for each. By dimensions or orders: `[[bearing]]` in
+    /// record.toml.
+    #[arg(long = "bearing", value_name = "[SHAFT=]DESIGNATION")]
+    bearings: Vec<String>,
     /// No tachometer was recorded; the shaft turns at this constant speed, rpm.
     #[arg(long, value_name = "RPM", conflicts_with_all = ["no_tach", "tach"])]
     speed: Option<f64>,
@@ -116,6 +121,13 @@ enum SourceUnit {
     Unknown,
 }
 
+/// A bearing from `[SHAFT=]DESIGNATION`.
+fn bearing(text: &str) -> Bearing {
+    let (shaft, designation) = text.split_once('=').unwrap_or(("pinion", text));
+    let (shaft, designation) = (shaft.trim().to_owned(), designation.trim().to_owned());
+    Bearing { name: designation.clone(), shaft, designation: Some(designation), ..Bearing::default() }
+}
+
 /// Imports the files, writes the record, prints what was found.
 pub fn run(args: Args) -> Result<()> {
     let machine = args.machine.as_deref().map(Machine::read).transpose()?;
@@ -148,6 +160,7 @@ pub fn run(args: Args) -> Result<()> {
         torques_n_m: args.torque,
         loads: args.load,
         no_gears: args.no_gears,
+        bearings: args.bearings.iter().map(|text| bearing(text)).collect(),
         machine,
         files_are_runs: args.runs,
         tach: match measured {

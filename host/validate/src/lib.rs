@@ -1,5 +1,6 @@
 //! What proves the workbench and is not shipped with it: campaigns, injection, measured cases, alarm comparison.
 
+pub mod bearings;
 pub mod campaign;
 pub mod field_proof;
 pub mod injection;

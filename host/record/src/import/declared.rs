@@ -130,11 +130,11 @@ pub(super) fn declaration(
     acquisition: Acquisition,
     tach: Option<Tach>,
 ) -> Result<(Declaration, PathBuf)> {
-    match &options.machine {
+    let (mut declaration, folder) = match &options.machine {
         Some(machine) => {
             let mut declaration = Declaration::of_machine(machine, acquisition, tach)?;
             declaration.rest.insert("title".into(), options.title.clone().into());
-            Ok((declaration, machine.folder.clone()))
+            (declaration, machine.folder.clone())
         }
         None => {
             let mut declaration = Declaration::of_import(&options.title, options.teeth, acquisition, tach);
@@ -144,9 +144,11 @@ pub(super) fn declaration(
             if let Some(train) = &options.train {
                 declaration.rest.extend(train.declaration.tables()?);
             }
-            Ok((declaration, PathBuf::from(".")))
+            (declaration, PathBuf::from("."))
         }
-    }
+    };
+    declaration.declare_bearings(&options.bearings)?;
+    Ok((declaration, folder))
 }
 
 /// Tooth counts: those of the machine, which must not contradict those given.

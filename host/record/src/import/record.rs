@@ -6,6 +6,7 @@ use super::virtual_tach::{Options, Quality, followed, virtual_tach};
 use super::{Columns, Reading, declared, quantisation, read_as};
 use crate::budget::VALUES;
 use crate::machine::Machine;
+use crate::machine::bearing::Bearing;
 use crate::record::{Acquisition, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale};
 use crate::train::Train;
 use crate::{Error, Result};
@@ -92,6 +93,8 @@ pub struct ImportOptions {
     pub loads: Vec<f64>,
     /// The rig has one shaft and no gears.
     pub no_gears: bool,
+    /// The bearings, where they are known.
+    pub bearings: Vec<Bearing>,
     /// The machine, where it is known.
     pub machine: Option<Machine>,
     /// Each file is a run of its own instead of channels of one run.
@@ -122,6 +125,7 @@ impl Default for ImportOptions {
             torques_n_m: Vec::new(),
             loads: Vec::new(),
             no_gears: false,
+            bearings: Vec::new(),
             machine: None,
             files_are_runs: false,
             tach: TachChoice::None,

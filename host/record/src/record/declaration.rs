@@ -5,6 +5,7 @@
 //! imported record may know no more of its machine than the tooth counts.
 
 use crate::confined::check_name;
+use crate::machine::bearing::Bearing;
 use crate::machine::{Machine, check_lists};
 use crate::train::{self, Train};
 use crate::{Error, Result};
@@ -25,7 +26,10 @@ const SHAFT_RATIOS: std::ops::RangeInclusive<f64> = 0.001..=1000.0;
 const JITTER_S: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// Keys of `record.toml` that do not describe the machine.
-const RECORD_KEYS: [&str; 5] = ["acquisition", "tach", "run", "import", "stage"];
+const RECORD_KEYS: [&str; 6] = ["acquisition", "tach", "run", "import", "stage", BEARING];
+
+/// Key of the tables of declared bearings.
+const BEARING: &str = "bearing";
 
 /// Keys of `[pair]` that name a file.
 const STIFFNESS_KEYS: [&str; 2] = ["pair_stiffness", "total_stiffness"];
@@ -202,6 +206,32 @@ impl Declaration {
     /// Whether the rig is declared to have no gears.
     pub fn has_no_gears(&self) -> bool {
         self.rest.get("import").and_then(|import| import.get(GEARS)) == Some(&Value::Boolean(false))
+    }
+
+    /// Declares bearings (`[[bearing]]`).
+    ///
+    /// # Errors
+    /// A bearing whose orders cannot be told.
+    pub fn declare_bearings(&mut self, bearings: &[Bearing]) -> Result<()> {
+        for bearing in bearings {
+            bearing.orders()?;
+        }
+        let tables = bearings.iter().map(Value::try_from).collect::<std::result::Result<Vec<Value>, _>>();
+        let tables = tables.map_err(|error| Error::invalid(&self.place, error))?;
+        if !tables.is_empty() {
+            self.rest.insert(BEARING.into(), Value::Array(tables));
+        }
+        Ok(())
+    }
+
+    /// The declared bearings (`[[bearing]]`).
+    ///
+    /// # Errors
+    /// One line with file and key.
+    pub fn bearings(&self) -> Result<Vec<Bearing>> {
+        let Some(tables) = self.rest.get(BEARING) else { return Ok(Vec::new()) };
+        let read: std::result::Result<Vec<Bearing>, _> = tables.clone().try_into();
+        read.map_err(|error| Error::invalid(&self.place, format!("[[bearing]]: {}", error.message())))
     }
 
     /// Reads and checks a `record.toml`.

@@ -33,7 +33,7 @@ fn bases(context: &Context, left_out: impl Fn(f64) -> bool) -> Vec<f64> {
     let mut bases: Vec<f64> = Vec::new();
     for channels in &spectra.levels {
         for levels in &channels[..context.scene.searched] {
-            let known = |hz: f64, half: f64| context.taken[2].near(hz, half) || left_out(hz);
+            let known = |hz: f64, half: f64| context.taken[Domain::Frequency as usize].near(hz, half) || left_out(hz);
             let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
             let mut lines = search::lines(levels, &range);
             lines.sort_by(|a, b| a.ln_probability.total_cmp(&b.ln_probability));

@@ -30,10 +30,6 @@ pub struct Context<'a> {
     pub scene: &'a Scene,
     /// Order spectra of the calibrated residual on the fitted turns.
     pub orders: &'a Spectra,
-    /// Spectra of squared envelopes of what is locked to neither shaft.
-    pub envelope: &'a Spectra,
-    /// The same of everything, not of one band.
-    pub whole_envelope: &'a Spectra,
     /// Spectra over frequency of the same stretches.
     pub frequency: &'a Spectra,
     /// Order spectra of what is folded.
