@@ -1,5 +1,6 @@
 //! The answer as a page: errors, spectra before and after with the lines marked, families with their evidence, limits.
 
+use super::impacts::Impacts;
 use super::outcome::{Effect, Outcome, Picture};
 use super::view;
 use crate::Result;
@@ -12,6 +13,8 @@ const DRAWN: usize = 8;
 const MARKED: usize = 6;
 /// Decibels shown.
 const SPAN_DB: f64 = 90.0;
+/// Decibels shown of an envelope's spectrum.
+const ENVELOPE_DB: f64 = 40.0;
 
 /// The page.
 ///
@@ -41,6 +44,9 @@ pub fn report(outcome: &Outcome) -> Result<Report> {
     page = page.section("Spectra before and after");
     for picture in outcome.pictures.iter().take(DRAWN) {
         page = drawn(page, picture, outcome)?;
+    }
+    for own in &outcome.impacts {
+        page = envelope(page, own)?;
     }
     page = page.section("Families found");
     if outcome.effects.is_empty() {
@@ -83,6 +89,21 @@ fn drawn(page: Report, picture: &Picture, outcome: &Outcome) -> Result<Report> {
     let caption = format!(
         "Run {run}, channel {channel} ({}), all turns; strongest lines of the families marked, those of an order of neither shaft by that order.",
         crate::text::name(&picture.name)
+    );
+    Ok(page.picture(&svg, &caption))
+}
+
+/// The squared envelope spectrum of the band that shows a comb of impacts best.
+fn envelope(page: Report, own: &Impacts) -> Result<Report> {
+    // The picture takes amplitudes.
+    let shown: Vec<(f64, f64)> =
+        own.spectrum.iter().filter(|(_, over)| *over > 0.0).map(|(o, over)| (*o, over.sqrt())).collect();
+    let labels: Vec<Label> = own.lines().into_iter().map(|(text, x)| Label { x, text }).collect();
+    let axes = Axes { x: "order of the pinion", y: "power over its floor, dB" };
+    let svg = spectrum(&[Series::new("squared envelope", shown)], &labels, 1.0, ENVELOPE_DB, axes)?;
+    let caption = format!(
+        "Squared envelope, {:.0} to {:.0} Hz of run {}, channel {} of those searched; harmonics of order {:.4} marked.",
+        own.hz[0], own.hz[1], own.place.0, own.place.1, own.reading.base
     );
     Ok(page.picture(&svg, &caption))
 }
