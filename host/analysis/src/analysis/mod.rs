@@ -7,6 +7,7 @@
 
 pub mod angle;
 pub mod average;
+pub mod bearing_lines;
 pub mod envelope;
 pub mod explained;
 pub mod families;
@@ -127,6 +128,9 @@ pub struct ChannelOutcome {
     pub averages: [Average; 2],
     /// Envelope.
     pub envelope: Envelope,
+    /// Passages of the declared bearings in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bearing_lines: Vec<bearing_lines::BearingLine>,
     /// Orders that the pair does not explain.
     pub unexplained: Unexplained,
     /// Order map, for the picture.
@@ -148,7 +152,11 @@ pub fn record(record: &Record, choice: Choice) -> Result<Outcome> {
     let channels = chosen(choice.channel, acquisition.channels.len(), "channel", record)?;
     let runs = chosen(choice.run, record.runs.len(), "run", record)?;
     let mut notes = notes_of(&tach, acquisition.unit.as_deref());
-    let runs = run_outcomes(record, &runs, &channels, teeth, &tach, &mut notes)?;
+    let passages = bearing_lines::passages(record, f64::from(teeth[0]) / f64::from(teeth[1]))?;
+    let mut runs = run_outcomes(record, &runs, &channels, teeth, &tach, &mut notes)?;
+    for channel in runs.iter_mut().flat_map(|run| &mut run.channels) {
+        channel.bearing_lines = bearing_lines::read(&channel.envelope, &passages);
+    }
     Ok(Outcome {
         schema: 1,
         title: record.declaration.title().to_owned(),
@@ -353,6 +361,7 @@ fn channel(
         unexplained: found,
         order_spectrum,
         envelope,
+        bearing_lines: Vec::new(),
     }
 }
 

@@ -126,8 +126,8 @@ impl Random {
         forward.process(&mut squared, &mut bins).expect("buffers have the planned lengths");
         let inverse = planner.plan_fft_inverse(wanted);
         let mut low = inverse.make_input_vec();
-        // Half of the grid's own Nyquist order passes, nothing above it.
-        let pass = low.len() / 4;
+        // Three quarters of the grid's own Nyquist order pass, nothing above: the resampling has room between.
+        let pass = 3 * low.len() / 8;
         low[..pass].copy_from_slice(&bins[..pass]);
         low[0].im = 0.0;
         let mut out = inverse.make_output_vec();

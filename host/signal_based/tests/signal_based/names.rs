@@ -151,7 +151,8 @@ fn golden_lines_of_neither_shaft_are_an_order_and_no_bearing() {
 
 #[test]
 fn golden_a_rig_without_gears_has_no_words_of_gears() {
-    for text in ["pinion-imbalance or coupling-misalignment", "2 mesh - 1 pinion", "one bearing on the pinion's shaft"] {
+    for text in ["pinion-imbalance or coupling-misalignment", "2 mesh - 1 pinion", "one bearing on the pinion's shaft"]
+    {
         let own = without_gears(text);
         assert!(!["pinion", "mesh", "gear"].iter().any(|word| own.contains(word)), "{own}");
     }
