@@ -37,6 +37,9 @@ pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
     for picture in strongest.iter().take(DRAWN[0]) {
         page = drawn(page, picture, outcome, about)?;
     }
+    for own in &outcome.impacts {
+        page = envelope(page, own)?;
+    }
     page = errors(page, outcome);
     page = page.appendix("All figures");
     for picture in strongest.iter().take(DRAWN[1]).skip(DRAWN[0]) {
@@ -82,9 +85,6 @@ fn details(mut page: Report, outcome: &Outcome) -> Report {
         .text(&format!("Split: {}. {}.", outcome.split.kind, outcome.error.metric));
     page = table(page, "", view::errors(outcome));
     page = table(page, "Held-out turns, channel by channel.", view::channels(outcome));
-    for own in &outcome.impacts {
-        page = envelope(page, own)?;
-    }
     page = page.section("Families found");
     for effect in &outcome.effects {
         page = family(page, effect);

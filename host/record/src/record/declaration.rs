@@ -4,6 +4,7 @@
 //! through reading and writing unchanged. The machine is read from those others on demand, because an
 //! imported record may know no more of its machine than the tooth counts.
 
+use super::beside::BesideDeclaration;
 use crate::confined::check_name;
 use crate::machine::bearing::Bearing;
 use crate::machine::{Machine, check_lists};
@@ -150,6 +151,9 @@ pub struct RunDeclaration {
     /// Torque at the pinion's shaft, N m, where known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input_torque_n_m: Option<f64>,
+    /// What was recorded beside the channels.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<BesideDeclaration>,
     /// Unknown keys, kept.
     #[serde(flatten)]
     pub other: Table,
@@ -169,6 +173,7 @@ impl RunDeclaration {
             tach: with_tach.then(|| format!("run{index:02}.tach.csv")),
             first_pulse_index: 0,
             input_torque_n_m,
+            beside: Vec::new(),
             other: Table::new(),
         }
     }
@@ -407,6 +412,13 @@ impl Declaration {
             for (key, name) in [("signal", Some(&run.signal)), ("tach", run.tach.as_ref())] {
                 let place = format!("{} [[run]] {i} {key}", self.place);
                 name.map_or(Ok(()), |name| check_name(&place, name.as_ref()))?;
+            }
+            for (k, beside) in run.beside.iter().enumerate() {
+                let place = format!("{} [[run]] {i} beside {k}", self.place);
+                check_name(&place, beside.file.as_ref())?;
+                if let Some(rate) = beside.sample_rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
+                    return Err(Error::invalid(place, format!("{rate} Hz is not a positive rate")));
+                }
             }
             if let (Some(tach), true) = (&self.tach, run.tach.is_some())
                 && run.first_pulse_index >= tach.pulses_per_rev

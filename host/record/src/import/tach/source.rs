@@ -8,7 +8,7 @@ use super::TachOptions;
 use super::edge_times::{self, Column};
 use super::edges::{self, Levels};
 use crate::import::grouped::{Group, short};
-use crate::import::{Reading, read_as};
+use crate::import::{Reading, Signal, read_as};
 use crate::record::read_edges;
 use crate::{Error, Result, text};
 use std::path::Path;
@@ -49,6 +49,7 @@ pub(super) fn take(options: &TachOptions, runs: &mut [Group], rate_hz: f64, read
         let source = &options.sources[if count == 1 { 0 } else { i }];
         found.push(match channel(run, source)? {
             Some(index) => of_channel(options, run, index, rate_hz)?,
+            None if let Some(signal) = run.take_apart(source) => of_apart(options, run, &signal, rate_hz)?,
             None if !Path::new(source).exists() => return Err(unknown(run, source)),
             None if several && count == 1 => {
                 let what = format!(
@@ -122,6 +123,36 @@ fn of_channel(options: &TachOptions, run: &mut Group, index: usize, rate_hz: f64
     })
 }
 
+/// A signal of its own rate beside the channels, or edge times that are stored beside them.
+fn of_apart(options: &TachOptions, run: &Group, signal: &Signal, rate_hz: f64) -> Result<Found> {
+    let source = format!("signal {}", text::quoted(&signal.name));
+    let values = &signal.values;
+    let length_s = run.channels[0].len() as f64 / rate_hz;
+    let offset = signal.start_s.unwrap_or(0.0) - run.start_s.unwrap_or(0.0);
+    let times = Column { name: signal.name.clone(), values: values.clone() };
+    if times.ascends() {
+        return of_times(options, &times, &run.label, &source, length_s, rate_hz);
+    }
+    let Some(own_rate_hz) = signal.rate_hz else {
+        let what = format!(
+            "{source} has {} values, the channels {}, states no rate, and its values are no edge times of {length_s} s",
+            values.len(),
+            run.channels[0].len()
+        );
+        return Err(Error::invalid("--tach", what));
+    };
+    let found =
+        edges::edges(&run.label, &signal.name, values, own_rate_hz, options.falling == Some(true), options.threshold)?;
+    let edges_s = found.times_s.iter().map(|time| time + offset).collect();
+    Ok(Found {
+        source: format!("{source} at {own_rate_hz} Hz"),
+        levels: Some(found.levels),
+        edges_s,
+        sampled_at_hz: Some(own_rate_hz),
+        resolution_s: found.sampling_s,
+    })
+}
+
 fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, reading: &Reading) -> Result<Found> {
     let source = short(path);
     let length_s = run.channels[0].len() as f64 / rate_hz;
@@ -142,7 +173,7 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
     if let Some(column) = edge_times::of_text(path)?.filter(Column::ascends) {
         return of_times(options, &column, &path.display().to_string(), &source, length_s, rate_hz);
     }
-    let columns = read_as(path, reading).or_else(|_| read_as(path, &Reading { no_time: true, ..*reading }))?;
+    let columns = read_as(path, reading).or_else(|_| read_as(path, &Reading { no_time: true, ..reading.clone() }))?;
     let [signal] = columns.channels.as_slice() else {
         let what = format!("holds {} channels; a file for --tach holds the tach alone", columns.channels.len());
         return Err(Error::invalid(path.display(), what));
