@@ -7,9 +7,10 @@ use meshband::events::Event;
 use meshband::health::Health;
 use meshband::levels::Departure;
 use meshband::message::{
-    AlarmState, Bound, ChannelValues, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics,
+    Bound, ChannelValues, Indicators, Message, Peaks, Quality, SelfTest, Snapshot, Spectrum, Statistics,
     Status,
 };
+use meshband::watch::reason;
 use meshband::waveform::CapturePhase;
 use std::collections::VecDeque;
 
@@ -157,7 +158,7 @@ fn status_lines(s: &Status) -> String {
         s.granted_hz,
         s.adc_hz,
         s.stages,
-        alarm_line(&s.alarms),
+        alarm_line(s),
         capture_text(s.capture).map_or(String::new(), |text| format!("{text}\n"))
     )
 }
@@ -245,8 +246,26 @@ pub fn capture_text(phase: CapturePhase) -> Option<&'static str> {
     }
 }
 
+/// Why a sensor is not in order, in words; what was, where nothing is wrong any more.
+pub fn sensor_text(reasons: u16) -> String {
+    let words = [
+        (reason::CLIPPED, "clipped"),
+        (reason::STILL, "does not move"),
+        (reason::SECOND_CLIPPED, "second sensor clipped"),
+        (reason::SECOND_STILL, "second sensor does not move"),
+        (reason::BIAS, "bias out of its band"),
+        (reason::MEAN, "mean out of its band"),
+        (reason::FLOOR, "too quiet for a shaft that turns"),
+        (reason::FAR_BELOW, "far below what is expected"),
+        (reason::BLIND, "nothing to judge limits by"),
+    ];
+    let of: Vec<&str> = words.into_iter().filter(|(bit, _)| reasons & bit != 0).map(|(_, word)| word).collect();
+    if of.is_empty() { "latched".to_owned() } else { of.join(", ") }
+}
+
 /// Alarms by their number in the configuration.
-fn alarm_line(alarms: &AlarmState) -> String {
+fn alarm_line(status: &Status) -> String {
+    let (alarms, sensor) = (&status.alarms, status.sensor);
     let numbers = |bits: u8| {
         let of: Vec<String> = (0..8).filter(|n| bits >> n & 1 != 0).map(|n| n.to_string()).collect();
         of.join(", ")
@@ -258,8 +277,12 @@ fn alarm_line(alarms: &AlarmState) -> String {
     if alarms.standing & !alarms.raised != 0 {
         parts.push(format!("latched: {}", numbers(alarms.standing & !alarms.raised)));
     }
-    if alarms.signal_bad {
-        parts.push("the signal itself".to_owned());
+    let alerts = alarms.standing & status.alerts;
+    if alerts != 0 {
+        parts.push(format!("of these alerts only: {}", numbers(alerts)));
+    }
+    if sensor.standing {
+        parts.push(format!("sensor not in order: {}", sensor_text(sensor.reasons)));
     }
     if parts.is_empty() { String::new() } else { format!("ALARM ({})\n", parts.join("; ")) }
 }
