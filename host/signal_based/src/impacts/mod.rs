@@ -22,7 +22,7 @@ use readings::Reading;
 use thresholds::{ADOPTED, BASES, FEWEST_TURNS, HELD_OUT, HIGHEST_ORDER, MOST, SLIP, STANDS_AGAIN};
 
 /// Multiples of a comb's base that another base, or twice it, may be with sidebands.
-const RELATED: (u32, u32, i32) = (8, 2, 4);
+const RELATED: (u32, u32, i32) = (16, 2, 4);
 /// Bins within which two orders are one.
 const SAME_BINS: f64 = 2.0;
 

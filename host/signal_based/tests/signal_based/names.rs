@@ -176,7 +176,6 @@ fn fault_a_ghost_at_a_whole_order_of_both_shafts_is_neither_shafts_alone() {
 fn theory_an_order_of_a_run_up_that_stands_again_by_itself_is_not_vetoed_and_one_that_does_not_is() {
     let mut own = family(Kind::Passage, 2.389, &[(2.389, 2.0), (4.778, 2.0)]);
     own.candidate.locked = false;
-    own.candidate.domain = Domain::Orders;
     let worth = Worth { ln_bayes: -30.0, runs_up: true, ..Worth::default() };
     assert!(!holds(&own, &worth));
     assert!(holds(&own, &Worth { stands_again: true, ..worth }));
