@@ -6,12 +6,12 @@
 
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Sampled;
+use crate::dynamics::simulate::angle_turns;
 use crate::dynamics::simulate::run_seed;
 use crate::machine::Hunting;
 use crate::machine::{Pair, Shafts};
-use crate::model::integrated::{self, Integrated, Point, smooth};
-use crate::dynamics::simulate::angle_turns;
 use crate::model::harmonic_balance::Machine;
+use crate::model::integrated::{self, Integrated, Point, smooth};
 use crate::observation::input::{Record, Run};
 use crate::stiffness::pair_curve::PairCurve;
 use crate::{Result, effects};

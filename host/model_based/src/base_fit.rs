@@ -11,8 +11,8 @@ use crate::model::harmonic_balance::{Balanced, Machine, Solution};
 use crate::model::integrated::smooth;
 use crate::observation::angle::Angle;
 use crate::observation::input::Record;
-use crate::piecewise::PiecewisePolynomial;
 use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE};
+use crate::piecewise::PiecewisePolynomial;
 use crate::spectral::noise_power;
 use nalgebra::{DMatrix, SymmetricEigen};
 use rayon::prelude::*;
@@ -156,7 +156,12 @@ impl Base {
         let smooth = Arc::new(smooth(&record.curve));
         let signals = Vec::new();
         let discrepancy = MODEL_SLACK;
+<<<<<<< ours
         let mut base = Self { analyser, machine, smooth, discrepancy, runs, signals, pulses_per_rev, change, nuisances, priors };
+=======
+        let mut base =
+            Self { analyser, machine, smooth, discrepancy, runs, signals, pulses_per_rev, change, nuisances, priors };
+>>>>>>> theirs
         base.linearise(&balanced);
         base
     }

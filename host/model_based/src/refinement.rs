@@ -131,7 +131,9 @@ impl Fit<'_> {
     fn objective(&self, state: &State, predicted: &[[Bins; 2]]) -> f64 {
         let data = Data { residual: left(self.base, predicted), weight: self.weight.clone() };
         let mut own = self.base.columns().split_off(TOLERANCES.len());
-        own.extend(self.linear.iter().flat_map(|t| &t.templates).map(|template| Column { template, prior: (0.0, 0.0) }));
+        own.extend(
+            self.linear.iter().flat_map(|t| &t.templates).map(|template| Column { template, prior: (0.0, 0.0) }),
+        );
         let prior = |((_, sigma), (done, d)): (&(&str, f64), (&f64, &f64))| ((done + d) / sigma).powi(2);
         let moved = TOLERANCES.iter().zip(self.base.change.iter().zip(&state.delta)).map(prior).sum::<f64>();
         chi_square(&data, self.seen) - solve(&normal(&data, self.seen, &own)).gain + moved
@@ -169,8 +171,7 @@ impl Fit<'_> {
     /// The step of Gauss and Newton from `state`, with that of the declared parameters first.
     fn step(&self, state: &State, predicted: &[[Bins; 2]], slopes: &[Vec<Template>]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let mut data = Data { residual: left(self.base, predicted), weight: self.weight.clone() };
-        let columns: Vec<Column<'_>> =
-            self.base.columns().into_iter().take(TOLERANCES.len()).collect();
+        let columns: Vec<Column<'_>> = self.base.columns().into_iter().take(TOLERANCES.len()).collect();
         let back: Vec<f64> = state.delta.iter().map(|d| -d).collect();
         subtract(&mut data, &columns, &back);
         let own = state.moving.iter().zip(slopes);
@@ -183,7 +184,12 @@ impl Fit<'_> {
     }
 
     /// The best of ever shorter steps, with its prediction and objective.
-    fn descend(&self, state: &State, step: &(Vec<f64>, Vec<Vec<f64>>), now: f64) -> Option<(State, Vec<[Bins; 2]>, f64)> {
+    fn descend(
+        &self,
+        state: &State,
+        step: &(Vec<f64>, Vec<Vec<f64>>),
+        now: f64,
+    ) -> Option<(State, Vec<[Bins; 2]>, f64)> {
         let mut part = 1.0;
         for _ in 0..MOST_HALVINGS {
             let delta: Vec<f64> = state.delta.iter().zip(&step.0).map(|(d, s)| d + part * s).collect();
@@ -314,12 +320,16 @@ pub fn refine(base: &mut Base, data: &Data, seen: &[usize], terms: &mut [Candida
 
 /// The objective that the terms come to next to the machine, refined as [`refine`] does but with these weights; `None` where the simulator
 /// does not take them together.
+<<<<<<< ours
 pub fn objective(
     base: &Base,
     data: &Data,
     seen: &[usize],
     terms: &[Candidate],
 ) -> Option<f64> {
+=======
+pub fn objective(base: &Base, data: &Data, seen: &[usize], terms: &[Candidate]) -> Option<f64> {
+>>>>>>> theirs
     let Started { mut fit, state, .. } = Started::of(base, data, seen, terms);
     fit.weight.clone_from(&data.weight);
     let predicted = fit.simulated(&state, seen)?;

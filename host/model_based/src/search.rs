@@ -109,13 +109,7 @@ struct Round<'r> {
 
 impl Round<'_> {
     /// Adopts the best of all candidates, if one passes the gate; `turns`: starts of the runs, once an effect has told them.
-    fn propose(
-        &self,
-        bench: &Bench<'_>,
-        found: &mut Found,
-        turns: &mut Option<Vec<u32>>,
-        memory: &mut Memory,
-    ) -> bool {
+    fn propose(&self, bench: &Bench<'_>, found: &mut Found, turns: &mut Option<Vec<u32>>, memory: &mut Memory) -> bool {
         let Found { accepted, pool, strongest, data } = found;
         let base = bench.base;
         let judged = self.judged(bench, data, accepted, turns.as_deref(), memory);

@@ -4,11 +4,12 @@
 //! is left out, as nothing of it reaches the channels. The stiffness table is taken as few smooth pieces ([`smooth`]): a pair that an effect carries along its path meets a dozen breaks of them, not one per row. Decimation is the
 //! acquisition's ([`crate::dynamics::decimate`]), the measuring chain's effects follow in their order. Where all effects repeat with the mesh or
 //! with the turn of one gear, one period is integrated and the record read from it ([`super::recurring`]).
-//! Cost: see `docs/loop.md`. Limits: constant nominal speed, no loss of contact.
+//! Limits: constant nominal speed, no loss of contact.
 
 use super::harmonic_balance::Machine;
 use super::poles::Poles;
 use super::recurring;
+use crate::Result;
 use crate::dynamics::assembly::{Coordinate, System};
 use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 use crate::dynamics::kinematics::Motion;
@@ -17,7 +18,6 @@ use crate::dynamics::simulate::angle_turns;
 use crate::piecewise::PiecewisePolynomial;
 use crate::stiffness::pair_curve::PairCurve;
 use crate::stiffness::{TABLE_TOLERANCE, Table};
-use crate::Result;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 

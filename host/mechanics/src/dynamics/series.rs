@@ -167,8 +167,7 @@ impl Series {
             (s.degree, c.degree) = (n, n);
             // Every further power is a sum of as many before it as the angle has.
             let before = n.saturating_sub(self.degree)..=n;
-            if n > self.degree
-                && before.clone().all(|i| s.coefficients[i].abs() + c.coefficients[i].abs() < NEGLIGIBLE)
+            if n > self.degree && before.clone().all(|i| s.coefficients[i].abs() + c.coefficients[i].abs() < NEGLIGIBLE)
             {
                 break;
             }

@@ -5,11 +5,11 @@
 
 use super::Responses;
 use crate::candidate::{Candidate, Claim, Parameter, Template};
-use crate::waveform::at_straight_line;
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::Seat;
 use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::observation::spectrum::Sparse;
+use crate::waveform::at_straight_line;
 use rayon::prelude::*;
 
 /// Change of the stiffness, as a share, for a derivative.
@@ -44,8 +44,7 @@ pub fn candidate(bench: &Responses<'_>) -> Candidate {
                 .collect();
             let analyser = &base.analyser;
             at_straight_line(analyser, run, &slope).map(|signal| {
-                let later: Vec<f64> =
-                    signal.iter().enumerate().map(|(i, x)| x * i as f64 / analyser.rate_hz).collect();
+                let later: Vec<f64> = signal.iter().enumerate().map(|(i, x)| x * i as f64 / analyser.rate_hz).collect();
                 Sparse::of(&analyser.bins_of(&later))
             })
         })

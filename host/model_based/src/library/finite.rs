@@ -10,8 +10,8 @@ use super::Bench;
 use crate::base_fit::TOLERANCES;
 use crate::candidate::{Candidate, Template};
 use crate::least_squares::Data;
-use crate::simulation::{Played, simulated};
 use crate::observation::spectrum::{Bins, Sparse};
+use crate::simulation::{Played, simulated};
 use rustfft::num_complex::Complex64 as C;
 use std::sync::OnceLock;
 

@@ -4,12 +4,12 @@
 //! of which those below the first have float samples and exact edges. Cost: a loop per rung.
 
 use super::{floor, score};
-use crate::drawn;
 use crate::Result;
-use crate::generate::{self, Scenario};
 use crate::closed_loop::{Options, close_loop};
+use crate::drawn;
 use crate::effects;
 use crate::effects::hypothesis::{Draw, Hidden};
+use crate::generate::{self, Scenario};
 use crate::terminal::{self, Progress};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
