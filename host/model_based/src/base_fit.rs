@@ -156,12 +156,8 @@ impl Base {
         let smooth = Arc::new(smooth(&record.curve));
         let signals = Vec::new();
         let discrepancy = MODEL_SLACK;
-<<<<<<< ours
-        let mut base = Self { analyser, machine, smooth, discrepancy, runs, signals, pulses_per_rev, change, nuisances, priors };
-=======
         let mut base =
             Self { analyser, machine, smooth, discrepancy, runs, signals, pulses_per_rev, change, nuisances, priors };
->>>>>>> theirs
         base.linearise(&balanced);
         base
     }

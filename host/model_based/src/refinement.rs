@@ -320,16 +320,7 @@ pub fn refine(base: &mut Base, data: &Data, seen: &[usize], terms: &mut [Candida
 
 /// The objective that the terms come to next to the machine, refined as [`refine`] does but with these weights; `None` where the simulator
 /// does not take them together.
-<<<<<<< ours
-pub fn objective(
-    base: &Base,
-    data: &Data,
-    seen: &[usize],
-    terms: &[Candidate],
-) -> Option<f64> {
-=======
 pub fn objective(base: &Base, data: &Data, seen: &[usize], terms: &[Candidate]) -> Option<f64> {
->>>>>>> theirs
     let Started { mut fit, state, .. } = Started::of(base, data, seen, terms);
     fit.weight.clone_from(&data.weight);
     let predicted = fit.simulated(&state, seen)?;

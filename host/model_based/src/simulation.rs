@@ -110,12 +110,8 @@ pub fn signals(base: &Base, delta: &[f64], terms: &[Played<'_>], runs: &[usize])
     let integrated = Integrated::new(&machine, base.stiffness(delta));
     let analyser = &base.analyser;
     let of = |(scene, &run): (&Scene, &usize)| {
-<<<<<<< ours
-        let signals = integrated.run(&Run { effects: &scene.effects, at: scene.at }, analyser.samples, analyser.rate_hz);
-=======
         let signals =
             integrated.run(&Run { effects: &scene.effects, at: scene.at }, analyser.samples, analyser.rate_hz);
->>>>>>> theirs
         signals.ok().map(|signals| (run, signals))
     };
     let done = scenes.par_iter().zip(runs).map(of).collect::<Option<Vec<_>>>()?;

@@ -31,4 +31,5 @@ mod reference;
 mod second_sensor;
 mod served;
 mod tdms_forms;
+mod train;
 mod update;

@@ -329,7 +329,7 @@ impl Stage {
             let what = format!("{} is no shaft before this stage (0 to {index})", self.driven_from(index));
             return refuse("from", what);
         }
-        let teeth = |key: &str, counts: &[u32]| match counts.iter().find(|z| !TEETH.contains(z)) {
+        let teeth = |key: &str, counts: &[u32]| match counts.iter().find(|z| !TEETH.contains(*z)) {
             Some(z) => refuse(key, format!("{z} is no tooth count (5 to 1000)")),
             None => Ok(()),
         };
@@ -364,7 +364,7 @@ impl Stage {
             }
             Self::Belt { pulleys_mm, slip, length_mm, .. } => {
                 let lengths = pulleys_mm.iter().chain(length_mm);
-                if let Some(mm) = lengths.into_iter().find(|mm| !BELTS_MM.contains(mm)) {
+                if let Some(mm) = lengths.into_iter().find(|mm| !BELTS_MM.contains(*mm)) {
                     return refuse("pulleys_mm, length_mm", format!("{mm} mm is not within 1 to 100000"));
                 }
                 if !SLIPS.contains(slip) {

@@ -12,7 +12,6 @@
 
 use super::kinematics::{Gear, Mesh, Role, Train};
 use super::lines;
-use super::phasing;
 
 /// Sidebands of the rate in nested shapes of a modulation.
 pub const MODULATIONS: [usize; 3] = [1, 2, 4];
@@ -20,6 +19,8 @@ pub const MODULATIONS: [usize; 3] = [1, 2, 4];
 const LOCAL: usize = 16;
 /// The same of a planetary set, whose carrier multiplies them.
 const LOCAL_OF_SET: usize = 8;
+/// Carrier orders beyond a sound set's in which one tooth of the ring is looked for.
+const FAR_OUT: i64 = 30;
 /// Carrier orders on each side of these.
 const CARRIER: i64 = 2;
 /// Low orders of a shaft.
@@ -136,10 +137,27 @@ fn local(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Vec<Family> 
         return Vec::new();
     }
     match gear.role {
-        Role::Ring => vec![family(f64::from(gear.contacts) * rate)],
+        Role::Ring => vec![of_ring(mesh, index, rate, highest)],
         _ if gear.contacts > 1 => vec![family(rate), family(f64::from(gear.contacts) * rate)],
         _ => vec![family(rate)],
     }
+}
+
+/// One tooth of the ring: carrier orders about the mesh, farther out than a sound set's planets pass.
+fn of_ring(mesh: &Mesh, index: usize, rate: f64, highest: f64) -> Family {
+    let (own, stage) = (mesh.order.value(), mesh.stage + 1);
+    let sound = mesh.carrier.as_ref().map_or(0, lines::passes);
+    let last = (sound + FAR_OUT).min((0.5 * own / rate) as i64);
+    let mut lines = Vec::new();
+    for k in 1..=(highest / own) as usize {
+        for n in (-last..=last).filter(|n| n.abs() > sound) {
+            let (spacing, sign) = (n as f64 * rate, if n < 0 { '-' } else { '+' });
+            let label = format!("{k} mesh {stage} {sign} {} ring", n.abs());
+            lines.push(FaultLine { order: k as f64 * own + spacing, spacing, label });
+        }
+    }
+    lines.retain(|line| line.order > 0.0 && line.order <= highest);
+    Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines }
 }
 
 /// `k fm +- n rate`, of a turning carrier `+- m fc` as well, but for what a sound mesh has.
@@ -171,7 +189,7 @@ fn beside(mesh: &Mesh, rate: f64, most: usize, highest: f64, gear: &Gear) -> Vec
     lines
 }
 
-/// Whether a sound mesh has this order, planets passing as far as they are owned.
+/// Whether an order is a sound mesh's: its harmonics, and every carrier order as far as planets passing are owned, those too that only unequal load shares show.
 fn is_sound(mesh: &Mesh, order: f64) -> bool {
     let own = mesh.order.value();
     let k = (order / own).round().max(1.0);
@@ -181,17 +199,26 @@ fn is_sound(mesh: &Mesh, order: f64) -> bool {
     let pass = carrier.speed.magnitude().value();
     let n = (order - k * own) / pass;
     let is_whole = (n - n.round()).abs() < 1e-6;
-    is_whole && n.round().abs() as i64 <= lines::passes(carrier) && {
-        let way = carrier.speed.sign() * carrier.against_ring.sign();
-        n.round() == 0.0 || phasing::stands(carrier, k as i64, way * n.round() as i64)
-    }
+    is_whole && n.round().abs() as i64 <= lines::passes(carrier)
 }
 
 fn of_shaft(train: &Train, shaft: usize, most: usize) -> Family {
     let own = train.shaft_order(shaft).value();
     let lowest_mesh = train.meshes.iter().map(|mesh| mesh.order.value()).fold(f64::INFINITY, f64::min);
-    let orders =
-        (1..=most).map(|n| (n, n as f64 * own)).filter(|(_, order)| *order < LOW * lowest_mesh.max(own / LOW + own));
+    // Planets pass at multiples of their number.
+    let of_it = |mesh: &&Mesh| {
+        mesh.carrier.as_ref().is_some_and(|c| c.speed.sign() != 0 && c.speed.magnitude() == train.shaft_order(shaft))
+    };
+    let planets: Vec<usize> = train
+        .meshes
+        .iter()
+        .filter(of_it)
+        .filter_map(|mesh| mesh.carrier.as_ref().map(|carrier| carrier.planets as usize))
+        .collect();
+    let orders = (1..=most)
+        .filter(|n| planets.iter().all(|planets| !n.is_multiple_of(*planets)))
+        .map(|n| (n, n as f64 * own))
+        .filter(|(_, order)| *order < LOW * lowest_mesh.max(own / LOW + own));
     let lines =
         orders.map(|(n, order)| FaultLine { order, spacing: order, label: format!("{n} shaft {shaft}") }).collect();
     Family { what: What::Shaft, seat: Seat::Shaft(shaft), base: own, lines }

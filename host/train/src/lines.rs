@@ -81,7 +81,7 @@ fn of_mesh(train: &Train, mesh: &Mesh, lines: &mut Vec<Line>) -> Result<()> {
 /// Orders beyond 128 bits.
 pub fn hunting(train: &Train, mesh: &Mesh) -> Result<Vec<(u32, Fraction, String)>> {
     let gears: Vec<_> = mesh.gears.iter().map(|g| &train.gears[*g]).collect();
-    let pair = |w: &[&super::kinematics::Gear]| {
+    let pair = |w: &[&super::kinematics::Gear]| -> Result<(u32, Fraction, String)> {
         let turns = w[1].teeth / common(w[0].teeth, w[1].teeth);
         let order = w[0].rate.magnitude().over(Fraction::whole(turns.into()))?;
         Ok((turns, order, format!("{} and {}", w[0].role.word(), w[1].words())))

@@ -97,7 +97,7 @@ pub fn explain(train: &Train, turns: f64) -> Result<Explained> {
         value: train.shaft_order(shaft).value(),
         exact: train.exact[shaft],
     });
-    let gear = |gear: &super::kinematics::Gear| {
+    let gear = |gear: &super::kinematics::Gear| -> Result<GearRow> {
         let rate = gear.rate.magnitude();
         Ok(GearRow {
             gear: gear.words(),

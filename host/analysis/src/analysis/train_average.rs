@@ -165,7 +165,7 @@ mod tests {
         let samples: Vec<f64> = (0..per_turn * turns)
             .map(|i| {
                 let turn = f64::from(i) / f64::from(per_turn);
-                let mesh = |p: f64| near(turn, p) * (TAU * (95.0 * carrier * turn + 95.0 * p / 3.0)).cos();
+                let mesh = |p: f64| near(turn, p) * (TAU * (95.0 * carrier * turn - 95.0 * p / 3.0)).cos();
                 let knock = if (turn * rate).rem_euclid(1.0) < 0.01 { 3.0 * near(turn, 1.0) } else { 0.0 };
                 (0..3).map(|p| mesh(f64::from(p))).sum::<f64>() + knock
             })

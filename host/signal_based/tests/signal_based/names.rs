@@ -15,6 +15,7 @@ fn scene() -> Scene {
         unit: "m/s2".into(),
         teeth: [20, 50],
         gear_order: 0.4,
+        gearing: None,
         channels: Vec::new(),
         searched: 0,
         runs: Vec::new(),

@@ -136,6 +136,8 @@ fn change(
 ) -> (f64, f64) {
     let own = &bench.train.gears[gear];
     let turned = own.rate.magnitude().value() * turn + drawn.place;
+    // A tooth of a standing ring is met where it stands, planet after planet as the carrier turns.
+    let place = if own.role == Role::Ring { -place } else { place };
     // Which contacts of the gear are this force's: a planet's are its own, sun and ring meet every planet where it is.
     let contacts: &[f64] = match own.role {
         Role::Planet if i > 0 => return (1.0, 0.0),
