@@ -198,7 +198,7 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
         0,
         counter.count(|| {
             let _ =
-                core::hint::black_box(gear_condition::of_average(average, TEETH as u16, |run| ensemble.add(run), work, split));
+                core::hint::black_box(gear_condition::of_average(average, TEETH as u16, &mut ensemble, work, split));
         }),
     );
     let mut rise = RiseTime::<256>::new(RiseTimeConfig { polarity: Polarity::Either, minimum_height: 1.0 }, 700.0);

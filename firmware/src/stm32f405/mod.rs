@@ -350,11 +350,7 @@ impl Link for Board {
 
 impl Housekeeping for Board {
     fn health(&mut self) -> BoardHealth {
-        BoardHealth {
-            supply_v: self.housekeeping.supply_v(),
-            temperature_c: self.housekeeping.temperature_c(),
-            sensor_bias_v: self.housekeeping.sensor_bias_v(),
-        }
+        BoardHealth { supply_v: self.housekeeping.supply_v(), temperature_c: self.housekeeping.temperature_c() }
     }
 
     fn next_second_pulse(&mut self) -> Option<u32> {

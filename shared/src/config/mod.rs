@@ -5,11 +5,9 @@
 mod capture;
 mod configuration;
 mod link;
-mod watch;
 pub mod schema;
 pub mod store;
 
 pub use capture::{CaptureConfig, CaptureRate};
 pub use configuration::*;
 pub use link::*;
-pub use watch::*;

@@ -90,8 +90,7 @@ impl<A: Arrays> Session<A> {
     pub fn begin(&mut self, identity: Identity) {
         self.node.begin();
         self.node.set_identity(identity);
-        let range = self.node.configuration().range;
-        self.test = SelfTestRun::at_start(self.node.clock(), self.node.check_mathematics()).with_range(range);
+        self.test = SelfTestRun::at_start(self.node.clock(), self.node.check_mathematics());
         self.node.set_self_test(self.test.result());
     }
 
@@ -245,8 +244,7 @@ impl<A: Arrays> Session<A> {
         }
         self.commit |= matches!(request, Request::CommitConfiguration);
         if matches!(request, Request::SelfTest) && !self.test.is_recent(self.node.clock()) {
-            let range = self.node.configuration().range;
-            self.test = SelfTestRun::again(self.node.check_mathematics()).with_range(range);
+            self.test = SelfTestRun::again(self.node.check_mathematics());
             self.node.set_self_test(self.test.result());
         }
         let reply = self.node.on_request(request);

@@ -1,6 +1,5 @@
 //! What the node computes (`meshband`), on the host: one program, so that its tests share two cores to the end.
 
-mod alarm_campaign;
 mod alarm_events;
 mod alarm_output;
 mod alias;
@@ -12,7 +11,6 @@ mod commissioning;
 mod commissioning_figures;
 mod compact;
 mod decimate;
-mod doubtful_tach;
 mod fault_campaign;
 mod frame;
 mod golden_stages;
@@ -32,11 +30,9 @@ mod node_products;
 mod node_trials;
 mod node_values;
 mod order_chain;
-mod order_products;
 mod order_tsa;
 mod rate_plan;
 mod refusals;
-mod rig;
 mod rise_time;
 mod safe_start;
 mod schema;
@@ -50,6 +46,5 @@ mod strongest_lines;
 mod tach;
 mod update;
 mod values_of_machines;
-mod watch_keeping;
 mod window;
 mod zoom;
