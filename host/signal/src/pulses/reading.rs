@@ -1,9 +1,10 @@
 //! The likeliest reading of a stretch of edges: which of them count, and how many periods lie between them.
 //!
-//! A chain goes from edge to edge. Going on to edge j over n periods costs the chance of n - 1 lost pulses, of the edges passed over as too many, and of
-//! the interval's departure from n periods (normal, with a broad part for a pulse out of its place). All chains are summed by
-//! the number of periods that they count in all, so the share of the sum that counts otherwise than the likeliest chain is
-//! the probability that the count is wrong (forward sum and Viterbi path over edge and count).
+//! A chain goes from edge to edge. Going on to edge j over n periods costs the chance of n - 1 lost pulses, of the
+//! edges passed over as too many, and of the interval's departure from n periods (normal, with a broad part for a
+//! pulse out of its place). All chains are summed by the number of periods that they count in all, so the share of
+//! the sum that counts otherwise than the likeliest chain is the probability that the count is wrong (forward sum
+//! and Viterbi path over edge and count).
 //!
 //! Cost: edges x 8 x 3 x 7 steps. Limit: pulses lost or too many come independently of each other.
 
