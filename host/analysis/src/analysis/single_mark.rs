@@ -10,7 +10,7 @@
 
 use realfft::RealFftPlanner;
 use rustfft::num_complex::Complex64 as C;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Fewest edges whose errors can be told.
 const FEWEST: usize = 32;
@@ -113,6 +113,7 @@ fn likeliest(powers: &[f64]) -> Option<Parts> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::TAU;
 
     /// Edges of a wandering speed about 18 turns/s.
     fn truth(count: usize) -> Vec<f64> {
