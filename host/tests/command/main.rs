@@ -27,6 +27,7 @@ mod monitor;
 #[cfg(unix)]
 mod outputs_cli;
 mod outputs_text;
+mod recording_judged;
 mod reference;
 mod second_sensor;
 mod served;

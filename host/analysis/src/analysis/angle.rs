@@ -5,9 +5,10 @@
 //! the averages of both. It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
 //! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked at up to 80 % of the Nyquist
 //! frequency at the *fastest* turn, where the record holds them throughout. Edges of several marks per turn are smoothed first
-//! ([`whole_turns`]). Limits: what the speed does within a turn, or within one pulse interval, is smoothed; jitter of a single mark goes into the angle as it is.
+//! ([`whole_turns`]), those of a single mark lose the errors that neighbours do not share ([`single_mark`]). Limits: what the speed does within a turn, or
+//! within one pulse interval, is smoothed.
 
-use super::whole_turns;
+use super::{single_mark, whole_turns};
 use crate::budget::ANGLES;
 use crate::check::edges::Repair;
 use crate::machine::Hunting;
@@ -106,7 +107,11 @@ impl Angle {
             return Err(Error::invalid(place, "tach edges are too irregular to repair; `meshband check` says more"));
         }
         let first = f64::from(run.declaration.first_pulse_index) / f64::from(tach.pulses_per_rev);
-        let edges_s = whole_turns::smoothed(&repair.edges_s, tach.pulses_per_rev);
+        let edges_s = if tach.pulses_per_rev == 1 && tach.source.as_deref() == Some("measured") {
+            single_mark::smoothed(&repair.edges_s)
+        } else {
+            whole_turns::smoothed(&repair.edges_s, tach.pulses_per_rev)
+        };
         let (edges_s, per_rev) = finer(edges_s, tach.pulses_per_rev);
         let of_shaft = AngleMap::new(&edges_s, per_rev, first)
             .ok_or_else(|| Error::invalid(place, "fewer than two tach edges"))?;

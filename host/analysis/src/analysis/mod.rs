@@ -18,6 +18,7 @@ pub mod order_spectrum;
 pub mod report;
 pub mod search;
 pub mod sidebands;
+pub mod single_mark;
 pub mod skirts;
 pub mod train;
 pub mod train_average;
@@ -26,6 +27,7 @@ pub mod unexplained;
 pub mod view;
 pub mod whole_turns;
 
+use crate::data_quality;
 use crate::machine::Hunting;
 use crate::record::{Record, Run, Tach};
 use crate::{Error, Result};
@@ -197,7 +199,9 @@ fn run_outcomes(
             ensembles.iter_mut().for_each(|e| *e = [RunEnsemble::default(); 2]);
         }
         let names = &record.declaration.acquisition.channels;
-        outcomes.push(analysed(run, index, &angle, teeth, channels, names, &mut ensembles));
+        let mut outcome = analysed(run, index, &angle, teeth, channels, names, &mut ensembles);
+        outcome.notes.extend(data_quality::first_lines(&data_quality::of_run(record, run)));
+        outcomes.push(outcome);
     }
     match (outcomes.is_empty(), refused) {
         (true, Some(error)) => Err(error),

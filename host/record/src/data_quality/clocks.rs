@@ -1,8 +1,9 @@
 //! Channels against each other: two clocks in one run.
 //!
-//! What two channels share has in every frame and at every frequency the phase of its paths, which stays; a clock that is faster by a share d
-//! turns it by 2 pi f d t. The share is the one that makes the cross-spectra of all frames agree best, each line with a phase of its own.
-//! The speed may wander. Limit: channels that share nothing say nothing. Cost: a transform per frame and channel.
+//! What two channels share has in every frame and at every frequency the phase of its paths, which stays; a clock
+//! that is faster by a share d turns it by 2 pi f d t. The share is the one that makes the cross-spectra of all
+//! frames agree best, each line with a phase of its own. The speed may wander. Limit: channels that share nothing
+//! say nothing. Cost: a transform per frame and channel.
 
 use super::thresholds::{
     CLOCK_BETTER, CLOCK_COHERENCE, COMPARED_LINES, FARTHEST_CLOCK, FRAME_S, LEAST_DRIFT, LEAST_FRAMES,
@@ -15,9 +16,9 @@ use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
 /// Steps per cycle of drift of the highest line.
-const STEPS: f64 = 8.0;
+const STEPS: f64 = 4.0;
 /// Most frames: longer runs have longer ones.
-const MOST_FRAMES: usize = 400;
+const MOST_FRAMES: usize = 200;
 
 /// Spectra of one channel, frame by frame.
 struct Frames {
@@ -35,7 +36,8 @@ pub fn remarks(names: &[String], channels: &[Vec<f64>], rate_hz: f64) -> Vec<Rem
     let one = |(c, channel): (usize, &Vec<f64>)| {
         let share = clock(&reference, &Frames::of(channel, rate_hz)?)?;
         let text = format!(
-            "channel {} ({}) runs {:+.1} ppm against channel 1 ({}): two clocks, so pulses and angle of one do not hold for the other; import each with its own tach",
+            "channel {} ({}) runs {:+.1} ppm against channel 1 ({}): two clocks, so pulses and angle of one do not \
+              hold for the other; import each with its own tach",
             c + 2,
             text::name(&names[c + 1]),
             1e6 * share,
@@ -101,9 +103,7 @@ fn clock(a: &Frames, b: &Frames) -> Option<f64> {
     let length_s = frames as f64 * a.hop_s;
     let step = 1.0 / (STEPS * highest_hz * length_s);
     let count = (FARTHEST_CLOCK / step).ceil() as i64;
-    let (at, best) = (-count..=count)
-        .map(|i| (i, coherence(i as f64 * step)))
-        .max_by(|x, y| x.1.total_cmp(&y.1))?;
+    let (at, best) = (-count..=count).map(|i| (i, coherence(i as f64 * step))).max_by(|x, y| x.1.total_cmp(&y.1))?;
     let (before, behind) = (coherence((at - 1) as f64 * step), coherence((at + 1) as f64 * step));
     let curve = before - 2.0 * best + behind;
     let fine = if curve < 0.0 { (0.5 * (before - behind) / curve).clamp(-0.5, 0.5) } else { 0.0 };

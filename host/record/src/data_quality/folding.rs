@@ -1,9 +1,10 @@
 //! Pulses of an encoder above half the sampling rate: what they would be if they were folded.
 //!
-//! A train of f pulses per second sampled at r looks like |f - k r|: clean edges of a small, steady speed, with the wander of the real one in it.
-//! The channels know better: for every k and either sign the speed of every frame follows, and with it where the mesh comb stands
-//! there. The fold that puts a comb where there is one, and where the pulses as they look put none, is named. Cost: spectra of half-second frames,
-//! then a few reads per fold and frame.
+//! A train of f pulses per second sampled at r looks like |f - k r|: clean edges of a small, steady speed, with the
+//! wander of the real one in it. The channels know better: for every k and either sign the speed of every frame
+//! follows, and with it where the mesh comb stands there. The fold that puts a comb where there is one, and where
+//! the pulses as they look put none, is named. Cost: spectra of half-second frames, then a few reads per fold and
+//! frame.
 
 use super::comb::{Combs, excess_db};
 use super::mesh::Pulsed;
@@ -44,7 +45,9 @@ impl Fold {
     /// For people.
     pub fn sentence(&self, marks: u32) -> String {
         format!(
-            "the pulses are folded: the mesh line puts the shaft at {:.3} turns/s, where {marks} marks make {:.0} pulses per second, more than half of the {:.0} Hz they were sampled at; sample them at {:.0} Hz or faster (three samples per pulse), or use fewer marks",
+            "the pulses are folded: the mesh line puts the shaft at {:.3} turns/s, where {marks} marks make {:.0} \
+             pulses per second, more than half of the {:.0} Hz they were sampled at; sample them at {:.0} Hz or \
+             faster (three samples per pulse), or use fewer marks",
             self.shaft_speed_hz,
             self.pulses_hz,
             self.sampled_at_hz,

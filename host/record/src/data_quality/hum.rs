@@ -39,7 +39,8 @@ pub fn remark(index: usize, name: &str, signal: &[f64], rate_hz: f64) -> Option<
     let (lines, share) = found.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let list = lines.iter().map(|(hz, _)| format!("{hz:.0}")).collect::<Vec<_>>().join(", ");
     let text = format!(
-        "channel {} ({}) has lines at {list} Hz, {:.1} % of its rms: mains, or a motor's field; a ground loop where they come with the cable",
+        "channel {} ({}) has lines at {list} Hz, {:.1} % of its rms: mains, or a motor's field; a ground loop where \
+          they come with the cable",
         index + 1,
         text::name(name),
         100.0 * share

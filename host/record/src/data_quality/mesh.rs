@@ -1,16 +1,19 @@
 //! The mesh line against the pulses: whether the teeth pass as often as pulses and teeth say.
 //!
-//! A part of the run is read at equal angles of the tach's shaft: a wander or a run-up that the tach has followed is gone, and the
-//! mesh stands as a sharp comb exactly where pulses per turn, shaft and teeth put it. What another number of pulses or another
-//! shaft would mean is only another place in the same spectrum, so the rivals are compared on the same data. Then the line is
-//! followed over all turns (`phase`): its mean place to parts per million, and whether it stays there. Where there is none, the best comb
-//! farther away is named, and whether the pulses of an encoder are folded (`folding`).
+//! A part of the run is read at equal angles of the tach's shaft: a wander or a run-up that the tach has followed is
+//! gone, and the mesh stands as a sharp comb exactly where pulses per turn, shaft and teeth put it. What another
+//! number of pulses or another shaft would mean is only another place in the same spectrum, so the rivals are
+//! compared on the same data. Then the line is followed over all turns (`phase`): its mean place to parts per
+//! million, and whether it stays there. Where there is none, the best comb farther away is named, and whether the
+//! pulses of an encoder are folded (`folding`).
 //!
-//! Nothing is refused: a second stage, a belt or a weak mesh are the machine's business. Cost: the part is bounded; all
-//! turns cost one pass over each channel.
+//! Nothing is refused: a second stage, a belt or a weak mesh are the machine's business. Cost: the part is bounded;
+//! all turns cost one pass over each channel.
 
 use super::comb::Combs;
-use super::folding::{self, Fold};
+pub use super::folding::Fold;
+
+use super::folding;
 use super::phase::{self, Followed};
 use crate::spectral::{AngleMap, resample_by_angle};
 use rayon::prelude::*;
@@ -28,7 +31,8 @@ const LEAST_DB: f64 = 3.0;
 const BETTER_DB: f64 = 6.0;
 /// Least excess of one of its harmonics, dB: the sidebands of a mesh with one tooth more or less are lines, too.
 const HARMONIC_DB: f64 = 10.0;
-/// Harmonics that stand out so at the declared place, with which another comb at a whole order is a ghost and no doubt of the teeth.
+/// Harmonics that stand out so at the declared place, with which another comb at a whole order is a ghost and no
+/// doubt of the teeth.
 const SURE_HARMONICS: usize = 2;
 /// Fewest turns of the tach's shaft that show a comb.
 const LEAST_TURNS: f64 = 8.0;
@@ -73,7 +77,9 @@ pub struct MeshCheck {
 
 /// Pulses and channels as far as the check needs them.
 pub struct Pulsed<'a> {
+    /// Channels of the run, equally long.
     pub channels: &'a [Vec<f64>],
+    /// Their sampling rate, Hz.
     pub rate_hz: f64,
     /// All pulses of the run.
     pub edges_s: &'a [f64],
@@ -83,6 +89,7 @@ pub struct Pulsed<'a> {
     pub ratio: f64,
     /// Its name, for people: "the pinion".
     pub shaft: String,
+    /// Teeth of pinion and gear.
     pub teeth: [u32; 2],
     /// The speed was only given, no pulse was measured.
     pub nominal: bool,
@@ -106,17 +113,15 @@ impl Pulsed<'_> {
 pub fn check(place: &str, pulsed: &Pulsed<'_>) -> Option<MeshCheck> {
     let map = AngleMap::new(pulsed.edges_s, pulsed.pulses, 0.0)?;
     let implied_hz = pulsed.mean_speed_hz() / pulsed.ratio * f64::from(pulsed.teeth[0]);
-    let (channels, rate_hz) = at_equal_angles(pulsed, &map)?;
+    let Some((channels, rate_hz)) = at_equal_angles(pulsed, &map) else {
+        return folded(pulsed, implied_hz);
+    };
     let combs = Combs::new(place, &channels, rate_hz, pulsed.teeth).ok()?;
     if !combs.can_see(implied_hz) {
         let by = pulsed.implied_by();
-        let fold = folding::find(pulsed, f64::NEG_INFINITY);
-        let sentence = fold.as_ref().map(|fold| fold.sentence(pulsed.pulses)).unwrap_or(format!(
-            "the mesh, at {implied_hz:.1} Hz by {by}, cannot be seen at this sampling rate and length"
-        ));
-        let mut check = MeshCheck::new(implied_hz, 0.0, sentence, fold.is_some());
-        check.folded = fold;
-        return Some(check);
+        let sentence =
+            format!("the mesh, at {implied_hz:.1} Hz by {by}, cannot be seen at this sampling rate and length");
+        return folded(pulsed, implied_hz).or(Some(MeshCheck::new(implied_hz, 0.0, sentence, false)));
     }
     let near = combs.best_between((1.0 - NEAR) * implied_hz, (1.0 + NEAR) * implied_hz);
     let wide = combs.best_between((1.0 - WIDE) * implied_hz, (1.0 + WIDE) * implied_hz);
@@ -139,7 +144,8 @@ pub fn check(place: &str, pulsed: &Pulsed<'_>) -> Option<MeshCheck> {
     let sentence = match (&fold, rival, elsewhere) {
         (Some(fold), _, _) => fold.sentence(pulsed.pulses),
         (None, Some((name, db)), _) => format!(
-            "the mesh lines fit {name} much better ({db:.1} dB over their surroundings) than what is declared ({:.1} dB at {implied_hz:.2} Hz)",
+            "the mesh lines fit {name} much better ({db:.1} dB over their surroundings) than what is declared \
+              ({:.1} dB at {implied_hz:.2} Hz)",
             near.1
         ),
         (None, None, elsewhere) => missing(pulsed, implied_hz, near.1, elsewhere.map(|comb| comb.0)),
@@ -152,7 +158,20 @@ pub fn check(place: &str, pulsed: &Pulsed<'_>) -> Option<MeshCheck> {
     Some(check)
 }
 
+/// What the channels say of pulses whose own mesh cannot be looked for: nothing, or that they are folded.
+fn folded(pulsed: &Pulsed<'_>, implied_hz: f64) -> Option<MeshCheck> {
+    let fold = folding::find(pulsed, f64::NEG_INFINITY)?;
+    let mut check = MeshCheck::new(implied_hz, 0.0, fold.sentence(pulsed.pulses), true);
+    check.folded = Some(fold);
+    Some(check)
+}
+
 impl MeshCheck {
+    /// Whether the line stands at its place all along, and nothing more is to be said.
+    pub fn is_plain(&self) -> bool {
+        !self.doubtful && self.found_over_implied.is_some() && !self.sentence.contains([';', ':', ','])
+    }
+
     fn new(implied_hz: f64, excess_db: f64, sentence: String, doubtful: bool) -> Self {
         Self {
             implied_hz,
@@ -182,14 +201,12 @@ fn confirmed(pulsed: &Pulsed<'_>, implied_hz: f64, near: (f64, f64), followed: O
                 100.0 * followed.share
             );
         } else if !pulsed.nominal && (CLOCK_OFF..CLOCK_FARTHEST).contains(&off) && off > followed.error {
-            sentence += &format!(
-                ": {:+.0} ppm, as if the tach had a clock of its own",
-                1e6 * (share - 1.0)
-            );
+            sentence += &format!(": {:+.0} ppm, as if the tach had a clock of its own", 1e6 * (share - 1.0));
         }
         if let Some((time_s, cycles)) = followed.jump {
             sentence += &format!(
-                "; its phase jumps by {cycles:.2} of a tooth at {time_s:.2} s: samples are missing there, or a pulse was counted wrongly"
+                "; its phase jumps by {cycles:.2} of a tooth at {time_s:.2} s: samples are missing there, or a \
+                  pulse was counted wrongly"
             );
         }
     }
@@ -204,7 +221,8 @@ fn missing(pulsed: &Pulsed<'_>, implied_hz: f64, db: f64, elsewhere_hz: Option<f
     let by = pulsed.implied_by();
     let Some(hz) = elsewhere_hz else {
         return format!(
-            "no mesh line there: nothing stands out at the {implied_hz:.2} Hz that {by} imply ({db:.1} dB), and no comb of such teeth from half to twice that"
+            "no mesh line there: nothing stands out at the {implied_hz:.2} Hz that {by} imply ({db:.1} dB), and no \
+              comb of such teeth from half to twice that"
         );
     };
     let away = 100.0 * (hz / implied_hz - 1.0);
@@ -215,7 +233,8 @@ fn missing(pulsed: &Pulsed<'_>, implied_hz: f64, db: f64, elsewhere_hz: Option<f
         "teeth, shaft ratio or pulses per turn may be wrong".into()
     };
     format!(
-        "no mesh line there: the mesh line nearest to the {implied_hz:.2} Hz that {by} imply stands at {hz:.2} Hz, {away:+.2} % away: {meaning}"
+        "no mesh line there: the mesh line nearest to the {implied_hz:.2} Hz that {by} imply stands at {hz:.2} Hz, \
+          {away:+.2} % away: {meaning}"
     )
 }
 
@@ -238,9 +257,8 @@ fn at_equal_angles(pulsed: &Pulsed<'_>, map: &AngleMap) -> Option<(Vec<Vec<f64>>
     }
     // From the middle of the run.
     let from = from + (0.5 * (to - from - turns)).floor();
-    let read = |channel: &Vec<f64>| {
-        resample_by_angle(channel, pulsed.rate_hz, map, from, turns as usize, per_turn as usize)
-    };
+    let read =
+        |channel: &Vec<f64>| resample_by_angle(channel, pulsed.rate_hz, map, from, turns as usize, per_turn as usize);
     Some((channels.par_iter().map(read).collect(), per_turn * pulsed.mean_speed_hz()))
 }
 
@@ -267,8 +285,7 @@ fn rival(pulsed: &Pulsed<'_>, combs: &Combs, implied_hz: f64) -> Option<(String,
         }
     }
     let turn_hz = implied_hz / f64::from(pulsed.teeth[0]);
-    let last =
-        if combs.harmonics(implied_hz, HARMONIC_DB) < SURE_HARMONICS { 4 * pulsed.teeth[0] } else { 0 };
+    let last = if combs.harmonics(implied_hz, HARMONIC_DB) < SURE_HARMONICS { 4 * pulsed.teeth[0] } else { 0 };
     for teeth in (5..=last).filter(|teeth| *teeth != pulsed.teeth[0]) {
         let hz = f64::from(teeth) * turn_hz;
         if combs.can_see(hz) {

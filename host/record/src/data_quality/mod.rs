@@ -1,9 +1,10 @@
 //! What the samples and pulses of a recording say of themselves, whatever else is known of the machine.
 //!
-//! In: channels with their rate, and pulses and teeth where there are any. Out: remarks, each one sentence with place, figure and what it means.
-//! `samples` (limits, standstill, repeats), `clocks` (channels against each other), `hum` (mains), `mesh` (the mesh line against the pulses; `comb`
-//! finds it, `phase` follows it over all turns, `folding` tries what an encoder above half the sampling rate would mean).
-//! `meshband import` says them of what it reads, `check` and `analyse` of a record. Nothing is refused here, nothing mended.
+//! In: channels with their rate, and pulses and teeth where there are any. Out: remarks, each one sentence with
+//! place, figure and what it means. `samples` (limits, standstill, repeats), `clocks` (channels against each other),
+//! `hum` (mains), `mesh` (the mesh line against the pulses; `comb` finds it, `phase` follows it over all turns,
+//! `folding` tries what an encoder above half the sampling rate would mean). `meshband import` says them of what it
+//! reads, `check` and `analyse` of a record. Nothing is refused here, nothing mended.
 
 pub mod clocks;
 pub(crate) mod comb;
@@ -17,6 +18,9 @@ mod thresholds;
 use crate::record::{Record, Run};
 use rayon::prelude::*;
 use serde::Serialize;
+
+/// Remarks that import and analysis print.
+const FIRST: usize = 6;
 
 /// What a remark is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -32,8 +36,10 @@ pub enum Kind {
     Clock,
     /// Lines of the mains.
     Hum,
-    /// The mesh line against pulses and teeth.
+    /// The mesh line against pulses and teeth: in doubt, or not everywhere.
     Mesh,
+    /// The mesh line stands where pulses and teeth put it.
+    MeshConfirmed,
 }
 
 /// One sentence about a run.
@@ -74,9 +80,20 @@ pub fn of_run(record: &Record, run: &Run) -> Vec<Remark> {
     let channels: Vec<Vec<f64>> = (0..run.channels()).map(|c| run.signal_m_s2(c)).collect();
     let mut remarks = of_channels(names, &channels, run.sample_rate_hz());
     if let Some(check) = mesh_of(record, run, &channels) {
-        remarks.push(Remark::new(Kind::Mesh, None, check.sentence));
+        let kind = if check.is_plain() { Kind::MeshConfirmed } else { Kind::Mesh };
+        remarks.push(Remark::new(kind, None, check.sentence));
     }
     remarks
+}
+
+/// The sentences of at most [`FIRST`] remarks that say something is wrong, and how many more there are.
+pub fn first_lines(remarks: &[Remark]) -> Vec<String> {
+    let wrong: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != Kind::MeshConfirmed).collect();
+    let mut lines: Vec<String> = wrong.iter().take(FIRST).map(|remark| remark.text.clone()).collect();
+    if wrong.len() > FIRST {
+        lines.push(format!("{} more remarks on the recording: `meshband check` says them all", wrong.len() - FIRST));
+    }
+    lines
 }
 
 /// The mesh line against the pulses of a run of a record that has teeth and pulses of its own.

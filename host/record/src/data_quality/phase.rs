@@ -1,8 +1,9 @@
 //! The mesh line over all turns: mixed down with the angle that the pulses give, frame by frame.
 //!
-//! A line that stands where pulses and teeth put it keeps its phase. A steady turn of the phase is a speed or clock that is off by that much,
-//! a jump is an angle that is wrong from there on. The floor is what frames hold beside the line, where no order of either shaft
-//! lies. Cost: one pass over each channel; the angle is read every sixteen samples and is straight between.
+//! A line that stands where pulses and teeth put it keeps its phase. A steady turn of the phase is a speed or clock
+//! that is off by that much, a jump is an angle that is wrong from there on. The floor is what frames hold beside
+//! the line, where no order of either shaft lies. Cost: one pass over each channel; the angle is read every sixteen
+//! samples and is straight between.
 
 use super::mesh::Pulsed;
 use crate::spectral::{AngleMap, Window};
@@ -68,9 +69,8 @@ pub(super) fn follow(pulsed: &Pulsed<'_>, map: &AngleMap) -> Option<Followed> {
         return None;
     }
     // Turns of the pinion at the blocks' ends.
-    let turns: Vec<f64> = (0..=blocks)
-        .map(|b| map.turns_at((from + b * BLOCK) as f64 / pulsed.rate_hz) / pulsed.ratio)
-        .collect();
+    let turns: Vec<f64> =
+        (0..=blocks).map(|b| map.turns_at((from + b * BLOCK) as f64 / pulsed.rate_hz) / pulsed.ratio).collect();
     let grid = Grid { turns, from, half, frames };
     let teeth = f64::from(pulsed.teeth[0]);
     let top = 0.45 * pulsed.rate_hz / (pinion_hz * teeth);
@@ -146,7 +146,7 @@ impl Grid {
                 let turn = C::cis(-TAU * order * (self.turns[b + 1] - self.turns[b]) / BLOCK as f64);
                 let (mut phasor, mut sum) = (C::cis(-TAU * (order * self.turns[b]).fract()), C::ZERO);
                 for x in samples {
-                    sum += x * phasor;
+                    sum += *x * phasor;
                     phasor *= turn;
                 }
                 sum

@@ -1,7 +1,8 @@
 //! Samples of one channel: flat tops, standstill, blocks that come again.
 //!
-//! Flat tops are seen by the samples that pile up at the largest or smallest value, wherever that lies: a limit of the sensor is not
-//! the full scale of the file. Limits: a channel behind a filter that rounds its tops off is not seen. Cost: linear.
+//! Flat tops are seen by the samples that pile up at the largest or smallest value, wherever that lies: a limit of
+//! the sensor is not the full scale of the file. Limits: a channel behind a filter that rounds its tops off is not
+//! seen. Cost: linear.
 
 use super::thresholds::{
     AT_LIMIT, BLOCK, BLOCK_VALUES, FLAT, LEAST_LIMITED, LEAST_TOPS, LONGEST_EQUAL, LOOP_SHARE, OVER_USUAL, PILED_UP,
@@ -33,7 +34,11 @@ pub fn remarks(index: usize, name: &str, signal: &[f64], rate_hz: f64) -> Vec<Re
                 "is {what} for {:.3} s from {:.3} s on{}, {:.1} % of the run: a dead stretch that every average holds",
                 first.len() as f64 / rate_hz,
                 first.start as f64 / rate_hz,
-                if still.len() > 1 { format!(" and stands still at {} more places", still.len() - 1) } else { String::new() },
+                if still.len() > 1 {
+                    format!(" and stands still at {} more places", still.len() - 1)
+                } else {
+                    String::new()
+                },
                 100.0 * samples as f64 / signal.len() as f64
             ),
         );
@@ -43,7 +48,8 @@ pub fn remarks(index: usize, name: &str, signal: &[f64], rate_hz: f64) -> Vec<Re
             say(
                 Kind::Clipped,
                 format!(
-                    "is clipped at {limit:.4}: {count} samples in {tops} flat tops, the first at {:.4} s; amplitudes are too small",
+                    "is clipped at {limit:.4}: {count} samples in {tops} flat tops, the first at {:.4} s; \
+                      amplitudes are too small",
                     at as f64 / rate_hz
                 ),
             );
@@ -53,7 +59,8 @@ pub fn remarks(index: usize, name: &str, signal: &[f64], rate_hz: f64) -> Vec<Re
         say(
             Kind::Repeated,
             format!(
-                "repeats {length} samples exactly: those from {:.4} s come again at {:.4} s; a buffer was written twice",
+                "repeats {length} samples exactly: those from {:.4} s come again at {:.4} s; a buffer was written \
+                  twice",
                 from as f64 / rate_hz,
                 again as f64 / rate_hz
             ),
@@ -121,7 +128,8 @@ fn flat_tops(
     (at >= LEAST_LIMITED && tops >= LEAST_TOPS && piled_up).then(|| (at, tops, first.unwrap_or(0)))
 }
 
-/// The first block that comes again, where, and for how long it goes on; `None` too where the signal is a loop all along.
+/// The first block that comes again, where, and for how long it goes on; `None` too where the signal is a loop all
+/// along.
 fn repeated(signal: &[f64], still: &[Range<usize>]) -> Option<(usize, usize, usize)> {
     if signal.len() < 4 * BLOCK {
         return None;

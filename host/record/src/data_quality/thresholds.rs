@@ -1,6 +1,7 @@
 //! Thresholds of the remarks, with unit and reason.
 
-/// Share of a channel's range within which samples lie at its limit: a flat top has them all there, noise on it included.
+/// Share of a channel's range within which samples lie at its limit: a flat top has them all there, noise on it
+/// included.
 pub const AT_LIMIT: f64 = 0.003;
 /// How many times as many samples lie at a limit as in the next strip of that width; a sine has 2.4 times.
 pub const PILED_UP: f64 = 5.0;
@@ -9,7 +10,8 @@ pub const LEAST_LIMITED: usize = 12;
 pub const LEAST_TOPS: usize = 3;
 /// Samples in a row at a limit that make a flat top.
 pub const FLAT: usize = 3;
-/// Equal samples in a row that are a standstill: no fewer than this, and than so many times the usual run of equal codes.
+/// Equal samples in a row that are a standstill: no fewer than this, and than so many times the usual run of equal
+/// codes.
 pub const LONGEST_EQUAL: usize = 64;
 pub const OVER_USUAL: usize = 50;
 /// Shortest standstill that is said, s.

@@ -6,6 +6,10 @@ use super::tach::{self, TachFigures, TachOptions};
 use super::virtual_tach::{Options, Quality, followed, virtual_tach};
 use super::{Columns, Reading, declared, quantisation, read_as};
 use crate::budget::VALUES;
+use crate::data_quality::{
+    self,
+    mesh::{self, Pulsed},
+};
 use crate::machine::Machine;
 use crate::machine::bearing::Bearing;
 use crate::record::{
@@ -185,6 +189,10 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     let quantities::Sorted { unit, beside, remarks: sorted } = quantities::sort(&mut runs, rate_hz, options)?;
     remarks.extend(sorted);
     let names = channel_names(&runs[0], options.channel_names.as_deref())?;
+    for run in &runs {
+        let said = data_quality::first_lines(&data_quality::of_channels(&names, &run.channels, rate_hz));
+        remarks.extend(said.into_iter().map(|text| format!("{}: {text}", run.label)));
+    }
     let full_scale = options
         .full_scale
         .unwrap_or_else(|| runs.iter().map(|run| suggested_full_scale(&run.channels)).fold(0.0, f64::max));
@@ -204,6 +212,9 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     let Made { runs: made, tach, quality, figures } = made(&runs, measured, beside, &acquisition, options)?;
     if let TachChoice::Measured(tach) = &options.tach {
         remarks.extend(runs.iter().zip(&figures).flat_map(|(run, figures)| tach::remarks(&run.label, tach, figures)));
+    }
+    if options.tach != TachChoice::Virtual && figures.is_empty() {
+        remarks.extend(runs.iter().zip(&made).filter_map(|(run, made)| nominal_mesh(run, made, rate_hz, options)));
     }
     let summary = ImportSummary {
         files: files.to_vec(),
@@ -225,6 +236,23 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     let (mut declaration, folder) = declared::declaration(options, acquisition, tach)?;
     declaration.runs = made.iter().map(|run| run.declaration.clone()).collect();
     Ok((Record { folder, declaration, runs: made }, summary))
+}
+
+/// What the mesh line says of a speed that was only given.
+fn nominal_mesh(run: &Group, made: &Run, rate_hz: f64, options: &ImportOptions) -> Option<String> {
+    let pulsed = Pulsed {
+        channels: &run.channels,
+        rate_hz,
+        edges_s: &made.edges_s,
+        pulses: 1,
+        ratio: 1.0,
+        shaft: "the pinion".into(),
+        teeth: options.teeth?,
+        nominal: true,
+        sampled_at_hz: None,
+    };
+    let checked = (made.edges_s.len() > 1).then(|| mesh::check(&run.label, &pulsed)).flatten()?;
+    Some(format!("{}: {}", run.label, checked.sentence))
 }
 
 fn check_full_scale(options: &ImportOptions) -> Result<()> {

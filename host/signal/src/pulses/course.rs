@@ -1,8 +1,10 @@
-//! The period of the pulses over a run: from intervals whose numbers of periods are assumed, to the places of all edges in periods.
+//! The period of the pulses over a run: from intervals whose numbers of periods are assumed, to the places of all
+//! edges in periods.
 //!
-//! The logarithm of the period is read twice: a running median, which a fifth of wrong intervals does not move, then a straight line
-//! by least squares through those of the fifteen intervals around that lie near their own median. A line follows a run-up, and in its mean the
-//! independent errors of the inner edges cancel. Cost: linear in the edges.
+//! The logarithm of the period is read twice: a running median, which a fifth of wrong intervals does not move, then
+//! a straight line by least squares through those of the fifteen intervals around that lie near their own median. A
+//! line follows a run-up, and in its mean the independent errors of the inner edges cancel. Cost: linear in the
+//! edges.
 
 /// Intervals to either side for the line, and for the median.
 const REACH: usize = 7;
@@ -13,7 +15,8 @@ const NEAR: f64 = 0.22;
 const MOST_PERIODS: usize = 3;
 /// Intervals over which the spread is taken, to either side.
 const SPREAD_REACH: usize = 32;
-/// Smallest spread that is believed, periods, and over that of the whole run: what the line does not follow looks like it.
+/// Smallest spread that is believed, periods, and over that of the whole run: what the line does not follow looks
+/// like it.
 const LEAST_SPREAD: f64 = 0.004;
 const LEAST_OVER_ALL: f64 = 0.4;
 /// What the speed may do from one pulse to the next within a gap without being seen, at least.
@@ -55,8 +58,7 @@ impl Course {
             .zip(logs.iter().zip(&medians))
             .map(|(i, (log, median))| i.periods <= MOST_PERIODS && (log - median).abs() < NEAR)
             .collect();
-        let levels: Vec<f64> =
-            (0..logs.len()).map(|i| line(&logs, &take_part, i).unwrap_or(medians[i])).collect();
+        let levels: Vec<f64> = (0..logs.len()).map(|i| line(&logs, &take_part, i).unwrap_or(medians[i])).collect();
         let places = places(edges_s, intervals, &levels);
         let spread = spread(&places, intervals);
         Self { places, spread, bends: bends(&levels) }
@@ -84,7 +86,8 @@ fn around(at: usize, reach: usize, count: usize) -> std::ops::Range<usize> {
     from..from + width
 }
 
-/// The running median at `at`; towards the ends, where as many do not lie on both sides, the median line (Theil and Sen).
+/// The running median at `at`; towards the ends, where as many do not lie on both sides, the median line (Theil and
+/// Sen).
 fn median_line(logs: &[f64], at: usize) -> f64 {
     let window = around(at, MEDIAN_REACH, logs.len());
     let centred = at - window.start == window.end - 1 - at;

@@ -1,9 +1,10 @@
 //! The likeliest reading of a stretch of edges: which of them count, and how many periods lie between them.
 //!
-//! A chain goes from edge to edge. Going on to edge j over n periods costs the chance of n - 1 lost pulses, of the edges passed over as too many, and of
-//! the interval's departure from n periods (normal, with a broad part for a pulse out of its place). All chains are summed by
-//! the number of periods that they count in all, so the share of the sum that counts otherwise than the likeliest chain is
-//! the probability that the count is wrong (forward sum and Viterbi path over edge and count).
+//! A chain goes from edge to edge. Going on to edge j over n periods costs the chance of n - 1 lost pulses, of the
+//! edges passed over as too many, and of the interval's departure from n periods (normal, with a broad part for a
+//! pulse out of its place). All chains are summed by the number of periods that they count in all, so the share of
+//! the sum that counts otherwise than the likeliest chain is the probability that the count is wrong (forward sum
+//! and Viterbi path over edge and count).
 //!
 //! Cost: edges x 8 x 3 x 7 steps. Limit: pulses lost or too many come independently of each other.
 
@@ -22,6 +23,9 @@ const PASSED_WITHIN: f64 = 4.5;
 const SLIP: f64 = 1e-4;
 /// Chance of one more where one is lost or too many already: contacts open and bounce in bursts.
 const BURST: f64 = 0.3;
+
+/// How much seldomer an edge too many is at an end of the run than elsewhere.
+const AT_END: f64 = 0.1;
 
 /// How often pulses are lost, and edges are too many, per pulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,6 +112,11 @@ fn burst(count: usize, chance: f64) -> f64 {
     if count == 0 { 0.0 } else { chance.ln() + (count - 1) as f64 * BURST.ln() }
 }
 
+/// Logarithm of the chance of edges beyond the end of the chain: seldom is a run's first or last edge no pulse.
+fn beyond(count: usize, chances: Chances) -> f64 {
+    if count == 0 { 0.0 } else { burst(count, chances.extra) + AT_END.ln() }
+}
+
 /// Logarithm of the likelihood of one step.
 fn cost(apart: f64, periods: usize, deviation: f64, chances: Chances) -> f64 {
     let normal = |sigma: f64| {
@@ -141,7 +150,7 @@ fn go(states: &mut [[State; COUNTS]], (i, j): (usize, usize), shift: isize, peri
 fn end(states: &[[State; COUNTS]], in_step: bool, chances: Chances) -> (usize, usize) {
     let last = states.len() - 1;
     let from = if in_step { last } else { 0 };
-    let score = |edge: usize, at: usize| states[edge][at].best + burst(last - edge, chances.extra);
+    let score = |edge: usize, at: usize| states[edge][at].best + beyond(last - edge, chances);
     let all = (from..=last).flat_map(|edge| (0..COUNTS).map(move |at| (edge, at)));
     all.max_by(|a, b| score(a.0, a.1).total_cmp(&score(b.0, b.1))).unwrap_or((last, ASIDE))
 }

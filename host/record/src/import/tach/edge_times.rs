@@ -1,7 +1,8 @@
 //! Edge times of a tachometer as owners have them: one ascending column of any name, in s, ms, us, ns or samples.
 //!
-//! The unit is that of the name where it has one; otherwise the one in which the edges fill the run, which must be the only one. Text may have a
-//! header or none; arrays and variables of NumPy, MATLAB and HDF5 files are read by their own readers.
+//! The unit is that of the name where it has one; otherwise the one in which the edges fill the run, which must be
+//! the only one. Text may have a header or none; arrays and variables of NumPy, MATLAB and HDF5 files are read by
+//! their own readers.
 
 use crate::budget::{self, EDGES};
 use crate::{Error, Result, text};
@@ -48,7 +49,9 @@ pub(super) fn of_text(path: &Path) -> Result<Option<Column>> {
             None if values.is_empty() && !line.contains([',', ';', '\t']) => name = line,
             None => return Ok(None),
         }
-        EDGES.check(path.display(), values.len() as f64, "cut the run into parts")?;
+        if EDGES.check(path.display(), values.len() as f64, "cut the run into parts").is_err() {
+            return Ok(None);
+        }
     }
     Ok((values.len() > 1).then_some(Column { name, values }))
 }
@@ -97,7 +100,8 @@ impl Column {
     fn no_unit(&self, place: &str, length_s: f64) -> Error {
         let (first, last) = (self.values[0], self.values[self.values.len() - 1]);
         let what = format!(
-            "edge times from {first} to {last} fill a run of {length_s:.3} s neither in s, ms, us, ns nor in samples; name the column by its unit (edge_time_s, edge_ms, edge_samples), in ticks divide by the counter's frequency"
+            "edge times from {first} to {last} fill a run of {length_s:.3} s neither in s, ms, us, ns nor in \
+              samples; name the column by its unit (edge_time_s, edge_ms, edge_samples), in ticks divide by the counter's frequency"
         );
         Error::invalid(place, what)
     }
@@ -113,7 +117,8 @@ impl Column {
 /// Words for a source whose numbers are no edges and no signal.
 pub(super) fn wanted(name: &str) -> String {
     format!(
-        "{} is neither as long as the run nor ascending: edge times are one ascending column (csv with the header edge_time_s, or named by its unit)",
+        "{} is neither as long as the run nor ascending: edge times are one ascending column (csv with the header \
+          edge_time_s, or named by its unit)",
         text::quoted(name)
     )
 }

@@ -1,13 +1,13 @@
 //! Edge instants of a tachometer signal that was sampled like any other channel.
 //!
-//! The two plateaus are medians: the samples are split half way between the levels, each side's median is its level, until
-//! both stand still (the start is the range without its outermost ten-thousandth, so that one spike does not decide). A short
-//! pulse per turn and a wheel of equal gaps are found alike. An edge counts when the signal has gone from below a quarter to
-//! above three quarters of the way; its instant is where the straight line between two samples meets the threshold, the mean
-//! of the first and the last such place where noise makes several.
+//! The two plateaus are medians: the samples are split half way between the levels, each side's median is its level,
+//! until both stand still (the start is the range without its outermost ten-thousandth, so that one spike does not
+//! decide). A short pulse per turn and a wheel of equal gaps are found alike. An edge counts when the signal has
+//! gone from below a quarter to above three quarters of the way; its instant is where the straight line between two
+//! samples meets the threshold, the mean of the first and the last such place where noise makes several.
 //!
-//! Limits: an edge that passes between two samples without any in between is known to half a sample. A sine is no two-level
-//! signal; `--threshold` takes it all the same.
+//! Limits: an edge that passes between two samples without any in between is known to half a sample. A sine is no
+//! two-level signal; `--threshold` takes it all the same.
 
 use crate::budget::EDGES;
 use crate::{Error, Result, text};
@@ -48,7 +48,8 @@ pub(super) struct Edges {
     pub levels: Levels,
     /// Seconds from the first sample, ascending.
     pub times_s: Vec<f64>,
-    /// Standard deviation of what sampling alone adds to an edge, s: an edge between two samples is anywhere between them.
+    /// Standard deviation of what sampling alone adds to an edge, s: an edge between two samples is anywhere between
+    /// them.
     pub sampling_s: f64,
 }
 

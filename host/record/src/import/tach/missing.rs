@@ -1,8 +1,8 @@
 //! Wheels with missing marks: 60-2, 36-1, several gaps, told by where pulses had to be put in.
 //!
-//! A mark that is not there is missing in every turn: over the turns of a sure stretch it is put in at one place of the wheel and nowhere
-//! else. Gaps that come again after another number of pulses than is declared are another wheel, which is refused with its
-//! number. Lost pulses come anywhere. Needs four turns.
+//! A mark that is not there is missing in every turn: over the turns of a sure stretch it is put in at one place of
+//! the wheel and nowhere else. Gaps that come again after another number of pulses than is declared are another
+//! wheel, which is refused with its number. Lost pulses come anywhere. Needs four turns.
 
 use crate::pulses::{Place, Pulses};
 
@@ -30,7 +30,8 @@ pub(super) fn find(pulses: &Pulses, marks: usize) -> Result<Option<Missing>, Str
     let sure = pulses.longest_stretch();
     if let Some((wheel, missing)) = another_wheel(&pulses.measured[sure.clone()], marks) {
         return Err(format!(
-            "{missing} of every {wheel} pulses are missing, so the wheel has {wheel} places ({wheel}-{missing}), not {marks}: --pulses {wheel}"
+            "{missing} of every {wheel} pulses are missing, so the wheel has {wheel} places ({wheel}-{missing}), \
+              not {marks}: --pulses {wheel}"
         ));
     }
     if marks < 3 || sure.len() < LEAST_TURNS * marks {
@@ -106,7 +107,8 @@ mod tests {
     use super::*;
     use crate::pulses::counted;
 
-    /// Edges of a wheel without some of its marks, at a speed that swings by 2 %; uniform errors of an eighth of the pitch.
+    /// Edges of a wheel without some of its marks, at a speed that swings by 2 %; uniform errors of an eighth of the
+    /// pitch.
     fn edges(marks: usize, missing: &[usize], turns: usize, start: usize) -> Vec<f64> {
         let mut state = 3_u64;
         let mut draw = || {

@@ -6,9 +6,10 @@
 //! 4. `missing`: marks that the wheel does not have; `wheel`: the places of those it has, learned and taken out.
 //! 5. [`crate::data_quality::mesh`]: whether the mesh line agrees, where teeth are known.
 //!
-//! The jitter of the edges is estimated from what neighbouring edges do not share: differences of the times of orders two to six
-//! remove an ever less smooth course of the speed and keep independent errors; the order that leaves least is taken. A speed
-//! that changes faster than the pulses follow counts as jitter, so with one pulse per turn the figure is an upper bound.
+//! The jitter of the edges is estimated from what neighbouring edges do not share: differences of the times of
+//! orders two to six remove an ever less smooth course of the speed and keep independent errors; the order that
+//! leaves least is taken. A speed that changes faster than the pulses follow counts as jitter, so with one pulse per
+//! turn the figure is an upper bound.
 
 mod edge_times;
 mod edges;
@@ -131,8 +132,8 @@ pub struct TachFigures {
     pub pulses: usize,
     /// Mark of the first pulse, counted from the mark at which angle 0 is.
     pub first_pulse_index: u32,
-    /// Whether the wheel's marks told which of them that is, against run 0; absent for run 0 and for one pulse per turn, where the
-    /// mark is always the same.
+    /// Whether the wheel's marks told which of them that is, against run 0; absent for run 0 and for one pulse per
+    /// turn, where the mark is always the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_pulse_known: Option<bool>,
     /// Speed of the tach's shaft.
@@ -152,7 +153,8 @@ pub struct TachFigures {
     /// Marks that the wheel does not have, counted from the run's first pulse; empty for a whole wheel.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing_marks: Vec<usize>,
-    /// Speed of the tach's shaft at which its pulses would reach half the rate they were sampled at, turns/s; absent for edge times.
+    /// Speed of the tach's shaft at which its pulses would reach half the rate they were sampled at, turns/s; absent
+    /// for edge times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folds_at_hz: Option<f64>,
     /// The wheel, with several pulses per turn and enough turns.
@@ -288,7 +290,8 @@ fn check_samples_per_pulse(label: &str, found: &source::Found) -> Result<()> {
     }
     let pulses_hz = rate_hz / samples;
     let what = format!(
-        "{} has a pulse every {samples:.2} samples, {pulses_hz:.0} per second at {rate_hz} Hz or a fold of more: its edges cannot be followed; sample it at {:.0} Hz or faster (three samples per pulse), or use fewer marks",
+        "{} has a pulse every {samples:.2} samples, {pulses_hz:.0} per second at {rate_hz} Hz or a fold of more: \
+          its edges cannot be followed; sample it at {:.0} Hz or faster (three samples per pulse), or use fewer marks",
         found.source,
         SAMPLES_PER_PULSE * pulses_hz
     );
@@ -311,7 +314,8 @@ fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
                 "pulses come every {apart:.1} samples, so short ones fall between two: sample faster or use fewer marks"
             )
         } else {
-            "no tachometer's, or a threshold in its noise (--threshold)".into()
+            "no tachometer's, an encoder's above half the sampling rate, or a threshold in its noise (--threshold)"
+                .into()
         };
         let what = format!("{out} of {edges} edges of {source} follow no steady period: {why}");
         return Err(Error::invalid(label, what));
@@ -356,8 +360,8 @@ fn in_step(pulses: &Pulses, edges: usize) -> bool {
     pulses.out_of_step() as f64 <= MOST_IRREGULAR * edges as f64
 }
 
-/// Mean speed over the stretches whose pulses are counted, and that of their slowest and fastest whole turn; over all pulses where
-/// nothing is sure.
+/// Mean speed over the stretches whose pulses are counted, and that of their slowest and fastest whole turn; over
+/// all pulses where nothing is sure.
 fn speed(pulses: &Pulses, marks: usize) -> Speed {
     let times = &pulses.times_s;
     let mut sure = pulses.sure_stretches();
@@ -412,7 +416,8 @@ pub(super) fn remarks(label: &str, options: &TachOptions, figures: &TachFigures)
     let odd = if figures.count_is_sure {
         "out of step, left as measured; their count holds"
     } else {
-        "out of step, left as measured or counted by the best guess; the angle behind may be off by whole pulses, speeds are of the other stretches"
+        "out of step, left as measured or counted by the best guess; the angle behind may be off by whole pulses, \
+          speeds are of the other stretches"
     };
     if !figures.missing_marks.is_empty() {
         let missing = figures.missing_marks.len();
@@ -449,7 +454,8 @@ pub(super) fn remarks(label: &str, options: &TachOptions, figures: &TachFigures)
     let confirmed = figures.mesh.as_ref().is_some_and(|mesh| !mesh.doubtful && mesh.found_over_implied.is_some());
     if let Some(folds_at_hz) = figures.folds_at_hz.filter(|hz| !confirmed && *hz < FASTEST_MACHINE_HZ) {
         say(format!(
-            "{} pulses per turn are sampled so that they fold above {folds_at_hz:.2} turns/s; that the shaft stays below, its pulses cannot say",
+            "{} pulses per turn are sampled so that they fold above {folds_at_hz:.2} turns/s; that the shaft stays \
+              below, its pulses cannot say",
             options.pulses
         ));
     }

@@ -1,8 +1,9 @@
-//! Where the pulses of each run come from: a channel of the recording, another recording that holds only the tach, or edge times.
+//! Where the pulses of each run come from: a channel of the recording, another recording that holds only the tach,
+//! or edge times.
 //!
-//! `--tach` is a number (from 1, in the order of the channels), a name, or a file, and is read in this order. A channel's name
-//! is the file's own; of a name made of file and variable the variable is enough. The channel leaves the record's accelerations. A file
-//! of one ascending column is edge times (`edge_times`).
+//! `--tach` is a number (from 1, in the order of the channels), a name, or a file, and is read in this order. A
+//! channel's name is the file's own; of a name made of file and variable the variable is enough. The channel leaves
+//! the record's accelerations. A file of one ascending column is edge times (`edge_times`).
 
 use super::TachOptions;
 use super::edge_times::{self, Column};
@@ -37,7 +38,8 @@ pub(super) struct Found {
 /// Finds the edges of every run, and takes the channels they come from out of the runs.
 ///
 /// # Errors
-/// A source that is neither channel nor file, one that leaves no channel, unequal numbers of files and runs, and a signal that is no tach's.
+/// A source that is neither channel nor file, one that leaves no channel, unequal numbers of files and runs, and a
+/// signal that is no tach's.
 pub(super) fn take(options: &TachOptions, runs: &mut [Group], rate_hz: f64, reading: &Reading) -> Result<Vec<Found>> {
     let count = options.sources.len();
     if count != 1 && count != runs.len() {
@@ -86,7 +88,8 @@ fn channel(run: &Group, source: &str) -> Result<Option<usize>> {
 
 fn unknown(run: &Group, source: &str) -> Error {
     let what = format!(
-        "{} is neither a channel of {} ({}) nor a file; edge times are a file of their own, one ascending column (csv, header edge_time_s)",
+        "{} is neither a channel of {} ({}) nor a file; edge times are a file of their own, one ascending column \
+          (csv, header edge_time_s)",
         text::quoted(source),
         run.label,
         listed(run)
@@ -217,8 +220,8 @@ fn of_times(
         return Err(Error::invalid(place, "has its edges already; --edge and --threshold are for signals"));
     }
     let (edges_s, unit) = column.seconds(place, length_s, rate_hz)?;
-    let unit_s = (edges_s[edges_s.len() - 1] - edges_s[0])
-        / (column.values[column.values.len() - 1] - column.values[0]);
+    let unit_s =
+        (edges_s[edges_s.len() - 1] - edges_s[0]) / (column.values[column.values.len() - 1] - column.values[0]);
     Ok(Found {
         source: format!("{source} (edge times in {unit})"),
         levels: None,

@@ -1,24 +1,26 @@
 //! The places of a wheel's marks, learned from many turns and taken out of the edge times.
 //!
-//! A mark that stands a share d of the pitch behind its place passes d pitch times late. The mean of the edge times over one
-//! whole turn holds no d at all, because the places of all marks add up to the turn: it is the smooth curve against
-//! which the marks are seen. Taken twice, it follows a speed whose rate of change itself changes linearly over two turns; what is left of
-//! each edge is averaged per mark over all turns, which is least squares with one constant per mark and a smooth curve
-//! of few parameters per turn. Diamond, Heyns and Oberholster (2016) solve the same problem by Bayesian regression with speed
-//! polynomials per turn and the sum of the places fixed; turns of a wandering speed count alike there.
+//! A mark that stands a share d of the pitch behind its place passes d pitch times late. The mean of the edge times
+//! over one whole turn holds no d at all, because the places of all marks add up to the turn: it is the smooth curve
+//! against which the marks are seen. Taken twice, it follows a speed whose rate of change itself changes linearly
+//! over two turns; what is left of each edge is averaged per mark over all turns, which is least squares with one
+//! constant per mark and a smooth curve of few parameters per turn. Diamond, Heyns and Oberholster (2016) solve the
+//! same problem by Bayesian regression with speed polynomials per turn and the sum of the places fixed; turns of a
+//! wandering speed count alike there.
 //!
-//! How good the places are is measured twice: even and odd turns give them separately, and half the difference is the error of
-//! their mean; so is the scatter of a mark from turn to turn over the root of the turns. The larger counts. The places are taken out only
-//! where they stand above it by more than chance.
+//! How good the places are is measured twice: even and odd turns give them separately, and half the difference is
+//! the error of their mean; so is the scatter of a mark from turn to turn over the root of the turns. The larger
+//! counts. The places are taken out only where they stand above it by more than chance.
 //!
-//! Limits: what is locked to the wheel's shaft (a swing of the speed once per turn, torsional vibration at a whole order) moves
-//! the edges as the marks do, cannot be told from them, and goes with them.
+//! Limits: what is locked to the wheel's shaft (a swing of the speed once per turn, torsional vibration at a whole
+//! order) moves the edges as the marks do, cannot be told from them, and goes with them.
 
 use serde::Serialize;
 
 /// Turns needed: four for either half.
 const LEAST_TURNS: usize = 8;
-/// Standard deviations (of a chi-square with a degree per mark but one) by which the places must stand above their error.
+/// Standard deviations (of a chi-square with a degree per mark but one) by which the places must stand above their
+/// error.
 const CLEAR: f64 = 4.0;
 /// Edges farther from their mark's mean than this many standard deviations are left out of the second mean.
 const OUTLIER: f64 = 5.0;
@@ -26,8 +28,8 @@ const OUTLIER: f64 = 5.0;
 /// A wheel's marks, as learned from one run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Wheel {
-    /// Place of each mark behind its even place, shares of the pitch, in the order in which they pass; their sum is 0. Mark 0 is
-    /// that of the run's first pulse.
+    /// Place of each mark behind its even place, shares of the pitch, in the order in which they pass; their sum is
+    /// 0. Mark 0 is that of the run's first pulse.
     pub places: Vec<f64>,
     /// Their root mean square, per cent of the pitch.
     pub irregularity_percent: f64,
@@ -147,7 +149,8 @@ fn pitches_s(times_s: &[f64], marks: usize) -> Vec<f64> {
     (0..n).map(turn).collect()
 }
 
-/// Mean per mark of the pulses that `counts`, less the mean of all marks; 0 for a mark that is never there, `None` where none was seen.
+/// Mean per mark of the pulses that `counts`, less the mean of all marks; 0 for a mark that is never there, `None`
+/// where none was seen.
 fn means(seen: &[Pulse], marks: usize, counts: impl Fn(&Pulse) -> bool) -> Option<Vec<f64>> {
     let mut sums = vec![(0.0, 0.0); marks];
     for pulse in seen.iter().filter(|pulse| counts(pulse)) {
