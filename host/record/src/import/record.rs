@@ -169,6 +169,8 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     let measured = match &options.tach {
         TachChoice::Measured(tach) => {
             let tach = by_name(tach, &runs[0]);
+            // A file of its own has columns of its own.
+            let reading = Reading { columns: Vec::new(), skip: Vec::new(), ..reading.clone() };
             tach::measured(&tach, &mut runs, rate_hz, options.teeth, &reading)?
         }
         TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => {

@@ -199,10 +199,8 @@ impl Signals {
                 longest.map(at).ok_or_else(|| Error::invalid(path.display(), "holds no signal"))
             }
             [one] => Ok(at(one)),
-            [first, ..]
-                if able.iter().all(|set| same(set.rate, first.rate) && set.starts_with(first))
-                    && first.rate.is_none() =>
-            {
+            // Of one rate and start the longest are the channels; the others are said.
+            [first, ..] if able.iter().all(|set| same(set.rate, first.rate) && set.starts_with(first)) => {
                 let longest = able.iter().max_by_key(|set| set.samples).unwrap_or(first);
                 Ok(at(longest))
             }
