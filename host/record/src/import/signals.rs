@@ -201,6 +201,10 @@ impl Signals {
             [one] => Ok(at(one)),
             // Of one rate and start the longest are the channels; the others are said.
             [first, ..] if able.iter().all(|set| same(set.rate, first.rate) && set.starts_with(first)) => {
+                let longest = able.iter().max_by_key(|set| set.samples).unwrap_or(first);
+                Ok(at(longest))
+            }
+            several => {
                 let list: Vec<String> = several.iter().map(|set| self.described(set)).collect();
                 let what = format!(
                     "holds signals that are not sampled together: {}; choose with --columns, name a tachometer with --tach, or leave out with --skip",
