@@ -4,8 +4,8 @@
 //! | --- | --- |
 //! | runout, pitch error of a pair's gear | `k fm +- n f`, its own mesh only |
 //! | one tooth of a pair's gear | the same, far out |
-//! | runout of sun or planet | `k fm +- n f +- m fc`: the rate against the carrier, seen past a carrier that turns |
-//! | one tooth of sun, planet or ring | the same, far out; `f` counts every planet (sun, ring) or both contacts (planet) where they are alike |
+//! | runout of sun or planet | `k fm +- n f +- m fc`: the rate against the carrier, past a carrier that turns |
+//! | one tooth of sun, planet or ring | the same, far out, at `f` or at the rate of all contacts alike |
 //! | shaft | `n f`, low |
 //!
 //! Sources: McFadden 1986; Feng and Zuo 2012 (planets). Limit: amplitudes are not foretold, a path is unknown.
