@@ -35,8 +35,8 @@ fn main() {
     println!("cargo:rustc-link-arg-bins=--nmagic");
 }
 
-/// The commit's short hash into the image: `MESHBAND_COMMIT` where sources are built without their repository, else git's; nothing where
-/// there is neither, and the image then says `unknown`.
+/// The commit's short hash into the image: `MESHBAND_COMMIT` where sources are built without their repository, else
+/// git's; nothing where there is neither, and the image then says `unknown`.
 fn name_commit(root: &Path) {
     let ask = |arguments: &[&str]| {
         let output = Command::new("git").arg("-C").arg(root).args(arguments).output().ok()?;

@@ -1,11 +1,14 @@
-//! Which sampling rates the flashed image keeps up with, against cycles per instruction, and with waveforms kept: the tables of `cargo xtask pace`.
+//! Which sampling rates the flashed image keeps up with, against cycles per instruction, and with waveforms kept: the
+//! tables of `cargo xtask pace`.
 //!
-//! Every run is the image's heaviest ordinary work ([`compared::load`]): the wideband path at the law's rate, mesh records, synchronous averages,
-//! edges timed for the law's check, waveforms asked for without end, at three speeds up to the highest. A rate is kept up with where no
-//! block is lost at any of them. From the converter's own limit downwards the first rate is printed that holds together with the two
-//! below it: a single one may hold by luck. Waveforms ([`WAVEFORMS`]) cost a filter more; at two cycles every loss is printed.
+//! Every run is the image's heaviest ordinary work ([`compared::load`]): the wideband path at the law's rate, mesh
+//! records, synchronous averages, edges timed for the law's check, waveforms asked for without end, at three speeds
+//! up to the highest. A rate is kept up with where no block is lost at any of them. From the converter's own limit
+//! downwards the first rate is printed that holds together with the two below it: a single one may hold by luck.
+//! Waveforms ([`WAVEFORMS`]) cost a filter more; at two cycles every loss is printed.
 //!
-//! The image must accept such rates (feature `rate-sweep`): `cargo xtask pace` builds it and runs this. Cost: some minutes of one core.
+//! The image must accept such rates (feature `rate-sweep`): `cargo xtask pace` builds it and runs this. Cost: some
+//! minutes of one core.
 
 #[path = "../tests/flashed/compared/mod.rs"]
 mod compared;
@@ -44,7 +47,8 @@ fn main() -> ExitCode {
     };
     let [a, b, c] = SPEEDS_HZ;
     println!(
-        "| cycles per instruction | keeps up with, kHz | load at {a:.0}, {b:.0}, {c:.0} turns/s | next rate tried, kHz | blocks lost there |"
+        "| cycles per instruction | keeps up with, kHz | load at {a:.0}, {b:.0}, {c:.0} turns/s | next rate tried, \
+         kHz | blocks lost there |"
     );
     println!("| --- | --- | --- | --- | --- |");
     for cycles in CYCLES {
@@ -58,7 +62,8 @@ fn main() -> ExitCode {
         }
     }
     println!(
-        "\n| sensors | converter, kHz | blocks lost in 4 s at {a:.0}, {b:.0}, {c:.0} turns/s | load there | buffers free at worst there |"
+        "\n| sensors | converter, kHz | blocks lost in 4 s at {a:.0}, {b:.0}, {c:.0} turns/s | load there | buffers \
+         free at worst there |"
     );
     println!("| --- | --- | --- | --- | --- |");
     for (sensors, rates_hz) in [(1, WITH_WAVEFORMS_HZ), (2, OF_TWO_HZ)] {

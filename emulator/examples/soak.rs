@@ -1,8 +1,9 @@
-//! The flashed image for a long time, with everything that may befall a board, at random; prints a page in Markdown. Exit code 1
-//! where something did not hold, with one line.
+//! The flashed image for a long time, with everything that may befall a board, at random; prints a page in Markdown.
+//! Exit code 1 where something did not hold, with one line.
 //!
-//! Beside `cargo xtask soak`, which has the node's code alone on the host: here run the very image, its loader, its interrupts, its DMA
-//! and its watchdog. Arguments: the image, then `--hours H` (1) and `--seed S` (1). Cost: about half of the time that is emulated, on one core.
+//! Beside `cargo xtask soak`, which has the node's code alone on the host: here run the very image, its loader, its
+//! interrupts, its DMA and its watchdog. Arguments: the image, then `--hours H` (1) and `--seed S` (1). Cost: about
+//! half of the time that is emulated, on one core.
 
 #[path = "../tests/flashed/compared/mod.rs"]
 mod compared;
@@ -284,15 +285,23 @@ impl Soak {
         let last = self.seen.statistics.as_ref();
         let of = |value: fn(&Statistics) -> u32| last.map_or(0, value);
         format!(
-            "# Soak of the flashed image\n\nWritten by `cargo xtask soak-image --hours {hours} --seed {seed}`: the released image with its loader on the emulated chip at two \
-             cycles per instruction, {:.2} h of its time in {took_s:.0} s, {parts} parts of 5 to 40 s with random speeds of 1 to 25 turns/s \
-             (standstill among them), half of them quiet, the others with no pulses, extra pulses, a signal far beyond the converter's range, a silent sensor, \
-             random bytes on the line, or up to 20 requests a second. After each part: no block lost or broken, no reset, as many samples as the \
-             blocks hold, no counter back; in quiet parts the speed within {SPEED_ERROR} of the truth and the age of the last status by \
+            "# Soak of the flashed image\n\nWritten by `cargo xtask soak-image --hours {hours} --seed {seed}`: the \
+             released image with its loader on the emulated chip at two \
+             cycles per instruction, {:.2} h of its time in {took_s:.0} s, {parts} parts of 5 to 40 s with random \
+             speeds of 1 to 25 turns/s \
+             (standstill among them), half of them quiet, the others with no pulses, extra pulses, a signal far \
+             beyond the converter's range, a silent sensor, \
+             random bytes on the line, or up to 20 requests a second. After each part: no block lost or broken, no \
+             reset, as many samples as the \
+             blocks hold, no counter back; in quiet parts the speed within {SPEED_ERROR} of the truth and the age of \
+             the last status by \
              the emulator's clock within {DRIFT_S} s of that at any other time.\n\n\
-             | what | value |\n| --- | --- |\n| blocks sampled, lost, broken | {blocks}, {}, 0 |\n| pulses taken, missed, refused | {}, {}, {} |\n\
-             | locked anew | {} |\n| bytes and packets heard | {bytes}, {packets} |\n| quiet parts, worst error of the speed | {quiet}, {worst_speed:.1e} |\n\
-             | age of the last status, most less least, s | {:.3} |\n| resident memory of the emulator in the first tenth, most since, kB | {}, {} |\n",
+             | what | value |\n| --- | --- |\n| blocks sampled, lost, broken | {blocks}, {}, 0 |\n| pulses taken, \
+             missed, refused | {}, {}, {} |\n\
+             | locked anew | {} |\n| bytes and packets heard | {bytes}, {packets} |\n| quiet parts, worst error of \
+             the speed | {quiet}, {worst_speed:.1e} |\n\
+             | age of the last status, most less least, s | {:.3} |\n| resident memory of the emulator in the first \
+             tenth, most since, kB | {}, {} |\n",
             self.node.board.seconds() / 3600.0,
             of(|s| s.blocks_lost),
             of(|s| s.pulses),

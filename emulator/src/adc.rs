@@ -1,7 +1,9 @@
-//! ADC1 to ADC3: one regular channel each, started by a timer or by software, read by DMA or by the core; independent mode. RM0090 section 13.
+//! ADC1 to ADC3: one regular channel each, started by a timer or by software, read by DMA or by the core; independent
+//! mode. RM0090 section 13.
 //!
-//! A trigger takes effect at the converter's next clock: with a period that is no multiple of it the aperture jitters, as
-//! on the chip. A trigger during a conversion is lost. An overrun ends requests and conversions until it is cleared.
+//! A trigger takes effect at the converter's next clock: with a period that is no multiple of it the aperture
+//! jitters, as on the chip. A trigger during a conversion is lost. An overrun ends requests and conversions until it
+//! is cleared.
 
 use crate::error::{Access, Refusal, within};
 use crate::time::{NEVER, Time};

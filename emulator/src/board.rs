@@ -79,7 +79,8 @@ impl Board {
         chip.follow_inputs();
     }
 
-    /// Pulses per second: their rising edges, s, ascending, behind those given before. Clean ones, long enough for any filter.
+    /// Pulses per second: their rising edges, s, ascending, behind those given before. Clean ones, long enough for
+    /// any filter.
     pub fn add_second_pulses(&mut self, edges_s: &[f64]) {
         let chip = self.chip_mut();
         chip.inputs.second_pulses.extend(edges_s);
@@ -93,7 +94,8 @@ impl Board {
         chip.follow_inputs();
     }
 
-    /// Bytes from the host, one behind the other as fast as the line goes, from now or from the end of those given before.
+    /// Bytes from the host, one behind the other as fast as the line goes, from now or from the end of those given
+    /// before.
     pub fn send(&mut self, bytes: &[u8]) {
         let inputs = &self.chip().inputs;
         let byte_s = inputs.bits as f64 / inputs.bits_per_second;
@@ -106,7 +108,8 @@ impl Board {
         self.chip_mut().follow_inputs();
     }
 
-    /// From now on the host sends at another rate, so many bits per character; a program that listens otherwise hears other bytes.
+    /// From now on the host sends at another rate, so many bits per character; a program that listens otherwise hears
+    /// other bytes.
     pub fn set_line(&mut self, bits_per_second: f64, bits: u64) {
         let inputs = &mut self.chip_mut().inputs;
         (inputs.bits_per_second, inputs.bits) = (bits_per_second, bits);

@@ -1,7 +1,7 @@
 //! The core's reads and writes of registers: which device, is it clocked, does the model serve it.
 //!
-//! Strict: what the model does not serve is an error. Devices are accessed by aligned words; those whose registers are narrow by
-//! half-words as well, flash's data by any size.
+//! Strict: what the model does not serve is an error. Devices are accessed by aligned words; those whose registers
+//! are narrow by half-words as well, flash's data by any size.
 
 use crate::adc::Converters;
 use crate::chip::{Chip, interrupt};

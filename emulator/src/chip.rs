@@ -1,7 +1,7 @@
 //! The chip without its core: memories, devices, and how they are wired; what happens when.
 //!
-//! Everything is an event at an exact instant ([`crate::time::Schedule`]). [`Chip::advance`] lets time pass; reads and writes of the
-//! core are in [`crate::bus`]. Wired is what the node uses:
+//! Everything is an event at an exact instant ([`crate::time::Schedule`]). [`Chip::advance`] lets time pass; reads
+//! and writes of the core are in [`crate::bus`]. Wired is what the node uses:
 //!
 //! ```text
 //! TIM2 update --> ADC3 --> DMA2 stream 0        TIM2 update --> TIM3 (ITR1) --> TIM5 channel 2 (ITR1)
@@ -114,7 +114,8 @@ pub struct Chip {
     pub internal_fast: f64,
     /// The chip's own number, 96 bits.
     pub unique: [u32; 3],
-    /// What the factory measured of the reference, and of the temperature sensor at 30 and 110 degrees Celsius: codes at 3.3 V.
+    /// What the factory measured of the reference, and of the temperature sensor at 30 and 110 degrees Celsius: codes
+    /// at 3.3 V.
     pub factory: [u16; 3],
     /// A reset has happened that the core has not followed yet.
     pub restart: bool,

@@ -1,9 +1,9 @@
 //! The core: Unicorn executes instructions; exceptions, sleep, stalls, faults and time are done here.
 //!
-//! Unicorn calls before each block of instructions (a few between two branches). There the block's predecessor is charged, whatever
-//! is due happens, and the run is stopped where an exception is to be taken. So interrupts come at block borders
-//! only, and all registers read in one block are read at one instant, its beginning. Cycles are a constant times the
-//! instructions: the manual of the core gives 1 to 2.5 on code like this.
+//! Unicorn calls before each block of instructions (a few between two branches). There the block's predecessor is
+//! charged, whatever is due happens, and the run is stopped where an exception is to be taken. So interrupts come at
+//! block borders only, and all registers read in one block are read at one instant, its beginning. Cycles are a
+//! constant times the instructions: the manual of the core gives 1 to 2.5 on code like this.
 
 use crate::chip::{CCM_BYTES, CCM_START, Chip, SRAM_BYTES, SRAM_START};
 use crate::error::{Error, Refusal, Result, Violation};
@@ -63,7 +63,8 @@ struct Core {
     /// The next block runs whatever waits.
     defer: bool,
     stop: Option<Stop>,
-    /// A word of the code's flash that the engine is about to store into, and what it holds until the controller has programmed it.
+    /// A word of the code's flash that the engine is about to store into, and what it holds until the controller has
+    /// programmed it.
     stored: Option<(usize, [u8; 4])>,
     /// The code in flash as the engine knows it.
     known: Vec<u8>,
@@ -168,9 +169,9 @@ impl Cpu {
         self.core_mut().pace = (cycles_per_instruction * FRACTIONS as f64).round() as u64;
     }
 
-    /// Makes an access to where nothing is a hard fault of the program, instead of an error of the run. From then on each
-    /// instruction is followed, so that the frame names the one that failed: slower. To be asked for before the first
-    /// instruction: later it takes seconds.
+    /// Makes an access to where nothing is a hard fault of the program, instead of an error of the run. From then on
+    /// each instruction is followed, so that the frame names the one that failed: slower. To be asked for before the
+    /// first instruction: later it takes seconds.
     ///
     /// # Errors
     /// [`Error::Engine`].
@@ -283,8 +284,8 @@ impl Cpu {
         Ok(())
     }
 
-    /// Forgets what the engine has translated of sectors that hold something else by now. A program is only ever changed while another runs,
-    /// so it is enough to look at each start, and where everything is put back.
+    /// Forgets what the engine has translated of sectors that hold something else by now. A program is only ever
+    /// changed while another runs, so it is enough to look at each start, and where everything is put back.
     fn follow_code(&mut self) -> Result<()> {
         const SECTOR: usize = 0x2_0000;
         // SAFETY: as in `core_mut`; the engine beside it is another value and does not run.

@@ -1,7 +1,8 @@
 //! DMA1 and DMA2: streams in direct mode, circles, double buffers, and the word that is read ahead. RM0090 section 10.
 //!
-//! The chip moves the items ([`crate::chip`]); here is what a stream knows. In direct mode a stream that goes from memory to a
-//! device fetches its first item when it is enabled and the next one right behind each transfer (section 10.3.13).
+//! The chip moves the items ([`crate::chip`]); here is what a stream knows. In direct mode a stream that goes from
+//! memory to a device fetches its first item when it is enabled and the next one right behind each transfer (section
+//! 10.3.13).
 
 use crate::error::{Access, Refusal, within};
 use crate::time::{NEVER, Time};

@@ -1,8 +1,8 @@
-//! Flash: sectors, word programming that only clears bits, erasure, both taking their time; wait states and the data cache
-//! that keeps what an erasure has removed. RM0090 section 3.
+//! Flash: sectors, word programming that only clears bits, erasure, both taking their time; wait states and the data
+//! cache that keeps what an erasure has removed. RM0090 section 3.
 //!
-//! The core stands still while flash is busy, because it fetches from there: the chip lets the time pass. A power cut in
-//! that time leaves a torn word or sector.
+//! The core stands still while flash is busy, because it fetches from there: the chip lets the time pass. A power cut
+//! in that time leaves a torn word or sector.
 
 use crate::error::{Access, Refusal, within};
 use crate::time::{NEVER, Time, UNITS_PER_SECOND};
@@ -11,7 +11,8 @@ use crate::time::{NEVER, Time, UNITS_PER_SECOND};
 pub const START: u32 = 0x0800_0000;
 /// Size: 1 MiB.
 pub const BYTES: u32 = 1 << 20;
-/// First address of the part that holds no code: sectors 10 and 11. Its reads go through the data cache; those before it do not.
+/// First address of the part that holds no code: sectors 10 and 11. Its reads go through the data cache; those before
+/// it do not.
 pub const DATA_START: u32 = 0x080c_0000;
 
 /// A word, data sheet: 16 us typical.
@@ -76,7 +77,8 @@ pub struct Flash {
     barred: bool,
     work: Option<(Work, Time, Time)>,
     lines: Vec<Line>,
-    /// Where the core fetches from: a program may not erase the sector that it runs in, and of its words only make some void.
+    /// Where the core fetches from: a program may not erase the sector that it runs in, and of its words only make
+    /// some void.
     pub fetching: Option<u32>,
     /// Option bytes, `FLASH_OPTCR`; the lowest level of the brown-out reset is 3 at bits 2 and 3.
     pub options: u32,
@@ -145,8 +147,8 @@ impl Flash {
         self.cr &= !STRT;
     }
 
-    /// Power fails while flash is busy: the word or sector is left between what it was and what it was to become. `noise`
-    /// gives bits at will.
+    /// Power fails while flash is busy: the word or sector is left between what it was and what it was to become.
+    /// `noise` gives bits at will.
     pub fn tear(&mut self, now: Time, cells: &mut [u8], mut noise: impl FnMut() -> u32) {
         let Some((work, start, end)) = self.work.take() else { return };
         let share = (now.saturating_sub(start) << 8) / (end - start).max(1);

@@ -1,19 +1,22 @@
 //! An emulated STM32F405 board that runs the released image, unmodified: the very ELF that is flashed.
 //!
-//! Of the processor the instructions are executed by Unicorn's shared library, an external tool as QEMU is ([`unicorn`]). Everything
-//! else is modelled here after the reference manual RM0090 and the Armv7-M manual: exceptions, priorities, sleep and faults ([`cpu`],
-//! [`nvic`]), clocks ([`rcc`]), flash with its data cache, programming and erasure ([`flash`]), timers with triggers and filtered captures
-//! ([`timer`]), converters ([`adc`]), DMA ([`dma`]), line ([`usart`]), bus to the amplifier ([`spi`]), ports ([`gpio`]), watchdog ([`watchdog`]). [`chip`] wires them, [`bus`] is
-//! their addresses, [`world`] what is around them and what was seen of them. Depends on nothing of the project, so that it
-//! cannot share its mistakes.
+//! Of the processor the instructions are executed by Unicorn's shared library, an external tool as QEMU is
+//! ([`unicorn`]). Everything else is modelled here after the reference manual RM0090 and the Armv7-M manual:
+//! exceptions, priorities, sleep and faults ([`cpu`],
+//! [`nvic`]), clocks ([`rcc`]), flash with its data cache, programming and erasure ([`flash`]), timers with triggers
+//! and filtered captures ([`timer`]), converters ([`adc`]), DMA ([`dma`]), line ([`usart`]), bus to the amplifier
+//! ([`spi`]), ports ([`gpio`]), watchdog ([`watchdog`]). [`chip`] wires them, [`bus`] is their addresses, [`world`]
+//! what is around them and what was seen of them. Depends on nothing of the project, so that it cannot share its
+//! mistakes.
 //!
-//! **Strict.** A register or bit that is not modelled, a device whose clock is off, memory that is not there, what the manual forbids: each
-//! ends the run with [`error::Violation`], address, program counter and time. The alias of flash at address zero serves vectors only: a
-//! null pointer is found.
+//! **Strict.** A register or bit that is not modelled, a device whose clock is off, memory that is not there, what
+//! the manual forbids: each ends the run with [`error::Violation`], address, program counter and time. The alias of
+//! flash at address zero serves vectors only: a null pointer is found.
 //!
-//! **Time** is exact ([`time`]): every clock is a whole number of units of 1/336 MHz, and everything happens in the order of its instants. Only the
-//! core is approximate: so many cycles per instruction (2.0 unless told otherwise; the core's manual gives 1 to 2.5), interrupts
-//! at the borders of blocks of instructions. Two runs are alike to the last bit.
+//! **Time** is exact ([`time`]): every clock is a whole number of units of 1/336 MHz, and everything happens in the
+//! order of its instants. Only the core is approximate: so many cycles per instruction (2.0 unless told otherwise;
+//! the core's manual gives 1 to 2.5), interrupts at the borders of blocks of instructions. Two runs are alike to the
+//! last bit.
 //!
 //! # Use
 //!
@@ -60,10 +63,11 @@
 //! | wild program, stack overflow | [`cpu::Cpu::set_program_counter`], [`cpu::Cpu::set_register`], and [`cpu::Cpu::take_faults`], without which they end the run |
 //! | memory of the program | [`chip::Chip::peek`] and [`chip::Chip::poke`] at an address of [`elf::Image::symbols`] |
 //!
-//! Not modelled: bus contention, FIFO mode of the DMA, interrupts inside a block of instructions, lazy stacking, debug and trace
-//! units, analogue errors of the converter, wear of the flash.
+//! Not modelled: bus contention, FIFO mode of the DMA, interrupts inside a block of instructions, lazy stacking,
+//! debug and trace units, analogue errors of the converter, wear of the flash.
 //!
-//! Cost: 40 to 50 million instructions per second on a free core; the node executes about 20 million per second of signal.
+//! Cost: 40 to 50 million instructions per second on a free core; the node executes about 20 million per second of
+//! signal.
 
 pub mod adc;
 pub mod board;

@@ -1,4 +1,5 @@
-//! What lies beside the core: interrupt controller, system control block, SysTick. Armv7-M manual, sections B1.5, B3.2 to B3.4.
+//! What lies beside the core: interrupt controller, system control block, SysTick. Armv7-M manual, sections B1.5,
+//! B3.2 to B3.4.
 //!
 //! Priorities of four bits without groups of sub-priorities, tail-chaining by the processor ([`crate::cpu`]).
 

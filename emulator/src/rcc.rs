@@ -1,7 +1,7 @@
 //! Reset and clock control: oscillators, PLL, bus dividers, clock gates, reset flags. RM0090 section 7.
 //!
-//! Oscillators take their time, a crystal may be absent or fail, the PLL may never lock. What runs without its clock is found
-//! by [`Rcc::is_clocked`].
+//! Oscillators take their time, a crystal may be absent or fail, the PLL may never lock. What runs without its clock
+//! is found by [`Rcc::is_clocked`].
 
 use crate::error::{Access, Refusal, within};
 use crate::time::{NEVER, Time, UNITS_PER_SECOND};

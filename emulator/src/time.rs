@@ -1,7 +1,8 @@
 //! Time of the emulated chip, and what is due when.
 //!
-//! One unit is 1/336 MHz: every clock in use is a whole number of units (core 2, converter 16, internal oscillator 21, USART
-//! bit 364, watchdog's oscillator 10 500), so nothing is ever rounded and two runs are alike to the last bit.
+//! One unit is 1/336 MHz: every clock in use is a whole number of units (core 2, converter 16, internal oscillator
+//! 21, USART bit 364, watchdog's oscillator 10 500), so nothing is ever rounded and two runs are alike to the last
+//! bit.
 
 /// An instant or a length, in units of 1/[`UNITS_PER_SECOND`].
 pub type Time = u64;

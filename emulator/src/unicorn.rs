@@ -1,7 +1,7 @@
 //! Unicorn's shared library, opened at run time: the processor's instructions and nothing else.
 //!
-//! Unicorn is an external tool as QEMU is (`cargo xtask setup` installs Debian's `libunicorn2`): it is not linked and no part
-//! of it is in the lock file. Declared here is the little that is used of its interface, version 2.0.
+//! Unicorn is an external tool as QEMU is (`cargo xtask setup` installs Debian's `libunicorn2`): it is not linked and
+//! no part of it is in the lock file. Declared here is the little that is used of its interface, version 2.0.
 
 use crate::error::{Error, Result};
 use libloading::Library;
@@ -241,7 +241,8 @@ impl Engine {
         ];
         for (kind, function) in hooks {
             let mut hook = 0;
-            // SAFETY: the functions have the types that these kinds of hooks are called with; from 1 to 0 is everywhere.
+            // SAFETY: the functions have the types that these kinds of hooks are called with; from 1 to 0 is
+            // everywhere.
             self.check(unsafe { (self.functions.hook)(self.handle, &raw mut hook, kind, function, user, 1, 0) })?;
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! USART1: 8 bits with or without parity, one or two stop bits, at the programmed rate; both ways by DMA, and the interrupt at the end of
-//! what was sent. RM0090 section 30.
+//! USART1: 8 bits with or without parity, one or two stop bits, at the programmed rate; both ways by DMA, and the
+//! interrupt at the end of what was sent. RM0090 section 30.
 
 use crate::error::{Access, Refusal, within};
 use crate::time::{NEVER, Time};

@@ -2,9 +2,8 @@
 
 use core::cell::UnsafeCell;
 
-/// A place that is filled once, before its interrupts are unmasked, and then used by their handlers alone, which share one
-/// priority. No lock and no
-/// check at run time, hence nothing that can fail in a handler.
+/// A place that is filled once, before its interrupts are unmasked, and then used by their handlers alone, which
+/// share one priority. No lock and no check at run time, hence nothing that can fail in a handler.
 pub struct InterruptCell<T>(UnsafeCell<Option<T>>);
 
 // SAFETY: the contracts of the two functions leave one user at a time.

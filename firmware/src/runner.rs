@@ -1,8 +1,8 @@
 //! The main loop of every board: edges, blocks and bytes to the session, frames to the link, commits to the flash.
 //!
-//! A board's `main` builds its board and a runner and calls [`Runner::work`] for ever. Edges before a block's end go first, and
-//! the block waits until they can all have been captured ([`Due`]): the node sees both in the order of time whatever filters
-//! and interrupts held back.
+//! A board's `main` builds its board and a runner and calls [`Runner::work`] for ever. Edges before a block's end go
+//! first, and the block waits until they can all have been captured ([`Due`]): the node sees both in the order of
+//! time whatever filters and interrupts held back.
 
 use crate::crash::{self, Cause};
 use crate::light::Code;
@@ -47,7 +47,8 @@ pub enum BoardEvent {
     SafeStart = 7,
     /// The front end's gain could not be written and is in doubt; number: gain wanted.
     GainFault = 8,
-    /// The supply has left its tolerance ([`meshband::health::SUPPLY_TOLERANCE`]): accelerations are wrong by as much; number: millivolts.
+    /// The supply has left its tolerance ([`meshband::health::SUPPLY_TOLERANCE`]): accelerations are wrong by as
+    /// much; number: millivolts.
     Supply = 9,
     /// The chip's temperature has left its range; number: kelvins.
     Temperature = 10,
@@ -79,8 +80,8 @@ pub type NodeSession = Session<LentArrays<'static>>;
 /// Waveforms of a node whose samples lie in a static.
 pub type NodeCapture = Capture<&'static mut SampleRing>;
 
-/// The memory of waveforms in its places: the samples are written there and never lie on the stack. A function of its own, because what its caller calls
-/// next is the deepest there is.
+/// The memory of waveforms in its places: the samples are written there and never lie on the stack. A function of its
+/// own, because what its caller calls next is the deepest there is.
 #[inline(never)]
 pub fn open_capture(
     place: &'static mut MaybeUninit<NodeCapture>,
@@ -127,8 +128,8 @@ pub struct Beginning {
 }
 
 impl Beginning {
-    /// The stored configuration, or the default where none is to be had or too many `failures` came in a row. A function of its own: what
-    /// reading takes of the stack is given back before the node is built.
+    /// The stored configuration, or the default where none is to be had or too many `failures` came in a row. A
+    /// function of its own: what reading takes of the stack is given back before the node is built.
     #[inline(never)]
     pub fn load<F: NorFlash>(store: &mut Store<F>, timing: Timing, failures: u32) -> Self {
         let safe = is_safe_start(failures);
@@ -141,8 +142,9 @@ impl<F: NorFlash + 'static> Runner<F> {
     /// The node with the configuration to start with, and what it has to say about a stored one that was not taken; for
     /// [`Runner::begin`].
     ///
-    /// Built in a place of the caller's that is no part of the stack, and in one expression: each wrapping of these 12 KB, and each
-    /// change before they lie where they stay, is a copy on the stack. A clock on which not even the default can run is a crash.
+    /// Built in a place of the caller's that is no part of the stack, and in one expression: each wrapping of these
+    /// 12 KB, and each change before they lie where they stay, is a copy on the stack. A clock on which not even the
+    /// default can run is a crash.
     #[inline(never)]
     pub fn open(
         place: &'static mut MaybeUninit<NodeSession>,
@@ -236,8 +238,8 @@ impl<F: NorFlash + 'static> Runner<F> {
         self.session.node_mut().note(EventKind::Board, event.detail(number));
     }
 
-    /// Reports why the board started, by its own number, and the crash if it was one (`after_crash`: the processor reset
-    /// itself).
+    /// Reports why the board started, by its own number, and the crash if it was one (`after_crash`: the processor
+    /// reset itself).
     pub fn report_start(&mut self, reset_cause: u32, after_crash: bool) {
         defmt::info!("started, cause {=u32}", reset_cause);
         self.session.node_mut().note(EventKind::Started, reset_cause);
@@ -314,8 +316,8 @@ impl<F: NorFlash + 'static> Runner<F> {
         }
     }
 
-    /// The part of an update that goes by turns and by the clock: erasing, events, the restart into a new image, and the end of a
-    /// trial that nobody has confirmed.
+    /// The part of an update that goes by turns and by the clock: erasing, events, the restart into a new image, and
+    /// the end of a trial that nobody has confirmed.
     fn follow_update(&mut self, now: u32, sampling: bool) {
         let Some(updater) = &mut self.updater else { return };
         self.trial.follow(now, sampling);

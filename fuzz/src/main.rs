@@ -1,8 +1,8 @@
-//! One program for all targets: `MESHBAND_FUZZ_TARGET` names the one that runs, so that the host is linked once; `list` prints
-//! them.
+//! One program for all targets: `MESHBAND_FUZZ_TARGET` names the one that runs, so that the host is linked once;
+//! `list` prints them.
 //!
-//! The target's sound inputs are written into the folder `MESHBAND_FUZZ_SEEDS` first. Every second mutation is the target's own damage (checksums made right again, keys of a
-//! document), the others are libFuzzer's.
+//! The target's sound inputs are written into the folder `MESHBAND_FUZZ_SEEDS` first. Every second mutation is the
+//! target's own damage (checksums made right again, keys of a document), the others are libFuzzer's.
 
 #![no_main]
 
@@ -29,7 +29,8 @@ fuzz_target!(
         }
         if let Some(folder) = std::env::var_os("MESHBAND_FUZZ_SEEDS") {
             for (number, seed) in (chosen().seeds)().iter().enumerate() {
-                std::fs::write(Path::new(&folder).join(format!("seed-{number}")), seed).expect("a folder for sound inputs");
+                std::fs::write(Path::new(&folder).join(format!("seed-{number}")), seed).expect("a folder for sound \
+                    inputs");
             }
         }
     },

@@ -1,7 +1,7 @@
 //! The one TOML file: nodes, broker, journal, history, metrics.
 //!
-//! Everything is checked before a port is opened. Unknown keys are refused: a misspelt `password_file` must not end as an
-//! anonymous connection.
+//! Everything is checked before a port is opened. Unknown keys are refused: a misspelt `password_file` must not end
+//! as an anonymous connection.
 
 use crate::error::{Error, Result};
 use serde::Deserialize;
@@ -176,7 +176,8 @@ mod tests {
     use super::*;
 
     fn parse(change: impl Fn(String) -> String) -> std::result::Result<(), String> {
-        let text = "name = \"g\"\ndata = \"d\"\n[history]\nfolder = \"h\"\n[[node]]\nname = \"a\"\nmachine = \"m\"\nport = \"tcp:127.0.0.1:1\"\n";
+        let text = "name = \"g\"\ndata = \"d\"\n[history]\nfolder = \"h\"\n[[node]]\nname = \"a\"\nmachine \
+            = \"m\"\nport = \"tcp:127.0.0.1:1\"\n";
         let config: Config = toml::from_str(&change(text.to_owned())).map_err(|e| e.to_string())?;
         config.check()
     }

@@ -1,7 +1,7 @@
 //! The gateway's threads: one per node, one for the journal, one each for broker, history and metrics.
 //!
-//! Data flows one way: nodes, journal, then broker and history at their own pace. Only commands go back. One folder belongs to one
-//! gateway, by a lock that ends with the process.
+//! Data flows one way: nodes, journal, then broker and history at their own pace. Only commands go back. One folder
+//! belongs to one gateway, by a lock that ends with the process.
 
 use crate::clock;
 use crate::config::Config;

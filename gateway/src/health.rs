@@ -1,6 +1,7 @@
 //! What the gateway tells of itself: counters, and the page that Prometheus reads.
 //!
-//! One connection at a time, local by default, no request read beyond its first kilobyte: a page of text needs no server.
+//! One connection at a time, local by default, no request read beyond its first kilobyte: a page of text needs no
+//! server.
 
 use crate::error::Result;
 use crate::stop::Stop;

@@ -1,8 +1,8 @@
 //! A day of many nodes, faster than real time: how large the history becomes, and how fast it is written and asked.
 //!
-//! Status and indicators of each node at a fixed interval, made up but of plausible size and scatter (seeded), as entries with real
-//! frames through the same rows and files as live ones. What is left out is the journal and the ports. One machine in fifty drifts,
-//! so that queries have something to find.
+//! Status and indicators of each node at a fixed interval, made up but of plausible size and scatter (seeded), as
+//! entries with real frames through the same rows and files as live ones. What is left out is the journal and the
+//! ports. One machine in fifty drifts, so that queries have something to find.
 
 use crate::error::{Error, Result};
 use crate::history::rows::Rows;
@@ -81,7 +81,8 @@ pub fn run(args: &SynthesiseArgs, stop: &Stop) -> Result {
         partitions.iter().filter_map(|partition| files::parts(partition).ok()).flatten().map(|part| size(&part)).sum();
     let node_days = u64::from(args.nodes) * args.days;
     println!(
-        "{} nodes, {} days, values every {} s (seed {}): {rows} rows in {} partitions, {:.1} MB, {:.1} kB per node and day, {:.1} bytes per row",
+        "{} nodes, {} days, values every {} s (seed {}): {rows} rows in {} partitions, {:.1} MB, {:.1} kB per node \
+         and day, {:.1} bytes per row",
         args.nodes,
         args.days,
         args.interval,

@@ -1,4 +1,5 @@
-//! Which figures a message carries, under which names and units: one table for the broker's metrics and the history's columns.
+//! Which figures a message carries, under which names and units: one table for the broker's metrics and the history's
+//! columns.
 
 use meshband::message::{Indicators, LineOrigin, Message, Peaks, Spectrum, Tag};
 
@@ -144,7 +145,8 @@ fn circumstances(tag: &Tag) -> [(usize, f32); 4] {
     [(0, tag.speed_hz), (1, tag.speed_uncertainty), (8, tag.rate_hz), (9, tag.resolution_hz)]
 }
 
-/// What a message's values lack, in words (`overload gap settling stuck`); `None` where they say something of the machine.
+/// What a message's values lack, in words (`overload gap settling stuck`); `None` where they say something of the
+/// machine.
 pub fn defects(message: &Message) -> Option<String> {
     let Message::Indicators(Indicators { quality, .. }) = message else { return None };
     let named = [
@@ -174,7 +176,8 @@ pub fn kind(message: &Message) -> &'static str {
 /// One spectral line with its name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// `mesh 2`, `mesh 2 pinion -1`, `mesh 2 gear +1`, `folded 7`, `unexplained`, or empty where the speed is not known.
+    /// `mesh 2`, `mesh 2 pinion -1`, `mesh 2 gear +1`, `folded 7`, `unexplained`, or empty where the speed is not
+    /// known.
     pub origin: String,
     /// Hz.
     pub frequency_hz: f32,

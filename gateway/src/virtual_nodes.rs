@@ -1,9 +1,11 @@
-//! Nodes to try the gateway with: the node's own session on a made-up gear's signal, in real time, behind a TCP port each.
+//! Nodes to try the gateway with: the node's own session on a made-up gear's signal, in real time, behind a TCP port
+//! each.
 //!
-//! What runs is what runs on a board (`meshband::session`): tach tracker, law, rate plan, mesh bands, indicators, commands. Made up
-//! are the codes: three mesh harmonics with a sideband pair, and noise from a seeded generator. The filter's stop edge is 2 kHz,
-//! so that fifty nodes fit on a core or two. A port serves one reader at a time, as a serial line does; while there is none, frames
-//! wait, as in a line server's buffer, and with `--repeat` the last ones are sent again to the next reader.
+//! What runs is what runs on a board (`meshband::session`): tach tracker, law, rate plan, mesh bands, indicators,
+//! commands. Made up are the codes: three mesh harmonics with a sideband pair, and noise from a seeded generator. The
+//! filter's stop edge is 2 kHz, so that fifty nodes fit on a core or two. A port serves one reader at a time, as a
+//! serial line does; while there is none, frames wait, as in a line server's buffer, and with `--repeat` the last
+//! ones are sent again to the next reader.
 
 use crate::NodesArgs;
 use crate::error::{Error, Result, at};
@@ -103,7 +105,8 @@ impl Served {
         }
     }
 
-    /// Until asked to stop or the time is over and all is sent; gives every frame's sequence, fingerprint, and whether it was written.
+    /// Until asked to stop or the time is over and all is sent; gives every frame's sequence, fingerprint, and
+    /// whether it was written.
     fn serve(mut self, stop: &Stop, seconds: Option<u64>) -> Vec<(u16, u64, bool)> {
         let start = Instant::now();
         let end = seconds.map(|seconds| start + Duration::from_secs(seconds));

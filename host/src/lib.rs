@@ -1,7 +1,7 @@
 //! Workbench of the meshband vibration node, under one name: every room of the crates below.
 //!
-//! The layers, lowest first: `meshband-common`, `-signal`, `-mechanics`, `-record`, `-analysis`, `-law`, `-node`, `-signal-based` and
-//! `-model-based`. Cargo keeps them: a room can only name what its crate depends on.
+//! The layers, lowest first: `meshband-common`, `-signal`, `-mechanics`, `-record`, `-analysis`, `-law`, `-node`,
+//! `-signal-based` and `-model-based`. Cargo keeps them: a room can only name what its crate depends on.
 
 pub mod program;
 pub mod results;

@@ -30,7 +30,8 @@ enum Command {
     Export(commands::export::Args),
     /// A node as a device: supply, temperature, bias, clock, time of day.
     Health(commands::health::Args),
-    /// Measurement files (mat, HDF5, TDMS, csv, wav, FLAC, npy, uff58) into a record folder, with their tach or a virtual one.
+    /// Measurement files (mat, HDF5, TDMS, csv, wav, FLAC, npy, uff58) into a record folder, with their tach or a
+    /// virtual one.
     Import(commands::import::Args),
     /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
     Law(commands::law::Args),

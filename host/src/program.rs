@@ -5,7 +5,8 @@ use crate::{Error, Result, remark};
 use clap::Parser;
 use std::process::ExitCode;
 
-/// Parses the command line, runs it, and says how it ended: 0, 2 with one line on standard error, or the code of an interrupt.
+/// Parses the command line, runs it, and says how it ended: 0, 2 with one line on standard error, or the code of an
+/// interrupt.
 pub fn execute<Cli: Parser>(run: impl FnOnce(Cli) -> Result<()>) -> ExitCode {
     let result = interrupt::install().and_then(|()| match Cli::try_parse() {
         Ok(cli) => run(cli),

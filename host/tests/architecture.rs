@@ -1,9 +1,10 @@
 //! Who imports whom in the crates of the host: files of a crate form no circle. Cargo keeps the crates apart.
 //!
-//! Paths are read from the source as text: `use` trees and paths in code that start with `crate`, `super` or `self`, and in a folder's
-//! `mod.rs` those that start with one of its children. Comments and strings do not count. A path belongs to the deepest module it names, so
-//! what a `mod.rs` re-exports counts as the `mod.rs`'s own. Limits: among files a folder's `mod.rs`, which names its children by its nature, is
-//! no node (between rooms it counts with its folder); macros and glob imports of another room's names are not followed.
+//! Paths are read from the source as text: `use` trees and paths in code that start with `crate`, `super` or `self`,
+//! and in a folder's `mod.rs` those that start with one of its children. Comments and strings do not count. A path
+//! belongs to the deepest module it names, so what a `mod.rs` re-exports counts as the `mod.rs`'s own. Limits: among
+//! files a folder's `mod.rs`, which names its children by its nature, is no node (between rooms it counts with its
+//! folder); macros and glob imports of another room's names are not followed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -9,14 +9,14 @@ use crate::node::Block;
 use crate::node::health::BoardHealth;
 use crate::units::{Hertz, TicksPerSecond};
 
-/// What a board's sample timer and converter can do: figures of the design that plan and configuration need, on the board and
-/// on a host that computes the same.
+/// What a board's sample timer and converter can do: figures of the design that plan and configuration need, on the
+/// board and on a host that computes the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Time base of sample periods and tach edges.
     pub clock: TicksPerSecond,
-    /// Sample periods are multiples of this many ticks. A converter on a slower clock than the timer's takes a trigger at the
-    /// next edge of its own: any other period makes its instants wander by up to that clock's period.
+    /// Sample periods are multiples of this many ticks. A converter on a slower clock than the timer's takes a
+    /// trigger at the next edge of its own: any other period makes its instants wander by up to that clock's period.
     pub period_step: u32,
     /// Highest ADC rate that a configuration may ask for: converter and processor keep up with margin.
     pub highest_adc: Hertz,
@@ -28,8 +28,8 @@ impl Timing {
     /// QEMU's `mps2-an386`: no converter that could be too slow, and no second one.
     pub const AN386: Self =
         Self { clock: TicksPerSecond(25_000_000), period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: None };
-    /// STM32F405: the converter runs on a quarter of the timer's clock and could follow 750 kHz; the highest rate is what the main loop
-    /// keeps up with at two cycles per instruction, with margin (`cargo xtask pace`).
+    /// STM32F405: the converter runs on a quarter of the timer's clock and could follow 750 kHz; the highest rate is
+    /// what the main loop keeps up with at two cycles per instruction, with margin (`cargo xtask pace`).
     pub const STM32F405: Self = Self {
         clock: TicksPerSecond(84_000_000),
         period_step: 4,
@@ -48,7 +48,8 @@ impl Timing {
     }
 }
 
-/// A timer without a converter behind it that limits anything: tests and hosts that know no more of a node than its clock.
+/// A timer without a converter behind it that limits anything: tests and hosts that know no more of a node than its
+/// clock.
 impl From<TicksPerSecond> for Timing {
     fn from(clock: TicksPerSecond) -> Self {
         Self { clock, period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: Some(Hertz(1.0e7)) }
@@ -67,8 +68,9 @@ pub trait SampleClock {
 
 /// Source of sample blocks.
 pub trait BlockSource {
-    /// Tick up to which nothing can still come: every block that ends at or before it is complete, and of every such block all
-    /// edges that belong before its end have been captured, however long a filter held them back. To be read before
+    /// Tick up to which nothing can still come: every block that ends at or before it is complete, and of every such
+    /// block all edges that belong before its end have been captured, however long a filter held them back. To be
+    /// read before
     /// [`Self::pending_end`].
     fn horizon(&self) -> u32;
     /// Gives up all waiting blocks after one was lost because none was taken for too long; the node sees one gap.
@@ -121,7 +123,8 @@ pub trait Housekeeping {
     fn health(&mut self) -> BoardHealth {
         BoardHealth::default()
     }
-    /// Moves a measurement under way on, and gives the tick of a pulse per second not yet taken; called once per turn of the main loop.
+    /// Moves a measurement under way on, and gives the tick of a pulse per second not yet taken; called once per turn
+    /// of the main loop.
     fn next_second_pulse(&mut self) -> Option<u32> {
         None
     }
@@ -134,8 +137,9 @@ impl<T: SampleClock + BlockSource + TachCapture + Link + Supervision + Housekeep
 
 /// What one turn of the main loop may hand to the node, so that edges and blocks come in the order of time.
 ///
-/// An edge is known later than it happened: the input's filter waits until the level has lasted, while a block is complete
-/// one conversion after its last sample. So a complete block stays where it is until the horizon has passed its end.
+/// An edge is known later than it happened: the input's filter waits until the level has lasted, while a block is
+/// complete one conversion after its last sample. So a complete block stays where it is until the horizon has passed
+/// its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Due {
     /// Edges before this tick.

@@ -19,7 +19,8 @@ pub const BOARD_LENGTH: usize = 16;
 pub struct Identity {
     /// Name of the board, as that of its image; the first [`BOARD_LENGTH`] bytes are reported.
     pub board: &'static str,
-    /// What the image was built from: a commit's short hash, or `unknown`; the first [`BUILD_LENGTH`] bytes are reported.
+    /// What the image was built from: a commit's short hash, or `unknown`; the first [`BUILD_LENGTH`] bytes are
+    /// reported.
     pub build: &'static str,
     /// The chip's own number, 96 bits; zero where it has none.
     pub unique_id: [u32; 3],

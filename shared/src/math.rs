@@ -166,7 +166,8 @@ pub fn decibels(ratio: f32) -> f32 {
     20.0 * log10(ratio)
 }
 
-/// 20 log10 of an amplitude ratio within 1.1 dB, for displays and coarse status only; ratios below 1e-30 count as 1e-30.
+/// 20 log10 of an amplitude ratio within 1.1 dB, for displays and coarse status only; ratios below 1e-30 count as
+/// 1e-30.
 #[inline]
 pub fn decibels_coarse(ratio: f32) -> f32 {
     20.0 * micromath::F32(ratio.max(1e-30)).log10().0

@@ -4,9 +4,9 @@
 //! block `j + 1` is already running; its period was decided one border earlier, and the wish taken up now
 //! governs block `j + 2`. Rates therefore change at block borders only, on every board after the same rule.
 //!
-//! A main loop that has fallen behind by all buffers gives up everything that waits, at once ([`Inbox::catch_up`]): a gap
-//! restarts the node's records, and records that restart with a full queue behind them end in the next loss, for ever. One long
-//! gap leaves all buffers free for what the restart costs.
+//! A main loop that has fallen behind by all buffers gives up everything that waits, at once ([`Inbox::catch_up`]): a
+//! gap restarts the node's records, and records that restart with a full queue behind them end in the next loss, for
+//! ever. One long gap leaves all buffers free for what the restart costs.
 
 pub use crate::config::BLOCK_SAMPLES;
 use crate::config::Configuration;
@@ -230,8 +230,8 @@ impl Inbox {
         true
     }
 
-    /// Gives up all blocks that wait if one was lost for want of an empty buffer; tells how many. The next block's sequence
-    /// number shows the gap.
+    /// Gives up all blocks that wait if one was lost for want of an empty buffer; tells how many. The next block's
+    /// sequence number shows the gap.
     pub fn catch_up(&mut self) -> u32 {
         if !self.starved.load(Ordering::Acquire) {
             return 0;

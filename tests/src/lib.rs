@@ -1,5 +1,5 @@
-//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU, the damage campaign, the
-//! targets of fuzzing, the bill of materials.
+//! Helpers shared by the tests: flash that fails, gear signals of known content, nodes in QEMU, the damage campaign,
+//! the targets of fuzzing, the bill of materials.
 
 #[cfg(unix)]
 pub mod damage;

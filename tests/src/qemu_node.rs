@@ -55,8 +55,8 @@ pub fn power_up_on_socket(machine: &Qemu, image: &[u8], folder: &std::path::Path
     (running, stream)
 }
 
-/// Core-coupled memory of the released board, bytes: its stack and its node's state (`memory.x`). This board's node is moved into its place over
-/// the stack, so both are counted.
+/// Core-coupled memory of the released board, bytes: its stack and its node's state (`memory.x`). This board's node
+/// is moved into its place over the stack, so both are counted.
 pub const STACK_BYTES: u32 = 64 * 1024;
 /// What must stay free of it, bytes: the released board's own interrupts, which QEMU does not run, need less than one.
 pub const STACK_MARGIN: u32 = 8 * 1024;

@@ -49,8 +49,8 @@ impl Script {
         self.samples.len() as f64 / f64::from(RATE_HZ)
     }
 
-    /// Appends `seconds` with the shaft at `speed_hz(t)`, t from the start of this part; the sign is the direction. Gives
-    /// the part's start and end, s.
+    /// Appends `seconds` with the shaft at `speed_hz(t)`, t from the start of this part; the sign is the direction.
+    /// Gives the part's start and end, s.
     pub fn run(&mut self, seconds: f64, speed_hz: impl Fn(f64) -> f64, disturbance: Disturbance) -> (f64, f64) {
         let start_s = self.seconds();
         let first = self.samples.len() as u32 * TICKS_PER_SAMPLE;

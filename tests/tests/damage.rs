@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-/// The command as it is now. `cargo test` builds it with the workspace; where only this test is built, it may be missing or
-/// older than its sources and is made here.
+/// The command as it is now. `cargo test` builds it with the workspace; where only this test is built, it may be
+/// missing or older than its sources and is made here.
 fn program() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |folder| root.join(folder));

@@ -1,7 +1,8 @@
-//! `cargo xtask demo`: from a clean clone to an analysis of a simulated gear pair, then to a table of what the node measured on it.
+//! `cargo xtask demo`: from a clean clone to an analysis of a simulated gear pair, then to a table of what the node
+//! measured on it.
 //!
-//! Only what the demo needs is built: the command once, with few optimisations (profile `demo`), and one firmware image. The first result, a
-//! record and its report, comes before QEMU and the firmware are touched.
+//! Only what the demo needs is built: the command once, with few optimisations (profile `demo`), and one firmware
+//! image. The first result, a record and its report, comes before QEMU and the firmware are touched.
 
 use crate::node_build;
 use crate::setup;
@@ -18,8 +19,8 @@ const PROFILE: &str = "demo";
 const BUILD_MIN: f64 = 16.0;
 const REST_MIN: f64 = 2.0;
 
-/// Builds, simulates the paper's rig and analyses it (or a given record folder), then runs the firmware in QEMU on it; prints the
-/// tables and leaves reports in `demo-out/`.
+/// Builds, simulates the paper's rig and analyses it (or a given record folder), then runs the firmware in QEMU on
+/// it; prints the tables and leaves reports in `demo-out/`.
 pub fn run(args: &[String]) -> Outcome {
     let given = match args {
         [] => None,

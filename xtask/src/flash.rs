@@ -1,7 +1,8 @@
 //! `cargo xtask flash`: the STM32F405's loader and image onto a connected board.
 //!
-//! One file from the first address on, so that one command makes a blank chip a node. The header of the upper slot is made void: an image that came
-//! there over the link would be newer than the one that is flashed now. The configuration's sectors are left alone.
+//! One file from the first address on, so that one command makes a blank chip a node. The header of the upper slot is
+//! made void: an image that came there over the link would be newer than the one that is flashed now. The
+//! configuration's sectors are left alone.
 
 use crate::node_build;
 use crate::release;

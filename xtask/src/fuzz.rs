@@ -1,8 +1,8 @@
 //! `cargo xtask fuzz`: every target of `meshband_tests::fuzz` under libFuzzer for a time, into `target/fuzzing.md`.
 //!
-//! The program is `fuzz/`, built for coverage by flags that the stable compiler takes, so neither a nightly nor cargo-fuzz is needed; libFuzzer
-//! itself is C++ and is compiled once. No address sanitizer: what is fuzzed has no unsafe code of ours. The corpus stays in
-//! `target/fuzz/corpus` and grows from one run to the next.
+//! The program is `fuzz/`, built for coverage by flags that the stable compiler takes, so neither a nightly nor
+//! cargo-fuzz is needed; libFuzzer itself is C++ and is compiled once. No address sanitizer: what is fuzzed has no
+//! unsafe code of ours. The corpus stays in `target/fuzz/corpus` and grows from one run to the next.
 
 use crate::shell::{Outcome, capture, cargo, command, root, run, say, stamp, timed};
 use std::collections::{BTreeMap, VecDeque};
@@ -29,15 +29,20 @@ const LIMITS: [&str; 3] = ["-timeout=60", "-rss_limit_mb=2048", "-max_len=65536"
 const HEAD: &str = "\
 # Fuzzing
 
-Written by `cargo xtask fuzz`: libFuzzer on the targets of `tests/src/fuzz`, guided by coverage of the project and of all its
-dependencies, from sound inputs (and a corpus, if former runs left one). A panic, an arithmetic overflow, a failed check of the target, more
-than 60 s (wall clock) or 2 GB for one input count as found. A bounded number of inputs of each target runs with the tests, and
-found cases are kept in `tests/vectors/fuzz`. Edges are branches of the program that were taken; the machine did other work beside, so
+Written by `cargo xtask fuzz`: libFuzzer on the targets of `tests/src/fuzz`, guided by coverage of the project and \
+of all its
+dependencies, from sound inputs (and a corpus, if former runs left one). A panic, an arithmetic overflow, a failed \
+check of the target, more
+than 60 s (wall clock) or 2 GB for one input count as found. A bounded number of inputs of each target runs with the \
+tests, and
+found cases are kept in `tests/vectors/fuzz`. Edges are branches of the program that were taken; the machine did \
+other work beside, so
 that inputs per second say little.
 
 ";
 
-/// Names of targets may follow, the others keep their rows; `MESHBAND_FUZZ_JOBS` targets run at a time (1); `MESHBAND_FUZZ_PROGRAM` is built already.
+/// Names of targets may follow, the others keep their rows; `MESHBAND_FUZZ_JOBS` targets run at a time (1);
+/// `MESHBAND_FUZZ_PROGRAM` is built already.
 pub fn run_task(args: &[String]) -> Outcome {
     let variable = |name: &str, usual: &str| std::env::var(name).unwrap_or_else(|_| usual.into());
     let seconds = variable("MESHBAND_FUZZ_SECONDS", SECONDS);
@@ -76,7 +81,8 @@ pub fn run_task(args: &[String]) -> Outcome {
         let [inputs, edges, kept, longest, memory] = found.figures;
         let case = found.case.as_ref().map_or("nothing", |_| "1 case");
         let row = format!(
-            "| {name} | {reads} | {inputs} | {edges} | {kept} | {longest} | {memory} | {case} | {when}, {seconds} s, {jobs} at a time |"
+            "| {name} | {reads} | {inputs} | {edges} | {kept} | {longest} | {memory} | {case} | {when}, {seconds} s, \
+             {jobs} at a time |"
         );
         fresh.insert(name, row);
         failed.extend(found.case.map(|case| format!("{name}: {case}")));

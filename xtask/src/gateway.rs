@@ -1,7 +1,8 @@
-//! `cargo xtask gateway` and `cargo xtask fleet-spark`: the gateway against a real broker, and verdicts by a real engine.
+//! `cargo xtask gateway` and `cargo xtask fleet-spark`: the gateway against a real broker, and verdicts by a real
+//! engine.
 //!
-//! The gateway is a workspace of its own, so that neither demo nor tests build MQTT or Parquet. Broker, Python and Java are asked
-//! for here and nowhere else.
+//! The gateway is a workspace of its own, so that neither demo nor tests build MQTT or Parquet. Broker, Python and
+//! Java are asked for here and nowhere else.
 
 use crate::shell::{Outcome, command, on_path, root, run, say, timed};
 use std::path::{Path, PathBuf};
@@ -9,7 +10,8 @@ use std::process::Command;
 
 const HELP: &str = "\
 cargo xtask gateway [--full] [--faults]
-  Builds the gateway, checks it (rustfmt, clippy, unit tests, those of its Python part), then looks at the faults and at the
+  Builds the gateway, checks it (rustfmt, clippy, unit tests, those of its Python part), then looks at the faults \
+  and at the
   proof against mosquitto: virtual nodes, broker and gateway killed.
   --full    50 nodes for ten minutes, into docs/evidence/gateway-proof.json; without it 8 nodes for 45 s
   --faults  the faults alone";

@@ -50,10 +50,12 @@ cargo xtask TASK
   screenshots  pictures of the reports and of the live view, into book/src/pictures (names of pictures may follow)
   gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
-  fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into target/fuzzing.md;
+  fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into \
+  target/fuzzing.md;
                names of targets may follow (then only printed), MESHBAND_FUZZ_JOBS run at a time
   mutants      cargo-mutants on every N-th mutant: `mutants shared 40`, `mutants inference 16`, into target/mutation.md
-  soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into target/soak.md
+  soak         the node for --hours H of virtual time (24) with random speeds, faults and noise on the line, into \
+  target/soak.md
   soak-image   the released image in the emulator for --hours H (1), likewise, into target/soak-image.md
   supply-chain bill of materials, and cargo-deny where it is installed
   reproducible all images twice in two folders, compared byte by byte, into target/reproducible.md

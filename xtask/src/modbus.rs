@@ -1,7 +1,7 @@
 //! The Python environment with pymodbus, an independent Modbus master, under `target/modbus-python`; made once.
 //!
-//! The tests of the emulated board use it where it is (`emulator/tests/flashed/modbus`) and say that they are skipped where it is not. The variable
-//! `MESHBAND_MODBUS_PYTHON` names another interpreter that has the package.
+//! The tests of the emulated board use it where it is (`emulator/tests/flashed/modbus`) and say that they are skipped
+//! where it is not. The variable `MESHBAND_MODBUS_PYTHON` names another interpreter that has the package.
 
 use crate::shell::{Outcome, capture, cargo, last_line, on_path, root, run, timed, with_retries};
 use crate::{node_build, setup};

@@ -1,11 +1,12 @@
 //! `cargo xtask mutants`: cargo-mutants on a stated sample, into `target/mutation.md`.
 //!
-//! A mutant of `shared` would have everything rebuilt that stands on it, the host above all. So it runs in a tree of its own under
-//! `target/mutants`: `shared`, and the node's tests that need nothing else, which takes seconds per mutant instead of minutes; what only
-//! host, QEMU or emulator tests would notice counts as a survivor there. The inference is mutated in the workspace as it is; what only
-//! whole records would notice counts as a survivor.
-//! The sample is every n-th mutant in the order of the list (`--shard K/N --sharding round-robin`), the same every time. Once its
-//! survivors are killed by new tests it says too much of the rest: another one, of another first mutant, says what they are worth.
+//! A mutant of `shared` would have everything rebuilt that stands on it, the host above all. So it runs in a tree of
+//! its own under `target/mutants`: `shared`, and the node's tests that need nothing else, which takes seconds per
+//! mutant instead of minutes; what only host, QEMU or emulator tests would notice counts as a survivor there. The
+//! inference is mutated in the workspace as it is; what only whole records would notice counts as a survivor. The
+//! sample is every n-th mutant in the order of the list (`--shard K/N --sharding round-robin`), the same every time.
+//! Once its survivors are killed by new tests it says too much of the rest: another one, of another first mutant,
+//! says what they are worth.
 
 use crate::shell::{Outcome, capture, cargo, command, on_path, root, run, stamp, timed};
 use std::fmt::Write;
@@ -14,8 +15,10 @@ use std::path::{Path, PathBuf};
 const HEAD: &str = "\
 # Mutation
 
-Written by `cargo xtask mutants` (cargo-mutants): each mutant is one change of the sources (an operator, a returned value, a removed
-statement); tests that fail kill it. A sample, with the Wilson interval of 95 %. Mutants that do not compile are left out; one that
+Written by `cargo xtask mutants` (cargo-mutants): each mutant is one change of the sources (an operator, a returned \
+value, a removed
+statement); tests that fail kill it. A sample, with the Wilson interval of 95 %. Mutants that do not compile are \
+left out; one that
 runs into the time limit counts as killed. Survivors are listed with what is known of them.
 
 ";
@@ -137,8 +140,10 @@ fn section(what: &str, [every, first]: [u32; 2], folder: &Path) -> Outcome<Strin
     }
     let [low, high] = wilson(killed as f64, viable as f64).map(|share| 100.0 * share);
     let mut text = format!(
-        "## `{what}`\n\n`cargo xtask mutants {what} {every} {first}`, {}: every {every}th mutant; {viable} viable ({} more do not compile), \
-         {killed} killed ({} of them by the time limit): {:.1} %, {low:.1} to {high:.1} %.\n\n| survivor | why |\n| --- | --- |\n",
+        "## `{what}`\n\n`cargo xtask mutants {what} {every} {first}`, {}: every {every}th mutant; {viable} viable \
+         ({} more do not compile), \
+         {killed} killed ({} of them by the time limit): {:.1} %, {low:.1} to {high:.1} %.\n\n| survivor | why |\n| \
+         --- | --- |\n",
         stamp()?,
         unviable.len(),
         timeout.len(),

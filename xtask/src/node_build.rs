@@ -14,8 +14,8 @@ use std::process::Command;
 /// Images whose sizes are watched, with what their board needs.
 const SIZED: [&str; 3] = ["an386", "loader", "stm32f405"];
 
-/// Everything that is built: binary and board. The drill restarts itself in QEMU, for `tests/tests/qemu/qemu_runner.rs`; the released node is linked for
-/// each of its two slots.
+/// Everything that is built: binary and board. The drill restarts itself in QEMU, for
+/// `tests/tests/qemu/qemu_runner.rs`; the released node is linked for each of its two slots.
 pub const IMAGES: [(&str, &str); 5] = [
     ("an386", "an386"),
     ("restart", "an386"),
@@ -80,8 +80,9 @@ fn of_image(image: &str, board: &str) -> Command {
     ])
 }
 
-/// Prints text, data, bss and deepest stack of each image, and the released image's panics; an error names every limit passed, every
-/// growth over the snapshots in `tests/snapshots` and every panic of our own. `--bless` writes the snapshots anew.
+/// Prints text, data, bss and deepest stack of each image, and the released image's panics; an error names every
+/// limit passed, every growth over the snapshots in `tests/snapshots` and every panic of our own. `--bless` writes
+/// the snapshots anew.
 pub fn size(args: &[String]) -> Outcome {
     let bless = match args {
         [] => false,
@@ -132,7 +133,8 @@ pub fn size(args: &[String]) -> Outcome {
         let StackUse { main, interrupt, fault, size, .. } = stack;
         let sum = stack.sum();
         println!(
-            "{board}: at most {main} bytes of stack in main + {interrupt} in an interrupt + {fault} in a fault = {sum} of {size}"
+            "{board}: at most {main} bytes of stack in main + {interrupt} in an interrupt + {fault} in a fault = \
+             {sum} of {size}"
         );
     }
     let panics = check_panics(&mut complaints, bless)?;
@@ -157,8 +159,9 @@ fn recorded(table: &str, board: &str) -> Option<(u64, u64)> {
     Some((*numbers.get(3)?, *numbers.get(4)?))
 }
 
-/// The released image must set its vector table's address, because a boot loader that jumps to it leaves its own in force, and
-/// must hold the log that `book/src/howto/flash.md` shows by a probe: the strings themselves lie outside the flash.
+/// The released image must set its vector table's address, because a boot loader that jumps to it leaves its own in
+/// force, and must hold the log that `book/src/howto/flash.md` shows by a probe: the strings themselves lie outside
+/// the flash.
 fn check_start_and_logs(complaints: &mut Vec<String>) -> Outcome {
     const VECTOR_TABLE_OFFSET: u32 = 0xe000_ed08;
     let path = image(RELEASED);

@@ -1,8 +1,9 @@
 //! What is made of the linked images: the update file, and what `cargo xtask flash` writes to a new board.
 //!
-//! An image becomes whole by its header (`shared/src/update/header.rs`): what it says of itself (symbol `IMAGE_DESCRIPTION`), with place, length and
-//! checksums filled in here. An update file is both slots' images behind one another, each behind its header: the host sends the one that fits the
-//! slot that is free. `emulator/tests/flashed/update.rs` holds the file against the node's own reading of it.
+//! An image becomes whole by its header (`shared/src/update/header.rs`): what it says of itself (symbol
+//! `IMAGE_DESCRIPTION`), with place, length and checksums filled in here. An update file is both slots' images behind
+//! one another, each behind its header: the host sends the one that fits the slot that is free.
+//! `emulator/tests/flashed/update.rs` holds the file against the node's own reading of it.
 
 use crate::elf::{self, Image};
 use crate::node_build::{RELEASED, image};
@@ -38,7 +39,8 @@ fn write_beside(ending: &str, bytes: &[u8]) -> Outcome {
     std::fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// The flash of a new board from its first address on: loader, the image of the lower slot, confirmed, and no header in the upper slot.
+/// The flash of a new board from its first address on: loader, the image of the lower slot, confirmed, and no header
+/// in the upper slot.
 pub fn first_flash() -> Outcome<Vec<u8>> {
     let loader = flat(&read(&image("loader"))?, FLASH)?;
     let (_, base) = SLOTS[0];

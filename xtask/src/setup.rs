@@ -1,7 +1,7 @@
 //! `cargo xtask setup`: what a clean machine lacks to build and run the node.
 //!
-//! Three things only: the compiler's target library, QEMU, and Unicorn's shared library. Each has a normal way and a fallback for
-//! machines where that way is closed; package sources and configuration of the user are never changed.
+//! Three things only: the compiler's target library, QEMU, and Unicorn's shared library. Each has a normal way and a
+//! fallback for machines where that way is closed; package sources and configuration of the user are never changed.
 
 mod apt;
 mod package;

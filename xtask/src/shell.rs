@@ -40,7 +40,8 @@ pub fn run(command: &mut Command) -> Outcome {
 /// Between two lines that say that a step is still under way.
 const PULSE: Duration = Duration::from_secs(15);
 
-/// Runs a command with its output shown and says every 15 s that it still runs: builds name crates, but one crate may take minutes.
+/// Runs a command with its output shown and says every 15 s that it still runs: builds name crates, but one crate may
+/// take minutes.
 pub fn watched(what: &str, command: &mut Command) -> Outcome {
     let mut child = command.spawn().map_err(|e| format!("{}: {e}", describe(command)))?;
     let start = Instant::now();
@@ -76,8 +77,8 @@ pub fn stamp() -> Outcome<String> {
     Ok(format!("commit {}, {}", commit.trim(), date.trim()))
 }
 
-/// Builds programs of the workspace and gives their places. A test is built along: the packages then get the features that they have in
-/// the tests, so that nothing is built a second time.
+/// Builds programs of the workspace and gives their places. A test is built along: the packages then get the features
+/// that they have in the tests, so that nothing is built a second time.
 pub fn programs<const N: usize>(names: [&str; N]) -> Outcome<[PathBuf; N]> {
     timed(&names.join(", "), || {
         let mut build = cargo(&["build", "--quiet", "--release", "--test", "supply_chain"]);

@@ -1,5 +1,6 @@
-//! `cargo xtask soak`: the node for a day of virtual time, into `target/soak.md`; `cargo xtask soak-image`: the released image on the
-//! emulated chip for an hour, into `target/soak-image.md`. Arguments go to the program (`--hours H`, `--seed S`).
+//! `cargo xtask soak`: the node for a day of virtual time, into `target/soak.md`; `cargo xtask soak-image`: the
+//! released image on the emulated chip for an hour, into `target/soak-image.md`. Arguments go to the program
+//! (`--hours H`, `--seed S`).
 
 use crate::shell::{Outcome, capture, cargo, programs, root, run, stamp, timed};
 use crate::{node_build, setup};

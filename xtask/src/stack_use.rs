@@ -6,8 +6,9 @@
 //! each with the 108 bytes that the core itself pushes (PM0214, section 2.3.7), is an upper bound. QEMU's painted stack
 //! measures the same path from below (`tests/src/qemu_node.rs`).
 //!
-//! Recursion has no bound: it is cut where it closes, and reported. Only the QEMU board's image has any (text formatting,
-//! which the released one leaves to the host, and a staged overflow). Encodings: ARM DDI 0403E, chapter A7.
+//! Recursion has no bound: it is cut where it closes, and reported. Only the QEMU board's image has any (text
+//! formatting, which the released one leaves to the host, and a staged overflow). Encodings: ARM DDI 0403E, chapter
+//! A7.
 
 use crate::elf::{Function, Image};
 use std::collections::{BTreeMap, BTreeSet};

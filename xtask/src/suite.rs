@@ -36,7 +36,8 @@ pub fn run() -> Outcome {
 const LONG_HEAD: &str = "\
 # Long tests
 
-Written by `cargo xtask test-long`: the tests that `cargo xtask test` leaves out because of their length (`#[ignore]` in the sources). Of each, a
+Written by `cargo xtask test-long`: the tests that `cargo xtask test` leaves out because of their length \
+(`#[ignore]` in the sources). Of each, a
 shorter one of the same file stays in the test command: fewer cases, or one effect in place of several.
 
 ";

@@ -1,4 +1,5 @@
-//! `cargo xtask supply-chain` and `cargo xtask reproducible`: what goes into a build, and whether it comes out the same.
+//! `cargo xtask supply-chain` and `cargo xtask reproducible`: what goes into a build, and whether it comes out the
+//! same.
 
 use crate::elf::Image;
 use crate::node_build::{IMAGES, RELEASED};
@@ -93,15 +94,19 @@ pub fn reproducible(args: &[String]) -> Outcome {
 const PAGE_HEAD: &str = "\
 # Reproducible images
 
-Written by `cargo xtask reproducible`: the committed sources, unpacked into two folders of different paths, built there from nothing with
-the locked versions, and compared byte by byte (what is loaded into the node, addresses included; debug information stays out
-of it). Both builds share compiler and package folder: messages of panics in dependencies name files there, so a machine with another
+Written by `cargo xtask reproducible`: the committed sources, unpacked into two folders of different paths, built \
+there from nothing with
+the locked versions, and compared byte by byte (what is loaded into the node, addresses included; debug information \
+stays out
+of it). Both builds share compiler and package folder: messages of panics in dependencies name files there, so a \
+machine with another
 home folder may differ in these texts.
 
 ";
 
-/// Builds the released image of the sources as they are now a second time, in a folder of another path, and compares it with the one in
-/// `target`: the short form of [`reproducible`], for the test command. Gives the reason where the sources are in no repository.
+/// Builds the released image of the sources as they are now a second time, in a folder of another path, and compares
+/// it with the one in `target`: the short form of [`reproducible`], for the test command. Gives the reason where the
+/// sources are in no repository.
 pub fn image_elsewhere() -> Outcome<Option<String>> {
     if capture(command(&["git", "-C"]).arg(root()).args(["rev-parse", "HEAD"])).is_err() {
         return Ok(Some("the sources are in no git repository".into()));

@@ -1,9 +1,9 @@
 //! The Python package: built as a wheel, installed into a clean environment, tested there with both notebooks.
 //!
-//! `host/python` is a workspace of its own, so that plain cargo needs no Python; it shares the project's target folder, with the project's
-//! profile and versions, so that of its dependencies only the host crate is built again. Environment and wheel lie in `target/python`.
-//! `cargo xtask test` runs it last, when the command it is compared with is built; what this machine lacks makes it skipped there, a test that
-//! fails makes it fail.
+//! `host/python` is a workspace of its own, so that plain cargo needs no Python; it shares the project's target
+//! folder, with the project's profile and versions, so that of its dependencies only the host crate is built again.
+//! Environment and wheel lie in `target/python`. `cargo xtask test` runs it last, when the command it is compared
+//! with is built; what this machine lacks makes it skipped there, a test that fails makes it fail.
 
 use crate::shell::{Outcome, capture, cargo, last_line, on_path, programs, root, run, say, timed};
 use std::path::{Path, PathBuf};
@@ -22,8 +22,8 @@ pub fn run_task() -> Outcome {
     Ok(())
 }
 
-/// Builds and tests; gives the reason where this machine cannot: no Python with environments, or packages that cannot be had. The tests
-/// compare with the command, which is built unless `command_is_built`.
+/// Builds and tests; gives the reason where this machine cannot: no Python with environments, or packages that cannot
+/// be had. The tests compare with the command, which is built unless `command_is_built`.
 pub fn test(command_is_built: bool) -> Outcome<Option<String>> {
     let Some(python) = python() else {
         return Ok(Some(format!("no Python {}.{} or newer with venv on the path", OLDEST.0, OLDEST.1)));
@@ -74,8 +74,8 @@ fn python() -> Option<PathBuf> {
     })
 }
 
-/// An environment with what building and testing need, and without any former wheel. What it holds is noted in it: asking pip again for
-/// what is there takes a minute on a slow disk.
+/// An environment with what building and testing need, and without any former wheel. What it holds is noted in it:
+/// asking pip again for what is there takes a minute on a slow disk.
 fn fresh_environment(python: &Path, environment: &Path, own: &Path) -> Outcome {
     let needs = [&["maturin>=1.7,<2"][..], &TEST_NEEDS[..]].concat();
     let (note, held) = (environment.join("holds.txt"), format!("{}\n{}\n", python.display(), needs.join("\n")));

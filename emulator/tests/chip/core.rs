@@ -138,7 +138,8 @@ fn masked_interrupts_end_the_sleep_and_wait() {
 #[test]
 fn registers_and_flags_are_as_before_behind_an_interrupt() {
     // Loop: adds r5, #1; cmp r5, r4 (never equal: r4 = 0); bne loop; movs r3, #1; b .
-    // The handler spoils flags and scratch registers: movs r0, #0; movs r1, #0; movs r2, #0; cmp r0, r0; adds r7, #1; bx lr.
+    // The handler spoils flags and scratch registers: movs r0, #0; movs r1, #0; movs r2, #0; cmp r0, r0; adds r7, #1;
+    // bx lr.
     let program = ticking(&[0x2501, 0x3501, 0x42a5, 0xd1fc, 0x2301, FOREVER]);
     let handler = [0x2000, 0x2100, 0x2200, 0x4280, 0x3701, RETURN];
     let Some(mut board) = board("flags", &program, &handler) else { return };

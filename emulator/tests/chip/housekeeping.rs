@@ -1,5 +1,5 @@
-//! Conversions by software, the internal reference and the temperature sensor (RM0090 sections 13.10 and 13.11), a third converter, and a pulse
-//! per second at TIM5's channel 4.
+//! Conversions by software, the internal reference and the temperature sensor (RM0090 sections 13.10 and 13.11), a
+//! third converter, and a pulse per second at TIM5's channel 4.
 
 use super::registers::*;
 use meshband_emulator::chip::Chip;

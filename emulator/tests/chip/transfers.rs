@@ -66,7 +66,8 @@ fn a_conversion_takes_27_clocks_of_21_megahertz_and_holds_after_15() {
 fn a_period_that_is_no_multiple_of_the_converters_clock_makes_the_aperture_jitter() {
     for (period, jitters) in [(1000, false), (1001, true)] {
         let mut chip = sampling(period, ADON | 6 << 24 | 1 << 28);
-        // A ramp tells the instants at which the input was held: 4096 codes in 8.192 us, 24 in a clock of the converter.
+        // A ramp tells the instants at which the input was held: 4096 codes in 8.192 us, 24 in a clock of the
+        // converter.
         chip.inputs.analogue = Arc::new(|t| (t * 122_070.3).rem_euclid(1.0));
         start(&mut chip);
         let mut steps = Vec::new();

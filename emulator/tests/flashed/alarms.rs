@@ -1,5 +1,5 @@
-//! Alarms of the released image through what happens to a machine and its node: tach off, converter at its rails, crash, power cut. The
-//! alarm output is what counts: high while all is well, low otherwise.
+//! Alarms of the released image through what happens to a machine and its node: tach off, converter at its rails,
+//! crash, power cut. The alarm output is what counts: high while all is well, low otherwise.
 
 use super::image::image;
 use super::outputs::{ALARM, history, watched};

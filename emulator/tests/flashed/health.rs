@@ -1,4 +1,5 @@
-//! The flashed image as a device: supply, temperature and bias as the chip's inputs are, its clock against pulses per second, the time of day.
+//! The flashed image as a device: supply, temperature and bias as the chip's inputs are, its clock against pulses per
+//! second, the time of day.
 
 use super::compared::{STARTED_S, configuration, machine, turns};
 use super::image::image;

@@ -1,4 +1,5 @@
-//! How the flashed loader and its image start from what other code leaves behind that jumps to it without a reset, as the ROM loader does after `:leave`.
+//! How the flashed loader and its image start from what other code leaves behind that jumps to it without a reset, as
+//! the ROM loader does after `:leave`.
 
 use super::compared::{Node, STARTED_S, configuration, machine, turns};
 use super::image::image;

@@ -1,4 +1,5 @@
-//! The released image in the emulated board. Two views of it: [`compared`] holds every frame against the host's node, [`spoken`] talks to it.
+//! The released image in the emulated board. Two views of it: [`compared`] holds every frame against the host's node,
+//! [`spoken`] talks to it.
 
 mod alarms;
 mod capture;

@@ -1,5 +1,5 @@
-//! What the released image does at its outputs, seen from outside: light, alarm output, sensor supply, bytes to the amplifier;
-//! and who it says it is.
+//! What the released image does at its outputs, seen from outside: light, alarm output, sensor supply, bytes to the
+//! amplifier; and who it says it is.
 
 use super::image::image;
 use super::spoken::Node;

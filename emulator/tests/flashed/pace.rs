@@ -1,5 +1,5 @@
-//! The flashed image keeps up at two cycles per instruction: no block is lost at the highest rate that a configuration may ask for, nor with
-//! the default one. How far it could go is in `cargo xtask pace`.
+//! The flashed image keeps up at two cycles per instruction: no block is lost at the highest rate that a
+//! configuration may ask for, nor with the default one. How far it could go is in `cargo xtask pace`.
 
 use super::compared::configuration;
 use super::compared::load::{Outcome, SPEEDS_HZ, configured_for, run};

@@ -1,5 +1,5 @@
-//! The stored configuration of the released image: it survives restarts, new images and older firmware, and a power cut at
-//! every word and instruction leaves the old one or the new one.
+//! The stored configuration of the released image: it survives restarts, new images and older firmware, and a power
+//! cut at every word and instruction leaves the old one or the new one.
 
 use super::image::image;
 use super::records::{SLOTS, put};
@@ -312,8 +312,9 @@ fn loop_commit_into_a_full_sector_erases_the_other_and_measuring_goes_on() {
 fn loop_configuration_stored_by_the_firmware_before_is_kept() {
     let Some(image) = image("former schema") else { return };
     let config = Configuration { front_end: FrontEnd::default(), ..with_gear(OLD) };
-    // Schema 1 is the same without the front end and what came after it: three bytes, six of the alarms' holding, eight of the
-    // pass band, one of what is latched, one of the empty list of levels, four of the link, five of the waveforms, all zero.
+    // Schema 1 is the same without the front end and what came after it: three bytes, six of the alarms' holding,
+    // eight of the pass band, one of what is latched, one of the empty list of levels, four of the link, five of the
+    // waveforms, all zero.
     const LATER: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5;
     let mut bytes = stored(&config);
     assert_eq!((bytes[0], &bytes[bytes.len() - LATER..]), (SCHEMA as u8, &[0; LATER][..]));

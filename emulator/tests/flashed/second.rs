@@ -1,5 +1,6 @@
-//! A second sensor at the flashed image: both converters sampled at the same triggers, its values those of its own signal, frames those of the host
-//! on the same codes, and room in the block buffers at the highest rate; it comes and goes while the node runs.
+//! A second sensor at the flashed image: both converters sampled at the same triggers, its values those of its own
+//! signal, frames those of the host on the same codes, and room in the block buffers at the highest rate; it comes
+//! and goes while the node runs.
 
 use super::compared::load::{SPEEDS_HZ, configured_for, run};
 use super::compared::{Node, STARTED_S, configuration, machine, turns};

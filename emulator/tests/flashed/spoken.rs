@@ -9,8 +9,8 @@ use meshband_emulator::board::Board;
 use meshband_emulator::cpu::Snapshot;
 use meshband_emulator::elf::Image;
 
-/// From power to a program that listens, s: the loader's checksum, oscillators, self-test of the mathematics, and blank sectors, which are
-/// read to their end.
+/// From power to a program that listens, s: the loader's checksum, oscillators, self-test of the mathematics, and
+/// blank sectors, which are read to their end.
 const START_S: f64 = 0.25;
 /// Longest time to an answer, s of the board: an erasure lies in between at worst.
 const PATIENCE_S: f64 = 3.0;

@@ -1,4 +1,5 @@
-//! The flashed image with tach edges where they are hardest: around the ends of blocks, at the wraps of the counter, in storms.
+//! The flashed image with tach edges where they are hardest: around the ends of blocks, at the wraps of the counter,
+//! in storms.
 
 use super::compared::{Node, STARTED_S, TICKS_PER_SECOND, configuration, machine, turns};
 use super::image::image;
@@ -19,7 +20,8 @@ fn at_rate(rate_hz: f32) -> Configuration {
     Configuration { policy: RatePolicy::Forced { rate: Hertz(rate_hz) }, ..configuration() }
 }
 
-/// Runs a node whose edges lie one by one at every offset to a block's end, as the converter sees them through its filter.
+/// Runs a node whose edges lie one by one at every offset to a block's end, as the converter sees them through its
+/// filter.
 fn edges_around_borders(node: &mut Node, speed_hz: f64) -> usize {
     node.board.set_analogue(machine(speed_hz));
     node.run_until(STARTED_S);
@@ -45,7 +47,8 @@ fn border_seconds(node: &mut Node, tick: u32) -> f64 {
     node.board.seconds() - f64::from(now.wrapping_sub(tick)) / TICKS_PER_SECOND
 }
 
-/// Found in the emulated chip: an edge is known up to 1024 ticks after it happened, its block already 107 ticks after its end.
+/// Found in the emulated chip: an edge is known up to 1024 ticks after it happened, its block already 107 ticks after
+/// its end.
 #[test]
 fn regress_edges_at_every_offset_to_a_block_border_give_the_frames_of_the_host() {
     let Some(image) = image("edges at borders") else { return };
@@ -83,7 +86,8 @@ fn theory_both_wraps_of_the_counter_change_no_frame() {
     assert!(node.details(EventKind::TimeJump).is_empty());
 }
 
-/// The counter is set ahead as soon as it runs, before sampling starts, so that it wraps in the middle of a run at full rate.
+/// The counter is set ahead as soon as it runs, before sampling starts, so that it wraps in the middle of a run at
+/// full rate.
 #[test]
 fn theory_a_wrap_at_full_rate_changes_no_frame() {
     let Some(image) = image("wrap at full rate") else { return };

@@ -1,11 +1,12 @@
 //! Alarm output: a relay, lamp or controller input that says whether an alarm stands.
 //!
-//! Relay practice is fail-safe: the coil is energised while all is well, so that a broken wire, a lost supply, a node that
-//! resets or hangs (its watchdog lets the pin float, and a resistor pulls it off) all read as an alarm. Where a lamp or a
-//! horn is to be driven directly, [`Practice::EnergisedInAlarm`] is the other way round and has none of that.
+//! Relay practice is fail-safe: the coil is energised while all is well, so that a broken wire, a lost supply, a node
+//! that resets or hangs (its watchdog lets the pin float, and a resistor pulls it off) all read as an alarm. Where a
+//! lamp or a horn is to be driven directly, [`Practice::EnergisedInAlarm`] is the other way round and has none of
+//! that.
 //!
-//! An alarm that is raised stays for a minimum time, so that a slow controller or a person sees it. Latching until someone
-//! acknowledges is the controller's matter.
+//! An alarm that is raised stays for a minimum time, so that a slow controller or a person sees it. Latching until
+//! someone acknowledges is the controller's matter.
 
 use crate::countdown::Countdown;
 use crate::switch::{Polarity, Switch};

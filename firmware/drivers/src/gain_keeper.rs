@@ -1,4 +1,5 @@
-//! Keeps the amplifier at the gain that is wanted: writes it when it changes, and again, with pauses, while the bus fails.
+//! Keeps the amplifier at the gain that is wanted: writes it when it changes, and again, with pauses, while the bus
+//! fails.
 
 use crate::countdown::Countdown;
 use crate::programmable_gain::{Gain, ProgrammableGain};

@@ -7,11 +7,12 @@
 //! | [`sensor_supply::SensorSupply`] | `OutputPin` | feeds the sensor and says when its bias has settled |
 //! | [`programmable_gain::ProgrammableGain`] | [`SpiDevice`](embedded_hal::spi::SpiDevice) | gain of the analogue front end, MCP6S21 class; [`gain_keeper::GainKeeper`] tries again while the bus fails |
 //!
-//! Time is the board's 32-bit tick counter, which wraps (51 s at 84 MHz): every driver that measures time is polled from the
-//! main loop, and [`countdown`] adds up what passed between polls, so any duration may be longer than the wrap.
+//! Time is the board's 32-bit tick counter, which wraps (51 s at 84 MHz): every driver that measures time is polled
+//! from the main loop, and [`countdown`] adds up what passed between polls, so any duration may be longer than the
+//! wrap.
 //!
-//! Errors are data: a pin or bus that fails gives its own error back, the driver stays in a state that is named, and the
-//! next call tries again. Nothing waits, nothing panics.
+//! Errors are data: a pin or bus that fails gives its own error back, the driver stays in a state that is named, and
+//! the next call tries again. Nothing waits, nothing panics.
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]

@@ -1,9 +1,10 @@
 //! Programmable-gain amplifier of the analogue front end: Microchip MCP6S21, and MCP6S22/26/28 on their first channel.
 //!
 //! Source: data sheet DS21117B. Section 5.1: SPI mode 0,0 or 1,1, at most 10 MHz, words of 16 bits under one chip
-//! select (other counts of clocks abort the command), first byte to the instruction register, second to the register it names.
-//! Section 5.2: instruction register (register 5-1), gain register (register 5-2). The amplifier cannot be read back: what
-//! was written without a fault of the bus is all that is known, and [`Setting`] says no more than that.
+//! select (other counts of clocks abort the command), first byte to the instruction register, second to the register
+//! it names. Section 5.2: instruction register (register 5-1), gain register (register 5-2). The amplifier cannot be
+//! read back: what was written without a fault of the bus is all that is known, and [`Setting`] says no more than
+//! that.
 
 use embedded_hal::spi::SpiDevice;
 

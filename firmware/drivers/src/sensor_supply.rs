@@ -1,7 +1,8 @@
 //! Supply of the sensor: switched, and followed until its bias has settled.
 //!
 //! An IEPE sensor needs some seconds after power-up until its bias voltage, and the coupling capacitor behind it, stand
-//! still; meanwhile the input lies at a rail or drifts. What is sampled before [`State::On`] says nothing about the machine.
+//! still; meanwhile the input lies at a rail or drifts. What is sampled before [`State::On`] says nothing about the
+//! machine.
 
 use crate::countdown::Countdown;
 use crate::switch::{Polarity, Switch};

@@ -12,8 +12,8 @@ pub const MOST_FLASHES: u8 = 7;
 
 /// Timing of the codes: flashes of 0.1 s every 0.3 s in a cycle of 2.4 s.
 ///
-/// A cycle is followed from poll to poll, not read off the tick: the counter wraps somewhere within a cycle, which would
-/// show a wrong code. A new code waits for the cycle's end for the same reason.
+/// A cycle is followed from poll to poll, not read off the tick: the counter wraps somewhere within a cycle, which
+/// would show a wrong code. A new code waits for the cycle's end for the same reason.
 #[derive(Clone, Debug)]
 pub struct FlashCode {
     ticks_per_tenth: u32,

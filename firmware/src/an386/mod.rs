@@ -233,7 +233,8 @@ impl BlockSource for Board {
     }
 
     fn most_waiting(&self) -> u32 {
-        // QEMU's pace is no processor's: what waits here says nothing, and the host that sends the same frames has no queue.
+        // QEMU's pace is no processor's: what waits here says nothing, and the host that sends the same frames has no
+        // queue.
         0
     }
 

@@ -114,8 +114,8 @@ impl Sampler {
         self.border.saturating_add(self.periods.running * BLOCK_SAMPLES as u32)
     }
 
-    /// First instant behind the running block, ticks of the record; once the record has ended, behind the last one. Every block
-    /// that ends before is complete, and of the running one edges may be handed over as they come.
+    /// First instant behind the running block, ticks of the record; once the record has ended, behind the last one.
+    /// Every block that ends before is complete, and of the running one edges may be handed over as they come.
     pub fn horizon(&self) -> u32 {
         let border = if self.finished { self.border } else { self.next_border() };
         border.saturating_add(1)

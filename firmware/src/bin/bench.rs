@@ -214,8 +214,8 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
     );
 }
 
-/// What a spectrum needs beside its transform: a window from a table and the averaged power of each bin, four at a time as
-/// CMSIS-DSP does it.
+/// What a spectrum needs beside its transform: a window from a table and the averaged power of each bin, four at a
+/// time as CMSIS-DSP does it.
 #[inline(never)]
 fn window_and_power(samples: &mut [f32], other: &mut [f32]) {
     for (x, w) in samples.chunks_exact_mut(4).zip(other.chunks_exact(4)) {

@@ -1,9 +1,10 @@
 //! The loader of an STM32F405: looks at the two slots of images, chooses, and jumps.
 //!
-//! It runs on the internal oscillator as a reset leaves it, uses no peripheral but the watchdog and the flash controller, and knows no
-//! line: an image that arrives is the running node's business ([`meshband::update`]). What it decides is one function that tests know
-//! ([`slots::choose`]); here are the reads, one word that it may write, and the jump. The watchdog runs from here on, so that an image that
-//! hangs before its own start of it comes back here as well.
+//! It runs on the internal oscillator as a reset leaves it, uses no peripheral but the watchdog and the flash
+//! controller, and knows no line: an image that arrives is the running node's business ([`meshband::update`]). What
+//! it decides is one function that tests know ([`slots::choose`]); here are the reads, one word that it may write,
+//! and the jump. The watchdog runs from here on, so that an image that hangs before its own start of it comes back
+//! here as well.
 #![no_std]
 #![no_main]
 
@@ -30,7 +31,8 @@ fn main() -> ! {
         let Some(place) = slots.get_mut(slot) else { break };
         if mark_at.is_none_or(|at| is_marked(place, at)) {
             let vectors = (place.base + IMAGE_OFFSET) as *const u32;
-            // SAFETY: a whole image lies there, its vector table first; no interrupt is unmasked and nothing of the loader is used again.
+            // SAFETY: a whole image lies there, its vector table first; no interrupt is unmasked and nothing of the
+            // loader is used again.
             unsafe { cortex_m::asm::bootload(vectors) }
         }
         // A start that cannot be counted could be repeated for ever.
@@ -50,7 +52,8 @@ fn is_whole(header: &Header) -> bool {
     if header.length > Sectors::SLOT_A.bytes() - IMAGE_OFFSET {
         return false;
     }
-    // SAFETY: a header is only taken of a slot that it is for, and both slots have this size; nothing writes there meanwhile.
+    // SAFETY: a header is only taken of a slot that it is for, and both slots have this size; nothing writes there
+    // meanwhile.
     let image = unsafe { core::slice::from_raw_parts(start, header.length as usize) };
     checksum::of_image(image) == header.checksum
 }

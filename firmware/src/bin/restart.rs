@@ -1,4 +1,5 @@
-//! A drill on QEMU's `mps2-an386`: panic, stack overflow, fault and hang, each of which must end in a restart that knows why.
+//! A drill on QEMU's `mps2-an386`: panic, stack overflow, fault and hang, each of which must end in a restart that
+//! knows why.
 //!
 //! The same crash page, fault entry and panic handler as in the released image, on a core that really resets. The stage
 //! lies in memory that a reset leaves alone, as the crash page does; the hang is ended by the board's watchdog.

@@ -1,8 +1,9 @@
 //! A line that others speak on, too (RS-485): its driver is on only while the node sends.
 //!
-//! The driver goes on before the first start bit and off in the interrupt at the end of the last stop bit, within microseconds: the
-//! master may send again 3.5 characters later, and a turn of the main loop can take longer than that. The interrupt comes once per answer. Off is
-//! what reset and a crash leave the pin at. Source: RM0090 section 30.3.2 (TC), "MODBUS over serial line V1.02" section 2.5.1.
+//! The driver goes on before the first start bit and off in the interrupt at the end of the last stop bit, within
+//! microseconds: the master may send again 3.5 characters later, and a turn of the main loop can take longer than
+//! that. The interrupt comes once per answer. Off is what reset and a crash leave the pin at. Source: RM0090 section
+//! 30.3.2 (TC), "MODBUS over serial line V1.02" section 2.5.1.
 
 use super::{port_a, usart1};
 use meshband::config::{LineFormat, Parity};

@@ -1,7 +1,8 @@
 //! STM32F405RG at 168 MHz: the register programs of `meshband-stm32` put to work on the chip.
 //!
-//! Four interrupts, of one priority: a tach edge, a complete block, an overrun of the converter, the end of an answer on a shared line. Everything else is polled by the main loop behind
-//! DMA. Pins and light as in `meshband_stm32::pins`; crystal 8 MHz.
+//! Four interrupts, of one priority: a tach edge, a complete block, an overrun of the converter, the end of an answer
+//! on a shared line. Everything else is polled by the main loop behind DMA. Pins and light as in
+//! `meshband_stm32::pins`; crystal 8 MHz.
 
 mod line;
 pub mod outputs;
@@ -46,8 +47,8 @@ const _: () = assert!(Timing::STM32F405.highest_adc.0 as u32 == HIGHEST_RATE_HZ)
 /// Words of interrupts in the core's controller: 82 lines.
 const INTERRUPT_WORDS: usize = 3;
 
-/// Block buffers: 26 of them wait for 35 ms at 375 kHz. The wideband transform with its search takes 16 ms at two cycles per
-/// instruction, and a mesh-band record may follow before the backlog is worked off. Memory holds no more.
+/// Block buffers: 26 of them wait for 35 ms at 375 kHz. The wideband transform with its search takes 16 ms at two
+/// cycles per instruction, and a mesh-band record may follow before the backlog is worked off. Memory holds no more.
 const BUFFERS: usize = 28;
 
 static REQUEST: Request = Request::new();

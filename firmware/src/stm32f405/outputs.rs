@@ -1,7 +1,7 @@
 //! What the board switches: light, alarm output, sensor supply and the gain of the front end, each by its driver.
 //!
-//! The choices that a wiring depends on are the constants here; pins are in `meshband_stm32::pins`. Without an amplifier
-//! at its pins the gain's words go nowhere, and the gain stays 1 by configuration.
+//! The choices that a wiring depends on are the constants here; pins are in `meshband_stm32::pins`. Without an
+//! amplifier at its pins the gain's words go nowhere, and the gain stays 1 by configuration.
 
 use super::{port_b, port_c, spi2};
 use meshband_drivers::alarm_output::{AlarmOutput, Practice};
@@ -78,8 +78,8 @@ impl Outputs {
         let Ok(()) = self.light.set(lit);
     }
 
-    /// Once per turn of the main loop. While the sensor settles the alarm output says nothing: neither that all is well nor
-    /// that a jump of the bias was an alarm.
+    /// Once per turn of the main loop. While the sensor settles the alarm output says nothing: neither that all is
+    /// well nor that a jump of the bias was an alarm.
     ///
     /// # Errors
     /// The gain could not be written; said once, tried again every second.

@@ -1,9 +1,9 @@
 //! The block interrupt: a complete buffer out, a fresh one in, the next period published.
 //!
 //! When a rate changes and when a block began is decided by the timers alone; this handler has a whole block's
-//! time to read it. It also watches that transfers keep step with triggers; where they do not, or the converter reports an
-//! overrun (an interrupt of its own: after one no block would ever be complete), sampling starts anew and the node sees a
-//! gap in the sequence, never a shifted block.
+//! time to read it. It also watches that transfers keep step with triggers; where they do not, or the converter
+//! reports an overrun (an interrupt of its own: after one no block would ever be complete), sampling starts anew and
+//! the node sees a gap in the sequence, never a shifted block.
 
 use super::{adc_common, adc2, adc3, dma1, dma2, tim2, tim3, tim5};
 use crate::interrupt_cell::InterruptCell;

@@ -1,4 +1,5 @@
-//! Sectors of the chip's flash as `embedded-storage` sees one: the configuration's, and those of the two slots of images.
+//! Sectors of the chip's flash as `embedded-storage` sees one: the configuration's, and those of the two slots of
+//! images.
 
 use super::flash_control as controller;
 use core::ptr;

@@ -1,7 +1,9 @@
-//! Converters of the signals: ADC3 with channel 1 (PA1) and, for a second sensor, ADC2 with channel 2 (PA2); 12 bits left-aligned, one conversion per trigger of TIM2.
+//! Converters of the signals: ADC3 with channel 1 (PA1) and, for a second sensor, ADC2 with channel 2 (PA2); 12 bits
+//! left-aligned, one conversion per trigger of TIM2.
 //!
-//! Both listen to the same trigger and run on the same divided clock, so that they hold their inputs at the same edge of it. Not the
-//! controller's dual mode: that puts both results into one word, pair by pair, and the node wants each channel's samples in a row.
+//! Both listen to the same trigger and run on the same divided clock, so that they hold their inputs at the same edge
+//! of it. Not the controller's dual mode: that puts both results into one word, pair by pair, and the node wants each
+//! channel's samples in a row.
 //!
 //! 84 MHz / 4 = 21 MHz converter clock; 15 cycles of sampling and 12 of conversion: 1.29 us, for
 //! source impedances up to about 8 kilohm (DS8626 equation 1). Left alignment gives the codes in 16 bits that the node
@@ -16,7 +18,8 @@ pub const CHANNEL: u8 = 1;
 /// Channel of the second sensor's signal at ADC2, pin PA2.
 pub const SECOND_CHANNEL: u8 = 2;
 
-/// Sets the clock of all converters, and switches the internal reference and the temperature sensor on ([`crate::housekeeping`]).
+/// Sets the clock of all converters, and switches the internal reference and the temperature sensor on
+/// ([`crate::housekeeping`]).
 pub fn configure(common: &adc_common::RegisterBlock) {
     common.ccr().write(|w| w.adcpre().div4().tsvrefe().enabled());
 }

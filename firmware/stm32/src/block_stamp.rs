@@ -1,9 +1,9 @@
 //! From captured borders to stamped blocks: no register, only the order of things.
 //!
-//! A period word in memory reaches the timer by DMA at a border and governs the block behind it. Which word that is, the one
-//! published last or the one before, depends on when the DMA read it: in direct mode it reads one word ahead (RM0090
-//! section 10.3.13). So nothing is concluded from what was published: after each border the timer's register says which
-//! period the block has that has just begun.
+//! A period word in memory reaches the timer by DMA at a border and governs the block behind it. Which word that is,
+//! the one published last or the one before, depends on when the DMA read it: in direct mode it reads one word ahead
+//! (RM0090 section 10.3.13). So nothing is concluded from what was published: after each border the timer's register
+//! says which period the block has that has just begun.
 
 use crate::period::{reload_of, served};
 
@@ -50,13 +50,14 @@ impl Borders {
         Self { samples, running: Some(period), published: period, sequence: 0, overrun: false, before: None }
     }
 
-    /// A block is complete. Where other borders passed unnoticed before the one captured, the time since the last one noticed
-    /// tells how many (a flash erasure takes seconds), exactly where the rate was steady. `next` is the period of the block that
-    /// has begun, as the timer's register says, or `None` if yet another border may have changed it.
+    /// A block is complete. Where other borders passed unnoticed before the one captured, the time since the last one
+    /// noticed tells how many (a flash erasure takes seconds), exactly where the rate was steady. `next` is the
+    /// period of the block that has begun, as the timer's register says, or `None` if yet another border may have
+    /// changed it.
     ///
-    /// An interrupt so late that it falls between the next block's last trigger and the end of that conversion finds that
-    /// block's border captured, and is followed by another interrupt for it: no border is captured then, and the block is
-    /// already counted.
+    /// An interrupt so late that it falls between the next block's last trigger and the end of that conversion finds
+    /// that block's border captured, and is followed by another interrupt for it: no border is captured then, and the
+    /// block is already counted.
     ///
     /// Gives the block's stamp; `None` for a block whose own period nobody read, which must be given up.
     pub fn on_border(&mut self, captured: Captured, next: Option<u32>) -> Option<Stamp> {
@@ -100,7 +101,8 @@ impl Borders {
         self.overrun = true;
     }
 
-    /// Sampling was stopped and starts anew with the published period, in blocks of so many samples: the running block is lost.
+    /// Sampling was stopped and starts anew with the published period, in blocks of so many samples: the running
+    /// block is lost.
     pub fn restart(&mut self, samples: u16) {
         self.samples = samples;
         self.running = Some(self.published);
@@ -116,8 +118,9 @@ impl Borders {
 }
 
 /// Whether a converter's transfers keep step with the triggers: TIM3's count against the stream's remaining
-/// transfers of a block of `samples`, read one after the other. A conversion takes less than two sample periods, so more than two triggers
-/// without a transfer mean that a sample was lost and every later one of the block is one place early.
+/// transfers of a block of `samples`, read one after the other. A conversion takes less than two sample periods, so
+/// more than two triggers without a transfer mean that a sample was lost and every later one of the block is one
+/// place early.
 pub const fn is_aligned(counted: u16, remaining: u16, samples: u16) -> bool {
     let transferred = samples.wrapping_sub(remaining) % samples;
     counted.wrapping_sub(transferred) % samples <= 2

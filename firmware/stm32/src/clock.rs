@@ -5,11 +5,12 @@
 //! later, the clock security system switches to the internal oscillator and raises the non-maskable interrupt,
 //! whose handler restarts the node. All waits are bounded. RM0090 sections 3.5 and 7.
 //!
-//! Nothing is assumed of what ran before. The boot loader in ROM jumps to the image (`:leave`) with the PLL as the clock and with
-//! peripherals running; PLL settings written meanwhile are ignored. So the core first goes back to the internal oscillator with the
-//! PLL off, and every peripheral is reset.
+//! Nothing is assumed of what ran before. The boot loader in ROM jumps to the image (`:leave`) with the PLL as the
+//! clock and with peripherals running; PLL settings written meanwhile are ignored. So the core first goes back to the
+//! internal oscillator with the PLL off, and every peripheral is reset.
 //!
-//! Functions that wait take a `pause` that runs between two looks at a register: nothing on the chip, a model of the chip in tests.
+//! Functions that wait take a `pause` that runs between two looks at a register: nothing on the chip, a model of the
+//! chip in tests.
 
 use crate::pac::{flash, rcc};
 pub use crate::reset::ResetCause;

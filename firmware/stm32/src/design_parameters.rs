@@ -1,7 +1,8 @@
 //! Figures of the STM32F405 board's design, in one place: clocks, converter, blocks, link, watchdog.
 //!
-//! What the node and a host need too (time base, step of the sample period, highest rate) is `meshband::board::Timing::STM32F405`;
-//! the image asserts at compile time that the two agree. Sources: RM0090, DS8626; rates: `book/src/reference/node.md`.
+//! What the node and a host need too (time base, step of the sample period, highest rate) is
+//! `meshband::board::Timing::STM32F405`; the image asserts at compile time that the two agree. Sources: RM0090,
+//! DS8626; rates: `book/src/reference/node.md`.
 
 /// Crystal, Hz.
 pub const CRYSTAL_HZ: u32 = 8_000_000;
@@ -20,13 +21,13 @@ pub const ADC_SAMPLING_CYCLES: u32 = 15;
 pub const ADC_CONVERSION_CYCLES: u32 = 12;
 /// Sampling and conversion, ticks of the time base: 1.29 us.
 pub const CONVERSION_TICKS: u32 = (ADC_SAMPLING_CYCLES + ADC_CONVERSION_CYCLES) * PERIOD_STEP;
-/// Sample periods are multiples of this many ticks: the converter takes a trigger at the next edge of its own clock, and with any
-/// other period its instants would wander by up to 36 ns.
+/// Sample periods are multiples of this many ticks: the converter takes a trigger at the next edge of its own clock,
+/// and with any other period its instants would wander by up to 36 ns.
 pub const PERIOD_STEP: u32 = ADC_DIVIDER * (TIMER_HZ / APB2_HZ);
 /// Shortest sample period that the converter follows, ticks: the next multiple of the step.
 pub const SHORTEST_PERIOD: u32 = CONVERSION_TICKS + PERIOD_STEP;
-/// Highest rate a configuration may ask for, Hz: what the main loop keeps up with at two cycles per instruction, with margin
-/// (`cargo xtask pace`). The converter could follow 750 kHz.
+/// Highest rate a configuration may ask for, Hz: what the main loop keeps up with at two cycles per instruction, with
+/// margin (`cargo xtask pace`). The converter could follow 750 kHz.
 pub const HIGHEST_RATE_HZ: u32 = 420_000;
 
 /// Samples of a block.

@@ -20,8 +20,8 @@ pub struct ConverterStream {
 
 /// That of ADC3.
 pub const ADC3_STREAM: ConverterStream = ConverterStream { number: 0, channel: 2, priority: 2, interrupts: true };
-/// That of ADC2. Both converters ask at the same instant; this one is served first, so that behind the other one's interrupt both
-/// buffers are complete.
+/// That of ADC2. Both converters ask at the same instant; this one is served first, so that behind the other one's
+/// interrupt both buffers are complete.
 pub const ADC2_STREAM: ConverterStream = ConverterStream { number: 3, channel: 1, priority: 3, interrupts: false };
 /// Polls until a stream has stopped; the last transfer takes some tens of clocks.
 const PATIENCE: u32 = 10_000;
@@ -98,8 +98,8 @@ pub fn take_flags(dma: &RegisterBlock, stream: usize) -> Flags {
 /// Stops a stream and names its two ends and the number of transfers; what is left is its control register.
 ///
 /// # Safety
-/// `register` must be the one of the device that will request the transfers, and `memory` of `count` items in what the DMA
-/// reaches: writable, or unchanged until the stream is idle.
+/// `register` must be the one of the device that will request the transfers, and `memory` of `count` items in what
+/// the DMA reaches: writable, or unchanged until the stream is idle.
 #[inline(always)]
 pub unsafe fn prepare(dma: &RegisterBlock, number: usize, register: u32, memory: u32, count: u16) -> &Stream {
     let stream = dma.st(number);
@@ -118,8 +118,8 @@ pub unsafe fn prepare(dma: &RegisterBlock, number: usize, register: u32, memory:
 /// Starts a converter's double buffer: `samples` half-words each.
 ///
 /// # Safety
-/// `data_register` must be the data register of the stream's converter; both buffers must be writable memory of `samples` half-words that
-/// DMA2 reaches, and nobody else may use a buffer while it is the stream's target.
+/// `data_register` must be the data register of the stream's converter; both buffers must be writable memory of
+/// `samples` half-words that DMA2 reaches, and nobody else may use a buffer while it is the stream's target.
 // Inlined, so that the stream's number is a constant and no check of it is left.
 #[inline(always)]
 pub unsafe fn start_double_buffer(

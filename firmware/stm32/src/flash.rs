@@ -1,11 +1,11 @@
 //! Flash: erasure and word writes in sectors of 128 KiB.
 //!
-//! Two hold the configuration, which needs two to survive a power cut at any instant; two and two hold the images. The core
-//! stands still while flash is busy (it fetches from the same bank): 16 us per word, 1 s to 2 s per erasure; blocks
-//! are lost meanwhile and counted. RM0090 section 3.6.
+//! Two hold the configuration, which needs two to survive a power cut at any instant; two and two hold the images.
+//! The core stands still while flash is busy (it fetches from the same bank): 16 us per word, 1 s to 2 s per erasure;
+//! blocks are lost meanwhile and counted. RM0090 section 3.6.
 //!
-//! Words of 32 bits may be programmed from 2.7 V on only. The core runs down to 1.8 V; what guarantees the voltage is the
-//! brown-out reset, an option byte that new chips have off ([`BrownOut`]).
+//! Words of 32 bits may be programmed from 2.7 V on only. The core runs down to 1.8 V; what guarantees the voltage is
+//! the brown-out reset, an option byte that new chips have off ([`BrownOut`]).
 
 use crate::pac::flash;
 
@@ -69,8 +69,8 @@ pub fn erase(flash: &flash::RegisterBlock, sectors: Sectors, number: u8) -> Resu
     outcome
 }
 
-/// Empties both caches: an erasure leaves what they hold of the sector as it was (RM0090 section 3.5.2). They must be off
-/// for that.
+/// Empties both caches: an erasure leaves what they hold of the sector as it was (RM0090 section 3.5.2). They must be
+/// off for that.
 fn flush_caches(flash: &flash::RegisterBlock) {
     flash.acr().modify(|_, w| w.icen().disabled().dcen().disabled());
     flash.acr().modify(|_, w| w.icrst().set_bit().dcrst().set_bit());

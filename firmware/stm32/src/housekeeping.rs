@@ -1,11 +1,14 @@
-//! Supply and temperature of the chip: ADC1, started by software, of the internal reference and of the temperature sensor in turn.
+//! Supply and temperature of the chip: ADC1, started by software, of the internal reference and of the temperature
+//! sensor in turn.
 //!
-//! The signals are ADC2's and ADC3's, so that no reading here delays one of theirs. A reading waits for nothing: each call takes the result of the one
-//! before and starts the next. Readings are averaged, because a single one of the temperature scatters by more than a kelvin.
+//! The signals are ADC2's and ADC3's, so that no reading here delays one of theirs. A reading waits for nothing: each
+//! call takes the result of the one before and starts the next. Readings are averaged, because a single one of the
+//! temperature scatters by more than a kelvin.
 //!
-//! Supply: the reference's code at 3.3 V, written at the factory, over its code now. Temperature: the straight line between two factory codes at 30 and
-//! 110 degrees Celsius, read at 3.3 V; without them the data sheet's typical values, which scatter by tens of kelvins from chip to chip. Sources:
-//! RM0090 section 13.10 and 13.11, DS8626 tables of the embedded reference and of the temperature sensor.
+//! Supply: the reference's code at 3.3 V, written at the factory, over its code now. Temperature: the straight line
+//! between two factory codes at 30 and 110 degrees Celsius, read at 3.3 V; without them the data sheet's typical
+//! values, which scatter by tens of kelvins from chip to chip. Sources: RM0090 section 13.10 and 13.11, DS8626 tables
+//! of the embedded reference and of the temperature sensor.
 
 use crate::pac::adc1;
 
@@ -70,8 +73,8 @@ pub struct Housekeeping {
 }
 
 impl Housekeeping {
-    /// Sets ADC1 up and starts the first reading. The sensor and the reference must be on in the converters' common register ([`crate::adc::configure`]);
-    /// the readings of the first 10 us, while they settle, vanish in the mean.
+    /// Sets ADC1 up and starts the first reading. The sensor and the reference must be on in the converters' common
+    /// register ([`crate::adc::configure`]); the readings of the first 10 us, while they settle, vanish in the mean.
     pub fn start(adc: &adc1::RegisterBlock, calibration: Calibration) -> Self {
         adc.cr1().write(|w| w.res().twelve_bit().scan().disabled());
         let place = |channel: u8| LONGEST_SAMPLING << (3 * (u32::from(channel) - 10));

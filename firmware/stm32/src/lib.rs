@@ -1,10 +1,11 @@
 //! How the node samples on an STM32, and what it programs into an STM32F405, one file per role.
 //!
-//! [`block_stamp`], [`filter`], [`period`] and [`reset`] know no register and serve every family whose timers are wired alike.
-//! The rest, behind the feature `f405`, are drivers: every driver takes a reference to a register block and does nothing
-//! but read and write it: no interrupt, no queue, no fixed address. The image hands in the chip's blocks, the tests
-//! (`tests/tests/board/stm32_registers.rs`, `stm32_timing.rs`) blocks of plain memory, and assert bit by bit what the reference manual asks for.
-//! That stands in for a board until one is at hand; it proves what is written, not what silicon makes of it.
+//! [`block_stamp`], [`filter`], [`period`] and [`reset`] know no register and serve every family whose timers are
+//! wired alike. The rest, behind the feature `f405`, are drivers: every driver takes a reference to a register block
+//! and does nothing but read and write it: no interrupt, no queue, no fixed address. The image hands in the chip's
+//! blocks, the tests (`tests/tests/board/stm32_registers.rs`, `stm32_timing.rs`) blocks of plain memory, and assert
+//! bit by bit what the reference manual asks for. That stands in for a board until one is at hand; it proves what is
+//! written, not what silicon makes of it.
 //!
 //! How the parts work together, all on one clock of 84 MHz:
 //!
@@ -20,8 +21,9 @@
 //! internal reference, temperature sensor --> ADC1, started by software
 //! ```
 //!
-//! No software has a part in when a rate changes or what a block's instant is: an interrupt may come anywhere within the
-//! next block and loses nothing; later still, the over-capture flag of TIM5 channel 2 says so, and one block is given up.
+//! No software has a part in when a rate changes or what a block's instant is: an interrupt may come anywhere within
+//! the next block and loses nothing; later still, the over-capture flag of TIM5 channel 2 says so, and one block is
+//! given up.
 //!
 //! Source of all numbers: reference manual RM0090 and data sheet DS8626 (STM32F405).
 #![no_std]

@@ -1,5 +1,5 @@
-//! Output pins as embedded-hal knows them: every change is one write to the port's set/reset register and reads nothing, so
-//! an interrupt that writes another pin of the port is never undone. RM0090 section 8.4.7.
+//! Output pins as embedded-hal knows them: every change is one write to the port's set/reset register and reads
+//! nothing, so an interrupt that writes another pin of the port is never undone. RM0090 section 8.4.7.
 
 use crate::pac::{gpioa, gpiob, gpioi};
 use core::convert::Infallible;

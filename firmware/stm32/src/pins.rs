@@ -14,8 +14,8 @@
 //! | PC9 | sensor supply | low: off |
 //! | PC12 | light, low is lit | high: dark |
 //!
-//! Light as on an Olimex STM32-H405. The debug pins PA13 and PA14 stay as reset leaves them, USB's PA11 and PA12 too. The
-//! amplifier's bus keeps away from port A, where the signal comes in.
+//! Light as on an Olimex STM32-H405. The debug pins PA13 and PA14 stay as reset leaves them, USB's PA11 and PA12 too.
+//! The amplifier's bus keeps away from port A, where the signal comes in.
 
 use crate::output::Port;
 use crate::pac::{gpioa, gpiob, gpioi};
@@ -37,7 +37,8 @@ pub fn configure(port_a: &gpioa::RegisterBlock, port_b: &gpiob::RegisterBlock, p
     port_a.afrl().modify(|_, w| unsafe { w.afr(0).bits(2).afr(3).bits(2) });
     // SAFETY: as above.
     port_a.afrh().modify(|_, w| unsafe { w.afr(1).bits(7).afr(2).bits(7) });
-    // A tach pick-up is most often an open collector; the idle link is high; a pulse per second comes from a driven output, or from nowhere.
+    // A tach pick-up is most often an open collector; the idle link is high; a pulse per second comes from a driven
+    // output, or from nowhere.
     port_a.pupdr().modify(|_, w| w.pupdr0().pull_up().pupdr3().pull_down().pupdr10().pull_up());
     port_a.set_reset(1 << (DRIVER_ENABLE + 16));
     port_a.moder().modify(|_, w| {

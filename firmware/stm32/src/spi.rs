@@ -1,8 +1,9 @@
 //! Bus to the front end's amplifier: SPI2 as master, mode 0,0, 8 bits, 5.25 MHz, as embedded-hal's bus and device.
 //!
 //! Words are few (two bytes at start and at each change of gain), so the processor moves them itself. Every wait is
-//! bounded: a bus that does not answer gives [`Fault::Stuck`] after some tens of microseconds, and the peripheral is switched off and on
-//! so that the next transfer starts empty. RM0090 section 28.3 (functional description), 28.5 (registers).
+//! bounded: a bus that does not answer gives [`Fault::Stuck`] after some tens of microseconds, and the peripheral is
+//! switched off and on so that the next transfer starts empty. RM0090 section 28.3 (functional description), 28.5
+//! (registers).
 
 use crate::design_parameters::TIMER_HZ;
 use crate::pac::spi1::RegisterBlock;

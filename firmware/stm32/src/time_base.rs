@@ -1,16 +1,18 @@
 //! Time base and captures: TIM5, 32 bits, free-running at 84 MHz.
 //!
 //! Channel 1 captures the tach's edges behind a digital filter; channel 2 captures TIM3's update, the instant of a
-//! block's last sample; channel 4 captures a pulse per second. All are counts of the same counter, so samples and edges share one time without any
-//! correction but the filter's own delay, which is constant and taken off. Wraps every 51 s. RM0090 section 18.3.5.
+//! block's last sample; channel 4 captures a pulse per second. All are counts of the same counter, so samples and
+//! edges share one time without any correction but the filter's own delay, which is constant and taken off. Wraps
+//! every 51 s. RM0090 section 18.3.5.
 
 use crate::block_stamp::Captured;
 use crate::design_parameters::CAPTURE_LATENCY;
 use crate::filter::{FILTERS, Filter};
 use crate::pac::tim5;
 
-/// An edge's stamp lies at most this far behind the present instant when it is in the queue, ticks: the longest filter's
-/// delay and the latency. The longest whichever is in force: edges may be on their way through the one before.
+/// An edge's stamp lies at most this far behind the present instant when it is in the queue, ticks: the longest
+/// filter's delay and the latency. The longest whichever is in force: edges may be on their way through the one
+/// before.
 pub const EDGE_SETTLING: u32 = FILTERS[FILTERS.len() - 1].ticks + CAPTURE_LATENCY;
 
 /// Filter of the pulse per second: the longest one that the tach's divider of the filters' clock leaves alone.
@@ -40,7 +42,8 @@ pub fn start(tim5: &tim5::RegisterBlock, edge: Edge, filter: Filter) {
     tim5.cr1().reset();
     tim5.psc().write(|w| w.psc().set(0));
     tim5.arr().write(|w| w.arr().set(u32::MAX));
-    // TRC is ITR1, which for TIM5 is TIM3 (RM0090, TIMx internal trigger connection); no slave mode: the counter runs on.
+    // TRC is ITR1, which for TIM5 is TIM3 (RM0090, TIMx internal trigger connection); no slave mode: the counter runs
+    // on.
     tim5.smcr().write(|w| w.ts().itr1());
     tim5.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().trc());
     // SAFETY: every value of the four-bit filter field is defined.
@@ -92,7 +95,8 @@ pub fn take_edge(tim5: &tim5::RegisterBlock, filter: Filter) -> Capture {
     Capture { tick, lost }
 }
 
-/// Takes the instant of a pulse per second not yet taken, filter delay taken off; the newest one where several have come.
+/// Takes the instant of a pulse per second not yet taken, filter delay taken off; the newest one where several have
+/// come.
 pub fn take_second_pulse(tim5: &tim5::RegisterBlock) -> Option<u32> {
     let status = tim5.sr().read();
     if status.cc4of().bit_is_set() {
@@ -102,8 +106,8 @@ pub fn take_second_pulse(tim5: &tim5::RegisterBlock) -> Option<u32> {
     status.cc4if().bit_is_set().then(|| tim5.ccr4().read().bits().wrapping_sub(PULSE_FILTER.ticks))
 }
 
-/// Takes the instant of the newest block's last sample, if there is one that was not taken yet, and whether a border before
-/// it went unnoticed.
+/// Takes the instant of the newest block's last sample, if there is one that was not taken yet, and whether a border
+/// before it went unnoticed.
 pub fn take_border(tim5: &tim5::RegisterBlock) -> Captured {
     let status = tim5.sr().read();
     // Reading the captured count clears its flag.

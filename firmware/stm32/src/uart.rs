@@ -1,7 +1,7 @@
 //! Link: USART1 on PA9 and PA10, both directions by DMA2.
 //!
-//! USART1 because it runs from 84 MHz: 921 600 bit/s is met within 0.16 %, where USART2's 42 MHz gives 0.9 %; and because
-//! the chip's own boot loader listens there. Reception is a circle that the main loop reads behind the DMA's
+//! USART1 because it runs from 84 MHz: 921 600 bit/s is met within 0.16 %, where USART2's 42 MHz gives 0.9 %; and
+//! because the chip's own boot loader listens there. Reception is a circle that the main loop reads behind the DMA's
 //! position: no interrupt per byte. Sending takes one transfer per run of contiguous bytes. RM0090 section 30.
 
 use crate::design_parameters::{APB2_HZ, BITS_PER_SECOND};
@@ -55,7 +55,8 @@ pub fn set_format(usart: &usart1::RegisterBlock, bits_per_second: u32, character
     });
 }
 
-/// Forgets that what was sent before has ended; to be called before sending what [`announce_end`] is to tell the end of.
+/// Forgets that what was sent before has ended; to be called before sending what [`announce_end`] is to tell the end
+/// of.
 pub fn forget_end(usart: &usart1::RegisterBlock) {
     // SAFETY: zero clears the end of transmission, ones leave the other flags alone.
     usart.sr().write(|w| unsafe { w.bits(0x03ff).tc().clear() });

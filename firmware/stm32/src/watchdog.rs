@@ -1,7 +1,7 @@
 //! Independent watchdog: its own oscillator, cannot be stopped once started.
 //!
-//! Eight seconds nominal: at the oscillator's fast end still longer than the erasure of a 128 KiB sector of flash, 2 s at
-//! most, during which the core stands still. RM0090 section 21.
+//! Eight seconds nominal: at the oscillator's fast end still longer than the erasure of a 128 KiB sector of flash, 2
+//! s at most, during which the core stands still. RM0090 section 21.
 
 use crate::design_parameters::WATCHDOG_MS;
 use crate::pac::iwdg;

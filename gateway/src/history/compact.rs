@@ -1,8 +1,9 @@
 //! Merging small files: a partition of a minute's files each would have 1440 a day.
 //!
-//! The files between two large ones are read batch by batch and written as one, so memory is bounded by a batch and a row group.
-//! Between the new file's name and the removal of the old ones a reader that takes all files would count rows twice; ours leaves
-//! out files whose range lies inside another's, as [`super::files`] does. Files of a former schema get the columns they lack, null.
+//! The files between two large ones are read batch by batch and written as one, so memory is bounded by a batch and a
+//! row group. Between the new file's name and the removal of the old ones a reader that takes all files would count
+//! rows twice; ours leaves out files whose range lies inside another's, as [`super::files`] does. Files of a former
+//! schema get the columns they lack, null.
 
 use super::files::{Part, parts, write};
 use super::schema::schema;

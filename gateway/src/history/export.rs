@@ -1,9 +1,10 @@
 //! A capture of a link (`meshband monitor --record`) into a history, as if a gateway had heard it.
 //!
-//! Frames are told apart, gaps and starts counted as on a live line. A capture has no wall clock: the instant of its first frame is
-//! given, what follows is placed by the node's ticks. A folder of exports is not a gateway's: numbers of entries are given here, and
-//! a gateway would take the files for its own unfinished ones. [`LIST`] marks it and says which entries hold which capture and day,
-//! written before the file: an export that was interrupted is completed by the next one, one that is there is left out.
+//! Frames are told apart, gaps and starts counted as on a live line. A capture has no wall clock: the instant of its
+//! first frame is given, what follows is placed by the node's ticks. A folder of exports is not a gateway's: numbers
+//! of entries are given here, and a gateway would take the files for its own unfinished ones. [`LIST`] marks it and
+//! says which entries hold which capture and day, written before the file: an export that was interrupted is
+//! completed by the next one, one that is there is left out.
 
 use super::capture::{Entries, survey};
 use super::files;
@@ -193,7 +194,8 @@ mod tests {
         })
     }
 
-    /// A frame every ten minutes from an hour before midnight: the identity, then 20 events, one of them twice, one missing.
+    /// A frame every ten minutes from an hour before midnight: the identity, then 20 events, one of them twice, one
+    /// missing.
     fn capture() -> Vec<u8> {
         let mut buffer = [0; MAX_FRAME];
         let mut bytes = b"rubbish of a port that was open before".to_vec();
@@ -227,7 +229,8 @@ mod tests {
         let args =
             ExportArgs { capture: path, folder: folder.clone(), node: "n".into(), machine: "m".into(), from: 82_800 };
         run(&args).expect("exports");
-        // The identity, 20 events of 21, and a note of the one that is missing; the first event is at the given instant.
+        // The identity, 20 events of 21, and a note of the one that is missing; the first event is at the given
+        // instant.
         let whole = [("day=1970-01-01".to_owned(), 7), ("day=1970-01-02".to_owned(), 15)];
         assert_eq!(days(&folder), whole);
         let again = run(&args).expect_err("it is there").to_string();

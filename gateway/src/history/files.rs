@@ -1,9 +1,9 @@
 //! Whole files only, and which of them count.
 //!
-//! A file is written under a name that no reader takes, synced, then renamed. Its name says which entries it was made from:
-//! `part-FIRST-LAST.parquet`. Two rules follow, and need no manifest: a file whose first entry is not before the writer's place
-//! in the journal is of a batch that was not completed, and goes at the next start; a file whose range lies inside another's of
-//! its partition was merged into that one, and goes as well.
+//! A file is written under a name that no reader takes, synced, then renamed. Its name says which entries it was made
+//! from: `part-FIRST-LAST.parquet`. Two rules follow, and need no manifest: a file whose first entry is not before
+//! the writer's place in the journal is of a batch that was not completed, and goes at the next start; a file whose
+//! range lies inside another's of its partition was merged into that one, and goes as well.
 
 use super::schema::schema;
 use crate::error::{Error, Result, at};

@@ -1,8 +1,9 @@
 //! The columns. Version [`VERSION`], in each file's metadata as `meshband.schema`.
 //!
-//! One row per frame or note, so that "every frame exactly once" is a count of rows. Columns that a kind of frame does not have
-//! are null and cost next to nothing. Columns are taken by their names: none is ever renamed, removed or given another meaning, so a
-//! reader takes those it knows, and files of former versions are merged with their lacking columns null.
+//! One row per frame or note, so that "every frame exactly once" is a count of rows. Columns that a kind of frame
+//! does not have are null and cost next to nothing. Columns are taken by their names: none is ever renamed, removed
+//! or given another meaning, so a reader takes those it knows, and files of former versions are merged with their
+//! lacking columns null.
 //!
 //! Version 2 added `available_hz`, `velocity_rms`, the shafts' orders and `quality`.
 

@@ -1,9 +1,9 @@
 //! The history's thread: from the journal into files, a batch at a time.
 //!
-//! A batch is what came since the last one, at most [`BATCH`] entries: memory is bounded by it. Its files are written first, one
-//! per machine and day, then its end is kept as the place in the journal. A writer killed anywhere in between begins the batch
-//! anew, after removing what it had written of it ([`super::files::recover`]). What waits for a batch is in the journal, so a
-//! killed gateway loses nothing of it.
+//! A batch is what came since the last one, at most [`BATCH`] entries: memory is bounded by it. Its files are written
+//! first, one per machine and day, then its end is kept as the place in the journal. A writer killed anywhere in
+//! between begins the batch anew, after removing what it had written of it ([`super::files::recover`]). What waits
+//! for a batch is in the journal, so a killed gateway loses nothing of it.
 
 use super::rows::Rows;
 use super::{compact, day, files};

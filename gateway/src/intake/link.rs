@@ -1,7 +1,8 @@
 //! One node's thread: connect, ask who it is, pass on every frame, send commands, and begin anew when the link ends.
 //!
-//! Frames that come before the answer wait for it: they belong to the chip that answers. A measuring node sends a status every
-//! second, a stopped one nothing: after [`QUIET`] it is asked who it is, and one that says nothing for [`SILENCE`] is gone.
+//! Frames that come before the answer wait for it: they belong to the chip that answers. A measuring node sends a
+//! status every second, a stopped one nothing: after [`QUIET`] it is asked who it is, and one that says nothing for
+//! [`SILENCE`] is gone.
 
 use super::{News, Report, port};
 use crate::clock;

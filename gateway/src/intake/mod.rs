@@ -1,6 +1,7 @@
 //! From the ports to the journal: the one place that decides what a received frame is.
 //!
-//! [`port`] opens links, [`link`] is one node's thread, [`state`] knows what each node sent last, and [`worker`] writes what is new.
+//! [`port`] opens links, [`link`] is one node's thread, [`state`] knows what each node sent last, and [`worker`]
+//! writes what is new.
 
 pub mod link;
 pub mod port;

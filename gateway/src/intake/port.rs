@@ -1,7 +1,8 @@
 //! Links to nodes: serial ports and TCP.
 //!
-//! The host's command has the same in its `link::transport`; taken from there it would bring the whole workbench into the
-//! gateway's build (solver, importers, pictures: ten times the code). What is common, frames and messages, is `meshband`'s.
+//! The host's command has the same in its `link::transport`; taken from there it would bring the whole workbench into
+//! the gateway's build (solver, importers, pictures: ten times the code). What is common, frames and messages, is
+//! `meshband`'s.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};

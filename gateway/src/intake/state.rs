@@ -1,11 +1,12 @@
 //! What is known of each node between its frames: chip, starts, sequence, time base, and the newest frames themselves.
 //!
-//! A line server that repeats its last frames after a break (and a gateway that was killed between reading and writing needs
-//! one) sends some twice. A frame counts as repeated when sequence and fingerprint are among the last [`WINDOW`] taken. A sequence
-//! that goes back otherwise is a node that started anew; so is a status whose tick goes back.
+//! A line server that repeats its last frames after a break (and a gateway that was killed between reading and
+//! writing needs one) sends some twice. A frame counts as repeated when sequence and fingerprint are among the last
+//! [`WINDOW`] taken. A sequence that goes back otherwise is a node that started anew; so is a status whose tick goes
+//! back.
 //!
-//! The state is written beside the journal and brought up to date from the journal's own entries at a start, so that it never
-//! contradicts what was written.
+//! The state is written beside the journal and brought up to date from the journal's own entries at a start, so that
+//! it never contradicts what was written.
 
 use crate::journal::entry::{Body, Entry, decode};
 use meshband::frame::{Frame, Packet};
@@ -148,8 +149,8 @@ pub fn tick(packet: &Packet) -> Option<u64> {
     }
 }
 
-/// Tells frames apart: FNV-1a. Not their CRC-32, nor another one of the whole frame: a frame ends with its own, and a CRC of both
-/// is the same for all frames whose zeros lie alike.
+/// Tells frames apart: FNV-1a. Not their CRC-32, nor another one of the whole frame: a frame ends with its own, and a
+/// CRC of both is the same for all frames whose zeros lie alike.
 pub fn fingerprint(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -1,8 +1,8 @@
 //! The journal's thread: reports of all nodes in, entries out, in the order in which they came.
 //!
-//! What is taken is decided by [`super::state`] and written at once; every `sync_seconds` the system is told to write it down.
-//! A journal that cannot be written (full disk) loses entries, counts them and says so in the first entry that can be written;
-//! measuring and the history of what came before go on.
+//! What is taken is decided by [`super::state`] and written at once; every `sync_seconds` the system is told to write
+//! it down. A journal that cannot be written (full disk) loses entries, counts them and says so in the first entry
+//! that can be written; measuring and the history of what came before go on.
 
 use super::state::{NodeState, Verdict, unit_text};
 use super::{News, Report};

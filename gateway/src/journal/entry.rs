@@ -1,7 +1,7 @@
 //! What the journal holds: one frame as the node sent it, or one note of the gateway.
 //!
-//! The frame is kept as received, checksum and schema included: history and broker read it with the node's own decoder, and a
-//! journal outlives an update of the gateway as a node outlives it.
+//! The frame is kept as received, checksum and schema included: history and broker read it with the node's own
+//! decoder, and a journal outlives an update of the gateway as a node outlives it.
 
 use meshband::frame::{Decoder, Frame};
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,10 @@
 //! The write-ahead journal between the nodes and everything slower than they are.
 //!
-//! Every frame goes here first, then by cursors of their own to the history and to the broker. Segments of [`SEGMENT`] bytes,
-//! named by the number of their first entry; an entry is its length, its CRC-32 and its postcard. A killed process loses
-//! nothing written (the system has it), a power cut what was written since the last sync. A torn end is cut off at the next
-//! start. Space comes back by whole segments, when every consumer has passed them, or when the limit is reached.
+//! Every frame goes here first, then by cursors of their own to the history and to the broker. Segments of
+//! [`SEGMENT`] bytes, named by the number of their first entry; an entry is its length, its CRC-32 and its postcard.
+//! A killed process loses nothing written (the system has it), a power cut what was written since the last sync. A
+//! torn end is cut off at the next start. Space comes back by whole segments, when every consumer has passed them, or
+//! when the limit is reached.
 
 pub mod cursor;
 pub mod entry;

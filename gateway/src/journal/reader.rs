@@ -50,7 +50,8 @@ impl Reader {
                 continue;
             }
             let Some(following) = self.following()? else { break };
-            // Now that there is another segment, this one is complete: whatever came since the look above is read as well.
+            // Now that there is another segment, this one is complete: whatever came since the look above is read as
+            // well.
             self.take_piece(most, &mut taken)?;
             if taken.len() == before {
                 self.missed += following.saturating_sub(self.next);

@@ -1,7 +1,8 @@
 //! A node as a Sparkplug device: which metrics it has, and what an entry of the journal changes of them.
 //!
-//! Aliases are places in one list, the same for every device. Each data message carries `Frame/Journal`, the entry's number:
-//! what a broker delivers twice (a session that broke between message and acknowledgement) has the same number twice.
+//! Aliases are places in one list, the same for every device. Each data message carries `Frame/Journal`, the entry's
+//! number: what a broker delivers twice (a session that broke between message and acknowledgement) has the same
+//! number twice.
 
 use super::payload::{Metric, Quality, Value, datatype, properties};
 use crate::intake::state::unit_text;

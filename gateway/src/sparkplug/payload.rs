@@ -1,5 +1,5 @@
-//! Sparkplug B's payload: the published schema (Eclipse Tahu, `sparkplug_b.proto`; Sparkplug 3.0, chapter 6), written down
-//! as far as an edge node of plain metrics needs it, so that the build needs no protobuf compiler.
+//! Sparkplug B's payload: the published schema (Eclipse Tahu, `sparkplug_b.proto`; Sparkplug 3.0, chapter 6), written
+//! down as far as an edge node of plain metrics needs it, so that the build needs no protobuf compiler.
 
 use prost::{Message, Oneof};
 

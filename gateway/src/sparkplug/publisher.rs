@@ -1,8 +1,9 @@
 //! The broker's thread: keeps a session going, feeds it from the journal, and carries out commands.
 //!
-//! The place in the journal moves only over what the broker has acknowledged. After a break everything behind it is published
-//! again: in order, nothing lost, and what the broker already had comes a second time with the same `Frame/Journal`.
-//! A broker that refuses the credentials is asked again ever more rarely; the journal and the history go on meanwhile.
+//! The place in the journal moves only over what the broker has acknowledged. After a break everything behind it is
+//! published again: in order, nothing lost, and what the broker already had comes a second time with the same
+//! `Frame/Journal`. A broker that refuses the credentials is asked again ever more rarely; the journal and the
+//! history go on meanwhile.
 
 use super::commands::Command;
 use super::metrics::Device;

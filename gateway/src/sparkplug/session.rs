@@ -1,8 +1,8 @@
 //! One connection to the broker: births, data in the journal's order, deaths.
 //!
-//! Data goes with quality of service 1, where Sparkplug asks for 0: without acknowledgement a broker that dies loses what was on
-//! its way, and the journal would not know. A host application sees no difference. Sequence numbers, births before data and the
-//! will with `bdSeq` are as specified.
+//! Data goes with quality of service 1, where Sparkplug asks for 0: without acknowledgement a broker that dies loses
+//! what was on its way, and the journal would not know. A host application sees no difference. Sequence numbers,
+//! births before data and the will with `bdSeq` are as specified.
 
 use super::commands;
 use super::metrics::Device;

@@ -1,8 +1,9 @@
 //! Synthetic records with known contents, for training and proof of the loop.
 //!
-//! The simulator's own effects, given as on the command line, on the machine integrated in time ([`crate::model::integrated`]); nothing of the harmonic
-//! balance's solution is shared. Noise first, then what the effects do to the measuring chain, the converter's steps last. Cost: about 0.2 s
-//! per run of 2 s. Limits: constant speed, and one pulse per turn.
+//! The simulator's own effects, given as on the command line, on the machine integrated in time
+//! ([`crate::model::integrated`]); nothing of the harmonic balance's solution is shared. Noise first, then what the
+//! effects do to the measuring chain, the converter's steps last. Cost: about 0.2 s per run of 2 s. Limits: constant
+//! speed, and one pulse per turn.
 
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Sampled;

@@ -1,8 +1,8 @@
 //! What one command may spend, in one place: every limit is stated here and checked before it is spent.
 //!
-//! A size that a file or an option announces is an estimate to be refused, not an allocation to be tried. Each refusal is one
-//! line with the figure, the limit and what to change. Files are opened only where they are files: a pipe or a device has no
-//! end that could be known beforehand.
+//! A size that a file or an option announces is an estimate to be refused, not an allocation to be tried. Each
+//! refusal is one line with the figure, the limit and what to change. Files are opened only where they are files: a
+//! pipe or a device has no end that could be known beforehand.
 
 use crate::{Error, Result, text};
 use std::fs::File;

@@ -277,12 +277,15 @@ impl Check {
             }
             (0, worst) if worst <= RELIABLE[1] => {
                 format!(
-                    "The tabulated law can be relied on for sampling rates, not for single edges: it is off by up to {off}."
+                    "The tabulated law can be relied on for sampling rates, not for single edges: it is off by up to \
+                     {off}."
                 )
             }
             (hidden, _) => format!(
-                "The tabulated law does not predict single edges: they lie up to {off}, from it, and the ring hides them at {hidden} of {} speeds; \
-                 it is an average: good for sampling rates with that margin; for single edges measure it on the machine (`meshband law learn`).",
+                "The tabulated law does not predict single edges: they lie up to {off}, from it, and the ring hides \
+                 them at {hidden} of {} speeds; \
+                 it is an average: good for sampling rates with that margin; for single edges measure it on the \
+                 machine (`meshband law learn`).",
                 self.rows.len()
             ),
         }

@@ -1,7 +1,8 @@
 //! The pinion speeds that a law is made for, and the speeds at which it is fitted and checked.
 //!
-//! The paper's range is 1 to 25 Hz; a machine whose nominal speed lies near its end or above it gets a law that reaches a quarter beyond that speed.
-//! Fit and check never share a speed but by chance: knots come from a grid in equal ratios, the check's speeds are drawn at random.
+//! The paper's range is 1 to 25 Hz; a machine whose nominal speed lies near its end or above it gets a law that
+//! reaches a quarter beyond that speed. Fit and check never share a speed but by chance: knots come from a grid in
+//! equal ratios, the check's speeds are drawn at random.
 
 use crate::machine::Machine;
 use crate::{Error, Result};
@@ -80,7 +81,8 @@ impl FromStr for Domain {
         let [slowest, fastest] = POSSIBLE_HZ;
         let refuse = || {
             let what = format!(
-                "`{}` is no range of pinion speeds: LOW..HIGH, as 12Hz..25Hz or 750rpm..1500rpm, from {slowest} to {fastest} Hz, HIGH at least {LEAST_SPAN} times LOW",
+                "`{}` is no range of pinion speeds: LOW..HIGH, as 12Hz..25Hz or 750rpm..1500rpm, from {slowest} to \
+                 {fastest} Hz, HIGH at least {LEAST_SPAN} times LOW",
                 crate::text::name(text)
             );
             Error::invalid("--speeds", what)

@@ -1,10 +1,11 @@
 //! The law of a machine by whichever of a pair's two edges can be timed: give-off where possible, else take-up.
 //!
-//! The law's own edge is the one with which a pair gives its load off (see [`super::derive`]). Where the ramp is long against the fastest
-//! mode's period (the check machines' tables: 0.34 ms at 12 Hz against 0.2 ms) that edge sinks into the machine's own motion over a good
-//! part of the speeds, while the take-up edge stands high and smooth over nearly all. The node times the steeper edge of a tooth pitch,
-//! whichever it is, so the take-up edge is then what its bandwidth must carry. Its domain is the longest stretch of speeds
-//! without a jump: at the lowest speeds ripples of the fastest mode are steeper than the ramp. Cost: about two seconds.
+//! The law's own edge is the one with which a pair gives its load off (see [`super::derive`]). Where the ramp is long
+//! against the fastest mode's period (the check machines' tables: 0.34 ms at 12 Hz against 0.2 ms) that edge sinks
+//! into the machine's own motion over a good part of the speeds, while the take-up edge stands high and smooth over
+//! nearly all. The node times the steeper edge of a tooth pitch, whichever it is, so the take-up edge is then what
+//! its bandwidth must carry. Its domain is the longest stretch of speeds without a jump: at the lowest speeds ripples
+//! of the fastest mode are steeper than the ramp. Cost: about two seconds.
 
 use super::derive::{self, FIT_SPEEDS, KNOT_TOLERANCE, bandwidth_hz, study_torque};
 use super::domain::Domain;

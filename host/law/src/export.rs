@@ -30,7 +30,8 @@ pub fn rust_source(file: &LawFile, machine_path: &str) -> Result<String> {
          \n\
          /// The fitted law.\n\
          pub fn law() -> Law {{\n    \
-             let knots = KNOTS.map(|(speed, bandwidth)| LawKnot {{ speed: Hertz(speed), bandwidth: Hertz(bandwidth) }});\n    \
+             let knots = KNOTS.map(|(speed, bandwidth)| LawKnot \
+             {{ speed: Hertz(speed), bandwidth: Hertz(bandwidth) }});\n    \
              // The knots are sound (a test holds it); the provisional law is the answer that needs no panic.\n    \
              let Ok(table) = LawTable::new(&knots) else {{ return Law::PROVISIONAL }};\n    \
              Law {{\n        \

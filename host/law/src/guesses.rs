@@ -1,8 +1,9 @@
 //! Which guesses of an estimated machine move its bandwidth law, and by how much.
 //!
-//! One guess at a time is moved by its factor, up and down, or to its other choice; the law's edge is computed anew at three speeds, and the larger
-//! change, in parts of a logarithm, is the guess's share. The shares are taken as independent 95 % ranges: the law's stated uncertainty is the root of the sum of their
-//! squares. Interaction between guesses is left out.
+//! One guess at a time is moved by its factor, up and down, or to its other choice; the law's edge is computed anew
+//! at three speeds, and the larger change, in parts of a logarithm, is the guess's share. The shares are taken as
+//! independent 95 % ranges: the law's stated uncertainty is the root of the sum of their squares. Interaction between
+//! guesses is left out.
 
 use super::derive::{edge_bandwidth_hz, study_torque};
 use super::domain::Domain;

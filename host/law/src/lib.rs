@@ -1,7 +1,9 @@
 //! The bandwidth law: from simulated engagement edges to the numbers a node carries.
 //!
 //! `edges` defines what is timed, `operating` simulates it, `study` and `sampling` redo the paper's studies, `derive`
-//! fits and checks the law, `either_edge` takes the take-up edge where the other cannot be timed, `estimator` compares the node's sampled estimator, `file` and `export` hand the law on; `guesses` says which guesses of an estimated machine move it; `learn` measures one on a record.
+//! fits and checks the law, `either_edge` takes the take-up edge where the other cannot be timed, `estimator`
+//! compares the node's sampled estimator, `file` and `export` hand the law on; `guesses` says which guesses of an
+//! estimated machine move it; `learn` measures one on a record.
 
 pub mod crack;
 pub mod derive;

@@ -97,7 +97,8 @@ impl Ramps {
         if ramps.entry[1] - ramps.entry[0] < 1e-6 || ramps.exit[1] - ramps.exit[0] < 1e-6 {
             return Err(Error::impossible(
                 "bandwidth law",
-                "the pair switches on at once ([engagement] absent or `none`): the acceleration jumps and its bandwidth is \
+                "the pair switches on at once ([engagement] absent or `none`): the acceleration jumps and its \
+                 bandwidth is \
                  infinite; declare an engagement",
             ));
         }
@@ -127,8 +128,8 @@ impl Bench {
         Ok(Self { rig, teeth: machine.pair.teeth, crack, ramps, effects: Box::new(Vec::new) })
     }
 
-    /// The same with effects that repeat with every tooth pair (wear, relief, profile), made by `effects`; others have no place in a mesh
-    /// period and would spoil the steady state.
+    /// The same with effects that repeat with every tooth pair (wear, relief, profile), made by `effects`; others
+    /// have no place in a mesh period and would spoil the steady state.
     pub fn with_effects(self, effects: impl Fn() -> Vec<Box<dyn Effect>> + Send + Sync + 'static) -> Self {
         Self { effects: Box::new(effects), ..self }
     }
@@ -158,7 +159,8 @@ impl Bench {
         self.periodic(shaft_hz, torque_n_m, &(self.effects)(), 1.0 / (shaft_hz * f64::from(self.teeth[0])))
     }
 
-    /// Steady acceleration with the declared crack over one turn of the cracked gear; the cracked pair enters at time 0.
+    /// Steady acceleration with the declared crack over one turn of the cracked gear; the cracked pair enters at time
+    /// 0.
     ///
     /// # Errors
     /// As [`Bench::healthy`], and where the machine declares no crack.

@@ -108,7 +108,8 @@ pub fn law_section(report: Report, laws: &Laws) -> Result<Report> {
             "error, %",
         )?;
         let caption = format!(
-            "{what}: points from the simulation, curve from the law, error below. Largest error at the fitted speeds {:.2} %.",
+            "{what}: points from the simulation, curve from the law, error below. Largest error at the fitted speeds \
+             {:.2} %.",
             100.0 * fit.worst_relative
         );
         report = report.picture(&picture, &caption);
@@ -130,7 +131,8 @@ pub fn check_section(report: Report, check: &Check) -> Result<Report> {
     let series: Vec<Series> = [0, 2, 3].into_iter().map(|i| Series::new(check.forms[i].form, error(i))).collect();
     let picture = lines(&series, Axes { x: SPEED, y: "error, %" })?;
     let ring = format!(
-        "Scatter of the full simulation about the single edge (the ring of earlier engagements): {:.2} % rms, {:.2} % at \
+        "Scatter of the full simulation about the single edge (the ring of earlier engagements): {:.2} % rms, {:.2} \
+         % at \
          most; hidden by the ring at {} of {} speeds.",
         100.0 * check.ring_rms,
         100.0 * check.ring_worst,
@@ -222,8 +224,10 @@ fn edge_section(report: Report, o: &Outcome) -> Result<Report> {
     Ok(report
         .section("What is timed")
         .text(
-            "An edge is the stretch around a local maximum of |slope| over which the slope keeps its sign and stays above a \
-             third of that maximum; its rise time is the 10-90 % time between the values at its ends, and B = 0.35 / t_r. The \
+            "An edge is the stretch around a local maximum of |slope| over which the slope keeps its sign and stays \
+             above a \
+             third of that maximum; its rise time is the 10-90 % time between the values at its ends, and B = 0.35 / \
+             t_r. The \
              law times the edge with which a pair gives its load off. Between extrema one would time the ring instead.",
         )
         .picture(&picture, "One positive pulse: the acceleration climbs while the leaving pair's stiffness falls."))
@@ -237,15 +241,25 @@ fn calibration_section(report: Report, o: &Outcome) -> Result<Report> {
     Ok(report
         .section("The ramp is a calibration")
         .text(&format!(
-            "One bandwidth of the paper survives, {:.2} kHz; its speed is inferred, {} Hz. A linear ramp of {} mrad of pinion \
-             rotation gives it on this machine. That is a calibration, not a result: a stiffness table with 1 mrad steps has \
+            "One bandwidth of the paper survives, {:.2} kHz; its speed is inferred, {} Hz. A linear ramp of {} mrad \
+             of pinion \
+             rotation gives it on this machine. That is a calibration, not a result: a stiffness table with 1 mrad \
+             steps has \
              just such a ramp. Everything else on this page follows from it without further adjustment.",
             c.target_hz * 1e-3,
             c.shaft_hz,
             mrad(c.width_rad)
         ))
         .table("If the bandwidth belongs to another speed, the ramp is another.", &["speed, Hz", "ramp, mrad"], &speeds)
-        .table("If the ramp is another, so is the bandwidth at that speed: inversely proportional.", &["ramp, mrad", "bandwidth, kHz"], &widths))
+        .table(
+            "If the ramp is another, so is the bandwidth at that speed: inversely proportional.",
+            &[
+                "ramp, \
+            mrad",
+                "bandwidth, kHz",
+            ],
+            &widths,
+        ))
 }
 
 fn slope_section(report: Report, o: &Outcome) -> Result<Report> {
@@ -305,12 +319,19 @@ fn ramp_section(report: Report, o: &Outcome) -> Result<Report> {
     ];
     Ok(report
         .section("The engagement ramp decides")
-        .picture(&lines(&series, Axes { x: SPEED, y: BANDWIDTH })?, "Bandwidth of the single engagement edge for different ramps on the same machine.")
+        .picture(
+            &lines(&series, Axes { x: SPEED, y: BANDWIDTH })?,
+            "Bandwidth of the single engagement edge for \
+            different ramps on the same machine.",
+        )
         .table("The same gear, the same speeds, other ramps.", &head, &rows)
         .note(
-            "A real gear engages over several mrad (tip relief, deflected teeth touching early). Its edges are then the mesh \
-             mode's own, 7 to 20 kHz at these speeds, almost independent of speed at first; and in the full simulation the ring \
-             of earlier engagements moves single edges by tens of per cent, so no law in speed alone can predict them to 2 %. \
+            "A real gear engages over several mrad (tip relief, deflected teeth touching early). Its edges are then \
+             the mesh \
+             mode's own, 7 to 20 kHz at these speeds, almost independent of speed at first; and in the full \
+             simulation the ring \
+             of earlier engagements moves single edges by tens of per cent, so no law in speed alone can predict \
+             them to 2 %. \
              A law proportional to speed is a property of the short ramp.",
         ))
 }
@@ -436,7 +457,8 @@ fn implied_section(report: Report, o: &Outcome) -> Report {
         })
         .collect();
     report.section("What the unknown lines say about the mesh frequency").table(
-        "Each line alone implies a mesh frequency; the pair's disagreement, and the difference from the quoted mesh line.",
+        "Each line alone implies a mesh frequency; the pair's disagreement, and the difference from the quoted mesh \
+         line.",
         &["spectrum", "lines, Hz", "harmonics", "implied mesh, Hz", "disagreement", "from quoted"],
         &rows,
     )
@@ -451,13 +473,32 @@ fn estimator_section(report: Report, o: &Outcome) -> Result<Report> {
     Ok(report
         .section("The node's estimator, and the rate for waveforms")
         .picture(
-            &lines(&[Series::new("median of 64 teeth", sampled)], Axes { x: "samples per edge", y: "error of the rise time, %" })?,
-            &format!("The sampled estimator against the polynomial. Below five samples per edge it refuses; within 2 % from {:.1} samples on.", e.samples_needed),
+            &lines(
+                &[Series::new("median of 64 teeth", sampled)],
+                Axes {
+                    x: "samples per edge",
+                    y: "error of the \
+                rise time, %",
+                },
+            )?,
+            &format!(
+                "The sampled estimator against the polynomial. Below five samples per edge it refuses; within 2 \
+                % from {:.1} samples on.",
+                e.samples_needed
+            ),
         )
         .picture(
-            &lines(&[Series::new("cut off at k B / 2", cut)], Axes { x: "k, rate over bandwidth", y: "error of the rise time, %" })?,
+            &lines(
+                &[Series::new("cut off at k B / 2", cut)],
+                Axes {
+                    x: "k, rate over bandwidth",
+                    y: "error of the \
+                rise time, %",
+                },
+            )?,
             &format!(
-                "Everything above half the rate k B removed by an ideal filter: the rise time stays within 2 % from k = {:.1} on. The \
+                "Everything above half the rate k B removed by an ideal filter: the rise time stays within 2 % from \
+                 k = {:.1} on. The \
                  waveform rate is the larger demand, {:.1} B.",
                 e.cut_off_multiple, e.waveform_multiple
             ),

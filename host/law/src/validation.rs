@@ -68,7 +68,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "3.1, 4.1",
         "The bandwidth follows from the 10-90 % rise time by (7); the simulation is sampled at 100000 kHz.",
         format!(
-            "0.35 over the seven quoted bandwidths gives {} us: whole multiples of 10 ns, so (7) is B = 0.35 / t_r and the rate \
+            "0.35 over the seven quoted bandwidths gives {} us: whole multiples of 10 ns, so (7) is B = 0.35 / t_r \
+             and the rate \
              is 100 MHz.",
             grid_us.iter().map(|t| format!("{t:.2}")).collect::<Vec<_>>().join(", ")
         ),
@@ -80,7 +81,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "3.1",
         "The signal bandwidth refers to the highest harmonic frequency component contained in the signals.",
         format!(
-            "At 15 Hz the edge has {:.1} kHz, but 99 % of the power lies within {:.1} kHz, and a ramp's spectrum has no highest \
+            "At 15 Hz the edge has {:.1} kHz, but 99 % of the power lies within {:.1} kHz, and a ramp's spectrum has \
+             no highest \
              component: 0.35 / t_r is a property of one edge, not of the spectrum.",
             khz(edge_15),
             khz(occupied)
@@ -105,7 +107,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
             "3.3",
             "However the tooth numbers change, maximum and minimum bandwidth differ by about 1 %.",
             format!(
-                "{low} to {high} pinion teeth: {:.2} %. A ramp that is a fixed share of the base pitch, as on a real tooth, would \
+                "{low} to {high} pinion teeth: {:.2} %. A ramp that is a fixed share of the base pitch, as on a real \
+                 tooth, would \
                  make B proportional to the teeth: a factor of {:.1} over the same gears.",
                 percent(teeth.spread()),
                 high / low
@@ -121,7 +124,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
     let first = edges.first().map_or(f64::NAN, |e| e.1);
     let rises = edges.windows(2).all(|w| w[1].1 > w[0].1);
     let condition = format!(
-        "the ramp is turned in less time than the mesh mode's own edge takes: on this rig above {:.0} Hz, for wider ramps only \
+        "the ramp is turned in less time than the mesh mode's own edge takes: on this rig above {:.0} Hz, for wider \
+         ramps only \
          at higher speeds",
         lowest.0
     );
@@ -165,7 +169,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "3.4, Table 6",
         "At 8, 16 and 22 Hz the second-order equation and the simulation differ by less than 2 %.",
         format!(
-            "On the recovered rig a parabola fitted as the paper does to 1-25 Hz is off by {}; fitted to 4-25 Hz, above the knee, by {}.",
+            "On the recovered rig a parabola fitted as the paper does to 1-25 Hz is off by {}; fitted to 4-25 Hz, \
+             above the knee, by {}.",
             three(&quadratic.at_named),
             above_the_knee(o).map_or("-".into(), |errors| three(&errors))
         ),
@@ -178,7 +183,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "3.4, 5",
         "The second-order equation gives the bandwidth at 1-25 Hz with the accuracy that prediction needs.",
         format!(
-            "Held-out speeds: the parabola is off by up to {:.0} % (low speeds), by {:.1} % at 50 Hz. The tabulated law stays within \
+            "Held-out speeds: the parabola is off by up to {:.0} % (low speeds), by {:.1} % at 50 Hz. The tabulated \
+             law stays within \
              {:.2} % of the edge alone, {:.2} % of the full simulation, {:.2} % at 50 Hz.",
             percent(quadratic.worst),
             percent(quadratic.beyond),
@@ -198,7 +204,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "3.4, 5",
         "Only the rotational frequency of the input shaft is required to calculate the bandwidth.",
         format!(
-            "Same machine, 25 Hz: {:.0} kHz with a ramp of 0.25 mrad, {:.0} kHz with 0.947 mrad, {:.0} kHz with 2 mrad, {:.0} kHz with tip \
+            "Same machine, 25 Hz: {:.0} kHz with a ramp of 0.25 mrad, {:.0} kHz with 0.947 mrad, {:.0} kHz with 2 \
+             mrad, {:.0} kHz with tip \
              relief, {:.0} kHz with loaded contact.",
             khz(at_25("linear, 0.25")),
             khz(at_25("this machine")),
@@ -215,7 +222,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "4.1",
         "42.07 kHz by simulation and 43.09 kHz by (10): the deviation is 2 %, which again proves the accuracy of (10).",
         format!(
-            "The two numbers differ by {:.2} %, more than the 2 % limit of Table 6. Our parabola at 14.5 Hz: {:.2} kHz, {:+.2} % from \
+            "The two numbers differ by {:.2} %, more than the 2 % limit of Table 6. Our parabola at 14.5 Hz: {:.2} \
+             kHz, {:+.2} % from \
              our simulation.",
             percent(stated),
             khz(o.laws.fits[0].law.bandwidth_hz(14.5)),
@@ -234,7 +242,8 @@ pub fn claims(o: &Outcome) -> Vec<Claim> {
         "formula-is-faster",
         "3.4, 5",
         "Compared to simulating and timing the pulse, the formula is simpler and faster.",
-        "A law is one evaluation (about 900 instructions on the node for the tabulated form); a simulated edge takes a millisecond \
+        "A law is one evaluation (about 900 instructions on the node for the tabulated form); a simulated edge takes \
+         a millisecond \
          on a computer and the machine's whole declaration."
             .into(),
         Verdict::Holds,
@@ -261,9 +270,11 @@ fn crack_claims(o: &Outcome, studies: &[super::study::CrackStudy], study: &str, 
     add(
         "crack-little-effect",
         "4.1, 5",
-        "Three peaks and three troughs differ from the healthy ones; their bandwidth is basically that of the healthy gear.",
+        "Three peaks and three troughs differ from the healthy ones; their bandwidth is basically that of the \
+         healthy gear.",
         format!(
-            "Crack of {:.1} mm taking {:.0} % of the pair's stiffness: {list} kHz, at most {:.2} % from the healthy pulse (the paper: up \
+            "Crack of {:.1} mm taking {:.0} % of the pair's stiffness: {list} kHz, at most {:.2} % from the healthy \
+             pulse (the paper: up \
              to {:.1} %).",
             1e3 * deepest.depth_m,
             100.0 * deepest.stiffness_loss,
@@ -279,7 +290,8 @@ fn crack_claims(o: &Outcome, studies: &[super::study::CrackStudy], study: &str, 
         "4.1",
         "The bandwidth at the faulty position is smaller than at the normal position.",
         format!(
-            "{larger} of the 6 pulses are wider, {} narrower: the sign is the ring's, not the crack's. The paper's differences are 1 to 17 \
+            "{larger} of the 6 pulses are wider, {} narrower: the sign is the ring's, not the crack's. The paper's \
+             differences are 1 to 17 \
              samples of 10 ns.",
             6 - larger
         ),
@@ -345,7 +357,8 @@ fn sampling_claims(o: &Outcome, studies: &[super::sampling::SamplingStudy], stud
         );
         let [low, middle, high] = [&s.rates[0], &s.rates[1], &s.rates[2]];
         let scatter = format!(
-            "Pulse heights of the {case} gear scatter by {:.1} % rms at 10 kHz, {:.1} % at 100 kHz, {:.2} % at 1000 kHz; strongest folded line \
+            "Pulse heights of the {case} gear scatter by {:.1} % rms at 10 kHz, {:.1} % at 100 kHz, {:.2} % at 1000 \
+             kHz; strongest folded line \
              near the mesh line {} dB at 10 kHz, none at the others.",
             100.0 * low.peak_scatter,
             100.0 * middle.peak_scatter,
@@ -361,7 +374,8 @@ fn sampling_claims(o: &Outcome, studies: &[super::sampling::SamplingStudy], stud
                 "4.2",
                 "At 10 kHz the sidebands cannot be identified, which makes the crack hard to diagnose.",
                 format!(
-                    "Sidebands that stand 6 dB above what else lies in their gap: {} of 12 at 10 kHz, {} at 100 kHz, {} at 1000 kHz. An anti-alias \
+                    "Sidebands that stand 6 dB above what else lies in their gap: {} of 12 at 10 kHz, {} at 100 kHz, \
+                     {} at 1000 kHz. An anti-alias \
                      filter would do as well as the higher rate.",
                     low.sidebands_findable, middle.sidebands_findable, high.sidebands_findable
                 ),
@@ -371,7 +385,8 @@ fn sampling_claims(o: &Outcome, studies: &[super::sampling::SamplingStudy], stud
             add(
                 "distortion-cracked",
                 "4.2, 5",
-                "Below the critical sampling frequency the signal is seriously distorted and aliased; the faulty position is not easily found.",
+                "Below the critical sampling frequency the signal is seriously distorted and aliased; the faulty \
+                 position is not easily found.",
                 scatter,
                 judged(folds),
                 study,
@@ -380,7 +395,8 @@ fn sampling_claims(o: &Outcome, studies: &[super::sampling::SamplingStudy], stud
             add(
                 "distortion-healthy",
                 "3.5, 5",
-                "Below the critical sampling frequency the signal is seriously distorted and aliased; the pulse period is not apparent.",
+                "Below the critical sampling frequency the signal is seriously distorted and aliased; the pulse \
+                 period is not apparent.",
                 scatter,
                 judged(folds),
                 study,
@@ -407,8 +423,10 @@ fn sampling_claims(o: &Outcome, studies: &[super::sampling::SamplingStudy], stud
             section,
             sentence,
             format!(
-                "As folded harmonics {} and {} they imply mesh frequencies of {:.3} and {:.3} Hz, which disagree by {:.3} % and lie {:+.3} % from \
-                 the quoted mesh line of {} Hz. {} The rig then recorded at 10 kHz without an effective anti-alias filter.",
+                "As folded harmonics {} and {} they imply mesh frequencies of {:.3} and {:.3} Hz, which disagree by \
+                 {:.3} % and lie {:+.3} % from \
+                 the quoted mesh line of {} Hz. {} The rig then recorded at 10 kHz without an effective anti-alias \
+                 filter.",
                 lines.harmonics[0],
                 lines.harmonics[1],
                 implied.by_line_hz[0],
@@ -448,10 +466,13 @@ fn sampling_claims(o: &Outcome, studies: &[super::sampling::SamplingStudy], stud
     add(
         "above-recommended",
         "3.5, 5",
-        "Above the recommended sampling frequency (100 and 1000 kHz) the signal basically coincides with the ideal one.",
+        "Above the recommended sampling frequency (100 and 1000 kHz) the signal basically coincides with the ideal \
+         one.",
         format!(
-            "At 14.5 Hz: an ideal filter at half the rate changes the rise time by {:+.0} % at 100 kHz ({:.1} B) and {:+.1} % at 1000 kHz ({:.0} B). \
-             Twice the bandwidth keeps the lines apart; the waveform needs {:.1} B (filter) and {:.1} B (five samples per edge).",
+            "At 14.5 Hz: an ideal filter at half the rate changes the rise time by {:+.0} % at 100 kHz ({:.1} B) and \
+             {:+.1} % at 1000 kHz ({:.0} B). \
+             Twice the bandwidth keeps the lines apart; the waveform needs {:.1} B (filter) and {:.1} B (five \
+             samples per edge).",
             100.0 * hundred,
             multiples[0],
             100.0 * thousand,
@@ -484,14 +505,20 @@ pub fn markdown(o: &Outcome) -> String {
     let _ = write!(
         text,
         "# The paper's statements, checked\n\n\
-         Generated by `meshband law study machines/paper-rig.toml --validation book/src/results/paper.md --force`; do not edit.\n\n\
-         Paper: Zhang et al. 2013, doi 10.1155/2013/462401. Its tables and equations are lost; the rig in `machines/paper-rig.toml` is \
-         recovered from its spectral lines as far as possible, the rest is a stated guess. Of {} statements of results {} hold, {} hold \
+         Generated by `meshband law study machines/paper-rig.toml --validation book/src/results/paper.md --force`; \
+         do not edit.\n\n\
+         Paper: Zhang et al. 2013, doi 10.1155/2013/462401. Its tables and equations are lost; the rig in \
+         `machines/paper-rig.toml` is \
+         recovered from its spectral lines as far as possible, the rest is a stated guess. Of {} statements of \
+         results {} hold, {} hold \
          only under a condition that the paper does not state, {} do not hold.\n\n\
          ## What is calibrated\n\n\
-         One bandwidth survives: {:.2} kHz, at an inferred {} Hz. A linear engagement ramp of {:.4} mrad of pinion rotation gives it on \
-         the recovered rig: a **calibration**, near the 1 mrad step of a common stiffness table. Nothing else is adjusted. If the \
-         bandwidth belonged to another speed the ramp would be another: {}. If the ramp is another, the bandwidth is inversely \
+         One bandwidth survives: {:.2} kHz, at an inferred {} Hz. A linear engagement ramp of {:.4} mrad of pinion \
+         rotation gives it on \
+         the recovered rig: a **calibration**, near the 1 mrad step of a common stiffness table. Nothing else is \
+         adjusted. If the \
+         bandwidth belonged to another speed the ramp would be another: {}. If the ramp is another, the bandwidth is \
+         inversely \
          proportional: {}.\n\n",
         claims.len(),
         count(|v| *v == Verdict::Holds),
@@ -510,12 +537,17 @@ pub fn markdown(o: &Outcome) -> String {
     let _ = write!(
         text,
         "## Where the law is a property of the ramp\n\n\
-         The idealised pair switches at once; its acceleration jumps and its bandwidth is whatever the sampling rate is. What is timed \
-         is therefore the ramp that the stiffness table happens to have: t_r = 0.8 ramp / (2 pi f), B = 0.35 / t_r, proportional to speed, \
-         independent of module and teeth because the table's step is an angle. Below about 3 Hz on this rig the ramp takes longer than the \
+         The idealised pair switches at once; its acceleration jumps and its bandwidth is whatever the sampling rate \
+         is. What is timed \
+         is therefore the ramp that the stiffness table happens to have: t_r = 0.8 ramp / (2 pi f), B = 0.35 / t_r, \
+         proportional to speed, \
+         independent of module and teeth because the table's step is an angle. Below about 3 Hz on this rig the ramp \
+         takes longer than the \
          mesh mode's own edge ({:.0} Hz mode); there the bandwidth is the mode's and the law bends.\n\n\
-         A real gear engages over several mrad. The same rig with other ramps, bandwidth of a single engagement edge in kHz:\n\n\
-         | ramp | width, mrad | 5 Hz | 15 Hz | 25 Hz | tabulated law, held out | quadratic, held out | ring, rms | hidden by ring |\n\
+         A real gear engages over several mrad. The same rig with other ramps, bandwidth of a single engagement edge \
+         in kHz:\n\n\
+         | ramp | width, mrad | 5 Hz | 15 Hz | 25 Hz | tabulated law, held out | quadratic, held out | ring, rms | \
+         hidden by ring |\n\
          | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
         o.natural_frequencies_hz.last().copied().unwrap_or(f64::NAN)
     );
@@ -540,15 +572,20 @@ pub fn markdown(o: &Outcome) -> String {
     }
     let _ = write!(
         text,
-        "\nThe last two columns are the limit of any such law: in the full simulation the edge rides on the ring of earlier engagements. With \
-         the short ramp that moves it by {:.2} % rms ({:.2} % at most, near the knee); with tip relief or loaded contact by tens of per cent, and \
-         no law in speed alone predicts single edges to 2 %. The law of the single edge is smooth and within 2 % for every ramp; on a real \
+        "\nThe last two columns are the limit of any such law: in the full simulation the edge rides on the ring of \
+         earlier engagements. With \
+         the short ramp that moves it by {:.2} % rms ({:.2} % at most, near the knee); with tip relief or loaded \
+         contact by tens of per cent, and \
+         no law in speed alone predicts single edges to 2 %. The law of the single edge is smooth and within 2 % for \
+         every ramp; on a real \
          gear it is an average, and mesh mode, bearings, housing and sensor set the bandwidth.\n\n\
          ## Rates\n\n\
-         Critical rate 2 B. Spectra 2.56 B behind a filter. Waveforms {:.1} B: from there on the rise time stays within 2 % (cut-off at half the \
+         Critical rate 2 B. Spectra 2.56 B behind a filter. Waveforms {:.1} B: from there on the rise time stays \
+         within 2 % (cut-off at half the \
          rate: {:.1} B; samples: {:.1} per edge are {:.1} B, below five the estimator refuses).\n\n\
          ## Laws at speeds that were not fitted\n\n\
-         8, 16, 22 Hz against the full simulation; worst of these and fifty random speeds from 1 to 25 Hz; 50 Hz is extrapolation.\n\n\
+         8, 16, 22 Hz against the full simulation; worst of these and fifty random speeds from 1 to 25 Hz; 50 Hz is \
+         extrapolation.\n\n\
          | form | 8 Hz | 16 Hz | 22 Hz | worst, edge alone | worst, full simulation | 50 Hz |\n\
          | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n",
         100.0 * o.check.ring_rms,
@@ -563,7 +600,8 @@ pub fn markdown(o: &Outcome) -> String {
     }
     let _ = write!(
         text,
-        "\nThe node carries the tabulated law ({:.2} % from the edge alone); it is the only form that follows the knee.\n\n\
+        "\nThe node carries the tabulated law ({:.2} % from the edge alone); it is the only form that follows the \
+         knee.\n\n\
          ## The statements\n\n",
         100.0 * table.worst
     );

@@ -1,7 +1,7 @@
 //! Numbers of several solutions side by side, as the compiler puts them into vector units.
 //!
-//! Operations are written lane by lane and never fused, so one solution gives the same bits alone, beside others, and on every
-//! processor. Who computes with them dispatches by `pulp`, so that the widest units at hand are used.
+//! Operations are written lane by lane and never fused, so one solution gives the same bits alone, beside others, and
+//! on every processor. Who computes with them dispatches by `pulp`, so that the widest units at hand are used.
 
 use std::ops::{Add, Mul, Sub};
 

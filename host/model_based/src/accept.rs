@@ -1,15 +1,17 @@
 //! The gate: the only place that decides whether a term is adopted or kept, and whether it keeps a name.
 //!
-//! What is adopted is a list that nobody else can lengthen or shorten ([`Adopted`]); every refusal is data ([`Refusal`]) and goes into the
-//! outcome. The thresholds are private to this file. Unless said otherwise they were set on generated records: on records with nothing
-//! hidden so that none is adopted (`meshband prove --null`), then as low as that allows (`--power`). Detectors (lines, combs, impacts)
-//! propose and adopt nothing. `host/tests/architecture.rs` holds that refusals are made nowhere else.
+//! What is adopted is a list that nobody else can lengthen or shorten ([`Adopted`]); every refusal is data
+//! ([`Refusal`]) and goes into the outcome. The thresholds are private to this file. Unless said otherwise they were
+//! set on generated records: on records with nothing hidden so that none is adopted (`meshband prove --null`), then
+//! as low as that allows (`--power`). Detectors (lines, combs, impacts) propose and adopt nothing.
+//! `host/tests/architecture.rs` holds that refusals are made nowhere else.
 
 use super::candidate::{Candidate, Claim};
 use super::probability::Probability;
 use super::refusal::{Refusal, Refusals};
 
-/// Penalty per real unknown, in units of chi-square: near the logarithm of the number of values of a record (BIC: 10 at 22 000).
+/// Penalty per real unknown, in units of chi-square: near the logarithm of the number of values of a record (BIC: 10
+/// at 22 000).
 const PER_UNKNOWN: f64 = 10.0;
 /// Least score of an adopted effect: with the penalties above no record of 200 with nothing hidden reached it.
 const LEAST_SCORE: f64 = 15.0;
@@ -21,12 +23,14 @@ const LEAST_SELECT_GAIN: f64 = 6.0;
 const LEAST_SELECT_SHARE: f64 = 0.4;
 /// Largest share of its gain that a term may still gain with other values on the selection runs.
 const LARGEST_APART: f64 = 0.35;
-/// Share of the largest gain so far that a further term must gain next to a plain description: of an effect that the library lacks this leaves more,
-/// which must not get the name of another.
+/// Share of the largest gain so far that a further term must gain next to a plain description: of an effect that the
+/// library lacks this leaves more, which must not get the name of another.
 const LEAST_SHARE: f64 = 0.01;
-/// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10 beyond the penalties).
+/// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10
+/// beyond the penalties).
 const NAME_MARGIN: f64 = 4.6;
-/// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order template.
+/// Share of its gain by which a description with more unknowns must beat a name: the form error of a first-order
+/// template.
 const TABLE_MARGIN: f64 = 0.03;
 /// A term that leaves more of the power at its own lines than this explains nothing.
 const MOST_LEFT: f64 = 0.5;
@@ -34,19 +38,22 @@ const MOST_LEFT: f64 = 0.5;
 const LARGEST_LEFT: f64 = 0.04;
 /// Largest exponent of speed or torque, beyond its 95 % half width, by which a named effect may depart from its law.
 const LARGEST_DEPARTURE: f64 = 0.12;
-/// Share of a name's gain that a freer description of the same family may add: form error of templates and declared parameters.
+/// Share of a name's gain that a freer description of the same family may add: form error of templates and declared
+/// parameters.
 const FORM_SHARE: f64 = 0.01;
-/// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the penalties, the record is
-/// then 11 times as likely with the name.
+/// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the
+/// penalties, the record is then 11 times as likely with the name.
 const LEAST_OVER_NEXT: f64 = 2.4;
-/// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared parameters that move
-/// the same lines.
+/// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared
+/// parameters that move the same lines.
 const LEAST_MESH_GAIN: f64 = 400.0;
-/// Power over local noise from which much is there, or left: records with nothing hidden leave 0.98 to 1.03 times their noise.
+/// Power over local noise from which much is there, or left: records with nothing hidden leave 0.98 to 1.03 times
+/// their noise.
 const MOST_OVER_NOISE: f64 = 1.3;
 /// Power left as a share of what the declaration leaves from which it pays to search again.
 const LARGEST_REST: f64 = 0.1;
-/// Residual power over noise from which a remainder is said although nothing fits: far outside the 0.98 to 1.03 of nothing hidden.
+/// Residual power over noise from which a remainder is said although nothing fits: far outside the 0.98 to 1.03 of
+/// nothing hidden.
 const LEAST_REMAINDER: f64 = 1.15;
 /// Largest probability of impacts by chance, on the runs to fit and on those to select.
 const LARGEST_P_IMPACTS: [f64; 2] = [1e-4, 1e-3];
@@ -76,7 +83,8 @@ pub struct Figures {
     pub chance: Probability,
 }
 
-/// Terms adopted so far, in the order of their adoption, and what was refused. Only this file lengthens or shortens the list.
+/// Terms adopted so far, in the order of their adoption, and what was refused. Only this file lengthens or shortens
+/// the list.
 #[derive(Debug, Clone, Default)]
 pub struct Adopted {
     terms: Vec<Candidate>,
@@ -156,8 +164,8 @@ impl Adopted {
         }
     }
 
-    /// Keeps terms that still stand with the final weights: by what each leaves at its own lines and the chance of its gain. Says
-    /// which stay.
+    /// Keeps terms that still stand with the final weights: by what each leaves at its own lines and the chance of
+    /// its gain. Says which stay.
     pub fn stand(&mut self, figures: &[(f64, Option<Probability>)]) -> Vec<bool> {
         let verdict = |&(left, chance): &(f64, Option<Probability>)| match chance {
             _ if left >= MOST_LEFT => Some(Refusal::LeavesItsLines(left)),
@@ -167,7 +175,8 @@ impl Adopted {
         self.keep(&figures.iter().map(verdict).collect::<Vec<_>>())
     }
 
-    /// Drops terms that are single lines of named impacts at `order`: they have one at every multiple of it. Says which stay.
+    /// Drops terms that are single lines of named impacts at `order`: they have one at every multiple of it. Says
+    /// which stay.
     pub fn give_to_impacts(&mut self, order: f64, slips: impl Fn(&Candidate) -> bool) -> Vec<bool> {
         let is_line = |t: &Candidate| {
             let near = |o: f64| (o - (o / order).round() * order).abs() < SLIP * o;

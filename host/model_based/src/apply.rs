@@ -1,10 +1,11 @@
 //! The corrected machine: declared parameters as adopted, named effects as the simulator's, and its law.
 //!
-//! Files beside the machine: `NAME.corrected.toml` (a machine file), `NAME.effects.toml` (`[[effect]]` tables with the simulator's
-//! names, for named verdicts only, the factor on declared torques, the turns by which runs start later), `NAME.law.toml` (the law of that machine with the effects that
-//! every pair carries: wear, relief, profile; shafts' and sensors' effects and single teeth do not touch the engagement edge that it times).
-//! They are announced before the loop's work ([`Correction::announce`]) and put into place together.
-//! How orders, phases and teeth become the simulator's is [`super::carry`]'s.
+//! Files beside the machine: `NAME.corrected.toml` (a machine file), `NAME.effects.toml` (`[[effect]]` tables with
+//! the simulator's names, for named verdicts only, the factor on declared torques, the turns by which runs start
+//! later), `NAME.law.toml` (the law of that machine with the effects that every pair carries: wear, relief, profile;
+//! shafts' and sensors' effects and single teeth do not touch the engagement edge that it times). They are announced
+//! before the loop's work ([`Correction::announce`]) and put into place together. How orders, phases and teeth become
+//! the simulator's is [`super::carry`]'s.
 
 use super::carry::carry;
 use super::outcome::Outcome;
@@ -35,7 +36,8 @@ pub struct Applied {
     pub not_written: Vec<String>,
     /// Factor on declared torques.
     pub torque_factor: f64,
-    /// Turns of the pinion by which every run starts later than its pulse 0 says, which teeth and phases of the gear hold with.
+    /// Turns of the pinion by which every run starts later than its pulse 0 says, which teeth and phases of the gear
+    /// hold with.
     pub pinion_turns: Option<Vec<u32>>,
     /// Law of the corrected machine.
     pub law: Option<PathBuf>,
@@ -57,7 +59,8 @@ pub struct Correction {
 }
 
 impl Correction {
-    /// Makes sure that `path` (a machine file, or a record folder) holds the machine that `record` declares, and announces the files.
+    /// Makes sure that `path` (a machine file, or a record folder) holds the machine that `record` declares, and
+    /// announces the files.
     ///
     /// # Errors
     /// An unreadable or another machine; files beside it that must not be written.
@@ -91,7 +94,8 @@ const CORRECTED_TABLE: &str = "corrected.pair_stiffness.csv";
 const EFFECTS: &str = "effects.toml";
 const LAW: &str = "law.toml";
 
-/// In what two declarations differ that moves the machine: not in its title, its operating point, or where its tables lie.
+/// In what two declarations differ that moves the machine: not in its title, its operating point, or where its tables
+/// lie.
 fn difference(record: &Machine, given: &Machine) -> Result<Option<String>> {
     if record.pair.teeth != given.pair.teeth {
         let [[a, b], [c, d]] = [given.pair.teeth, record.pair.teeth];

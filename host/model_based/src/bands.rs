@@ -1,8 +1,9 @@
-//! Band levels of record, declared and corrected model: what a node with the model's law would expect against what it would report.
+//! Band levels of record, declared and corrected model: what a node with the model's law would expect against what it
+//! would report.
 //!
-//! A band is a mesh harmonic 1 to 5 with all sidebands nearer to it than to the next harmonic, RMS, as the node's mesh-band spectra sum it.
-//! Held-out runs only. Levels in dB re 1 m/s2. The occupied bandwidth (99 % of the power from 8 Hz to 15 kHz) says the same of the rate
-//! that the node would ask for.
+//! A band is a mesh harmonic 1 to 5 with all sidebands nearer to it than to the next harmonic, RMS, as the node's
+//! mesh-band spectra sum it. Held-out runs only. Levels in dB re 1 m/s2. The occupied bandwidth (99 % of the power
+//! from 8 Hz to 15 kHz) says the same of the rate that the node would ask for.
 
 use super::outcome::Outcome;
 use super::replay::Replay;
@@ -77,7 +78,8 @@ pub struct Occupied {
 
 /// Occupied bandwidths of both channels.
 ///
-/// Noise is in the record only; the models are compared with its power taken off, which the lower quantile of the corrected residual gives.
+/// Noise is in the record only; the models are compared with its power taken off, which the lower quantile of the
+/// corrected residual gives.
 pub fn occupied(replay: &Replay, outcome: &Outcome) -> [Occupied; 2] {
     let base = &replay.declared;
     let lowest = (8.0 * base.analyser.duration_s()) as usize;

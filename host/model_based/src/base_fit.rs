@@ -1,7 +1,8 @@
 //! The declared machine against the record: prediction per run, declared parameters and angle offsets as nuisances.
 //!
-//! Every declared number is uncertain by a stated tolerance. Two Gauss-Newton steps with these as priors centre the model; afterwards the
-//! sensitivities stay in every fit, so that an undeclared effect is credited only with what tolerances cannot explain.
+//! Every declared number is uncertain by a stated tolerance. Two Gauss-Newton steps with these as priors centre the
+//! model; afterwards the sensitivities stay in every fit, so that an undeclared effect is credited only with what
+//! tolerances cannot explain.
 
 use super::candidate::Template;
 use super::least_squares::{Column, Data, normal};
@@ -20,7 +21,8 @@ use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Largest error of the prediction, as a share of a line, that is never held against the declared machine: by this much independent programs differ.
+/// Largest error of the prediction, as a share of a line, that is never held against the declared machine: by this
+/// much independent programs differ.
 pub const MODEL_SLACK: f64 = 6e-4;
 /// Least such error: the bound of the solver and of the smooth pieces that stand for a stiffness table.
 const SOLVER_SLACK: f64 = 1e-5;
@@ -162,8 +164,8 @@ impl Base {
         base
     }
 
-    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error: all that the factorised combs of
-    /// the runs are needed for.
+    /// Sensitivities of all runs to each declared parameter, and to each run's angle offset and speed error: all that
+    /// the factorised combs of the runs are needed for.
     fn linearise(&mut self, balanced: &[Balanced]) {
         let (machine, analyser) = (&self.machine, &self.analyser);
         let per_run: Vec<Vec<[Sparse; 2]>> = self
@@ -228,7 +230,8 @@ impl Base {
         Data { residual, weight }
     }
 
-    /// Weights from the noise of `quiet` (the best current residual) and slack in proportion to `raw` (the model's residual).
+    /// Weights from the noise of `quiet` (the best current residual) and slack in proportion to `raw` (the model's
+    /// residual).
     pub fn weights(&self, quiet: &[[Bins; 2]], raw: &[[Bins; 2]]) -> Vec<[Vec<f64>; 2]> {
         // The lowest bins hold window leakage of the mean and wander of sensors: below 8 Hz nothing is compared.
         let lowest = (8.0 * self.analyser.duration_s()) as usize;
@@ -255,7 +258,8 @@ impl Base {
             .collect()
     }
 
-    /// Local noise of a run's residual in a channel, and the model error that is never held against the machine, by bin.
+    /// Local noise of a run's residual in a channel, and the model error that is never held against the machine, by
+    /// bin.
     pub fn unexplainable(&self, run: usize, channel: usize, residual: &[C]) -> Vec<f64> {
         let model = &self.runs[run].model[channel];
         let noise = noise_power(residual);
@@ -269,8 +273,9 @@ impl Base {
         ROUNDING * ROUNDING * strongest
     }
 
-    /// Estimates the error of the prediction from what the fit leaves, beyond the local noise, at the machine's own lines of `runs`: no less than
-    /// the solver's, no more than by what independent programs differ. What is more is a matter of effects.
+    /// Estimates the error of the prediction from what the fit leaves, beyond the local noise, at the machine's own
+    /// lines of `runs`: no less than the solver's, no more than by what independent programs differ. What is more is
+    /// a matter of effects.
     pub fn estimate_discrepancy(&mut self, rest: &[[Bins; 2]], runs: &[usize]) {
         let (mut left, mut whole) = (0.0, f64::MIN_POSITIVE);
         for &r in runs {
@@ -286,7 +291,8 @@ impl Base {
         self.discrepancy = (left / whole).max(0.0).sqrt().clamp(SOLVER_SLACK, MODEL_SLACK);
     }
 
-    /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into every bin.
+    /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into
+    /// every bin.
     pub fn timing_power(&self, run: usize) -> [Vec<f64>; 2] {
         let first = TOLERANCES.len() + 2 * run;
         let columns = self.nuisances.iter().zip(&self.priors).skip(first).take(2);
@@ -301,7 +307,8 @@ impl Base {
         power
     }
 
-    /// Power that the uncertainty of the declared parameters, of this covariance of all unknowns, gives to a prediction of `run`, by channel and bin.
+    /// Power that the uncertainty of the declared parameters, of this covariance of all unknowns, gives to a
+    /// prediction of `run`, by channel and bin.
     pub fn parameter_power(&self, run: usize, covariance: &DMatrix<f64>) -> [Vec<f64>; 2] {
         let count = TOLERANCES.len();
         let own = SymmetricEigen::new(covariance.view((0, 0), (count, count)).into_owned());
@@ -354,7 +361,8 @@ impl Base {
         self.nuisances.iter().zip(&self.priors).map(|(template, &prior)| Column { template, prior }).collect()
     }
 
-    /// The machine with its declared parameters moved by `delta` (relative to the present ones) and the vibration later by `lag_s`, on every run.
+    /// The machine with its declared parameters moved by `delta` (relative to the present ones) and the vibration
+    /// later by `lag_s`, on every run.
     pub fn tried(&self, delta: &[f64], lag_s: f64) -> Trial {
         let (machine, _) = changed(&self.machine, delta);
         let change: Vec<f64> = self.change.iter().zip(delta).map(|(c, d)| (1.0 + c) * (1.0 + d) - 1.0).collect();
@@ -424,8 +432,8 @@ impl Base {
         self.take(self.tried(delta, 0.0));
     }
 
-    /// Estimate of what linear sensitivities miss, as a gain, when the declared parameters move by `delta`: second order, ten times
-    /// the squared move near a resonance.
+    /// Estimate of what linear sensitivities miss, as a gain, when the declared parameters move by `delta`: second
+    /// order, ten times the squared move near a resonance.
     pub fn departure(&self, data: &Data, runs: &[usize], delta: &[f64]) -> f64 {
         let gram = normal(data, runs, &self.columns()[..delta.len()]).gram;
         delta.iter().enumerate().map(|(i, d)| gram[(i, i)] * (10.0 * d * d).powi(2)).sum()

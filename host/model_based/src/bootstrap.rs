@@ -1,10 +1,13 @@
-//! How often a record without any effect would have shown as much: this record's own probability of a false alarm, by a parametric bootstrap.
+//! How often a record without any effect would have shown as much: this record's own probability of a false alarm, by
+//! a parametric bootstrap.
 //!
-//! The calibrated machine is played at the record's speeds and torques with noise of the record's own spectrum, and edges with the jitter that its edges have. The loop looks at
-//! each such record as it did at the real one (calibration, first round of the search), and the best scores are compared. With `k` of `N` at least as high the probability is
-//! `(k + 1) / (N + 1)` (Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 4.2). Cost: a calibration and one round of the search per record. Limits: what the
-//! real record holds beyond the calibrated machine and stationary Gaussian noise is what is asked for and no part of them; no probability is below `1 / (N + 1)`; a
-//! record that is distorted as a whole (clipped, a moving speed) has none.
+//! The calibrated machine is played at the record's speeds and torques with noise of the record's own spectrum, and
+//! edges with the jitter that its edges have. The loop looks at each such record as it did at the real one
+//! (calibration, first round of the search), and the best scores are compared. With `k` of `N` at least as high the
+//! probability is `(k + 1) / (N + 1)` (Davison and Hinkley, Bootstrap Methods and their Application, 1997, section
+//! 4.2). Cost: a calibration and one round of the search per record. Limits: what the real record holds beyond the
+//! calibrated machine and stationary Gaussian noise is what is asked for and no part of them; no probability is below
+//! `1 / (N + 1)`; a record that is distorted as a whole (clipped, a moving speed) has none.
 
 use super::base_fit::Base;
 use super::calibrate::calibrate;
@@ -26,7 +29,8 @@ const REACH: f64 = 0.12;
 /// Bins to either side over which it is at least.
 const LEAST_REACH: usize = 90;
 
-/// Best scores of `options.null_records` records without any effect, of the machine and the noise in `base`, calibrated on `record`, and what it leaves.
+/// Best scores of `options.null_records` records without any effect, of the machine and the noise in `base`,
+/// calibrated on `record`, and what it leaves.
 pub fn best_scores(
     record: &Record,
     base: &Base,
@@ -102,7 +106,8 @@ impl<'a> Quiet<'a> {
     }
 }
 
-/// Noise levels without the roughness of their estimate, which a record that is played would have on top of its own: means over the bins around each.
+/// Noise levels without the roughness of their estimate, which a record that is played would have on top of its own:
+/// means over the bins around each.
 fn smoothed(level: &[f64]) -> Vec<f64> {
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(level.iter().scan(0.0, |sum, x| {

@@ -1,12 +1,13 @@
 //! Calibration: the declared parameters moved, within their tolerances, to where the machine explains the record best.
 //!
-//! A lightly damped mode that stands a half width beside its declared frequency changes its lines by their whole size, so that from the
-//! declaration the sensitivities point anywhere; and where noise is a ten-thousandth of a line, nothing holds them back. The fit is
-//! therefore a continuation: lines are first asked to agree within a third of their size, where the tolerances decide, then ever closer, and in
-//! every stage a damped step (Levenberg 1944, Marquardt 1963) is only taken if the machine that has it explains more. A run's angle and speed
-//! are solved for at every trial; a lag of the tachometer is a further unknown where one is asked for. Cost: one steady state of every run per
-//! trial and its sensitivities per step taken, some twenty of each. Limit: parameters so far off that two modes trade places end in the
-//! wrong valley; what is left then is for the search.
+//! A lightly damped mode that stands a half width beside its declared frequency changes its lines by their whole
+//! size, so that from the declaration the sensitivities point anywhere; and where noise is a ten-thousandth of a
+//! line, nothing holds them back. The fit is therefore a continuation: lines are first asked to agree within a third
+//! of their size, where the tolerances decide, then ever closer, and in every stage a damped step (Levenberg 1944,
+//! Marquardt 1963) is only taken if the machine that has it explains more. A run's angle and speed are solved for at
+//! every trial; a lag of the tachometer is a further unknown where one is asked for. Cost: one steady state of every
+//! run per trial and its sensitivities per step taken, some twenty of each. Limit: parameters so far off that two
+//! modes trade places end in the wrong valley; what is left then is for the search.
 
 use super::base_fit::{Base, MODEL_SLACK, TOLERANCES, Trial};
 use super::candidate::Template;
@@ -25,7 +26,8 @@ const MOST_TRIALS: usize = 5;
 const DAMPING: [f64; 2] = [1e-3, 1e-6];
 /// Fall of the objective below which a stage is at its end.
 const LEAST_FALL: f64 = 3.0;
-/// Standard deviation of a lag where one is asked for, s: that of measuring chains, and far above what parameters pass for.
+/// Standard deviation of a lag where one is asked for, s: that of measuring chains, and far above what parameters
+/// pass for.
 const LAG_SIGMA_S: f64 = 1e-4;
 
 /// Moves the declared parameters of `base`, within their reach, to where `runs` are explained best.

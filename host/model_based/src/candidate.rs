@@ -99,7 +99,8 @@ pub struct Candidate {
     pub channel: Option<usize>,
     /// Whether the templates already give the simulated response at the fitted strength.
     pub bent: bool,
-    /// Orders of the pinion at which the templates' quadrature pairs stand: what they turn with when a run starts some turns later.
+    /// Orders of the pinion at which the templates' quadrature pairs stand: what they turn with when a run starts
+    /// some turns later.
     pub pair_orders: Vec<f64>,
     /// Starts of the runs that the templates are made for.
     pub start: Start,
@@ -166,7 +167,8 @@ impl Tuning {
 }
 
 impl Candidate {
-    /// Numbers of its shape that are refined by simulation, each with the step of a difference that is well within the linear range.
+    /// Numbers of its shape that are refined by simulation, each with the step of a difference that is well within
+    /// the linear range.
     pub fn shape(&self) -> Vec<(f64, f64)> {
         match (self.tuning, self.order) {
             (Some(Tuning::Mode { f0, zeta, .. }), _) => vec![(f0.ln(), 0.02 * zeta), (zeta.ln(), 0.01)],

@@ -1,10 +1,11 @@
 //! From a named effect of the loop to the simulator's own: keys, orders, phases, teeth.
 //!
-//! Both count angles from the same zero: pulse 0 of the record (`first_pulse_index` counts from it), where pair 0 enters the path. The loop
-//! writes every order-locked effect as `cos(order angle + phase)`, the angle being the pinion's; the simulator's effects have
-//! conventions of their own, which each effect undoes in its own file ([`Hypothesis::carry`]). What a record cannot tell is said with
-//! [`Written::remark`]: a phase that is free in every run, and the hunting period's zero (a tachometer on the pinion gives the gear's
-//! angle only up to whole turns of the pinion, which are carried over as found, run by run).
+//! Both count angles from the same zero: pulse 0 of the record (`first_pulse_index` counts from it), where pair 0
+//! enters the path. The loop writes every order-locked effect as `cos(order angle + phase)`, the angle being the
+//! pinion's; the simulator's effects have conventions of their own, which each effect undoes in its own file
+//! ([`Hypothesis::carry`]). What a record cannot tell is said with
+//! [`Written::remark`]: a phase that is free in every run, and the hunting period's zero (a tachometer on the pinion
+//! gives the gear's angle only up to whole turns of the pinion, which are carried over as found, run by run).
 
 use super::candidate::Tuning;
 use super::outcome::{Effect, Term};
@@ -42,7 +43,8 @@ fn channel(share: [f64; 2]) -> f64 {
     }
 }
 
-/// Cosine and sine parts of every parameter of a term; of a fault of the record as a whole, the values of both channels.
+/// Cosine and sine parts of every parameter of a term; of a fault of the record as a whole, the values of both
+/// channels.
 fn parts(hypothesis: &Hypothesis, effect: &Effect, term: Option<&Term>) -> Vec<[f64; 2]> {
     if matches!(hypothesis.seats, [Seat::Record]) {
         let of = |who: &str| value(effect, &format!("{}_{who}", hypothesis.quantity)).map_or(0.0, |v| v.1);

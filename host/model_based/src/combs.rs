@@ -1,8 +1,9 @@
 //! Combs `n z + o` and `n z - o` about the mesh orders whose lines stand in another place in every run.
 //!
-//! What modulates the mesh or a bearing weakly leaves no order line that all runs share: the machine's modes, which stay at their frequencies, pick
-//! out another sideband at every speed. Each run gives the probability of its strongest line among all of the comb's; these combine by
-//! Fisher's method, each capped as single lines are. Cost: one power spectrum on a fifth of a bin per run.
+//! What modulates the mesh or a bearing weakly leaves no order line that all runs share: the machine's modes, which
+//! stay at their frequencies, pick out another sideband at every speed. Each run gives the probability of its
+//! strongest line among all of the comb's; these combine by Fisher's method, each capped as single lines are. Cost:
+//! one power spectrum on a fifth of a bin per run.
 
 use super::base_fit::Base;
 use super::detect::{CAP, Found, statistic};

@@ -1,14 +1,16 @@
-//! The loop itself: split by run, centre the declared machine, add effects strongest first, judge each, confirm on the held-out runs.
+//! The loop itself: split by run, centre the declared machine, add effects strongest first, judge each, confirm on
+//! the held-out runs.
 //!
-//! Faults that distort every line (a clipped channel, a moving speed) come first; then the library is searched ([`search`](super::search)),
-//! from the declared parameters as fitted and, where much is left, from the declaration; what is significant but follows no law gets a
-//! plain description.
+//! Faults that distort every line (a clipped channel, a moving speed) come first; then the library is searched
+//! ([`search`](super::search)), from the declared parameters as fitted and, where much is left, from the declaration;
+//! what is significant but follows no law gets a plain description.
 //!
 //! Before all of this the record itself is checked ([`tach_delay`]), and after it the held-out runs and the check may
 //! contradict the verdict ([`Outcome::checked`]).
 //!
-//! Held-out runs take no part in any fit or choice between candidates, but for starts ([`start`](super::start)): one number per run and effect. They have one veto: a term that does not lower their error goes
-//! (`confirm`); the error printed for them is therefore not wholly independent of what was kept.
+//! Held-out runs take no part in any fit or choice between candidates, but for starts ([`start`](super::start)): one
+//! number per run and effect. They have one veto: a term that does not lower their error goes (`confirm`); the error
+//! printed for them is therefore not wholly independent of what was kept.
 
 use super::accept::{self, Adopted};
 use super::base_fit::Base;

@@ -1,7 +1,9 @@
-//! Lines in the residual that no mesh order explains: orders of the pinion, and fixed frequencies, found jointly over runs.
+//! Lines in the residual that no mesh order explains: orders of the pinion, and fixed frequencies, found jointly over
+//! runs.
 //!
-//! Each run and channel contributes its normalised power (exponential with mean 1 in noise), capped so that a line which stands in one
-//! run only, because a fixed frequency crosses an order there, cannot pass for a line of all runs. Family-wise control by Bonferroni.
+//! Each run and channel contributes its normalised power (exponential with mean 1 in noise), capped so that a line
+//! which stands in one run only, because a fixed frequency crosses an order there, cannot pass for a line of all
+//! runs. Family-wise control by Bonferroni.
 
 use super::base_fit::Base;
 use super::least_squares::Data;
@@ -133,7 +135,8 @@ pub fn frequencies(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     scan(base, data, runs, grid, tests, |hz, _| Some(hz), count)
 }
 
-/// Strongest pairs of lines at a fixed distance, Hz, on both sides of the mesh orders: slow modulation that leaves no line of its own.
+/// Strongest pairs of lines at a fixed distance, Hz, on both sides of the mesh orders: slow modulation that leaves no
+/// line of its own.
 pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Vec<Found> {
     let duration = base.analyser.duration_s();
     let z = f64::from(base.machine.teeth[0]);

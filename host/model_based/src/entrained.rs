@@ -1,12 +1,15 @@
 //! What the declared parameters do to the responses of the effects found.
 //!
-//! A force reaches a sensor through the same masses, bearings and couplings that are declared within tolerance only: with 3 % open of a coupling's stiffness, a ripple's
-//! response near that coupling's mode is open by many times that. A fit whose sensitivities are those of the mesh's vibration alone knows nothing of this, gives such a strength too
-//! narrow an interval, and has no use for what the effect's lines say of the parameters. So, once the effects are known, each parameter's
-//! sensitivity gets the share of the effects' responses at their fitted strength: one step of Gauss and Newton in strengths and parameters together.
+//! A force reaches a sensor through the same masses, bearings and couplings that are declared within tolerance only:
+//! with 3 % open of a coupling's stiffness, a ripple's response near that coupling's mode is open by many times that.
+//! A fit whose sensitivities are those of the mesh's vibration alone knows nothing of this, gives such a strength too
+//! narrow an interval, and has no use for what the effect's lines say of the parameters. So, once the effects are
+//! known, each parameter's sensitivity gets the share of the effects' responses at their fitted strength: one step of
+//! Gauss and Newton in strengths and parameters together.
 //!
-//! Cost: one comb per effect, run and parameter. Limits: sinusoids at an order (forces, displacements, stiffnesses) and what every pair has, to first order in their strength; single
-//! teeth and the path keep the sensitivities of the machine alone.
+//! Cost: one comb per effect, run and parameter. Limits: sinusoids at an order (forces, displacements, stiffnesses)
+//! and what every pair has, to first order in their strength; single teeth and the path keep the sensitivities of the
+//! machine alone.
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;

@@ -1,8 +1,9 @@
-//! Bordered normal equations: the columns common to all candidates are weighted and multiplied once, a candidate adds its border.
+//! Bordered normal equations: the columns common to all candidates are weighted and multiplied once, a candidate adds
+//! its border.
 //!
-//! Everything is kept per run, so that any split of the runs is a sum of small matrices. The common columns are stored bin by bin
-//! (single precision), which turns a candidate's products into streams; bins that no common column has, nine of ten beside the mesh
-//! lines, take no room. Cost of a border: non-zero bins times common columns.
+//! Everything is kept per run, so that any split of the runs is a sum of small matrices. The common columns are
+//! stored bin by bin (single precision), which turns a candidate's products into streams; bins that no common column
+//! has, nine of ten beside the mesh lines, take no room. Cost of a border: non-zero bins times common columns.
 
 use super::candidate::Template;
 use super::least_squares::{Column, Data, Estimate, Normal, solve};
@@ -210,7 +211,8 @@ impl<'a> Frame<'a> {
         Frame { data, priors: self.priors.clone(), runs }
     }
 
-    /// The same where the residual of every run also holds the templates of `border` at `x`, and that border before this residual.
+    /// The same where the residual of every run also holds the templates of `border` at `x`, and that border before
+    /// this residual.
     pub fn holding(&self, border: &Border, x: &[DVector<f64>]) -> (Self, Border) {
         let mut runs = self.runs.clone();
         let mut own = Border { count: border.count, runs: border.runs.clone() };

@@ -1,8 +1,10 @@
 //! What the held-out runs say of terms: their error, and that a term's runs were not counted from one turn.
 //!
-//! Held-out runs are predicted from the others. Their own angle offsets and speeds, with the tachometer's uncertainty as prior, are fitted last: they are no part of a term. Their own
-//! start is, where a term has starts ([`start`](super::start)). A term taken as counted has none: where it was counted wrongly, and one of few runs seen has nearly all of the effect, any start of the others will do,
-//! and the held-out runs then speak against the effect instead of against the start.
+//! Held-out runs are predicted from the others. Their own angle offsets and speeds, with the tachometer's uncertainty
+//! as prior, are fitted last: they are no part of a term. Their own start is, where a term has starts
+//! ([`start`](super::start)). A term taken as counted has none: where it was counted wrongly, and one of few runs
+//! seen has nearly all of the effect, any start of the others will do, and the held-out runs then speak against the
+//! effect instead of against the start.
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::Candidate;
@@ -23,7 +25,8 @@ pub fn error(base: &Base, data: &Data, split: &Split, terms: &[&Candidate]) -> f
     chi_square(&rest, &split.held_out) - solve(&normal(&rest, &split.held_out, &own)).gain
 }
 
-/// Starts the runs anew of each of the `accepted` terms that was taken as counted, where that lowers the error of the held-out runs by more than what their starts cost and what the others lose.
+/// Starts the runs anew of each of the `accepted` terms that was taken as counted, where that lowers the error of the
+/// held-out runs by more than what their starts cost and what the others lose.
 pub fn restart(bench: &Bench<'_>, data: &Data, split: &Split, accepted: &mut [Candidate]) {
     let base = bench.base;
     let nats = f64::from(Hunting::of(base.machine.teeth).turns).ln() * split.held_out.len() as f64;

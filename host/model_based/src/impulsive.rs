@@ -1,9 +1,10 @@
 //! Impacts at an order that is not locked to the teeth: squared-envelope spectrum of the residual, band by band.
 //!
-//! Deterministic lines are removed first (subtraction, then bins far above local noise are silenced). Each band's analytic
-//! signal gives a squared envelope; in stationary noise its spectrum's bins, over their local mean, are exponential with mean 1.
-//! An order scan sums fundamental and second harmonic over the fit runs (capped), with Bonferroni over orders, bands and channels, and
-//! the winner must stand alone in the selection runs. Source: Randall and Antoni's envelope analysis; limits: order from 0.2 to 40.
+//! Deterministic lines are removed first (subtraction, then bins far above local noise are silenced). Each band's
+//! analytic signal gives a squared envelope; in stationary noise its spectrum's bins, over their local mean, are
+//! exponential with mean 1. An order scan sums fundamental and second harmonic over the fit runs (capped), with
+//! Bonferroni over orders, bands and channels, and the winner must stand alone in the selection runs. Source: Randall
+//! and Antoni's envelope analysis; limits: order from 0.2 to 40.
 
 use super::accept;
 use super::base_fit::Base;
@@ -53,15 +54,16 @@ fn summed(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) -> f64 
         for harmonic in [1.0, 2.0] {
             let b = (harmonic * order * base.runs[r].angle.shaft_hz * duration).round() as usize;
             let power = spectra[r].get(b).copied().unwrap_or(1.0);
-            // Strong impacts reach the cap in every band and at neighbouring orders: a trace of the uncapped size decides between those.
+            // Strong impacts reach the cap in every band and at neighbouring orders: a trace of the uncapped size
+            // decides between those.
             sum += power.min(CAP) + 1e-3 * (1.0 + power).ln();
         }
     }
     sum
 }
 
-/// The lowest part of `order` whose own line stands in the envelope spectra: the harmonics of impacts are nearly as strong as
-/// their fundamental, and the scan may have locked onto one of them.
+/// The lowest part of `order` whose own line stands in the envelope spectra: the harmonics of impacts are nearly as
+/// strong as their fundamental, and the scan may have locked onto one of them.
 fn fundamental(base: &Base, spectra: &[Vec<f64>], runs: &[usize], order: f64) -> Option<(f64, f64)> {
     let duration = base.analyser.duration_s();
     let fastest = runs.iter().map(|&r| base.runs[r].angle.shaft_hz).fold(0.0, f64::max);
@@ -95,7 +97,8 @@ pub fn impacts(base: &Base, rest: &Data, split: &Split) -> Option<Effect> {
     let lowest = 12.0 / (duration * slowest);
     // An order is known to about a bin at the fastest run.
     let guard = 1.0 / (duration * fastest);
-    // What calibration leaves of the mesh lines beats at the mesh frequency: no impacts there, nor at half of it, whose second harmonic it is.
+    // What calibration leaves of the mesh lines beats at the mesh frequency: no impacts there, nor at half of it,
+    // whose second harmonic it is.
     let half_mesh = 0.5 * f64::from(base.machine.teeth[0]);
     let of_mesh = |o: f64| (o - half_mesh * (o / half_mesh).round().max(1.0)).abs() < 1.5 * guard;
     let orders = (0..((40.0 - lowest) / step) as usize).map(|i| lowest + i as f64 * step);

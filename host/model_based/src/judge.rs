@@ -1,9 +1,10 @@
 //! Scores of candidates next to the nuisances and the accepted terms.
 //!
-//! Score: whitened likelihood gain over fit and selection runs, less a penalty per unknown and twice the logarithm of the
-//! search ([`accept`]). Whether one law serves all runs is asked by giving the term values of its own on the selection runs: what that gains must be a
-//! small share. (To predict the selection runs from the fit runs alone is no fair test: declared parameters within tolerance hide
-//! much of an effect, and a line may stand in few runs.) Fixed frequencies, whose phase is free in every run, must predict those runs.
+//! Score: whitened likelihood gain over fit and selection runs, less a penalty per unknown and twice the logarithm of
+//! the search ([`accept`]). Whether one law serves all runs is asked by giving the term values of its own on the
+//! selection runs: what that gains must be a small share. (To predict the selection runs from the fit runs alone is
+//! no fair test: declared parameters within tolerance hide much of an effect, and a line may stand in few runs.)
+//! Fixed frequencies, whose phase is free in every run, must predict those runs.
 
 use super::accept::{self, Figures};
 use super::base_fit::Base;
@@ -52,7 +53,8 @@ pub struct Judged {
     pub select_gain: f64,
     /// Gain there if the law holds.
     pub select_promise: f64,
-    /// What values of its own for the selection runs would gain on top: near its number of unknowns where one law serves all runs.
+    /// What values of its own for the selection runs would gain on top: near its number of unknowns where one law
+    /// serves all runs.
     pub apart_gain: f64,
     /// Values of the candidate's unknowns over fit and selection runs; empty where every run has its own phase.
     pub x: Vec<f64>,
@@ -77,8 +79,8 @@ impl Judged {
         }
     }
 
-    /// Probability of such a gain by chance, after Bonferroni over all `tests` of the search, the places that the candidate's own was chosen
-    /// from, and the starts of its runs.
+    /// Probability of such a gain by chance, after Bonferroni over all `tests` of the search, the places that the
+    /// candidate's own was chosen from, and the starts of its runs.
     pub fn chance(&self, tests: f64) -> Probability {
         let alone = Probability::chi_square_above(self.gain.max(0.0), self.unknowns);
         let own = self.candidate.searched.max(self.candidate.scanned);
@@ -210,7 +212,8 @@ impl<'a> Judge<'a> {
         scores.of(candidate)
     }
 
-    /// The better of `candidate` as it is and of the same with its runs started where they agree best, or as `given` by another effect.
+    /// The better of `candidate` as it is and of the same with its runs started where they agree best, or as `given`
+    /// by another effect.
     pub fn judge_started(&self, candidate: Candidate, given: Option<&[u32]>) -> Judged {
         let border = self.frame.border(&candidate.templates);
         self.judge_bordered(candidate, &border, given)
@@ -226,7 +229,8 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// `candidate` with its runs started where they agree best, whatever it scores as counted; none where it does not depend on whole turns.
+    /// `candidate` with its runs started where they agree best, whatever it scores as counted; none where it does not
+    /// depend on whole turns.
     pub fn judge_turned(&self, candidate: &Candidate) -> Option<Judged> {
         if self.hunting.freedom(&candidate.pair_orders) != Freedom::Turns {
             return None;
@@ -268,7 +272,8 @@ impl<'a> Judge<'a> {
         self.tried.fetch_add(1, Ordering::Relaxed);
         let mut apart_gain = 0.0;
         let (gain, select_gain, select_promise, x) = if candidate.phase_free {
-            // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must predict.
+            // One amplitude, a phase per run: gain 2 A |s| - A^2 E of every run, A from the other runs where it must
+            // predict.
             let runs: Vec<(f64, f64)> = (0..candidate.templates.len() / 2)
                 .map(|r| {
                     let right = border.right_after(r, &self.common);
@@ -293,7 +298,8 @@ impl<'a> Judge<'a> {
             let power = |runs: &[usize], x: &nalgebra::DVector<f64>| -> f64 {
                 runs.iter().map(|&r| x.dot(&(border.gram(r) * x))).sum()
             };
-            // What the common columns explain of the term without it is no promise: the same share is taken off everywhere.
+            // What the common columns explain of the term without it is no promise: the same share is taken off
+            // everywhere.
             let net = (gain / power(&self.seen, &x).max(1e-300)).clamp(0.0, 1.0);
             let own = own.into_owned();
             let promise = net * power(&self.split.select, &own);
@@ -326,8 +332,9 @@ impl<'a> Judge<'a> {
         (Self::of(frame, self.split, self.hunting), border)
     }
 
-    /// Chi-square of the held-out runs without the candidate and with it, but for what both leave, as the veto asks: the columns `own` of the runs
-    /// (angle and speed) are no part of the prediction and are fitted last. `border`: of the candidate as it was judged, starts included.
+    /// Chi-square of the held-out runs without the candidate and with it, but for what both leave, as the veto asks:
+    /// the columns `own` of the runs (angle and speed) are no part of the prediction and are fitted last. `border`:
+    /// of the candidate as it was judged, starts included.
     pub fn held_out(&self, candidate: &Candidate, border: &Border, own: std::ops::Range<usize>) -> [f64; 2] {
         let error = |border: Option<&Border>| {
             let mut x = self.frame.estimate(&self.seen, border).x;

@@ -1,7 +1,7 @@
 //! Weighted least squares of residual bins on templates, with Gaussian priors.
 //!
-//! The objective is `sum_b w_b |R_b - sum_j x_j T_jb|^2 + sum_j prior_j (x_j - mean_j)^2`, which is minus twice the log likelihood of
-//! circular Gaussian noise when `w = 2 / (S * overdispersion)`. Real unknowns.
+//! The objective is `sum_b w_b |R_b - sum_j x_j T_jb|^2 + sum_j prior_j (x_j - mean_j)^2`, which is minus twice the
+//! log likelihood of circular Gaussian noise when `w = 2 / (S * overdispersion)`. Real unknowns.
 
 use super::candidate::Template;
 use nalgebra::{DMatrix, DVector};

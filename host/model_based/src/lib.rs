@@ -2,8 +2,9 @@
 //! and by how much does adding that effect lower the error on runs that were not used to find it.
 //!
 //! The declared machine is linear and periodic in the pinion's angle with one rank-one time-varying part (the mesh),
-//! so every small effect has an exact steady response on a comb of orders ([`harmonic_balance`](crate::model::harmonic_balance)). All comparisons are made on
-//! complex spectral bins below 15 kHz, whitened by locally estimated noise ([`spectrum`](crate::observation::spectrum)); declared parameters and
+//! so every small effect has an exact steady response on a comb of orders
+//! ([`harmonic_balance`](crate::model::harmonic_balance)). All comparisons are made on complex spectral bins below 15
+//! kHz, whitened by locally estimated noise ([`spectrum`](crate::observation::spectrum)); declared parameters and
 //! tachometer offsets stay in every fit as nuisances with priors ([`base_fit`]), so an effect is credited only with
 //! what they cannot explain. Source: reference recipe "split, residual, match by simulation, abstain" of the project.
 

@@ -1,14 +1,18 @@
 //! Single teeth before a table of all teeth.
 //!
-//! A cracked tooth beside a displaced one on the same gear is like neither at first: a table of all teeth, with dozens of unknowns, explains more than each alone. Taken
-//! strongest first the table would win, and the two causes would never be told. So where a table would be taken, the best single teeth of its gear are each tried together
-//! with the best second one that they leave, at its own strength; where such a pair scores higher than the table, its first tooth is taken, and the next round finds the second.
+//! A cracked tooth beside a displaced one on the same gear is like neither at first: a table of all teeth, with
+//! dozens of unknowns, explains more than each alone. Taken strongest first the table would win, and the two causes
+//! would never be told. So where a table would be taken, the best single teeth of its gear are each tried together
+//! with the best second one that they leave, at its own strength; where such a pair scores higher than the table, its
+//! first tooth is taken, and the next round finds the second.
 //!
-//! A tooth that finds the starts of the runs alone takes the other one for itself in some of them; the table, which has both, does not. So each kind is also tried
-//! on its best tooth with the runs started as for the table. Cost: for each of at most four teeth, one round of the single teeth alone. Limit: three teeth at once stay a table.
+//! A tooth that finds the starts of the runs alone takes the other one for itself in some of them; the table, which
+//! has both, does not. So each kind is also tried on its best tooth with the runs started as for the table. Cost: for
+//! each of at most four teeth, one round of the single teeth alone. Limit: three teeth at once stay a table.
 //!
-//! A single tooth that explains nearly all that the table does goes first without a second: what the table has beyond it may be no more than how far strong effects, not yet fitted together,
-//! are off in form. A table that is more than that is found next to the tooth.
+//! A single tooth that explains nearly all that the table does goes first without a second: what the table has beyond
+//! it may be no more than how far strong effects, not yet fitted together, are off in form. A table that is more than
+//! that is found next to the tooth.
 
 use super::base_fit::Base;
 use super::candidate::Candidate;
@@ -74,8 +78,9 @@ impl<'a> Next<'a> {
         self.judge.tried() + self.tried.get()
     }
 
-    /// Which of the `judged`, best first, goes before a `table`, and that one at its own strength: a tooth that explains nearly all of it, or the first of a pair that
-    /// scores higher. No place in the list: one of them on the table's starts. `passes`: whether the gate lets one in.
+    /// Which of the `judged`, best first, goes before a `table`, and that one at its own strength: a tooth that
+    /// explains nearly all of it, or the first of a pair that scores higher. No place in the list: one of them on the
+    /// table's starts. `passes`: whether the gate lets one in.
     pub fn tooth_before(
         &self,
         table: &Judged,

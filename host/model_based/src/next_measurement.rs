@@ -1,10 +1,13 @@
 //! The measurement that would decide between a term and what the record cannot tell from it, computed from the model.
 //!
-//! The term, at its strength, is predicted for runs at speeds and torques within and beside those of the record. Each rival is then fitted to that prediction, on the record as it is and on one
-//! such run together, with the declared parameters and the run's own angle and speed free within their tolerances, as the loop would fit it. What it misses beyond what it misses on the
-//! record alone is the evidence that the run is expected to give: half of it in nats. The run with the most against the rival that it tells least is the one to make. Cost: the library's responses at
-//! ten further points of half a second, where a verdict is ambiguous; nothing elsewhere. Limits: responses of first order; a new run is taken to start where neither explanation gains
-//! by it; delays and tones, whose phases are each run's own, are not compared; sensors other than the two channels are not in the model.
+//! The term, at its strength, is predicted for runs at speeds and torques within and beside those of the record. Each
+//! rival is then fitted to that prediction, on the record as it is and on one such run together, with the declared
+//! parameters and the run's own angle and speed free within their tolerances, as the loop would fit it. What it
+//! misses beyond what it misses on the record alone is the evidence that the run is expected to give: half of it in
+//! nats. The run with the most against the rival that it tells least is the one to make. Cost: the library's
+//! responses at ten further points of half a second, where a verdict is ambiguous; nothing elsewhere. Limits:
+//! responses of first order; a new run is taken to start where neither explanation gains by it; delays and tones,
+//! whose phases are each run's own, are not compared; sensors other than the two channels are not in the model.
 
 use super::base_fit::{Base, MODEL_SLACK, TOLERANCES};
 use super::candidate::{Candidate, Template, Tuning};
@@ -26,7 +29,8 @@ const SPEEDS: [(usize, f64); 5] = [(0, 0.6), (0, 1.0), (0, 1.35), (1, 1.0), (1, 
 const TORQUES: [(usize, f64); 2] = [(0, 0.5), (1, 1.5)];
 /// Length of the runs that are predicted, s; their evidence is given for the length of the record's.
 const PLANNED_S: f64 = 0.5;
-/// Expected evidence, nats, from which a run decides: the rival is a hundred times less likely then, twice the logarithm that a name needs.
+/// Expected evidence, nats, from which a run decides: the rival is a hundred times less likely then, twice the
+/// logarithm that a name needs.
 const DECIDES: f64 = 4.6;
 /// Most explanations of one name that are compared: shapes and places of the same kind.
 const MOST_OF_A_NAME: usize = 3;
@@ -77,7 +81,8 @@ fn in_words(next: &NextMeasurement) -> String {
     } else {
         let needed = seconds * DECIDES / nats.max(1e-3);
         format!(
-            "no run of {seconds:.1} s at 0.6 to 1.5 times these speeds and 0.5 to 1.5 times these torques decides; best at {hz:.2} Hz and {torque:.3} N m, {nats:.2} nats expected against {} \
+            "no run of {seconds:.1} s at 0.6 to 1.5 times these speeds and 0.5 to 1.5 times these torques decides; \
+             best at {hz:.2} Hz and {torque:.3} N m, {nats:.2} nats expected against {} \
              ({needed:.0} s needed), {share}",
             next.against
         )
@@ -237,7 +242,8 @@ fn before_power(before: &OnRecord) -> f64 {
     before.missed + solve(&before.normal).gain
 }
 
-/// Nuisances, with the means of their priors at the present values, then the rival; of the runs' own nuisances only those of `run`, where one is given.
+/// Nuisances, with the means of their priors at the present values, then the rival; of the runs' own nuisances only
+/// those of `run`, where one is given.
 fn columns<'a>(base: &'a Base, rival: &'a Candidate, run: Option<usize>) -> Vec<Column<'a>> {
     let at_present =
         base.nuisances.iter().zip(&base.priors).map(|(template, prior)| Column { template, prior: (prior.0, 0.0) });
@@ -252,7 +258,8 @@ fn columns<'a>(base: &'a Base, rival: &'a Candidate, run: Option<usize>) -> Vec<
     all
 }
 
-/// Both sets of equations: declared parameters and the last `rival` unknowns are common, angle and speed of the new run are its own.
+/// Both sets of equations: declared parameters and the last `rival` unknowns are common, angle and speed of the new
+/// run are its own.
 fn joined(record: &Normal, run: &Normal, rival: usize) -> Normal {
     let (shared, old) = (TOLERANCES.len(), record.right.len());
     let place = |i: usize| match i {

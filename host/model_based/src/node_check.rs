@@ -1,12 +1,14 @@
-//! The virtual node before and after: the node's own code on the record, on what the declared machine predicts, and on the corrected one.
+//! The virtual node before and after: the node's own code on the record, on what the declared machine predicts, and
+//! on the corrected one.
 //!
-//! Held-out runs only. The record and the corrected prediction are taken by a node that carries the refitted law, the declared prediction
-//! by one with the declared machine's. Compared are its mesh bands (harmonic with all sidebands that it reports, RMS, dB re 1 m/s2), the
-//! bandwidth its law gives at its own tach speed, and the bandwidth that it measures on engagement edges; these on the pinion's channel
-//! only, which is the law's. Predictions carry no noise.
+//! Held-out runs only. The record and the corrected prediction are taken by a node that carries the refitted law, the
+//! declared prediction by one with the declared machine's. Compared are its mesh bands (harmonic with all sidebands
+//! that it reports, RMS, dB re 1 m/s2), the bandwidth its law gives at its own tach speed, and the bandwidth that it
+//! measures on engagement edges; these on the pinion's channel only, which is the law's. Predictions carry no noise.
 //!
-//! A node takes a second to start, which short runs have not: whole turns of the same signal are played before it, and only
-//! spectra that begin behind them are read. Runs of less than 18 turns give none. Cost: about a second per run, channel and signal.
+//! A node takes a second to start, which short runs have not: whole turns of the same signal are played before it,
+//! and only spectra that begin behind them are read. Runs of less than 18 turns give none. Cost: about a second per
+//! run, channel and signal.
 
 use super::apply::Applied;
 use super::outcome::Outcome;
@@ -32,7 +34,8 @@ const START_S: f64 = 2.5;
 /// Turns of the pinion in a spectrum, with some to spare.
 const SPECTRUM_TURNS: f64 = 18.0;
 
-/// Bands this far below a channel's strongest one are shown but not counted, dB: there the record is noise, which predictions lack.
+/// Bands this far below a channel's strongest one are shown but not counted, dB: there the record is noise, which
+/// predictions lack.
 const DEEPEST_DB: f64 = 40.0;
 
 /// What a node said of one signal.
@@ -138,8 +141,8 @@ fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
     let begins = |s: &Spectrum| (s.tag.first_tick as f64 - f64::from(START_TICK)) / f64::from(TICKS_PER_SECOND);
     let per_s = (signal.edges_s.len() - 1) as f64 / (signal.edges_s[signal.edges_s.len() - 1] - signal.edges_s[0]);
     let per_turn = f64::from(signal.pulses_per_turn) / signal.pinion_per_tach;
-    // Where the node's first spectrum begins does not depend on what follows: the signal itself shall begin just there. Spectra begin
-    // at whole turns, timed with the jitter of an edge: half a turn on either side tells which.
+    // Where the node's first spectrum begins does not depend on what follows: the signal itself shall begin just
+    // there. Spectra begin at whole turns, timed with the jitter of an edge: half a turn on either side tells which.
     let (probe, _) = with_lead_in(signal, START_S + SPECTRUM_TURNS * per_turn / per_s);
     let probed = run(&probe)?;
     let first_s = probed.spectra().next().map_or(START_S, begins);
@@ -170,7 +173,8 @@ fn node(signal: &Signal, law: &LawFile) -> Result<Said> {
     })
 }
 
-/// The signal after whole turns of the tach's shaft from itself, of at least `lead_s` together, and the time at which it begins.
+/// The signal after whole turns of the tach's shaft from itself, of at least `lead_s` together, and the time at which
+/// it begins.
 ///
 /// It begins at its first edge. The seam is exact to half a sample for what turns with that shaft.
 fn with_lead_in(signal: &Signal, lead_s: f64) -> (Signal, f64) {

@@ -27,7 +27,8 @@ impl NullRecords {
     pub fn in_words(&self) -> String {
         let Self { records, at_least, score, probability } = self;
         format!(
-            "bootstrap: {at_least} of {records} records without any effect reach this one's best score of {score:.1} nats; probability of a false alarm {probability:.3}\n"
+            "bootstrap: {at_least} of {records} records without any effect reach this one's best score of {score:.1} \
+             nats; probability of a false alarm {probability:.3}\n"
         )
     }
 }

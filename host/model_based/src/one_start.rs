@@ -1,8 +1,10 @@
 //! One start of the runs for single teeth of one gear.
 //!
-//! The first of two teeth finds the start of every run alone, and in some runs takes the second for itself; the second then finds starts of its own beside it. But a run
-//! starts once. So where two differ, each start is tried for both, run by run, with the strengths fitted anew; what is kept must explain more, at the teeth's own strengths, than the two starts did.
-//! Cost: one joint fit for each run in which they differ, and a simulation of all runs for each tooth. Limit: where both are wrong in a run, it stays wrong.
+//! The first of two teeth finds the start of every run alone, and in some runs takes the second for itself; the
+//! second then finds starts of its own beside it. But a run starts once. So where two differ, each start is tried for
+//! both, run by run, with the strengths fitted anew; what is kept must explain more, at the teeth's own strengths,
+//! than the two starts did. Cost: one joint fit for each run in which they differ, and a simulation of all runs for
+//! each tooth. Limit: where both are wrong in a run, it stays wrong.
 
 use super::candidate::Candidate;
 use super::judge::{corrected, joint};
@@ -15,7 +17,8 @@ use super::together::fitted;
 use crate::machine::Hunting;
 use std::collections::BTreeMap;
 
-/// Gives the single teeth of the gear in `accepted` one start of every run, where the newest has another than the first and one start explains more of the runs `seen`; the turns taken.
+/// Gives the single teeth of the gear in `accepted` one start of every run, where the newest has another than the
+/// first and one start explains more of the runs `seen`; the turns taken.
 pub fn one_start(bench: &Bench<'_>, data: &Data, seen: &[usize], accepted: &mut [Candidate]) -> Option<Vec<u32>> {
     let is_started = |c: &Candidate| c.tooth.is_some() && c.body() == 1 && c.start.turns().is_some();
     let teeth: Vec<usize> = (0..accepted.len()).filter(|&i| is_started(&accepted[i])).collect();
@@ -54,7 +57,8 @@ pub fn one_start(bench: &Bench<'_>, data: &Data, seen: &[usize], accepted: &mut 
     Some(turns)
 }
 
-/// `other` turns as they are where both starts mean the same first turn, and by how many turns they were later: starts are relative to the first run, whose own may be the one that differs.
+/// `other` turns as they are where both starts mean the same first turn, and by how many turns they were later:
+/// starts are relative to the first run, whose own may be the one that differs.
 fn counted_alike(bench: &Bench<'_>, own: &[u32], other: &[u32]) -> (Vec<u32>, u32) {
     let period = Hunting::of(bench.base.machine.teeth).turns;
     let mut times = BTreeMap::<u32, usize>::new();

@@ -12,8 +12,8 @@ use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// NRMSE of one part of the signal at three stages, beside what noise alone leaves. What a stage gains, it gains over the one before: an effect is
-/// worth `corrected` against `calibrated`, never against `declared`.
+/// NRMSE of one part of the signal at three stages, beside what noise alone leaves. What a stage gains, it gains over
+/// the one before: an effect is worth `corrected` against `calibrated`, never against `declared`.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Stages {
     /// The machine as declared.
@@ -67,7 +67,8 @@ pub struct HeldOut {
     pub run: usize,
     /// NRMSE with parameters and effects, shaft-synchronous part and whole signal.
     pub corrected: [f64; 2],
-    /// Noise, and twice what the tachometer's declared jitter and the uncertainty of the declared parameters do, of the same.
+    /// Noise, and twice what the tachometer's declared jitter and the uncertainty of the declared parameters do, of
+    /// the same.
     pub floor: [f64; 2],
 }
 
@@ -105,15 +106,16 @@ pub struct Evidence {
     pub torque_exponent: Option<f64>,
     /// Its 95 % interval.
     pub torque_exponent_ci95: Option<[f64; 2]>,
-    /// Fall of the held-out NRMSE of the shaft-synchronous part (whole signal for fixed frequencies) when this effect is added last; of an only
-    /// effect, corrected against calibrated.
+    /// Fall of the held-out NRMSE of the shaft-synchronous part (whole signal for fixed frequencies) when this effect
+    /// is added last; of an only effect, corrected against calibrated.
     pub held_out_gain: f64,
-    /// Probability of such a gain by chance, after correction for the search (`p_value`, `log10_p`); none where it is not counted.
+    /// Probability of such a gain by chance, after correction for the search (`p_value`, `log10_p`); none where it is
+    /// not counted.
     #[serde(flatten)]
     pub chance: Option<Probability>,
-    /// Penalised log likelihood less that of the best explanation of another library name, nats: half the gain in chi-square less 5 per unknown
-    /// and the logarithm of the alternatives searched. Like half a difference of BIC with a fixed penalty; no Bayes factor, since no prior of the
-    /// strengths is integrated over.
+    /// Penalised log likelihood less that of the best explanation of another library name, nats: half the gain in
+    /// chi-square less 5 per unknown and the logarithm of the alternatives searched. Like half a difference of BIC
+    /// with a fixed penalty; no Bayes factor, since no prior of the strengths is integrated over.
     pub score_over_next: Option<f64>,
     /// Share of the residual power at the effect's own lines that it leaves beyond noise.
     pub left_at_its_lines: f64,
@@ -170,8 +172,8 @@ pub struct Effect {
     /// The run that would decide, where the model can say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next_measurement: Option<NextMeasurement>,
-    /// Effects of the gear: turns of the pinion by which every run starts later in the hunting period than its pulse 0 says, against the first
-    /// run. Teeth and phases hold with these.
+    /// Effects of the gear: turns of the pinion by which every run starts later in the hunting period than its pulse
+    /// 0 says, against the first run. Teeth and phases hold with these.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pinion_turns_of_runs: Option<Vec<u32>>,
     /// Orders of neither shaft: phase of every run against the first, rad.
@@ -234,7 +236,8 @@ pub struct Outcome {
     pub held_out: Vec<HeldOut>,
     /// Effects found, strongest first.
     pub effects: Vec<Effect>,
-    /// Effects not found: the strength from which on they would have been. Empty where nothing can be said, or nobody asked.
+    /// Effects not found: the strength from which on they would have been. Empty where nothing can be said, or nobody
+    /// asked.
     pub limits: Vec<Limit>,
     /// The rest.
     pub unexplained: Vec<Unexplained>,
@@ -246,9 +249,11 @@ pub struct Outcome {
     pub split: [Vec<usize>; 3],
     /// Runs (index in the record) that were used at all: terms and residuals are in this order.
     pub runs_used: Vec<usize>,
-    /// Scores given in the search (candidates, with their shapes, strengths and starts of runs): the trials that probabilities are corrected for.
+    /// Scores given in the search (candidates, with their shapes, strengths and starts of runs): the trials that
+    /// probabilities are corrected for.
     pub candidates_tried: usize,
-    /// How often a record without any effect would have shown as much; none where nobody asked, or the record is distorted as a whole.
+    /// How often a record without any effect would have shown as much; none where nobody asked, or the record is
+    /// distorted as a whole.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub null_records: Option<NullRecords>,
     /// Explanations considered and refused, with their best score and the gate's reason.
@@ -273,7 +278,8 @@ impl Outcome {
         self.limits = limits.into_iter().filter(|l| !in_question(l)).collect();
     }
 
-    /// Takes the record's check into the answer: findings first, runs by their index in the record, no name next to a contradiction.
+    /// Takes the record's check into the answer: findings first, runs by their index in the record, no name next to a
+    /// contradiction.
     ///
     /// # Errors
     /// Errors that are no numbers or absurdly large: nothing was predicted.
@@ -296,7 +302,8 @@ impl Outcome {
         Ok(self)
     }
 
-    /// Withholds "nothing" and names where held-out runs or the record's check contradict them, and writes the headline.
+    /// Withholds "nothing" and names where held-out runs or the record's check contradict them, and writes the
+    /// headline.
     fn contradict(&mut self) {
         let worst = self.held_out.iter().max_by(|a, b| a.over_floor().total_cmp(&b.over_floor()));
         let contradiction = worst.filter(|held| held.over_floor() > MOST_OVER_FLOOR).map(|held| {

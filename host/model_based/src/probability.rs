@@ -1,7 +1,8 @@
 //! Probabilities by chance as logarithms: upper tails far beyond what a number of double precision can hold.
 //!
-//! `1 - cdf` is rounding from 1e-16 on and zero soon after; the survival function is right to 1e-300, and beyond it the tail's continued
-//! fraction gives its logarithm. Source: Abramowitz, Stegun 6.5.31; statrs for what is not so far out.
+//! `1 - cdf` is rounding from 1e-16 on and zero soon after; the survival function is right to 1e-300, and beyond it
+//! the tail's continued fraction gives its logarithm. Source: Abramowitz, Stegun 6.5.31; statrs for what is not so
+//! far out.
 
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -67,7 +68,8 @@ impl Serialize for Probability {
     }
 }
 
-/// Logarithm of the regularised upper incomplete gamma function for `x` far above `shape`, by Legendre's continued fraction from its end.
+/// Logarithm of the regularised upper incomplete gamma function for `x` far above `shape`, by Legendre's continued
+/// fraction from its end.
 fn ln_far_tail(x: f64, shape: f64) -> f64 {
     const TERMS: i32 = 200;
     let fraction =

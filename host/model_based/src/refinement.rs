@@ -1,14 +1,17 @@
-//! Joint refinement: terms, declared parameters and angles fitted to the record with the full simulator as the prediction.
+//! Joint refinement: terms, declared parameters and angles fitted to the record with the full simulator as the
+//! prediction.
 //!
-//! Templates propose, the simulator decides. Gauss and Newton with every adopted term that the simulator takes, at once: strengths, phases,
-//! shapes (a mode's frequency, a relief's length, an order) and the declared parameters within their priors. Derivatives by a term's own
-//! numbers are differences of simulations, or its first-order templates where it goes with its strength; those by declared parameters, angles and speeds are the harmonic balance's, which is enough: a
-//! step's end does not depend on them, only how fast it is reached. Steps that explain less are halved. What is fitted is what the simulator
-//! plays and what `loop --apply` writes.
+//! Templates propose, the simulator decides. Gauss and Newton with every adopted term that the simulator takes, at
+//! once: strengths, phases, shapes (a mode's frequency, a relief's length, an order) and the declared parameters
+//! within their priors. Derivatives by a term's own numbers are differences of simulations, or its first-order
+//! templates where it goes with its strength; those by declared parameters, angles and speeds are the harmonic
+//! balance's, which is enough: a step's end does not depend on them, only how fast it is reached. Steps that explain
+//! less are halved. What is fitted is what the simulator plays and what `loop --apply` writes.
 //!
-//! Afterwards the machine stands at the parameters found, the residual is what the simulation leaves, and every term's templates are those that
-//! give, at its unknowns, exactly what the machine does with it beyond what it does without (Broyden's update of the derivatives, 1965).
-//! Cost: an integration of every run per step and per number of a term.
+//! Afterwards the machine stands at the parameters found, the residual is what the simulation leaves, and every
+//! term's templates are those that give, at its unknowns, exactly what the machine does with it beyond what it does
+//! without (Broyden's update of the derivatives, 1965). Cost: an integration of every run per step and per number of
+//! a term.
 
 use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Template};
@@ -278,8 +281,9 @@ impl<'a> Started<'a> {
     }
 }
 
-/// Fits the declared parameters of `base` and those of `terms` that the simulator takes to the runs `seen`; the residual that goes with
-/// the terms' new templates. `None` where the simulator does not take them together: nothing has changed then.
+/// Fits the declared parameters of `base` and those of `terms` that the simulator takes to the runs `seen`; the
+/// residual that goes with the terms' new templates. `None` where the simulator does not take them together: nothing
+/// has changed then.
 pub fn refine(base: &mut Base, data: &Data, seen: &[usize], terms: &mut [Candidate]) -> Option<Vec<[Bins; 2]>> {
     let Started { mut fit, mut state, list } = Started::of(base, data, seen, terms);
     let mut predicted = fit.simulated(&state, seen)?;
@@ -318,8 +322,8 @@ pub fn refine(base: &mut Base, data: &Data, seen: &[usize], terms: &mut [Candida
     Some(residual)
 }
 
-/// The objective that the terms come to next to the machine, refined as [`refine`] does but with these weights; `None` where the simulator
-/// does not take them together.
+/// The objective that the terms come to next to the machine, refined as [`refine`] does but with these weights;
+/// `None` where the simulator does not take them together.
 pub fn objective(base: &Base, data: &Data, seen: &[usize], terms: &[Candidate]) -> Option<f64> {
     let Started { mut fit, state, .. } = Started::of(base, data, seen, terms);
     fit.weight.clone_from(&data.weight);

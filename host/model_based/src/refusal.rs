@@ -1,4 +1,5 @@
-//! Why the gate refused an explanation, as data and in words. Refusals are made by the gate alone ([`accept`](super::accept)).
+//! Why the gate refused an explanation, as data and in words. Refusals are made by the gate alone
+//! ([`accept`](super::accept)).
 
 use super::candidate::Candidate;
 use super::probability::Probability;

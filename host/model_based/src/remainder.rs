@@ -1,8 +1,10 @@
-//! What stands above the noise although nothing that was tried fits it: said, with its place, rather than passed over in silence.
+//! What stands above the noise although nothing that was tried fits it: said, with its place, rather than passed over
+//! in silence.
 //!
-//! The residual's power next to the declared parameters is compared with that of the local noise. Records with nothing hidden leave 0.98 to 1.03
-//! times their noise (`meshband prove --null 12 --seconds 1 --verbose`, seeds 94 and 95), so the gate's threshold ([`accept`]) is far outside chance. Limit: a machine that is declared badly leaves
-//! a remainder as well; the verdict says that something is missing, not what.
+//! The residual's power next to the declared parameters is compared with that of the local noise. Records with
+//! nothing hidden leave 0.98 to 1.03 times their noise (`meshband prove --null 12 --seconds 1 --verbose`, seeds 94
+//! and 95), so the gate's threshold ([`accept`]) is far outside chance. Limit: a machine that is declared badly
+//! leaves a remainder as well; the verdict says that something is missing, not what.
 
 use super::accept;
 use super::base_fit::Base;

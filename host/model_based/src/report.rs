@@ -1,4 +1,5 @@
-//! The loop's report for people: errors in three stages, residual spectra as declared and corrected, evidence, what was refused, what stays.
+//! The loop's report for people: errors in three stages, residual spectra as declared and corrected, evidence, what
+//! was refused, what stays.
 
 use super::bands::bands;
 use super::letter;
@@ -101,8 +102,26 @@ fn errors(report: Report, outcome: &Outcome) -> Report {
     let list = |runs: &[usize]| runs.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     report
         .section("Error in three stages")
-        .text("Declared: the machine as its owner states it. Calibrated: its parameters fitted within their tolerances, no effect. Corrected: with the effects, whose worth is corrected against calibrated. Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs take no part in any fit but that of their own start (turns of the pinion, or phase of an order of neither shaft); a term that does not lower their error is dropped.")
-        .table("NRMSE, below 15 kHz", &["", "declared", "calibrated", "corrected", "noise floor", "corrected / floor"], &all)
+        .text(
+            "Declared: the machine as its owner states it. Calibrated: its parameters fitted within their \
+            tolerances, no effect. Corrected: with the effects, whose worth is corrected against calibrated. \
+            Normalised RMS error of the prediction, phases from the tachometer alone; held-out runs take no part in \
+            any fit but that of their own start (turns of the pinion, or phase of an order of neither shaft); a term \
+            that does not lower their error is dropped.",
+        )
+        .table(
+            "NRMSE, below 15 kHz",
+            &[
+                "",
+                "declared",
+                "calibrated",
+                "corrected",
+                "noise floor",
+                "corrected / \
+            floor",
+            ],
+            &all,
+        )
         .text(&format!(
             "Runs to fit: {}; to select: {}; held out: {}.",
             list(&outcome.split[0]),
@@ -190,7 +209,10 @@ fn most_explained(declared: &Series, corrected: &Series) -> Option<f64> {
 fn evidence(mut report: Report, outcome: &Outcome) -> Report {
     report = report.section("Effects and their evidence");
     if outcome.effects.is_empty() {
-        return report.text("No term earned its place: the declared machine, within its tolerances, explains what stands above the noise.");
+        return report.text(
+            "No term earned its place: the declared machine, within its tolerances, explains what \
+            stands above the noise.",
+        );
     }
     for e in &outcome.effects {
         let v = &e.evidence;
@@ -252,7 +274,8 @@ fn limits(report: Report, outcome: &Outcome) -> Report {
         })
         .collect();
     report.section("What would have been found").table(
-        "Effects not found: smallest strength that this record would have shown, in half and in nine of ten of the places tried (phase, tooth, order, starts of runs)",
+        "Effects not found: smallest strength that this record would have shown, in half and in nine of ten of the \
+         places tried (phase, tooth, order, starts of runs)",
         &["effect", "on", "in half from", "in 90 % from", "unit", "simulator's key"],
         &rows,
     )
@@ -272,7 +295,10 @@ fn levels(report: Report, outcome: &Outcome, replay: &Replay) -> Report {
         .collect();
     report
         .section("Band levels a node would report")
-        .text("RMS of each mesh harmonic with its sidebands on the held-out runs; errors of the model, RMS over the runs.")
+        .text(
+            "RMS of each mesh harmonic with its sidebands on the held-out runs; errors of the model, RMS over the \
+            runs.",
+        )
         .table("dB re 1 m/s2", &["band", "record", "declared off by", "corrected off by"], &rows)
 }
 

@@ -1,8 +1,9 @@
-//! What else could stand in the place of an effect found: every candidate of the search in its place, next to the other effects.
+//! What else could stand in the place of an effect found: every candidate of the search in its place, next to the
+//! other effects.
 //!
-//! Those that come near by their templates are refined on the simulator in the effect's place, as it was itself, before they are refused.
-//! Cost: a score per effect and candidate kept, and a refinement for each that comes near. Limit: what the search scored low before the
-//! effect's own round is not among them.
+//! Those that come near by their templates are refined on the simulator in the effect's place, as it was itself,
+//! before they are refused. Cost: a score per effect and candidate kept, and a refinement for each that comes near.
+//! Limit: what the search scored low before the effect's own round is not among them.
 
 use super::base_fit::Base;
 use super::candidate::{Candidate, Claim};
@@ -16,7 +17,8 @@ use std::collections::BTreeMap;
 /// Rivals named in a verdict at most.
 const MOST_NAMED: usize = 6;
 
-/// Nats, and the share of the effect's gain, within which a rival's templates may be what keeps it behind: their error of form.
+/// Nats, and the share of the effect's gain, within which a rival's templates may be what keeps it behind: their
+/// error of form.
 const NEAR: f64 = 10.0;
 const NEAR_SHARE: f64 = 2e-2;
 /// Rivals refined at most.
@@ -32,7 +34,8 @@ pub struct Rivals {
     pub next_name: Option<f64>,
 }
 
-/// Refines the rivals that come near the term `index` by their templates in its place, and says by how much they are behind then.
+/// Refines the rivals that come near the term `index` by their templates in its place, and says by how much they are
+/// behind then.
 fn contest(
     base: &Base,
     data: &Data,

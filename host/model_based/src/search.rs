@@ -1,7 +1,7 @@
 //! The search of the library: effects added strongest first, each judged next to those already there.
 //!
-//! The residual's weights are renewed after every adopted term. Whether a term is adopted, and what keeps its place next to a newer one, is
-//! the gate's to decide ([`accept`]).
+//! The residual's weights are renewed after every adopted term. Whether a term is adopted, and what keeps its place
+//! next to a newer one, is the gate's to decide ([`accept`]).
 
 use super::accept::{self, Adopted};
 use super::base_fit::Base;
@@ -27,7 +27,8 @@ use std::collections::BTreeMap;
 
 /// Candidates of every round that a term's name is later compared with.
 const MOST_RIVALS: usize = 60;
-/// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may become one.
+/// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may
+/// become one.
 const MOST_KEPT: usize = MOST_RIVALS + 20;
 /// Of these, candidates of one name, and of the rivals: places of an effect far behind its best explain nothing.
 const MOST_OF_A_NAME: usize = 4;
@@ -58,7 +59,8 @@ pub struct Memory {
     pub began: bool,
 }
 
-/// Adds effects strongest first: each round proposes one by its templates, and the simulator decides on its numbers next to those of the others.
+/// Adds effects strongest first: each round proposes one by its templates, and the simulator decides on its numbers
+/// next to those of the others.
 pub fn search(
     base: &mut Base,
     split: &Split,
@@ -108,7 +110,8 @@ struct Round<'r> {
 }
 
 impl Round<'_> {
-    /// Adopts the best of all candidates, if one passes the gate; `turns`: starts of the runs, once an effect has told them.
+    /// Adopts the best of all candidates, if one passes the gate; `turns`: starts of the runs, once an effect has
+    /// told them.
     fn propose(&self, bench: &Bench<'_>, found: &mut Found, turns: &mut Option<Vec<u32>>, memory: &mut Memory) -> bool {
         let Found { accepted, pool, strongest, data } = found;
         let base = bench.base;
@@ -229,7 +232,8 @@ fn winner(judged: &[Judged], accepted: &Adopted, tests: f64) -> Option<usize> {
     Some(judged.iter().position(|j| named(j) && passes(j)).unwrap_or(best))
 }
 
-/// Whether it has its responses (one far down the list, whose are forgotten, is no explanation of anything), and the gate lets it in.
+/// Whether it has its responses (one far down the list, whose are forgotten, is no explanation of anything), and the
+/// gate lets it in.
 fn is_adoptable(judged: &Judged, accepted: &Adopted, tests: f64) -> bool {
     !judged.candidate.templates.is_empty() && accepted.weigh(&judged.figures(tests)).is_ok()
 }
@@ -263,7 +267,8 @@ fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<(Optio
     accepted.refusals.extend(refusals);
 }
 
-/// Drops the responses, most of the loop's memory, of candidates (best first) that nothing more will be asked of but their score.
+/// Drops the responses, most of the loop's memory, of candidates (best first) that nothing more will be asked of but
+/// their score.
 fn forget_responses(bench: &Bench<'_>, judged: &mut [Judged]) {
     let best = judged.first().map_or(0.0, |j| j.score);
     let mut of_name: BTreeMap<String, usize> = BTreeMap::new();
@@ -290,8 +295,8 @@ fn same(a: &Candidate, b: &Candidate) -> bool {
         && a.parameters.first().map(|p| &p.name) == b.parameters.first().map(|p| &p.name)
 }
 
-/// Takes names out of the library. Plain order-locked excitations, fixed-frequency forcing and modes are no part of it and stay under
-/// their description; what has none goes.
+/// Takes names out of the library. Plain order-locked excitations, fixed-frequency forcing and modes are no part of
+/// it and stay under their description; what has none goes.
 fn withhold(candidates: &mut Vec<Candidate>, names: &[String]) {
     candidates.retain_mut(|c| {
         if c.claim == Claim::Generic || !names.contains(&c.name) {

@@ -1,9 +1,10 @@
 //! Shapes found by search: how far they leave a strength open.
 //!
-//! The share of the path that a relief covers, and whether it is linear or parabolic, come from the same record as its depth. About the shape found the
-//! share is one more unknown of the fit ([`slopes`]). Other shapes may explain the record nearly as well, with another depth ([`others`]): high mesh orders swing with the
-//! share, so the likelihood has several peaks. The interval of the depth covers all of them that could not be told from the one taken. Cost: a scan of some
-//! two hundred shapes per relief found.
+//! The share of the path that a relief covers, and whether it is linear or parabolic, come from the same record as
+//! its depth. About the shape found the share is one more unknown of the fit ([`slopes`]). Other shapes may explain
+//! the record nearly as well, with another depth ([`others`]): high mesh orders swing with the share, so the
+//! likelihood has several peaks. The interval of the depth covers all of them that could not be told from the one
+//! taken. Cost: a scan of some two hundred shapes per relief found.
 
 use super::accept;
 use super::base_fit::Base;
@@ -33,7 +34,8 @@ pub fn slopes(base: &Base, terms: &[&Candidate], unknowns: &[f64]) -> Vec<Templa
     slopes
 }
 
-/// Least and largest strength of the shapes that cannot be told from that of `term`, next to the `company` of other terms; `None` where there is no other.
+/// Least and largest strength of the shapes that cannot be told from that of `term`, next to the `company` of other
+/// terms; `None` where there is no other.
 pub fn others(base: &Base, data: &Data, split: &Split, company: &[&Candidate], term: &Candidate) -> Option<[f64; 2]> {
     let Some(Tuning::Relief { share, exponent }) = term.tuning else { return None };
     let machine = Responses::new(base);

@@ -1,7 +1,8 @@
 //! The machine with all of some terms at once, simulated on every run: what a fit is compared with in the end.
 //!
-//! Every term becomes the simulator's own effects, as its hypothesis carries its unknowns to them ([`crate::effects::hypothesis`]), so that what
-//! is compared is what `loop --apply` writes. Cost: an integration of every run ([`crate::model::integrated`]).
+//! Every term becomes the simulator's own effects, as its hypothesis carries its unknowns to them
+//! ([`crate::effects::hypothesis`]), so that what is compared is what `loop --apply` writes. Cost: an integration of
+//! every run ([`crate::model::integrated`]).
 
 use super::base_fit::Base;
 use super::candidate::{Candidate, Tuning};
@@ -24,7 +25,8 @@ struct Scene {
     at: Point,
 }
 
-/// The simulator's effects of a candidate at the unknowns `x`, `turned_rad` later than they say; `None` where it has no counterpart.
+/// The simulator's effects of a candidate at the unknowns `x`, `turned_rad` later than they say; `None` where it has
+/// no counterpart.
 fn effects(machine: &Machine, candidate: &Candidate, x: &[f64], turned_rad: f64) -> Option<Vec<Box<dyn Effect>>> {
     let facts = machine.facts(0.0);
     let complex = candidate.parameters.first().is_some_and(|p| p.complex);
@@ -60,7 +62,8 @@ pub fn has_counterpart(base: &Base, candidate: &Candidate, x: &[f64]) -> bool {
     !candidate.phase_free && effects(&base.machine, candidate, x, 0.0).is_some()
 }
 
-/// Turns of the pinion by which every run starts later, as the terms agree on; `Err` where they do not, or where one has no such place.
+/// Turns of the pinion by which every run starts later, as the terms agree on; `Err` where they do not, or where one
+/// has no such place.
 fn common_turns<'t>(terms: &[Played<'t>]) -> Result<Option<&'t [u32]>, ()> {
     let turns = terms.iter().find_map(|(t, _)| t.start.turns());
     // Teeth of the gear that were counted as if every run started in the first turn have no other place.
@@ -83,8 +86,8 @@ pub fn bins(base: &Base, signals: &[[Vec<f64>; 2]]) -> Vec<[Bins; 2]> {
     signals.par_iter().map(|run| run.each_ref().map(of)).collect()
 }
 
-/// Signals of `runs`, the others empty, of the machine of `base` with its parameters moved by `delta` and with all of `terms`; `None` where
-/// the terms need different starts of the runs, or one is beyond the simulator's range.
+/// Signals of `runs`, the others empty, of the machine of `base` with its parameters moved by `delta` and with all of
+/// `terms`; `None` where the terms need different starts of the runs, or one is beyond the simulator's range.
 pub fn signals(base: &Base, delta: &[f64], terms: &[Played<'_>], runs: &[usize]) -> Option<Vec<[Vec<f64>; 2]>> {
     let (machine, torque) = base.moved(delta);
     let turns = common_turns(terms).ok()?;

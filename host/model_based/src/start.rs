@@ -1,13 +1,15 @@
 //! Where a run starts in the hunting period, which a tachometer on the pinion cannot tell.
 //!
-//! Its edges give the pinion's angle up to whole turns. Started `k` turns later, an effect at order `o` of the pinion stands at a phase
-//! turned by `2 pi o k`: nothing for the pinion's and the mesh's orders, one of `N = z2 / gcd(z1, z2)` phases (and teeth) for the
-//! gear's, and any phase for an order of neither shaft, such as a bearing's. These turns are unknowns of the record, not of the law.
+//! Its edges give the pinion's angle up to whole turns. Started `k` turns later, an effect at order `o` of the pinion
+//! stands at a phase turned by `2 pi o k`: nothing for the pinion's and the mesh's orders, one of
+//! `N = z2 / gcd(z1, z2)` phases (and teeth) for the gear's, and any phase for an order of neither shaft, such as a
+//! bearing's. These turns are unknowns of the record, not of the law.
 //!
-//! They are found by a matched filter: runs, strongest first, are turned to where they agree best with the sum of those already turned. The
-//! price is that of a search, `ln N` nats for each run after the first; a free phase is an unknown of its run. Where all runs
-//! start within one turn the effect is also tried as counted, at no price. Cost: nothing beside the products with the
-//! residual, which turn with the phase. Limit: what the residual gives is taken after the declared parameters have had their share.
+//! They are found by a matched filter: runs, strongest first, are turned to where they agree best with the sum of
+//! those already turned. The price is that of a search, `ln N` nats for each run after the first; a free phase is an
+//! unknown of its run. Where all runs start within one turn the effect is also tried as counted, at no price. Cost:
+//! nothing beside the products with the residual, which turn with the phase. Limit: what the residual gives is taken
+//! after the declared parameters have had their share.
 
 use crate::machine::Hunting;
 use rustfft::num_complex::Complex64 as C;
@@ -76,7 +78,8 @@ pub fn phases(runs: &[Products]) -> Start {
     Start::Phases(runs.iter().map(|p| own(p) - own(&runs[0])).collect())
 }
 
-/// Turns of the pinion by which the runs of an effect of the gear agree, found on `seen`; each other run follows on its own.
+/// Turns of the pinion by which the runs of an effect of the gear agree, found on `seen`; each other run follows on
+/// its own.
 pub fn turns(runs: &[Products], orders: &[f64], seen: &[usize], hunting: Hunting) -> Start {
     let back: Vec<Vec<C>> = (0..hunting.turns)
         .map(|k| orders.iter().map(|o| C::cis(-TAU * (o * f64::from(k)).fract())).collect())

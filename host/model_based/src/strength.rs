@@ -1,7 +1,8 @@
 //! Best candidates brought to their own shape and strength before they are compared.
 //!
-//! Modes and reliefs have a shape to be searched; where the response is not proportional to the strength, the declared equations are
-//! simulated at the strength found. Cost: a simulation of every run per step, for the few candidates that may win.
+//! Modes and reliefs have a shape to be searched; where the response is not proportional to the strength, the
+//! declared equations are simulated at the strength found. Cost: a simulation of every run per step, for the few
+//! candidates that may win.
 
 use super::accept;
 use super::base_fit::{Base, RunState};
@@ -17,7 +18,8 @@ use super::refusal::Refusal;
 use crate::effects::hypothesis::{Seat, Tooth, Wave};
 use std::collections::BTreeMap;
 
-/// Gain from which a first-order template's own error may decide: below it a few percent of form error are within chance.
+/// Gain from which a first-order template's own error may decide: below it a few percent of form error are within
+/// chance.
 const FINITE_GAIN: f64 = 300.0;
 /// A candidate's share of the best score from which its response at finite strength could still make it the best.
 const FINITE_SHARE: f64 = 0.8;
@@ -74,7 +76,8 @@ pub fn tune(bench: &Bench<'_>, judge: &Judge<'_>, judged: &mut [Judged]) {
                 *j = judge.judge(refine_relief(bench, exponent, score));
             }
             Some(Tuning::Order { seat }) if j.score > 0.8 * best => {
-                // Lines of single runs place an order to a good part of a bin, all lines of all runs together far more finely.
+                // Lines of single runs place an order to a good part of a bin, all lines of all runs together far
+                // more finely.
                 let Some(first) = j.candidate.order else { continue };
                 for step in [0.12, 0.04, 0.013] {
                     let at = j.candidate.order.unwrap_or(first);
@@ -105,8 +108,8 @@ pub fn may_win(bench: &Bench<'_>, best: f64, judged: &Judged) -> bool {
 
 /// Replaces first-order templates of strong candidates by simulated ones, for as many as may still win.
 ///
-/// Contacts carried along their path by a few percent of a pitch turn the high mesh orders by radians: a first-order fit then sees a part of
-/// the strength only, and several strengths are tried.
+/// Contacts carried along their path by a few percent of a pitch turn the high mesh orders by radians: a first-order
+/// fit then sees a part of the strength only, and several strengths are tried.
 pub fn at_their_strength(
     bench: &Bench<'_>,
     judge: &Judge<'_>,
@@ -148,7 +151,8 @@ pub fn size(x: &[f64]) -> f64 {
 
 /// A candidate simulated for the first time: the strength, what the fit makes of it, and whether the two differ much.
 ///
-/// A strength `known` from an earlier search is taken at once, else several are tried where the response bends and much is at stake.
+/// A strength `known` from an earlier search is taken at once, else several are tried where the response bends and
+/// much is at stake.
 fn begun(
     at: &impl Fn(&[f64]) -> Option<Judged>,
     first_order: &Judged,
@@ -174,7 +178,8 @@ fn begun(
     Some((simulated, now, bends))
 }
 
-/// The best of at most `steps` further simulations on the way to where the strength simulated and what the fit makes of it agree.
+/// The best of at most `steps` further simulations on the way to where the strength simulated and what the fit makes
+/// of it agree.
 fn settled(at: &impl Fn(&[f64]) -> Option<Judged>, simulated: Vec<f64>, now: Judged, steps: usize) -> Judged {
     let mut tried = (simulated, now.x.clone());
     let mut best = now;
@@ -206,8 +211,9 @@ pub fn first_guess(candidate: &Candidate, x: &[f64]) -> Vec<f64> {
     }
 }
 
-/// Change of the strength's logarithm that makes fitted and simulated strength agree, from the point (logarithm of the simulated strength, of
-/// fitted over simulated) and the one before: the fit's own at first, then the secant through both.
+/// Change of the strength's logarithm that makes fitted and simulated strength agree, from the point (logarithm of
+/// the simulated strength, of fitted over simulated) and the one before: the fit's own at first, then the secant
+/// through both.
 ///
 /// The fit's own would swing about a strong crack's loss for ever: a tooth's response grows as `loss / (1 - loss)`.
 fn next_step(point: [f64; 2], before: Option<[f64; 2]>) -> f64 {

@@ -32,7 +32,8 @@ impl Outcome {
             }
             let next: Vec<String> = e.evidence.next.iter().map(|(name, drop)| format!("{name} {drop:.1}")).collect();
             text += &format!(
-                "    left at its lines {:.4}, p {}, score over the next {} nats, held-out gain {:.4}, speed^{} torque^{}, next {}\n",
+                "    left at its lines {:.4}, p {}, score over the next {} nats, held-out gain {:.4}, speed^{} \
+                 torque^{}, next {}\n",
                 e.evidence.left_at_its_lines,
                 e.evidence.chance.map_or_else(|| "-".into(), |p| p.to_string()),
                 or_dash(e.evidence.score_over_next),

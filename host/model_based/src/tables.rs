@@ -13,8 +13,9 @@ use crate::observation::spectrum::Bins;
 use crate::spectral::noise_power;
 use nalgebra::DMatrix;
 
-/// Standard errors at which a run's angle and speed, and what is open of the parameters, count in its floor. Each is one draw for all lines of the run, no mean over
-/// bins as noise is: at twice, an error of two floors that it alone makes is one of four standard errors.
+/// Standard errors at which a run's angle and speed, and what is open of the parameters, count in its floor. Each is
+/// one draw for all lines of the run, no mean over bins as noise is: at twice, an error of two floors that it alone
+/// makes is one of four standard errors.
 const STANDARD_ERRORS: f64 = 2.0;
 
 /// Bins within one bin of an order of pinion or gear.
@@ -34,8 +35,8 @@ fn synchronous(base: &Base, run: usize) -> Vec<bool> {
     mask
 }
 
-/// Residual with the declared parameters and `terms` as fitted over `runs`; phases and speeds of the runs from the tachometer alone, as in any
-/// prediction.
+/// Residual with the declared parameters and `terms` as fitted over `runs`; phases and speeds of the runs from the
+/// tachometer alone, as in any prediction.
 pub fn predicted(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate]) -> Vec<[Bins; 2]> {
     let mut x = joint(base, data, runs, terms).x;
     x[TOLERANCES.len()..base.nuisances.len()].fill(0.0);
@@ -75,9 +76,10 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
     }
 }
 
-/// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the same frequency: a run
-/// that fails altogether lifts its own. What the declared jitter of the tachometer's edges does to a prediction, which has no other source for
-/// a run's angle and speed, belongs to it, and so does what the fit leaves open of the declared parameters: at [`STANDARD_ERRORS`] of them.
+/// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the
+/// same frequency: a run that fails altogether lifts its own. What the declared jitter of the tachometer's edges does
+/// to a prediction, which has no other source for a run's angle and speed, belongs to it, and so does what the fit
+/// leaves open of the declared parameters: at [`STANDARD_ERRORS`] of them.
 fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split, covariance: &DMatrix<f64>) -> Vec<HeldOut> {
     let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
     let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
@@ -136,8 +138,8 @@ fn fitted(base: &Base, accepted: &[Candidate], x: &[f64]) -> Vec<Term> {
         .collect()
 }
 
-/// Assembles the outcome with the errors on fit and held-out runs. `calibrated`: residual of the fitted parameters without any effect; none where no
-/// effect was adopted, and the corrected machine is that very one.
+/// Assembles the outcome with the errors on fit and held-out runs. `calibrated`: residual of the fitted parameters
+/// without any effect; none where no effect was adopted, and the corrected machine is that very one.
 #[allow(clippy::too_many_arguments, reason = "assembly of the final report from the parts of one function")]
 pub fn report(
     record: &Record,
@@ -193,7 +195,8 @@ pub fn report(
         findings: Findings::default(),
         record: record.title.clone(),
         error: ErrorTable {
-            metric: "nrmse of the shaft-synchronous part, and of the whole signal, per channel and pooled; machine as declared, with its parameters \
+            metric: "nrmse of the shaft-synchronous part, and of the whole signal, per channel and pooled; machine \
+                as declared, with its parameters \
                      fitted, and with effects"
                 .into(),
             fit_runs: errors_of(&after, seen),

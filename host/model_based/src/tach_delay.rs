@@ -1,10 +1,11 @@
 //! A lag between vibration and tachometer, told from parameters that are a little off.
 //!
-//! A mode beside its declared frequency turns the phases of the lines around it, and over a band that looks like a lag of some microseconds. The
-//! record's check, which knows the declared parameters only, cannot tell the two apart. Here the machine is calibrated both ways, with the
-//! tachometer as it is and with a lag as a further unknown: the lag is believed where without it, whatever the parameters, at least twice
-//! as much is left at the mesh lines. Cost: two calibrations, in records whose check finds a lag. Limit: a lag together with an effect that moves the
-//! mesh lines more than the lag does is not believed, and its phases are left to the search.
+//! A mode beside its declared frequency turns the phases of the lines around it, and over a band that looks like a
+//! lag of some microseconds. The record's check, which knows the declared parameters only, cannot tell the two apart.
+//! Here the machine is calibrated both ways, with the tachometer as it is and with a lag as a further unknown: the
+//! lag is believed where without it, whatever the parameters, at least twice as much is left at the mesh lines. Cost:
+//! two calibrations, in records whose check finds a lag. Limit: a lag together with an effect that moves the mesh
+//! lines more than the lag does is not believed, and its phases are left to the search.
 
 use super::base_fit::Base;
 use super::calibrate::{calibrate, calibrate_with_lag};
@@ -42,7 +43,9 @@ pub fn checked(record: &Record) -> Checked {
     for finding in checked.findings.list.iter_mut().filter(|finding| finding.kind == Kind::TachDelay) {
         finding.figure = lag_s;
         finding.text = format!(
-            "the vibration comes {:+.1} us after the tach in all runs (left at the mesh lines, parameters fitted: {with:.2} times the noise with that lag, {without:.2} without): delay of the tach, or of the channels; the tach is moved by that",
+            "the vibration comes {:+.1} us after the tach in all runs (left at the mesh lines, parameters fitted: \
+             {with:.2} times the noise with that lag, {without:.2} without): delay of the tach, or of the channels; \
+             the tach is moved by that",
             1e6 * lag_s
         );
     }
@@ -53,7 +56,8 @@ fn later(record: &mut Record, by_s: f64) {
     record.runs.iter_mut().flat_map(|run| &mut run.edges_s).for_each(|t| *t += by_s);
 }
 
-/// Power at the mesh lines over that of noise and model slack, with the parameters and the runs' own angles and speeds at their best.
+/// Power at the mesh lines over that of noise and model slack, with the parameters and the runs' own angles and
+/// speeds at their best.
 fn left_at_lines(base: &Base, runs: &[usize]) -> f64 {
     let mut rest: Data = base.data();
     let columns = base.columns();

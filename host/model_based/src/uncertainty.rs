@@ -1,10 +1,12 @@
 //! Standard errors of the unknowns of adopted terms.
 //!
-//! The covariance of the fit has two parts: what the priors on declared parameters leave open, which stands as declared, and what the data
-//! leave open. The weights take a share of every line for error of form, whose true size nobody knows beforehand; the data's part is
-//! therefore scaled by what is really left at the term's own lines, over what the weights allow for (Birge 1932). So model discrepancy enters as an
-//! estimated variance and there is no floor. Where there are speeds enough, a law that does not hold from speed to speed shows in a jackknife by speed
-//! (Tukey 1958), and the larger of both counts. A shape that was searched, the share of a relief, is an unknown like the others here. Cost: one more solution, and one per speed.
+//! The covariance of the fit has two parts: what the priors on declared parameters leave open, which stands as
+//! declared, and what the data leave open. The weights take a share of every line for error of form, whose true size
+//! nobody knows beforehand; the data's part is therefore scaled by what is really left at the term's own lines, over
+//! what the weights allow for (Birge 1932). So model discrepancy enters as an estimated variance and there is no
+//! floor. Where there are speeds enough, a law that does not hold from speed to speed shows in a jackknife by speed
+//! (Tukey 1958), and the larger of both counts. A shape that was searched, the share of a relief, is an unknown like
+//! the others here. Cost: one more solution, and one per speed.
 
 use super::base_fit::Base;
 use super::candidate::Candidate;

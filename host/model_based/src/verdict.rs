@@ -37,7 +37,8 @@ fn left_at_lines(base: &Base, data: &Data, runs: &[usize], terms: &[&Candidate],
             for b in 0..noise.len() {
                 let p = predicted.residual[r][c][b].norm_sqr();
                 if p > 6.0 * noise[b] && data.weight[r][c][b] > 0.0 {
-                    // Whitened, so that one strong line does not decide alone; each line counts up to its tempered weight.
+                    // Whitened, so that one strong line does not decide alone; each line counts up to its tempered
+                    // weight.
                     let w = data.weight[r][c][b];
                     left += (rest.residual[r][c][b].norm_sqr() - noise[b]) * w;
                     whole += p * w;
@@ -100,8 +101,8 @@ fn departure(
     Some([[e[1], half(1)], [e[2], half(2)]])
 }
 
-/// Largest gain, beyond chance, of a description of the same family with more unknowns next to everything accepted: what the shape of `term` is
-/// off by.
+/// Largest gain, beyond chance, of a description of the same family with more unknowns next to everything accepted:
+/// what the shape of `term` is off by.
 fn freer_gain(next_to_all: &Judge<'_>, pool: &[Candidate], term: &Candidate) -> f64 {
     let freer = |c: &&Candidate| {
         c.claim == Claim::Generic
@@ -213,8 +214,8 @@ fn worded(term: &Candidate, naming: Naming, near: Vec<&str>) -> (&'static str, S
     }
 }
 
-/// Plain verdict on what is in the record where no term predicts the runs that it was not fitted to: family and place of the description
-/// that comes closest, which takes no part in the prediction.
+/// Plain verdict on what is in the record where no term predicts the runs that it was not fitted to: family and place
+/// of the description that comes closest, which takes no part in the prediction.
 pub fn undetermined(
     base: &Base,
     data: &Data,
@@ -273,7 +274,8 @@ fn values(
         } else {
             let (mut v, mut half) = (x[p.first], 1.96 * sigma[p.first]);
             if p.name.starts_with("stiffness_loss") && v > 0.0 && !term.bent {
-                // The template is of first order; a softer tooth deflects more, which the finite loss shares in as 1 / (1 - loss).
+                // The template is of first order; a softer tooth deflects more, which the finite loss shares in as 1
+                // / (1 - loss).
                 half /= (1.0 + v) * (1.0 + v);
                 v /= 1.0 + v;
             }

@@ -1,8 +1,9 @@
-//! Time signals of the declared machine's steady state, and two faults of a record that are judged on them: a clipped channel and
-//! a speed that moves within the run.
+//! Time signals of the declared machine's steady state, and two faults of a record that are judged on them: a clipped
+//! channel and a speed that moves within the run.
 //!
-//! The mesh orders are summed by powers of one phasor per sample; with the tachometer's own angle instead of a straight line the same
-//! sum gives a slowly frequency-modulated prediction (quasi-steady: the machine is taken to follow at once). Cost: orders times samples.
+//! The mesh orders are summed by powers of one phasor per sample; with the tachometer's own angle instead of a
+//! straight line the same sum gives a slowly frequency-modulated prediction (quasi-steady: the machine is taken to
+//! follow at once). Cost: orders times samples.
 
 use super::accept;
 use super::base_fit::{Base, RunState};
@@ -16,7 +17,8 @@ use rustfft::num_complex::Complex64 as C;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Both channels of `lines`, a comb of orders about 0, at a pinion angle per sample; orders beyond half the sampling rate at `shaft_hz`, which a filter takes off a measurement, do not fold.
+/// Both channels of `lines`, a comb of orders about 0, at a pinion angle per sample; orders beyond half the sampling
+/// rate at `shaft_hz`, which a filter takes off a measurement, do not fold.
 fn waveform(analyser: &Analyser, lines: &[Line], shaft_hz: f64, angle: impl Fn(f64) -> f64) -> [Vec<f64>; 2] {
     let centre = lines.len() / 2;
     let step = lines[centre + 1].order;
@@ -221,8 +223,8 @@ impl Sway {
     }
 }
 
-/// The rate, fixed (Hz) or at an order, at which one sinusoid leaves least at the edges of all runs; runs at several speeds tell a rate
-/// from its aliases at the edge rate.
+/// The rate, fixed (Hz) or at an order, at which one sinusoid leaves least at the edges of all runs; runs at several
+/// speeds tell a rate from its aliases at the edge rate.
 fn rate(base: &Base, record: &Record) -> (f64, bool, f64) {
     let left = |at: f64, fixed: bool| -> f64 {
         let hz = |r: &RunState| if fixed { at } else { at * r.angle.shaft_hz };
@@ -247,7 +249,8 @@ fn rate(base: &Base, record: &Record) -> (f64, bool, f64) {
     (at, which, left(at, which))
 }
 
-/// Speed that moves within the runs by more than the tachometer's jitter; replaces the model by one at the moving angle.
+/// Speed that moves within the runs by more than the tachometer's jitter; replaces the model by one at the moving
+/// angle.
 ///
 /// One sinusoid at a rate common to all runs where that explains the edges, else a spline through them.
 pub fn speed_fluctuation(base: &mut Base, record: &Record, data: &Data, held_out: &[usize]) -> Option<Effect> {

@@ -1,8 +1,9 @@
 //! Python package `meshband`: the workbench's library on numpy arrays.
 //!
-//! This crate only converts: arrays to vectors, errors to exceptions, outcomes to JSON and HTML. The Python files beside it
-//! (`python/meshband`) give them their classes. Nothing is computed here that the command does not compute by the same call.
-//! Every call that may take longer than a blink runs on a thread of its own without the interpreter's lock ([`work`]).
+//! This crate only converts: arrays to vectors, errors to exceptions, outcomes to JSON and HTML. The Python files
+//! beside it (`python/meshband`) give them their classes. Nothing is computed here that the command does not compute
+//! by the same call. Every call that may take longer than a blink runs on a thread of its own without the
+//! interpreter's lock ([`work`]).
 
 mod analysis;
 mod errors;

@@ -1,8 +1,8 @@
 //! Long work beside the interpreter: its lock is released, and Ctrl-C is answered within a tenth of a second.
 //!
-//! The work runs on a thread of its own; the calling thread waits without the lock and asks for signals in between. On Ctrl-C the
-//! call ends with `KeyboardInterrupt` at once. The thread cannot be stopped: it ends by itself, its result is dropped, and until
-//! then it takes processor time.
+//! The work runs on a thread of its own; the calling thread waits without the lock and asks for signals in between.
+//! On Ctrl-C the call ends with `KeyboardInterrupt` at once. The thread cannot be stopped: it ends by itself, its
+//! result is dropped, and until then it takes processor time.
 
 use crate::errors::raised;
 use meshband_host::Result;

@@ -49,7 +49,8 @@ impl Predictor {
 
     /// Starts every run of the record some whole turns of the pinion later; an empty list changes nothing.
     ///
-    /// A tachometer on the pinion does not tell where in the hunting period a run starts; effects of the gear depend on it.
+    /// A tachometer on the pinion does not tell where in the hunting period a run starts; effects of the gear depend
+    /// on it.
     ///
     /// # Errors
     /// A list of another length than the record's runs, or a tachometer on another shaft, whose angle it does tell.
@@ -85,7 +86,8 @@ impl Predictor {
 
     /// Acceleration of both channels over a run, m/s2, after what the effects do to the measuring chain.
     ///
-    /// Random phases of effects (hum, tones) are those of seed 0, the same in every run: their levels count, not their waveforms.
+    /// Random phases of effects (hum, tones) are those of seed 0, the same in every run: their levels count, not
+    /// their waveforms.
     ///
     /// # Errors
     /// A run without torque, and everything that stops the solver.

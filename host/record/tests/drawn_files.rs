@@ -1,7 +1,9 @@
-//! A campaign of drawn files as people have them, with known content: format, unit, time, rate, order of columns and head are drawn.
+//! A campaign of drawn files as people have them, with known content: format, unit, time, rate, order of columns and
+//! head are drawn.
 //!
-//! A file is right if values, unit, rate and channels come out as they were put in; refused well if the line names a way out; else it is
-//! silently wrong, which no file may be. 200 files by default, `MESHBAND_FILES=3000` for the long campaign; seed `MESHBAND_SEED`.
+//! A file is right if values, unit, rate and channels come out as they were put in; refused well if the line names a
+//! way out; else it is silently wrong, which no file may be. 200 files by default, `MESHBAND_FILES=3000` for the long
+//! campaign; seed `MESHBAND_SEED`.
 
 use meshband_record::import::{ImportOptions, Reading, TachChoice, import};
 use meshband_record::record::{Acquisition, Run, RunDeclaration, export};

@@ -1,12 +1,15 @@
 //! The one gate: whether a family may be adopted, and why not.
 //!
-//! Three conditions. *Evidence*: the Bayes factor with the prior of `evidence`, divided by the number of alternatives it was chosen from, exceeds exp(5).
-//! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way (farther where no copy finds a place so near) in this very record, where skirts, swings and
-//! everything else that no model foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half, and the
-//! probability so found, times the families of the library, must be below 1 %; and it is three times the highest (set on generated run-ups, where weaker ones were false). *Held out* (`worth`): the part not used must gain. A family
-//! that stands out of every copy, but not so far, may be adopted last and must then pass this whole gate on the held-out turns as well: to be the highest of 49 by chance and to pass there are
-//! unlikely together. Limit: 48 moved copies
-//! say nothing themselves about one in a hundred; the tail's form is an assumption.
+//! Three conditions. *Evidence*: the Bayes factor with the prior of `evidence`, divided by the number of alternatives
+//! it was chosen from, exceeds exp(5).
+//! *Rank*: it also stands out of the same search with the family's spacing moved by 1 to 6 % either way (farther
+//! where no copy finds a place so near) in this very record, where skirts, swings and everything else that no model
+//! foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half,
+//! and the probability so found, times the families of the library, must be below 1 %; and it is three times the
+//! highest (set on generated run-ups, where weaker ones were false). *Held out* (`worth`): the part not used must
+//! gain. A family that stands out of every copy, but not so far, may be adopted last and must then pass this whole
+//! gate on the held-out turns as well: to be the highest of 49 by chance and to pass there are unlikely together.
+//! Limit: 48 moved copies say nothing themselves about one in a hundred; the tail's form is an assumption.
 
 use super::candidate::{Candidate, Field, Kind, Score, WIDEST_MOVE, score};
 use serde::Serialize;
@@ -17,7 +20,8 @@ const LEAST: f64 = 5.0;
 const AGREES: f64 = 1.0;
 /// Moved copies.
 pub const COPIES: usize = 48;
-/// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its power, and only their ratio means anything.
+/// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its
+/// power, and only their ratio means anything.
 const OVER_COPIES: f64 = 3.0;
 /// Copies that must have found a place.
 pub const FEWEST_COPIES: usize = 40;
@@ -91,7 +95,8 @@ pub struct Verdict {
     pub surrogates: Surrogates,
     /// Why it is refused.
     pub refused: Option<String>,
-    /// It stands out of every moved copy, and the highest comes too near it, or it is one line alone that says too little: the held-out turns decide (`again::search_on`).
+    /// It stands out of every moved copy, and the highest comes too near it, or it is one line alone that says too
+    /// little: the held-out turns decide (`again::search_on`).
     pub is_close: bool,
 }
 
@@ -111,8 +116,9 @@ pub fn judge_alone(candidate: &Candidate, field: &Field) -> Verdict {
     judge(&Candidate { alternatives: 1.0, ..candidate.clone() }, field)
 }
 
-/// Judges one line alone, of which the fitted turns say enough for a family, on turns on which nothing was chosen: it has to agree there and to be the highest of all its copies. How far copies fall
-/// off cannot be asked of a line that short turns show faintly.
+/// Judges one line alone, of which the fitted turns say enough for a family, on turns on which nothing was chosen: it
+/// has to agree there and to be the highest of all its copies. How far copies fall off cannot be asked of a line that
+/// short turns show faintly.
 pub fn agrees_alone(candidate: &Candidate, field: &Field) -> Verdict {
     let mut verdict = judge_alone(candidate, field);
     let Surrogates { copies, as_high, .. } = verdict.surrogates;
@@ -132,8 +138,10 @@ fn displacement(i: usize) -> f64 {
     if i.is_multiple_of(2) { share } else { -share }
 }
 
-/// How often as far copies may be moved where few of the nearest find a place: of a line at a frequency, which stands between the frequencies that mesh lines sweep, and of an order of neither shaft, where the
-/// shafts' own orders are dense. (One whole order of a shaft stays near: beside another shaft's line it may be that line's skirt, which only the nearest copies show.)
+/// How often as far copies may be moved where few of the nearest find a place: of a line at a frequency, which stands
+/// between the frequencies that mesh lines sweep, and of an order of neither shaft, where the shafts' own orders are
+/// dense. (One whole order of a shaft stays near: beside another shaft's line it may be that line's skirt, which only
+/// the nearest copies show.)
 const FARTHER: usize = 6;
 
 /// Scores of the copies of a candidate that find a place.

@@ -1,8 +1,13 @@
-//! What is asked for once more when a search has ended: families that a moved copy came close to, and all of them without what the held-out turns veto.
+//! What is asked for once more when a search has ended: families that a moved copy came close to, and all of them
+//! without what the held-out turns veto.
 //!
-//! *On*: what stands out of every moved copy, though not thrice, or is one line alone, passes where the held-out turns alone let it; last, so that no line is taken from what is surer.
-//! *Again*: a family that the held-out turns veto has spoken for its lines, and what stands close beside it, or was taken for it (a tone for an order, a tooth's pattern for sidebands), was never asked for. The search is made again from the
-//! families that hold, and what was vetoed is not asked for. The gate and the veto are the same. Cost: a search more where something is vetoed; limit: what a vetoed base would explain, its multiples and sidebands, is not asked for either.
+//! *On*: what stands out of every moved copy, though not thrice, or is one line alone, passes where the held-out
+//! turns alone let it; last, so that no line is taken from what is surer.
+//! *Again*: a family that the held-out turns veto has spoken for its lines, and what stands close beside it, or was
+//! taken for it (a tone for an order, a tooth's pattern for sidebands), was never asked for. The search is made again
+//! from the families that hold, and what was vetoed is not asked for. The gate and the veto are the same. Cost: a
+//! search more where something is vetoed; limit: what a vetoed base would explain, its multiples and sidebands, is
+//! not asked for either.
 
 use super::candidate::Domain;
 use super::residual::Views;
@@ -10,7 +15,8 @@ use super::scene::Scene;
 use super::search::{Adopted, Search};
 use super::spoken_for::mesh_taken;
 
-/// Searches again once the held-out turns have vetoed families; `kept` and `rest`, parts of the shafts that were let pass, stay as they are. Whether a family is found.
+/// Searches again once the held-out turns have vetoed families; `kept` and `rest`, parts of the shafts that were let
+/// pass, stay as they are. Whether a family is found.
 pub fn search_again(
     search: &mut Search,
     [kept, vetoed]: [Vec<Adopted>; 2],
@@ -29,8 +35,9 @@ pub fn search_again(
     search.adopted.len() > count
 }
 
-/// Searches on with the families that stand out of every moved copy though the highest comes too near ([`super::accept::Verdict::is_close`]) and that the held-out turns alone let pass the gate; last, so that no line is taken from what is
-/// surer. `rest`: parts of the shafts that were let pass.
+/// Searches on with the families that stand out of every moved copy though the highest comes too near
+/// ([`super::accept::Verdict::is_close`]) and that the held-out turns alone let pass the gate; last, so that no line
+/// is taken from what is surer. `rest`: parts of the shafts that were let pass.
 pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, held]: [&Views; 2]) {
     let parts = orders_of(search.adopted.iter().chain(rest.iter().copied()));
     let (before, sure) = (search.taken.clone(), search.adopted.len());

@@ -1,20 +1,25 @@
-//! An order slower than the slower shaft on all turns in one stretch, fitted, held out and between: nearly three times as sharp as on the fitted ones.
+//! An order slower than the slower shaft on all turns in one stretch, fitted, held out and between: nearly three
+//! times as sharp as on the fitted ones.
 //!
-//! There a line stands higher, and what a wandering speed leaves beside the mesh lines does not. A quarter of the turns alone would not tell either from its mesh line. The
-//! fitted turns place it within some bins only, so it is looked for about there; where it stands is its rate. Asked before it is adopted: one that is none
-//! would take the lines of others with it. Limit: turns held out take part; that is the veto's price for what they cannot show alone. (Searched on all turns alone, without having to
-//! stand on the fitted ones, a wander's own chance peaks passed on nine of 67 nulls, some at 400 nats.)
+//! There a line stands higher, and what a wandering speed leaves beside the mesh lines does not. A quarter of the
+//! turns alone would not tell either from its mesh line. The fitted turns place it within some bins only, so it is
+//! looked for about there; where it stands is its rate. Asked before it is adopted: one that is none would take the
+//! lines of others with it. Limit: turns held out take part; that is the veto's price for what they cannot show
+//! alone. (Searched on all turns alone, without having to stand on the fitted ones, a wander's own chance peaks
+//! passed on nine of 67 nulls, some at 400 nats.)
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Field, Place, Taken, score};
 use super::scene::Scene;
 use super::spectra::Spectra;
 
-/// Share of a bin in which its rate is looked for, and steps each way: what the fitted turns leave open. (As far as a main lobe of theirs, residue of the mesh line passes for a swing.)
+/// Share of a bin in which its rate is looked for, and steps each way: what the fitted turns leave open. (As far as a
+/// main lobe of theirs, residue of the mesh line passes for a swing.)
 const STEP: f64 = 0.5;
 const STEPS: i32 = 6;
 
-/// A slow family that the gate lets pass on the fitted turns, where it stands on all of them, beside orders spoken for; or why it is none.
+/// A slow family that the gate lets pass on the fitted turns, where it stands on all of them, beside orders spoken
+/// for; or why it is none.
 ///
 /// # Errors
 /// Why the gate refuses it there, in words.

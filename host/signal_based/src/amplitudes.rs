@@ -1,9 +1,12 @@
 //! Least squares of lines of known order on the fitted turns of one run and channel.
 //!
-//! Each line's amplitude is complex (the path is unknown) and moves with the speed as its own [`Basis`] says, which [`Choice`] chooses. Weights are a Blackman-Harris window per
-//! stretch, so lines more than four bins apart do not touch and are fitted one after the other; a second round takes off what the first
-//! left between neighbours. Where the speed runs up all turns weigh alike: resonances are crossed in a few, those next to a gap bound what is fitted across it, and whole orders do not touch over whole turns. Phases count from the first turn of the grid, the same for all stretches: what is fitted predicts the waveform
-//! between them. Cost: two passes over the samples per line and round.
+//! Each line's amplitude is complex (the path is unknown) and moves with the speed as its own [`Basis`] says, which
+//! [`Choice`] chooses. Weights are a Blackman-Harris window per stretch, so lines more than four bins apart do not
+//! touch and are fitted one after the other; a second round takes off what the first left between neighbours. Where
+//! the speed runs up all turns weigh alike: resonances are crossed in a few, those next to a gap bound what is fitted
+//! across it, and whole orders do not touch over whole turns. Phases count from the first turn of the grid, the same
+//! for all stretches: what is fitted predicts the waveform between them. Cost: two passes over the samples per line
+//! and round.
 
 use super::basis::{Basis, FittedLine, State};
 use super::choice::Choice;
@@ -30,7 +33,8 @@ pub struct Weighted<'a> {
 }
 
 impl<'a> Weighted<'a> {
-    /// The fitted turns of `run`; all alike where the speed runs up, since what stands at the ends of a stretch then says most of what lies between two.
+    /// The fitted turns of `run`; all alike where the speed runs up, since what stands at the ends of a stretch then
+    /// says most of what lies between two.
     pub fn new(run: &'a SceneRun) -> Self {
         if run.runs_up() {
             return Self::by(run, &run.split.fit, |samples| vec![1.0; samples]);
@@ -97,8 +101,8 @@ impl<'a> Weighted<'a> {
         &self.weight_of_turn
     }
 
-    /// Fits lines and takes them off `samples` on the whole grid; returns their amplitudes. Constant ones without a choice. `carriers` are
-    /// lines of the same channel whose course may carry them.
+    /// Fits lines and takes them off `samples` on the whole grid; returns their amplitudes. Constant ones without a
+    /// choice. `carriers` are lines of the same channel whose course may carry them.
     pub fn fit(
         &self,
         samples: &mut [f64],

@@ -1,7 +1,8 @@
 //! Samples that stand at a limit: how many of them each extreme of a channel has.
 //!
-//! A signal that is not limited has one or two samples at its extreme, and more and more beside it. One that is has neighbours of one value there, or, where its peaks are one sample wide, a
-//! pile of single ones with hardly any before it. Limit: what is cut off so seldom that fewer stand there is not seen.
+//! A signal that is not limited has one or two samples at its extreme, and more and more beside it. One that is has
+//! neighbours of one value there, or, where its peaks are one sample wide, a pile of single ones with hardly any
+//! before it. Limit: what is cut off so seldom that fewer stand there is not seen.
 
 /// Pairs of neighbours, or samples of a pile, at an extreme from which a channel is limited.
 pub const LEAST: usize = 8;
@@ -10,7 +11,8 @@ pub const BEFORE: f64 = 2e-3;
 /// Times as many samples that the pile has.
 pub const TIMES: usize = 3;
 
-/// Samples that stand at a limit, at both extremes of a channel: pairs of neighbours that are alike there, or those of a pile.
+/// Samples that stand at a limit, at both extremes of a channel: pairs of neighbours that are alike there, or those
+/// of a pile.
 pub fn at_limit<T: PartialOrd + Copy + Into<f64>>(samples: &[T]) -> usize {
     let Some(&first) = samples.first() else { return 0 };
     let (mut low, mut high) = (first, first);

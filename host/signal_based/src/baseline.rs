@@ -1,9 +1,10 @@
 //! The declared model and the calibrated one: mesh harmonics behind an unknown path, constant or moving with the speed.
 //!
-//! *Declared*: every harmonic `k z1` has one complex amplitude per run and channel. *Calibrated*: it may move with the speed ([`super::basis::Basis`]); that takes
-//! in path resonances crossed in a run-up or a wander, a delay of the tach (a phase linear in speed) and its angle zero. Which functions, is
-//! chosen line by line on the fitted turns alone ([`Choice`]); where the speed runs up, poles of the path are fitted that all lines and channels share ([`poles`]). Every
-//! function of every line counts as two unknowns.
+//! *Declared*: every harmonic `k z1` has one complex amplitude per run and channel. *Calibrated*: it may move with
+//! the speed ([`super::basis::Basis`]); that takes in path resonances crossed in a run-up or a wander, a delay of the
+//! tach (a phase linear in speed) and its angle zero. Which functions, is chosen line by line on the fitted turns
+//! alone ([`Choice`]); where the speed runs up, poles of the path are fitted that all lines and channels share
+//! ([`poles`]). Every function of every line counts as two unknowns.
 
 use super::amplitudes::Weighted;
 use super::basis::{FittedLine, State};

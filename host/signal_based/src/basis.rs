@@ -1,9 +1,13 @@
 //! How an amplitude may move with the speed: a natural cubic spline, and resonances that the line is swept through.
 //!
-//! One node is a constant, two a straight line, more a spline between nodes at equal shares of the fitted turns, straight on beyond them. A path's response is smooth, so a spline of few nodes leaves a
-//! fifteenth of the power that as many straight pieces do (on the course of the test), and unlike a polynomial it does not swing out far where a stretch was not fitted. A resonance of the path stands at a frequency, not at a
-//! speed: its function of the line's own frequency and how fast that moves ([`super::swept`]) is shared by every line and channel ([`super::poles`]), only the residue is free. It
-//! carries across a gap of speeds what no interpolation can. A speed that changes takes a torque, which the mesh carries beside the load's: a function of the rate of change. Every function of every line is a complex unknown and is counted.
+//! One node is a constant, two a straight line, more a spline between nodes at equal shares of the fitted turns,
+//! straight on beyond them. A path's response is smooth, so a spline of few nodes leaves a fifteenth of the power
+//! that as many straight pieces do (on the course of the test), and unlike a polynomial it does not swing out far
+//! where a stretch was not fitted. A resonance of the path stands at a frequency, not at a speed: its function of the
+//! line's own frequency and how fast that moves ([`super::swept`]) is shared by every line and channel
+//! ([`super::poles`]), only the residue is free. It carries across a gap of speeds what no interpolation can. A speed
+//! that changes takes a torque, which the mesh carries beside the load's: a function of the rate of change. Every
+//! function of every line is a complex unknown and is counted.
 
 use super::swept::{Pole, resonance};
 use nalgebra::{DMatrix, DVector};
@@ -52,7 +56,8 @@ impl State {
     }
 }
 
-/// Share of its distance from a pole, at least of the half-width, by which a line may move from one point to the next, and most points of a turn.
+/// Share of its distance from a pole, at least of the half-width, by which a line may move from one point to the
+/// next, and most points of a turn.
 const STEP_SHARE: f64 = 0.25;
 const MOST_POINTS: f64 = 16.0;
 /// Half-widths from a pole within which a mode that was passed rings on.
@@ -90,7 +95,8 @@ impl FittedLine {
     }
 }
 
-/// Another line through the same path, which had the frequency of this one at another speed, and what makes its amplitude about one.
+/// Another line through the same path, which had the frequency of this one at another speed, and what makes its
+/// amplitude about one.
 #[derive(Debug, Clone, PartialEq)]
 struct Carried {
     line: Arc<FittedLine>,
@@ -138,7 +144,8 @@ impl Basis {
         Self { swings: true, ..self.clone() }
     }
 
-    /// The same times the course of another line at the speeds where it had this one's frequency; its amplitude has this mean square over the fitted turns.
+    /// The same times the course of another line at the speeds where it had this one's frequency; its amplitude has
+    /// this mean square over the fitted turns.
     pub fn carried_by(&self, line: &Arc<FittedLine>, mean_square: f64) -> Self {
         let scale = 1.0 / mean_square.sqrt().max(f64::MIN_POSITIVE);
         Self { carried: Some(Carried { line: Arc::clone(line), scale }), ..self.clone() }
@@ -167,7 +174,8 @@ impl Basis {
         let length = if last > 0 { nodes[i + 1] - nodes[i] } else { 1.0 };
         let u = ((speed_hz - nodes[i]) / length).clamp(-BEYOND, 1.0 + BEYOND);
         let (left, right) = if last > 0 { (1.0 - u, u) } else { (1.0, 0.0) };
-        // Weights of the second derivatives at both nodes: a cubic between them, straight on beyond the outer ones, where they vanish.
+        // Weights of the second derivatives at both nodes: a cubic between them, straight on beyond the outer ones,
+        // where they vanish.
         let [of_left, of_right] = match u {
             u if u < 0.0 => [0.0, -u],
             u if u > 1.0 => [u - 1.0, 0.0],
@@ -285,7 +293,8 @@ fn bends(nodes_hz: &[f64]) -> DMatrix<f64> {
     none
 }
 
-/// Index and weight of three neighbouring nodes in the departure of the middle one from the straight line through the others.
+/// Index and weight of three neighbouring nodes in the departure of the middle one from the straight line through the
+/// others.
 fn bend(first: usize, nodes_hz: &[f64]) -> [(usize, f64); 3] {
     let (left, right) = (nodes_hz[1] - nodes_hz[0], nodes_hz[2] - nodes_hz[1]);
     [(first, right / (left + right)), (first + 1, -1.0), (first + 2, left / (left + right))]

@@ -1,10 +1,13 @@
 //! Where a base of neither shaft stands on the turns not used: bearings slip.
 //!
-//! Load and lubrication let rolling elements slide: their orders move by a hundredth from one stretch of a record to the next, several bins of a harmonic. Held to its
-//! fitted place such a family is refused by turns on which it stands as high as ever. So at a steady speed its base is read there anew, within what bearings slip, on the channels
-//! searched: one number, taken only where it says more than its choice costs, and charged again by the veto ([`super::foretold`]). Channels held out take no part, so what the lines hold there stays a prediction; moved copies
-//! may slip by the same rule. Limits: of sidebands about the family's lines nothing is known, they stay; where others' lines are dense nothing is left to read; in a run-up, where stretches are short and
-//! lines broad, nothing is asked.
+//! Load and lubrication let rolling elements slide: their orders move by a hundredth from one stretch of a record to
+//! the next, several bins of a harmonic. Held to its fitted place such a family is refused by turns on which it
+//! stands as high as ever. So at a steady speed its base is read there anew, within what bearings slip, on the
+//! channels searched: one number, taken only where it says more than its choice costs, and charged again by the veto
+//! ([`super::foretold`]). Channels held out take no part, so what the lines hold there stays a prediction; moved
+//! copies may slip by the same rule. Limits: of sidebands about the family's lines nothing is known, they stay; where
+//! others' lines are dense nothing is left to read; in a run-up, where stretches are short and lines broad, nothing
+//! is asked.
 
 use super::candidate::{Domain, Taken};
 use super::residual::Views;
@@ -13,7 +16,8 @@ use super::search::{Adopted, Slip};
 use super::spoken_for::mesh_taken;
 use crate::analysis::lines::LOBE_BINS;
 
-/// Most that a base is believed to slip between two stretches of a record, share of it: rolling bearings slip by one to two hundredths (Randall and Antoni 2011, a tutorial).
+/// Most that a base is believed to slip between two stretches of a record, share of it: rolling bearings slip by one
+/// to two hundredths (Randall and Antoni 2011, a tutorial).
 const MOST: f64 = 0.015;
 /// Logarithm of the likelihood ratio that a slip has to gain beyond that of the number of choices.
 const LEAST: f64 = 5.0;
@@ -46,7 +50,8 @@ pub fn spoken_for(families: &[&Adopted], scene: &Scene, held: &Views) -> Taken {
     taken
 }
 
-/// The slip that the readings of lines (order and [`super::candidate::Candidate::lever`]) of a family, or of a moved copy of it, ask for.
+/// The slip that the readings of lines (order and [`super::candidate::Candidate::lever`]) of a family, or of a moved
+/// copy of it, ask for.
 pub fn slip(lines: &[[f64; 2]], own: &Adopted, spoken_for: &Taken, scene: &Scene, held: &Views) -> Slip {
     let spectra = held.of(own.candidate.domain);
     let level = own.verdict.score.level.min(spectra.depth().saturating_sub(1));

@@ -1,9 +1,10 @@
 //! A structured family of lines: where its lines are, what it would be called, and how strong the record speaks for it.
 //!
-//! A candidate is scored on every channel searched and every run; a family that follows neither shaft exactly is read at the resolution
-//! that speaks most for it (its lines are smeared), which costs the logarithm of the choices. The same score at moved places is the null.
-//! Places of one family that the resolution cannot tell apart are one reading, the first listed: else a base that is a rational relative of the
-//! true one would count each line as often as it has a combination near it.
+//! A candidate is scored on every channel searched and every run; a family that follows neither shaft exactly is read
+//! at the resolution that speaks most for it (its lines are smeared), which costs the logarithm of the choices. The
+//! same score at moved places is the null. Places of one family that the resolution cannot tell apart are one
+//! reading, the first listed: else a base that is a rational relative of the true one would count each line as often
+//! as it has a combination near it.
 
 use super::evidence::{Reading, of_family};
 pub use super::shaft::Shaft;
@@ -146,7 +147,8 @@ const WIDEST_SMEAR: f64 = 0.01;
 /// Largest share of its spacing by which a copy is moved.
 pub const WIDEST_MOVE: f64 = 0.06;
 
-/// Share of a first sideband's distance from its mesh harmonic that its copies keep: nearer, a skirt that the sideband hardly stands on is steep.
+/// Share of a first sideband's distance from its mesh harmonic that its copies keep: nearer, a skirt that the
+/// sideband hardly stands on is steep.
 const NEAR_THE_MESH: f64 = 0.7;
 
 /// What scoring needs.
@@ -169,7 +171,8 @@ pub fn score(candidate: &Candidate, field: &Field, moved: f64) -> Score {
         .unwrap_or_default()
 }
 
-/// Place of a line where the spacing is moved: by the share of it, at least beyond the main lobe, never as far as the next line.
+/// Place of a line where the spacing is moved: by the share of it, at least beyond the main lobe, never as far as the
+/// next line.
 pub fn moved_order(place: &Place, moved: f64, bin: f64) -> f64 {
     if moved == 0.0 {
         return place.order;
@@ -178,7 +181,8 @@ pub fn moved_order(place: &Place, moved: f64, bin: f64) -> f64 {
     place.order + moved.signum() * (moved.abs() * place.spacing.abs()).max(least)
 }
 
-/// A family's lines where it stands, which no moved copy of it may read: a copy that lands on them is as strong as the family.
+/// A family's lines where it stands, which no moved copy of it may read: a copy that lands on them is as strong as
+/// the family.
 struct OwnLines {
     unmoved: Taken,
     /// Distance of neighbouring lines of a locked family, orders.
@@ -242,7 +246,8 @@ fn median_gap(places: &[Place]) -> f64 {
     gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Level at which a place is read in spectra: slip smears in proportion, and no line is read more coarsely than its own smear could be.
+/// Level at which a place is read in spectra: slip smears in proportion, and no line is read more coarsely than its
+/// own smear could be.
 pub fn own_level(place: &Place, level: usize, spectra: &Spectra) -> usize {
     (0..=level).rev().find(|l| spectra.bin(*l) <= WIDEST_SMEAR * place.spacing.abs()).unwrap_or(0)
 }

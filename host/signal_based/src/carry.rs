@@ -1,9 +1,13 @@
-//! What the families found have besides the lines that they were found by; asked once the search has ended, when bases and spacings are known.
+//! What the families found have besides the lines that they were found by; asked once the search has ended, when
+//! bases and spacings are known.
 //!
-//! Three kinds of parts: the shafts' further orders ([`shaft_rest`]), further harmonics of the orders of neither shaft, and their sidebands ([`carried`]). After the search,
-//! because what a family's base explains of other bases is decided without them. Every part has to pass the gate on its own: the spacing is known, so what is moved for the null is the
-//! part and not what it belongs to. A part that is refused is asked again once others are let pass, because their lines were among its moved copies; lines once taken
-//! are not taken again. A modulator takes the shape (one, two or four sidebands on each side) that the gate lets pass with most evidence. Cost: a judgement per part and round.
+//! Three kinds of parts: the shafts' further orders ([`shaft_rest`]), further harmonics of the orders of neither
+//! shaft, and their sidebands ([`carried`]). After the search, because what a family's base explains of other bases
+//! is decided without them. Every part has to pass the gate on its own: the spacing is known, so what is moved for
+//! the null is the part and not what it belongs to. A part that is refused is asked again once others are let pass,
+//! because their lines were among its moved copies; lines once taken are not taken again. A modulator takes the shape
+//! (one, two or four sidebands on each side) that the gate lets pass with most evidence. Cost: a judgement per part
+//! and round.
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Place, Shaft, Taken, TakenOf};
@@ -130,8 +134,8 @@ impl Parts<'_> {
     }
 }
 
-/// Orders of other modulators' sidebands that this one's widest shape has not: nothing is read there, neither the sidebands nor their moved
-/// copies, because lines of two modulators close together would make each the other's null.
+/// Orders of other modulators' sidebands that this one's widest shape has not: nothing is read there, neither the
+/// sidebands nor their moved copies, because lines of two modulators close together would make each the other's null.
 fn not_shared(theirs: impl Iterator<Item = Candidate>, own: Option<&Candidate>, apart: f64) -> Vec<f64> {
     let mut shared = Taken::default();
     shared.extend(own.iter().flat_map(|own| own.places.iter().map(|place| place.order)));

@@ -1,8 +1,10 @@
-//! Which functions of the speed a line's amplitude moves with: those that predict stretches of the fitted turns left out.
+//! Which functions of the speed a line's amplitude moves with: those that predict stretches of the fitted turns left
+//! out.
 //!
-//! Chosen line by line and channel by channel: a strong line through resonances pays for many functions, a weak one for a constant. The turns are cut into
-//! stretches as long as those held out; each inner one is predicted from the others. The next richer basis must predict better by
-//! the share that its unknowns would gain by chance. Means are over whole turns of the slower shaft, over which its sidebands cancel.
+//! Chosen line by line and channel by channel: a strong line through resonances pays for many functions, a weak one
+//! for a constant. The turns are cut into stretches as long as those held out; each inner one is predicted from the
+//! others. The next richer basis must predict better by the share that its unknowns would gain by chance. Means are
+//! over whole turns of the slower shaft, over which its sidebands cancel.
 
 use super::basis::{Basis, FittedLine, State};
 use super::sweep::{Course, Sweep};
@@ -19,9 +21,11 @@ const PER_FUNCTION: usize = 3;
 const BESIDE: [usize; 5] = [1, 2, 4, 7, 12];
 /// Richer bases in turn that gain nothing, after which no richer one is tried.
 const IN_VAIN: usize = 3;
-/// Stretches' worth of error that a richer basis must gain beyond its unknowns: many are tried, and what one of them gains by chance costs a weak line its prediction.
+/// Stretches' worth of error that a richer basis must gain beyond its unknowns: many are tried, and what one of them
+/// gains by chance costs a weak line its prediction.
 const SPARING: f64 = 6.0;
-/// Most that a line carrying another may stand from it, share of the swept range, both logarithmic: the rest of its course is not its own.
+/// Most that a line carrying another may stand from it, share of the swept range, both logarithmic: the rest of its
+/// course is not its own.
 const SHARED: f64 = 0.5;
 /// Folds.
 const FOLDS: (usize, usize) = (6, 16);
@@ -36,7 +40,8 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// From the fitted turns' states and weights; a stretch is `block` turns, `held_turns` is the longest stretch held out.
+    /// From the fitted turns' states and weights; a stretch is `block` turns, `held_turns` is the longest stretch
+    /// held out.
     pub fn new(states: &[State], weights: &[f64], block: usize, held_turns: usize) -> Self {
         let block = block.max(1);
         let sweep = Sweep::new(states, weights, block);
@@ -53,7 +58,8 @@ impl Choice {
         Self { poles, ..self }
     }
 
-    /// The basis of a line from its sums turn by turn. Of the `carriers` the one whose frequencies it shares most may carry it.
+    /// The basis of a line from its sums turn by turn. Of the `carriers` the one whose frequencies it shares most may
+    /// carry it.
     pub fn of(&self, order: f64, sums: &[Complex64], carriers: &[Arc<FittedLine>]) -> Basis {
         let course = self.sweep.course(order, sums);
         let near = self.sweep.near(&self.poles, order);
@@ -117,7 +123,8 @@ impl Choice {
     }
 }
 
-/// Of some lines the one whose frequencies another line of this order shares most, where that is half of what is `swept` (logarithm of the fastest over the slowest speed) at least.
+/// Of some lines the one whose frequencies another line of this order shares most, where that is half of what is
+/// `swept` (logarithm of the fastest over the slowest speed) at least.
 pub fn carrier<Line: Borrow<FittedLine>>(lines: &[Line], order: f64, swept: f64) -> Option<&Line> {
     let apart = |line: &Line| (line.borrow().order / order).ln().abs();
     let nearest = lines.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));

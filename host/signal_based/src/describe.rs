@@ -72,7 +72,8 @@ pub fn outcome(
     if !scene.has_gears() {
         effects.iter_mut().for_each(Effect::forget_gears);
     }
-    let mut surrogates: Vec<Judged> = parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict, scene)).collect();
+    let mut surrogates: Vec<Judged> =
+        parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict, scene)).collect();
     for (judged, adopted) in surrogates.iter_mut().zip(&parts.search.adopted) {
         judged.refused = veto(adopted, vetoed);
     }
@@ -111,7 +112,8 @@ pub fn outcome(
     }
 }
 
-const METRIC: &str = "waveform: nrmse below the highest order held, root of the residual's share of the power meaned over \
+const METRIC: &str = "waveform: nrmse below the highest order held, root of the residual's share of the power meaned \
+    over \
      channels; share of power: unexplained share of the power, with what slips predicted as power at its lines";
 
 fn veto(adopted: &Adopted, vetoed: &[Judgement]) -> Option<String> {
@@ -233,7 +235,8 @@ fn is_of(adopted: &Adopted, own: &Impacts, scene: &Scene) -> bool {
     }
 }
 
-/// Whether a bearing read from lines is no other than what the impacts are of; a rig without gears has no mesh that tells a stiffness from impacts.
+/// Whether a bearing read from lines is no other than what the impacts are of; a rig without gears has no mesh that
+/// tells a stiffness from impacts.
 fn agrees(bearing: &Bearing, impacts: &[Impacts], scene: &Scene) -> bool {
     scene.has_gears()
         || impacts.first().is_some_and(|own| {

@@ -1,10 +1,11 @@
 //! Errors in three stages on the fitted and on the held-out turns.
 //!
-//! *Waveform*: mesh lines and locked families, amplitudes and phases fitted on one part, predict the other; the normalised RMS error is the root of the
-//! residual's share of the power, meaned over channels (a loud channel does not decide). *Power*: a family that slips cannot predict a phase; it
-//! predicts the power at its lines. What it predicted and found is subtracted from the unexplained share, never more than it predicted.
-//! Everything is below the highest order that the record holds at every speed. The noise floor is that of the record itself on the fitted turns, between
-//! its lines: no residual has a share in it.
+//! *Waveform*: mesh lines and locked families, amplitudes and phases fitted on one part, predict the other; the
+//! normalised RMS error is the root of the residual's share of the power, meaned over channels (a loud channel does
+//! not decide). *Power*: a family that slips cannot predict a phase; it predicts the power at its lines. What it
+//! predicted and found is subtracted from the unexplained share, never more than it predicted. Everything is below
+//! the highest order that the record holds at every speed. The noise floor is that of the record itself on the fitted
+//! turns, between its lines: no residual has a share in it.
 
 use super::amplitudes::{self, Weighted};
 use super::baseline::{Baseline, Grids, unknowns};
@@ -51,7 +52,8 @@ pub struct ChannelError {
     pub unexplained_share: f64,
     /// What the named lines hold at most.
     pub named_lines: NamedLines,
-    /// What nonsynchronous families with their spacings moved by 1 to 6 % would take in the same way: median and largest share of the power.
+    /// What nonsynchronous families with their spacings moved by 1 to 6 % would take in the same way: median and
+    /// largest share of the power.
     pub control: [f64; 2],
 }
 
@@ -78,8 +80,8 @@ pub struct Corrected {
     pub unknowns: usize,
 }
 
-/// Fits the locked families' lines on the fitted turns, one family after the other; every amplitude is believed as far as the family's evidence
-/// goes ([`Shares::trust`]).
+/// Fits the locked families' lines on the fitted turns, one family after the other; every amplitude is believed as
+/// far as the family's evidence goes ([`Shares::trust`]).
 pub fn correct(scene: &Scene, baseline: &Baseline, views: &Views, adopted: &[&Adopted]) -> Corrected {
     let mut corrected = Corrected::none(scene, baseline);
     for own in adopted {
@@ -168,7 +170,8 @@ pub(super) fn shares(scene: &Scene, residual: &Grids, stretches: fn(&Split) -> &
     (0..scene.runs.len()).map(|r| (0..scene.channels.len()).map(|c| share(r, c)).collect()).collect()
 }
 
-/// Share of the held-out power that other signals have, one per channel of the record's first run, meaned over channels: what an error would be that left just them.
+/// Share of the held-out power that other signals have, one per channel of the record's first run, meaned over
+/// channels: what an error would be that left just them.
 pub fn share_of(scene: &Scene, signals: &[Vec<f64>]) -> f64 {
     let Some(run) = scene.runs.first() else { return 0.0 };
     let per_turn = run.angle.per_turn[0];

@@ -1,14 +1,17 @@
 //! Evidence of a family of lines: every free amplitude pays for itself.
 //!
-//! A place of a family is a line of unknown complex amplitude or no line. Power over floor there, `y`, is the mean of `K` spectra: Gamma(K) about 1
-//! without a line, about `1 + s` with one whose complex amplitude is normal with `s` times the floor's variance. Prior, written down: `s` is log-uniform on
-//! 0.3 to 3e5 (steps of a factor of 10^0.5); a share `q` of the family's places carries a line, `q` one of 1, 1/2, 1/4, ... 1/64 with equal weight. Both
-//! are summed over, so the logarithm of the Bayes factor against "no line anywhere" is exact for this prior (what Laplace's method would
-//! approximate): a place without a line costs, a family of many places pays for all. Limit: places and channels are counted as
-//! independent, and the floor as known; that is why a family must also stand out of its own shifted copies (`accept`).
+//! A place of a family is a line of unknown complex amplitude or no line. Power over floor there, `y`, is the mean of
+//! `K` spectra: Gamma(K) about 1 without a line, about `1 + s` with one whose complex amplitude is normal with `s`
+//! times the floor's variance. Prior, written down: `s` is log-uniform on
+//! 0.3 to 3e5 (steps of a factor of 10^0.5); a share `q` of the family's places carries a line, `q` one of 1, 1/2,
+//! 1/4, ... 1/64 with equal weight. Both are summed over, so the logarithm of the Bayes factor against "no line
+//! anywhere" is exact for this prior (what Laplace's method would approximate): a place without a line costs, a
+//! family of many places pays for all. Limit: places and channels are counted as independent, and the floor as known;
+//! that is why a family must also stand out of its own shifted copies (`accept`).
 //!
-//! The same prior says how much of a fitted amplitude to believe ([`Shares::trust`]): the chance that there is a line, times the share of the
-//! estimate that is line and not noise. Amplitudes shrunk by it are posterior means, so lines of a true family that are noise themselves cost nothing on average.
+//! The same prior says how much of a fitted amplitude to believe ([`Shares::trust`]): the chance that there is a
+//! line, times the share of the estimate that is line and not noise. Amplitudes shrunk by it are posterior means, so
+//! lines of a true family that are noise themselves cost nothing on average.
 
 /// Logarithms of the signal-to-noise ratios summed over: steps of half a decade.
 const STEPS: usize = 13;
@@ -36,8 +39,8 @@ impl Reading {
         std::array::from_fn(|i| self.ln_likelihood_ratio(step(i)))
     }
 
-    /// Share of an amplitude fitted to all averaged spectra together that is the line's, should there be one: posterior mean of
-    /// `K s / (1 + K s)`, 0 to 1.
+    /// Share of an amplitude fitted to all averaged spectra together that is the line's, should there be one:
+    /// posterior mean of `K s / (1 + K s)`, 0 to 1.
     pub fn line_share(self) -> f64 {
         let terms = self.terms();
         let all = ln_sum(terms.into_iter());
@@ -48,8 +51,8 @@ impl Reading {
         terms.iter().enumerate().map(of).sum()
     }
 
-    /// Logarithm of the likelihood ratio of another part's readings against no line, should there be one here: each of `others` is as likely to be its
-    /// place; a spectrum there has `length` times the length of one here.
+    /// Logarithm of the likelihood ratio of another part's readings against no line, should there be one here: each
+    /// of `others` is as likely to be its place; a spectrum there has `length` times the length of one here.
     pub fn ln_foretold(self, others: &[Self], length: f64) -> f64 {
         let terms = self.terms();
         let all = ln_sum(terms.into_iter());
@@ -178,7 +181,8 @@ mod tests {
 
     #[test]
     fn theory_what_is_foretold_is_exact_for_the_prior_and_refuses_chance() {
-        // Over readings of the floor alone, which are exponential, the likelihood ratio has a mean of one, whatever was read before.
+        // Over readings of the floor alone, which are exponential, the likelihood ratio has a mean of one, whatever
+        // was read before.
         let before = Reading { ratio: 6.0, averages: 2.0 };
         let of = |ratio: f64| [ratio, 0.3, 2.0].map(|ratio| Reading { ratio, averages: 1.0 });
         let alone = |reading: Reading| before.ln_foretold(&[reading], 0.7);

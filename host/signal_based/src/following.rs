@@ -1,11 +1,14 @@
 //! Mesh lines followed turn by turn: what families are searched in in a run-up, and what envelopes are of.
 //!
-//! A path turns and swells every mesh line as a run-up sweeps it through resonances. The calibrated model, which must predict turns not used, leaves several times the noise of it,
-//! beside the mesh lines, where sidebands stand. For a search nothing need be predicted: each line's amplitude is followed by a moving average over two turns
-//! of the slower shaft (triangular: its response vanishes at every whole order of that shaft, so no sideband of it is touched; of the other shaft 2 % at most), applied
-//! twice for lines that turn within it, and taken off. Order spectra only in run-ups: where the speed is steady, swings and cages stand as near to the mesh lines as this reaches. Envelopes
-//! always: they are of what knocks, in wide bands, and a mesh line that swings fills them. The average
-//! reaches into the gap before held-out turns, not beyond it, but for the half that the second round adds; it takes the mesh off and adds nothing.
+//! A path turns and swells every mesh line as a run-up sweeps it through resonances. The calibrated model, which must
+//! predict turns not used, leaves several times the noise of it, beside the mesh lines, where sidebands stand. For a
+//! search nothing need be predicted: each line's amplitude is followed by a moving average over two turns of the
+//! slower shaft (triangular: its response vanishes at every whole order of that shaft, so no sideband of it is
+//! touched; of the other shaft 2 % at most), applied twice for lines that turn within it, and taken off. Order
+//! spectra only in run-ups: where the speed is steady, swings and cages stand as near to the mesh lines as this
+//! reaches. Envelopes always: they are of what knocks, in wide bands, and a mesh line that swings fills them. The
+//! average reaches into the gap before held-out turns, not beyond it, but for the half that the second round adds; it
+//! takes the mesh off and adds nothing.
 
 use super::baseline::Grids;
 use super::scene::{Scene, SceneRun};

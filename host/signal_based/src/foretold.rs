@@ -1,10 +1,12 @@
 //! What the fitted turns foretell of lines whose phases cannot be known: their power on other turns.
 //!
-//! The prior is the one that the lines were found with ([`Reading`]): what a place reads on the fitted turns says how strong its line is, and whether there is
-//! one in that run and channel at all. The worth of the family is the logarithm of the likelihood ratio of the other turns' readings so foretold
-//! against a floor without lines, at the places that stood. Empty places of the family ask for nothing there, and a line weaker than it should be
-//! speaks against it. A shorter stretch shows a line lower by the ratio of the lengths; in a run-up, where the path swells a line, it is as much higher as the mesh line that swept its frequencies. Limit: a line that stands on one part alone, as a short disturbance does, is
-//! refused however strong it is.
+//! The prior is the one that the lines were found with ([`Reading`]): what a place reads on the fitted turns says how
+//! strong its line is, and whether there is one in that run and channel at all. The worth of the family is the
+//! logarithm of the likelihood ratio of the other turns' readings so foretold against a floor without lines, at the
+//! places that stood. Empty places of the family ask for nothing there, and a line weaker than it should be speaks
+//! against it. A shorter stretch shows a line lower by the ratio of the lengths; in a run-up, where the path swells a
+//! line, it is as much higher as the mesh line that swept its frequencies. Limit: a line that stands on one part
+//! alone, as a short disturbance does, is refused however strong it is.
 
 use super::baseline::Baseline;
 use super::candidate::{Domain, Place, own_level};
@@ -19,7 +21,8 @@ use super::split::Stretch;
 /// Most that a path is believed to swell a line from one part to the other, of its power.
 const MOST_SWELLED: f64 = 30.0;
 
-/// Logarithm of the likelihood ratio of the second views' readings, foretold from the first; the best level, coarser ones too, since slip moves between the two.
+/// Logarithm of the likelihood ratio of the second views' readings, foretold from the first; the best level, coarser
+/// ones too, since slip moves between the two.
 pub fn ln_bayes(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopted) -> f64 {
     let depth = views.map(|view| view.of(own.candidate.domain).depth()).into_iter().min().unwrap_or(0);
     if depth == 0 {
@@ -63,7 +66,8 @@ fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopte
     own.standing().flat_map(read).filter(|(_, near, _)| !near.is_empty()).map(foretold).sum()
 }
 
-/// Power that the path gives a line of this order on the held-out turns of a run-up over that on the fitted ones, by the mesh line that swept its frequencies, where one did.
+/// Power that the path gives a line of this order on the held-out turns of a run-up over that on the fitted ones, by
+/// the mesh line that swept its frequencies, where one did.
 fn swelled(scene: &Scene, baseline: &Baseline, (run, channel): (usize, usize), order: f64) -> Option<f64> {
     let own = &scene.runs[run];
     let swept = (own.angle.speed.fastest_hz / own.angle.speed.slowest_hz).ln();

@@ -1,8 +1,9 @@
-//! A train as the kinematic level sees it: which orders its sound meshes have, which are owned by any of its parts, and the families of its faults.
+//! A train as the kinematic level sees it: which orders its sound meshes have, which are owned by any of its parts,
+//! and the families of its faults.
 //!
-//! Worked out once per record, up to its highest order, in orders of the train's input. Parts that turn too seldom in the record for their sidebands
-//! to be told apart have no family; lines of theirs are owned all the same. Amplitudes of mesh lines are fitted up to a harmonic, beyond it they are
-//! only spoken for: a slow stage has hundreds.
+//! Worked out once per record, up to its highest order, in orders of the train's input. Parts that turn too seldom in
+//! the record for their sidebands to be told apart have no family; lines of theirs are owned all the same. Amplitudes
+//! of mesh lines are fitted up to a harmonic, beyond it they are only spoken for: a slow stage has hundreds.
 
 use super::shaft::Shaft;
 use crate::analysis::explained::Owned;
@@ -10,7 +11,8 @@ use crate::train::families::{self, Family, Seat, What};
 use crate::train::{Train, lines};
 use std::sync::Arc;
 
-/// Harmonics of a pair's mesh, and of a set's with what the planets' passing makes of them, whose amplitudes are fitted.
+/// Harmonics of a pair's mesh, and of a set's with what the planets' passing makes of them, whose amplitudes are
+/// fitted.
 const FITTED: f64 = 24.5;
 const FITTED_OF_SET: f64 = 8.5;
 /// The same by which a mesh is found to stand.
@@ -40,7 +42,8 @@ pub struct Gearing {
 }
 
 impl Gearing {
-    /// Of a train in a record that holds orders up to `highest` and whose slowest shaft that turns often enough has order `slower`.
+    /// Of a train in a record that holds orders up to `highest` and whose slowest shaft that turns often enough has
+    /// order `slower`.
     pub fn of(train: &Train, highest: f64, slower: f64) -> Self {
         let sound = lines::of_sound_meshes(train, highest);
         let all = families::all(train, highest);

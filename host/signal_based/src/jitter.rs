@@ -1,9 +1,16 @@
-//! The angle without the jitter of its tachometer: a shaft with inertia changes its speed smoothly, an edge that falls between two samples does not.
+//! The angle without the jitter of its tachometer: a shaft with inertia changes its speed smoothly, an edge that
+//! falls between two samples does not.
 //!
-//! At the hundredth order a jitter of a ten-thousandth of a turn is a phase of 0.06 rad: it lays skirts about every mesh line, in which sidebands of the shafts drown. Means over whole turns
-//! (`analysis::whole_turns`) take off what is faster than a turn; what is slower is mostly jitter too, where the speed wanders over tens of turns. So the times of whole turns are smoothed by penalised least squares with fourth differences
-//! (Whittaker 1923, Henderson 1924; an eighth-power filter), as much as generalised cross-validation asks (Craven and Wahba 1979), and the angle goes through them. Trace of the smoother: from the eigenvalues of the circular problem.
-//! Cost: a banded solution for each strength tried. Where cross-validation keeps most of what there is, or what it takes off is a line, the speed does move that fast, and the angle stays as it is. Steady speed only: a run-up begins and ends with a kink, which smoothing would turn into swings. Limit: what the speed truly does within some turns shows as modulation then.
+//! At the hundredth order a jitter of a ten-thousandth of a turn is a phase of 0.06 rad: it lays skirts about every
+//! mesh line, in which sidebands of the shafts drown. Means over whole turns (`analysis::whole_turns`) take off what
+//! is faster than a turn; what is slower is mostly jitter too, where the speed wanders over tens of turns. So the
+//! times of whole turns are smoothed by penalised least squares with fourth differences (Whittaker 1923, Henderson
+//! 1924; an eighth-power filter), as much as generalised cross-validation asks (Craven and Wahba 1979), and the angle
+//! goes through them. Trace of the smoother: from the eigenvalues of the circular problem. Cost: a banded solution
+//! for each strength tried. Where cross-validation keeps most of what there is, or what it takes off is a line, the
+//! speed does move that fast, and the angle stays as it is. Steady speed only: a run-up begins and ends with a kink,
+//! which smoothing would turn into swings. Limit: what the speed truly does within some turns shows as modulation
+//! then.
 
 use crate::analysis::angle::Angle;
 use crate::spectral::{AngleMap, interpolated};
@@ -15,11 +22,13 @@ use std::f64::consts::TAU;
 const STRENGTHS: (i32, i32) = (-2, 18);
 /// Share of the turns' degrees of freedom kept from which the angle is left alone.
 const MOST_KEPT: f64 = 0.7;
-/// Edges per turn of the new angle: a spline through one of each turn leaves images of the wander beside the shaft's sidebands.
+/// Edges per turn of the new angle: a spline through one of each turn leaves images of the wander beside the shaft's
+/// sidebands.
 const EDGES: u32 = 8;
 /// Fewest turns.
 const FEWEST: usize = 16;
-/// Share of what is taken off that stands at one frequency from which it is a swing: jitter has the logarithm of the turns over half of them.
+/// Share of what is taken off that stands at one frequency from which it is a swing: jitter has the logarithm of the
+/// turns over half of them.
 const LINE: f64 = 0.25;
 /// Order of the differences, and their coefficients.
 const ORDER: usize = 4;

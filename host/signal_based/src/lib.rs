@@ -1,16 +1,26 @@
 //! The loop on measured records: what tooth counts and a speed reference say, without a machine's equations.
 //!
 //! 1. [`preflight`]: which level a record allows, and what is missing for the next.
-//! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many channels.
-//! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated), each line as [`choice`] has it, through the [`poles`] of a run-up.
-//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]), then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]).
-//!    Impacts that follow no shaft, in squared envelopes ([`impacts`]).
-//!    A slow swing of the load is looked for in the [`strength`] with which all lines mesh.
-//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`bearing_slip`]); a veto. [`named_lines`]: what their lines hold at most.
+//! 2. [`scene`], [`jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's jitter, those of
+//!    the mesh lines where the tach does not follow; a quarter of the turns held out, and every second of many
+//!    channels.
+//! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated),
+//!    each line as [`choice`] has it, through the [`poles`] of a run-up.
+//! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines
+//!    as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]),
+//!    then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what
+//!    they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]). Impacts that follow no shaft, in
+//!    squared envelopes ([`impacts`]). A slow swing of the load is looked for in the [`strength`] with which all
+//!    lines mesh.
+//! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a
+//!    shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`bearing_slip`]); a veto.
+//!    [`named_lines`]: what their lines hold at most.
 //! 6. [`motor_slip`]: the speed against a declared load, and the supply that it slips against.
-//! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
+//! 7. [`limits`]: what of the library would have been found here, at [`places`] drawn and against the [`rivals`] that
+//!    the search has before it. [`naming`], [`outcome`], [`view`], [`report`]: words, JSON, page.
 //!
-//! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes some ten seconds.
+//! Angle, spectra, floors, line search and averages are the analysis'. Cost: a 20 s record of three channels takes
+//! some ten seconds.
 
 pub mod accept;
 pub mod again;

@@ -1,12 +1,18 @@
-//! What would have been found: for every family that was not, the strength that this search, with its gate, would have shown in this record.
+//! What would have been found: for every family that was not, the strength that this search, with its gate, would
+//! have shown in this record.
 //!
-//! An injected line adds to the projection that the search reads: power `|Z + a|^2` with an unknown phase between them. So injection and recovery need no second run: at places drawn
-//! ([`places`]) and with phases drawn, from a fixed seed, the readings of this very record are changed as lines of strength `a` would, and everything is asked that keeps the search from a family:
-//! the gate's threshold of its own moved copies there, and that enough of them find a place; that it is among the candidates judged, and that the order spectrum of a channel proposes its base
-//! ([`super::rivals`]). The strength is a share of the mean amplitude of the neighbouring mesh line, channel by channel (what the path passes there), or of the channel's strongest mesh line for orders
-//! far from the mesh. In half, and in nine of ten of the places it is found; where it would be at no strength, the place counts as not found. A limited channel's strength is the share of its
-//! largest value that is cut off. Checked against real injections into measured records (`book/src/results/injection.md`). Limits: lines do not slip and are not looked for in envelopes; the veto of the
-//! held-out turns is not asked. Cost: one more round of the search, and some fifty scores per family and place.
+//! An injected line adds to the projection that the search reads: power `|Z + a|^2` with an unknown phase between
+//! them. So injection and recovery need no second run: at places drawn ([`places`]) and with phases drawn, from a
+//! fixed seed, the readings of this very record are changed as lines of strength `a` would, and everything is asked
+//! that keeps the search from a family: the gate's threshold of its own moved copies there, and that enough of them
+//! find a place; that it is among the candidates judged, and that the order spectrum of a channel proposes its base
+//! ([`super::rivals`]). The strength is a share of the mean amplitude of the neighbouring mesh line, channel by
+//! channel (what the path passes there), or of the channel's strongest mesh line for orders far from the mesh. In
+//! half, and in nine of ten of the places it is found; where it would be at no strength, the place counts as not
+//! found. A limited channel's strength is the share of its largest value that is cut off. Checked against real
+//! injections into measured records (`book/src/results/injection.md`). Limits: lines do not slip and are not looked
+//! for in envelopes; the veto of the held-out turns is not asked. Cost: one more round of the search, and some fifty
+//! scores per family and place.
 
 use super::accept::{self, FEWEST_COPIES, Surrogates};
 use super::baseline::Baseline;
@@ -61,7 +67,8 @@ pub fn limits(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search,
     missing.map(|(family, c)| bench.limit(&family, &c)).chain(limited(scene)).collect()
 }
 
-/// One typical candidate of each family, with the alternatives that its search has; `ranked` are candidates of the last round.
+/// One typical candidate of each family, with the alternatives that its search has; `ranked` are candidates of the
+/// last round.
 pub fn library(context: &Context, ranked: &[(f64, Candidate)]) -> Vec<(String, Candidate)> {
     let mut all = Vec::new();
     for shaft in Shaft::BOTH.into_iter().filter(|_| context.scene.gearing.is_none()) {

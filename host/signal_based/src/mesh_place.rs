@@ -1,8 +1,9 @@
 //! Whether the mesh stands at teeth x speed, before anything is built on it.
 //!
-//! The comb of mesh harmonics in the record's own order spectra is scored where the declaration puts it, with other tooth counts, and with a clock that is
-//! off by up to 2 %. Where another place speaks clearly more, the angle or the teeth are wrong and every family would be named after a wrong
-//! shaft: nothing is named then. Limit: the gear's teeth cannot be seen this way; a tach that is off by less than a bin neither.
+//! The comb of mesh harmonics in the record's own order spectra is scored where the declaration puts it, with other
+//! tooth counts, and with a clock that is off by up to 2 %. Where another place speaks clearly more, the angle or the
+//! teeth are wrong and every family would be named after a wrong shaft: nothing is named then. Limit: the gear's
+//! teeth cannot be seen this way; a tach that is off by less than a bin neither.
 
 use super::evidence::of_family;
 use super::scene::Scene;

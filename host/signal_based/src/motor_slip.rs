@@ -1,9 +1,11 @@
 //! Speed against load: the law of a motor that slips, and the supply that it slips against.
 //!
-//! Runs that declare a load are taken in its order; every second one is fitted, the others are predicted. Constant, linear or quadratic law of the mean speed, chosen by
-//! leaving one fitted load out at a time. The supply's line is one frequency common to the fitted runs, up to 4 % above a whole multiple of the shaft's rate (no slip is
-//! negative, few are wider), after that multiple's own line has been taken off; every frequency tried is paid for. Without such a line the law is of the speed
-//! alone. Limits: one supply; four loads or more; a frequency converter that follows the load looks like slip.
+//! Runs that declare a load are taken in its order; every second one is fitted, the others are predicted. Constant,
+//! linear or quadratic law of the mean speed, chosen by leaving one fitted load out at a time. The supply's line is
+//! one frequency common to the fitted runs, up to 4 % above a whole multiple of the shaft's rate (no slip is
+//! negative, few are wider), after that multiple's own line has been taken off; every frequency tried is paid for.
+//! Without such a line the law is of the speed alone. Limits: one supply; four loads or more; a frequency converter
+//! that follows the load looks like slip.
 
 use super::evidence::Reading;
 use super::families::fixed_frequency::supply_hz;
@@ -125,7 +127,8 @@ fn left_out(points: &[(f64, f64)], degree: usize) -> f64 {
     ((0..points.len()).map(|i| error(i).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
 }
 
-/// The frequency above multiple `k` of the shaft's rate that the runs have in common, with its evidence after the choice.
+/// The frequency above multiple `k` of the shaft's rate that the runs have in common, with its evidence after the
+/// choice.
 fn supply(runs: &[&SceneRun], channels: usize, k: u32) -> Option<(f64, u32, f64)> {
     let fastest = runs.iter().map(|run| run.angle.speed.mean_hz).fold(0.0, f64::max) * f64::from(k);
     let mut spectra = Vec::new();
@@ -202,12 +205,14 @@ impl Law {
                 let mut slip: Vec<f64> = self.coefficients_hz.iter().map(|c| -100.0 * c / synchronous).collect();
                 slip[0] += 100.0;
                 format!(
-                    "slip against load: {} % {powers}; supply line {hz:.4} Hz near {k} x shaft ({nats:.0} nats); leave-one-load-out error of constant, linear, quadratic law {errors} % of the speed",
+                    "slip against load: {} % {powers}; supply line {hz:.4} Hz near {k} x shaft ({nats:.0} nats); \
+                     leave-one-load-out error of constant, linear, quadratic law {errors} % of the speed",
                     list(&slip, 1.0)
                 )
             }
             None => format!(
-                "speed against load: {} Hz {powers}, no supply line found; leave-one-load-out error of constant, linear, quadratic law {errors} % of the speed",
+                "speed against load: {} Hz {powers}, no supply line found; leave-one-load-out error of constant, \
+                 linear, quadratic law {errors} % of the speed",
                 list(&self.coefficients_hz, 1.0)
             ),
         }

@@ -1,8 +1,9 @@
 //! What lies outside the named lines: an upper bound for any model that has just these lines.
 //!
-//! No amplitude is predicted here. The power of the record itself on the turns not used, up to the highest order, is parted into the bins within a Hann
-//! window's main lobe of a mesh harmonic or of a line that stands on the fitted turns (a bearing's where it has slipped to), and the rest. The control moves the spacing of every
-//! nonsynchronous family by 1 to 6 % and chooses its lines by the same rule; what lies at real lines is not counted for it.
+//! No amplitude is predicted here. The power of the record itself on the turns not used, up to the highest order, is
+//! parted into the bins within a Hann window's main lobe of a mesh harmonic or of a line that stands on the fitted
+//! turns (a bearing's where it has slipped to), and the rest. The control moves the spacing of every nonsynchronous
+//! family by 1 to 6 % and chooses its lines by the same rule; what lies at real lines is not counted for it.
 
 use super::accept;
 use super::bearing_slip;
@@ -47,7 +48,8 @@ fn share(values: &[f64], at: impl Fn(usize) -> bool) -> f64 {
     sum / values.iter().sum::<f64>().max(f64::MIN_POSITIVE)
 }
 
-/// Channel by channel; `held` are spectra of the record itself on the held-out turns, `views` those that families were found on, and of the turns not used.
+/// Channel by channel; `held` are spectra of the record itself on the held-out turns, `views` those that families
+/// were found on, and of the turns not used.
 pub fn of(scene: &Scene, held: &Spectra, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<NamedLines> {
     let over_orders = |own: &&&Adopted| own.candidate.domain == Domain::Orders;
     let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);

@@ -1,4 +1,5 @@
-//! What an adopted family is called: a name only where nothing else of the library has the same lines behind an unknown path.
+//! What an adopted family is called: a name only where nothing else of the library has the same lines behind an
+//! unknown path.
 
 use super::candidate::{Kind, Shaft};
 use super::families::bearing::{Bearing, Part};
@@ -13,8 +14,9 @@ const PASSAGES: (f64, f64) = (2.38, 20.0);
 
 /// Fewest teeth of another stage that a pattern is read as.
 const FEWEST_TEETH: u32 = 10;
-/// Evidence in nats, about power over floor, from which a line alone is a ghost order: a path's resonances make the lines of a random pattern of the pitch differ by
-/// a factor of ten to twenty, and above this the next one would stand as well.
+/// Evidence in nats, about power over floor, from which a line alone is a ghost order: a path's resonances make the
+/// lines of a random pattern of the pitch differ by a factor of ten to twenty, and above this the next one would
+/// stand as well.
 const LONE_LINE: f64 = 400.0;
 /// Two orders that are computed are one within this.
 const SAME_ORDER: f64 = 1e-6;
@@ -128,7 +130,8 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
             }
             if adopted.verdict.score.ln_bayes < LONE_LINE {
                 let name = format!("{shaft}-ghost-order or {shaft}-pitch-error");
-                let remark = "one line, not strong enough to say that the weaker ones of a pattern of the pitch would stand, too";
+                let remark = "one line, not strong enough to say that the weaker ones of a pattern of the pitch \
+                    would stand, too";
                 return naming("ambiguous", name, "shaft-order", shaft, Some(remark));
             }
             naming("named", format!("{shaft}-ghost-order"), "shaft-order", shaft, None)

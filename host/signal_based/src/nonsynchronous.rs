@@ -1,8 +1,10 @@
-//! What families that follow no shaft predict: the power at their lines on the turns not used, and what moved copies of them would take.
+//! What families that follow no shaft predict: the power at their lines on the turns not used, and what moved copies
+//! of them would take.
 //!
-//! A line takes its excess over the floor within a few bins, never more than was predicted from the fitted turns, and no bin is taken twice however many
-//! lines fall on it. The control is the same with every spacing moved by 1 to 6 %, its lines chosen on the fitted turns by the same rule: the share that as
-//! many lines at wrong places take. Lines at the real places are left to the real family.
+//! A line takes its excess over the floor within a few bins, never more than was predicted from the fitted turns, and
+//! no bin is taken twice however many lines fall on it. The control is the same with every spacing moved by 1 to 6 %,
+//! its lines chosen on the fitted turns by the same rule: the share that as many lines at wrong places take. Lines at
+//! the real places are left to the real family.
 
 use super::accept;
 use super::bearing_slip;
@@ -38,7 +40,8 @@ pub fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// Share of the held-out power that nonsynchronous families predicted and that was there, by run and channel, with their spacings moved by a share.
+/// Share of the held-out power that nonsynchronous families predicted and that was there, by run and channel, with
+/// their spacings moved by a share.
 pub fn nonsynchronous_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
     let nonsynchronous: Vec<&Adopted> = adopted.iter().copied().filter(|a| !a.candidate.locked).collect();
     let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);
@@ -88,8 +91,9 @@ fn excess(spectra: &Spectra, (r, c): (usize, usize), level: usize, line: (f64, f
         .sum()
 }
 
-/// Orders of a family's lines that stand on the fitted turns of the channels searched, its own or of a moved copy: there, and on the turns not used, where the base may have slipped.
-/// `spoken_for` are the real families' lines, which no copy may slip to.
+/// Orders of a family's lines that stand on the fitted turns of the channels searched, its own or of a moved copy:
+/// there, and on the turns not used, where the base may have slipped. `spoken_for` are the real families' lines,
+/// which no copy may slip to.
 pub fn orders(own: &Adopted, views: [&Views; 2], scene: &Scene, moved: f64, spoken_for: &Taken) -> Vec<[f64; 2]> {
     if moved == 0.0 {
         return own.standing().map(|place| [place.order, place.order + own.off(place)]).collect();

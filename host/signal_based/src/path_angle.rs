@@ -1,10 +1,13 @@
 //! The angle of a run-up without pulses, once the path is known.
 //!
-//! Without a tachometer the angle is that of the mesh lines, and in a run-up the path turns these: the angle wriggles where a strong line passes a resonance, and all
-//! others wriggle against it. The calibrated model has the path as resonances that all lines share, each at its own speed, so what it leaves of all lines together, each turned by its
-//! order times the same angle, is the angle's error and no path. It is taken out and the model fitted anew, in turns, as long as the model leaves less of
-//! the fitted turns (alternating least squares). Read over two turns of the slower shaft, as [`super::phase`] does, so that shaft's sidebands stay. Cost: a fit of the model per round.
-//! Limit: what turns all lines alike as a smooth function of the speed, a delay, is left to the path, which is free in it.
+//! Without a tachometer the angle is that of the mesh lines, and in a run-up the path turns these: the angle wriggles
+//! where a strong line passes a resonance, and all others wriggle against it. The calibrated model has the path as
+//! resonances that all lines share, each at its own speed, so what it leaves of all lines together, each turned by
+//! its order times the same angle, is the angle's error and no path. It is taken out and the model fitted anew, in
+//! turns, as long as the model leaves less of the fitted turns (alternating least squares). Read over two turns of
+//! the slower shaft, as [`super::phase`] does, so that shaft's sidebands stay. Cost: a fit of the model per round.
+//! Limit: what turns all lines alike as a smooth function of the speed, a delay, is left to the path, which is free
+//! in it.
 
 use super::baseline::{Baseline, mesh_orders};
 use super::errors::shares;

@@ -1,10 +1,13 @@
 //! The angle as the mesh lines themselves have it: what a slow or virtual tachometer does not follow.
 //!
-//! Every mesh line's phase, read over two turns of the slower shaft at a time, departs from its mean by `k z` times what the angle is off; the departure
-//! common to all lines and channels, weighted by power and order, is that of the angle (maximum likelihood for small departures). A Hann window of two
-//! turns is blind to sidebands of that shaft, so a runout stays what it is. Repeated, because a window takes only part of a fast departure at once. Applied
-//! where the lines get sharper by it. A departure of half a cycle of a high harmonic is a small one of the first, so where the first is clear it is followed by itself before the others are asked. Limits: what swings the phase of all lines alike and slowly is taken for the angle; in a run-up
-//! the path turns the lines, so a measured tachometer is left alone there.
+//! Every mesh line's phase, read over two turns of the slower shaft at a time, departs from its mean by `k z` times
+//! what the angle is off; the departure common to all lines and channels, weighted by power and order, is that of the
+//! angle (maximum likelihood for small departures). A Hann window of two turns is blind to sidebands of that shaft,
+//! so a runout stays what it is. Repeated, because a window takes only part of a fast departure at once. Applied
+//! where the lines get sharper by it. A departure of half a cycle of a high harmonic is a small one of the first, so
+//! where the first is clear it is followed by itself before the others are asked. Limits: what swings the phase of
+//! all lines alike and slowly is taken for the angle; in a run-up the path turns the lines, so a measured tachometer
+//! is left alone there.
 
 use crate::analysis::angle::Angle;
 use crate::spectral::{AngleMap, interpolated};
@@ -23,8 +26,9 @@ const EDGES: u32 = 4;
 const SHARPER: f64 = 0.8;
 /// Share of a first harmonic's power that repeats a window later, from which it is followed by itself.
 const CLEAR: f64 = 0.9;
-/// Rounds: mesh harmonics used, and least power of a line's mean over that of its departures. A departure of half a cycle of a high harmonic is a small one of the first, so low ones that
-/// are clear come first: else the harmonics agree on a wrong cycle.
+/// Rounds: mesh harmonics used, and least power of a line's mean over that of its departures. A departure of half a
+/// cycle of a high harmonic is a small one of the first, so low ones that are clear come first: else the harmonics
+/// agree on a wrong cycle.
 const ROUNDS: [(f64, f64); 8] =
     [(1.0, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05)];
 /// Fewest windows.
@@ -98,8 +102,9 @@ pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_o
     (beside(&reads, &departure.turns) < SHARPER * beside(&reads, &none)).then_some(departure)
 }
 
-/// A line turned to zero under Hann windows, from running sums of it and of its neighbours one window's width away, which make the window exactly: sums over parts of a window
-/// are few values per turn, beside which the other mesh lines fold into the window and beat.
+/// A line turned to zero under Hann windows, from running sums of it and of its neighbours one window's width away,
+/// which make the window exactly: sums over parts of a window are few values per turn, beside which the other mesh
+/// lines fold into the window and beat.
 fn windowed(samples: &[f64], per_turn: usize, order: f64, (length, hop): (f64, f64), windows: usize) -> Vec<Complex64> {
     let per_turn = per_turn as f64;
     let of_window = 1.0 / length;
@@ -147,8 +152,8 @@ pub(super) fn running_power(values: &[Complex64], beside: usize) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// The departure by the first mesh harmonic alone, followed from window to window, in the channel that shows it best: a tachometer that counts another harmonic's cycles may have lost one. Nothing
-/// where no channel shows it clearly.
+/// The departure by the first mesh harmonic alone, followed from window to window, in the channel that shows it best:
+/// a tachometer that counts another harmonic's cycles may have lost one. Nothing where no channel shows it clearly.
 fn unwrapped(reads: &[Read], mesh_order: f64) -> Option<Vec<f64>> {
     let first = reads.iter().filter(|read| read.order < 1.5 * mesh_order);
     let apart = (WINDOW_TURNS * PER_TURN) as usize;
@@ -249,7 +254,8 @@ mod tests {
     #[test]
     fn theory_a_lost_cycle_of_the_second_harmonic_is_half_a_period_of_the_first() {
         let (per_turn, turns, z, slower) = (200, 150, 20.0, 20.0 / 56.0);
-        // Between turns 70 and 80 the angle falls behind by half a period of the mesh, which the second harmonic alone does not see.
+        // Between turns 70 and 80 the angle falls behind by half a period of the mesh, which the second harmonic
+        // alone does not see.
         let behind = |turn: f64| 0.5 / z * ((turn - 70.0) / 10.0).clamp(0.0, 1.0);
         let samples: Vec<f64> = (0..per_turn * turns)
             .map(|i| i as f64 / per_turn as f64)

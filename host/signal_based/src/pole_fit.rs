@@ -1,9 +1,12 @@
 //! All poles of a run-up at once: where every line and channel together is left with least.
 //!
-//! Close poles bend each other, so moving one after the other creeps. Here all frequencies and dampings step together (Levenberg and Marquardt), with the
-//! residues and the spline of every course solved for at each step (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, in Kaufman's form): a course is told apart from
-//! the others by its own residues alone. A course weighs by the inverse of what it is left with: minimised is the sum of the logarithms of what the courses
-//! are left with, the likelihood where nobody knows their noise. Functions are worked out once for the channels of a line. Limit: it finds the nearest minimum, so what it starts from must be within a half-width or two.
+//! Close poles bend each other, so moving one after the other creeps. Here all frequencies and dampings step together
+//! (Levenberg and Marquardt), with the residues and the spline of every course solved for at each step (variable
+//! projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, in Kaufman's form): a course is told apart from the
+//! others by its own residues alone. A course weighs by the inverse of what it is left with: minimised is the sum of
+//! the logarithms of what the courses are left with, the likelihood where nobody knows their noise. Functions are
+//! worked out once for the channels of a line. Limit: it finds the nearest minimum, so what it starts from must be
+//! within a half-width or two.
 
 use super::basis::Basis;
 use super::sweep::{Course, Sweep};

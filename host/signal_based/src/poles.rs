@@ -1,9 +1,11 @@
 //! Resonances that all lines of a run-up pass: poles shared by every line and channel.
 //!
-//! One after the other, the pole (frequency and damping on a grid) whose function of frequency, with a free residue in every line
-//! that is swept near it, takes most off what the functions so far leave of all of them; until none pays for its residues (Bayesian information
-//! criterion). All are refined together after each ([`super::pole_fit`]); functions are meaned over stretches of turns as the courses are. The same idea as least-squares complex frequency domain fits, on amplitudes of lines instead of a frequency response. Only where the speed moves by
-//! a tenth: a wander hardly sweeps anything, and a spline follows it.
+//! One after the other, the pole (frequency and damping on a grid) whose function of frequency, with a free residue
+//! in every line that is swept near it, takes most off what the functions so far leave of all of them; until none
+//! pays for its residues (Bayesian information criterion). All are refined together after each ([`super::pole_fit`]);
+//! functions are meaned over stretches of turns as the courses are. The same idea as least-squares complex frequency
+//! domain fits, on amplitudes of lines instead of a frequency response. Only where the speed moves by a tenth: a
+//! wander hardly sweeps anything, and a spline follows it.
 
 use super::basis::Basis;
 use super::pole_fit;

@@ -1,4 +1,5 @@
-//! The answer as a page: a letter with the table of findings, spectra with the lines marked, errors in three stages; evidence and limits behind.
+//! The answer as a page: a letter with the table of findings, spectra with the lines marked, errors in three stages;
+//! evidence and limits behind.
 
 use super::impacts::Impacts;
 use super::letter;
@@ -62,11 +63,13 @@ fn errors(page: Report, outcome: &Outcome) -> Report {
     let percent = |error: f64| format!("{:.1} %", 100.0 * error);
     page.section("How well the record is described")
         .text(&format!(
-            "On turns that took no part in the fit, {} of the waveform's RMS stays unexplained with the mesh alone, as declared.",
+            "On turns that took no part in the fit, {} of the waveform's RMS stays unexplained with the mesh alone, \
+             as declared.",
             percent(held.declared)
         ))
         .text(&format!(
-            "With its strengths adjusted to the record {} stay; with the findings above {}; where nothing but noise is left it would be {}.",
+            "With its strengths adjusted to the record {} stay; with the findings above {}; where nothing but noise \
+             is left it would be {}.",
             percent(held.calibrated),
             percent(held.corrected),
             percent(held.noise_floor)
@@ -89,7 +92,11 @@ fn details(mut page: Report, outcome: &Outcome) -> Report {
     for effect in &outcome.effects {
         page = family(page, effect);
     }
-    page = page.section("Families judged").text("Logarithm of the Bayes factor after the choice, the highest of the same search with the spacing moved by 1 to 6 %, and the probability of such a score by chance in the whole search.");
+    page = page.section("Families judged").text(
+        "Logarithm of the Bayes factor after the choice, the highest of the \
+        same search with the spacing moved by 1 to 6 %, and the probability of such a score by chance in the whole \
+        search.",
+    );
     page = table(page, "", view::judged(outcome));
     page = page.section("What would have been found");
     page = table(
@@ -117,7 +124,8 @@ fn drawn(page: Report, picture: &Picture, outcome: &Outcome, about: &About) -> R
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let (run, channel) = picture.place;
     let caption = format!(
-        "Run {run}, channel {channel} ({}), all turns. Mesh harmonics are marked, and the strongest lines of the findings that stand in this spectrum; no line has two marks.",
+        "Run {run}, channel {channel} ({}), all turns. Mesh harmonics are marked, and the strongest lines of the \
+         findings that stand in this spectrum; no line has two marks.",
         crate::text::name(&picture.name)
     );
     Ok(page.picture(&svg, &caption))

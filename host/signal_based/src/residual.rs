@@ -1,8 +1,9 @@
 //! Spectra of what the calibrated model leaves: over orders, over frequency, and of what is folded in it.
 //!
-//! Three views of the same stretches, and two of all turns, fitted, held out and between: nearly three times as long in one piece, so that a slow order stands apart from a mesh line, and a slow swing from a wander. A quarter of the
-//! turns alone would not tell the two; that turns held out take part is the price. Squared envelopes
-//! are the impacts' own ([`super::impacts`]).
+//! Three views of the same stretches, and two of all turns, fitted, held out and between: nearly three times as long
+//! in one piece, so that a slow order stands apart from a mesh line, and a slow swing from a wander. A quarter of the
+//! turns alone would not tell the two; that turns held out take part is the price. Squared envelopes are the impacts'
+//! own ([`super::impacts`]).
 
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
@@ -24,7 +25,8 @@ const PART_S: f64 = 0.25;
 /// Share of the sampling rate up to which frequencies are looked at.
 const PASS_SHARE: f64 = 0.4;
 
-/// Shares of the sampling rate between which folded harmonics are looked for: nearer to half of it, what a filter of usual steepness lets through folds.
+/// Shares of the sampling rate between which folded harmonics are looked for: nearer to half of it, what a filter of
+/// usual steepness lets through folds.
 const FOLDED: [f64; 2] = [0.62, 0.97];
 
 /// The views.
@@ -58,7 +60,8 @@ impl Views {
     }
 }
 
-/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves (`left`); all turns are those of an `earlier` view of the same, if there is one.
+/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves (`left`); all turns are
+/// those of an `earlier` view of the same, if there is one.
 pub fn views(
     scene: &Scene,
     left: &Grids,
@@ -131,7 +134,8 @@ fn folded_between(run: &SceneRun, [slowest_hz, fastest_hz]: [f64; 2]) -> [f64; 2
     [FOLDED[0] * run.rate_hz / slowest_hz, FOLDED[1] * run.rate_hz / fastest_hz]
 }
 
-/// Spectra of what is folded on the stretches, as one. In a run-up each stretch says something of the orders that are folded at its own speeds, and nothing of the rest.
+/// Spectra of what is folded on the stretches, as one. In a run-up each stretch says something of the orders that are
+/// folded at its own speeds, and nothing of the rest.
 fn folded_levels(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Level> {
     let speed = run.angle.speed;
     if !run.runs_up() {
@@ -155,7 +159,8 @@ fn folded_levels(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Lev
     evened(stretches.iter().map(of_stretch))
 }
 
-/// Spectra of what is folded, at its own orders: the residual times twice the cosine of the rate's phase, read at equal angles.
+/// Spectra of what is folded, at its own orders: the residual times twice the cosine of the rate's phase, read at
+/// equal angles.
 fn unfolded(run: &SceneRun, rest: &[f64], stretch: Stretch, [lowest, highest]: [f64; 2]) -> Vec<Level> {
     let most = 2.0 * FOLDED[1] * run.rate_hz / run.angle.speed.slowest_hz;
     let per_turn = (2 * run.angle.per_turn[0]).max(most.ceil() as usize);

@@ -1,7 +1,8 @@
 //! What else the search has before it: which families are judged at all, and which bases are proposed.
 //!
-//! A round judges three candidates of a kind and thirty in all, and takes eight bases of a channel, the most powerful ones. On a machine with much that is unexplained a weak effect is
-//! behind them, however well it stands over its floor. Limits must know it (`limits`). From the last round of the search, in which everything judged was refused.
+//! A round judges three candidates of a kind and thirty in all, and takes eight bases of a channel, the most powerful
+//! ones. On a machine with much that is unexplained a weak effect is behind them, however well it stands over its
+//! floor. Limits must know it (`limits`). From the last round of the search, in which everything judged was refused.
 
 use super::candidate::{Candidate, Domain, Kind};
 use super::families::{Context, passage};
@@ -38,9 +39,11 @@ impl Rivals {
     }
 }
 
-/// What a base of neither shaft needs to be tried: lines in the spectrum of one channel that together have more power than the eighth family there.
+/// What a base of neither shaft needs to be tried: lines in the spectrum of one channel that together have more power
+/// than the eighth family there.
 pub struct Proposals {
-    /// By run and channel: root mean square of the weakest family that is tried where there are as many, and power over the floor of a line.
+    /// By run and channel: root mean square of the weakest family that is tried where there are as many, and power
+    /// over the floor of a line.
     channels: Vec<Vec<(f64, f64)>>,
 }
 

@@ -1,7 +1,8 @@
 //! What the kinematic level sees of a record: every channel at equal angles, and which turns are whose.
 //!
-//! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a run without enough turns. Cost: eight bytes
-//! per point at equal angles and channel, a few copies of it while the loop works ([`GRID`]).
+//! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a
+//! run without enough turns. Cost: eight bytes per point at equal angles and channel, a few copies of it while the
+//! loop works ([`GRID`]).
 
 use super::at_limit::at_limit;
 use super::basis::State;
@@ -297,7 +298,8 @@ fn states(speeds_hz: &[f64]) -> Vec<State> {
     speeds_hz.iter().zip(&rates).map(state).collect()
 }
 
-/// A signal at equal angles, less its mean and what lies above the highest order: what no run holds at every speed is no error of a model.
+/// A signal at equal angles, less its mean and what lies above the highest order: what no run holds at every speed is
+/// no error of a model.
 fn on_grid(angle: &Angle, signal: &[f64], rate_hz: f64, highest_order: f64) -> Vec<f64> {
     let mut samples = angle.resampled(signal, rate_hz);
     let count = samples.len();
@@ -327,7 +329,8 @@ impl SceneRun {
         self.samples = self.signals.par_iter().map(|s| on_grid(angle, s, self.rate_hz, highest_order)).collect();
     }
 
-    /// Whether the speed runs up or down: the path then turns the mesh lines, and no phase can be told from one part of the run for another.
+    /// Whether the speed runs up or down: the path then turns the mesh lines, and no phase can be told from one part
+    /// of the run for another.
     pub fn runs_up(&self) -> bool {
         self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz
     }

@@ -18,7 +18,8 @@ use std::collections::BTreeMap;
 
 /// Most families adopted.
 const MOST: usize = 8;
-/// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by less within a record).
+/// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by
+/// less within a record).
 const SAME_BASE: f64 = 3e-3;
 const SLIPPING: f64 = 7e-3;
 /// Candidates of a round that are judged before it is given up.
@@ -185,7 +186,8 @@ impl Search {
         score(candidate, &field, 0.0).ln_bayes - candidate.alternatives.max(1.0).ln()
     }
 
-    /// Candidates of a round for which the record speaks at all, strongest first, with the logarithm of the Bayes factor after the choice; and how many were scored.
+    /// Candidates of a round for which the record speaks at all, strongest first, with the logarithm of the Bayes
+    /// factor after the choice; and how many were scored.
     pub fn ranked(&self, scene: &Scene, views: &Views) -> (Vec<(f64, Candidate)>, usize) {
         let context = context(scene, views, &self.taken, &self.feet);
         let candidates: Vec<Candidate> =
@@ -198,7 +200,8 @@ impl Search {
         (ranked, count)
     }
 
-    /// Rounds until no family is found, or there are enough; what is close passes on the held-out turns alone, where they are given.
+    /// Rounds until no family is found, or there are enough; what is close passes on the held-out turns alone, where
+    /// they are given.
     pub fn rounds(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) {
         while self.adopted.len() < MOST {
             let Some(found) = self.round(scene, views, held) else { break };
@@ -302,7 +305,8 @@ impl Search {
             || self.vetoed.iter().any(|own| own.explains(candidate, scene) || is_same(own))
     }
 
-    /// Why a family is what was vetoed by another name: most of its evidence is that of lines of a vetoed one which has no more lines than it. A part of what was vetoed may hold by itself.
+    /// Why a family is what was vetoed by another name: most of its evidence is that of lines of a vetoed one which
+    /// has no more lines than it. A part of what was vetoed may hold by itself.
     fn by_another_name(&self, candidate: &Candidate, verdict: &Verdict, views: &Views) -> Option<String> {
         let lines = candidate.places.iter().zip(&verdict.score.of_places);
         let standing: Vec<(f64, f64)> = lines.filter(|(_, ln)| **ln > 0.0).map(|(p, ln)| (p.order, *ln)).collect();
@@ -341,7 +345,8 @@ impl Search {
         self.adopted.push(found);
     }
 
-    /// Lines that come with a family though they are not listed: orders it shares with the other shaft, and its base in the other spectra.
+    /// Lines that come with a family though they are not listed: orders it shares with the other shaft, and its base
+    /// in the other spectra.
     fn take_relatives(&mut self, scene: &Scene, views: &Views, candidate: &Candidate) {
         let z = scene.mesh_order();
         let mesh = (scene.highest_order / z) as i32;
@@ -401,7 +406,8 @@ pub fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = &(f64,
     ranked.iter().filter(few).take(JUDGED)
 }
 
-/// Whether a base is a multiple, a part or a sideband of another; one that slips is smeared, and its skirts look like bases beside it.
+/// Whether a base is a multiple, a part or a sideband of another; one that slips is smeared, and its skirts look like
+/// bases beside it.
 fn derived(base: f64, own: &Candidate, scene: &Scene) -> bool {
     let half = scene.resolution();
     let share = if own.locked { SAME_BASE } else { SLIPPING };

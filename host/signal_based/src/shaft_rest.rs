@@ -1,9 +1,12 @@
-//! What else stands at the orders of a shaft of which a family was found: its further lines, without a name of their own.
+//! What else stands at the orders of a shaft of which a family was found: its further lines, without a name of their
+//! own.
 //!
-//! A family of a shaft is adopted in the shape that stood out when it was looked for, and the lines near the mesh are its own whether they were listed or not, so
-//! that no second family is made of them. At the end of the search, with the lines of all families spoken for, everything else at that shaft's whole orders is asked
-//! for at once, by the same gate, and held to the held-out turns. It adds lines to the model and no effect: that the shaft has a family was decided before.
-//! Limit: a gear's order on a whole order of the pinion is left to the pinion, as everywhere. Cost: one judgement per shaft.
+//! A family of a shaft is adopted in the shape that stood out when it was looked for, and the lines near the mesh are
+//! its own whether they were listed or not, so that no second family is made of them. At the end of the search, with
+//! the lines of all families spoken for, everything else at that shaft's whole orders is asked for at once, by the
+//! same gate, and held to the held-out turns. It adds lines to the model and no effect: that the shaft has a family
+//! was decided before. Limit: a gear's order on a whole order of the pinion is left to the pinion, as everywhere.
+//! Cost: one judgement per shaft.
 
 use super::accept::Verdict;
 use super::candidate::{Candidate, Domain, Kind, Shaft, Taken};

@@ -1,9 +1,12 @@
-//! Whether a line stands at a frequency or at an order: where it is sharper, and that it cannot be told where the speed hardly moves.
+//! Whether a line stands at a frequency or at an order: where it is sharper, and that it cannot be told where the
+//! speed hardly moves.
 //!
-//! A line at a frequency is narrow there and smeared over the orders that the speed sweeps, an order the other way round. The strongest line of a family is looked at in the channel that
-//! shows it best over its floor: a noisy channel's highest bins would outweigh it. Power in its bins over one axis against the highest that it could have over the other:
-//! by a third more, it stands there. Where neither is, it can be either if the speed sweeps it over less than four bins; if it sweeps more, it is a hump on both, as a wander makes of
-//! weak lines: only where a supply's harmonics are is a frequency as likely as an order then.
+//! A line at a frequency is narrow there and smeared over the orders that the speed sweeps, an order the other way
+//! round. The strongest line of a family is looked at in the channel that shows it best over its floor: a noisy
+//! channel's highest bins would outweigh it. Power in its bins over one axis against the highest that it could have
+//! over the other: by a third more, it stands there. Where neither is, it can be either if the speed sweeps it over
+//! less than four bins; if it sweeps more, it is a hump on both, as a wander makes of weak lines: only where a
+//! supply's harmonics are is a frequency as likely as an order then.
 
 use super::accept::Verdict;
 use super::candidate::{Candidate, Domain};
@@ -63,7 +66,8 @@ pub fn read(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Vie
     let Some((r, c)) = all.max_by(|a, b| shown(a).total_cmp(&shown(b))) else { return (Sharper::OverOrders, 1.0) };
     let speed = scene.runs[r].angle.speed;
     let is_frequency = candidate.domain == Domain::Frequency;
-    // What stands at one frequency in several stretches of a run-up is no order; what mesh lines leave at the orders that it crosses may be higher.
+    // What stands at one frequency in several stretches of a run-up is no order; what mesh lines leave at the orders
+    // that it crosses may be higher.
     if is_frequency && scene.runs[r].runs_up() {
         return (Sharper::OverFrequency, 1.0);
     }

@@ -1,4 +1,5 @@
-//! What a family is in truth, once the gate lets it pass: whether it is one at all, and whether a simpler one or a higher base says the same.
+//! What a family is in truth, once the gate lets it pass: whether it is one at all, and whether a simpler one or a
+//! higher base says the same.
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Place, Shaft, TakenOf};
@@ -10,8 +11,10 @@ use super::sharpness::{self, Sharper};
 
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
-/// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that something so slow needs (set on
-/// generated records with nothing but a wander, where 25 nats and more were seen; in run-ups, where the calibrated model takes most of the wander off and swings must be more, 4 on records without an effect, 21 on one of friction).
+/// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that
+/// something so slow needs (set on generated records with nothing but a wander, where 25 nats and more were seen; in
+/// run-ups, where the calibrated model takes most of the wander off and swings must be more, 4 on records without an
+/// effect, 21 on one of friction).
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
 const LEAST_SLOW_IN_RUN_UPS: f64 = 15.0;
@@ -100,7 +103,8 @@ pub fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> 
     numbers
 }
 
-/// What says the same with fewer lines, where that passes the gate as well: a pattern over all teeth whose power lies next to the mesh is a modulation, a modulated order without a sideband is an order.
+/// What says the same with fewer lines, where that passes the gate as well: a pattern over all teeth whose power lies
+/// next to the mesh is a modulation, a modulated order without a sideband is an order.
 pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
     match found.0.kind {
         Kind::Pattern(shaft) => without_the_teeth(found, shaft, context, views, taken),
@@ -157,7 +161,8 @@ fn without_the_teeth(
     }
 }
 
-/// Why a pattern that has hardly a line but next to the mesh is none: the modulation that it would be does not pass the gate.
+/// Why a pattern that has hardly a line but next to the mesh is none: the modulation that it would be does not pass
+/// the gate.
 pub fn as_modulation(
     candidate: &Candidate,
     verdict: &Verdict,
@@ -180,7 +185,8 @@ pub fn as_modulation(
     refused.map(|why| format!("hardly more than first sidebands of the mesh: {why}"))
 }
 
-/// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over frequency is none.
+/// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over
+/// frequency is none.
 pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<String> {
     let stands = |p: &(&Place, &f64)| *p.1 > 0.0;
     let standing: Vec<(&Place, &f64)> = candidate.places.iter().zip(&verdict.score.of_places).filter(stands).collect();
@@ -214,7 +220,8 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     }
 }
 
-/// Why a family that is sound says too little: one line alone, an order of neither shaft or a frequency of no supply, must speak more than families do, or hold on other turns as well.
+/// Why a family that is sound says too little: one line alone, an order of neither shaft or a frequency of no supply,
+/// must speak more than families do, or hold on other turns as well.
 pub fn says_too_little(candidate: &Candidate, verdict: &Verdict) -> Option<String> {
     let standing = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     let is_lone = match candidate.kind {
@@ -231,12 +238,14 @@ fn is_slow_base(candidate: &Candidate, scene: &Scene) -> bool {
     candidate.is_base() && candidate.base < SKIRT * scene.gear_order.min(1.0)
 }
 
-/// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: an order of the signal that is slower than the slower shaft, be it a cage's or not.
+/// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: an order of the signal
+/// that is slower than the slower shaft, be it a cage's or not.
 pub fn is_slow(candidate: &Candidate, scene: &Scene) -> bool {
     candidate.domain == Domain::Orders && is_slow_base(candidate, scene) && scene.teeth[0] > 1
 }
 
-/// Why a family is what a wandering speed makes of the mesh lines: nearer to a mesh harmonic, or slower, than the slower shaft's first sideband.
+/// Why a family is what a wandering speed makes of the mesh lines: nearer to a mesh harmonic, or slower, than the
+/// slower shaft's first sideband.
 fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Option<String> {
     let near = SKIRT * scene.gear_order.min(1.0);
     let z = scene.mesh_order();

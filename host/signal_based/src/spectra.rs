@@ -1,8 +1,8 @@
 //! Spectra of a residual on some stretches, by run and channel, with their floors: what families are read from.
 //!
-//! Levels (whole stretch, quarters, sixteenths) and floors are the analysis' ([`search::levels`]); stretches of one length are averaged. The
-//! floor is a median of quiet bins between lines of the same stretches, so it is no part of what is judged. Orders or frequencies: the
-//! same code, with "order" in hertz.
+//! Levels (whole stretch, quarters, sixteenths) and floors are the analysis' ([`search::levels`]); stretches of one
+//! length are averaged. The floor is a median of quiet bins between lines of the same stretches, so it is no part of
+//! what is judged. Orders or frequencies: the same code, with "order" in hertz.
 
 use super::evidence::Reading;
 use super::scene::Scene;
@@ -23,12 +23,13 @@ pub struct Spectra {
 
 /// Fewest and most bins over which a median of the noise is taken.
 const STRETCH_BINS: (usize, usize) = (9, 64);
-/// Distance from a mesh harmonic within which skirts are followed, orders; bins beside a line that say how high one is, past its own main lobe; floors
-/// by which it must exceed the wide one: beyond the scatter of so few bins.
+/// Distance from a mesh harmonic within which skirts are followed, orders; bins beside a line that say how high one
+/// is, past its own main lobe; floors by which it must exceed the wide one: beyond the scatter of so few bins.
 const SKIRT_REACH: f64 = 2.5;
 const SKIRT_BINS: std::ops::Range<usize> = 5..15;
 const SKIRT: f64 = 1.8;
-/// A place beside a line this many times as high, within so many bins, is that line's foot: a smeared line has one as wide.
+/// A place beside a line this many times as high, within so many bins, is that line's foot: a smeared line has one as
+/// wide.
 const FOOT: f64 = 3.0;
 const FOOT_BINS: usize = 3;
 /// Share of the slower shaft's order that is the lowest looked at.
@@ -44,7 +45,8 @@ impl Spectra {
         Self::of_grids(scene, grids, stretches, false)
     }
 
-    /// The same for a search: in a run-up every stretch counts by its own floor, which follows the skirts at every order.
+    /// The same for a search: in a run-up every stretch counts by its own floor, which follows the skirts at every
+    /// order.
     pub fn searched(scene: &Scene, grids: &[Vec<Vec<f64>>], stretches: impl Fn(usize) -> Vec<Stretch> + Sync) -> Self {
         Self::of_grids(scene, grids, stretches, true)
     }
@@ -83,7 +85,8 @@ impl Spectra {
         Self { levels, lowest, highest }
     }
 
-    /// Power over floor of the highest bin within `reach` bins of `order` at one level; at the foot of a higher line, no more than the floor.
+    /// Power over floor of the highest bin within `reach` bins of `order` at one level; at the foot of a higher line,
+    /// no more than the floor.
     pub fn reading(&self, run: usize, channel: usize, level: usize, order: f64, reach: usize) -> Option<Reading> {
         if order < self.lowest || order > self.highest {
             return None;
@@ -119,8 +122,8 @@ impl Spectra {
         self.levels.iter().flatten().map(Vec::len).min().unwrap_or(0)
     }
 
-    /// Mean square of the noise up to the highest order: medians of short stretches of bins, so that lines weigh little. (The search's
-    /// floor is on the safe side, the highest of three medians; it would say too much.)
+    /// Mean square of the noise up to the highest order: medians of short stretches of bins, so that lines weigh
+    /// little. (The search's floor is on the safe side, the highest of three medians; it would say too much.)
     pub fn floor_power(&self, run: usize, channel: usize) -> f64 {
         let Some(level) = self.levels[run][channel].first() else { return 0.0 };
         let last = ((self.highest / level.density.bin) as usize).min(level.density.values.len());
@@ -154,7 +157,8 @@ pub fn follow_everywhere(level: &mut Level) {
     follow_skirts(level, highest, highest, 0.0);
 }
 
-/// Raises the floor within `reach` of the multiples of `spacing` to where a skirt lifts the bins beside each: a line must stand out of what is next to it.
+/// Raises the floor within `reach` of the multiples of `spacing` to where a skirt lifts the bins beside each: a line
+/// must stand out of what is next to it.
 fn follow_skirts(level: &mut Level, spacing: f64, reach: f64, highest: f64) {
     let bin = level.density.bin;
     let k = level.averages.max(1) as f64;
@@ -198,8 +202,9 @@ pub fn evened(stretches: impl Iterator<Item = Vec<Level>>) -> Vec<Level> {
     levels
 }
 
-/// Levels of several stretches as one, from a frequency on without the stretch that stands highest over its own floor: a mesh line of a run-up speckles over the frequencies that it sweeps, other
-/// ones in every stretch; a line at a frequency stands in all. Of noise the rest's mean is never above that of all, so it counts as many averages.
+/// Levels of several stretches as one, from a frequency on without the stretch that stands highest over its own
+/// floor: a mesh line of a run-up speckles over the frequencies that it sweeps, other ones in every stretch; a line
+/// at a frequency stands in all. Of noise the rest's mean is never above that of all, so it counts as many averages.
 pub fn without_the_highest(stretches: Vec<Vec<Level>>, from: f64) -> Vec<Level> {
     let count = stretches.len();
     let highest = |l: usize, i: usize| {

@@ -1,9 +1,10 @@
 //! Which turns of a run are fitted, and which are kept for the end.
 //!
-//! Blocks of whole pinion turns, about a quarter of them held out, inside the run so that whatever moves with the speed is interpolated, a
-//! gap of a few turns on either side of each so that no filter or window reaches across. One block where the speed is steady (long stretches
-//! resolve close lines), two to six where it is not (a block in the middle of a run-up would leave a whole range of speeds unseen). Limit: a stretch of the same
-//! run shares its load and temperature with the rest; it is no second measurement.
+//! Blocks of whole pinion turns, about a quarter of them held out, inside the run so that whatever moves with the
+//! speed is interpolated, a gap of a few turns on either side of each so that no filter or window reaches across. One
+//! block where the speed is steady (long stretches resolve close lines), two to six where it is not (a block in the
+//! middle of a run-up would leave a whole range of speeds unseen). Limit: a stretch of the same run shares its load
+//! and temperature with the rest; it is no second measurement.
 
 use serde::Serialize;
 
@@ -48,7 +49,8 @@ pub struct Split {
 }
 
 impl Split {
-    /// Of `turns` whole turns whose fastest is `fastest_over_slowest` times the slowest; `slower_order` is that of the slower shaft.
+    /// Of `turns` whole turns whose fastest is `fastest_over_slowest` times the slowest; `slower_order` is that of
+    /// the slower shaft.
     pub fn new(turns: usize, slower_order: f64, fastest_over_slowest: f64) -> Self {
         if turns as f64 * slower_order < FEWEST_TURNS {
             return Self { fit: vec![Stretch { from: 0, turns }], ..Self::default() };

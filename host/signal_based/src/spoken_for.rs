@@ -1,6 +1,7 @@
 //! Orders and frequencies that are spoken for: the mesh's own, and where a line of one view stands in another.
 //!
-//! Neither a family nor a moved copy of one reads there. A speed that moves spreads an order over frequencies and a frequency over orders: all of them are taken.
+//! Neither a family nor a moved copy of one reads there. A speed that moves spreads an order over frequencies and a
+//! frequency over orders: all of them are taken.
 
 use super::candidate::{Domain, Taken, TakenOf};
 use super::residual::Views;

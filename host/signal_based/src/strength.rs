@@ -1,15 +1,19 @@
 //! How strongly the gears mesh over a run: where a swing of the load shows, and an angle that is off does not.
 //!
-//! An error of the angle turns the mesh lines and leaves their amplitudes; a load that swings swells all of them alike. So the amplitudes are read over whole turns of the slower shaft, in which that
-//! shaft's sidebands vanish, each relative to its mean, and their mean over a channel's lines, weighted by what noise leaves open of each, is that channel's course of strength. What the path makes of a
-//! speed that wanders is taken off: powers of the speed and its rate of change, by least squares. What is left is a spectrum of noise, over which a swing stands as one line.
-//! All turns take part in the spectrum, held-out ones too: a quarter of the turns cannot tell a swing from its mesh line. The swing must then be in step: fitted on the fitted turns, it must predict the
-//! held-out ones.
+//! An error of the angle turns the mesh lines and leaves their amplitudes; a load that swings swells all of them
+//! alike. So the amplitudes are read over whole turns of the slower shaft, in which that shaft's sidebands vanish,
+//! each relative to its mean, and their mean over a channel's lines, weighted by what noise leaves open of each, is
+//! that channel's course of strength. What the path makes of a speed that wanders is taken off: powers of the speed
+//! and its rate of change, by least squares. What is left is a spectrum of noise, over which a swing stands as one
+//! line. All turns take part in the spectrum, held-out ones too: a quarter of the turns cannot tell a swing from its
+//! mesh line. The swing must then be in step: fitted on the fitted turns, it must predict the held-out ones.
 //!
-//! In a run-up the path swells the lines. There each is read over whole turns of the pinion, relative to what the calibrated model makes of it, which knows the path; what stands in
-//! step with it counts, weighted moment by moment with what the line has over what is left of it there. Windows are equally far apart in time, "orders" are frequencies over the mean speed: a load swings at a rate of its own, which no shaft gives. Only
-//! where pulses give the angle: one that is taken from mesh lines turns with the path.
-//! Limit: a swing that moves the speed more than all else does is taken off with the speed.
+//! In a run-up the path swells the lines. There each is read over whole turns of the pinion, relative to what the
+//! calibrated model makes of it, which knows the path; what stands in step with it counts, weighted moment by moment
+//! with what the line has over what is left of it there. Windows are equally far apart in time, "orders" are
+//! frequencies over the mean speed: a load swings at a rate of its own, which no shaft gives. Only where pulses give
+//! the angle: one that is taken from mesh lines turns with the path. Limit: a swing that moves the speed more than
+//! all else does is taken off with the speed.
 
 use super::baseline::Grids;
 use super::phase::{running_power, running_sums};
@@ -43,8 +47,9 @@ const HIGHEST: f64 = 0.9;
 const FINE: i32 = 20;
 /// Singular values below it are none.
 const SINGULAR: f64 = 1e-9;
-/// Most by which held-out and fitted turns may differ in a swing's strength, and in its phase (set on generated records: swings were within a factor of 1.6 and 23 degrees, the two remainders of a wander that passed
-/// all else 36 and 59 degrees off).
+/// Most by which held-out and fitted turns may differ in a swing's strength, and in its phase (set on generated
+/// records: swings were within a factor of 1.6 and 23 degrees, the two remainders of a wander that passed all else 36
+/// and 59 degrees off).
 const ALIKE: f64 = 1.75;
 const IN_STEP: f64 = PI / 6.0;
 
@@ -139,7 +144,8 @@ pub struct HeldOut {
 }
 
 impl HeldOut {
-    /// Whether it is about as strong there, and in step within a twelfth of a turn: what a wander's remainder now and then predicts is not.
+    /// Whether it is about as strong there, and in step within a twelfth of a turn: what a wander's remainder now and
+    /// then predicts is not.
     pub fn agrees(&self) -> bool {
         (1.0 / ALIKE..ALIKE).contains(&self.ratio.norm()) && self.ratio.arg().abs() < IN_STEP
     }
@@ -166,7 +172,8 @@ impl Wave {
         if fit.is_empty() { Complex64::default() } else { Complex64::new(fit[0], fit[1]) }
     }
 
-    /// Logarithm of the likelihood ratio of some windows, weighted, with this amplitude against none. They overlap: each has an eighth of the noise's power, and of eight one is new.
+    /// Logarithm of the likelihood ratio of some windows, weighted, with this amplitude against none. They overlap:
+    /// each has an eighth of the noise's power, and of eight one is new.
     fn gain(&self, course: &Course, windows: &[usize], amplitude: Complex64) -> f64 {
         let gain = |&i: &usize| {
             let (value, wave) = (course.values[i], (amplitude * self.at(i)).re);
@@ -244,7 +251,8 @@ fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
     Course::of(run, &sum, weights)
 }
 
-/// The course of all channels of a run-up together, of which the calibrated model leaves `left`: a swing is in step in all of them. Nothing in a short run, where no line is clear, and without pulses.
+/// The course of all channels of a run-up together, of which the calibrated model leaves `left`: a swing is in step
+/// in all of them. Nothing in a short run, where no line is clear, and without pulses.
 fn swept_course(run: &SceneRun, left: &[Vec<f64>], orders: &[f64]) -> Option<Course> {
     let count = windows(run);
     if count < FEWEST || !run.has_pulses {
@@ -340,7 +348,8 @@ fn noise(powers: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / LN_2
 }
 
-/// A course less its least-squares fit by powers of the speed and by its rate of change, which a path answers late, under the spectrum's window.
+/// A course less its least-squares fit by powers of the speed and by its rate of change, which a path answers late,
+/// under the spectrum's window.
 fn without_the_speed(run: &SceneRun, course: &[f64], weights: &[f64]) -> Vec<f64> {
     let (speeds, rates): (Vec<f64>, Vec<f64>) = run.states.iter().map(|state| (state.speed_hz, state.swing)).unzip();
     let starts = starts(run);

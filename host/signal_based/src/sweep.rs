@@ -1,7 +1,7 @@
 //! The turns of a run over which lines are swept, and the courses of their amplitudes.
 //!
-//! Amplitudes are sums over stretches of turns (whole turns of the slower shaft, in which its sidebands vanish). A sharp resonance is crossed within one, so functions of the speed are meaned over the
-//! stretches as the courses are.
+//! Amplitudes are sums over stretches of turns (whole turns of the slower shaft, in which its sidebands vanish). A
+//! sharp resonance is crossed within one, so functions of the speed are meaned over the stretches as the courses are.
 
 use super::basis::{Basis, FittedLine, State};
 use super::swept::Pole;
@@ -17,7 +17,8 @@ pub struct Course {
     pub sums: Vec<Complex64>,
 }
 
-/// What all courses share: turns, and stretches of them. Functions are meaned over the stretches as the courses are, since a sharp resonance is crossed within one.
+/// What all courses share: turns, and stretches of them. Functions are meaned over the stretches as the courses are,
+/// since a sharp resonance is crossed within one.
 pub struct Sweep {
     /// Mean state of each stretch.
     pub states: Vec<State>,

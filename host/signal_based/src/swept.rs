@@ -1,11 +1,13 @@
 //! A mode's response to a line that is swept through it.
 //!
-//! A mode remembers for about `1 / (2 pi zeta f)`. Where the line moves on meanwhile, its response is late, lower and broader than the steady one, and rings
-//! on at the mode's own frequency when the line has passed. With a half-width of 6 Hz and the fourth mesh harmonic moving by 60 Hz
-//! a second the difference is more than a fifth of the peak; it stands beside the mesh line, where sidebands are looked for. For a rate of change that holds as long as the mode remembers the response is
-//! known: `integral over tau > 0 of exp(-s tau + i r tau^2 / 2)`, with `s` the distance from the pole and `r` the rate, an error function of complex
-//! argument (Lewis 1932, Trans. ASME 54; Hok 1948, J. Appl. Phys. 19), here as Faddeeva's w by Weideman's rational series (SIAM J. Numer. Anal. 31, 1994). Cost: forty multiplications. Limit: a rate that changes
-//! within the mode's memory, as where a run-up begins.
+//! A mode remembers for about `1 / (2 pi zeta f)`. Where the line moves on meanwhile, its response is late, lower and
+//! broader than the steady one, and rings on at the mode's own frequency when the line has passed. With a half-width
+//! of 6 Hz and the fourth mesh harmonic moving by 60 Hz a second the difference is more than a fifth of the peak; it
+//! stands beside the mesh line, where sidebands are looked for. For a rate of change that holds as long as the mode
+//! remembers the response is known: `integral over tau > 0 of exp(-s tau + i r tau^2 / 2)`, with `s` the distance
+//! from the pole and `r` the rate, an error function of complex argument (Lewis 1932, Trans. ASME 54; Hok 1948, J.
+//! Appl. Phys. 19), here as Faddeeva's w by Weideman's rational series (SIAM J. Numer. Anal. 31, 1994). Cost: forty
+//! multiplications. Limit: a rate that changes within the mode's memory, as where a run-up begins.
 
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, SQRT_2, TAU};
@@ -65,7 +67,8 @@ fn memory(s: Complex64, r: f64) -> Complex64 {
     if z.im >= 0.0 { half * faddeeva(z) } else { half * (2.0 * (-z * z).exp() - faddeeva(-z)) }
 }
 
-/// A mode's response at a frequency that moves by `sweep_hz_s`, over that of a steady line; about one in size at its peak.
+/// A mode's response at a frequency that moves by `sweep_hz_s`, over that of a steady line; about one in size at its
+/// peak.
 pub fn resonance([own_hz, damping]: Pole, hz: f64, sweep_hz_s: f64) -> Complex64 {
     if sweep_hz_s == 0.0 || damping >= 1.0 {
         return 2.0 * damping * hz * hz / Complex64::new(own_hz * own_hz - hz * hz, 2.0 * damping * hz * own_hz);

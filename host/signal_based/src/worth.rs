@@ -1,11 +1,14 @@
 //! What every family is worth on the turns not used: the veto.
 //!
-//! A locked family predicts amplitudes and phases there. Its worth is the logarithm of the likelihood ratio of the held-out turns with its lines taken off
-//! against without, at the places fitted, in units of the floor there: about a third of what the fitted turns said where the family is true (a quarter of
-//! the turns is held out), below zero on average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
-//! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share of the power that they were predicted to have. In a run-up the path turns
-//! phases from one part to the other: a locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as the one alternative. A family that is there because it did so
-//! (`again::search_on`) must lower the error of the waveform besides, where it is locked.
+//! A locked family predicts amplitudes and phases there. Its worth is the logarithm of the likelihood ratio of the
+//! held-out turns with its lines taken off against without, at the places fitted, in units of the floor there: about
+//! a third of what the fitted turns said where the family is true (a quarter of the turns is held out), below zero on
+//! average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
+//! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share
+//! of the power that they were predicted to have. In a run-up the path turns phases from one part to the other: a
+//! locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as
+//! the one alternative. A family that is there because it did so (`again::search_on`) must lower the error of the
+//! waveform besides, where it is locked.
 
 use super::accept;
 use super::amplitudes::Weighted;
@@ -25,8 +28,9 @@ const LEAST: f64 = 1.0;
 /// The same where lines may be disturbed: more, since what swings has larger departures both ways than noise.
 const LEAST_OF_MOST: f64 = 5.0;
 
-/// Share of the power that the calibrated model of a run-up may leave of the held-out turns: where it leaves most, the angle is not the machine's, and power beside the mesh lines is theirs
-/// (set on some ten generated run-ups, seeds 301, 304 and 306: less where effects were found, more where they were missed or false).
+/// Share of the power that the calibrated model of a run-up may leave of the held-out turns: where it leaves most,
+/// the angle is not the machine's, and power beside the mesh lines is theirs (set on some ten generated run-ups,
+/// seeds 301, 304 and 306: less where effects were found, more where they were missed or false).
 const MOST_LEFT: f64 = 0.5;
 
 /// Distance from a mesh harmonic, orders of the pinion, within which a run-up leaves much of it.
@@ -39,17 +43,21 @@ pub struct Worth {
     pub gain: f64,
     /// Logarithm of the likelihood ratio: of its waveform where it is locked, of its lines' power where it slips.
     pub ln_bayes: f64,
-    /// Of a locked family, where every line may be disturbed by something else with even chances: a line that a tone falls on is no case against the rest.
+    /// Of a locked family, where every line may be disturbed by something else with even chances: a line that a tone
+    /// falls on is no case against the rest.
     pub ln_of_most: f64,
     /// Whether the speed runs up: a line that does not hold is then the path's doing, which turns all of them.
     pub runs_up: bool,
-    /// Of a locked family with lines about the mesh: the calibrated model leaves most of a run-up, so its angle is not the machine's.
+    /// Of a locked family with lines about the mesh: the calibrated model leaves most of a run-up, so its angle is
+    /// not the machine's.
     pub is_lost: bool,
-    /// In a run-up, of a locked family but for first sidebands of the mesh, and of an order of neither shaft: the held-out turns alone let it pass the gate, their own moved copies beside it.
+    /// In a run-up, of a locked family but for first sidebands of the mesh, and of an order of neither shaft: the
+    /// held-out turns alone let it pass the gate, their own moved copies beside it.
     pub stands_again: bool,
 }
 
-/// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order hardly matters.
+/// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order
+/// hardly matters.
 pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
     let all = 0..scene.channels.len();
     let nothing: TakenOf = Default::default();
@@ -106,7 +114,8 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     adopted.iter().map(worth).collect()
 }
 
-/// A family without its lines next to the mesh: first sidebands stand on what a run-up leaves beside its mesh lines, on all of its turns.
+/// A family without its lines next to the mesh: first sidebands stand on what a run-up leaves beside its mesh lines,
+/// on all of its turns.
 fn away_from_the_mesh(candidate: &Candidate, mesh_order: f64) -> Candidate {
     let mut away = candidate.clone();
     let beside = |order: f64| (order - (order / mesh_order).round().max(1.0) * mesh_order).abs();
@@ -137,12 +146,14 @@ fn ln_likelihood_ratio(
     orders.iter().map(of_order).collect()
 }
 
-/// Whether a family's fitted amplitudes and phases hold on the turns not used, so that its lines may be taken off there.
+/// Whether a family's fitted amplitudes and phases hold on the turns not used, so that its lines may be taken off
+/// there.
 pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
     adopted.candidate.locked && !worth.is_lost && worth.ln_bayes > LEAST
 }
 
-/// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the signal itself.
+/// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the
+/// signal itself.
 pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     if adopted.candidate.locked {
         if adopted.verdict.is_close && worth.gain <= 0.0 {
@@ -151,7 +162,8 @@ pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
         let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
         return predicts_waveform(adopted, worth) || most || worth.stands_again;
     }
-    // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they outweigh it.
+    // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they
+    // outweigh it.
     let is_sure = adopted.candidate.kind == Kind::FixedFrequency && worth.ln_bayes > LEAST_OF_MOST;
     let predicts = worth.gain > 0.0 || is_sure;
     if adopted.candidate.kind == Kind::Swing {

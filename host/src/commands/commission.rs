@@ -30,7 +30,8 @@ pub struct Args {
     /// Folder for commissioning.json, report.html, node.toml and, where a law was learned, law.toml.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Law file of this machine (`law fit`, `law learn`); otherwise the node's own stays if it is this machine's, or one is learned.
+    /// Law file of this machine (`law fit`, `law learn`); otherwise the node's own stays if it is this machine's, or
+    /// one is learned.
     #[arg(long)]
     law: Option<PathBuf>,
     /// Settings file in TOML, as for `configure`. Options below go before it.
@@ -38,10 +39,12 @@ pub struct Args {
     settings: Option<PathBuf>,
     #[command(flatten)]
     installation: InstallationArgs,
-    /// Pinion speeds that the machine goes through, as 12Hz..25Hz or 750rpm..1500rpm, or its one speed, as 1485rpm; otherwise half to 1.05 times its nominal speed.
+    /// Pinion speeds that the machine goes through, as 12Hz..25Hz or 750rpm..1500rpm, or its one speed, as 1485rpm;
+    /// otherwise half to 1.05 times its nominal speed.
     #[arg(long, value_name = "LOW..HIGH|SPEED", value_parser = run_up::speeds)]
     speeds: Option<Domain>,
-    /// Values, of a second each at least, that fill a class of speeds; a machine of one speed is listened to five times as long.
+    /// Values, of a second each at least, that fill a class of speeds; a machine of one speed is listened to five
+    /// times as long.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(4..=1000))]
     values: u16,
     /// Time for one way through the speeds, minutes.

@@ -27,7 +27,8 @@ pub struct Args {
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
-    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link, capture (book/src/reference/node.md). Options below go before it.
+    /// Settings file in TOML: tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, link,
+    /// capture (book/src/reference/node.md). Options below go before it.
     #[arg(long)]
     settings: Option<PathBuf>,
     /// Teeth of pinion and gear, instead of a machine file.
@@ -41,7 +42,8 @@ pub struct Args {
     /// Starts measuring afterwards.
     #[arg(long)]
     start: bool,
-    /// Calls the node until it starts (60 s at most): the way back to one that speaks Modbus. Switch it off and on meanwhile.
+    /// Calls the node until it starts (60 s at most): the way back to one that speaks Modbus. Switch it off and on
+    /// meanwhile.
     #[arg(long)]
     at_start: bool,
     /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
@@ -115,12 +117,19 @@ fn doubts(config: &Configuration) -> Vec<String> {
     let mut doubts = Vec::new();
     let expects_nothing = config.levels.is_empty() && config.local_levels.is_empty();
     if expects_nothing && config.alarms.iter().any(|alarm| alarm.watched == Watched::Departure) {
-        doubts.push("an alarm on Departure can never be raised without expected levels: `meshband levels learn` or `meshband commission` makes them".into());
+        doubts.push(
+            "an alarm on Departure can never be raised without expected levels: `meshband levels learn` or \
+            `meshband commission` makes them"
+                .into(),
+        );
     }
     let [pinion, gear] = [config.gears.pinion_teeth, config.gears.gear_teeth];
     if pinion > gear {
         let ratio = f64::from(pinion) / f64::from(gear);
-        doubts.push(format!("{pinion} teeth drive {gear}: the pair speeds up by {ratio:.2}; the first count is the pinion's, whose turns the tach gives"));
+        doubts.push(format!(
+            "{pinion} teeth drive {gear}: the pair speeds up by {ratio:.2}; the first count is the \
+            pinion's, whose turns the tach gives"
+        ));
     }
     doubts
 }
@@ -141,7 +150,8 @@ fn from_next_start(link: &LinkConfig, volatile: bool, port: &str) -> String {
     }
     let LinkConfig { address, parity, .. } = link;
     format!(
-        "from its next start on it speaks Modbus: address {address}, {} bit/s, parity {parity:?}; back: `meshband configure {port} --at-start`",
+        "from its next start on it speaks Modbus: address {address}, {} bit/s, parity {parity:?}; back: `meshband \
+         configure {port} --at-start`",
         link.rate()
     )
 }

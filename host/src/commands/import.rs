@@ -17,7 +17,8 @@ use std::path::{Path, PathBuf};
 /// Arguments of `meshband import`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// MATLAB, HDF5, TDMS, LabVIEW, csv and other text, wav, FLAC, npy or uff58 files; of equal length: channels of one run.
+    /// MATLAB, HDF5, TDMS, LabVIEW, csv and other text, wav, FLAC, npy or uff58 files; of equal length: channels of
+    /// one run.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Folder of the new record.
@@ -38,7 +39,8 @@ pub struct Args {
     /// Unit of a time column that states none, as s, ms, us, ns or min.
     #[arg(long, value_name = "UNIT", conflicts_with = "no_time")]
     time_unit: Option<String>,
-    /// Columns to read, by name or number (from 1, time included), separated by commas; all otherwise. Time and tachometer stay.
+    /// Columns to read, by name or number (from 1, time included), separated by commas; all otherwise. Time and
+    /// tachometer stay.
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
     /// Columns to leave out, by name or number, separated by commas.
@@ -50,7 +52,8 @@ pub struct Args {
     /// Mesh frequency as far as known, Hz (within 3 %); searched for otherwise. FROM,TO: it changes within that range.
     #[arg(long, value_delimiter = ',', num_args = 1)]
     mesh: Vec<f64>,
-    /// Unit of channels whose file states none (m/s2, g, mg, V, N m and so on, or unknown); one, or one for each, separated by commas.
+    /// Unit of channels whose file states none (m/s2, g, mg, V, N m and so on, or unknown); one, or one for each,
+    /// separated by commas.
     #[arg(long, value_delimiter = ',')]
     unit: Vec<String>,
     /// Take --unit although a file states another one.
@@ -65,7 +68,8 @@ pub struct Args {
     /// Value of the largest code, in the record's unit; 10 % over the peak otherwise.
     #[arg(long)]
     full_scale: Option<f64>,
-    /// What the largest number of an integer file stands for, in --unit: one, one per channel, or a csv file with one row per channel.
+    /// What the largest number of an integer file stands for, in --unit: one, one per channel, or a csv file with one
+    /// row per channel.
     #[arg(long, value_name = "VALUES|FILE")]
     source_full_scale: Option<String>,
     /// Keep samples as float32 values instead of 16-bit codes of one full scale.
@@ -74,20 +78,22 @@ pub struct Args {
     /// Torque at the pinion's shaft, N m; one for all runs, or one for each, separated by commas.
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     torque: Vec<f64>,
-    /// Load of every run in any one unit (percent), separated by commas: the loop then looks for a law of the speed against it.
+    /// Load of every run in any one unit (percent), separated by commas: the loop then looks for a law of the speed
+    /// against it.
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     load: Vec<f64>,
     /// The rig has one shaft and no gears.
     #[arg(long, conflicts_with_all = ["teeth", "machine"])]
     no_gears: bool,
-    /// Bearing by designation, on the pinion's shaft or on SHAFT: `6205`, `gear=NU206`; once for each. By dimensions or orders: `[[bearing]]` in
-    /// record.toml.
+    /// Bearing by designation, on the pinion's shaft or on SHAFT: `6205`, `gear=NU206`; once for each. By dimensions
+    /// or orders: `[[bearing]]` in record.toml.
     #[arg(long = "bearing", value_name = "[SHAFT=]DESIGNATION")]
     bearings: Vec<String>,
     /// No tachometer was recorded; the shaft turns at this constant speed, rpm.
     #[arg(long, value_name = "RPM", conflicts_with_all = ["no_tach", "tach"])]
     speed: Option<f64>,
-    /// Train file ([[stage]]): the record then declares all stages, and its [tach] says shaft and pulses of the tachometer.
+    /// Train file ([[stage]]): the record then declares all stages, and its [tach] says shaft and pulses of the
+    /// tachometer.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["teeth", "machine", "no_gears"])]
     train: Option<PathBuf>,
     /// Machine file: the record then declares the whole machine, its tooth counts included.
@@ -185,7 +191,8 @@ pub fn run(args: Args) -> Result<()> {
     print(&summary)
 }
 
-/// The tachometer that a train declares, on the channel that `given` names or on the one that looks like it; `given` itself where none is declared.
+/// The tachometer that a train declares, on the channel that `given` names or on the one that looks like it; `given`
+/// itself where none is declared.
 fn train_tach(train: &Train, given: Option<TachOptions>, wanted: bool) -> Result<Option<TachOptions>> {
     let Some(declared) = train.declaration.tachs.first().filter(|_| wanted) else { return Ok(given) };
     let ratio = train.shaft_order(declared.shaft).value();

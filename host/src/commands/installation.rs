@@ -39,7 +39,8 @@ pub struct InstallationArgs {
     /// Acceleration per 16-bit ADC code, m/s2.
     #[arg(long, allow_negative_numbers = true)]
     pub sensitivity: Option<f32>,
-    /// Sensor's sensitivity, V per g, instead of --sensitivity: as 0.1 for 100 mV/g, at a converter reference of 3.3 V and gain 1.
+    /// Sensor's sensitivity, V per g, instead of --sensitivity: as 0.1 for 100 mV/g, at a converter reference of 3.3
+    /// V and gain 1.
     #[arg(long, conflicts_with = "sensitivity", value_parser = volt_per_g)]
     pub volt_per_g: Option<f32>,
     /// Stop edge of the analogue filter, Hz.

@@ -1,4 +1,5 @@
-//! `meshband loop`: what a record's declared machine lacks, and the held-out error as declared, calibrated and corrected.
+//! `meshband loop`: what a record's declared machine lacks, and the held-out error as declared, calibrated and
+//! corrected.
 
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::check::{self, Findings};
@@ -27,7 +28,8 @@ pub struct Args {
     record: PathBuf,
     #[command(flatten)]
     results: Results,
-    /// Writes the corrected machine, its effects and its law beside this machine file, and compares a virtual node before and after.
+    /// Writes the corrected machine, its effects and its law beside this machine file, and compares a virtual node
+    /// before and after.
     #[arg(long)]
     apply: Option<PathBuf>,
     /// Level to run at; the highest that the record allows where none is given.
@@ -36,7 +38,8 @@ pub struct Args {
     /// Leaves out what would have been found of every effect that was not (dynamic level).
     #[arg(long)]
     no_limits: bool,
-    /// Compares with so many records of the calibrated machine without any effect (parametric bootstrap): this record's own probability of a false alarm (dynamic level).
+    /// Compares with so many records of the calibrated machine without any effect (parametric bootstrap): this
+    /// record's own probability of a false alarm (dynamic level).
     #[arg(long, value_name = "N", default_value_t = 0)]
     null: usize,
     /// Seed of the split into fit, selection and held-out runs, and of the records of --null (dynamic level).
@@ -184,7 +187,10 @@ fn page(outcome: &Outcome, replayed: Option<&Replay>, about: &About, check: Opti
     let [levels, widths] = check.rows();
     Ok(page
         .section("Virtual node before and after")
-        .text("The node's own code on held-out runs: on the record, on what the declared machine predicts, and on the corrected one.")
+        .text(
+            "The node's own code on held-out runs: on the record, on what the declared machine predicts, and on \
+            the corrected one.",
+        )
         .table("Mesh-band levels that the node reports.", HEADS[0], &levels)
         .table("Bandwidth measured by the node, and by the law it carries.", HEADS[1], &widths))
 }

@@ -29,9 +29,11 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum Action {
-    /// Writes a machine file from a few figures: estimates the rest, marks every guess, says which guesses move the law.
+    /// Writes a machine file from a few figures: estimates the rest, marks every guess, says which guesses move the
+    /// law.
     New(New),
-    /// Explains a machine: contact, hunting period, natural frequencies with modes, stiffness beside ISO 6336, domain of its law.
+    /// Explains a machine: contact, hunting period, natural frequencies with modes, stiffness beside ISO 6336, domain
+    /// of its law.
     Check(Check),
     /// Every key of a machine file with unit and meaning.
     Keys {
@@ -166,12 +168,14 @@ fn guesses_text(found: &Sensitivity) -> String {
 }
 
 /// What the wizard can describe, before its first question.
-const SCOPE: &str = "one pair of spur gears; of a gearbox with several stages describe the pair nearest to the sensor, the others stay outside; helical and planetary gears are outside the model";
+const SCOPE: &str = "one pair of spur gears; of a gearbox with several stages describe the pair nearest to the \
+    sensor, the others stay outside; helical and planetary gears are outside the model";
 
 fn known(args: &New) -> Result<Known> {
     if let Some(degrees) = args.helix.filter(|degrees| *degrees != 0.0) {
         let what = format!(
-            "{degrees} degrees: helical gears are outside the model; `import`, `analyse`, `loop` on a record and `commission` work without it"
+            "{degrees} degrees: helical gears are outside the model; `import`, `analyse`, `loop` on a record and \
+             `commission` work without it"
         );
         return Err(Error::invalid("--helix", what));
     }
@@ -183,7 +187,8 @@ fn known(args: &New) -> Result<Known> {
     if teeth[0] > teeth[1] {
         let ratio = f64::from(teeth[0]) / f64::from(teeth[1]);
         remark!(
-            "note: {} teeth drive {}: the pair speeds up by {ratio:.2}; the pinion is the one whose speed and torque are given",
+            "note: {} teeth drive {}: the pair speeds up by {ratio:.2}; the pinion is the one whose speed and torque \
+             are given",
             teeth[0],
             teeth[1]
         );
@@ -380,7 +385,8 @@ fn text(e: &Explained) -> String {
     let mut out = format!("machine {}, hash {}\n", e.title, e.machine_hash);
     sentences(e).iter().for_each(|sentence| out += &format!("{sentence}\n"));
     out += &format!(
-        "\nnatural frequencies at the mean mesh stiffness; a pinion at the speed beside it meets them with its mesh\n{}",
+        "\nnatural frequencies at the mean mesh stiffness; a pinion at the speed beside it meets them with its \
+         mesh\n{}",
         table(&HEAD, &mode_rows(e))
     );
     e.warnings.iter().for_each(|warning| out += &format!("warning: {warning}\n"));

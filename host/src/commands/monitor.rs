@@ -1,7 +1,8 @@
 //! `meshband monitor`: live view of a node in the terminal, or of a captured link.
 //!
-//! In a terminal the view is live and everything is captured; elsewhere (a pipe, `--once`, `--frames`) text comes at the end. Both open a
-//! lost port again; a port that stays away for the patience ends the command with an error, after what was heard is written.
+//! In a terminal the view is live and everything is captured; elsewhere (a pipe, `--once`, `--frames`) text comes at
+//! the end. Both open a lost port again; a port that stays away for the patience ends the command with an error,
+//! after what was heard is written.
 
 use clap::Args as ClapArgs;
 use meshband_host::link::view::View;
@@ -35,7 +36,8 @@ pub struct Args {
     /// Ends after this many messages.
     #[arg(long)]
     frames: Option<u64>,
-    /// Shows the view once, after a status and a mesh-band spectrum have come (or the patience or the link has ended), and ends.
+    /// Shows the view once, after a status and a mesh-band spectrum have come (or the patience or the link has
+    /// ended), and ends.
     #[arg(long)]
     once: bool,
     /// Without a terminal: ends after this many seconds without any message.

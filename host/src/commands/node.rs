@@ -1,4 +1,5 @@
-//! `meshband node`: the real firmware on a virtual board, fed with a run of a record, or with a machine simulated for the purpose.
+//! `meshband node`: the real firmware on a virtual board, fed with a run of a record, or with a machine simulated for
+//! the purpose.
 
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband::config::Configuration;
@@ -53,7 +54,8 @@ pub struct Args {
     /// Start of the stretch to replay, s; the memory of an386 holds 8.3 s.
     #[arg(long, default_value_t = 0.0)]
     start: f64,
-    /// Length of the stretch, s; the rest of the run, or 3 s of a machine, with --serve long enough for both shafts to come round.
+    /// Length of the stretch, s; the rest of the run, or 3 s of a machine, with --serve long enough for both shafts
+    /// to come round.
     #[arg(long)]
     duration: Option<f64>,
     /// Unit of the amplitudes shown.
@@ -83,7 +85,8 @@ pub struct Args {
     /// Forces the converter's rate, Hz, without decimation, whatever the law says: aliases are then real.
     #[arg(long)]
     rate: Option<f64>,
-    /// Serves a live node on the looped signal at tcp:PORT or tcp:HOST:PORT (0: any free port) until Ctrl-C, for `monitor` and `configure`.
+    /// Serves a live node on the looped signal at tcp:PORT or tcp:HOST:PORT (0: any free port) until Ctrl-C, for
+    /// `monitor` and `configure`.
     #[arg(long, value_name = "tcp:PORT", conflicts_with_all = ["json", "report", "runs", "profile", "rate"])]
     serve: Option<String>,
     /// With --serve: the record or machine, which is looped.
@@ -208,14 +211,16 @@ fn announce(signal: &Signal, ready: &serve::Ready<'_>) -> Result<()> {
     if repeated.jump_deg() > 0.0 {
         let turns = Hunting::of(signal.teeth).turns;
         remark!(
-            "note: the signal is shorter than {turns} turns of the pinion, after which both shafts come round: one shaft jumps by {:.0} degrees once per loop",
+            "note: the signal is shorter than {turns} turns of the pinion, after which both shafts come round: one \
+             shaft jumps by {:.0} degrees once per loop",
             repeated.jump_deg()
         );
     }
     let [before, behind] = repeated.speeds_hz();
     if (before / behind - 1.0).abs() > SPEED_JUMP {
         remark!(
-            "note: the speed jumps from {before:.2} to {behind:.2} Hz once per loop: the signal ends at another than it begins with"
+            "note: the speed jumps from {before:.2} to {behind:.2} Hz once per loop: the signal ends at another than \
+             it begins with"
         );
     }
     Ok(())

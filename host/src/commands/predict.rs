@@ -24,7 +24,8 @@ use std::sync::Arc;
 pub struct Args {
     /// Record folder.
     record: PathBuf,
-    /// Folder for the predictions, named as the signals of the record (`runNN.npy`; float32, m/s2, same shape); no record itself.
+    /// Folder for the predictions, named as the signals of the record (`runNN.npy`; float32, m/s2, same shape); no
+    /// record itself.
     #[arg(short)]
     output: PathBuf,
     /// Model: bending-torsional, bending-torsional-6 or casing.
@@ -50,7 +51,8 @@ struct Outcome {
     input_torque_n_m: Option<f64>,
     /// RMS of what remains below 15 kHz over the measured AC RMS there, per channel.
     remaining: [f64; 2],
-    /// Predicted over measured AC RMS below 15 kHz, dB, per channel: what can be compared of effects whose phase is free in every run.
+    /// Predicted over measured AC RMS below 15 kHz, dB, per channel: what can be compared of effects whose phase is
+    /// free in every run.
     level_db: [f64; 2],
     statistics: Statistics,
     #[serde(skip)]

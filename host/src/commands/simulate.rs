@@ -28,7 +28,8 @@ use std::sync::Arc;
 pub struct Args {
     /// Machine file or record folder.
     machine: PathBuf,
-    /// Pinion speeds, as 24.75Hz or 1485rpm (a bare number is Hz), separated by commas; default: the machine's nominal speed.
+    /// Pinion speeds, as 24.75Hz or 1485rpm (a bare number is Hz), separated by commas; default: the machine's
+    /// nominal speed.
     #[arg(long, value_delimiter = ',')]
     speed: Vec<Speed>,
     /// One run whose speed changes linearly instead: FROM,TO (Hz),SECONDS; it lasts at least that long.
@@ -61,7 +62,8 @@ pub struct Args {
     /// Seed of the random streams.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Start every run at a random angle of the hunting period (from the seed) instead of angle 0; the first in the first turn.
+    /// Start every run at a random angle of the hunting period (from the seed) instead of angle 0; the first in the
+    /// first turn.
     #[arg(long)]
     random_start: bool,
     /// Model: bending-torsional, bending-torsional-6 or casing.
@@ -196,8 +198,8 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
             let seed = run_seed(args.seed, points.len());
             let mut motion = motion.clone();
             if let (Motion::Constant { turns_at_zero, .. }, true) = (&mut motion, args.random_start) {
-                // Anywhere in the hunting period: a tachometer on the pinion does not tell which turn it is. The first run's first edge is
-                // within the first turn, so that teeth of the gear keep their numbers.
+                // Anywhere in the hunting period: a tachometer on the pinion does not tell which turn it is. The
+                // first run's first edge is within the first turn, so that teeth of the gear keep their numbers.
                 let turn = if points.is_empty() { 0 } else { start_turn(seed, hunting) };
                 *turns_at_zero = f64::from(turn) + start_turns(seed) - 1.0 / f64::from(args.pulses.max(1));
             }
@@ -230,7 +232,8 @@ fn warning(simulated: &Simulated) -> Option<String> {
 fn pull([least_n, at_s]: [f64; 2], contact_events: u64) -> Option<String> {
     (least_n < 0.0 && contact_events == 0).then(|| {
         format!(
-            "the mesh force falls to {least_n:.3e} N at {at_s:.4} s: teeth cannot pull; add `--effect backlash` for contact loss"
+            "the mesh force falls to {least_n:.3e} N at {at_s:.4} s: teeth cannot pull; add `--effect backlash` for \
+             contact loss"
         )
     })
 }

@@ -1,4 +1,5 @@
-//! The analysis of records against signals whose truth is known: amplitudes, modulation, teeth, passages, families, noise.
+//! The analysis of records against signals whose truth is known: amplitudes, modulation, teeth, passages, families,
+//! noise.
 
 use crate::common;
 use meshband::gear_condition;

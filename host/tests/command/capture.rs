@@ -1,5 +1,5 @@
-//! `meshband capture` as a user runs it: an alarm of the released image in the emulated chip, its waveform over a line that damages bytes, the record,
-//! and what `meshband analyse` makes of it.
+//! `meshband capture` as a user runs it: an alarm of the released image in the emulated chip, its waveform over a
+//! line that damages bytes, the record, and what `meshband analyse` makes of it.
 
 use crate::common::{accepted, folder, refused, text};
 use crate::emulated_line::Line;

@@ -1,5 +1,5 @@
-//! `meshband commission` as a user runs it: what is refused before a node is asked, and the released image in the emulated chip from its first start to a
-//! node that watches its machine.
+//! `meshband commission` as a user runs it: what is refused before a node is asked, and the released image in the
+//! emulated chip from its first start to a node that watches its machine.
 
 use crate::common::{accepted, altered, folder, machine, refused, text};
 use crate::emulated_line::Line;

@@ -48,8 +48,8 @@ fn true_turns(truth: &Value) -> AngleMap {
     AngleMap::new(&numbers(&run["turn_times_s"]), 1, first).expect("turns")
 }
 
-/// Departure of a record's angle and speed from the truth: largest of the angle without its mean in turns of the pinion, relative error of
-/// the mean speed, and root mean square of that of single turns.
+/// Departure of a record's angle and speed from the truth: largest of the angle without its mean in turns of the
+/// pinion, relative error of the mean speed, and root mean square of that of single turns.
 fn departure(record: &Path, truth: &Value, ratio: f64) -> [f64; 3] {
     let record = Record::read(record).expect("a record");
     let (run, tach) = (record.run(0).expect("a run"), record.declaration.tach.as_ref().expect("a tach"));
@@ -169,7 +169,8 @@ fn fault_a_field_file_is_checked_key_by_key() {
 #[test]
 fn theory_a_channel_is_the_sum_of_its_modes_under_the_bearings_forces() {
     let folder = folder("field-modes");
-    // One mode far below the mesh passes forces as a mass does: residue times force; the same force on the second channel, twice.
+    // One mode far below the mesh passes forces as a mass does: residue times force; the same force on the second
+    // channel, twice.
     let channel =
         |name: &str, r: f64| format!("[[channel]]\nname = '{name}'\nresidues_per_kg = [[{r}, 0.0, 0.0, 0.0]]\n");
     let field = format!("[[mode]]\nfrequency_hz = 5.0\ndamping = 0.4\n{}{}", channel("one", 0.05), channel("two", 0.1));
@@ -185,7 +186,8 @@ fn theory_a_channel_is_the_sum_of_its_modes_under_the_bearings_forces() {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
     let half: Vec<f64> = one.iter().zip(&two).map(|(a, b)| 2.0 * a - b).collect();
     assert!(rms(&half) < 1e-3 * rms(&two), "twice the residue, twice the signal");
-    // k q of a body that moves at the mesh frequency f is k a / (2 pi f)^2: both are in proportion at the first harmonic.
+    // k q of a body that moves at the mesh frequency f is k a / (2 pi f)^2: both are in proportion at the first
+    // harmonic.
     let rate = 20_480.0;
     let line = |x: &[f64]| {
         let at = |n: usize| std::f64::consts::TAU * 400.0 * n as f64 / rate;

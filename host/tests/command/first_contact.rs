@@ -1,8 +1,8 @@
-//! Files as people have them: units, time columns, counters, several header rows, blanks, LabVIEW, structures. One test per situation of
-//! `book/src/howto/what-i-have.md`, and a campaign of generated files whose content is known.
+//! Files as people have them: units, time columns, counters, several header rows, blanks, LabVIEW, structures. One
+//! test per situation of `book/src/howto/what-i-have.md`, and a campaign of generated files whose content is known.
 
 use crate::common::{accepted, folder, refused, text};
-use meshband_host::import::{ImportOptions, Reading, TachChoice, import};
+
 use meshband_host::record::Record;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! Files of foreign formats, made by independent writers (`fixtures/formats/make.py`): every value as written, damage said in one line.
+//! Files of foreign formats, made by independent writers (`fixtures/formats/make.py`): every value as written, damage
+//! said in one line.
 
 use crate::common::{self, accepted, folder, refused, text};
 use meshband_host::import::read;

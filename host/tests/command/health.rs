@@ -1,4 +1,5 @@
-//! `meshband health` as a user runs it: against the released image in the emulated chip, and with everything that is no node of this kind.
+//! `meshband health` as a user runs it: against the released image in the emulated chip, and with everything that is
+//! no node of this kind.
 
 use crate::common::{accepted, folder, refused, text};
 use crate::emulated_line::Line;

@@ -241,7 +241,8 @@ fn refused_import(folder: &Path, file: &str, options: &[&str], expected: &[&str]
     assert!(!Path::new(&out).exists(), "a refused import leaves nothing behind");
 }
 
-/// Worst error of the record's angle, in turns of the tach's shaft, against the motion, and that of its mean speed, as a share.
+/// Worst error of the record's angle, in turns of the tach's shaft, against the motion, and that of its mean speed,
+/// as a share.
 fn errors(rig: &Rig, record: &Record, run: usize) -> (f64, f64) {
     let (run, tach) = (&record.runs[run], record.declaration.tach.as_ref().expect("a tach"));
     let away: Vec<f64> = run

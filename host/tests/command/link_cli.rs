@@ -1,5 +1,5 @@
-//! `meshband configure` and `monitor` as a user runs them: against the image in QEMU over TCP and over a pseudo-terminal,
-//! and against everything that is no node.
+//! `meshband configure` and `monitor` as a user runs them: against the image in QEMU over TCP and over a
+//! pseudo-terminal, and against everything that is no node.
 
 use meshband::config::{Configuration, TachEdge};
 use meshband::replay::{Header, image_bytes, write};

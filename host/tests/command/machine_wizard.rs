@@ -16,7 +16,8 @@ fn meshband(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_meshband")).args(arguments).output().expect("the command starts")
 }
 
-/// Ten answers about a described machine: teeth (2), module, width, speed, torque, pressure angle, bores, bearings, ramp or relief.
+/// Ten answers about a described machine: teeth (2), module, width, speed, torque, pressure angle, bores, bearings,
+/// ramp or relief.
 fn answers(full: &Machine) -> Known {
     let nominal = full.nominal.expect("an operating point");
     let engagement = full.engagement.expect("an engagement");
@@ -48,7 +49,8 @@ fn claim_ten_answers_give_the_law_within_its_stated_uncertainty() {
         let off = ratio(true_law, stated.bandwidth_hz).expect("edges at one speed at least");
         let edges = stated.bandwidth_hz.iter().filter(|hz| hz.is_some()).count();
         println!(
-            "{name}: {} guesses, law off by a factor {off:.3}, stated {:.2}; largest {} ({:.2}); edges at {edges} of 3 speeds",
+            "{name}: {} guesses, law off by a factor {off:.3}, stated {:.2}; largest {} ({:.2}); edges at {edges} of \
+             3 speeds",
             estimated.guesses.len(),
             stated.within_factor,
             stated.shares[0].guess.key,

@@ -1,4 +1,5 @@
-//! The built command and what it reads, one file per part; one program, because each one more only costs linking the host.
+//! The built command and what it reads, one file per part; one program, because each one more only costs linking the
+//! host.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,5 @@
-//! The live view: its picture at both sizes, and the whole of it in a real terminal with a virtual node that freezes, dies and comes back.
+//! The live view: its picture at both sizes, and the whole of it in a real terminal with a virtual node that freezes,
+//! dies and comes back.
 
 use meshband::health::Health;
 use meshband::levels::{Departure, Departures};

@@ -1,4 +1,5 @@
-//! What `import`, `analyse` and `check` say of a recording: encoders that fold, wheels with gaps, slip, limits, clocks, edge times.
+//! What `import`, `analyse` and `check` say of a recording: encoders that fold, wheels with gaps, slip, limits,
+//! clocks, edge times.
 
 use crate::common::{accepted, folder, refused, text};
 use meshband_host::record::npy;

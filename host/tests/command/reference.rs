@@ -1,9 +1,11 @@
-//! `book/src/reference/messages.md`: every public name of the node's configuration and messages, with unit, default and meaning, from the code itself.
+//! `book/src/reference/messages.md`: every public name of the node's configuration and messages, with unit, default
+//! and meaning, from the code itself.
 //!
-//! Names, types and meanings are read from the source of `shared` (rustfmt's form is what is understood: one field or variant per line, its
-//! documentation above it), beginning with the configuration, the requests, the replies and the messages and following every type that they
-//! name. Defaults are those of `Configuration::default()`. `MESHBAND_BLESS=1` writes the page, otherwise a page that is not the present one
-//! fails. Units come from the type, the end of the name, or the documentation after a comma, in this order.
+//! Names, types and meanings are read from the source of `shared` (rustfmt's form is what is understood: one field or
+//! variant per line, its documentation above it), beginning with the configuration, the requests, the replies and the
+//! messages and following every type that they name. Defaults are those of `Configuration::default()`.
+//! `MESHBAND_BLESS=1` writes the page, otherwise a page that is not the present one fails. Units come from the type,
+//! the end of the name, or the documentation after a comma, in this order.
 
 use meshband::config::{Configuration, SCHEMA};
 use meshband::message::{OLDEST_READER, WIRE_SCHEMA};
@@ -303,8 +305,10 @@ fn shown(value: Option<&Value>) -> String {
 /// The register map, from the table that requests are answered from.
 fn modbus() -> String {
     let mut text = format!(
-        "\n## Modbus\n\nRegister map, version {MAP_VERSION}: input registers (function 4; function 3 reads the same), addresses from 0 as they are on the line: manuals that count \
-         from 1 or write 3xxxx have one more. `word`: one register; `long` and `float` (IEEE 754 single): two, the high word first. A float that does not exist is not a number, an age \
+        "\n## Modbus\n\nRegister map, version {MAP_VERSION}: input registers (function 4; function 3 reads the \
+         same), addresses from 0 as they are on the line: manuals that count \
+         from 1 or write 3xxxx have one more. `word`: one register; `long` and `float` (IEEE 754 single): two, the \
+         high word first. A float that does not exist is not a number, an age \
          without a result is 65535, other words are 0 then. Addresses that are not listed are refused.\n"
     );
     let mut group = "";
@@ -334,9 +338,12 @@ fn page() -> String {
     let defaults = serde_json::to_value(Configuration::default()).unwrap();
     let mut page = Page { items: &items, text: String::new(), wanted: Vec::new(), said: BTreeSet::new() };
     page.text = format!(
-        "# Reference of configuration and messages\n\nMade by `{COMMAND}` from the source of `shared`; edit nothing here. What the values mean in use is in \
-         [the node's manual](node.md).\n\nSchemas: link {WIRE_SCHEMA} (read by programs from {OLDEST_READER} on), configuration {SCHEMA}. Values without a unit are numbers, \
-         counts or names.\n\n## Configuration\n\nTables and keys of `meshband configure --settings`, `--json` and of `GetConfiguration`; `schema`, `law` and `latched` are not set by a settings file.\n"
+        "# Reference of configuration and messages\n\nMade by `{COMMAND}` from the source of `shared`; edit nothing \
+         here. What the values mean in use is in \
+         [the node's manual](node.md).\n\nSchemas: link {WIRE_SCHEMA} (read by programs from {OLDEST_READER} on), \
+         configuration {SCHEMA}. Values without a unit are numbers, \
+         counts or names.\n\n## Configuration\n\nTables and keys of `meshband configure --settings`, `--json` and of \
+         `GetConfiguration`; `schema`, `law` and `latched` are not set by a settings file.\n"
     );
     let Some(Item::Struct(_, fields)) = items.get("Configuration") else { panic!("no configuration") };
     page.item("Configuration", Some(&defaults));

@@ -1,4 +1,5 @@
-//! A second sensor from the command line: its settings, what boards can have it, and what a live virtual node says of it.
+//! A second sensor from the command line: its settings, what boards can have it, and what a live virtual node says of
+//! it.
 
 use crate::common::{accepted, folder, machine, refused, text};
 use meshband::config::{Configuration, SecondSensor};

@@ -1,4 +1,5 @@
-//! Gear trains by commands alone: declaration, table, import with the tach on another shaft, analysis, findings, refusals.
+//! Gear trains by commands alone: declaration, table, import with the tach on another shaft, analysis, findings,
+//! refusals.
 
 use crate::common::{accepted, folder, refused, text};
 use std::f64::consts::TAU;
@@ -6,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 const RATE_HZ: f64 = 5000.0;
 const SECONDS: f64 = 24.0;
-const TRAIN: &str = "[[stage]]\nkind = \"pair\"\nteeth = [23, 61]\nhelix_angle_deg = 0\n\n[[stage]]\nkind = \"pair\"\nteeth = [19, 77]\n\n[tach]\nshaft = 1\npulses_per_turn = 2\n";
+const TRAIN: &str = "[[stage]]\nkind = \"pair\"\nteeth = [23, 61]\nhelix_angle_deg = 0\n\n[[stage]]\nkind \
+    = \"pair\"\nteeth = [19, 77]\n\n[tach]\nshaft = 1\npulses_per_turn = 2\n";
 
 /// A noise of unit variance that every machine makes alike.
 fn noise(state: &mut u64) -> f64 {

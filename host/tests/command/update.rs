@@ -1,5 +1,5 @@
-//! `meshband update` as a user runs it: against the released loader and image in the emulated chip, over TCP as over a serial line that loses
-//! bytes, and with everything that is no update for this node.
+//! `meshband update` as a user runs it: against the released loader and image in the emulated chip, over TCP as over
+//! a serial line that loses bytes, and with everything that is no update for this node.
 
 use crate::emulated_line::Line;
 use meshband::frame::CRC32;

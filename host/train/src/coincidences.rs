@@ -1,7 +1,8 @@
-//! Lines of different parts that one record cannot tell apart: at the same order exactly, or nearer than the record resolves.
+//! Lines of different parts that one record cannot tell apart: at the same order exactly, or nearer than the record
+//! resolves.
 //!
-//! Compared are the orders of shafts (to the third), of meshes (to the tenth harmonic) and of first sidebands of every gear about the first three harmonics.
-//! Two lines are apart from `LOBE_BINS / turns` orders on.
+//! Compared are the orders of shafts (to the third), of meshes (to the tenth harmonic) and of first sidebands of
+//! every gear about the first three harmonics. Two lines are apart from `LOBE_BINS / turns` orders on.
 
 use super::fraction::Fraction;
 use super::kinematics::Train;
@@ -9,7 +10,8 @@ use crate::Result;
 
 use serde::Serialize;
 
-/// Bins from the centre of a line to the end of its main lobe (four-term Blackman-Harris), by which two lines are apart.
+/// Bins from the centre of a line to the end of its main lobe (four-term Blackman-Harris), by which two lines are
+/// apart.
 const LOBE_BINS: f64 = 4.0;
 /// Harmonics compared, and those with sidebands.
 const HARMONICS: i64 = 10;
@@ -38,7 +40,8 @@ struct Line {
     part: (u8, usize),
 }
 
-/// Pairs of lines that a record of `turns` of the input cannot tell apart, the exact ones first, those of low orders first.
+/// Pairs of lines that a record of `turns` of the input cannot tell apart, the exact ones first, those of low orders
+/// first.
 ///
 /// # Errors
 /// Orders beyond 128 bits.
@@ -102,7 +105,8 @@ mod tests {
 
     #[test]
     fn theory_equal_fractions_coincide_for_ever_and_near_ones_until_a_record_is_long() {
-        // 32/80 and 24/72: the third order of the output is the first of the shaft between; ten meshes of stage 2 are three of stage 1 and more.
+        // 32/80 and 24/72: the third order of the output is the first of the shaft between; ten meshes of stage 2 are
+        // three of stage 1 and more.
         let train =
             train("[[stage]]\nkind = \"pair\"\nteeth = [32, 80]\n[[stage]]\nkind = \"pair\"\nteeth = [24, 72]\n");
         let found = of(&train, 2000.0).unwrap();

@@ -1,7 +1,9 @@
-//! What the owner states of a gear train: `[[stage]]` and what hangs on its shafts, in machine files, `train.toml` and records.
+//! What the owner states of a gear train: `[[stage]]` and what hangs on its shafts, in machine files, `train.toml`
+//! and records.
 //!
-//! Shaft 0 is the first stage's input; shaft `i + 1` is the output of stage `i` (counted from 0). A stage takes the shaft before it, or the one
-//! that `from` names (parallel branches). Unknown keys are refused; every refusal names table and key.
+//! Shaft 0 is the first stage's input; shaft `i + 1` is the output of stage `i` (counted from 0). A stage takes the
+//! shaft before it, or the one that `from` names (parallel branches). Unknown keys are refused; every refusal names
+//! table and key.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -189,7 +189,8 @@ fn beside(mesh: &Mesh, rate: f64, most: usize, highest: f64, gear: &Gear) -> Vec
     lines
 }
 
-/// Whether an order is a sound mesh's: its harmonics, and every carrier order as far as planets passing are owned, those too that only unequal load shares show.
+/// Whether an order is a sound mesh's: its harmonics, and every carrier order as far as planets passing are owned,
+/// those too that only unequal load shares show.
 fn is_sound(mesh: &Mesh, order: f64) -> bool {
     let own = mesh.order.value();
     let k = (order / own).round().max(1.0);

@@ -1,6 +1,7 @@
 //! Exact orders: fractions of whole numbers, every operation checked for overflow.
 //!
-//! Eight stages of three-digit tooth counts stay within 128 bits; what does not is refused with the remedy, never rounded.
+//! Eight stages of three-digit tooth counts stay within 128 bits; what does not is refused with the remedy, never
+//! rounded.
 
 use crate::{Error, Result};
 use num_rational::Ratio;

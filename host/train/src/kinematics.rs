@@ -1,8 +1,9 @@
 //! Shafts, gears and meshes of a train with their speeds, in exact fractions of the input's.
 //!
-//! A pair turns its driven gear the other way (an internal one the same way, every idler once more). A planetary set follows Willis:
-//! `ws zs + wr zr = wc (zs + zr)`; a planet turns against its carrier at `-(ws - wc) zs / zp`. Signs say which way; orders are magnitudes.
-//! Limit: behind a belt the fractions are those of its declared slip, which no belt keeps.
+//! A pair turns its driven gear the other way (an internal one the same way, every idler once more). A planetary set
+//! follows Willis: `ws zs + wr zr = wc (zs + zr)`; a planet turns against its carrier at `-(ws - wc) zs / zp`. Signs
+//! say which way; orders are magnitudes. Limit: behind a belt the fractions are those of its declared slip, which no
+//! belt keeps.
 
 use super::declaration::{Declaration, Member, Stage};
 use super::fraction::Fraction;
@@ -292,7 +293,7 @@ fn willis([sun, ring]: [u32; 2], (fixed, driven): (Member, Member), input: Fract
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(crate) mod tests {
     use super::*;
 
     pub fn train(text: &str) -> Train {
@@ -301,7 +302,8 @@ pub mod tests {
 
     pub fn set(fixed: &str, input: &str) -> Train {
         train(&format!(
-            "[[stage]]\nkind = \"planetary\"\nsun = 31\nplanet = 32\nring = 95\nplanets = 3\nfixed = \"{fixed}\"\ninput = \"{input}\"\n"
+            "[[stage]]\nkind = \"planetary\"\nsun = 31\nplanet = 32\nring = 95\nplanets = 3\nfixed \
+             = \"{fixed}\"\ninput = \"{input}\"\n"
         ))
     }
 
@@ -333,7 +335,9 @@ pub mod tests {
 
     #[test]
     fn theory_exact_fractions_agree_with_doubles_through_four_stages() {
-        let text = "[[stage]]\nkind = \"pair\"\nteeth = [29, 74]\n[[stage]]\nkind = \"planetary\"\nsun = 24\nplanet = 30\nring = 84\nplanets = 4\nfixed = \"ring\"\ninput = \"sun\"\n[[stage]]\nkind = \"pair\"\nteeth = [18, 83]\nidlers = [41]\n[[stage]]\nkind = \"pair\"\nteeth = [17, 91]\ninternal = true\n";
+        let text = "[[stage]]\nkind = \"pair\"\nteeth = [29, 74]\n[[stage]]\nkind = \"planetary\"\nsun = 24\nplanet \
+            = 30\nring = 84\nplanets = 4\nfixed = \"ring\"\ninput = \"sun\"\n[[stage]]\nkind = \"pair\"\nteeth = \
+            [18, 83]\nidlers = [41]\n[[stage]]\nkind = \"pair\"\nteeth = [17, 91]\ninternal = true\n";
         let train = train(text);
         let doubles = [1.0, 29.0 / 74.0, 29.0 / 74.0 * 24.0 / 108.0, 29.0 / 74.0 * 24.0 / 108.0 * 18.0 / 83.0];
         for (shaft, value) in doubles.iter().enumerate() {
@@ -350,7 +354,8 @@ pub mod tests {
     #[test]
     fn parallel_branches_and_belts_are_taken_from_the_shaft_they_name() {
         let train = train(
-            "[[stage]]\nkind = \"pair\"\nteeth = [20, 40]\n[[stage]]\nkind = \"pair\"\nteeth = [20, 50]\nfrom = 0\n[[stage]]\nkind = \"belt\"\npulleys_mm = [100, 250]\nslip = 0.01\nfrom = 1\n",
+            "[[stage]]\nkind = \"pair\"\nteeth = [20, 40]\n[[stage]]\nkind = \"pair\"\nteeth = [20, 50]\nfrom = \
+             0\n[[stage]]\nkind = \"belt\"\npulleys_mm = [100, 250]\nslip = 0.01\nfrom = 1\n",
         );
         assert_eq!(train.shaft_order(2), Fraction::new(2, 5));
         assert_eq!(train.shaft_order(3), Fraction::new(99, 500));
@@ -371,7 +376,9 @@ pub mod tests {
             (format!("{pair}from = 1\n"), "from"),
             (format!("{pair}[gearbox]\nname = 1\n"), "gearbox"),
             (
-                "[[stage]]\nkind = \"planetary\"\nsun = 30\nplanet = 20\nring = 70\nplanets = 3\nfixed = \"ring\"\ninput = \"ring\"\n".into(),
+                "[[stage]]\nkind = \"planetary\"\nsun = 30\nplanet = 20\nring = 70\nplanets = 3\nfixed \
+                 = \"ring\"\ninput = \"ring\"\n"
+                    .into(),
                 "cannot be driven",
             ),
         ] {

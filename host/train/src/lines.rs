@@ -1,7 +1,7 @@
 //! Who owns which order: what a sound train shows, in exact fractions of the input's turns.
 //!
-//! Orders of shafts, mesh harmonics, hunting periods, passage of planets, what the motor, a coupling and blades bring along. A line's owner is a part
-//! of the train; lines of a fault are in [`super::families`].
+//! Orders of shafts, mesh harmonics, hunting periods, passage of planets, what the motor, a coupling and blades bring
+//! along. A line's owner is a part of the train; lines of a fault are in [`super::families`].
 
 use super::fraction::Fraction;
 use super::kinematics::{Carrier, Mesh, Role, Train};
@@ -12,7 +12,8 @@ use serde::Serialize;
 /// Harmonics of a shaft, and of a mesh, in the table.
 const SHAFT_HARMONICS: i64 = 3;
 const MESH_HARMONICS: i64 = 3;
-/// Carrier orders on each side of a mesh harmonic within which a sound set's lines are owned, times the number of planets.
+/// Carrier orders on each side of a mesh harmonic within which a sound set's lines are owned, times the number of
+/// planets.
 const PASSES: i64 = 3;
 
 /// One line that a sound train may have.
@@ -75,7 +76,8 @@ fn of_mesh(train: &Train, mesh: &Mesh, lines: &mut Vec<Line>) -> Result<()> {
     Ok(())
 }
 
-/// Turns of the first gear after which the same teeth meet, the order of that, and the two gears, for each pair in mesh.
+/// Turns of the first gear after which the same teeth meet, the order of that, and the two gears, for each pair in
+/// mesh.
 ///
 /// # Errors
 /// Orders beyond 128 bits.
@@ -155,7 +157,8 @@ fn beside(train: &Train, lines: &mut Vec<Line>) -> Result<()> {
     Ok(())
 }
 
-/// Orders that a sound train has about its meshes, up to `highest`: harmonics of every mesh; of a set, what the planets' passing makes of them.
+/// Orders that a sound train has about its meshes, up to `highest`: harmonics of every mesh; of a set, what the
+/// planets' passing makes of them.
 pub fn of_sound_meshes(train: &Train, highest: f64) -> Vec<f64> {
     let mut orders = Vec::new();
     for mesh in &train.meshes {

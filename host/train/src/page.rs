@@ -1,4 +1,5 @@
-//! What `meshband machine check` says of a train: shafts, gears, lines with owners, coincidences, warnings; as text and as page.
+//! What `meshband machine check` says of a train: shafts, gears, lines with owners, coincidences, warnings; as text
+//! and as page.
 
 use super::coincidences::{self, Coincidence};
 use super::declaration::{Declaration, Stage};
@@ -150,12 +151,14 @@ fn warnings(train: &Train, coincidences: &[Coincidence], turns: f64) -> Result<V
                 let carrier = mesh.and_then(|mesh| mesh.carrier.as_ref());
                 if carrier.is_some_and(|carrier| !phasing::can_be_assembled(*sun, carrier)) {
                     warnings.push(format!(
-                        "stage {number}: {planets} planets cannot be put in where they are declared: {sun} + {ring} teeth are no multiple that fits (assembly condition)"
+                        "stage {number}: {planets} planets cannot be put in where they are declared: {sun} + {ring} \
+                         teeth are no multiple that fits (assembly condition)"
                     ));
                 }
                 if *ring != sun + 2 * planet {
                     warnings.push(format!(
-                        "stage {number}: {ring} teeth of the ring are not {sun} + 2 x {planet}: profile shifts, or a slip of the keyboard"
+                        "stage {number}: {ring} teeth of the ring are not {sun} + 2 x {planet}: profile shifts, or a \
+                         slip of the keyboard"
                     ));
                 }
                 let apart = f64::from(sun + planet) * (std::f64::consts::PI / f64::from(*planets)).sin();
@@ -164,7 +167,8 @@ fn warnings(train: &Train, coincidences: &[Coincidence], turns: f64) -> Result<V
                 }
             }
             Stage::Belt { .. } => warnings.push(format!(
-                "stage {number}: a belt slips; what lies behind it as seen from the tachometer has no exact order and is not judged"
+                "stage {number}: a belt slips; what lies behind it as seen from the tachometer has no exact order \
+                 and is not judged"
             )),
             Stage::Pair { .. } => {}
         }
@@ -175,7 +179,8 @@ fn warnings(train: &Train, coincidences: &[Coincidence], turns: f64) -> Result<V
             let common = lines::common(a.teeth, b.teeth);
             if common > 1 {
                 warnings.push(format!(
-                    "stage {}: {} and {} teeth have the factor {common} in common: the same teeth meet every {} turns of the {}, wear is uneven",
+                    "stage {}: {} and {} teeth have the factor {common} in common: the same teeth meet every {} \
+                     turns of the {}, wear is uneven",
                     mesh.stage + 1,
                     a.teeth,
                     b.teeth,

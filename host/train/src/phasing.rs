@@ -1,9 +1,10 @@
 //! What the phasing of planets lets a sound planetary set show.
 //!
-//! Planet `i` at angle `psi_i` on the carrier meshes with phase `zr psi_i` and passes a place on the housing with phase `psi_i`. Harmonic `k` of
-//! the mesh modulated `n` times by the carrier is the sum over planets of `exp(j (k zr + n) psi_i)`: of `N` alike, evenly spaced planets only
-//! `k zr + n` a multiple of `N` stands (McFadden and Smith 1985; Inalpolat and Kahraman 2009). Without the carrier's turning the same sum with
-//! `k zs` says which modes a harmonic excites: 0 rotational, 1 and N-1 translational, the rest planet modes (Parker 2000).
+//! Planet `i` at angle `psi_i` on the carrier meshes with phase `zr psi_i` and passes a place on the housing with
+//! phase `psi_i`. Harmonic `k` of the mesh modulated `n` times by the carrier is the sum over planets of
+//! `exp(j (k zr + n) psi_i)`: of `N` alike, evenly spaced planets only `k zr + n` a multiple of `N` stands (McFadden
+//! and Smith 1985; Inalpolat and Kahraman 2009). Without the carrier's turning the same sum with `k zs` says which
+//! modes a harmonic excites: 0 rotational, 1 and N-1 translational, the rest planet modes (Parker 2000).
 
 use super::fraction::Fraction;
 use super::kinematics::{Carrier, Mesh};
@@ -34,7 +35,8 @@ pub fn symmetry_class(sun: u32, planets: u32, k: u32) -> SymmetryClass {
     }
 }
 
-/// Share, 0 to 1, of a sideband's full strength that a sound set shows: harmonic `k` of the mesh, `n` times the carrier above it.
+/// Share, 0 to 1, of a sideband's full strength that a sound set shows: harmonic `k` of the mesh, `n` times the
+/// carrier above it.
 pub fn share(carrier: &Carrier, k: i64, n: i64) -> f64 {
     let number = (k * i64::from(carrier.ring) + n) as f64;
     let place = |i: u32| match &carrier.spacing {
@@ -60,7 +62,8 @@ pub fn order(mesh: &Mesh, carrier: &Carrier, k: i64, n: i64) -> Result<Fraction>
     mesh.order.multiple(k)?.plus(carrier.speed.magnitude().multiple(n * way)?)
 }
 
-/// Whether evenly spaced planets can be put in: `zs + zr` is a multiple of their number; of declared places, each must be a whole number of teeth.
+/// Whether evenly spaced planets can be put in: `zs + zr` is a multiple of their number; of declared places, each
+/// must be a whole number of teeth.
 pub fn can_be_assembled(sun: u32, carrier: &Carrier) -> bool {
     let both = f64::from(sun + carrier.ring);
     match &carrier.spacing {
@@ -84,7 +87,8 @@ mod tests {
 
     #[test]
     fn theory_a_sound_set_shows_multiples_of_the_planet_pass_only() {
-        // 95 teeth of the ring, three planets: the first harmonic itself is not among its own lines (McFadden and Smith's example in kind).
+        // 95 teeth of the ring, three planets: the first harmonic itself is not among its own lines (McFadden and
+        // Smith's example in kind).
         let train = set("ring", "sun");
         let carrier = train.meshes[0].carrier.as_ref().unwrap();
         assert_eq!(numbers(carrier, 1), [-5, -2, 1, 4]);
@@ -121,7 +125,8 @@ mod tests {
     fn theory_uneven_planets_show_what_even_ones_hide_and_assembly_is_checked() {
         let even = set("ring", "sun");
         assert!(can_be_assembled(31, even.meshes[0].carrier.as_ref().unwrap()));
-        let text = "[[stage]]\nkind = \"planetary\"\nsun = 30\nplanet = 33\nring = 96\nplanets = 4\nfixed = \"ring\"\ninput = \"sun\"\n";
+        let text = "[[stage]]\nkind = \"planetary\"\nsun = 30\nplanet = 33\nring = 96\nplanets = 4\nfixed \
+            = \"ring\"\ninput = \"sun\"\n";
         let cannot = train(text);
         assert!(!can_be_assembled(30, cannot.meshes[0].carrier.as_ref().unwrap()));
         // Opposite pairs, 32 and 31 teeth of 126 apart.

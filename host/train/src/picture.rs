@@ -1,6 +1,8 @@
-//! A picture of a train as engineers sketch one: shafts as lines, gears as bars of their size across them, sets as sun, planet and ring above one axis.
+//! A picture of a train as engineers sketch one: shafts as lines, gears as bars of their size across them, sets as
+//! sun, planet and ring above one axis.
 //!
-//! SVG text for reports; a gear says its teeth and order under the pointer. Heights are radii by tooth counts, stage by stage; nothing is to scale between stages.
+//! SVG text for reports; a gear says its teeth and order under the pointer. Heights are radii by tooth counts, stage
+//! by stage; nothing is to scale between stages.
 
 use super::declaration::Stage;
 use super::kinematics::{Gear, Role, Train};
@@ -53,7 +55,8 @@ pub fn svg(train: &Train) -> String {
     let width = MARGIN * 2.0 + STAGE * (train.declaration.stages.len() as f64 + 0.6);
     let height = layout.shafts.iter().map(|s| s.0).fold(0.0, f64::max) + PAIR + MARGIN;
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"12\">"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" \
+         font-size=\"12\">"
     );
     for (shaft, (y, from, to)) in layout.shafts.iter().enumerate() {
         let _ = write!(
@@ -79,7 +82,8 @@ pub fn svg(train: &Train) -> String {
                 let x = centre(stage);
                 let _ = write!(
                     out,
-                    "<line x1=\"{x}\" y1=\"{from}\" x2=\"{x}\" y2=\"{to}\" stroke=\"{BLUE}\" stroke-dasharray=\"6 4\" stroke-width=\"3\"/>"
+                    "<line x1=\"{x}\" y1=\"{from}\" x2=\"{x}\" y2=\"{to}\" stroke=\"{BLUE}\" stroke-dasharray=\"6 \
+                     4\" stroke-width=\"3\"/>"
                 );
             }
         }
@@ -98,7 +102,8 @@ fn bar(out: &mut String, gear: &Gear, y: f64, [top, bottom]: [f64; 2], x: f64) {
     let title = escape(&format!("{}: {} teeth, order {order} = {:.5}", gear.words(), gear.teeth, order.value()));
     let _ = write!(
         out,
-        "<rect x=\"{:.1}\" y=\"{top:.1}\" width=\"{GEAR}\" height=\"{:.1}\" fill=\"#FFFFFF\" stroke=\"{BLUE}\" stroke-width=\"2\"><title>{title}</title></rect><text x=\"{:.1}\" y=\"{:.1}\" fill=\"{INK}\">{}</text>",
+        "<rect x=\"{:.1}\" y=\"{top:.1}\" width=\"{GEAR}\" height=\"{:.1}\" fill=\"#FFFFFF\" stroke=\"{BLUE}\" \
+         stroke-width=\"2\"><title>{title}</title></rect><text x=\"{:.1}\" y=\"{:.1}\" fill=\"{INK}\">{}</text>",
         x - 0.5 * GEAR,
         bottom - top,
         x + 0.6 * GEAR,
@@ -134,7 +139,8 @@ fn set(out: &mut String, train: &Train, stage: usize, y: f64, planets: u32) {
     let (axis, end) = (y - rs - rp, x + 1.6 * GEAR);
     let _ = write!(
         out,
-        "<path d=\"M{x:.1} {axis:.1} H{end:.1} V{y:.1}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"3\"><title>carrier of {planets} planets</title></path>"
+        "<path d=\"M{x:.1} {axis:.1} H{end:.1} V{y:.1}\" fill=\"none\" stroke=\"{INK}\" \
+         stroke-width=\"3\"><title>carrier of {planets} planets</title></path>"
     );
 }
 
@@ -152,7 +158,8 @@ mod tests {
 
     #[test]
     fn every_gear_and_shaft_is_drawn_within_the_picture() {
-        let text = "[[stage]]\nkind = \"pair\"\nteeth = [20, 40]\nidlers = [30]\n[[stage]]\nkind = \"pair\"\nteeth = [20, 50]\nfrom = 0\n[[stage]]\nkind = \"belt\"\npulleys_mm = [100, 250]\n";
+        let text = "[[stage]]\nkind = \"pair\"\nteeth = [20, 40]\nidlers = [30]\n[[stage]]\nkind = \"pair\"\nteeth = \
+            [20, 50]\nfrom = 0\n[[stage]]\nkind = \"belt\"\npulleys_mm = [100, 250]\n";
         for train in [train(text), set("ring", "sun")] {
             let svg = super::svg(&train);
             assert_eq!(svg.matches("<rect").count(), train.gears.len());

@@ -18,7 +18,8 @@ struct Cli {
 enum Command {
     /// Rolling bearings, measured with labels or generated: found, ring named, wrong names, beside a textbook peer.
     Bearings(commands::bearings::Args),
-    /// Known effects put into a measured record: found, rightly named, or not, against the limits that `diagnose` prints.
+    /// Known effects put into a measured record: found, rightly named, or not, against the limits that `diagnose`
+    /// prints.
     Inject(commands::inject::Args),
     /// Detection and false alarms of departure and absolute alarms over hours of a simulated machine.
     Levels(commands::levels::Args),

@@ -4,7 +4,8 @@ use crate::units::Hertz;
 use core::ops::RangeInclusive;
 use serde::{Deserialize, Serialize};
 
-/// Rates that can be asked for, Hz. The lowest is what the filter reaches from the highest ADC rate; the memory then holds 5 s.
+/// Rates that can be asked for, Hz. The lowest is what the filter reaches from the highest ADC rate; the memory then
+/// holds 5 s.
 pub const RATES: RangeInclusive<f32> = 4_000.0..=100_000.0;
 /// Rate that 0 stands for, Hz.
 pub const STANDARD_RATE: Hertz = Hertz(10_000.0);

@@ -1,9 +1,9 @@
 //! Configuration of a node: one value, validated once, never changed while it is in force.
 //!
-//! Postcard-serialisable and bounded ([`Configuration::MAX_SERIALISED`]); the first field is the schema version, so that
-//! stored configurations of another schema are recognised before anything else is believed. Fields are only ever appended
-//! to [`Configuration`] itself, and what is appended means at its first value what was so before: configurations of older
-//! schemas are thus read by the present layout ([`crate::schema`]).
+//! Postcard-serialisable and bounded ([`Configuration::MAX_SERIALISED`]); the first field is the schema version, so
+//! that stored configurations of another schema are recognised before anything else is believed. Fields are only ever
+//! appended to [`Configuration`] itself, and what is appended means at its first value what was so before:
+//! configurations of older schemas are thus read by the present layout ([`crate::schema`]).
 
 use super::{CaptureConfig, LinkConfig};
 use crate::alarm::{AlarmBand, AlarmHolding};
@@ -18,8 +18,8 @@ use crate::units::{Acceleration, Hertz};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without levels, 4 without link, 5 without
-/// capture, 6 without second sensor, 7 without local levels.
+/// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without
+/// levels, 4 without link, 5 without capture, 6 without second sensor, 7 without local levels.
 pub const SCHEMA: u16 = 8;
 
 /// Oldest layout that is still read.
@@ -28,12 +28,12 @@ pub const OLDEST_SCHEMA: u16 = 1;
 /// Samples per block on every board.
 pub const BLOCK_SAMPLES: usize = 512;
 
-/// Lowest ADC rate, Hz: a block then lasts half a second. A board whose blocks stay away for a second counts as dead, and its
-/// watchdog starts it again; a rate that does that would do it for ever once it is stored.
+/// Lowest ADC rate, Hz: a block then lasts half a second. A board whose blocks stay away for a second counts as dead,
+/// and its watchdog starts it again; a rate that does that would do it for ever once it is stored.
 pub const LOWEST_ADC_HZ: f32 = 2.0 * BLOCK_SAMPLES as f32;
 
-/// Most mesh harmonics in a spectrum. With more, what the lowest rate may carry would fold into the bands on the finest grid of
-/// the order domain ([`crate::zoom::SAMPLES_PER_PITCH`]).
+/// Most mesh harmonics in a spectrum. With more, what the lowest rate may carry would fold into the bands on the
+/// finest grid of the order domain ([`crate::zoom::SAMPLES_PER_PITCH`]).
 pub const MAX_HARMONICS: usize = 6;
 
 /// Most sideband pairs per harmonic.
@@ -77,9 +77,9 @@ pub struct Sensor {
 
 /// Accelerometer at the second converter, sampled at the same instants as the first.
 ///
-/// Overall values and alarms are made of it ([`crate::message::ChannelValues`]); spectra, orders, averages and waveforms are the first
-/// one's. No amplifier: its sensitivity is that at the
-/// converter. A board takes a change up at once; its sampling begins anew.
+/// Overall values and alarms are made of it ([`crate::message::ChannelValues`]); spectra, orders, averages and
+/// waveforms are the first one's. No amplifier: its sensitivity is that at the converter. A board takes a change up
+/// at once; its sampling begins anew.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SecondSensor {
     /// Acceleration per ADC code (16-bit, left-aligned), m/s^2; may be negative for an inverted sensor.
@@ -170,8 +170,8 @@ pub enum SensorSupply {
 pub struct FrontEnd {
     /// Edge of the tach's signal that counts.
     pub tach_edge: TachEdge,
-    /// Gain wanted of the amplifier. `sensor.acceleration_per_code` is the sensitivity at gain 1; the node scales with the
-    /// gain that the board reports as in use ([`crate::node::Node::set_gain`]).
+    /// Gain wanted of the amplifier. `sensor.acceleration_per_code` is the sensitivity at gain 1; the node scales
+    /// with the gain that the board reports as in use ([`crate::node::Node::set_gain`]).
     pub gain: Gain,
     /// The sensor's supply.
     pub sensor_supply: SensorSupply,
@@ -186,8 +186,8 @@ pub struct MeshBandConfig {
     pub sidebands: u8,
 }
 
-/// Upper edges of what comes before the converter; 0 stands for not declared. The law asks for a bandwidth; rates are only granted
-/// for what passes.
+/// Upper edges of what comes before the converter; 0 stands for not declared. The law asks for a bandwidth; rates are
+/// only granted for what passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PassBand {
     /// Pass edge of the analogue filter.
@@ -298,8 +298,8 @@ pub enum ConfigurationError {
     Sensitivity,
     /// `limits.analogue_stop`: not in 512 Hz (half of [`LOWEST_ADC_HZ`]) to 5 MHz.
     AnalogueStop,
-    /// `limits.highest_adc`: not in [`LOWEST_ADC_HZ`] to 10 MHz, below twice the analogue stop edge, or above what the board keeps
-    /// up with ([`Timing::highest_adc`]).
+    /// `limits.highest_adc`: not in [`LOWEST_ADC_HZ`] to 10 MHz, below twice the analogue stop edge, or above what
+    /// the board keeps up with ([`Timing::highest_adc`]).
     HighestAdc,
     /// `policy`: multiple not in 2 to 100, or forced rate not in [`LOWEST_ADC_HZ`] to `limits.highest_adc`.
     Policy,
@@ -345,7 +345,8 @@ impl ConfigurationError {
             Self::TachTooFastForClock => "puts pulses closer than four ticks of the node's clock",
             Self::Sensitivity => "must be a finite number other than 0",
             Self::AnalogueStop => {
-                "must be 512 Hz to 5 MHz: at lower ADC rates a block outlasts the watchdog's patience, and the node restarts for ever"
+                "must be 512 Hz to 5 MHz: at lower ADC rates a block outlasts the watchdog's patience, and the node \
+                 restarts for ever"
             }
             Self::HighestAdc => {
                 "must be 1024 Hz to 10 MHz, at least twice limits.analogue_stop, at most the node's clock"
@@ -355,12 +356,14 @@ impl ConfigurationError {
             Self::Harmonics => "must be 1 to 6",
             Self::Sidebands => "must be 0 to 4",
             Self::Alarm(_) => {
-                "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more, and the second sensor where it watches that"
+                "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more, and the second sensor where \
+                 it watches that"
             }
             Self::Holding => "must be 0 to 3600 s",
             Self::PassBand => "must be 0 for not declared, or 10 Hz up to limits.analogue_stop (sensor: 5 MHz)",
             Self::Levels | Self::LocalLevels => {
-                "needs two points or none, ascending speeds of 0.01 to 1000 Hz, levels of -200 to 200 dB, uncertainties of 0.01 to 60 dB or 0"
+                "needs two points or none, ascending speeds of 0.01 to 1000 Hz, levels of -200 to 200 dB, \
+                 uncertainties of 0.01 to 60 dB or 0"
             }
             Self::Link => {
                 "must be a Modbus address of 1 to 247 (0 only without Modbus), and 2400 to 115200 bit/s or 0 for 19200"
@@ -416,8 +419,8 @@ impl core::fmt::Display for ConfigurationError {
 impl core::error::Error for ConfigurationError {}
 
 impl Default for Configuration {
-    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the paper rig's law: for
-    /// a node that has not been told its machine.
+    /// A pair of 20 and 30 teeth, one pulse per pinion turn, a filter that stops at 100 kHz and the paper rig's law:
+    /// for a node that has not been told its machine.
     fn default() -> Self {
         Self {
             schema: SCHEMA,
@@ -453,14 +456,15 @@ impl Configuration {
     /// Upper bound of the postcard form, bytes.
     pub const MAX_SERIALISED: usize = 1152;
 
-    /// Writes the postcard form to the beginning of `room`: how many bytes, or `None` where they do not fit. One copy of its code in an image.
+    /// Writes the postcard form to the beginning of `room`: how many bytes, or `None` where they do not fit. One copy
+    /// of its code in an image.
     #[inline(never)]
     pub fn to_stored(&self, room: &mut [u8]) -> Option<usize> {
         compact::write(self, room)
     }
 
-    /// A configuration in postcard form, of this schema or brought up to it from an older one; `None` for one that is not
-    /// understood, a newer one above all.
+    /// A configuration in postcard form, of this schema or brought up to it from an older one; `None` for one that is
+    /// not understood, a newer one above all.
     pub fn from_stored(bytes: &[u8]) -> Option<Self> {
         let (written, _) = postcard::take_from_bytes::<u16>(bytes).ok()?;
         if !(OLDEST_SCHEMA..=SCHEMA).contains(&written) {
@@ -474,8 +478,8 @@ impl Configuration {
         config
     }
 
-    /// A stored configuration on a board that keeps up with less than an earlier version promised: its highest rates are lowered to what
-    /// the board does, so that the rest of it is kept.
+    /// A stored configuration on a board that keeps up with less than an earlier version promised: its highest rates
+    /// are lowered to what the board does, so that the rest of it is kept.
     pub fn lower_to(&mut self, board: Timing) {
         let highest = self.highest_on(board).unwrap_or(board.highest_adc).0;
         let lowered = |rate: Hertz| if rate.0 > highest { Hertz(highest) } else { rate };

@@ -1,9 +1,9 @@
 //! What the node speaks on its line: its own link, or Modbus RTU for a PLC.
 //!
-//! The first values are those of nodes that knew nothing else ([`crate::schema`]), so zeros mean the link of before. Rate and
-//! parity concern Modbus alone; their first values are the defaults of "MODBUS over serial line V1.02", sections 2.3 and 3.3:
-//! 19 200 bit/s, even parity. The link itself has one rate for ever ([`crate::link::BITS_PER_SECOND`]): a host that finds a node
-//! has no settings to guess.
+//! The first values are those of nodes that knew nothing else ([`crate::schema`]), so zeros mean the link of before.
+//! Rate and parity concern Modbus alone; their first values are the defaults of "MODBUS over serial line V1.02",
+//! sections 2.3 and 3.3: 19 200 bit/s, even parity. The link itself has one rate for ever
+//! ([`crate::link::BITS_PER_SECOND`]): a host that finds a node has no settings to guess.
 
 use crate::link;
 use core::ops::RangeInclusive;
@@ -22,7 +22,8 @@ pub enum Personality {
     /// The link of this project.
     #[default]
     Meshband,
-    /// Modbus RTU, read only ([`crate::modbus`]); from the next start on, after the time in which the node still listens for its own link.
+    /// Modbus RTU, read only ([`crate::modbus`]); from the next start on, after the time in which the node still
+    /// listens for its own link.
     Modbus,
 }
 

@@ -1,10 +1,10 @@
 //! Postcard of another version: how a reader takes what an older or a newer writer wrote.
 //!
-//! Postcard encodes fields and variants by position and nothing else. So whatever is written is only ever extended at its
-//! end, each extension raises a schema number, and the number travels with the bytes:
+//! Postcard encodes fields and variants by position and nothing else. So whatever is written is only ever extended at
+//! its end, each extension raises a schema number, and the number travels with the bytes:
 //!
-//! * from an older writer: fields that it did not know read as zero bytes, which postcard takes for 0, `false`, the first
-//!   variant, an empty list. An appended field's neutral value must therefore be that one.
+//! * from an older writer: fields that it did not know read as zero bytes, which postcard takes for 0, `false`, the
+//!   first variant, an empty list. An appended field's neutral value must therefore be that one.
 //! * from a writer of the same schema: every byte must be used.
 //! * from a newer writer: bytes behind the fields known here are left alone.
 //!

@@ -1,16 +1,17 @@
 //! Configuration in NOR flash: a log of records in two sectors, of which the newest intact one counts.
 //!
-//! Each sector is divided into slots of [`SLOT`] bytes, one record per slot: header (mark, sequence, length, CRC-32), then
-//! the configuration in postcard. A record goes into the next blank slot of the sector in use; when there is none, the
-//! other sector is erased and used. The record in force is therefore never in the sector being erased, and a power cut at
-//! any byte of a write or an erase leaves the old record or the new one. Every write is read back.
+//! Each sector is divided into slots of [`SLOT`] bytes, one record per slot: header (mark, sequence, length, CRC-32),
+//! then the configuration in postcard. A record goes into the next blank slot of the sector in use; when there is
+//! none, the other sector is erased and used. The record in force is therefore never in the sector being erased, and
+//! a power cut at any byte of a write or an erase leaves the old record or the new one. Every write is read back.
 //!
-//! Own code, although sequential-storage has a map for this, for three reasons: it judges a sector by its first and last
-//! word, so that an erase cut short in the middle (an STM32F405 erases 128 KiB for seconds) passes for a blank sector; it
-//! falls back to an older value without a word, where a node must say so; and its futures are dead weight here.
+//! Own code, although sequential-storage has a map for this, for three reasons: it judges a sector by its first and
+//! last word, so that an erase cut short in the middle (an STM32F405 erases 128 KiB for seconds) passes for a blank
+//! sector; it falls back to an older value without a word, where a node must say so; and its futures are dead weight
+//! here.
 //!
-//! Any `embedded_storage::NorFlash` with two equal sectors and a write unit of at most [`HEADER`] bytes will do. Nothing
-//! is written twice without an erase. Cost: 2.6 KiB of stack; loading reads every slot's header.
+//! Any `embedded_storage::NorFlash` with two equal sectors and a write unit of at most [`HEADER`] bytes will do.
+//! Nothing is written twice without an erase. Cost: 2.6 KiB of stack; loading reads every slot's header.
 
 use crate::board::Timing;
 use crate::config::Configuration;
@@ -99,8 +100,8 @@ impl<F: NorFlash> Store<F> {
         &mut self.flash
     }
 
-    /// The newest intact configuration that this board accepts, brought up from an older schema where it has one, or the
-    /// default; and which of them it is. Its slot's buffer is on the stack only while it runs.
+    /// The newest intact configuration that this board accepts, brought up from an older schema where it has one, or
+    /// the default; and which of them it is. Its slot's buffer is on the stack only while it runs.
     #[inline(never)]
     pub fn load(&mut self, board: impl Into<Timing>) -> (Configuration, Origin) {
         let mut payload = [0; PAYLOAD];

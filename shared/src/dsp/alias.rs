@@ -35,8 +35,8 @@ pub fn fold(true_hz: f32, rate_hz: f32) -> f32 {
 
 /// Explains a line at `line_hz` by harmonics 1..=`highest` of `mesh_hz` sampled at `rate_hz`.
 ///
-/// A genuine harmonic within `tolerance_hz` always wins; among folded ones the nearest, then the lowest. Inputs that are
-/// not positive and finite explain nothing.
+/// A genuine harmonic within `tolerance_hz` always wins; among folded ones the nearest, then the lowest. Inputs that
+/// are not positive and finite explain nothing.
 pub fn explain(line_hz: f32, mesh_hz: f32, rate_hz: f32, tolerance_hz: f32, highest: u32) -> Origin {
     let positive = |x: f32| x.is_finite() && x > 0.0;
     if !(positive(mesh_hz) && positive(rate_hz) && line_hz.is_finite() && tolerance_hz >= 0.0) {

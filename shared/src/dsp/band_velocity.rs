@@ -1,14 +1,15 @@
 //! Vibration velocity in a fixed band (10 Hz to 1000 Hz by default, as ISO 20816 asks), from ADC codes at any rate.
 //!
-//! A comb of three moving sums brings the codes to about [`OUTPUT_HZ`]; there the acceleration passes a Butterworth high-pass of fourth
-//! order at the lower edge, one integrator of which is the integration itself, and a Butterworth low-pass of fourth order at
-//! the upper: nothing is integrated that the band does not hold, so nothing drifts. Filters are state variables with the trapezoidal
-//! rule (Zavalishin 2012): their states are the physical ones, so a change of the ADC rate only changes coefficients, and a run-up
-//! with its many rates gives one record.
+//! A comb of three moving sums brings the codes to about [`OUTPUT_HZ`]; there the acceleration passes a Butterworth
+//! high-pass of fourth order at the lower edge, one integrator of which is the integration itself, and a Butterworth
+//! low-pass of fourth order at the upper: nothing is integrated that the band does not hold, so nothing drifts.
+//! Filters are state variables with the trapezoidal rule (Zavalishin 2012): their states are the physical ones, so a
+//! change of the ADC rate only changes coefficients, and a run-up with its many rates gives one record.
 //!
-//! The comb's droop and the trapezoid's are undone by five symmetric taps, exact at zero and at the two `EXACT_SHARES` of the upper edge: gain of the
-//! whole within 0.1 % of the analogue filters' up to 1.8 of the upper edge, so that a strong line beside the band adds what it would add there. Where
-//! the rate is too low for the second of them three taps hold up to 0.9 of the edge. Aliases into the band: -70 dB at worst.
+//! The comb's droop and the trapezoid's are undone by five symmetric taps, exact at zero and at the two
+//! `EXACT_SHARES` of the upper edge: gain of the whole within 0.1 % of the analogue filters' up to 1.8 of the upper
+//! edge, so that a strong line beside the band adds what it would add there. Where the rate is too low for the second
+//! of them three taps hold up to 0.9 of the edge. Aliases into the band: -70 dB at worst.
 //!
 //! Cost (Cortex-M4F): 7 instructions per code and about 95 per output, [`OUTPUT_HZ`] of them per second.
 
@@ -104,7 +105,8 @@ impl VelocityBand {
         }
     }
 
-    /// The codes come at another rate from now on; each sensor's comb begins anew ([`BandVelocity::begin_comb`]), its filters' states stay.
+    /// The codes come at another rate from now on; each sensor's comb begins anew ([`BandVelocity::begin_comb`]), its
+    /// filters' states stay.
     pub fn set_rate(&mut self, adc_hz: f32) {
         let ratio = ((adc_hz / OUTPUT_HZ) as u32).clamp(1, HIGHEST_RATIO);
         let rate = adc_hz / ratio as f32;
@@ -173,7 +175,8 @@ impl BandVelocity {
         self.begin_comb();
     }
 
-    /// Takes codes above `zero`; returns the sum of the squared velocities (codes times seconds, squared) and their number.
+    /// Takes codes above `zero`; returns the sum of the squared velocities (codes times seconds, squared) and their
+    /// number.
     pub fn push(&mut self, band: &VelocityBand, codes: &[u16], zero: u16) -> (f32, u32) {
         let zero = i32::from(zero);
         let (mut squares, mut outputs) = (0.0f32, 0);

@@ -1,9 +1,11 @@
-//! From the ADC rate to a waveform's: a comb to a few times the wanted rate, then a linear-phase filter to the rate itself.
+//! From the ADC rate to a waveform's: a comb to a few times the wanted rate, then a linear-phase filter to the rate
+//! itself.
 //!
-//! A waveform must be free of aliases in a band that is named: up to [`FLAT_SHARE`] of its rate it is flat, what would fold into
-//! that lies 53 dB down at least. The [`crate::mesh_decimator`] keeps 0.27 of its rate clean and knows few ratios; a [`Comb`] of any ratio, ended
-//! at three times the wanted rate or more (-70 dB; at twice, -53 dB, where nothing else hits the rate), and a windowed sinc (Blackman, 20 lobes of the wanted rate) behind it
-//! reach every product of their two ratios. The comb's droop is undone by three taps that are part of the sinc's.
+//! A waveform must be free of aliases in a band that is named: up to [`FLAT_SHARE`] of its rate it is flat, what
+//! would fold into that lies 53 dB down at least. The [`crate::mesh_decimator`] keeps 0.27 of its rate clean and
+//! knows few ratios; a [`Comb`] of any ratio, ended at three times the wanted rate or more (-70 dB; at twice, -53 dB,
+//! where nothing else hits the rate), and a windowed sinc (Blackman, 20 lobes of the wanted rate) behind it reach
+//! every product of their two ratios. The comb's droop is undone by three taps that are part of the sinc's.
 //!
 //! Cost: 7 to 20 instructions per code for the comb and 4 per tap and output. RAM: 1.2 KiB.
 
@@ -50,7 +52,8 @@ impl CaptureDecimator {
         Self { comb: Comb::new(1), ratio: 1, taps, held, next: 0, due: 1 }
     }
 
-    /// Begins with empty filters towards a rate: the largest ratio that keeps it. `over` is the ADC rate over the wanted one.
+    /// Begins with empty filters towards a rate: the largest ratio that keeps it. `over` is the ADC rate over the
+    /// wanted one.
     // Inline: an image compiles it for size then, as it does its own code; it is seldom called.
     #[inline]
     pub fn restart(&mut self, over: f32) {
@@ -128,8 +131,8 @@ impl Default for CaptureDecimator {
     }
 }
 
-/// Ratios of comb and filter that decimate most; of several the shortest filter, but half the rate only where nothing else will do: the
-/// comb's aliases lie lower before it.
+/// Ratios of comb and filter that decimate most; of several the shortest filter, but half the rate only where nothing
+/// else will do: the comb's aliases lie lower before it.
 #[inline]
 fn split(over: f32) -> (u32, usize) {
     let mut best = (1, 1);

@@ -1,9 +1,10 @@
 //! Moments of the converter's codes over a stretch of time: mean, RMS, peak, kurtosis of everything the converter saw.
 //!
-//! At the ADC's own rate, because only that band does not depend on the speed: a value that is compared over weeks must not
-//! change because the law asked for another rate. Codes are weighted with their period, so a record goes on over a change of
-//! the rate. Sums of powers are taken about a fixed code near the mean (the former record's mean), in single precision over runs
-//! of 64 and in double precision over the record: relative error below 1e-6 for the RMS, 1e-5 for the kurtosis.
+//! At the ADC's own rate, because only that band does not depend on the speed: a value that is compared over weeks
+//! must not change because the law asked for another rate. Codes are weighted with their period, so a record goes on
+//! over a change of the rate. Sums of powers are taken about a fixed code near the mean (the former record's mean),
+//! in single precision over runs of 64 and in double precision over the record: relative error below 1e-6 for the
+//! RMS, 1e-5 for the kurtosis.
 //!
 //! Cost (Cortex-M4F): about 24 instructions per code taken.
 

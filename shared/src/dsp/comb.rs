@@ -1,9 +1,9 @@
 //! Decimation of ADC codes by a comb: four moving sums of `ratio` samples each, in wrapping integers.
 //!
-//! The cheapest filter in front of a narrow band: four additions per code, no multiplication, exact (Hogenauer 1981). Its
-//! zeros lie on the multiples of the output rate, so only what lies within the wanted band around them folds onto it:
-//! with the band up to x of the output rate the fourth power of x / (1 - x), -90 dB for x = 0.0698. The pass band droops by
-//! 1 - (sin pi x / pi x)^4 (0.2 dB at 0.0625), which [`crate::mesh_decimator`] undoes at its low rate.
+//! The cheapest filter in front of a narrow band: four additions per code, no multiplication, exact (Hogenauer 1981).
+//! Its zeros lie on the multiples of the output rate, so only what lies within the wanted band around them folds onto
+//! it: with the band up to x of the output rate the fourth power of x / (1 - x), -90 dB for x = 0.0698. The pass band
+//! droops by 1 - (sin pi x / pi x)^4 (0.2 dB at 0.0625), which [`crate::mesh_decimator`] undoes at its low rate.
 //!
 //! Sums wrap and their differences are right as long as `ratio^4` codes fit 32 bits: `ratio` up to 16.
 //! Cost (Cortex-M4F in QEMU): 7 instructions per code at a ratio of 16, 9 at 7.
@@ -111,8 +111,8 @@ fn integrate(sums: &mut [u32; ORDER], codes: &[u16], ratio: usize, kept: &mut [f
     }
 }
 
-/// The same for a ratio known to the compiler, which leaves no loop in a group: half the price. A function of its own: the
-/// sums stay in registers.
+/// The same for a ratio known to the compiler, which leaves no loop in a group: half the price. A function of its
+/// own: the sums stay in registers.
 #[inline(never)]
 fn integrate_groups<const RATIO: usize>(sums: &mut [u32; ORDER], codes: &[u16], kept: &mut [f32]) -> usize {
     let mut all = Integrators(*sums);

@@ -2,10 +2,10 @@
 //!
 //! Usable band: 1/2.56 of the output rate. The stage next to the output needs the steepest transition (55 taps, 14
 //! distinct), the one before it 5 distinct taps, all earlier ones 3. Half-band symmetry makes every other tap zero and
-//! the pass-band ripple equal to the stop-band ripple: stop band -95 dB, ripple 0.0002 dB, single-precision noise lower.
-//! Design: Kaiser window for the last stage, equiripple for the others, taps normalised to unit gain at zero frequency.
-//! The taps are linear-phase; the group delay is exact and kept in ADC samples so that a sample can be related to the
-//! tach's angle. The mesh bands need much less and have [`crate::mesh_decimator`].
+//! the pass-band ripple equal to the stop-band ripple: stop band -95 dB, ripple 0.0002 dB, single-precision noise
+//! lower. Design: Kaiser window for the last stage, equiripple for the others, taps normalised to unit gain at zero
+//! frequency. The taps are linear-phase; the group delay is exact and kept in ADC samples so that a sample can be
+//! related to the tach's angle. The mesh bands need much less and have [`crate::mesh_decimator`].
 //!
 //! Cost (Cortex-M4F in QEMU): see `tests/snapshots/instructions.txt`.
 

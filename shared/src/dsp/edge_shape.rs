@@ -1,19 +1,20 @@
 //! The slope of one edge between its samples, as smooth pieces with kinks where a ramp begins or ends.
 //!
-//! Mesh stiffness ramps begin and end abruptly: the slope of the acceleration jumps there, while between two kinks it is a
-//! piece of a ring and very smooth. A difference quotient rounds every kink and so moves the ends of the edge and lowers
-//! its steepest slope. But the differences of neighbouring samples are the exact means of the slope over the cells between
-//! them, and from means both can be had back:
+//! Mesh stiffness ramps begin and end abruptly: the slope of the acceleration jumps there, while between two kinks it
+//! is a piece of a ring and very smooth. A difference quotient rounds every kink and so moves the ends of the edge
+//! and lowers its steepest slope. But the differences of neighbouring samples are the exact means of the slope over
+//! the cells between them, and from means both can be had back:
 //!
 //! * inside a cell the slope is the cubic through five cells' means (least squares) that fits best among the
-//!   five groups holding the cell, so that no group reaches across a kink without need (A. Harten et al., "Uniformly high order
-//!   accurate essentially non-oscillatory schemes III", J. Comput. Phys. 71, 1987);
-//! * a cell that no group fits holds a kink when its neighbours' cubics, continued into it, differ: the mean tells how much of the
-//!   cell belongs to either (A. Harten, "ENO schemes with subcell resolution", J. Comput. Phys. 83, 1989). Cells too
-//!   crowded with kinks for cubics keep their mean.
+//!   five groups holding the cell, so that no group reaches across a kink without need (A. Harten et al., "Uniformly
+//!   high order accurate essentially non-oscillatory schemes III", J. Comput. Phys. 71, 1987);
+//! * a cell that no group fits holds a kink when its neighbours' cubics, continued into it, differ: the mean tells
+//!   how much of the cell belongs to either (A. Harten, "ENO schemes with subcell resolution", J. Comput. Phys. 83,
+//!   1989). Cells too crowded with kinks for cubics keep their mean.
 //!
-//! Noise makes cubics fit badly, so the limits below decide what counts as a kink: 0.5 % of the edge's height at ten cells
-//! per rise time is what the tests hold. Positions are ages in cells, growing into the past; slopes are per cell, upwards in time.
+//! Noise makes cubics fit badly, so the limits below decide what counts as a kink: 0.5 % of the edge's height at ten
+//! cells per rise time is what the tests hold. Positions are ages in cells, growing into the past; slopes are per
+//! cell, upwards in time.
 
 /// Cells of one cubic.
 const GROUP: usize = 5;
@@ -71,8 +72,8 @@ pub struct EdgeShape<const MOST: usize> {
 }
 
 impl<const MOST: usize> EdgeShape<MOST> {
-    /// Shape from the values at the borders of `cells` cells, the newest first, of an edge that rises with time; `scale` is
-    /// about its steepest slope.
+    /// Shape from the values at the borders of `cells` cells, the newest first, of an edge that rises with time;
+    /// `scale` is about its steepest slope.
     pub fn new(cells: usize, scale: f32, value: impl Fn(u32) -> f32) -> Self {
         let cells = cells.min(MOST - 1);
         let mut values = [0.0; MOST];
@@ -84,8 +85,8 @@ impl<const MOST: usize> EdgeShape<MOST> {
         for (first, borders) in used.windows(GROUP + 1).enumerate() {
             let &[u, v, w, x, y, z] = borders else { continue };
             let [p, q, r, s, t] = [u - v, v - w, w - x, x - y, y - z];
-            // Least squares in the orthogonal polynomials of five points; what the quartic takes up is the misfit, and so is
-            // the cubic's part, which is small wherever five cells are enough.
+            // Least squares in the orthogonal polynomials of five points; what the quartic takes up is the misfit,
+            // and so is the cubic's part, which is small wherever five cells are enough.
             let [even, odd] = [p + t, t - p];
             let [inner_even, inner_odd] = [q + s, s - q];
             let quadratic = (2.0 * (even - r) - inner_even) / 14.0;

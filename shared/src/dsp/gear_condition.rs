@@ -4,8 +4,8 @@
 //! [`crate::indicators`]. Regular lines are the constant, shaft orders 1 and 2 and all mesh harmonics; the difference
 //! signal also lacks their first sidebands.
 //!
-//! The regular signal itself is not needed: its power is that of its lines. Cost: two FFTs and two inverse ones, about 0.35 M instructions
-//! for 1024 samples, once per average.
+//! The regular signal itself is not needed: its power is that of its lines. Cost: two FFTs and two inverse ones,
+//! about 0.35 M instructions for 1024 samples, once per average.
 
 use crate::indicators::{Moments, RunEnsemble, fm0_of};
 use crate::message::GearIndicators;

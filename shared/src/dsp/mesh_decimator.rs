@@ -1,10 +1,11 @@
 //! From ADC codes to the low rate of the mesh bands: a comb, short half-band stages, and the comb's droop undone.
 //!
-//! The bands fill little of the rate they come at, so nothing steep is needed anywhere: the [`Comb`] takes the rate down to
-//! four (or eight, sixteen, ...) times the wanted one with four additions per code, half-band stages of 4 distinct taps
-//! follow, one of 7 at the end. The wanted band ends at [`BAND_SHARE`] of the output rate; only what would fold
-//! into *it* is kept out, by 90 dB at least: comb -90 dB, early stages -109 dB, last -99 dB (equiripple designs).
-//! Above the band the output is neither flat nor free of aliases; the order chain's filter bank does not look there.
+//! The bands fill little of the rate they come at, so nothing steep is needed anywhere: the [`Comb`] takes the rate
+//! down to four (or eight, sixteen, ...) times the wanted one with four additions per code, half-band stages of 4
+//! distinct taps follow, one of 7 at the end. The wanted band ends at [`BAND_SHARE`] of the output rate; only what
+//! would fold into *it* is kept out, by 90 dB at least: comb -90 dB, early stages -109 dB, last -99 dB (equiripple
+//! designs). Above the band the output is neither flat nor free of aliases; the order chain's filter bank does not
+//! look there.
 //!
 //! The comb's ratio is any integer up to 16, so that the output rate fits the speed to a few per cent where octaves
 //! would waste up to half of it, and everything behind it runs that much slower.
@@ -20,7 +21,8 @@ use crate::math;
 
 /// Upper edge of the wanted band over the output rate.
 pub const BAND_SHARE: f32 = 0.27;
-/// Most codes per call, and outputs of the comb that are filtered in one go: a stage costs the same 200 instructions for one.
+/// Most codes per call, and outputs of the comb that are filtered in one go: a stage costs the same 200 instructions
+/// for one.
 pub const BATCH: usize = MOST_CODES;
 /// Lowest ratio of a comb that only two half-band stages follow.
 const LOWEST_RATIO: u32 = 6;
@@ -53,8 +55,8 @@ impl Decimation {
         u32::from(self.comb) << self.stages
     }
 
-    /// The largest ratio up to `wanted`, with as few half-band stages as the comb's aliases allow: two behind a ratio of
-    /// at least 6 (shorter sums have higher side lobes), three behind any other.
+    /// The largest ratio up to `wanted`, with as few half-band stages as the comb's aliases allow: two behind a ratio
+    /// of at least 6 (shorter sums have higher side lobes), three behind any other.
     pub fn up_to(wanted: f32) -> Self {
         let mut best = Self { comb: 1, stages: u8::from(wanted >= 2.0) };
         for stages in 2..=MAX_STAGES {
@@ -184,7 +186,8 @@ impl Equaliser {
     }
 }
 
-/// Gain of the comb at a frequency in turns per output sample: sin(R x) / (R sin x) to the fourth. All arguments are small.
+/// Gain of the comb at a frequency in turns per output sample: sin(R x) / (R sin x) to the fourth. All arguments are
+/// small.
 fn comb_gain(decimation: Decimation, turns: f32) -> f32 {
     let x = core::f32::consts::PI * turns / decimation.ratio() as f32;
     let sine_share = |x: f32| 1.0 - x * x / 6.0 * (1.0 - x * x / 20.0);

@@ -13,8 +13,8 @@
 //!   lies above must be absent or fold outside the wanted orders.
 //! * *Position.* 2^-16 sample.
 //!
-//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 80 per output sample. RAM: 4 bytes per buffered sample;
-//! `CAPACITY` must hold three turns at the lowest speed at which the sampling rate is still lowered.
+//! Cost (Cortex-M4F in QEMU): 22 instructions per sample pushed, 80 per output sample. RAM: 4 bytes per buffered
+//! sample; `CAPACITY` must hold three turns at the lowest speed at which the sampling rate is still lowered.
 
 use crate::math;
 
@@ -173,8 +173,8 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
 
     /// Appends samples; `first_tick` is the capture time of the first one less the group delay of the filters before.
     ///
-    /// A new period or a gap of more than half a period forgets the samples so far; the marks stay, they are the shaft's. The oldest
-    /// samples make room when the buffer is full.
+    /// A new period or a gap of more than half a period forgets the samples so far; the marks stay, they are the
+    /// shaft's. The oldest samples make room when the buffer is full.
     pub fn push_samples(&mut self, samples: &[f32], first_tick: u32, period_ticks: u32) -> Result<(), Discontinuity> {
         let expected = self.oldest_tick.wrapping_add(self.period_ticks.wrapping_mul(self.held as u32));
         let gap = (first_tick.wrapping_sub(expected) as i32).unsigned_abs();
@@ -222,7 +222,8 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
 
     /// The next turn whose samples and neighbouring marks are all there; call until `Ok(None)`.
     ///
-    /// The first of the four marks is consumed. [`Discontinuity::Overrun`] when the turn's samples have left the buffer.
+    /// The first of the four marks is consumed. [`Discontinuity::Overrun`] when the turn's samples have left the
+    /// buffer.
     pub fn next_turn(&mut self) -> Result<Option<Turn>, Discontinuity> {
         let mut ticks = [0u32; 4];
         if self.marks.len() < 4 || self.held == 0 {
@@ -281,7 +282,8 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
         (i64::from(ticks as i32) << 16) / i64::from(self.period_ticks.max(1))
     }
 
-    /// Writes samples `first`, `first + 1`, ... of the turn cut into `per_turn` equal angles; `out` may be any part of it.
+    /// Writes samples `first`, `first + 1`, ... of the turn cut into `per_turn` equal angles; `out` may be any part
+    /// of it.
     pub fn resample(&self, turn: &Turn, first: u32, per_turn: u32, out: &mut [f32]) {
         let per_turn = per_turn.max(1);
         let [c1, c2, c3] = turn.coefficients_q16;
@@ -363,8 +365,8 @@ impl Path {
     }
 }
 
-/// A run whose taps all lie in one stretch; false, with any outputs, where they do not. Free of type parameters so that it
-/// is compiled here, for speed, and not in the binary that picks the sizes.
+/// A run whose taps all lie in one stretch; false, with any outputs, where they do not. Free of type parameters so
+/// that it is compiled here, for speed, and not in the binary that picks the sizes.
 fn interpolate_run(stretch: &[f32], path: Path, outputs: &mut [f32]) -> bool {
     for (n, y) in outputs.iter_mut().enumerate() {
         let (whole, fraction) = path.at(n);

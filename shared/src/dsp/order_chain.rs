@@ -1,15 +1,16 @@
 //! The order-domain products of one channel in one piece: turn marks and samples in, mesh bands and averages out.
 //!
 //! [`OrderTracker`] finds complete turns; each is resampled twice, for the mesh bands ([`MeshZoom`]) and for the
-//! synchronous average. A lost block, a new rate or a lost turn interrupts the record in progress, never the averages, so
-//! no product mixes what is not contiguous.
+//! synchronous average. A lost block, a new rate or a lost turn interrupts the record in progress, never the
+//! averages, so no product mixes what is not contiguous.
 //!
-//! Input rate: at least four times the highest wanted mesh harmonic, or the resampling loses amplitude. The grid of the mesh
-//! bands goes with it ([`OrderChain::set_samples_per_pitch`]): fine enough that half the input rate does not fold into a band.
+//! Input rate: at least four times the highest wanted mesh harmonic, or the resampling loses amplitude. The grid of
+//! the mesh bands goes with it ([`OrderChain::set_samples_per_pitch`]): fine enough that half the input rate does not
+//! fold into a band.
 //!
-//! Cost (Cortex-M4F in QEMU): 22 instructions per input sample, about 80 per angle resampled and as much again per angle of the
-//! mesh bands. RAM: the sum of its parts; 55 KiB for 8192 samples, 256 points, 5 harmonics and a 1024-point
-//! average.
+//! Cost (Cortex-M4F in QEMU): 22 instructions per input sample, about 80 per angle resampled and as much again per
+//! angle of the mesh bands. RAM: the sum of its parts; 55 KiB for 8192 samples, 256 points, 5 harmonics and a
+//! 1024-point average.
 
 use crate::order::{Discontinuity, OrderTracker, Turn};
 use crate::shaft_lines::ShaftLines;
@@ -125,7 +126,8 @@ impl<const CAPACITY: usize, const POINTS: usize, const HARMONICS: usize, const A
         }
     }
 
-    /// Appends samples, see [`OrderTracker::push_samples`]; call [`OrderChain::process`] before the buffer has turned over.
+    /// Appends samples, see [`OrderTracker::push_samples`]; call [`OrderChain::process`] before the buffer has turned
+    /// over.
     pub fn push_samples(&mut self, samples: &[f32], first_tick: u32, period_ticks: u32) {
         if self.tracker.push_samples(samples, first_tick, period_ticks).is_err() {
             self.interrupt();

@@ -38,7 +38,8 @@ pub fn window(record: &mut [f32; WIDE_POINTS]) {
     WINDOW.apply(&mut record[..], offset);
 }
 
-/// Second step: the record's spectrum in its place, real and imaginary parts in turns, without the line at half the rate.
+/// Second step: the record's spectrum in its place, real and imaginary parts in turns, without the line at half the
+/// rate.
 pub fn transform(record: &mut [f32; WIDE_POINTS]) {
     microfft::real::rfft_4096(record)[0].im = 0.0;
 }
@@ -70,8 +71,8 @@ pub fn search(spectrum: &[f32; WIDE_POINTS], spacing_hz: f32) -> Found {
     (lines, digest)
 }
 
-/// What the mesh harmonics say about lines of a record at `rate_hz`. What reaches the record above half its rate ends at
-/// `reach_hz`: the analogue filter's stop edge without decimation.
+/// What the mesh harmonics say about lines of a record at `rate_hz`. What reaches the record above half its rate ends
+/// at `reach_hz`: the analogue filter's stop edge without decimation.
 pub fn label(
     lines: &[SpectralLine],
     mesh_hz: f32,

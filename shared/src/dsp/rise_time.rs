@@ -3,22 +3,24 @@
 //! Mesh pulses have no top or base plateau and ride on the ring of earlier engagements, so extrema time the ring. The
 //! project's definition needs the slope alone, and is the one the host applies to polynomials:
 //!
-//! > An edge is the stretch around a maximum of |slope| over which the slope keeps its sign and stays above one third of
-//! > that maximum. Its levels are the values at its two ends; its rise time is the 10-90 % time between them.
+//! > An edge is the stretch around a maximum of |slope| over which the slope keeps its sign and stays above one third
+//! of > that maximum. Its levels are the values at its two ends; its rise time is the 10-90 % time between them.
 //!
 //! A linear ramp gives 0.8 of its width, whatever ring of less than a third of its slope it rides on; a raised cosine
-//! 0.544. The timed edge is the steepest per tooth pitch; each pitch is a window centred where the last edge predicts the
-//! next. Two steps: differences over a fifth of the rise time (at least one sample, so that noise does not cut long edges
-//! short) find the lobes of the slope, and each lobe that may be the steepest is timed on the shape of its slope between
-//! the samples (`edge_shape`), kinks included. The result is the median over teeth with its median absolute
-//! deviation. Below 5 samples per edge it is refused, because two samples always look like 0.8 sample of rise time.
+//! 0.544. The timed edge is the steepest per tooth pitch; each pitch is a window centred where the last edge predicts
+//! the next. Two steps: differences over a fifth of the rise time (at least one sample, so that noise does not cut
+//! long edges short) find the lobes of the slope, and each lobe that may be the steepest is timed on the shape of its
+//! slope between the samples (`edge_shape`), kinks included. The result is the median over teeth with its median
+//! absolute deviation. Below 5 samples per edge it is refused, because two samples always look like 0.8 sample of
+//! rise time.
 //!
-//! Limits: an edge must be shorter than about 0.4 `WINDOW`, and is known when 0.6 of its rise time have passed after it.
-//! Noise makes a slope look steeper and its edge shorter: by up to 3 % at a noise of 0.5 % of the height (RMS) and 10 samples per edge.
+//! Limits: an edge must be shorter than about 0.4 `WINDOW`, and is known when 0.6 of its rise time have passed after
+//! it. Noise makes a slope look steeper and its edge shorter: by up to 3 % at a noise of 0.5 % of the height (RMS)
+//! and 10 samples per edge.
 //!
-//! 10-90 % convention: IEEE Std 181. Cost (Cortex-M4F in QEMU): about 140 instructions per sample, amortised O(1), and some
-//! thousands per timed edge, of which a pitch has few: meant for snapshots, not for a continuous stream. RAM: 4 bytes per `WINDOW`
-//! sample, 0.25 KiB for the teeth; 1.1 KiB of stack.
+//! 10-90 % convention: IEEE Std 181. Cost (Cortex-M4F in QEMU): about 140 instructions per sample, amortised O(1),
+//! and some thousands per timed edge, of which a pitch has few: meant for snapshots, not for a continuous stream.
+//! RAM: 4 bytes per `WINDOW` sample, 0.25 KiB for the teeth; 1.1 KiB of stack.
 
 use crate::dsp::edge_shape::EdgeShape;
 use crate::math;
@@ -376,8 +378,8 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
     }
 }
 
-/// Rise time of the edge behind an instrument: squares subtract (a cascade's rise times add in squares). `None` when the
-/// instrument alone would explain the measured one.
+/// Rise time of the edge behind an instrument: squares subtract (a cascade's rise times add in squares). `None` when
+/// the instrument alone would explain the measured one.
 pub fn without_instrument(measured: f32, instrument: f32) -> Option<f32> {
     (measured > instrument).then(|| math::sqrt(measured * measured - instrument * instrument))
 }

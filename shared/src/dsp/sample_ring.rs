@@ -1,9 +1,10 @@
 //! The latest samples of a long time in little memory: blocks with a common exponent, the oldest overwritten.
 //!
-//! Core-coupled memory beside the stack has room for 22 KB. Two seconds at 10 kHz and more therefore get little over eight bits a
-//! sample: 32 samples share a power of two, each is a signed byte times it. The error is at most 1/127 of the largest of its
-//! block and 1/32 of a 16-bit code; against the same samples at 12 bits a loud block is coarser, a quiet one
-//! finer, since decimated samples are finer than the converter's steps. The whole of the converter's range is held.
+//! Core-coupled memory beside the stack has room for 22 KB. Two seconds at 10 kHz and more therefore get little over
+//! eight bits a sample: 32 samples share a power of two, each is a signed byte times it. The error is at most 1/127
+//! of the largest of its block and 1/32 of a 16-bit code; against the same samples at 12 bits a loud block is
+//! coarser, a quiet one finer, since decimated samples are finer than the converter's steps. The whole of the
+//! converter's range is held.
 //!
 //! RAM: 33 bytes per 32 samples. Cost: 6 instructions per sample.
 

@@ -1,14 +1,15 @@
 //! Once, twice and three times per turn of both shafts: amplitude and phase over whole turns.
 //!
-//! Input is one value per tooth pitch: bin 0 of the mesh bands' filter bank ([`crate::zoom`]), a mean over six pitches under a
-//! Blackman-Harris window. Its aliases at these orders lie below -92 dB, its droop is known and undone, and whole turns of either
-//! shaft are whole numbers of values, so a line of one leaks into no other of the same shaft. What is not a multiple of the shaft
-//! leaks as it does through a rectangular window of that many turns.
+//! Input is one value per tooth pitch: bin 0 of the mesh bands' filter bank ([`crate::zoom`]), a mean over six
+//! pitches under a Blackman-Harris window. Its aliases at these orders lie below -92 dB, its droop is known and
+//! undone, and whole turns of either shaft are whole numbers of values, so a line of one leaks into no other of the
+//! same shaft. What is not a multiple of the shaft leaks as it does through a rectangular window of that many turns.
 //!
-//! Phase is the lag behind the turn mark, degrees: a line is `amplitude * cos(order * angle - phase)`. The gear's angle counts from
-//! the turn mark at which the tach locked; a new lock begins at another tooth.
+//! Phase is the lag behind the turn mark, degrees: a line is `amplitude * cos(order * angle - phase)`. The gear's
+//! angle counts from the turn mark at which the tach locked; a new lock begins at another tooth.
 //!
-//! Cost (Cortex-M4F): about 300 instructions per pitch. Source: vector filtering as in API 670, section on phase reference.
+//! Cost (Cortex-M4F): about 300 instructions per pitch. Source: vector filtering as in API 670, section on phase
+//! reference.
 
 use crate::math;
 use crate::window::{Window, phase_step};
@@ -117,7 +118,8 @@ impl ShaftLines {
         self.begun = false;
     }
 
-    /// A turn of the pinion begins, the `number`-th since the lock. The first one after an interruption says where values begin.
+    /// A turn of the pinion begins, the `number`-th since the lock. The first one after an interruption says where
+    /// values begin.
     pub fn begin_turn(&mut self, number: u32) {
         if core::mem::replace(&mut self.begun, true) || self.gear.teeth == 0 || self.pinion.teeth == 0 {
             return;

@@ -126,8 +126,8 @@ impl Stream {
         self.wide_runs = false;
     }
 
-    /// Takes at most [`CHUNK`] codes. Settled samples of both paths are handed on with the tick of the first; those of the
-    /// mesh bands with their period as well.
+    /// Takes at most [`CHUNK`] codes. Settled samples of both paths are handed on with the tick of the first; those
+    /// of the mesh bands with their period as well.
     pub fn push(
         &mut self,
         codes: &[u16],

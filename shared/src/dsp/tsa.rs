@@ -1,8 +1,8 @@
 //! Time-synchronous average over turns, and its split into regular, residual and difference signals.
 //!
-//! Averaging n turns keeps what repeats with the shaft and lowers everything else: noise by sqrt(n), the lines of another
-//! shaft by the comb of n turns. Averaging over the hunting period ([`crate::zoom::common_turns`]) or a multiple of it
-//! removes the other gear's pattern exactly, because its turns are whole as well (McFadden 1987).
+//! Averaging n turns keeps what repeats with the shaft and lowers everything else: noise by sqrt(n), the lines of
+//! another shaft by the comb of n turns. Averaging over the hunting period ([`crate::zoom::common_turns`]) or a
+//! multiple of it removes the other gear's pattern exactly, because its turns are whole as well (McFadden 1987).
 //!
 //! Of a pinion's average: the *regular* signal is its constant, low shaft orders and mesh harmonics; the *residual* is
 //! the rest; the *difference* signal also lacks the first-order sidebands of the harmonics (Stewart 1977; Zakrajsek,
@@ -69,7 +69,8 @@ impl<const N: usize> SynchronousAverage<N> {
         self.turns += 1;
     }
 
-    /// Turns the sum into the average in place, for those short of memory; reset it after use. `None` before the first turn.
+    /// Turns the sum into the average in place, for those short of memory; reset it after use. `None` before the
+    /// first turn.
     pub fn finish(&mut self) -> Option<&[f32]> {
         if self.turns == 0 {
             return None;
@@ -88,7 +89,8 @@ impl<const N: usize> SynchronousAverage<N> {
         self.turns
     }
 
-    /// The average, [`SynchronousAverage::points`] samples; `None` before the first turn or for an output of another length.
+    /// The average, [`SynchronousAverage::points`] samples; `None` before the first turn or for an output of another
+    /// length.
     pub fn average(&self, out: &mut [f32]) -> Option<()> {
         if self.turns == 0 || out.len() != self.points() {
             return None;
@@ -130,7 +132,8 @@ pub fn regular_rms(bins: &[Complex32], lines: &RegularLines) -> f32 {
     math::sqrt(inner.sum::<f32>() + nyquist) / (2 * bins.len().max(1)) as f32
 }
 
-/// The residual signal from the average's spectrum, which is overwritten; `out` takes twice as many samples as there are bins.
+/// The residual signal from the average's spectrum, which is overwritten; `out` takes twice as many samples as there
+/// are bins.
 pub fn residual_of(bins: &mut [Complex32], lines: &RegularLines, out: &mut [f32]) -> Result<(), SpectrumError> {
     clear_lines(bins, |order| lines.contains(order, 0));
     spectrum::real_ifft(bins, out)

@@ -1,7 +1,7 @@
 //! Analysis windows with the figures that turn a spectrum into physical quantities.
 //!
-//! All four are cosine sums a0 - a1 cos(2 pi n / N) + a2 cos(4 pi n / N) - ..., in the periodic (DFT-even) form, so every
-//! figure has a closed form and none is measured at run time:
+//! All four are cosine sums a0 - a1 cos(2 pi n / N) + a2 cos(4 pi n / N) - ..., in the periodic (DFT-even) form, so
+//! every figure has a closed form and none is measured at run time:
 //!
 //! | window | ENBW, bins | worst scallop loss, dB | highest side lobe, dB | use |
 //! | --- | --- | --- | --- | --- |
@@ -101,7 +101,8 @@ impl Window {
             }
             return sum / a[0];
         }
-        // Each pair of terms is the first one's sine times a rational function (as in `without_sine`), which has poles at whole bins.
+        // Each pair of terms is the first one's sine times a rational function (as in `without_sine`), which has
+        // poles at whole bins.
         let square = offset * offset;
         let (mut sum, mut sign) = (a[0], -1.0f32);
         for (k, &a) in a.iter().enumerate().skip(1) {
@@ -118,8 +119,9 @@ impl Window {
 
     /// Offset of a line from its highest bin (0 to 0.5 bins), from the ratio of the higher neighbour to that bin.
     ///
-    /// Closed form for the rectangular and Hann windows; the others bisect the monotone ratio to 1e-5 bin. Both responses have the same
-    /// sine in them (that of half a turn per bin), so that their ratio is a rational function: some 40 instructions a step.
+    /// Closed form for the rectangular and Hann windows; the others bisect the monotone ratio to 1e-5 bin. Both
+    /// responses have the same sine in them (that of half a turn per bin), so that their ratio is a rational
+    /// function: some 40 instructions a step.
     pub fn offset_from_ratio(self, neighbour_to_peak: f32) -> f32 {
         let ratio = neighbour_to_peak.clamp(0.0, 1.0);
         match self {
@@ -143,8 +145,8 @@ impl Window {
 
     /// Responses one bin less `offset` (0 to 0.5) away and `offset` away, both over the same positive factor.
     ///
-    /// `sinc(x - k) + sinc(x + k)` is `sinc(x)` times `2 (-1)^k x^2 / (x^2 - k^2)`; at `1 - offset` the term of `k = 1` keeps the factor
-    /// `offset` that the others are multiplied with, and nothing is divided by zero.
+    /// `sinc(x - k) + sinc(x + k)` is `sinc(x)` times `2 (-1)^k x^2 / (x^2 - k^2)`; at `1 - offset` the term of
+    /// `k = 1` keeps the factor `offset` that the others are multiplied with, and nothing is divided by zero.
     fn without_sine(self, offset: f32) -> [f32; 2] {
         let a = self.coefficients();
         let (near, far) = (offset, 1.0 - offset);

@@ -1,20 +1,22 @@
 //! Mesh bands in the order domain: the neighbourhoods of mesh harmonics 1..H, fine enough to separate shaft sidebands.
 //!
-//! Input is vibration resampled to 16 to [`SAMPLES_PER_PITCH`] samples per tooth pitch of the pinion ([`crate::order`]), so a
-//! mesh harmonic stays where it is at any speed and during a run-up, and orders replace hertz. Three stages:
+//! Input is vibration resampled to 16 to [`SAMPLES_PER_PITCH`] samples per tooth pitch of the pinion
+//! ([`crate::order`]), so a mesh harmonic stays where it is at any speed and during a run-up, and orders replace
+//! hertz. Three stages:
 //!
 //! 1. *Filter bank.* Once per pitch the last 6 pitches are weighted with a Blackman-Harris window, folded to one pitch
-//!    and transformed, the wanted bins only, by definition. Bin h is the complex amplitude of mesh harmonic h for that engagement, for all
-//!    harmonics at the price of one mixer. A neighbouring harmonic (1 - b of the spacing away, b <= 1/3) meets the side
-//!    lobes, below -92 dB.
+//!    and transformed, the wanted bins only, by definition. Bin h is the complex amplitude of mesh harmonic h for
+//!    that engagement, for all harmonics at the price of one mixer. A neighbouring harmonic (1 - b of the spacing
+//!    away, b <= 1/3) meets the side lobes, below -92 dB.
 //! 2. *Decimation by any ratio.* The engagement values (z per turn) are gathered under the same window, 6 output
 //!    spacings long, into `POINTS` values per record of n turns. Aliases fall below -92 dB for |order offset| at most a
 //!    third of the output rate.
 //! 3. *Spectrum.* Window, complex FFT of `POINTS`, division by the two known window responses (the droop is exact, not
 //!    fitted), power average.
 //!
-//! Resolution is 1/n order per bin: n = 16 gives f_shaft/16 at every speed. Records of a whole number of turns of *both*
-//! shafts ([`common_turns`]) put the sidebands of both on bins, so a rectangular window reads them without leakage.
+//! Resolution is 1/n order per bin: n = 16 gives f_shaft/16 at every speed. Records of a whole number of turns of
+//! *both* shafts ([`common_turns`]) put the sidebands of both on bins, so a rectangular window reads them without
+//! leakage.
 //!
 //! A line of fixed frequency (mains, another machine) sweeps through orders when the speed changes; [`orders_swept`]
 //! gives the orders it touched so that lines there can be flagged instead of believed.
@@ -104,8 +106,8 @@ pub struct MeshZoom<const POINTS: usize, const HARMONICS: usize> {
     config: ZoomConfig,
     /// Output spacings per pitch.
     outputs_per_pitch: f32,
-    /// Samples per pitch; the window at each sample, from the oldest pitch to the newest and once more, so that a ring of
-    /// pitches finds its weights in one piece; cosine and sine of each harmonic on this grid.
+    /// Samples per pitch; the window at each sample, from the oldest pitch to the newest and once more, so that a
+    /// ring of pitches finds its weights in one piece; cosine and sine of each harmonic on this grid.
     grid: usize,
     weights: [[f32; 2 * WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
     circles: [[(f32, f32); SAMPLES_PER_PITCH / 2]; HARMONICS],
@@ -128,8 +130,8 @@ struct State<const POINTS: usize, const HARMONICS: usize> {
 }
 
 impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
-    /// Without a configuration, all zero bytes so that a static needs no image in flash; takes samples and never completes
-    /// a record.
+    /// Without a configuration, all zero bytes so that a static needs no image in flash; takes samples and never
+    /// completes a record.
     pub const IDLE: Self = Self {
         config: ZoomConfig {
             teeth: 0,
@@ -244,8 +246,8 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         self.push_with(samples, |_| ())
     }
 
-    /// As [`MeshZoom::push`]; `low` gets the mean over the window of each engagement, the filter bank's bin 0, which describes the
-    /// middle of the last six pitches.
+    /// As [`MeshZoom::push`]; `low` gets the mean over the window of each engagement, the filter bank's bin 0, which
+    /// describes the middle of the last six pitches.
     pub fn push_with(&mut self, samples: &[f32], mut low: impl FnMut(f32)) -> u32 {
         let mut completed = 0;
         let mut rest = samples;
@@ -361,7 +363,8 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         1.0 / f32::from(self.config.turns)
     }
 
-    /// Squared amplitudes around a harmonic, `POINTS / 2` is the harmonic itself; places beyond the reach are not defined.
+    /// Squared amplitudes around a harmonic, `POINTS / 2` is the harmonic itself; places beyond the reach are not
+    /// defined.
     pub fn powers(&self, harmonic: usize) -> Option<&[f32; POINTS]> {
         self.state.power.get(harmonic.checked_sub(1)?)
     }
@@ -391,7 +394,8 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
                 peak = bin;
             }
         }
-        // The skirts of a line carry the droop of the line's place, not of theirs: undo their correction to read the place.
+        // The skirts of a line carry the droop of the line's place, not of theirs: undo their correction to read the
+        // place.
         let droop = self.droop(peak as f32);
         let skirt = |bin: i32| Some(at(bin)? * self.droop(bin as f32) / droop);
         let line = read_line(&[skirt(peak - 1)?, at(peak)?, skirt(peak + 1)?], 1, self.config.window)?;
@@ -432,8 +436,8 @@ fn store(pitches: &mut [[f32; WINDOW_SPACINGS]], newest: usize, samples: &[f32])
     }
 }
 
-/// Windowed sum of six pitches of a ring whose oldest is `oldest`. This and its neighbours have no type parameters so that
-/// they are compiled here, for speed, and not in the binary that picks the sizes.
+/// Windowed sum of six pitches of a ring whose oldest is `oldest`. This and its neighbours have no type parameters so
+/// that they are compiled here, for speed, and not in the binary that picks the sizes.
 fn fold(
     pitches: &[[f32; WINDOW_SPACINGS]; SAMPLES_PER_PITCH],
     weights: &[[f32; 2 * WINDOW_SPACINGS]; SAMPLES_PER_PITCH],

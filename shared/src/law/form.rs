@@ -2,8 +2,9 @@
 //!
 //! Three forms. The paper's quadratic `B = a f^2 + b f + c`, and the physical `t_r^2 = (a/f)^2 + t_mode^2` with
 //! `B = 0.35 / t_r`: the engagement edge takes the angle `a` (turns) of the ramp, and the structure's mode adds its own
-//! rise time; and a table of knots ([`LawTable`]) where neither follows. A law is only valid for the machine and the engagement ramp it was fitted on, inside its speed domain;
-//! outside, the speed is clamped to the domain and the result says so.
+//! rise time; and a table of knots ([`LawTable`]) where neither follows. A law is only valid for the machine and the
+//! engagement ramp it was fitted on, inside its speed domain; outside, the speed is clamped to the domain and the
+//! result says so.
 //!
 //! Source: Zhang et al. 2013, doi 10.1155/2013/462401; 0.35 is the rise-time constant of a first-order edge.
 

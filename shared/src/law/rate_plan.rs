@@ -5,16 +5,16 @@
 //! `output = adc / 2^k`. A rate wanted above F needs no stage. Once chosen, k is kept until the ADC rate would fall
 //! below F or rise [`OCTAVE_OVERLAP`] above 2F: a speed that dithers on an octave border changes nothing.
 //!
-//! The sample timer divides the time base by an integer: at 84 MHz one tick is 0.24 to 0.48 % of the period between 200 and
-//! 400 kHz, so no plan meets a wanted rate to 150 ppm there. It need not: the law says which rate the signal wants *at
-//! least*, and the order domain is resampled by time stamps. What is asked of the board is therefore a period
-//! in ticks, the longest whose rate is not below the wanted one; the board grants that integer or says otherwise, and
-//! every product carries the granted rate, exact to single precision. The excess over the wanted rate, less than one step
-//! of the period, is reported with it.
+//! The sample timer divides the time base by an integer: at 84 MHz one tick is 0.24 to 0.48 % of the period between
+//! 200 and 400 kHz, so no plan meets a wanted rate to 150 ppm there. It need not: the law says which rate the signal
+//! wants *at least*, and the order domain is resampled by time stamps. What is asked of the board is therefore a
+//! period in ticks, the longest whose rate is not below the wanted one; the board grants that integer or says
+//! otherwise, and every product carries the granted rate, exact to single precision. The excess over the wanted rate,
+//! less than one step of the period, is reported with it.
 //!
-//! Steps are a board's ([`Timing::period_step`]): where the converter's clock is a fraction of the timer's, only multiples of
-//! that fraction give equidistant samples. With 4 ticks at 84 MHz the excess is up to 1 % at 200 kHz and 2 % at 420 kHz; jitter of
-//! up to 36 ns, which it replaces, would be noise at -50 dB under a line at 40 kHz.
+//! Steps are a board's ([`Timing::period_step`]): where the converter's clock is a fraction of the timer's, only
+//! multiples of that fraction give equidistant samples. With 4 ticks at 84 MHz the excess is up to 1 % at 200 kHz and
+//! 2 % at 420 kHz; jitter of up to 36 ns, which it replaces, would be noise at -50 dB under a line at 40 kHz.
 
 use crate::board::Timing;
 use crate::units::{Hertz, PartsPerMillion};

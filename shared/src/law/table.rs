@@ -1,10 +1,10 @@
 //! The tabulated law: knots in speed and bandwidth with a monotone cubic between their logarithms.
 //!
 //! Around the knee between the mode-limited and the ramp-limited range no form with two or three coefficients follows
-//! the bandwidth. Piecewise cubic Hermite in log speed and log bandwidth, its slopes weighted harmonic means of the secants
-//! (Fritsch and Butland 1984), follows it and never overshoots its knots. Above the last knot the bandwidth is
-//! proportional to speed (ramp-limited), below the first constant (mode-limited). The host's `law::table` is the same in
-//! double precision; the two agree within 1e-5.
+//! the bandwidth. Piecewise cubic Hermite in log speed and log bandwidth, its slopes weighted harmonic means of the
+//! secants (Fritsch and Butland 1984), follows it and never overshoots its knots. Above the last knot the bandwidth
+//! is proportional to speed (ramp-limited), below the first constant (mode-limited). The host's `law::table` is the
+//! same in double precision; the two agree within 1e-5.
 //!
 //! Cost: four to nine logarithms and an exponential, about 900 instructions; once per block.
 

@@ -1,11 +1,13 @@
 //! Writes the bytes that the postcard crate writes, in a fraction of its code.
 //!
-//! postcard's serialiser is generic down to the single byte, so every field of every message becomes 80 bytes of code that checks the room, and
-//! the messages of a node took more flash than its filters. Here a field is a call: what is written comes down to five functions,
-//! and what does not fit is remembered and told once, at the end. The format is postcard's own description of version 1 of its wire format
-//! (<https://postcard.jamesmunns.com/wire-format>); `tests/tests/node/compact.rs` holds the bytes against the crate.
+//! postcard's serialiser is generic down to the single byte, so every field of every message becomes 80 bytes of code
+//! that checks the room, and the messages of a node took more flash than its filters. Here a field is a call: what is
+//! written comes down to five functions, and what does not fit is remembered and told once, at the end. The format is
+//! postcard's own description of version 1 of its wire format (<https://postcard.jamesmunns.com/wire-format>);
+//! `tests/tests/node/compact.rs` holds the bytes against the crate.
 //!
-//! Reading stays the crate's. Not to be had, because no message has them: 128-bit integers and sequences of unknown length count as not fitting.
+//! Reading stays the crate's. Not to be had, because no message has them: 128-bit integers and sequences of unknown
+//! length count as not fitting.
 
 use postcard::Error;
 use serde::Serialize;

@@ -2,12 +2,13 @@
 //!
 //! COBS keeps zeros out of the frame, so a receiver resynchronises at the next zero whatever was lost or damaged. The
 //! leading zero costs a byte and keeps a frame whose end was lost from swallowing the next one.
-//! Layout before COBS: sender's schema (1 byte), oldest schema whose readers can take the frame (1 byte), sequence (2 bytes,
-//! little-endian), postcard of [`Packet`], CRC-32 (ISO-HDLC) of all that (4 bytes, little-endian). Sequence gaps count whole
-//! lost frames exactly up to 65535 in a row.
+//! Layout before COBS: sender's schema (1 byte), oldest schema whose readers can take the frame (1 byte), sequence (2
+//! bytes, little-endian), postcard of [`Packet`], CRC-32 (ISO-HDLC) of all that (4 bytes, little-endian). Sequence
+//! gaps count whole lost frames exactly up to 65535 in a row.
 //!
 //! Readers of another schema take what they know of a frame ([`crate::schema`]); a kind of message that is not known is
-//! skipped and counted ([`FrameError::Unknown`]), and a sender that cannot be read at all is named ([`FrameError::Version`]).
+//! skipped and counted ([`FrameError::Unknown`]), and a sender that cannot be read at all is named
+//! ([`FrameError::Version`]).
 
 use crate::link::compact;
 use crate::message::{Message, OLDEST_READABLE, OLDEST_READER, Reply, Request, WIRE_SCHEMA};
@@ -54,8 +55,8 @@ pub enum PacketRef<'a> {
 
 /// What a receiver makes of a frame's content.
 pub trait Content: Sized {
-    /// Reads postcard of a [`Packet`]; `writer` is the sender's schema compared with ours. `None` where the content is not
-    /// understood.
+    /// Reads postcard of a [`Packet`]; `writer` is the sender's schema compared with ours. `None` where the content
+    /// is not understood.
     fn read(bytes: &[u8], writer: Ordering) -> Option<Self>;
 }
 
@@ -65,7 +66,8 @@ impl Content for Packet {
     }
 }
 
-/// What a node takes from the link. Replies and messages are nothing to it, and the code that reads them is not in its image.
+/// What a node takes from the link. Replies and messages are nothing to it, and the code that reads them is not in
+/// its image.
 // No heap to box the large variant in; few values exist at a time.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,9 @@
 //! The link's vocabulary: requests, replies and streamed messages.
 //!
-//! Postcard encodes them by position. Variants are only ever appended, fields only at the end of the outermost structure of a
-//! message (what lies inside another is fixed), and each time [`WIRE_SCHEMA`] is raised: readers of another schema then take
-//! what they know ([`crate::schema`]). Any other change raises [`OLDEST_READER`], too, and they are told to refuse.
+//! Postcard encodes them by position. Variants are only ever appended, fields only at the end of the outermost
+//! structure of a message (what lies inside another is fixed), and each time [`WIRE_SCHEMA`] is raised: readers of
+//! another schema then take what they know ([`crate::schema`]). Any other change raises [`OLDEST_READER`], too, and
+//! they are told to refuse.
 
 use crate::config::{Configuration, ConfigurationError, MAX_HARMONICS, MAX_SIDEBANDS};
 use crate::events::{Event, EventKind};
@@ -60,7 +61,8 @@ pub enum Request {
     Stop,
     /// Send the next wideband waveform.
     Snapshot,
-    /// Run the self-test again, unless the last request for it is less than a second old; its result comes as a message.
+    /// Run the self-test again, unless the last request for it is less than a second old; its result comes as a
+    /// message.
     SelfTest,
     /// Send all kept events again.
     Events,
@@ -149,7 +151,8 @@ pub struct Identification {
 /// Self-test ([`crate::self_test`]). A set bit in `failed` is a failed item of `run`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfTest {
-    /// Items that ran: bit 0 sample count against timer, 1 ADC rails, 2 ADC noise, 3 tach edge seen, 4 mathematics hash.
+    /// Items that ran: bit 0 sample count against timer, 1 ADC rails, 2 ADC noise, 3 tach edge seen, 4 mathematics
+    /// hash.
     pub run: u8,
     /// Items that failed.
     pub failed: u8,
@@ -168,7 +171,8 @@ pub struct Tag {
     pub validity: Validity,
     /// Granted sample period of the ADC, ticks.
     pub period_ticks: u32,
-    /// Half-band stages between ADC and the result; in front of those of mesh bands a comb of any ratio, so read `rate_hz`.
+    /// Half-band stages between ADC and the result; in front of those of mesh bands a comb of any ratio, so read
+    /// `rate_hz`.
     pub stages: u8,
     /// Sample rate of the result, Hz.
     pub rate_hz: f32,
@@ -287,8 +291,8 @@ pub struct Spectrum {
     pub digest: u32,
     /// Turns of the pinion in the record; the resolution is one over this in orders.
     pub turns: u16,
-    /// Slowest turn of the record, Hz. A line of fixed frequency passed the orders from its frequency over the fastest to
-    /// that over the slowest speed ([`crate::zoom::orders_swept`]).
+    /// Slowest turn of the record, Hz. A line of fixed frequency passed the orders from its frequency over the
+    /// fastest to that over the slowest speed ([`crate::zoom::orders_swept`]).
     pub slowest_hz: f32,
     /// Fastest turn of the record, Hz.
     pub fastest_hz: f32,
@@ -504,7 +508,8 @@ pub struct Statistics {
     pub messages_dropped: u32,
     /// Kinds of events that have occurred, with their counts.
     pub events: Vec<EventCount, MAX_EVENT_COUNTS>,
-    /// Most blocks that ever waited for the main loop, as the board says; blocks are lost where its memory holds no more.
+    /// Most blocks that ever waited for the main loop, as the board says; blocks are lost where its memory holds no
+    /// more.
     pub most_waiting: u32,
 }
 
@@ -515,7 +520,8 @@ impl Statistics {
     }
 }
 
-/// How often a kind of event has occurred. The kind is a number, so that one that the reader does not know costs nothing.
+/// How often a kind of event has occurred. The kind is a number, so that one that the reader does not know costs
+/// nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EventCount {
     /// [`EventKind`] as a number.

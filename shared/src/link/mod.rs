@@ -1,10 +1,11 @@
 //! The line to the host: its vocabulary and frames, what may be on its way, and the queues on both sides of it.
 //!
 //! The same on every board, in QEMU and on the host. The session decides by its own clock when the next message leaves
-//! ([`pace`]): what is sent when depends on the node's inputs only, and the frames stay equal byte for byte wherever the node
-//! runs. The queue behind it ([`send_ring`]) then always has room: the pace lets at most [`WINDOW`] bytes be under way, and the
-//! line, a little faster than the pace, may in addition stand still for what fills the rest of [`QUEUE`], 45 ms: longer than
-//! the longest turn of any main loop. Only a line that really stops (a host that does not read) loses frames, whole and counted.
+//! ([`pace`]): what is sent when depends on the node's inputs only, and the frames stay equal byte for byte wherever
+//! the node runs. The queue behind it ([`send_ring`]) then always has room: the pace lets at most [`WINDOW`] bytes be
+//! under way, and the line, a little faster than the pace, may in addition stand still for what fills the rest of
+//! [`QUEUE`], 45 ms: longer than the longest turn of any main loop. Only a line that really stops (a host that does
+//! not read) loses frames, whole and counted.
 
 pub mod compact;
 pub mod frame;

@@ -1,8 +1,8 @@
 //! When the next message may leave: a budget of bytes that the node's own clock pays off.
 //!
-//! Three ranks share the line. Replies go at once, and a command is only taken while there is room for its reply. Events
-//! (alarms among them), statuses and results leave while there is room for one of them and a reply. Waveforms take what is left
-//! and never so much that a message of the second rank would have to wait.
+//! Three ranks share the line. Replies go at once, and a command is only taken while there is room for its reply.
+//! Events (alarms among them), statuses and results leave while there is room for one of them and a reply. Waveforms
+//! take what is left and never so much that a message of the second rank would have to wait.
 
 use super::{PACE, WINDOW};
 use crate::frame::MAX_FRAME;

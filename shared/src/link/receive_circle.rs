@@ -14,8 +14,8 @@ impl<const N: usize> ReceiveCircle<N> {
         Self { read: 0 }
     }
 
-    /// Place of the next byte to read, where DMA will write at `write` next; `None` when all were read. A host that outruns
-    /// the main loop by a whole circle garbles what it sent; its frames' checksums show that.
+    /// Place of the next byte to read, where DMA will write at `write` next; `None` when all were read. A host that
+    /// outruns the main loop by a whole circle garbles what it sent; its frames' checksums show that.
     pub fn next(&mut self, write: usize) -> Option<usize> {
         // A controller that has just wrapped may still show the end.
         if self.read == write % N {

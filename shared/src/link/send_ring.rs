@@ -1,8 +1,8 @@
 //! Frames on their way out: a ring that takes whole frames and gives them up by runs, for DMA, or byte by byte.
 //!
-//! A host that does not read must not stop the measurement: a frame without room is dropped and counted. The sender keeps
-//! counting sequence numbers over dropped frames, so the host sees how many are missing; the node reports them as one event
-//! when there is room again.
+//! A host that does not read must not stop the measurement: a frame without room is dropped and counted. The sender
+//! keeps counting sequence numbers over dropped frames, so the host sees how many are missing; the node reports them
+//! as one event when there is room again.
 
 /// Ring of `N` bytes. A board empties it in one of the two ways.
 #[derive(Clone, Debug)]
@@ -75,7 +75,8 @@ impl<const N: usize> SendRing<N> {
         if self.tail >= N {
             self.tail -= N;
         }
-        // Nothing waits: the next frame need not be cut in two at the end, which on a line with silences would be two frames.
+        // Nothing waits: the next frame need not be cut in two at the end, which on a line with silences would be two
+        // frames.
         if self.waiting == 0 {
             self.tail = 0;
         }

@@ -67,10 +67,10 @@ impl<A: Arrays> Session<A> {
         Ok(session)
     }
 
-    /// As [`Session::with_arrays`], of a configuration that [`Configuration::validate`] accepts for this board; another one
-    /// gives a node whose figures mean nothing. Not yet begun: whoever holds the session calls [`Session::begin`] in its place.
-    /// What is only put together, and changed nowhere before it lies where it stays, is built there; anything else is a copy
-    /// of 13 KB on a board's stack.
+    /// As [`Session::with_arrays`], of a configuration that [`Configuration::validate`] accepts for this board;
+    /// another one gives a node whose figures mean nothing. Not yet begun: whoever holds the session calls
+    /// [`Session::begin`] in its place. What is only put together, and changed nowhere before it lies where it stays,
+    /// is built there; anything else is a copy of 13 KB on a board's stack.
     #[inline(never)]
     pub fn of_valid(config: &Configuration, board: Timing, arrays: A) -> Self {
         Self {
@@ -119,7 +119,8 @@ impl<A: Arrays> Session<A> {
         self.send_messages(end, send);
     }
 
-    /// A block that arrived at a tick, for boards that give it back before anything is sent; returns its end, the present of
+    /// A block that arrived at a tick, for boards that give it back before anything is sent; returns its end, the
+    /// present of
     /// [`Session::send_messages`].
     pub fn take_block(&mut self, block: Block<'_>, arrived: u32) -> u32 {
         if let Some(result) = self.test.on_block(&block, arrived) {
@@ -200,8 +201,8 @@ impl<A: Arrays> Session<A> {
         }
     }
 
-    /// Once per turn of the main loop, after the bytes that were there, with a tick read behind them: the part of Modbus that
-    /// goes by the clock.
+    /// Once per turn of the main loop, after the bytes that were there, with a tick read behind them: the part of
+    /// Modbus that goes by the clock.
     pub fn follow_line(&mut self, now_tick: u32, send: &mut impl FnMut(&[u8])) {
         if let Some(answer) = self.station.follow(&self.node, now_tick) {
             send(&answer);
@@ -213,8 +214,8 @@ impl<A: Arrays> Session<A> {
         self.station.format()
     }
 
-    /// The link's own request has come: where the node was still listening, the line is the link's, and what was said to nobody
-    /// is said again.
+    /// The link's own request has come: where the node was still listening, the line is the link's, and what was said
+    /// to nobody is said again.
     fn find_link(&mut self) {
         if self.station.mode() != Mode::Meshband {
             self.station.yield_to_link();
@@ -258,8 +259,8 @@ impl<A: Arrays> Session<A> {
         core::mem::take(&mut self.commit)
     }
 
-    /// The board has stored the configuration, or failed to. The event's detail counts the attempts: equal events in a row
-    /// would be one, and the host would wait for the second.
+    /// The board has stored the configuration, or failed to. The event's detail counts the attempts: equal events in
+    /// a row would be one, and the host would wait for the second.
     pub fn on_stored(&mut self, success: bool) {
         if success {
             self.node.on_stored();

@@ -1,11 +1,12 @@
 //! A held waveform on the link: what is told of it, and its bytes in parts that may be asked for again.
 //!
-//! The host pulls. Every part is an answer to a command that names the waveform and the byte, so a lost part is asked for again
-//! without any state on the node, and a slow reader costs the node nothing but its memory. The checksum covers all bytes, and the
-//! facts come with it in one frame that has its own: what a host accepts is what the node sealed.
+//! The host pulls. Every part is an answer to a command that names the waveform and the byte, so a lost part is asked
+//! for again without any state on the node, and a slow reader costs the node nothing but its memory. The checksum
+//! covers all bytes, and the facts come with it in one frame that has its own: what a host accepts is what the node
+//! sealed.
 //!
-//! Bytes: the marks (4 bytes each, little-endian, ticks from the first sample to each turn of the pinion), then the samples in
-//! blocks of [`crate::sample_ring::BLOCK`] with their exponent ([`crate::sample_ring`]), oldest first.
+//! Bytes: the marks (4 bytes each, little-endian, ticks from the first sample to each turn of the pinion), then the
+//! samples in blocks of [`crate::sample_ring::BLOCK`] with their exponent ([`crate::sample_ring`]), oldest first.
 
 use crate::tach::Validity;
 use heapless::Vec;

@@ -1,7 +1,8 @@
-//! The latest result of each kind, with its age and its number, taken from the messages that would otherwise leave over the link.
+//! The latest result of each kind, with its age and its number, taken from the messages that would otherwise leave
+//! over the link.
 //!
-//! A register's value is therefore the message's own. A group is replaced as a whole between two requests, never within one: values
-//! read by one request belong together.
+//! A register's value is therefore the message's own. A group is replaced as a whole between two requests, never
+//! within one: values read by one request belong together.
 
 use crate::config::MAX_HARMONICS;
 use crate::message::{

@@ -1,15 +1,16 @@
 //! Requests among the bytes of a shared line: runs of bytes between silences, told by the node's clock.
 //!
-//! A frame ends with 3.5 characters of silence (above 19 200 bit/s: 1.75 ms). Bytes come by DMA and are looked at once per turn of the
-//! main loop, so what is measured is the time in which no character was completed: one character is added for one under way.
-//! That time is never too short. It may be too long: what the master and another node said while the loop was busy then looks like
-//! one run. The request for this node is its end, because the master now waits for the answer: where a run as a whole has no
-//! valid checksum, its last eight bytes are tried. (They pass by chance once in 2^16 runs that end in this node's address and a
-//! function, and then the answer is one that nobody waits for.)
+//! A frame ends with 3.5 characters of silence (above 19 200 bit/s: 1.75 ms). Bytes come by DMA and are looked at
+//! once per turn of the main loop, so what is measured is the time in which no character was completed: one character
+//! is added for one under way. That time is never too short. It may be too long: what the master and another node
+//! said while the loop was busy then looks like one run. The request for this node is its end, because the master now
+//! waits for the answer: where a run as a whole has no valid checksum, its last eight bytes are tried. (They pass by
+//! chance once in 2^16 runs that end in this node's address and a function, and then the answer is one that nobody
+//! waits for.)
 //!
-//! What was received while the loop stood still for longer than 0.1 s (an erasure of the flash) is not answered: the master has
-//! given up meanwhile, and an answer would meet its next request. An interface that hears itself gives back the node's own answer:
-//! it is recognised by length and checksum and taken off. Damage is silent and counted.
+//! What was received while the loop stood still for longer than 0.1 s (an erasure of the flash) is not answered: the
+//! master has given up meanwhile, and an answer would meet its next request. An interface that hears itself gives
+//! back the node's own answer: it is recognised by length and checksum and taken off. Damage is silent and counted.
 
 use super::{CRC16, MAX_FRAME};
 use crate::config::LineFormat;

@@ -1,5 +1,6 @@
-//! One request answered from the map: functions 2 (discrete inputs), 4 (input registers) and 3, which reads the same registers for
-//! masters that know holding registers only. Everything else is refused with the exceptions of the standard.
+//! One request answered from the map: functions 2 (discrete inputs), 4 (input registers) and 3, which reads the same
+//! registers for masters that know holding registers only. Everything else is refused with the exceptions of the
+//! standard.
 //!
 //! | refused with | what |
 //! | --- | --- |
@@ -7,8 +8,9 @@
 //! | 2, illegal address | a range with an address that has no meaning |
 //! | 3, illegal value | no item, or more than an answer holds: 125 registers, 2000 bits |
 //!
-//! Not answered at all: a function code of 0 or above 127, which is no request but an answer to somebody (an exception), and a read of
-//! another length than a read has. On a line that gives back what is sent, two nodes would otherwise talk for ever.
+//! Not answered at all: a function code of 0 or above 127, which is no request but an answer to somebody (an
+//! exception), and a read of another length than a read has. On a line that gives back what is sent, two nodes would
+//! otherwise talk for ever.
 
 use super::line::Request;
 use super::map::{self, View};

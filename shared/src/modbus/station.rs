@@ -1,9 +1,10 @@
 //! The node as a Modbus station: which language the line speaks at present, and the way back.
 //!
-//! A node configured for Modbus begins every life with [`LISTENING_S`] in which it says nothing and listens for the project's own
-//! link, at that link's rate. A whole request of it, checksum and all, gives the line to the link for this life, and the host can
-//! configure what it likes. Otherwise the line is Modbus' until the next start. So nobody is locked out who can switch
-//! the node off and on, whatever the configuration says, and nothing that passes on a Modbus line can switch a node over.
+//! A node configured for Modbus begins every life with [`LISTENING_S`] in which it says nothing and listens for the
+//! project's own link, at that link's rate. A whole request of it, checksum and all, gives the line to the link for
+//! this life, and the host can configure what it likes. Otherwise the line is Modbus' until the next start. So nobody
+//! is locked out who can switch the node off and on, whatever the configuration says, and nothing that passes on a
+//! Modbus line can switch a node over.
 //!
 //! Not by watching for the link all the time: at 19 200 bit/s a UART receives nothing of a frame at 921 600 bit/s.
 
@@ -84,7 +85,8 @@ impl Station {
         self.bank.take(message, tick);
     }
 
-    /// Once per turn of the main loop, after the bytes that were there: ends the listening, or gives the answer to a request.
+    /// Once per turn of the main loop, after the bytes that were there: ends the listening, or gives the answer to a
+    /// request.
     pub fn follow<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<Answer> {
         match self.mode {
             Mode::Meshband => None,

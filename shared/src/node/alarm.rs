@@ -1,9 +1,11 @@
-//! Alarm bands: a limit on one indicator inside a speed band, with hysteresis in level, in count and in time, and a latch.
+//! Alarm bands: a limit on one indicator inside a speed band, with hysteresis in level, in count and in time, and a
+//! latch.
 //!
-//! An alarm is raised after `persistence` consecutive values above `raise`, over at least the holding's time, and cleared after as
-//! many below `clear`; a latching one then still stands until it is acknowledged. A value outside the speed band leaves the alarm as
-//! it is: no evidence either way. Without a speed the least strict band of each quantity applies ([`AlarmBand::applies`]): what
-//! exceeds the limit of every speed is an alarm whatever the speed is.
+//! An alarm is raised after `persistence` consecutive values above `raise`, over at least the holding's time, and
+//! cleared after as many below `clear`; a latching one then still stands until it is acknowledged. A value outside
+//! the speed band leaves the alarm as it is: no evidence either way. Without a speed the least strict band of each
+//! quantity applies ([`AlarmBand::applies`]): what exceeds the limit of every speed is an alarm whatever the speed
+//! is.
 
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
@@ -113,7 +115,8 @@ enum State {
     /// Left when values above the limit have persisted.
     #[default]
     Quiet,
-    /// Left when values below the limit have persisted: to latched, or to quiet where alarms do not latch or it was acknowledged.
+    /// Left when values below the limit have persisted: to latched, or to quiet where alarms do not latch or it was
+    /// acknowledged.
     Raised {
         /// Someone has seen it.
         acknowledged: bool,
@@ -146,8 +149,8 @@ impl Alarm {
     /// One that stood when the node last ran, and nobody has acknowledged.
     pub const LATCHED: Self = Self { state: State::Latched, streak: 0, since: 0, at_a_speed: false };
 
-    /// Feeds one value to which the band applies, at a tick; `persistence_ticks` is the holding's time. Undefined values change
-    /// nothing.
+    /// Feeds one value to which the band applies, at a tick; `persistence_ticks` is the holding's time. Undefined
+    /// values change nothing.
     pub fn update(
         &mut self,
         band: &AlarmBand,
@@ -205,7 +208,8 @@ impl Alarm {
         self.at_a_speed = speed.is_some();
     }
 
-    /// Whether a value can be put to it: one without a speed says nothing of what was wrong at a speed, which may have changed.
+    /// Whether a value can be put to it: one without a speed says nothing of what was wrong at a speed, which may
+    /// have changed.
     pub(crate) fn can_judge(&self, speed: Option<Hertz>) -> bool {
         speed.is_some() || !(self.is_raised() && self.at_a_speed)
     }

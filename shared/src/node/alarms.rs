@@ -1,8 +1,9 @@
-//! The node's alarms: which value is put to which limit, the signal's own alarm, the latch, and what a person acknowledges.
+//! The node's alarms: which value is put to which limit, the signal's own alarm, the latch, and what a person
+//! acknowledges.
 //!
-//! Values that cannot be judged ([`crate::message::Quality`]) never come here; a signal that is clipped or dead has an alarm of its
-//! own instead. What latches is kept in the configuration's record, the one place that a power cut leaves alone, unless the
-//! configuration in force is one that nobody stored.
+//! Values that cannot be judged ([`crate::message::Quality`]) never come here; a signal that is clipped or dead has
+//! an alarm of its own instead. What latches is kept in the configuration's record, the one place that a power cut
+//! leaves alone, unless the configuration in force is one that nobody stored.
 
 use super::Node;
 use crate::alarm::{Alarm, AlarmChange, Watched};

@@ -1,7 +1,8 @@
 //! Measured bandwidth against the law: rise times of engagement edges, timed now and then at a rate that resolves them.
 //!
-//! The law's own rate does not: at 2.56 times the bandwidth an edge has 0.9 samples. A measurement therefore takes fewer
-//! half-band stages, so many that the law's edge has [`WANTED_SAMPLES`] (an edge half as long can then still be timed), or
+//! The law's own rate does not: at 2.56 times the bandwidth an edge has 0.9 samples. A measurement therefore takes
+//! fewer half-band stages, so many that the law's edge has [`WANTED_SAMPLES`] (an edge half as long can then still be
+//! timed), or
 //! [`FEWEST_SAMPLES_PER_EDGE`] at least; where the ADC rate does not give these either (high speeds), nothing is
 //! measured and nothing is claimed.
 //!

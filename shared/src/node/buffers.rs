@@ -1,8 +1,8 @@
 //! The node's large memory, apart from its state.
 //!
-//! [`Buffers`] are all zero at the start: a static of this type lies in .bss, costs no flash and no start-up time, and is
-//! never on the stack. [`Capture`], which no more RAM than this is left for, lies where a board has other memory. The node itself is a few
-//! KiB that may be moved.
+//! [`Buffers`] are all zero at the start: a static of this type lies in .bss, costs no flash and no start-up time,
+//! and is never on the stack. [`Capture`], which no more RAM than this is left for, lies where a board has other
+//! memory. The node itself is a few KiB that may be moved.
 //!
 //! RAM: order tracking 32 KiB, mesh bands 12 bytes per point and harmonic, average 8 KiB, wideband record 16 KiB, kept
 //! snapshot 8 KiB; the sum is asserted below.

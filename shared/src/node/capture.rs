@@ -1,13 +1,15 @@
-//! Waveforms that were there before the alarm: the latest samples are kept, a trigger lets a quarter more come, then they stand.
+//! Waveforms that were there before the alarm: the latest samples are kept, a trigger lets a quarter more come, then
+//! they stand.
 //!
-//! An alarm judges values of a second and more and waits for its persistence, so most of what it is about lies before it: three
-//! quarters of the memory. One waveform is held until a host releases it; a trigger that finds one begun or held is counted and
-//! noted. The samples have a filter of their own ([`crate::capture_decimator`]), so a waveform does not depend on what the mesh bands
-//! need. Nothing is spliced: a new rate or a lost block begins the memory anew, or ends a waveform whose trigger has been; it
-//! then says so. The checksum is computed a part per block, because all of it at once would lose one.
+//! An alarm judges values of a second and more and waits for its persistence, so most of what it is about lies before
+//! it: three quarters of the memory. One waveform is held until a host releases it; a trigger that finds one begun or
+//! held is counted and noted. The samples have a filter of their own ([`crate::capture_decimator`]), so a waveform
+//! does not depend on what the mesh bands need. Nothing is spliced: a new rate or a lost block begins the memory
+//! anew, or ends a waveform whose trigger has been; it then says so. The checksum is computed a part per block,
+//! because all of it at once would lose one.
 //!
-//! RAM: 24 KiB apart from the node's state ([`crate::buffers::Arrays`]), in core-coupled memory on a board. Cost: with capture off none; else
-//! see the filter, and 2000 instructions a block.
+//! RAM: 24 KiB apart from the node's state ([`crate::buffers::Arrays`]), in core-coupled memory on a board. Cost:
+//! with capture off none; else see the filter, and 2000 instructions a block.
 
 use crate::capture_decimator::{BATCH, CaptureDecimator};
 use crate::frame::CRC32;
@@ -116,8 +118,8 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
         matches!(self.phase, CapturePhase::Watching | CapturePhase::Collecting)
     }
 
-    /// Keeps samples from now on or does not, once the sample grid has ended; what is to be sealed or held stays, a trigger that came
-    /// before there were samples is missed.
+    /// Keeps samples from now on or does not, once the sample grid has ended; what is to be sealed or held stays, a
+    /// trigger that came before there were samples is missed.
     pub(super) fn configure(&mut self, keeps: bool) {
         self.missed = self.missed.saturating_add(u32::from(self.phase == CapturePhase::Collecting));
         if !matches!(self.phase, CapturePhase::Sealing | CapturePhase::Held) {
@@ -211,8 +213,8 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
         }
     }
 
-    /// The sample grid ends: the memory begins anew. True where a waveform whose trigger has been ends here and has to be sealed; one of
-    /// which there is less than a quarter begins anew with the memory.
+    /// The sample grid ends: the memory begins anew. True where a waveform whose trigger has been ends here and has
+    /// to be sealed; one of which there is less than a quarter begins anew with the memory.
     pub(super) fn end_grid(&mut self) -> bool {
         self.fresh = true;
         if self.phase != CapturePhase::Collecting {

@@ -1,9 +1,10 @@
 //! History of typed events, and one counter per kind that never forgets.
 //!
-//! A storm must neither push the history out nor fill the link. So an event equal in kind and detail to one that occurred within
-//! the last second only raises that one's count, whatever came in between; beyond [`QUOTA`] entries of one kind within a second
-//! the kind's newest takes the others up, with the latest detail; a kind holds at most [`QUOTA`] places, and where all places
-//! are taken the kind that has most of them gives up its oldest: the newest of each kind is always kept.
+//! A storm must neither push the history out nor fill the link. So an event equal in kind and detail to one that
+//! occurred within the last second only raises that one's count, whatever came in between; beyond [`QUOTA`] entries
+//! of one kind within a second the kind's newest takes the others up, with the latest detail; a kind holds at most
+//! [`QUOTA`] places, and where all places are taken the kind that has most of them gives up its oldest: the newest of
+//! each kind is always kept.
 
 use crate::message::{EventCount, MAX_EVENT_COUNTS};
 use crate::units::TicksPerSecond;
@@ -32,7 +33,8 @@ pub enum EventKind {
     UnexpectedPeriod,
     /// A block's first tick does not follow from the block before; detail is the difference in ticks.
     TimeJump,
-    /// Input at its rails; detail is the share of codes in parts per thousand, with [`OF_SECOND`] for the second sensor.
+    /// Input at its rails; detail is the share of codes in parts per thousand, with [`OF_SECOND`] for the second
+    /// sensor.
     Saturated,
     /// Input does not move at all; detail is its code, with [`OF_SECOND`] for the second sensor.
     Stuck,
@@ -64,13 +66,15 @@ pub enum EventKind {
     BandwidthDeparts,
     /// Measured bandwidth and law agree again; detail as before.
     BandwidthAgrees,
-    /// The signal is clipped or does not move; detail has bit 0 for clipped, bit 1 for still, bits 2 and 3 for the second sensor's.
+    /// The signal is clipped or does not move; detail has bit 0 for clipped, bit 1 for still, bits 2 and 3 for the
+    /// second sensor's.
     SignalBad,
     /// The signal can be judged again.
     SignalGood,
     /// A person has acknowledged all alarms.
     AlarmsAcknowledged,
-    /// A step of an update; detail has the step ([`crate::update::receiver::Step`]) in its highest byte, the image's version below.
+    /// A step of an update; detail has the step ([`crate::update::receiver::Step`]) in its highest byte, the image's
+    /// version below.
     Update,
     /// A waveform is complete and held until a host releases it; detail is its number.
     CaptureHeld,
@@ -153,7 +157,8 @@ impl EventLog {
         }
     }
 
-    /// Gives up the oldest of this kind where it has its quota, else, where all is taken, of the kind with most entries.
+    /// Gives up the oldest of this kind where it has its quota, else, where all is taken, of the kind with most
+    /// entries.
     fn make_room(&mut self, kind: EventKind) {
         let entries = |kind: EventKind| self.kept.iter().filter(|e| e.kind == kind).count();
         let giver = if entries(kind) >= QUOTA {

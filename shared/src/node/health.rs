@@ -1,7 +1,8 @@
 //! The node as a device: what it is fed with, how warm it is, where its sensors rest, how right its clock is.
 //!
-//! The board measures supply and temperature ([`crate::board::Housekeeping`]); the bias of a sensor is the mean of its codes in the latest
-//! values, as a voltage of the measured supply: codes are shares of it. [`HealthWatch`] says what the board notes as events.
+//! The board measures supply and temperature ([`crate::board::Housekeeping`]); the bias of a sensor is the mean of
+//! its codes in the latest values, as a voltage of the measured supply: codes are shares of it. [`HealthWatch`] says
+//! what the board notes as events.
 //!
 //! Nothing is corrected by any of it: a supply that is 3 % high makes all accelerations 3 % low, and the event says so.
 
@@ -74,7 +75,8 @@ pub struct HealthWatch {
 }
 
 impl HealthWatch {
-    /// Looks at what the board measures; gives each departure once, and again only after a return well within the limits.
+    /// Looks at what the board measures; gives each departure once, and again only after a return well within the
+    /// limits.
     pub fn follow(&mut self, board: BoardHealth) -> [Option<HealthChange>; 2] {
         let supply = board.supply_v.and_then(|volts| {
             let off = (volts / NOMINAL_SUPPLY_V - 1.0).abs();

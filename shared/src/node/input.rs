@@ -32,8 +32,8 @@ impl<A: Arrays> Node<A> {
         if broken {
             self.values.note_gap(first);
             self.break_capture(CaptureEnd::SamplesLost);
-            // The wideband record's search is the longest turn there is: begun at every gap it would cause the next one.
-            // One that was cut short has not cost it yet.
+            // The wideband record's search is the longest turn there is: begun at every gap it would cause the next
+            // one. One that was cut short has not cost it yet.
             let due = if self.wide_use == WideUse::Record { first } else { self.wide_due };
             self.restart_stream(first);
             self.wide_due = due;
@@ -119,7 +119,8 @@ impl<A: Arrays> Node<A> {
             self.rise_due = first + RISE_INTERVAL_S * u64::from(self.clock.0);
             let speed = self.present_speed();
             let law_hz = self.config.law.bandwidth(speed.pinion).bandwidth.0;
-            // Below the law's domain there is nothing to compare with, and a tooth pitch lasts without end as the shaft comes to rest.
+            // Below the law's domain there is nothing to compare with, and a tooth pitch lasts without end as the
+            // shaft comes to rest.
             let within = speed.pinion.0 >= self.config.law.lowest.0;
             let stages = BandwidthWatch::stages(self.active.adc.0, law_hz).filter(|_| within);
             if let (Some(stages), Validity::Locked, false) = (stages, speed.validity, self.active.aliasing) {

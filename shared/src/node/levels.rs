@@ -1,18 +1,19 @@
 //! Expected levels over speed, and how far a value departs from them.
 //!
-//! Vibration of a sound machine changes by tens of decibels with its speed; a limit that holds at every speed is therefore above most
-//! faults. A small table says what is expected instead: per quantity a level and its standard uncertainty at a few speeds, linear in
-//! decibels over the logarithm of the speed between them, nothing outside. It is learned on the sound machine or computed from its
-//! model (`meshband levels`). The departure is value less expectation, upwards positive; its standard uncertainty is the table's and
-//! what the speed's uncertainty makes of the table's slope, in quadrature (JCGM 100, 5.1.2). Alarms watch the largest departure over
-//! its uncertainty, so that quantities that scatter much and little are comparable.
+//! Vibration of a sound machine changes by tens of decibels with its speed; a limit that holds at every speed is
+//! therefore above most faults. A small table says what is expected instead: per quantity a level and its standard
+//! uncertainty at a few speeds, linear in decibels over the logarithm of the speed between them, nothing outside. It
+//! is learned on the sound machine or computed from its model (`meshband levels`). The departure is value less
+//! expectation, upwards positive; its standard uncertainty is the table's and what the speed's uncertainty makes of
+//! the table's slope, in quadrature (JCGM 100, 5.1.2). Alarms watch the largest departure over its uncertainty, so
+//! that quantities that scatter much and little are comparable.
 //!
-//! Two tables: levels of the whole signal, which show what changes all teeth, and what a local fault changes, the sidebands of all
-//! harmonics and FM0, which one tooth moves before it moves any level. Each has speeds of its own (the second one came later, and stored
-//! configurations only grow at their end).
+//! Two tables: levels of the whole signal, which show what changes all teeth, and what a local fault changes, the
+//! sidebands of all harmonics and FM0, which one tooth moves before it moves any level. Each has speeds of its own
+//! (the second one came later, and stored configurations only grow at their end).
 //!
-//! The table's uncertainty has to contain what the machine itself does at one speed (load, temperature); the node knows neither.
-//! Cost: four logarithms per quantity and record of values, once a second; nothing per sample.
+//! The table's uncertainty has to contain what the machine itself does at one speed (load, temperature); the node
+//! knows neither. Cost: four logarithms per quantity and record of values, once a second; nothing per sample.
 
 use crate::math;
 use crate::units::Hertz;
@@ -169,8 +170,8 @@ fn largest(all: &[Option<Departure>]) -> Option<f32> {
     all.iter().flatten().map(Departure::normalised).reduce(f32::max)
 }
 
-/// Departure of a positive value at a pinion rate with its relative standard uncertainty; `of` selects the quantity. `None` outside
-/// the table and where it expects nothing.
+/// Departure of a positive value at a pinion rate with its relative standard uncertainty; `of` selects the quantity.
+/// `None` outside the table and where it expects nothing.
 pub fn departure<P: Point>(
     points: &[P],
     speed: Hertz,

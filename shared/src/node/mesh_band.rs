@@ -1,12 +1,12 @@
 //! The node's mesh bands: which rate, which record, and the table of lines that is sent.
 //!
-//! Computation is [`crate::order_chain`]'s, in the order domain: a record of [`record_turns`] turns (16 for all but very
-//! small pinions) resolves f_shaft/16 at every speed, whatever the speed does meanwhile. Frequencies are orders times the
-//! record's mean speed.
+//! Computation is [`crate::order_chain`]'s, in the order domain: a record of [`record_turns`] turns (16 for all but
+//! very small pinions) resolves f_shaft/16 at every speed, whatever the speed does meanwhile. Frequencies are orders
+//! times the record's mean speed.
 //!
-//! Rate: the upper band, a third of a pitch above the highest harmonic, must stay below [`BAND_SHARE`] of the rate until a
-//! fifth more speed makes the node plan anew. The decimator comes within a few per cent of that, so the grid of the order
-//! domain can be as coarse as the bands allow ([`MeshPlan::samples_per_pitch`]). Where two and a half
+//! Rate: the upper band, a third of a pitch above the highest harmonic, must stay below [`BAND_SHARE`] of the rate
+//! until a fifth more speed makes the node plan anew. The decimator comes within a few per cent of that, so the grid
+//! of the order domain can be as coarse as the bands allow ([`MeshPlan::samples_per_pitch`]). Where two and a half
 //! turns at that rate do not fit into the buffer (above 69 teeth with five harmonics at worst) the rate is lower and
 //! the harmonics that still have four samples per period are reported.
 
@@ -127,9 +127,9 @@ pub fn configure(chain: &mut Chain, config: &Configuration, clock: TicksPerSecon
     chain.shafts().configure(teeth, config.gears.gear_teeth, SHORTEST_S * clock.0 as f32);
 }
 
-/// One amplitude for the sidebands of both shafts and all harmonics, m/s^2: the geometric mean over the harmonics of what the sidebands
-/// of one have together (root of the sum of squares), so that no harmonic's resonance speaks for all. Harmonics without sidebands
-/// in their band are left out; 0 where none has any.
+/// One amplitude for the sidebands of both shafts and all harmonics, m/s^2: the geometric mean over the harmonics of
+/// what the sidebands of one have together (root of the sum of squares), so that no harmonic's resonance speaks for
+/// all. Harmonics without sidebands in their band are left out; 0 where none has any.
 pub fn sideband_amplitude(bands: &[MeshBand]) -> f32 {
     let (mut logarithms, mut count) = (0.0, 0.0);
     for band in bands {
@@ -143,8 +143,8 @@ pub fn sideband_amplitude(bands: &[MeshBand]) -> f32 {
     if count > 0.0 { math::exp(logarithms / count) } else { 0.0 }
 }
 
-/// Harmonics and sidebands of both shafts of the latest record, and the digest of its values. Sidebands outside the band
-/// are zero.
+/// Harmonics and sidebands of both shafts of the latest record, and the digest of its values. Sidebands outside the
+/// band are zero.
 pub fn bands(
     zoom: &Zoom,
     config: &Configuration,

@@ -1,16 +1,18 @@
 //! The node as an executor-free state machine: tach pulses and sample blocks in, messages out.
 //!
 //! Pulses give the speed, the speed the law's bandwidth, the bandwidth a wanted rate, the rate plan a timer period that
-//! the board programs at the next block border. All blocks run through a half-band cascade to the lowest rate that still
-//! carries the mesh harmonics and from there, with the turns of the pinion, into the order domain: mesh bands and the
-//! synchronous average with its condition indicators. Overall values are taken of all codes, over whole turns ([`values`]). A few times per second a second cascade takes a wideband record at
-//! the law's rate (peaks, snapshot); now and then it runs at a higher rate to time engagement edges, the law's check.
-//! A change of rate, a lost block or a jump in time restarts the records; nothing is ever spliced, only the synchronous
-//! average goes on, because its turns are found by the tach. Every input is accepted; faults are counted and reported.
+//! the board programs at the next block border. All blocks run through a half-band cascade to the lowest rate that
+//! still carries the mesh harmonics and from there, with the turns of the pinion, into the order domain: mesh bands
+//! and the synchronous average with its condition indicators. Overall values are taken of all codes, over whole turns
+//! ([`values`]). A few times per second a second cascade takes a wideband record at the law's rate (peaks, snapshot);
+//! now and then it runs at a higher rate to time engagement edges, the law's check. A change of rate, a lost block or
+//! a jump in time restarts the records; nothing is ever spliced, only the synchronous average goes on, because its
+//! turns are found by the tach. Every input is accepted; faults are counted and reported.
 //!
 //! Rates are re-planned when a mesh-band record is complete, or at once when the speed has left the planned one by more
 //! than [`REPLAN_NOW`]: the spectrum policy's margin (2.56 against 2) covers that, so no bandwidth is lost in between.
-//! A record of 16 turns thus completes while the speed changes by less than a fifth within 20 turns: 5 %/s from 5 Hz on.
+//! A record of 16 turns thus completes while the speed changes by less than a fifth within 20 turns: 5 %/s from 5 Hz
+//! on.
 //!
 //! The arrays lie in [`Arrays`]: inside the node on a host, in a static of their own on a board.
 
@@ -75,10 +77,12 @@ const RISE_INTERVAL_S: u64 = 2;
 /// Band of the velocity, Hz: ISO 20816's.
 const VELOCITY_FROM_HZ: f32 = 10.0;
 const VELOCITY_TO_HZ: f32 = 1000.0;
-/// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind meanwhile
-/// would ask too late by an unknown number of blocks, and the same signal would not give the same samples twice.
+/// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind
+/// meanwhile would ask too late by an unknown number of blocks, and the same signal would not give the same samples
+/// twice.
 const HOLD_AFTER_RECORD: u32 = 16;
-/// Part of a second from long work to the next step of the wideband analysis: what the main loop fell behind by is worked off meanwhile.
+/// Part of a second from long work to the next step of the wideband analysis: what the main loop fell behind by is
+/// worked off meanwhile.
 const SPARED_PER_SECOND: u32 = 64;
 const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its arrays.
@@ -258,8 +262,8 @@ impl<A: Arrays> Node<A> {
         Ok(node)
     }
 
-    /// As [`Node::with_arrays`], of a configuration known to be valid and before [`Node::begin`]: whoever holds the node
-    /// begins it in its place, so that the deepest call does not stand on top of copies of its 12 KB.
+    /// As [`Node::with_arrays`], of a configuration known to be valid and before [`Node::begin`]: whoever holds the
+    /// node begins it in its place, so that the deepest call does not stand on top of copies of its 12 KB.
     #[inline(never)]
     pub(crate) fn of_valid(config: &Configuration, timing: Timing, arrays: A) -> Self {
         let clock = timing.clock;
@@ -371,8 +375,8 @@ impl<A: Arrays> Node<A> {
         self.self_test
     }
 
-    /// Whether the signal chain gives the recorded result ([`self_test::mathematics`]). The wideband record serves as work
-    /// space; one under way begins anew.
+    /// Whether the signal chain gives the recorded result ([`self_test::mathematics`]). The wideband record serves as
+    /// work space; one under way begins anew.
     pub fn check_mathematics(&mut self) -> bool {
         self.take_over_wide();
         self_test::mathematics(&mut self.arrays.buffers_mut().wide) == self_test::MATHEMATICS_HASH
@@ -383,7 +387,8 @@ impl<A: Arrays> Node<A> {
         self.identity = identity;
     }
 
-    /// The board's amplifier has another gain from the next block on: amplitudes are scaled with it, and records begin anew.
+    /// The board's amplifier has another gain from the next block on: amplitudes are scaled with it, and records
+    /// begin anew.
     pub fn set_gain(&mut self, gain: Gain) {
         if self.gain != gain {
             self.break_capture(CaptureEnd::Commanded);

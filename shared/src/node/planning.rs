@@ -14,7 +14,8 @@ impl<A: Arrays> Node<A> {
         self.follow_tach(&speed);
         if self.hold > 0 {
             self.hold -= 1;
-            // Turns that follow each other within the hold must not keep a node with a speed at the rate of one without.
+            // Turns that follow each other within the hold must not keep a node with a speed at the rate of one
+            // without.
             if !(self.safe_rate && speed.validity == Validity::Locked) {
                 return;
             }

@@ -1,4 +1,5 @@
-//! What complete records give: peaks and indicators, the law's check, mesh bands, condition indicators, and their alarms.
+//! What complete records give: peaks and indicators, the law's check, mesh bands, condition indicators, and their
+//! alarms.
 
 use super::values::{OfChannel, Values};
 use super::{HOLD_AFTER_RECORD, Node, SPARED_PER_SECOND, State, VELOCITY_FROM_HZ, WideStep, WideUse};

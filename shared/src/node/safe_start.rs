@@ -1,8 +1,8 @@
 //! Safe start: a configuration that is valid and still fatal must not restart a node for ever.
 //!
-//! Every restart after a failure counts, and an hour of good running, a person at the reset pin or new power ends the count.
-//! From [`FAILURES`] in a row on the node starts with the default configuration; the stored one stays where it is. Where the count
-//! survives a reset is the board's business.
+//! Every restart after a failure counts, and an hour of good running, a person at the reset pin or new power ends the
+//! count. From [`FAILURES`] in a row on the node starts with the default configuration; the stored one stays where it
+//! is. Where the count survives a reset is the board's business.
 
 use crate::units::TicksPerSecond;
 

@@ -1,10 +1,12 @@
 //! The node's clock against a pulse per second, from a GNSS receiver or another clock.
 //!
-//! Pulses are counted by whole seconds of the node's clock; what lies further from a whole second than the worst oscillator could is refused.
-//! The clock's error is the distance of the newest pulse from the oldest one of a baseline of 64 to 128 s, so it
-//! follows the temperature. Its uncertainty is the scatter of the pulses and a tick, over the baseline.
+//! Pulses are counted by whole seconds of the node's clock; what lies further from a whole second than the worst
+//! oscillator could is refused. The clock's error is the distance of the newest pulse from the oldest one of a
+//! baseline of 64 to 128 s, so it follows the temperature. Its uncertainty is the scatter of the pulses and a tick,
+//! over the baseline.
 //!
-//! Speeds and rates are not corrected by it. Source: two-point frequency offset, as in NIST special publication 1065, section 5.
+//! Speeds and rates are not corrected by it. Source: two-point frequency offset, as in NIST special publication 1065,
+//! section 5.
 
 use crate::math;
 use crate::units::TicksPerSecond;

@@ -1,17 +1,19 @@
-//! Self-test on the live inputs: does the converter really run at the timer's rate, does it move, is there a tach, and does the
-//! signal chain still give the recorded result.
+//! Self-test on the live inputs: does the converter really run at the timer's rate, does it move, is there a tach,
+//! and does the signal chain still give the recorded result.
 //!
 //! Converters that run freely instead of by trigger, or miss triggers, give plausible spectra at wrong frequencies; so
 //! [`BLOCKS`] blocks are counted against a clock read independently at their arrival. Blocks that a busy processor
-//! lost were sampled too; their sequence numbers say how many. The test runs beside the measurement and costs it nothing.
+//! lost were sampled too; their sequence numbers say how many. The test runs beside the measurement and costs it
+//! nothing.
 //!
-//! An item has passed, failed, or not yet run. What fails is looked at again every [`BLOCKS`] blocks until it passes. A sensor that
-//! has just been switched on lies at its rail for seconds: rails and noise fail only after [`SETTLING_S`]. A machine that stands
-//! gives no tach edge, which tells nothing: that item runs with the first edge and cannot fail; the node's state says that there is
-//! no speed. When things happen depends on the blocks alone, so the result comes at the same block wherever the node runs.
+//! An item has passed, failed, or not yet run. What fails is looked at again every [`BLOCKS`] blocks until it passes.
+//! A sensor that has just been switched on lies at its rail for seconds: rails and noise fail only after
+//! [`SETTLING_S`]. A machine that stands gives no tach edge, which tells nothing: that item runs with the first edge
+//! and cannot fail; the node's state says that there is no speed. When things happen depends on the blocks alone, so
+//! the result comes at the same block wherever the node runs.
 //!
-//! The mathematics hold the processor for longer than a block, and blocks that waited for it arrive faster than they were
-//! sampled: counting begins once none waits. For the same reason a test is not begun anew within [`APART_S`].
+//! The mathematics hold the processor for longer than a block, and blocks that waited for it arrive faster than they
+//! were sampled: counting begins once none waits. For the same reason a test is not begun anew within [`APART_S`].
 
 use crate::code_moments::is_railed;
 use crate::decimate::Cascade;
@@ -164,8 +166,9 @@ impl SelfTestRun {
 /// CRC-32 that [`mathematics`] must give on every target.
 pub const MATHEMATICS_HASH: u32 = 0x0650_11b0;
 
-/// CRC-32 over the bits of a fixed pseudo-random record's spectrum: half-band cascade, window and the 4096-point transform that
-/// the node's own records go through, with their coefficients as they lie in the memory. `work` is overwritten.
+/// CRC-32 over the bits of a fixed pseudo-random record's spectrum: half-band cascade, window and the 4096-point
+/// transform that the node's own records go through, with their coefficients as they lie in the memory. `work` is
+/// overwritten.
 ///
 /// Cost: 1.1 M instructions, 7 ms at 168 MHz.
 pub fn mathematics(work: &mut [f32; WIDE_POINTS]) -> u32 {

@@ -1,9 +1,12 @@
-//! Overall values of whole turns and at least a second: acceleration of everything the converter saw, velocity in its band.
+//! Overall values of whole turns and at least a second: acceleration of everything the converter saw, velocity in its
+//! band.
 //!
-//! A record begins at a turn mark, is cut at the sample before the first mark behind a second, and the next one begins there:
-//! no sample is left out, so what happens once per turn is in every record. Without a locked tach a record lasts a second by
-//! the clock. A new rate goes on with the same record; lost samples, another gain and the filters' start stay in the record's
-//! [`Quality`], since a value that cannot be judged must still be seen. A second sensor's codes are of the same instants and are cut at the same ones.
+//! A record begins at a turn mark, is cut at the sample before the first mark behind a second, and the next one
+//! begins there: no sample is left out, so what happens once per turn is in every record. Without a locked tach a
+//! record lasts a second by the clock. A new rate goes on with the same record; lost samples, another gain and the
+//! filters' start stay in the record's
+//! [`Quality`], since a value that cannot be judged must still be seen. A second sensor's codes are of the same
+//! instants and are cut at the same ones.
 
 use crate::band_velocity::{BandVelocity, Edges, VelocityBand};
 use crate::code_moments::{CodeMoments, CodeValues};
@@ -18,12 +21,14 @@ pub const SHORTEST_S: f32 = 1.0;
 const LONGEST_S: f32 = 8.0;
 /// The high-pass has forgotten its start to 0.1 % after this many periods of its edge.
 const SETTLING_PERIODS: f32 = 5.0;
-/// Above this rate not every code enters the moments, samples per second, but at least 50 000 in a second: draws of the same distribution, so
-/// the moments are the same within their scatter; a single peak of few microseconds may be missed.
+/// Above this rate not every code enters the moments, samples per second, but at least 50 000 in a second: draws of
+/// the same distribution, so the moments are the same within their scatter; a single peak of few microseconds may be
+/// missed.
 const EVERY_CODE_TO_HZ: f32 = 300_000.0;
 /// Up to this rate every second code enters, above it every eighth, samples per second.
 const SECOND_CODE_TO_HZ: f32 = 400_000.0;
-/// Above that rate and this speed of the pinion, Hz, few codes enter and none the velocity: the mesh bands need the processor.
+/// Above that rate and this speed of the pinion, Hz, few codes enter and none the velocity: the mesh bands need the
+/// processor.
 const HIGHEST_SPEED_HZ: f32 = 60.5;
 /// Codes from one that enters to the next there.
 const BEYOND_STEP: usize = 16;
@@ -177,8 +182,8 @@ impl ValueRecord {
         self.beyond = speed_hz > HIGHEST_SPEED_HZ && self.clock.rate(period).0 > EVERY_CODE_TO_HZ;
     }
 
-    /// Takes a block whose marks are all known, of both sensors (the second one's may be missing); `complete` gets every record that ends in it. `locked`: the
-    /// tach has a speed.
+    /// Takes a block whose marks are all known, of both sensors (the second one's may be missing); `complete` gets
+    /// every record that ends in it. `locked`: the tach has a speed.
     pub fn push(
         &mut self,
         codes: [&[u16]; 2],

@@ -1,8 +1,8 @@
 //! Time of day, told by a host and carried on by the node's clock.
 //!
-//! What is reported always says how wrong it may be: what the host said, how long the node takes to read a command, and the drift since then. The
-//! drift is the oscillator's tolerance, or, while there are pulses per second, what is left after their correction. A node has no battery: the
-//! time is gone with the power.
+//! What is reported always says how wrong it may be: what the host said, how long the node takes to read a command,
+//! and the drift since then. The drift is the oscillator's tolerance, or, while there are pulses per second, what is
+//! left after their correction. A node has no battery: the time is gone with the power.
 
 use crate::node::second_pulse::SecondPulse;
 use crate::units::TicksPerSecond;

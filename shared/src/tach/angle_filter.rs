@@ -1,11 +1,12 @@
 //! Angle, speed and acceleration from pulse instants: a recursive least-squares parabola with a memory that adapts.
 //!
-//! State at the latest pulse: position, rate and acceleration relative to an integer reference period. Each pulse corrects
-//! them by its prediction error times the gains of the least-squares parabola through the last `n` pulses
-//! (expanding-memory gains, Morrison 1969; Zarchan, Tactical and Strategic Missile Guidance, ch. on recursive least squares).
-//! The parabola is exact for constant acceleration. The memory `n` grows by one per pulse up to a limit and shrinks while
-//! successive errors have the same sign: then the motion is no parabola over `n` pulses. White errors leave it alone
-//! (the innovations of the right filter are white; Mehra 1970), so noise makes it long and a wandering speed short.
+//! State at the latest pulse: position, rate and acceleration relative to an integer reference period. Each pulse
+//! corrects them by its prediction error times the gains of the least-squares parabola through the last `n` pulses
+//! (expanding-memory gains, Morrison 1969; Zarchan, Tactical and Strategic Missile Guidance, ch. on recursive least
+//! squares). The parabola is exact for constant acceleration. The memory `n` grows by one per pulse up to a limit and
+//! shrinks while successive errors have the same sign: then the motion is no parabola over `n` pulses. White errors
+//! leave it alone (the innovations of the right filter are white; Mehra 1970), so noise makes it long and a wandering
+//! speed short.
 //!
 //! The gate is six times the RMS prediction error, so it holds what the acceleration's own changes do to the next
 //! interval. Where a pulse just outside was the only one for its position, the gate is widened for its successors.
@@ -85,7 +86,8 @@ impl AngleFilter {
         self.variance = FIRST_RMS * FIRST_RMS;
     }
 
-    /// Starts anew with four pulses on successive positions, the newest at `position`. The gate stays as wide as it was.
+    /// Starts anew with four pulses on successive positions, the newest at `position`. The gate stays as wide as it
+    /// was.
     pub fn start(&mut self, instants: [u64; 4], position: u64) {
         let [a, b, c, d] = instants;
         self.last = Pulse { instant: d, position };

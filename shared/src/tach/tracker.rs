@@ -1,19 +1,19 @@
 //! Tachometer tracker in the revolution domain: from pulse instants to speed, angle, and how far to trust them.
 //!
-//! Every pulse belongs to an integer *position* on the wheel. An [`AngleFilter`] predicts when positions pass, with speed,
-//! acceleration and the size of its own errors; each pulse is given the nearest position and corrects it. Gains count
-//! pulses, not seconds, and one setting serves 1000:1 in speed.
+//! Every pulse belongs to an integer *position* on the wheel. An [`AngleFilter`] predicts when positions pass, with
+//! speed, acceleration and the size of its own errors; each pulse is given the nearest position and corrects it.
+//! Gains count pulses, not seconds, and one setting serves 1000:1 in speed.
 //!
 //! A pulse at no position is rejected (spurious); a skipped position is counted (missed). Either only *lowers the
 //! validity*; the tracker is re-opened by evidence, never by time alone: four pulses whose three gaps agree with one
-//! constant acceleration start a new track, whatever was tracked before. Two of them at a fraction of the tracked period
-//! may be noise, so while they fit both hypotheses, the speed is flagged instead of changed.
+//! constant acceleration start a new track, whatever was tracked before. Two of them at a fraction of the tracked
+//! period may be noise, so while they fit both hypotheses, the speed is flagged instead of changed.
 //!
 //! A wheel with adjacent missing teeth has the same equidistant positions; its gap is learned from pulses that follow
 //! one wheel-gap and confirmed by the next pulse. Direction is not observable from one track.
 //!
-//! What a wheel cannot see: speed that wanders faster than a third of the pulse rate looks like jitter. The speed is then the
-//! mean, and its uncertainty that of the mean.
+//! What a wheel cannot see: speed that wanders faster than a third of the pulse rate looks like jitter. The speed is
+//! then the mean, and its uncertainty that of the mean.
 //!
 //! Cost (Cortex-M4F in QEMU): 660 instructions per pulse.
 //! Prior art: engine decoders (relative gap rejection, re-opening, tooth angle error), RPLL of idsp (test harness).
@@ -274,8 +274,8 @@ impl TachTracker {
         let agrees = (predicted * gaps[2] - 1.0).abs() < if met { AGREEMENT_AGAINST } else { AGREEMENT };
         let gap = d - c;
         let tracked = self.tracked_period();
-        // A speed near the tracked one is no rival unless its pulses all come at the wrong angle: one noise pulse beside
-        // its true one would bend it.
+        // A speed near the tracked one is no rival unless its pulses all come at the wrong angle: one noise pulse
+        // beside its true one would bend it.
         let near = gap.abs_diff(tracked) as f32 <= WIDEST_GATE * tracked as f32;
         let same = near && self.raw_accepted & 0b111 != 0;
         (agrees && !same).then_some(gap)
@@ -292,7 +292,8 @@ impl TachTracker {
                 return;
             }
         }
-        // Two noise pulses can imitate a slightly different speed, hardly one beyond a factor of 1.5: confirm the former.
+        // Two noise pulses can imitate a slightly different speed, hardly one beyond a factor of 1.5: confirm the
+        // former.
         let tracked = self.tracked_period();
         let similar = gap < tracked + tracked / 2 && tracked < gap + gap / 2;
         self.counters.relocks = self.counters.relocks.saturating_add(1);

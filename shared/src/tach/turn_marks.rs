@@ -1,12 +1,12 @@
 //! Instants at which the pinion has made a whole turn, from the tracker's accepted pulses.
 //!
 //! A mark lies every `pulses per turn / pinion turns per tach turn` positions of the wheel. Where that is a pulse (the
-//! wheel sits on the pinion) the mark is the pulse itself, always of the same tooth, so that errors of the wheel's pitch
-//! cancel. Elsewhere it is interpolated between pulses by the parabola through the last three: at a relative change of
-//! speed r per position the error is 0.2 r^2 positions.
+//! wheel sits on the pinion) the mark is the pulse itself, always of the same tooth, so that errors of the wheel's
+//! pitch cancel. Elsewhere it is interpolated between pulses by the parabola through the last three: at a relative
+//! change of speed r per position the error is 0.2 r^2 positions.
 //!
-//! Positions are counted in 2^-32 and never rounded anew, so the marks do not drift against the pulses. The angle of the
-//! first mark is arbitrary; a new lock of the tracker starts with another one and is reported as a break.
+//! Positions are counted in 2^-32 and never rounded anew, so the marks do not drift against the pulses. The angle of
+//! the first mark is arbitrary; a new lock of the tracker starts with another one and is reported as a break.
 
 use crate::config::TachWheel;
 use crate::tach::TachTracker;

@@ -1,8 +1,9 @@
 //! CRC-32 (ISO-HDLC) of whole images, four bytes at a time: the loader computes it at every start, at 16 MHz.
 //!
-//! The same sum as that of frames ([`crate::frame::CRC32`]), by Kounavis and Berry's slicing ("A systematic approach to building high
-//! performance, software-based, CRC generators", 2005): three instructions per byte instead of seven, for 4 KiB of tables. Only the loader
-//! pays for them; the node, which checks an image once, uses the frames' table.
+//! The same sum as that of frames ([`crate::frame::CRC32`]), by Kounavis and Berry's slicing ("A systematic approach
+//! to building high performance, software-based, CRC generators", 2005): three instructions per byte instead of
+//! seven, for 4 KiB of tables. Only the loader pays for them; the node, which checks an image once, uses the frames'
+//! table.
 
 const POLYNOMIAL: u32 = 0xedb8_8320;
 

@@ -1,9 +1,10 @@
 //! What an image says of itself, in the first bytes of its slot, and what of that is checked before a byte is erased.
 //!
-//! Bytes, numbers little-endian: 0 mark, 4 layout (16 bits), 6 configuration schema (16 bits), 8 first address of the slot, 12 length,
-//! 16 CRC-32 of the image, 20 version (major, minor, patch), 23 link schema, 24 board's name, 40 build, both padded with zeros, 52 zeros,
-//! 60 CRC-32 of all before. The image itself, its vector table first, lies [`IMAGE_OFFSET`] behind the slot's first address: a vector table
-//! of 98 entries must lie on a multiple of 512 (PM0214, VTOR).
+//! Bytes, numbers little-endian: 0 mark, 4 layout (16 bits), 6 configuration schema (16 bits), 8 first address of the
+//! slot, 12 length, 16 CRC-32 of the image, 20 version (major, minor, patch), 23 link schema, 24 board's name, 40
+//! build, both padded with zeros, 52 zeros, 60 CRC-32 of all before. The image itself, its vector table first, lies
+//! [`IMAGE_OFFSET`] behind the slot's first address: a vector table of 98 entries must lie on a multiple of 512
+//! (PM0214, VTOR).
 
 use crate::config::SCHEMA;
 use crate::frame::CRC32;
@@ -126,7 +127,8 @@ impl Header {
         Ok(())
     }
 
-    /// Whether the first two vectors could be those of this image: a stack in memory, an entry inside the image and Thumb.
+    /// Whether the first two vectors could be those of this image: a stack in memory, an entry inside the image and
+    /// Thumb.
     pub fn fits_vectors(&self, stack: u32, entry: u32) -> bool {
         let stack_fits = STACKS.iter().any(|&(from, to)| stack > from && stack <= to) && stack.is_multiple_of(8);
         let first = self.base.saturating_add(IMAGE_OFFSET);

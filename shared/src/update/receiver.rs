@@ -1,10 +1,11 @@
 //! Takes an image into the free slot, step by step, and confirms the running one.
 //!
-//! Bytes are taken in order: a chunk that is not the next one changes nothing, and every answer names the next, so whatever the line loses or
-//! repeats the host goes on from there. Nothing of a transfer survives a restart of the node; the host then begins again.
+//! Bytes are taken in order: a chunk that is not the next one changes nothing, and every answer names the next, so
+//! whatever the line loses or repeats the host goes on from there. Nothing of a transfer survives a restart of the
+//! node; the host then begins again.
 //!
-//! The board calls [`Updater::on_request`] for each request, and [`Updater::work`] once per turn of its main loop, which erases one sector:
-//! the watchdog is fed in between.
+//! The board calls [`Updater::on_request`] for each request, and [`Updater::work`] once per turn of its main loop,
+//! which erases one sector: the watchdog is fed in between.
 
 use crate::frame::CRC32;
 use crate::update::header::{HEADER_BYTES, Header, IMAGE_OFFSET};
@@ -189,7 +190,8 @@ impl<F: NorFlash> Updater<F> {
         Ok(())
     }
 
-    /// Erases the next sector of the free slot, if one is to be erased; the first one first, whose end is the end of what was there.
+    /// Erases the next sector of the free slot, if one is to be erased; the first one first, whose end is the end of
+    /// what was there.
     pub fn work(&mut self) {
         if self.stage != Stage::Erasing {
             return;

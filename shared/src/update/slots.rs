@@ -1,7 +1,7 @@
 //! The words behind a slot's header, and which slot starts.
 //!
-//! Each word is programmed once, from blank towards zeros, and means something only when it is done; there is nothing to be erased but
-//! the whole slot, so no state of its own can be lost while the slots are sound:
+//! Each word is programmed once, from blank towards zeros, and means something only when it is done; there is nothing
+//! to be erased but the whole slot, so no state of its own can be lost while the slots are sound:
 //!
 //! | word | written | by |
 //! | --- | --- | --- |
@@ -10,7 +10,8 @@
 //! | one of [`TRIALS`] | before each start of an image that is not confirmed | loader |
 //! | confirmed, all zeros | when the image has run well and a host has said so | the image itself |
 //!
-//! A word torn by a power cut is no sequence, no header, a start that counts, or no confirmation: each leaves the image before it.
+//! A word torn by a power cut is no sequence, no header, a start that counts, or no confirmation: each leaves the
+//! image before it.
 
 use crate::update::header::{HEADER_BYTES, Header};
 use crate::update::vocabulary::ImageStanding;
@@ -96,13 +97,13 @@ impl Standing {
 pub struct Choice {
     /// Its index.
     pub slot: usize,
-    /// Place in the slot of the word to program before the start of an image on trial; where that fails, another choice is to be made
-    /// without this slot.
+    /// Place in the slot of the word to program before the start of an image on trial; where that fails, another
+    /// choice is to be made without this slot.
     pub mark_at: Option<u32>,
 }
 
-/// The newest image that may start and is whole; without any, the newest that is whole: an image that has not proved itself is better
-/// than none. `is_whole` compares a slot's image with its checksum.
+/// The newest image that may start and is whole; without any, the newest that is whole: an image that has not proved
+/// itself is better than none. `is_whole` compares a slot's image with its checksum.
 pub fn choose(standings: &[Option<Standing>; 2], mut is_whole: impl FnMut(usize, &Header) -> bool) -> Option<Choice> {
     let newest_first = match standings {
         [Some(first), Some(second)] if is_newer(second.sequence, first.sequence) => [1, 0],

@@ -1,9 +1,10 @@
 //! When a new image may be confirmed, and when it has to give up.
 //!
-//! Four things in [`TRIAL_S`] seconds of a start: the stored configuration was read, so that the node is the one that it was; the self-test's
-//! items that depend on no sensor have passed; blocks of samples have come for [`SAMPLING_S`] seconds without a pause; and a host has
-//! spoken with it and asks for the confirmation. The last one is the request itself: an image that measures and cannot be spoken to could
-//! never be replaced again. A start that ends without it, however it ends, is one of [`super::slots::TRIALS`].
+//! Four things in [`TRIAL_S`] seconds of a start: the stored configuration was read, so that the node is the one that
+//! it was; the self-test's items that depend on no sensor have passed; blocks of samples have come for [`SAMPLING_S`]
+//! seconds without a pause; and a host has spoken with it and asks for the confirmation. The last one is the request
+//! itself: an image that measures and cannot be spoken to could never be replaced again. A start that ends without
+//! it, however it ends, is one of [`super::slots::TRIALS`].
 
 use crate::message::SelfTest;
 use crate::units::TicksPerSecond;
@@ -20,7 +21,8 @@ pub const SELF_TEST: u8 = 2;
 /// Bit of what is missing: samples.
 pub const SAMPLING: u8 = 4;
 
-/// Items of the self-test that need neither sensor nor machine: sample count against the timer, results of the signal chain.
+/// Items of the self-test that need neither sensor nor machine: sample count against the timer, results of the signal
+/// chain.
 const ITEMS: u8 = 1 | 1 << 4;
 
 /// Watches a start.

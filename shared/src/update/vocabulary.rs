@@ -11,8 +11,8 @@ pub const MAX_CHUNK: usize = 512;
 pub enum UpdateRequest {
     /// How far it is.
     Status,
-    /// The header of the image that is to come, 64 bytes ([`crate::update::header`]). Erases the free slot, which stops the core for 1 s to
-    /// 2 s twice; the header of an update under way goes on with it.
+    /// The header of the image that is to come, 64 bytes ([`crate::update::header`]). Erases the free slot, which
+    /// stops the core for 1 s to 2 s twice; the header of an update under way goes on with it.
     Begin {
         /// As in the update file.
         #[serde(with = "part")]
@@ -32,7 +32,8 @@ pub enum UpdateRequest {
     Confirm,
 }
 
-/// Parts of an image, taken whole from where they were received: byte by byte, as lists are, costs a board a kilobyte of code.
+/// Parts of an image, taken whole from where they were received: byte by byte, as lists are, costs a board a kilobyte
+/// of code.
 mod part {
     use super::MAX_CHUNK;
     use core::fmt::{Formatter, Result};
@@ -185,7 +186,8 @@ pub struct UpdateStatus {
     pub free: u32,
     /// Whether the running image stays.
     pub standing: ImageStanding,
-    /// What a new image still lacks to be confirmed, by bit: 0 the stored configuration, 1 the self-test, 2 five seconds of sampling.
+    /// What a new image still lacks to be confirmed, by bit: 0 the stored configuration, 1 the self-test, 2 five
+    /// seconds of sampling.
     pub missing: u8,
     /// Why the step was refused.
     pub refusal: Option<UpdateRefused>,

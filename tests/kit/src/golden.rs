@@ -1,8 +1,8 @@
 //! Golden hashes: every stage run on a fixed pseudo-random input, its output bits hashed (32-bit FNV-1a).
 //!
-//! Nothing here depends on the target, so the host, QEMU and the board must give the same numbers: the tests run it on the host,
-//! the QEMU image at its start. The node's own check is smaller ([`meshband::self_test::mathematics`]). A changed hash is a
-//! changed result: change [`EXPECTED`] only together with the reason.
+//! Nothing here depends on the target, so the host, QEMU and the board must give the same numbers: the tests run it
+//! on the host, the QEMU image at its start. The node's own check is smaller ([`meshband::self_test::mathematics`]).
+//! A changed hash is a changed result: change [`EXPECTED`] only together with the reason.
 //!
 //! Cost: 3.4 M instructions (Cortex-M4F in QEMU), 40 ms at 168 MHz; 8 KiB of stack.
 

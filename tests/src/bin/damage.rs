@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use std::sync::Mutex;
 use std::time::Instant;
 
-const HELP: &str = "damage --program MESHBAND [--cases N] [--seed S] [--only FAMILY[:NUMBER]] [--keep FOLDER] [--json FILE] [--markdown FILE]";
+const HELP: &str = "damage --program MESHBAND [--cases N] [--seed S] [--only FAMILY[:NUMBER]] [--keep FOLDER] \
+    [--json FILE] [--markdown FILE]";
 
 fn main() -> ExitCode {
     match attack() {

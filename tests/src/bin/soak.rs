@@ -1,8 +1,8 @@
 //! A node for a long time, with everything that may befall it, at random; prints a page in Markdown. Exit code 1 where
 //! something did not hold, with one line.
 //!
-//! Virtual time: the plant hands blocks and edges over as fast as the host computes them, so a day takes minutes to an hour.
-//! `--hours H` (24), `--seed S` (1).
+//! Virtual time: the plant hands blocks and edges over as fast as the host computes them, so a day takes minutes to
+//! an hour. `--hours H` (24), `--seed S` (1).
 
 use meshband::message::{Request, Statistics};
 use meshband_tests::plant::{CLOCK_HZ, Fault, Plant, configuration};
@@ -161,15 +161,22 @@ fn page(plant: &Plant, seen: &Seen, hours: f64, seed: u64, took_s: f64) -> Strin
     let reached = plant.seconds() / 3600.0;
     let lag_s = seen.lag_s.unwrap_or_default();
     format!(
-        "# Soak\n\nWritten by `cargo xtask soak --hours {hours} --seed {seed}`: a node on the host, {reached:.2} h of virtual time in \
-         {took_s:.0} s, {} parts of 5 to 40 s with random speeds (standstill among them), two thirds of them quiet, the others with \
-         extra pulses, no pulses, stuck or flipped codes, overruns, lost blocks, a stalled line, or random bytes on the line. After each \
-         part: every block counted once, as many samples as the blocks hold, no counter back, no frame that does not fit; in quiet \
-         parts the speed within {SPEED_ERROR} of the truth and the node's clock (which its samples advance) at most {DRIFT_S} s \
+        "# Soak\n\nWritten by `cargo xtask soak --hours {hours} --seed {seed}`: a node on the host, {reached:.2} h \
+         of virtual time in \
+         {took_s:.0} s, {} parts of 5 to 40 s with random speeds (standstill among them), two thirds of them quiet, \
+         the others with \
+         extra pulses, no pulses, stuck or flipped codes, overruns, lost blocks, a stalled line, or random bytes on \
+         the line. After each \
+         part: every block counted once, as many samples as the blocks hold, no counter back, no frame that does not \
+         fit; in quiet \
+         parts the speed within {SPEED_ERROR} of the truth and the node's clock (which its samples advance) at most \
+         {DRIFT_S} s \
          more or less behind the plant's than at any other time.\n\n\
          | what | value |\n| --- | --- |\n| blocks made, processed, lost | {}, {}, {} |\n| samples | {} |\n\
-         | pulses taken, missed, refused | {}, {}, {} |\n| locked anew | {} |\n| frames heard, messages dropped | {}, {} |\n\
-         | quiet parts, worst error of the speed | {}, {:.1e} |\n| age of the last status, least and most, s | {:.3}, {:.3} |\n| resident memory in the first tenth, most since, kB | {}, {} |\n",
+         | pulses taken, missed, refused | {}, {}, {} |\n| locked anew | {} |\n| frames heard, messages dropped | \
+         {}, {} |\n\
+         | quiet parts, worst error of the speed | {}, {:.1e} |\n| age of the last status, least and most, s | \
+         {:.3}, {:.3} |\n| resident memory in the first tenth, most since, kB | {}, {} |\n",
         seen.parts,
         plant.blocks(),
         s.blocks,

@@ -1,4 +1,5 @@
-//! Judges an attack: what must hold whatever was attacked, from the folder before and after and from how commands ended.
+//! Judges an attack: what must hold whatever was attacked, from the folder before and after and from how commands
+//! ended.
 
 use super::attack::{Attack, Kind, Target};
 use super::process::{Ended, FILE_STEP, Invocation, Sink};

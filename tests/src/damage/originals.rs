@@ -132,7 +132,8 @@ fn machines(folder: &Path) -> std::io::Result<()> {
 }
 
 /// A case whose data are not at hand.
-const ABSENT_CASE: &str = "title = 'absent'\nsource = 'nowhere'\ncaution = 'none'\nfiles = ['0']\npath = '{}.npy'\nrate_hz = 5120\nunit = 'unknown'\n\
+const ABSENT_CASE: &str = "title = 'absent'\nsource = 'nowhere'\ncaution = 'none'\nfiles = ['0']\npath = \
+    '{}.npy'\nrate_hz = 5120\nunit = 'unknown'\n\
 teeth = [23, 46]\n";
 
 /// A mesh tone with harmonics and shaft sidebands over a little noise, in every format that is read, and a case.

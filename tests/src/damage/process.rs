@@ -1,8 +1,8 @@
 //! Running the command under limits: memory, file size, time; with outputs that are closed or full, and signals.
 //!
-//! Limits are set by `sh` before it becomes the command (`ulimit`, `exec`): what a parent could only do between fork and
-//! exec, with unsafe code, the shell does for everyone. File sizes are limited with SIGXFSZ ignored, so that writing fails
-//! as on a full disk.
+//! Limits are set by `sh` before it becomes the command (`ulimit`, `exec`): what a parent could only do between fork
+//! and exec, with unsafe code, the shell does for everyone. File sizes are limited with SIGXFSZ ignored, so that
+//! writing fails as on a full disk.
 
 use super::snapshot::Snapshot;
 use rustix::process::{Pid, Signal, kill_process};
@@ -164,8 +164,9 @@ pub fn run(program: &Path, folder: &Path, said: &Path, invocations: &[Invocation
 }
 
 impl Running<'_> {
-    /// After the time is over: whether it has worked all of it (on a machine of its own it would not have ended either), or not at all (it
-    /// waits for something that does not come). In between others had the processor, and it may still end.
+    /// After the time is over: whether it has worked all of it (on a machine of its own it would not have ended
+    /// either), or not at all (it waits for something that does not come). In between others had the processor, and
+    /// it may still end.
     fn hangs(&self, start: Instant) -> bool {
         let worked = processor_time(self.child.id()).unwrap_or(TIME);
         start.elapsed() > PATIENCE || worked > TIME || worked < TIME / 100
@@ -236,8 +237,8 @@ fn leave_after(pipe: Option<impl Read + Send + 'static>, sink: Sink) {
     }
 }
 
-/// A shell in a name space of its own where the folder `out` is a file system of this size; what the command leaves there
-/// is in `out` afterwards.
+/// A shell in a name space of its own where the folder `out` is a file system of this size; what the command leaves
+/// there is in `out` afterwards.
 fn small_disk(kb: u64) -> Command {
     let script = format!(
         "mkdir disk && mount -t tmpfs -o size={kb}k none disk || exit 77; \

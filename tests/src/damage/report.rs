@@ -77,7 +77,8 @@ pub fn markdown(campaign: &Campaign, outcome: &Outcome) -> String {
     let failed = failed(outcome);
     let mut text = format!(
         "# Damage campaign\n\nAttacks on the command `meshband`, made by `cargo xtask damage --cases {} --seed {}`; \
-         what is judged and how is said in\n`tests/src/damage/oracle.rs`. A bounded part runs with the tests (`tests/tests/damage.rs`).\n\n\
+         what is judged and how is said in\n`tests/src/damage/oracle.rs`. A bounded part runs with the tests \
+         (`tests/tests/damage.rs`).\n\n\
          {} attacks, {} with failures{}.\n\n| family | attacked | tried | accepted | refused | ended |",
         campaign.cases,
         campaign.seed,
@@ -100,7 +101,8 @@ pub fn markdown(campaign: &Campaign, outcome: &Outcome) -> String {
         text += &format!("| {} | {} |{}\n", row.name, row.meaning, numbers(&cells));
     }
     text += &format!("| all | |{}\n", numbers(&sums));
-    text += "\nAccepted: exit code 0 with a complete result. Refused: exit code 2 with one line. Ended: by the attack's signal or closed pipe.\n";
+    text += "\nAccepted: exit code 0 with a complete result. Refused: exit code 2 with one line. Ended: by the \
+        attack's signal or closed pipe.\n";
     if !failed.is_empty() {
         text += "\n## Failures\n\n| attack | damage | found |\n| --- | --- | --- |\n";
         for made in &failed {

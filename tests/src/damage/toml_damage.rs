@@ -69,7 +69,8 @@ pub const CHANGES: &[(&str, Change)] = &[
     }),
 ];
 
-/// About what many entries are long together: any number of a long table would be the damage's own attack on the memory.
+/// About what many entries are long together: any number of a long table would be the damage's own attack on the
+/// memory.
 const MANY_BYTES: usize = 1 << 20;
 
 /// Names of all changes, removal first.

@@ -64,7 +64,8 @@ pub fn record_seeds() -> Vec<Vec<u8>> {
     let machine = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/19-48.toml"));
     let machine = machine.expect("a machine of the project");
     let tables = |bits: u32, rest: &str| {
-        let run = "[[run]]\nsignal = \"run00.npy\"\ntach = \"run00.tach.csv\"\nfirst_pulse_index = 0\ninput_torque_n_m = 10.0\n";
+        let run = "[[run]]\nsignal = \"run00.npy\"\ntach = \"run00.tach.csv\"\nfirst_pulse_index = \
+            0\ninput_torque_n_m = 10.0\n";
         let acquisition =
             format!("[acquisition]\nsample_rate_hz = 1000.0\ncode_bits = {bits}\nfull_scale_m_s2 = 50.0\n");
         let acquisition = acquisition + "channels = [\"first\", \"second\"]\n";
@@ -95,7 +96,8 @@ pub fn change_record(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) {
     *bytes = joined(&all);
 }
 
-/// A record that is taken is sound: whole rows of finite values, edges that ascend, a declaration that is written and read again.
+/// A record that is taken is sound: whole rows of finite values, edges that ascend, a declaration that is written and
+/// read again.
 pub fn record(bytes: &[u8]) -> String {
     for (name, part) in PARTS.iter().zip(parts(bytes)) {
         input_file(name, &part);
@@ -166,7 +168,10 @@ pub fn import(bytes: &[u8]) -> String {
     };
     let decimal_comma = [None, Some(true), Some(false)][usize::from(how % 3)];
     let name = format!("input.{ending}");
-    match read_as(&input_file(&name, content), &Reading { decimal_comma, no_time: how & 0x80 != 0, ..Reading::default() }) {
+    match read_as(
+        &input_file(&name, content),
+        &Reading { decimal_comma, no_time: how & 0x80 != 0, ..Reading::default() },
+    ) {
         Ok(columns) => {
             assert_eq!(columns.names.len(), columns.channels.len());
             let samples = columns.channels.first().map_or(0, Vec::len);

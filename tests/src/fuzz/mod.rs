@@ -1,9 +1,10 @@
 //! Targets of fuzzing: what reads foreign bytes, in the node and on the host.
 //!
-//! Each target takes any bytes, checks what must hold for all of them, and gives its answer in words; it panics where something
-//! is wrong. A bounded number of inputs runs with the tests (`tests/tests/fuzz`), guided by new answers alone; `cargo xtask fuzz` runs the
-//! same functions under libFuzzer (`fuzz/`), guided by coverage, which also ends what takes too long or too much memory.
-//! Targets that read files write each input into a folder of their own first: what is tested is what a command calls.
+//! Each target takes any bytes, checks what must hold for all of them, and gives its answer in words; it panics where
+//! something is wrong. A bounded number of inputs runs with the tests (`tests/tests/fuzz`), guided by new answers
+//! alone; `cargo xtask fuzz` runs the same functions under libFuzzer (`fuzz/`), guided by coverage, which also ends
+//! what takes too long or too much memory. Targets that read files write each input into a folder of their own first:
+//! what is tested is what a command calls.
 
 mod files;
 mod modbus;

@@ -1,5 +1,5 @@
-//! Targets that read text: machine, effects, law, settings. Whatever is refused is refused in one line that names the place; whatever is
-//! taken is written and read again as the same, where there is a writer.
+//! Targets that read text: machine, effects, law, settings. Whatever is refused is refused in one line that names the
+//! place; whatever is taken is written and read again as the same, where there is a writer.
 
 use super::files::{input_file, refusal};
 use crate::damage::byte_damage::{NASTY, damage, damage_text};
@@ -63,7 +63,8 @@ pub fn effect_seeds() -> Vec<Vec<u8>> {
         "" => entry.name.to_owned(),
         example => format!("{}:{example}", entry.name),
     });
-    let file = "torque_factor = 1.02\npinion_turns = [1, 2]\n[[effect]]\nname = \"tooth-crack\"\ntooth = 3\n\n[[effect]]\nname = \"noise\"\n";
+    let file = "torque_factor = 1.02\npinion_turns = [1, 2]\n[[effect]]\nname = \"tooth-crack\"\ntooth = \
+        3\n\n[[effect]]\nname = \"noise\"\n";
     arguments.chain([file.to_owned()]).map(String::into_bytes).collect()
 }
 
@@ -121,7 +122,8 @@ pub fn effects(bytes: &[u8]) -> String {
 pub fn law_seeds() -> Vec<Vec<u8>> {
     let head = |more: &str, law: &str| {
         format!(
-            "machine = \"pair\"\nmachine_hash = \"0x1234567890abcdef\"\nramp = \"paper\"\n{more}domain_hz = [1.0, 25.0]\n\
+            "machine = \"pair\"\nmachine_hash = \"0x1234567890abcdef\"\nramp = \"paper\"\n{more}domain_hz = [1.0, \
+             25.0]\n\
              relative_uncertainty = 0.005\n[law]\n{law}\n"
         )
     };
@@ -154,16 +156,21 @@ pub fn law(bytes: &[u8]) -> String {
 
 /// The settings that the documentation shows, and single tables.
 pub fn settings_seeds() -> Vec<Vec<u8>> {
-    let whole = "policy = \"Spectrum\"\n[tach]\npulses_per_turn = 60\nmissing = 2\n[sensor]\nacceleration_per_code = 0.00494\n[limits]\n\
-        analogue_stop = 100000.0\n[front_end]\ntach_edge = \"Falling\"\ngain = \"X4\"\nsensor_supply = \"On\"\n[[alarms]]\nwatched = \"Rms\"\n\
-        from = 5.0\nto = 25.0\nraise = 12.0\nclear = 10.0\npersistence = 3\n[holding]\nlatching = true\npersistence_s = 2.0\n\
+    let whole = "policy = \"Spectrum\"\n[tach]\npulses_per_turn = 60\nmissing = 2\n[sensor]\nacceleration_per_code = \
+        0.00494\n[limits]\n\
+        analogue_stop = 100000.0\n[front_end]\ntach_edge = \"Falling\"\ngain = \"X4\"\nsensor_supply \
+        = \"On\"\n[[alarms]]\nwatched = \"Rms\"\n\
+        from = 5.0\nto = 25.0\nraise = 12.0\nclear = 10.0\npersistence = 3\n[holding]\nlatching = \
+        true\npersistence_s = 2.0\n\
         watch_signal = true\n[pass]\nanalogue = 40000.0\n\
         [link]\npersonality = \"Modbus\"\naddress = 17\nbits_per_second = 9600\nparity = \"Odd\"\n";
-    let waveform = "[policy.Waveform]\nmultiple = 8.0\n[gears]\npinion_teeth = 19\ngear_teeth = 48\n[mesh]\nharmonics = 3\nsidebands = 2\n";
+    let waveform = "[policy.Waveform]\nmultiple = 8.0\n[gears]\npinion_teeth = 19\ngear_teeth = \
+        48\n[mesh]\nharmonics = 3\nsidebands = 2\n";
     [whole, waveform].map(|text| text.as_bytes().to_vec()).to_vec()
 }
 
-/// Settings that are taken apply to a node's configuration as they did when they were read; what is valid then can be sent.
+/// Settings that are taken apply to a node's configuration as they did when they were read; what is valid then can be
+/// sent.
 pub fn settings(bytes: &[u8]) -> String {
     let Ok(text) = std::str::from_utf8(bytes) else { return "no text".into() };
     match Settings::from_toml(text, "settings.toml") {

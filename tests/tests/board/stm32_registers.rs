@@ -114,7 +114,8 @@ fn theory_converter_takes_one_sample_per_trigger_of_tim2() {
     assert_eq!(word(&*adc3, 0x10), 0b001 << 3, "channel 1: 15 cycles");
     assert_eq!(word(&*adc3, 0x2c) >> 20, 0, "one conversion");
     assert_eq!(word(&*adc3, 0x34), 1, "of channel 1");
-    // The common block begins at CSR; CCR is at 4. ADCPRE = 01: 84 MHz / 4 = 21 MHz, below the limit of 36 MHz. TSVREFE on.
+    // The common block begins at CSR; CCR is at 4. ADCPRE = 01: 84 MHz / 4 = 21 MHz, below the limit of 36 MHz.
+    // TSVREFE on.
     assert_eq!(word(&*common, 0x04), 1 << 23 | 0b01 << 16);
     let conversion_s = 27.0 / (f64::from(design_parameters::APB2_HZ) / 4.0);
     assert!(1.0 / f64::from(design_parameters::HIGHEST_RATE_HZ) > conversion_s);
@@ -373,8 +374,8 @@ fn fault_pll_that_does_not_lock_ends_the_wait() {
     assert_eq!(word(&*rcc, 0x08) & 3, 0, "still the internal oscillator");
 }
 
-/// The flags of RCC behind its switches, as RM0090 section 7.3 has them: ready flags follow, the clock in use follows the
-/// choice, and what is written to the PLL's settings while it runs is ignored.
+/// The flags of RCC behind its switches, as RM0090 section 7.3 has them: ready flags follow, the clock in use follows
+/// the choice, and what is written to the PLL's settings while it runs is ignored.
 fn follow_clocks(rcc: &pac::rcc::RegisterBlock, crystal_present: bool, pll_locks: bool) {
     /// Settings the PLL runs with; reserved words behind the last register serve as the model's memory.
     const LATCHED: usize = 0x7c;
@@ -418,7 +419,8 @@ fn fault_peripherals_that_the_boot_loader_left_running_are_reset() {
     let mut held = [0; 4];
     clock::reset_peripherals(&rcc, &mut || held = [0x10, 0x14, 0x20, 0x24].map(|register| word(&*rcc, register)));
     let [ahb1, ahb2, apb1, apb2] = held;
-    // Ports A and C, both DMA controllers, USB FS, timers 2, 3 and 5, USART3, CAN2, I2C1, power, USART1, converters, SPI1.
+    // Ports A and C, both DMA controllers, USB FS, timers 2, 3 and 5, USART3, CAN2, I2C1, power, USART1, converters,
+    // SPI1.
     assert_eq!(ahb1 & (1 | 1 << 2 | 1 << 21 | 1 << 22), 1 | 1 << 2 | 1 << 21 | 1 << 22);
     assert_eq!(ahb2 >> 7 & 1, 1);
     let used = 1 | 1 << 1 | 1 << 3 | 1 << 18 | 1 << 26 | 1 << 21 | 1 << 28;

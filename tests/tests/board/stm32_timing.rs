@@ -1,7 +1,7 @@
 //! The STM32F405's timers and reload stream in concert: when rates change, and whether every block's stamp is true.
 //!
-//! The drivers program register blocks of plain memory; a model of what RM0090 says about timers and DMA runs on what they
-//! wrote.
+//! The drivers program register blocks of plain memory; a model of what RM0090 says about timers and DMA runs on what
+//! they wrote.
 
 use meshband::board::Due;
 use meshband_stm32::block_stamp::{self, Borders, Captured, Stamp};
@@ -146,8 +146,8 @@ impl Late {
         }
     }
 
-    /// The interrupt, `reading` ticks of which pass between the transfer's flag and the border's; gives the stamp and the
-    /// number of the block in the buffer that it belongs to.
+    /// The interrupt, `reading` ticks of which pass between the transfer's flag and the border's; gives the stamp and
+    /// the number of the block in the buffer that it belongs to.
     fn interrupt(&mut self, now: u64, reading: u64, wanted: u32) -> Option<(Stamp, u32)> {
         self.advance(now);
         assert!(std::mem::take(&mut self.flag), "an interrupt has a cause");
@@ -185,7 +185,8 @@ fn fault_an_interrupt_late_by_any_time_counts_every_border_once() {
                 late.wait();
                 let ready = late.timers.now.max(late.timers.triggers.last().copied().unwrap_or(0) + 130);
                 let now = ready + if block == 2 { delay } else { 0 };
-                // Rates change all the time, but where several borders pass unnoticed: these can only be counted at one rate.
+                // Rates change all the time, but where several borders pass unnoticed: these can only be counted at
+                // one rate.
                 let wanted = if delay < 2 * length { period + 84 * (block as u32 % 3) } else { period };
                 seen.extend(late.interrupt(now, reading, wanted));
             }
@@ -327,8 +328,8 @@ fn regress_restarted_sampling_leaves_a_gap_and_keeps_the_period_asked_for() {
 
 /// Edges and blocks as the main loop hands them over when it looks at `turns`: `None` is the block that ends at `end`.
 ///
-/// The edge is captured when it has passed the filter, the block is complete when its last sample is converted; both are in
-/// their queues a handler's length later.
+/// The edge is captured when it has passed the filter, the block is complete when its last sample is converted; both
+/// are in their queues a handler's length later.
 fn handed_over(edge: u32, end: u32, filter: Filter, turns: impl Iterator<Item = u32>) -> Vec<Option<u32>> {
     const HANDLER: u32 = 40;
     let tim5 = block::<pac::tim5::RegisterBlock>();

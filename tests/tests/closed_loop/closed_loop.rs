@@ -74,7 +74,8 @@ fn curve() -> PairCurve {
 
 fn pair_19_48() -> Pair {
     let text = "teeth = [19, 48]\nmodule_m = 0.003175\npressure_angle_deg = 20.0\nface_width_m = 0.016\n\
-                bore_radius_m = [0.0096, 0.0265]\nyoungs_modulus_pa = 206.8e9\npoisson = 0.3\nmesh_damping_s = 4.0565e-6\n";
+                bore_radius_m = [0.0096, 0.0265]\nyoungs_modulus_pa = 206.8e9\npoisson = 0.3\nmesh_damping_s = \
+                4.0565e-6\n";
     toml::from_str(text).expect("pair")
 }
 
@@ -90,7 +91,8 @@ fn power<'a>(bins: impl IntoIterator<Item = &'a C>) -> f64 {
     bins.into_iter().map(|x| x.norm_sqr()).sum()
 }
 
-/// What the library says an effect does in first order is what the simulator's own effect does when it is weak: seats, units, phases, teeth and keys.
+/// What the library says an effect does in first order is what the simulator's own effect does when it is weak:
+/// seats, units, phases, teeth and keys.
 #[test]
 fn ref_every_template_is_the_simulators_own_effect() {
     let (record, base) = plain();
@@ -142,7 +144,8 @@ fn ref_every_template_is_the_simulators_own_effect() {
         }
         let error = (off / power(expected.iter().flatten().flatten())).sqrt();
         println!("{} at {:?}: {:.4}", candidate.name, candidate.order, error);
-        // A moving contact excites all harmonics, of which the balance keeps those below 16.5 kHz: 3.5 %; others agree to 0.6 %.
+        // A moving contact excites all harmonics, of which the balance keeps those below 16.5 kHz: 3.5 %; others
+        // agree to 0.6 %.
         if error > 0.05 {
             failed.push((candidate.name.clone(), candidate.order, error));
         } else {

@@ -1,4 +1,5 @@
-//! What `meshband loop --apply` writes: effects that the simulator reproduces in phase, a machine that predicts the record, a law for its node.
+//! What `meshband loop --apply` writes: effects that the simulator reproduces in phase, a machine that predicts the
+//! record, a law for its node.
 
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::simulate::{Acquisition, simulate};
@@ -226,7 +227,8 @@ fn loop_friction_of_the_flanks_predicts_every_run() {
 #[test]
 #[ignore = "long: cargo xtask test-long"]
 fn loop_tells_a_swing_of_the_shaft_from_an_eccentric_gear_by_the_tachometer() {
-    // Both carry the contact along its path once per turn of the gear; edges once per pinion turn see the swing as order 1 - 19/48.
+    // Both carry the contact along its path once per turn of the gear; edges once per pinion turn see the swing as
+    // order 1 - 19/48.
     let made = made(&["speed-fluctuation:angle=0.004,order=0.3958333333"], &[11.7, 14.1, 18.9, 24.2], 0.8);
     let outcome = close_loop(&input::view(&made.record).unwrap(), &Options::default()).unwrap();
     print!("{}", outcome.summary());

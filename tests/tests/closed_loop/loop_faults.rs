@@ -1,4 +1,5 @@
-//! The whole loop on short generated records, one undeclared effect each: what is said of it, and that nothing is said of nothing.
+//! The whole loop on short generated records, one undeclared effect each: what is said of it, and that nothing is
+//! said of nothing.
 
 use meshband_host::generate::{self, Scenario};
 use meshband_host::model_based::outcome::Effect as Found;
@@ -121,7 +122,8 @@ fn loop_fits_two_eccentricities_whose_product_matters_together() {
 
 #[test]
 fn loop_names_a_crack_and_a_displaced_tooth_of_one_gear() {
-    // A table of all teeth explains more than either alone, and in one run the crack alone takes another start than beside the displaced tooth.
+    // A table of all teeth explains more than either alone, and in one run the crack alone takes another start than
+    // beside the displaced tooth.
     let both = ["pitch-error:single=2.4e-6,tooth=3,gear=1", "tooth-crack:loss=0.4,tooth=18,gear=1"];
     let found = outcome(&both, 39);
     print!("{}", found.summary());

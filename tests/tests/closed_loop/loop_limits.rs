@@ -70,7 +70,8 @@ fn loop_limits_are_stated_for_what_was_not_found_only_and_written() {
     assert!(looped(&record, false).limits.is_empty());
 }
 
-/// Three runs at nearly one speed and torque cannot tell a force that grows with the square of the speed from one that does not.
+/// Three runs at nearly one speed and torque cannot tell a force that grows with the square of the speed from one
+/// that does not.
 #[test]
 fn loop_next_measurement_names_a_run_that_decides() {
     let hidden = || vec!["imbalance:moment=0.02,phase=0.7".to_string()];

@@ -114,7 +114,8 @@ fn names_a_gear_pitch_error(machine: &str) {
     assert_eq!((found.verdict.as_str(), found.name.as_str()), ("named", "gear-pitch-error"));
     let turns = found.pinion_turns_of_runs.as_ref().expect("runs start at different turns");
     assert!(turns.len() == 8 && turns[0] == 0 && turns.iter().any(|k| *k > 0), "{turns:?}");
-    // Beside the noise stays what the tachometer's jitter does to the mesh orders, which grows with the number of teeth.
+    // Beside the noise stays what the tachometer's jitter does to the mesh orders, which grows with the number of
+    // teeth.
     let held = outcome.error.held_out_runs.shaft_synchronous;
     assert!(held.corrected < 1.8 * held.noise_floor && held.declared > 1.8 * held.corrected, "{held:?}");
 }

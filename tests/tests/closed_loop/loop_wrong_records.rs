@@ -1,5 +1,5 @@
-//! Records that are wrong in one way each: what the check says of them, and that the loop never gives a wrong name or says "nothing" beside held-out
-//! runs that it does not explain.
+//! Records that are wrong in one way each: what the check says of them, and that the loop never gives a wrong name or
+//! says "nothing" beside held-out runs that it does not explain.
 
 use meshband_host::check::{self, Findings, Kind, Severity};
 use meshband_host::generate::{self, Scenario};
@@ -316,7 +316,8 @@ fn wrong(case: &Case) -> Record {
     record
 }
 
-/// What the loop may say of a record that is wrong: names that are right, and "nothing" only beside held-out runs that agree.
+/// What the loop may say of a record that is wrong: names that are right, and "nothing" only beside held-out runs
+/// that agree.
 fn contradiction(name: &str, outcome: &Outcome, allowed: &[&str]) -> Option<String> {
     let worst = outcome.held_out.iter().map(|held| held.over_floor()).fold(0.0, f64::max);
     let named: Vec<&str> = outcome.effects.iter().filter(|e| e.verdict == "named").map(|e| e.name.as_str()).collect();

@@ -1,8 +1,9 @@
 //! Fuzzing: the targets of `meshband_tests::fuzz` with inputs that grow out of sound ones, a fixed number of them.
 //!
-//! There is no coverage here; what an input is told (the kind of result, the words of the refusal without its numbers) stands in
-//! for it: an input with a new answer joins the corpus and is changed further. Seeds are fixed and printed, so that a case is found
-//! again. Found cases lie in `tests/vectors/fuzz/TARGET` and run first. `cargo xtask fuzz` runs the same targets guided by coverage.
+//! There is no coverage here; what an input is told (the kind of result, the words of the refusal without its
+//! numbers) stands in for it: an input with a new answer joins the corpus and is changed further. Seeds are fixed and
+//! printed, so that a case is found again. Found cases lie in `tests/vectors/fuzz/TARGET` and run first.
+//! `cargo xtask fuzz` runs the same targets guided by coverage.
 
 mod corpus;
 

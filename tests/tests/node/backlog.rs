@@ -1,7 +1,7 @@
 //! A main loop that falls behind: the queues between interrupts and main loop, with time as a number.
 //!
-//! A model of the node's work drives the real queues: so much per block, and a long turn at the end of each record. A gap
-//! restarts the record, as it does in the node.
+//! A model of the node's work drives the real queues: so much per block, and a long turn at the end of each record. A
+//! gap restarts the record, as it does in the node.
 
 use meshband::config::Configuration;
 use meshband::message::Message;

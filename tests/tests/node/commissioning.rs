@@ -1,5 +1,6 @@
-//! Commissioning of the node's own code on an imitated machine: a healthy one is learned and then watched, and what is wired or declared wrongly is refused
-//! with the sentence that says what to do. The node's time is as fast as the host asks for it.
+//! Commissioning of the node's own code on an imitated machine: a healthy one is learned and then watched, and what
+//! is wired or declared wrongly is refused with the sentence that says what to do. The node's time is as fast as the
+//! host asks for it.
 
 use meshband::config::Configuration;
 use meshband::events::EventKind;

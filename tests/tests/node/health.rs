@@ -1,4 +1,5 @@
-//! The node as a device: its clock against pulses per second, the time of day, the bias of its sensors, what is worth an event.
+//! The node as a device: its clock against pulses per second, the time of day, the bias of its sensors, what is worth
+//! an event.
 
 use meshband::config::{Configuration, SecondSensor};
 use meshband::health::{BoardHealth, HealthChange, HealthWatch};

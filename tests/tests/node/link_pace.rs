@@ -1,4 +1,5 @@
-//! The line to the host: paced by the node's own clock, so that the queue behind it never overflows and nothing is lost.
+//! The line to the host: paced by the node's own clock, so that the queue behind it never overflows and nothing is
+//! lost.
 
 use meshband::config::Configuration;
 use meshband::events::EventKind;

@@ -1,4 +1,5 @@
-//! Decimator of the mesh bands: droop, aliases into the wanted band and delay from the impulse response; any block length.
+//! Decimator of the mesh bands: droop, aliases into the wanted band and delay from the impulse response; any block
+//! length.
 
 use meshband::mesh_decimator::{BAND_SHARE, BATCH, Decimation, MeshDecimator};
 use rustfft::{FftPlanner, num_complex::Complex};

@@ -1,5 +1,5 @@
-//! Modbus on the node's code alone: every function and limit, silences, damage, echoes, any bytes at any time. The released image against
-//! an independent master is in `emulator/tests/flashed/modbus`.
+//! Modbus on the node's code alone: every function and limit, silences, damage, echoes, any bytes at any time. The
+//! released image against an independent master is in `emulator/tests/flashed/modbus`.
 
 use meshband::config::{ADDRESSES, Configuration, ConfigurationError, LineFormat, LinkConfig, Parity, Personality};
 use meshband::frame::{MAX_FRAME, encode};

@@ -1,4 +1,5 @@
-//! The register of quality over Modbus: one bit for each reason not to believe the values, and the discrete input that sums them up.
+//! The register of quality over Modbus: one bit for each reason not to believe the values, and the discrete input
+//! that sums them up.
 
 use meshband::config::Configuration;
 use meshband::message::{Indicators, Message, Quality, Tag};

@@ -170,7 +170,8 @@ fn theory_the_law_is_checked_by_rise_times_and_an_event_tells_when_they_part() {
     }
 }
 
-/// One turn of the pinion of the 19/48 machine in steady state, acceleration of the pinion, unit RMS; `crack_m` deep crack.
+/// One turn of the pinion of the 19/48 machine in steady state, acceleration of the pinion, unit RMS; `crack_m` deep
+/// crack.
 fn turn_of_the_machine(crack_m: f64, speed: f64) -> Vec<f64> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/19-48.toml");
     let mut machine = Machine::read(&path).expect("a machine");

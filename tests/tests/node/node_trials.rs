@@ -109,8 +109,8 @@ fn ref_the_same_works_on_the_spectraquest_box() {
     assert_sound(&trial);
     assert!(trial.integrity.identical_to_host);
     assert!(trial.worst_harmonics.lines >= 10, "{:?}", trial.worst_harmonics);
-    // Mesh lines hold a tenth of this box's power. Those that the reference itself has within 12 dB of the noise, or off the
-    // shaft's order, do not count ([`trial::LineRow::is_clear`]); on gear0 above no line is left out.
+    // Mesh lines hold a tenth of this box's power. Those that the reference itself has within 12 dB of the noise, or
+    // off the shaft's order, do not count ([`trial::LineRow::is_clear`]); on gear0 above no line is left out.
     println!("channel {}: {}", signal.channel, measured_errors(&trial));
     assert!(trial.worst_harmonics.frequency_error < 5e-4, "{:?}", trial.worst_harmonics);
     assert!(trial.worst_harmonics.amplitude_error_db < 0.5, "{:?}", trial.worst_harmonics);

@@ -1,4 +1,5 @@
-//! Overall values, velocity and shaft orders of the node against references in double precision, over the very turns they name.
+//! Overall values, velocity and shaft orders of the node against references in double precision, over the very turns
+//! they name.
 
 use meshband::config::{Configuration, SecondSensor};
 use meshband::message::{Indicators, Message};
@@ -200,7 +201,8 @@ fn assert_values(config: Configuration, run: Run, seconds: f64) {
 pub struct Tolerance {
     /// Of peak and crest: a sharp peak between two samples is another one to the reference.
     pub peaks: f64,
-    /// Of the velocity, as a share of what the whole acceleration would be at the band's upper edge: what the band's skirts leave.
+    /// Of the velocity, as a share of what the whole acceleration would be at the band's upper edge: what the band's
+    /// skirts leave.
     pub skirts: f64,
 }
 

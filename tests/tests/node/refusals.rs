@@ -1,4 +1,5 @@
-//! Borders of what is taken: of ranges of the configuration, laws and tables, edges of a replayed record, marks and edges of a shaft.
+//! Borders of what is taken: of ranges of the configuration, laws and tables, edges of a replayed record, marks and
+//! edges of a shaft.
 
 use meshband::config::{Configuration, ConfigurationError};
 use meshband::events::{EventKind, EventLog};

@@ -187,7 +187,8 @@ fn theory_noise_of_half_a_percent_costs_at_most_5_percent() {
     }
 }
 
-/// A low-pass that passes 0.39 and stops 0.61 of the rate like the node's decimation: windowed sinc, `over` points per sample.
+/// A low-pass that passes 0.39 and stops 0.61 of the rate like the node's decimation: windowed sinc, `over` points
+/// per sample.
 fn low_pass(over: usize) -> Vec<f64> {
     const HALF_SAMPLES: f64 = 13.0;
     let count = HALF_SAMPLES as usize * over;

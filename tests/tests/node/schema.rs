@@ -1,4 +1,5 @@
-//! Programs of different age: stored configurations are kept, frames are read as far as they are known, and the rest is said.
+//! Programs of different age: stored configurations are kept, frames are read as far as they are known, and the rest
+//! is said.
 
 use meshband::alarm::Watched;
 use meshband::board::Timing;
@@ -129,7 +130,8 @@ fn fault_a_shortened_configuration_of_the_present_schema_is_no_older_one() {
     assert_eq!(Configuration::from_stored(&[&whole[..], &[0]].concat()), None);
 }
 
-/// Bytes at the end of the default configuration that a layout did not have: local levels, the second sensor, waveforms, the link, the list of levels.
+/// Bytes at the end of the default configuration that a layout did not have: local levels, the second sensor,
+/// waveforms, the link, the list of levels.
 const APPENDED: [(u16, usize); 5] = [(7, 1), (6, 2), (5, 2 + 5), (4, 2 + 5 + 4), (3, 2 + 5 + 4 + 1)];
 
 #[test]

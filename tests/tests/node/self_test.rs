@@ -1,4 +1,5 @@
-//! The self-test judges what the inputs show: nothing on a standing machine, nothing while a sensor settles, and never for good.
+//! The self-test judges what the inputs show: nothing on a standing machine, nothing while a sensor settles, and
+//! never for good.
 
 use meshband::config::Configuration;
 use meshband::events::EventKind;

@@ -1,8 +1,9 @@
-//! Everything that a node says, to the last bit, on courses that lead through most of what it can do: committed checksums of its frames and of its
-//! registers, stretch by stretch.
+//! Everything that a node says, to the last bit, on courses that lead through most of what it can do: committed
+//! checksums of its frames and of its registers, stretch by stretch.
 //!
-//! The other tests hold single figures within tolerances. This one tells that something has changed at all, and in which stretch it shows
-//! first; whether the change is right is for the others to say. After one that is meant, the printed lines replace the committed ones.
+//! The other tests hold single figures within tolerances. This one tells that something has changed at all, and in
+//! which stretch it shows first; whether the change is right is for the others to say. After one that is meant, the
+//! printed lines replace the committed ones.
 //!
 //! The machine is made of sums and products alone, so that its codes do not depend on a mathematics library.
 
@@ -49,7 +50,8 @@ struct Course {
     clock_hz: u32,
     decoder: Decoder,
     bank: Bank,
-    /// Places of the wheel for a turn of the pinion, and how many of them make its turn, the last of which is empty; 0 where none is.
+    /// Places of the wheel for a turn of the pinion, and how many of them make its turn, the last of which is empty;
+    /// 0 where none is.
     pulses: f64,
     places: u64,
     time: u64,
@@ -296,7 +298,8 @@ fn watched() -> Configuration {
     config
 }
 
-/// A faster one with a wheel of fifteen pulses at sixteen places on the gear's shaft, a law of knots, and a sensor that ends early.
+/// A faster one with a wheel of fifteen pulses at sixteen places on the gear's shaft, a law of knots, and a sensor
+/// that ends early.
 fn geared() -> Configuration {
     let knots = [(3.0, 900.0), (10.0, 2500.0), (20.0, 4200.0), (40.0, 6000.0)];
     let knots: Vec<LawKnot> = knots

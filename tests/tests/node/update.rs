@@ -1,4 +1,5 @@
-//! Updates on a flash that can fail at any byte: headers, the choice of the loader, the whole course cut everywhere, and the rule of a trial.
+//! Updates on a flash that can fail at any byte: headers, the choice of the loader, the whole course cut everywhere,
+//! and the rule of a trial.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use meshband::frame::CRC32;
@@ -196,7 +197,8 @@ fn fault_a_header_with_any_bit_changed_is_none() {
     }
 }
 
-/// With power cut after each byte that is written or erased: the image before runs until the last one, then the new one.
+/// With power cut after each byte that is written or erased: the image before runs until the last one, then the new
+/// one.
 #[test]
 fn fault_power_cut_at_every_byte_of_an_update_leaves_an_image_that_runs_and_takes_the_next_update() {
     let (header, bytes) = image(1, 1024, "new");

@@ -1,6 +1,7 @@
 //! Overall values of measured and simulated machines against references in double precision.
 //!
-//! What the sensor hears between two samples of the record is a straight line, for the node and for the reference alike.
+//! What the sensor hears between two samples of the record is a straight line, for the node and for the reference
+//! alike.
 
 use crate::node_trials::{imported, measured, paper_rig};
 use crate::node_values::{Run, Tolerance, assert_values_of, configuration, listen};
@@ -55,8 +56,8 @@ fn window(step: i64) -> f64 {
     0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() - 0.01168 * (3.0 * angle).cos()
 }
 
-/// Once per turn by the node's own definition, in double precision: means of six pitches under the window, one for every pitch, as running
-/// sums of the line; a record is the difference of two.
+/// Once per turn by the node's own definition, in double precision: means of six pitches under the window, one for
+/// every pitch, as running sums of the line; a record is the difference of two.
 fn smoothed_sums(signal: &[f64]) -> Vec<Complex<f64>> {
     let weights: Vec<f64> = (-HALF..=HALF).map(window).collect();
     let weight: f64 = weights.iter().sum();
@@ -88,8 +89,8 @@ fn plain_sums(signal: &[f64]) -> Vec<Complex<f64>> {
     sums
 }
 
-/// Largest departure from running sums in degrees, a hundredth of the amplitude counting as a quarter of one. Records follow on each
-/// other, so where the first one begins is all that has to be found.
+/// Largest departure from running sums in degrees, a hundredth of the amplitude counting as a quarter of one. Records
+/// follow on each other, so where the first one begins is all that has to be found.
 fn departure(found: &[(usize, Complex<f64>)], sums: &[Complex<f64>]) -> f64 {
     let off = |first: usize| -> Option<f64> {
         let mut from = first;
@@ -105,9 +106,9 @@ fn departure(found: &[(usize, Complex<f64>)], sums: &[Complex<f64>]) -> f64 {
     (0..).map_while(off).fold(f64::INFINITY, f64::min)
 }
 
-/// Once per turn of the pinion, record by record, a line of a two-hundredth of the signal in its noise: within a twentieth of a degree of its own
-/// definition in double precision. A record's window reaches three pitches beyond its turns and weighs their ends less; against sums over
-/// the very turns that noise at the ends is up to a degree.
+/// Once per turn of the pinion, record by record, a line of a two-hundredth of the signal in its noise: within a
+/// twentieth of a degree of its own definition in double precision. A record's window reaches three pitches beyond
+/// its turns and weighs their ends less; against sums over the very turns that noise at the ends is up to a degree.
 fn assert_once_per_turn(signal: &Signal) {
     let (run, seconds) = run_of(signal);
     let at = heard(signal);

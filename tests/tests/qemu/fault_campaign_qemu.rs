@@ -1,7 +1,9 @@
-//! Faults on the real image in QEMU: no panic, no hang, a defined state, every fault counted, recovery without a restart.
+//! Faults on the real image in QEMU: no panic, no hang, a defined state, every fault counted, recovery without a
+//! restart.
 //!
-//! The same faults as in `fault_campaign.rs`, here through timers, interrupts, queues and UART of a board. A panic, fault
-//! or hang would end QEMU with an error ([`meshband_host::virtual_node::qemu`]). Times are those of the record, that is of the node.
+//! The same faults as in `fault_campaign.rs`, here through timers, interrupts, queues and UART of a board. A panic,
+//! fault or hang would end QEMU with an error ([`meshband_host::virtual_node::qemu`]). Times are those of the record,
+//! that is of the node.
 
 use meshband::events::EventKind;
 use meshband::law::LawForm;
@@ -113,8 +115,8 @@ fn fault_a_stuck_saturated_or_disconnected_converter() {
 #[test]
 fn fault_a_processor_too_slow_for_the_rate_loses_whole_blocks_and_counts_them() {
     let Some(machine) = machine("overrun") else { return };
-    // A law that asks for 77 kHz at 5 Hz, which 62 million instructions per second carry, and for 384 kHz at 25 Hz, which
-    // they do not.
+    // A law that asks for 77 kHz at 5 Hz, which 62 million instructions per second carry, and for 384 kHz at 25 Hz,
+    // which they do not.
     let mut config = configuration();
     config.law.form = LawForm::Quadratic { a_per_hz: 0.0, b: 6_000.0, c_hz: 0.0 };
     config.limits.highest_adc = Hertz(500_000.0);

@@ -1,5 +1,5 @@
-//! Faults of the link and of the configuration's memory on the real image in QEMU: a host that stops reading, random bytes,
-//! commits while measuring, damaged memory.
+//! Faults of the link and of the configuration's memory on the real image in QEMU: a host that stops reading, random
+//! bytes, commits while measuring, damaged memory.
 //!
 //! As in `fault_campaign_qemu.rs`, a panic, fault or hang would end QEMU with an error; times are those of the record.
 //! The line is a Unix socket where the host's pace is the fault: it holds next to nothing.

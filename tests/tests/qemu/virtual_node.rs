@@ -80,7 +80,8 @@ fn golden_firmware_in_qemu_and_host_send_the_same_frames_in_a_run_up() {
     assert!(run.link == again.link, "two runs differ");
 }
 
-/// All packets but what the self-test says: it counts samples against a clock that it reads when blocks arrive, and here they arrive late.
+/// All packets but what the self-test says: it counts samples against a clock that it reads when blocks arrive, and
+/// here they arrive late.
 fn without_self_test(link: &[u8]) -> Vec<Packet> {
     let said_by_it = |packet: &Packet| match packet {
         Packet::Message(Message::Event(event)) => event.kind == EventKind::SelfTestFailed,

@@ -25,7 +25,8 @@ pub fn golden_machine(v: &Value) -> Machine {
          bore_radius_m = [0.0096, 0.0265]\nyoungs_modulus_pa = 2.068e11\npoisson = 0.3\nmesh_damping_s = 0.0\n\
          [shafts]\ninertia_motor_kg_m2 = {}\ninertia_pinion_kg_m2 = {}\ninertia_gear_kg_m2 = {}\n\
          inertia_load_kg_m2 = {}\ncoupling_stiffness_n_m_per_rad = {}\ncoupling_damping_n_m_s_per_rad = {}\n\
-         mass_kg = {}\nbearing_stiffness_n_per_m = [{bearing}, {bearing}]\nbearing_damping_n_s_per_m = [{damping}, {damping}]\n",
+         mass_kg = {}\nbearing_stiffness_n_per_m = [{bearing}, {bearing}]\nbearing_damping_n_s_per_m = [{damping}, \
+         {damping}]\n",
         v["module_m"],
         inertia["motor"],
         inertia["pinion"],

@@ -1,4 +1,5 @@
-//! A law measured on a record: known bandwidths come out, noise adds none, edges agree with the simulated law, and what cannot be measured is refused.
+//! A law measured on a record: known bandwidths come out, noise adds none, edges agree with the simulated law, and
+//! what cannot be measured is refused.
 
 use meshband_host::dynamics::simulate::Acquisition as Sampling;
 use meshband_host::law::derive::edge_bandwidth_hz;
@@ -21,7 +22,8 @@ const RATE_HZ: f64 = 40_000.0;
 fn record(teeth: [u32; 2], rate_hz: f64, runs: &[(Vec<f64>, Vec<f64>)]) -> Record {
     let largest = runs.iter().flat_map(|(s, _)| s).fold(1e-9_f64, |l, x| l.max(x.abs()));
     let text = format!(
-        "title = \"learned\"\n[acquisition]\nsample_rate_hz = {rate_hz}\nchannels = [\"housing\"]\nfull_scale_m_s2 = {:e}\n\
+        "title = \"learned\"\n[acquisition]\nsample_rate_hz = {rate_hz}\nchannels = [\"housing\"]\nfull_scale_m_s2 = \
+         {:e}\n\
          [pair]\nteeth = [{}, {}]\n[tach]\nshaft = \"pinion\"\npulses_per_rev = 1\n",
         1.01 * largest,
         teeth[0],

@@ -1,11 +1,12 @@
 //! The node's streaming rise time against the host's polynomial one at the operating points of the law study: speeds,
 //! torques, modules, teeth, ramps, and single pulses beside a cracked tooth.
 //!
-//! Both sides time the steepest rising edge of a tooth pitch. Every point is held to the limits. Three kinds are listed apart, because
-//! they are hard for different reasons: *clear* ones time the exit edge of a pair, whose ends are kinks where the slope jumps;
-//! in *hidden* ones the ring of earlier edges is steeper than the exit edge, and its foot is often a kink at which
-//! the slope jumps from falling to rising; in *soft* ones the polynomial rise time itself changes by more than 2 % when the
-//! edge's end is put at 0.30 or 0.367 instead of a third of the greatest slope.
+//! Both sides time the steepest rising edge of a tooth pitch. Every point is held to the limits. Three kinds are
+//! listed apart, because they are hard for different reasons: *clear* ones time the exit edge of a pair, whose ends
+//! are kinks where the slope jumps; in *hidden* ones the ring of earlier edges is steeper than the exit edge, and its
+//! foot is often a kink at which the slope jumps from falling to rising; in *soft* ones the polynomial rise time
+//! itself changes by more than 2 % when the edge's end is put at 0.30 or 0.367 instead of a third of the greatest
+//! slope.
 
 use meshband::rise_time::{Polarity, RiseTime, RiseTimeConfig, RiseTimeRefusal};
 use meshband_host::law::derive::study_torque;

@@ -9,7 +9,8 @@ use std::path::Path;
 const COMMANDS: [(&str, &str, Option<&str>); 6] = [
     (
         "simulate 8 x 2 s",
-        "simulate MACHINE --speed 20,22,24,26,28,30,32,34 --torque 10 --duration 2 --rate 25600 --noise 0.1 --seed 1 -o @record",
+        "simulate MACHINE --speed 20,22,24,26,28,30,32,34 --torque 10 --duration 2 --rate 25600 --noise 0.1 --seed 1 \
+         -o @record",
         None,
     ),
     ("analyse 8 x 2 s", "analyse @record", None),
@@ -80,7 +81,8 @@ pub fn table(python: &Path, program: &Path, folder: &Path) -> Outcome<String> {
     capture(command(&[&python, &script, "--make"]).arg(folder))?;
     let bench = Bench { python: &python, script: &script, program };
     let mut text = String::from(
-        "\n## Commands\n\nEach once, with `tests/compare/cost.py`; the record is that of the first line. Processor time counts all threads.\n\n\
+        "\n## Commands\n\nEach once, with `tests/compare/cost.py`; the record is that of the first line. Processor \
+         time counts all threads.\n\n\
          | command | processor, s | wall, s | peak, MB | input, MB/s |\n| --- | --- | --- | --- | --- |\n",
     );
     for (name, words, input) in COMMANDS {
@@ -110,8 +112,10 @@ fn beside_disk(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
     });
     let bytes: u64 = arguments(CHANNELS, folder).filter_map(|path| Some(std::fs::metadata(path).ok()?.len())).sum();
     Ok(format!(
-        "\nImport of eight MAT-files, {:.0} MB, wall time, median of {TURNS} in turns: {:.0} ms ({:.0} MB/s). The disk alone, the same bytes read past \
-         the page cache and the record's written as safely (files, folder and the folder above synced): {:.0} ms. Import over disk: {:.1}.\n",
+        "\nImport of eight MAT-files, {:.0} MB, wall time, median of {TURNS} in turns: {:.0} ms ({:.0} MB/s). The \
+         disk alone, the same bytes read past \
+         the page cache and the record's written as safely (files, folder and the folder above synced): {:.0} ms. \
+         Import over disk: {:.1}.\n",
         1e-6 * bytes as f64,
         1e3 * import,
         1e-6 * bytes as f64 / import,
@@ -123,7 +127,8 @@ fn beside_disk(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
 /// The loop on records of 8 runs of 2 s, one for each row.
 fn loops(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
     let mut text = format!(
-        "\n## Loop\n\n`meshband loop` on `meshband simulate machines/19-48.toml {LOOP_RECORD}` with seeds 1 to {} and `--effect` as below, each once.\n\n\
+        "\n## Loop\n\n`meshband loop` on `meshband simulate machines/19-48.toml {LOOP_RECORD}` with seeds 1 to {} \
+         and `--effect` as below, each once.\n\n\
          | hidden | processor, s | wall, s | peak, MB |\n| --- | --- | --- | --- |\n",
         HIDDEN.len()
     );

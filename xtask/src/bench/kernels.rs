@@ -54,10 +54,12 @@ fn against(value: f64, limit: f64, at_least: bool) -> &'static str {
 /// The table, ratios first.
 pub fn table(ours: &Kernels, scipy: &[Solver], ross: Option<f64>) -> String {
     let mut text = String::from(
-        "\n## Kernels beside peers\n\nThe 19/48 pair at 30 turns/s, 8 coordinates, 1140 jumps of the stiffness per second, relative tolerance 1e-9. \
+        "\n## Kernels beside peers\n\nThe 19/48 pair at 30 turns/s, 8 coordinates, 1140 jumps of the stiffness per \
+         second, relative tolerance 1e-9. \
          Peers: `tests/compare/scipy_gear_baseline.py --brief` (compiled right-hand side, restarted at every jump), \
          `tests/compare/ross_compare.py`. Our error against the matrix exponential is asserted below 1e-9 by \
-         `cargo test --release --test simulator dynamics::`.\n\n| figure | measured | goal | |\n| --- | --- | --- | --- |\n",
+         `cargo test --release --test simulator dynamics::`.\n\n| figure | measured | goal | |\n| --- | --- | --- | \
+         --- |\n",
     );
     for solver in scipy {
         let ratio = solver.seconds / ours.integrate;
@@ -95,9 +97,14 @@ pub fn table(ours: &Kernels, scipy: &[Solver], ross: Option<f64>) -> String {
 }
 
 const LIMITS: &str = "
-Physical limits, for a core of 3 GHz with two units each for sums and for products of four lanes, not fused (so that figures do not depend on the processor): an order of the recurrence
-of 8 coordinates is about 90 products and 80 sums, 11 cycles; 45 orders make a step, 3 400 steps a simulated second: 0.0006 s. But each order waits for the one before: elastic forces (12 cycles), scalar
-product (12), mesh force and next coefficient (9), of which a third overlaps: about 24 cycles, 0.0012 s. The rest up to the figure above is what a step costs beside its orders (setting up, end state, step
-length: a third) and loads and stores of what does not fit into 16 registers. The 18 columns of a periodic state, four abreast, are bound by the units: 5 groups of 45 orders in some 6 steps,
-45 cycles each, 0.02 ms, and its solution of 17 equations. A sample at 100 MHz is half a pair of 8 terms, 8 operations: 1 cycle, 0.03 s per simulated second, and writing it as much again.
+Physical limits, for a core of 3 GHz with two units each for sums and for products of four lanes, not fused (so that \
+figures do not depend on the processor): an order of the recurrence
+of 8 coordinates is about 90 products and 80 sums, 11 cycles; 45 orders make a step, 3 400 steps a simulated second: \
+0.0006 s. But each order waits for the one before: elastic forces (12 cycles), scalar
+product (12), mesh force and next coefficient (9), of which a third overlaps: about 24 cycles, 0.0012 s. The rest up \
+to the figure above is what a step costs beside its orders (setting up, end state, step
+length: a third) and loads and stores of what does not fit into 16 registers. The 18 columns of a periodic state, \
+four abreast, are bound by the units: 5 groups of 45 orders in some 6 steps,
+45 cycles each, 0.02 ms, and its solution of 17 equations. A sample at 100 MHz is half a pair of 8 terms, 8 \
+operations: 1 cycle, 0.03 s per simulated second, and writing it as much again.
 ";

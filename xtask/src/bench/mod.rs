@@ -1,7 +1,9 @@
-//! `cargo xtask bench`: what the tools cost, beside peers on the same machine in the same run, into `target/benchmarks.md`.
+//! `cargo xtask bench`: what the tools cost, beside peers on the same machine in the same run, into
+//! `target/benchmarks.md`.
 //!
-//! Processor time throughout: on a shared machine the wall clock measures the neighbours. Ratios come first, because they
-//! survive a change of machine; a slow or busy machine slows both sides. The peers need Python packages ([`peers`]).
+//! Processor time throughout: on a shared machine the wall clock measures the neighbours. Ratios come first, because
+//! they survive a change of machine; a slow or busy machine slows both sides. The peers need Python packages
+//! ([`peers`]).
 
 mod commands;
 mod kernels;
@@ -39,7 +41,8 @@ pub fn run_task(args: &[String]) -> Outcome {
 const HEAD: &str = "\
 # Benchmarks
 
-Written by `cargo xtask bench`, which measures everything here one after the other on one machine. Times are processor time,
+Written by `cargo xtask bench`, which measures everything here one after the other on one machine. Times are \
+processor time,
 one thread unless said otherwise; peers run in the same minutes on the same machine, so ratios say more than seconds.
 
 ";

@@ -1,7 +1,8 @@
 //! `cargo xtask bench-node`: instructions of the node's stages in QEMU against the committed counts.
 //!
 //! `--overwrite` writes the counts instead. Counts repeat exactly; a change beyond the tolerance is a change of code or
-//! compiler and wants a look. The table sets resolving the mesh bands against one full-band FFT (book/src/adr/0026-mesh-bands.md).
+//! compiler and wants a look. The table sets resolving the mesh bands against one full-band FFT
+//! (book/src/adr/0026-mesh-bands.md).
 
 use crate::setup::TARGET;
 use crate::shell::{Outcome, cargo, root, run, say};
@@ -25,10 +26,12 @@ pub fn page() -> Outcome<String> {
     let get = |name: &str| counts.get(name).copied().unwrap_or(0);
     let chain = get("chain-highest-rate-per-s@25");
     Ok(format!(
-        "\n## Node, instructions\n\nFrom `{SNAPSHOT}`, kept by `cargo xtask bench-node` (QEMU, Cortex-M4F, exact counts).\n\n\
+        "\n## Node, instructions\n\nFrom `{SNAPSHOT}`, kept by `cargo xtask bench-node` (QEMU, Cortex-M4F, exact \
+         counts).\n\n\
          | stage | instructions |\n| --- | --- |\n\
          | real FFT of 4096 points, with its window's copy | {} |\n\
-         | CMSIS-DSP `arm_rfft_fast_f32` of 4096 points (counted once with GCC 12 -O3, not in this run) | {CMSIS_4096:.0} |\n\
+         | CMSIS-DSP `arm_rfft_fast_f32` of 4096 points (counted once with GCC 12 -O3, not in this run) | \
+         {CMSIS_4096:.0} |\n\
          | one decimation stage, per input sample | {:.1} |\n\
          | tach, per pulse | {:.0} |\n\
          | complete chain at the highest rate, per second | {:.1} M of {:.0} M |\n",
@@ -99,8 +102,10 @@ fn table(counts: &Counts) {
     let stage = |stages: f64| get(format!("decimate-per-4096-samples@{stages}")) / 4096.0;
     let beside = get("window-and-power-2048@0".to_owned()) / 2048.0;
     println!(
-        "\nmesh bands against one full-band FFT at the law's rate over the same 16 turns, gap-free; M instructions per second\n\
-         reference: CMSIS-DSP's transform (N log2 N beyond 4096 points), window and power average ({beside:.1} per sample)"
+        "\nmesh bands against one full-band FFT at the law's rate over the same 16 turns, gap-free; M instructions \
+         per second\n\
+         reference: CMSIS-DSP's transform (N log2 N beyond 4096 points), window and power average ({beside:.1} per \
+         sample)"
     );
     println!(
         "{:>5} {:>9} {:>9} {:>7} | {:>9} {:>9} | {:>12} {:>16}",

@@ -1,4 +1,5 @@
-//! Other people's programs on the same case: SciPy's solvers and ROSS, in a Python environment made once under `target/`.
+//! Other people's programs on the same case: SciPy's solvers and ROSS, in a Python environment made once under
+//! `target/`.
 //!
 //! The variable `MESHBAND_PEER_PYTHON` names another interpreter that has the packages.
 

@@ -1,8 +1,9 @@
 //! `cargo xtask screenshots`: a picture of each main thing, into `book/src/pictures`.
 //!
-//! Reports of the commands on one simulated and one imported record through headless Chromium, light and one of them dark; the live view
-//! through tmux at 80x24 and 200x60 with a virtual node behind it. Pictures show what the commands make at this commit: nothing is drawn
-//! by hand. `MESHBAND_COMMAND` names a command that is built already. Without Chromium, tmux, QEMU or the firmware image that part is said and left as it was.
+//! Reports of the commands on one simulated and one imported record through headless Chromium, light and one of them
+//! dark; the live view through tmux at 80x24 and 200x60 with a virtual node behind it. Pictures show what the
+//! commands make at this commit: nothing is drawn by hand. `MESHBAND_COMMAND` names a command that is built already.
+//! Without Chromium, tmux, QEMU or the firmware image that part is said and left as it was.
 
 mod terminal;
 
@@ -52,7 +53,8 @@ struct Page {
     dark: bool,
 }
 
-const RECORD: &str = "simulate MACHINE --speed 20 --torque 10 --duration 6 --rate 51200 --noise 0.02 --pulses 8 --effect eccentricity:amplitude=20e-6 -o record";
+const RECORD: &str = "simulate MACHINE --speed 20 --torque 10 --duration 6 --rate 51200 --noise 0.02 --pulses 8 \
+    --effect eccentricity:amplitude=20e-6 -o record";
 const OWN: &str = "import record/run00.npy --rate 51200 --teeth 17,38 --mesh 340 -o own";
 
 const PAGES: [Page; 8] = [
@@ -79,7 +81,8 @@ const PAGES: [Page; 8] = [
 ];
 const SOUND: &str =
     "simulate MACHINE --speed 30,40,50 --torque 10 --duration 6 --rate 51200 --noise 0.02 --pulses 8 -o sound";
-const SPEEDS: &str = "simulate MACHINE --speed 14,17,20 --torque 10 --duration 2 --rate 51200 --noise 0.02 --pulses 8 --effect eccentricity:amplitude=20e-6 -o three";
+const SPEEDS: &str = "simulate MACHINE --speed 14,17,20 --torque 10 --duration 2 --rate 51200 --noise 0.02 --pulses \
+    8 --effect eccentricity:amplitude=20e-6 -o three";
 
 impl Page {
     fn take(&self, browser: &Path, folder: &Path, pictures: &Path) -> Outcome {

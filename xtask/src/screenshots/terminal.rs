@@ -1,7 +1,7 @@
 //! A terminal's screen as SVG text: what tmux captured with its colours, cell by cell.
 //!
-//! Text stays text, so the pictures are small and sharp. Every run of equal style is set to its exact width: fonts differ in
-//! theirs.
+//! Text stays text, so the pictures are small and sharp. Every run of equal style is set to its exact width: fonts
+//! differ in theirs.
 
 use std::fmt::Write;
 
@@ -27,7 +27,8 @@ struct Style {
 pub fn svg(screen: &str, columns: usize, rows: usize) -> String {
     let (width, height) = (CELL.0 * columns as f64 + 16.0, CELL.1 * rows as f64 + 16.0);
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"'DejaVu Sans Mono',Menlo,Consolas,monospace\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"'DejaVu Sans \
+         Mono',Menlo,Consolas,monospace\" \
          font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" rx=\"6\" fill=\"{PAPER}\"/>\n"
     );
     let mut style = Style::default();
@@ -113,7 +114,8 @@ fn draw(out: &mut String, text: &str, style: Style, (column, row): (usize, usize
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     let _ = writeln!(
         out,
-        "<text x=\"{x:.1}\" y=\"{:.1}\" textLength=\"{:.1}\" lengthAdjust=\"spacingAndGlyphs\" xml:space=\"preserve\" fill=\"{ink}\"{bold}{dim}>{text}</text>",
+        "<text x=\"{x:.1}\" y=\"{:.1}\" textLength=\"{:.1}\" lengthAdjust=\"spacingAndGlyphs\" \
+         xml:space=\"preserve\" fill=\"{ink}\"{bold}{dim}>{text}</text>",
         y + 12.0,
         CELL.0 * count
     );

@@ -1,5 +1,5 @@
-//! The heaviest ordinary work of the flashed image, and whether it keeps up: mesh records, synchronous averages, edges timed, and
-//! waveforms asked for without end.
+//! The heaviest ordinary work of the flashed image, and whether it keeps up: mesh records, synchronous averages,
+//! edges timed, and waveforms asked for without end.
 
 use super::{Node, STARTED_S, TICKS_PER_SECOND, configuration, machine, turns};
 use meshband::config::Configuration;
@@ -9,8 +9,8 @@ use meshband::rate_plan::RatePolicy;
 use meshband::units::Hertz;
 use meshband_emulator::elf::Image;
 
-/// Turns per second: a usual speed, from which on the default law is the same; a higher one; the default wheel's highest, less what its tach
-/// needs as room.
+/// Turns per second: a usual speed, from which on the default law is the same; a higher one; the default wheel's
+/// highest, less what its tach needs as room.
 pub const SPEEDS_HZ: [f64; 3] = [25.0, 60.0, 95.0];
 /// What a run may last, s: several mesh records and averages.
 const RUN_S: f64 = 4.0;

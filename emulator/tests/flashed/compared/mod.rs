@@ -1,7 +1,8 @@
-//! The flashed image on the emulated chip, and beside it the node's own code on the codes and edges that the chip's devices made.
+//! The flashed image on the emulated chip, and beside it the node's own code on the codes and edges that the chip's
+//! devices made.
 //!
-//! Everything the host is given was seen at the devices: conversions, captures, bytes received. Taken over from the image's frames
-//! are events of the board itself (depth of its stack, crash record), at the instant they carry.
+//! Everything the host is given was seen at the devices: conversions, captures, bytes received. Taken over from the
+//! image's frames are events of the board itself (depth of its stack, crash record), at the instant they carry.
 #![allow(dead_code, reason = "every test program uses some of it")]
 
 mod host;
@@ -239,7 +240,8 @@ pub fn packets(link: &[u8]) -> Vec<Packet> {
     link.iter().filter_map(|&byte| Some(decoder.push(byte)?.ok()?.packet)).collect()
 }
 
-/// A block of equally spaced samples whose last one was captured at `last_tick`, with those of the second converter at the same triggers.
+/// A block of equally spaced samples whose last one was captured at `last_tick`, with those of the second converter
+/// at the same triggers.
 fn block(samples: &[Sampled], of_second: &[Sampled], last_tick: u32) -> Option<SampledBlock> {
     let (first, next) = (samples.first()?, samples.get(1)?);
     let spacing = next.trigger - first.trigger;

@@ -1,4 +1,5 @@
-//! An independent master (pymodbus) on the emulated board's line, over a bridge: bytes of a TCP connection as characters of the line.
+//! An independent master (pymodbus) on the emulated board's line, over a bridge: bytes of a TCP connection as
+//! characters of the line.
 
 use meshband_emulator::board::Board;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};

@@ -1,4 +1,5 @@
-//! The released image as a Modbus station: read by an independent master, against what the same node says over its own link.
+//! The released image as a Modbus station: read by an independent master, against what the same node says over its
+//! own link.
 
 mod load;
 mod master;
@@ -236,7 +237,8 @@ fn claim_an_independent_modbus_master_reads_what_the_link_reports_bit_for_bit() 
     assert!(is_told(value(&words, "departures", "sidebands")), "sidebands");
     let is_told = told(Indicators::largest_departure);
     assert!(is_told(value(&words, "departures", "largest")), "largest");
-    // Nothing is expected of the RMS, and nothing was timed at this rate: not numbers, and an age that no limit accepts.
+    // Nothing is expected of the RMS, and nothing was timed at this rate: not numbers, and an age that no limit
+    // accepts.
     check(&words, "departures", &[("rms", Expected::None)]);
     let words = group(&mut master, &mut node, "measured bandwidth");
     check(&words, "measured bandwidth", &[("age", Expected::Number(65_535)), ("rise", Expected::None)]);

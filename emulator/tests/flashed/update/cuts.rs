@@ -1,4 +1,5 @@
-//! Power cuts at every moment of an update: afterwards an image runs, the former or the new one, whole, and an update works.
+//! Power cuts at every moment of an update: afterwards an image runs, the former or the new one, whole, and an update
+//! works.
 
 use super::super::image::image;
 use super::{Update, activate, confirm, erase, running, send_until, started, step, transfer};
@@ -103,7 +104,8 @@ impl Campaign {
     fn conclude(&self, what: &str) {
         let Tally { tried, former, on_trial, confirmed } = self.tally;
         println!(
-            "{what}: {tried} cuts, then the former image {former}, the new one on trial {on_trial}, confirmed {confirmed}"
+            "{what}: {tried} cuts, then the former image {former}, the new one on trial {on_trial}, confirmed \
+             {confirmed}"
         );
         assert_eq!(former + on_trial + confirmed, tried);
     }

@@ -1,5 +1,5 @@
-//! Updates over the line of the flashed node: a second image end to end ([`course`]), what is refused ([`refusals`]), images that do not prove
-//! themselves ([`trials`]), power cuts at every moment ([`cuts`]).
+//! Updates over the line of the flashed node: a second image end to end ([`course`]), what is refused ([`refusals`]),
+//! images that do not prove themselves ([`trials`]), power cuts at every moment ([`cuts`]).
 
 mod course;
 mod cuts;

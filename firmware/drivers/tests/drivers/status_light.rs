@@ -10,7 +10,8 @@ const CLOCK: u32 = 84_000_000;
 /// Ticks between two turns of a main loop.
 const TURN: u32 = CLOCK / 200;
 
-/// Flashes between pauses of more than half a second, as counted from `start` on; the last, unfinished group is left out.
+/// Flashes between pauses of more than half a second, as counted from `start` on; the last, unfinished group is left
+/// out.
 fn counted(light: &mut FlashCode, start: u32, turns: u32, flashes: impl Fn(u32) -> u8) -> Vec<u32> {
     let (mut groups, mut group, mut dark, mut was_lit) = (Vec::new(), 0, 0, false);
     for turn in 0..turns {

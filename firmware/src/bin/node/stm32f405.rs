@@ -50,8 +50,8 @@ fn main() -> ! {
     operate(&power, runner, failures)
 }
 
-/// Builds the node in its place, and how many starts in a row have failed. Its deep calls end before those of the operation begin: the
-/// stack holds the one or the other.
+/// Builds the node in its place, and how many starts in a row have failed. Its deep calls end before those of the
+/// operation begin: the stack holds the one or the other.
 #[inline(never)]
 fn open(power: &Power) -> (Runner<SectorFlash>, u32) {
     let (Some(flash), Some(buffers), Some(capture)) = (
@@ -126,7 +126,8 @@ fn follow_outputs(runner: &mut Runner<SectorFlash>, board: &mut Board) {
     }
 }
 
-/// The slots, seen from the one that this image is linked for; in a static, because the stack is deepest while the node is put together.
+/// The slots, seen from the one that this image is linked for; in a static, because the stack is deepest while the
+/// node is put together.
 #[inline(never)]
 fn updater(slots: [SectorFlash; 2]) -> Option<&'static mut Updater<SectorFlash>> {
     let [lower, upper] = slots.map(|flash| Place { base: flash.start(), flash });

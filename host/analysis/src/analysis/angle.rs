@@ -1,12 +1,14 @@
 //! From tach edges to the pinion's angle, and to samples at equal angles for both shafts at once.
 //!
-//! Time over angle is a natural cubic spline through the (repaired) edges, whatever shaft they are of, and through values between them where they are few; the speed is never taken as
-//! constant. The grid has as many samples per pinion turn as also give a whole number per gear turn, so one reading of the signal serves
-//! the averages of both. It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
-//! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked at up to 80 % of the Nyquist
-//! frequency at the *fastest* turn, where the record holds them throughout. Edges of several marks per turn are smoothed first
-//! ([`whole_turns`]), those of a single mark lose the errors that neighbours do not share ([`single_mark`]). Limits: what the speed does within a turn, or
-//! within one pulse interval, is smoothed.
+//! Time over angle is a natural cubic spline through the (repaired) edges, whatever shaft they are of, and through
+//! values between them where they are few; the speed is never taken as constant. The grid has as many samples per
+//! pinion turn as also give a whole number per gear turn, so one reading of the signal serves the averages of both.
+//! It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
+//! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked
+//! at up to 80 % of the Nyquist frequency at the *fastest* turn, where the record holds them throughout. Edges of
+//! several marks per turn are smoothed first ([`whole_turns`]), those of a single mark lose the errors that
+//! neighbours do not share ([`single_mark`]). Limits: what the speed does within a turn, or within one pulse
+//! interval, is smoothed.
 
 use super::{single_mark, whole_turns};
 use crate::budget::ANGLES;
@@ -28,7 +30,8 @@ const PASS_SHARE: f64 = 0.4;
 const FINE: u32 = 8;
 /// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
 const FEWEST_TURNS: f64 = 6.0;
-/// Turns of a train's shaft from which its sidebands are looked at: a quarter is held out, and the rest still tells them apart.
+/// Turns of a train's shaft from which its sidebands are looked at: a quarter is held out, and the rest still tells
+/// them apart.
 const OFTEN: f64 = 24.0;
 
 /// Speed of the pinion over a run, turn by turn, Hz.
@@ -74,7 +77,8 @@ impl Angle {
         Self::at_ratio(run, tach, (ratio, teeth), &|_| gear_order, place)
     }
 
-    /// The angle of a train's input, whichever of its shafts has the tach. The slower shaft is the slowest one that turns often enough.
+    /// The angle of a train's input, whichever of its shafts has the tach. The slower shaft is the slowest one that
+    /// turns often enough.
     ///
     /// # Errors
     /// As [`Angle::of`], and a tach behind a belt, whose slip is not known.
@@ -159,7 +163,8 @@ impl Angle {
     }
 }
 
-/// Edges of a wheel of few marks with more between them: the spline through its own would leave images of a wander at the orders of its marks. As they are where that goes back in time.
+/// Edges of a wheel of few marks with more between them: the spline through its own would leave images of a wander at
+/// the orders of its marks. As they are where that goes back in time.
 fn finer(edges_s: Vec<f64>, pulses: u32) -> (Vec<f64>, u32) {
     if pulses >= FINE || edges_s.len() < 2 {
         return (edges_s, pulses);
@@ -177,7 +182,8 @@ fn speed_range(map: &AngleMap, from: f64, turns: usize) -> SpeedRange {
     SpeedRange { slowest_hz, mean_hz: turns as f64 / (time(turns) - time(0)), fastest_hz }
 }
 
-/// At least `least` samples per pinion turn, whole numbers for both shafts, with small prime factors where they are free.
+/// At least `least` samples per pinion turn, whole numbers for both shafts, with small prime factors where they are
+/// free.
 fn grid(least: f64, teeth: [u32; 2]) -> [usize; 2] {
     let divisor = teeth[1] / Hunting::of(teeth).turns;
     let [pinion, gear] = teeth.map(|z| (z / divisor) as usize);

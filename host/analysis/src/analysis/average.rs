@@ -1,10 +1,11 @@
 //! Synchronous averages of both shafts, what they leave, and the node's own indicators of them.
 //!
-//! The average that is shown and judged goes over whole hunting periods where the run holds one (then the other gear's pattern is gone
-//! exactly: McFadden 1987), else over all whole turns. What is locked to either shaft is removed for envelope and search by fitting both
-//! averages alternately over all turns. Indicators are computed by the node's code ([`meshband::gear_condition`]) on the average, brought to
-//! a power of two of samples exactly (it is periodic). Limits: orders from half of 4096 on are left out of the indicators; what swells and
-//! fades over the run is removed in the mean only.
+//! The average that is shown and judged goes over whole hunting periods where the run holds one (then the other
+//! gear's pattern is gone exactly: McFadden 1987), else over all whole turns. What is locked to either shaft is
+//! removed for envelope and search by fitting both averages alternately over all turns. Indicators are computed by
+//! the node's code ([`meshband::gear_condition`]) on the average, brought to a power of two of samples exactly (it is
+//! periodic). Limits: orders from half of 4096 on are left out of the indicators; what swells and fades over the run
+//! is removed in the mean only.
 
 use super::angle::Angle;
 use crate::machine::Hunting;

@@ -1,14 +1,17 @@
 //! Squared envelope of the most impulsive band of what is locked to neither shaft, over orders.
 //!
-//! 1. What repeats with either shaft, and the feet of its lines, is taken off in time, so that resonances keep their frequency.
-//! 2. Third-octave and octave bands, wide enough for several harmonics of a passage: each band's complex envelope by the Fourier
-//!    transform, at twice the band's width. The band with the highest excess kurtosis of the squared envelope, in standard errors of
-//!    Gaussian noise, is taken; the kurtosis is the median over eight stretches, so one knock does not decide.
-//! 3. Its squared envelope, less its mean and over it, is read at equal angles: lines are shares of the band's mean power.
+//! 1. What repeats with either shaft, and the feet of its lines, is taken off in time, so that resonances keep their
+//!    frequency.
+//! 2. Third-octave and octave bands, wide enough for several harmonics of a passage: each band's complex envelope by
+//!    the Fourier transform, at twice the band's width. The band with the highest excess kurtosis of the squared
+//!    envelope, in standard errors of Gaussian noise, is taken; the kurtosis is the median over eight stretches, so
+//!    one knock does not decide.
+//! 3. Its squared envelope, less its mean and over it, is read at equal angles: lines are shares of the band's mean
+//!    power.
 //!
-//! Sources: Antoni 2006 and 2007 (spectral kurtosis, fast kurtogram: here fixed bands); Randall, Antoni 2011 (order of the steps). Limits: a
-//! modulation that is not impulsive hardly raises the kurtosis and may stand in another band; a run-up moves a band through
-//! orders, and carries its resonances along in time as it should.
+//! Sources: Antoni 2006 and 2007 (spectral kurtosis, fast kurtogram: here fixed bands); Randall, Antoni 2011 (order
+//! of the steps). Limits: a modulation that is not impulsive hardly raises the kurtosis and may stand in another
+//! band; a run-up moves a band through orders, and carries its resonances along in time as it should.
 
 use super::angle::Angle;
 use super::search::{self, Level, Line};

@@ -1,9 +1,9 @@
 //! Which orders the gear pair explains: mesh harmonics, orders of both shafts, sidebands of both about the mesh.
 //!
-//! A pair that is sound or damaged, but alone, has lines at `k z1`, `k z1 +- n`, `k z1 +- m z1/z2`, `n` and `m z1/z2`: the whole orders of either
-//! shaft. Both shafts at once (`k z1 +- n +- m z1/z2`) are taken up to the second order of each: all of them together would be every
-//! multiple of one over the hunting period and explain anything. Limit: a ghost line on a whole order of a shaft is explained here; the
-//! averages show it.
+//! A pair that is sound or damaged, but alone, has lines at `k z1`, `k z1 +- n`, `k z1 +- m z1/z2`, `n` and
+//! `m z1/z2`: the whole orders of either shaft. Both shafts at once (`k z1 +- n +- m z1/z2`) are taken up to the
+//! second order of each: all of them together would be every multiple of one over the hunting period and explain
+//! anything. Limit: a ghost line on a whole order of a shaft is explained here; the averages show it.
 
 use super::angle::Angle;
 use super::skirts::Skirts;
@@ -30,7 +30,8 @@ pub struct Owned {
 }
 
 impl Owned {
-    /// Of a train, up to `highest` order: what its sound meshes have, the lines of every fault, what motor and driven part bring along.
+    /// Of a train, up to `highest` order: what its sound meshes have, the lines of every fault, what motor and driven
+    /// part bring along.
     pub fn of_train(train: &Train, highest: f64) -> Self {
         let all = families::all(train, highest);
         let mut orders: Vec<f64> = all.iter().flat_map(|family| family.lines.iter().map(|line| line.order)).collect();
@@ -48,7 +49,8 @@ impl Owned {
         Self { shafts, orders }
     }
 
-    /// What is locked to any part of the train in samples of `turns` whole turns of its input: the bins about all owned orders.
+    /// What is locked to any part of the train in samples of `turns` whole turns of its input: the bins about all
+    /// owned orders.
     pub fn locked_part(&self, samples: &[f64], turns: usize) -> Vec<f64> {
         let mut planner = RealFftPlanner::new();
         let forward = planner.plan_fft_forward(samples.len());
@@ -144,8 +146,8 @@ impl Explained {
         })
     }
 
-    /// Whether a line of mean square `power` is a slow swing of a known line near it: next to a mesh harmonic always, next to other
-    /// whole orders where those are stronger. `known` gives the power near an order.
+    /// Whether a line of mean square `power` is a slow swing of a known line near it: next to a mesh harmonic always,
+    /// next to other whole orders where those are stronger. `known` gives the power near an order.
     pub fn swings(&self, order: f64, power: f64, known: impl Fn(f64) -> f64) -> bool {
         let reach = SLOW * self.gear_order.min(1.0);
         let mesh = (order / self.teeth).round() * self.teeth;

@@ -6,11 +6,12 @@
 //! | modulated by a shaft | j o +- n o_s |
 //! | about the mesh | k z1 +- j o |
 //!
-//! Every strong line, its parts, its distance from the mesh and the distances between lines are tried as base. A candidate's evidence is the
-//! logarithm of the binomial probability that as many of its places hit lines by chance, given how densely lines lie, with places far
-//! from the base (high j, n) counted like near ones: a family with few misses wins over one that needs many places. Ties (a sideband taken for
-//! the base gives the same places shifted) are decided by the power at the places j o themselves. The best candidate takes its lines;
-//! the rest is tried again, and joins the family of the same base. What remains stands alone. Nothing is named as damage here.
+//! Every strong line, its parts, its distance from the mesh and the distances between lines are tried as base. A
+//! candidate's evidence is the logarithm of the binomial probability that as many of its places hit lines by chance,
+//! given how densely lines lie, with places far from the base (high j, n) counted like near ones: a family with few
+//! misses wins over one that needs many places. Ties (a sideband taken for the base gives the same places shifted)
+//! are decided by the power at the places j o themselves. The best candidate takes its lines; the rest is tried
+//! again, and joins the family of the same base. What remains stands alone. Nothing is named as damage here.
 
 use super::search::Line;
 use serde::Serialize;

@@ -123,7 +123,11 @@ fn next(all: &[Seen]) -> String {
             .into();
     }
     let look = if all.iter().any(|seen| seen.in_envelope) { advice::for_name("bearing") } else { advice::for_name("") };
-    format!("Next: {}; `meshband diagnose RECORD` looks for causes and says how sure they are; {}.", look.look, look.when)
+    format!(
+        "Next: {}; `meshband diagnose RECORD` looks for causes and says how sure they are; \
+        {}.",
+        look.look, look.when
+    )
 }
 
 /// One row per order.

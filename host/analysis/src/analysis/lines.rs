@@ -1,7 +1,7 @@
 //! Amplitude and phase of lines whose order is known.
 //!
-//! A Blackman-Harris weighted Fourier sum at the very order, no bin: right for one line however it lies between bins, neighbours four
-//! bins away weigh in at -92 dB. Cost: one pass over the samples per line.
+//! A Blackman-Harris weighted Fourier sum at the very order, no bin: right for one line however it lies between bins,
+//! neighbours four bins away weigh in at -92 dB. Cost: one pass over the samples per line.
 
 use crate::spectral::Window;
 use rustfft::num_complex::Complex64;

@@ -1,9 +1,10 @@
 //! What a record shows of a gear pair from one channel, tooth counts and a tach: `meshband analyse`.
 //!
-//! Per run: the angle (`angle`). Per channel: order spectrum and map, mesh harmonics with sidebands (`sidebands`), averages of both shafts with the
-//! node's indicators (`average`), the envelope of the rest (`envelope`), and lines that the pair does not explain (`search`, `explained`,
-//! `families`, `unexplained`). `view` and `report` show it. Nothing needs torque, stiffness or calibration; amplitudes are in the record's unit.
-//! Cost: a channel of a million samples takes a few seconds and 300 MB.
+//! Per run: the angle (`angle`). Per channel: order spectrum and map, mesh harmonics with sidebands (`sidebands`),
+//! averages of both shafts with the node's indicators (`average`), the envelope of the rest (`envelope`), and lines
+//! that the pair does not explain (`search`, `explained`, `families`, `unexplained`). `view` and `report` show it.
+//! Nothing needs torque, stiffness or calibration; amplitudes are in the record's unit. Cost: a channel of a million
+//! samples takes a few seconds and 300 MB.
 
 pub mod angle;
 pub mod average;
@@ -143,7 +144,8 @@ pub struct ChannelOutcome {
 /// Analyses the chosen runs and channels.
 ///
 /// # Errors
-/// A record without tach or tooth counts, no such run or channel, no run with enough turns, more points than the budget.
+/// A record without tach or tooth counts, no such run or channel, no run with enough turns, more points than the
+/// budget.
 pub fn record(record: &Record, choice: Choice) -> Result<Outcome> {
     let place = record.folder.join("record.toml");
     let tach = require_tach(record)?.clone();
@@ -305,7 +307,8 @@ fn run_notes(run: &Run, angle: &Angle, teeth: [u32; 2]) -> Vec<String> {
     let spacing = angle.slower_order() * angle.turns as f64;
     if spacing < 2.0 * lines::LOBE_BINS {
         notes.push(format!(
-            "{:.1} turns of the slower shaft: sidebands closer than {:.0} bins run into each other, their amplitudes are bounds",
+            "{:.1} turns of the slower shaft: sidebands closer than {:.0} bins run into each other, their amplitudes \
+             are bounds",
             spacing,
             2.0 * lines::LOBE_BINS
         ));

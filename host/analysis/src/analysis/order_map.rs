@@ -1,6 +1,7 @@
 //! Order spectra of short stretches one after the other: which lines follow the shaft, and when.
 //!
-//! Stretches of equal angle, half overlapping, each with a Blackman-Harris window; the picture keeps the highest amplitude of each cell.
+//! Stretches of equal angle, half overlapping, each with a Blackman-Harris window; the picture keeps the highest
+//! amplitude of each cell.
 
 use super::angle::Angle;
 use super::lines::WINDOW;

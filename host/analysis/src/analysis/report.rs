@@ -1,4 +1,5 @@
-//! The analysis as a page: a letter with the table of findings, then per channel the order spectrum, the order map, both averages and the envelope's spectrum, with their tables.
+//! The analysis as a page: a letter with the table of findings, then per channel the order spectrum, the order map,
+//! both averages and the envelope's spectrum, with their tables.
 
 use super::average::Average;
 use super::letter;
@@ -72,10 +73,14 @@ fn loudest(outcome: &Outcome) -> Option<&ChannelOutcome> {
     channels.max_by(|a, b| rest(a).0.total_cmp(&rest(b).0).then(rest(a).1.total_cmp(&rest(b).1)))
 }
 
-const EXPLANATION: &str = "Orders are multiples of the pinion's turns. AM and PM are indices of amplitude and phase modulation (rad), given where the \
-     harmonic and both sidebands stand over the floor. SER is the sum of the amplitudes of three sidebands on each side over the harmonic's. FM0, \
-     FM4, NA4 and the other indicators are computed by the node's own code on the average shown; NA4 runs on over the runs of like torque and \
-     speed. Tooth numbers count tooth pitches from angle 0. What the mesh does not explain is listed by energy and named by nothing but its orders. Definitions, limits and sources: book/src/explanation/analysis.md.";
+const EXPLANATION: &str = "Orders are multiples of the pinion's turns. AM and PM are indices of amplitude and phase \
+    modulation (rad), given where the \
+     harmonic and both sidebands stand over the floor. SER is the sum of the amplitudes of three sidebands on each \
+     side over the harmonic's. FM0, \
+     FM4, NA4 and the other indicators are computed by the node's own code on the average shown; NA4 runs on over \
+     the runs of like torque and \
+     speed. Tooth numbers count tooth pitches from angle 0. What the mesh does not explain is listed by energy and \
+     named by nothing but its orders. Definitions, limits and sources: book/src/explanation/analysis.md.";
 
 fn of_channel(
     mut report: Report,
@@ -139,7 +144,8 @@ fn order_spectrum(report: Report, channel: &ChannelOutcome, unit: &str) -> Resul
     let y = format!("amplitude, dB re 1 {unit}");
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let caption = format!(
-        "Order spectrum over {} turns: peak amplitude, window {}, a line {:.4} orders wide. Mesh harmonics are marked k z, what the mesh does not explain by its order.",
+        "Order spectrum over {} turns: peak amplitude, window {}, a line {:.4} orders wide. Mesh harmonics are \
+         marked k z, what the mesh does not explain by its order.",
         own.turns, own.window, own.resolution_orders
     );
     Ok(report.picture(&svg, &caption))
@@ -160,7 +166,8 @@ fn order_map(report: Report, channel: &ChannelOutcome, unit: &str) -> Result<Rep
     let axes = Axes { x: "time, s", y: "order of the pinion" };
     let svg = dense_map(&rows, map.time_s.0..map.time_s.1, 0.0..map.highest_order, scale, axes)?;
     let caption = format!(
-        "Order map: peak amplitude in dB re 1 {unit}, stretches of {} turns. What turns with the shafts is level; what stands at a frequency moves against the speed.",
+        "Order map: peak amplitude in dB re 1 {unit}, stretches of {} turns. What turns with the shafts is level; \
+         what stands at a frequency moves against the speed.",
         map.turns
     );
     Ok(report.picture(&svg, &caption))

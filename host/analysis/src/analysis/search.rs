@@ -1,11 +1,12 @@
 //! Lines over their local floor, at a stated probability of any false one.
 //!
-//! Power spectra of all turns at once and as Welch means of a quarter and a sixteenth: a line that a slipping bearing smears loses in
-//! the first and stands in the others. In noise a mean of K spectra is Gamma(K) about the floor, so every bin has a probability by chance;
-//! Bonferroni over the bins of all three holds the probability of one false line in the whole spectrum below [`FALSE_ALARM`]. The floor is
-//! the highest of the medians to the left, to the right and of both, raised by two of its standard errors: a slope or a step of the
-//! noise makes no lines. Limits: noise that is not stationary in angle (knocks, a resonance swept through) is no such noise; neighbouring bins share
-//! a window and are counted as independent, which is on the safe side.
+//! Power spectra of all turns at once and as Welch means of a quarter and a sixteenth: a line that a slipping bearing
+//! smears loses in the first and stands in the others. In noise a mean of K spectra is Gamma(K) about the floor, so
+//! every bin has a probability by chance; Bonferroni over the bins of all three holds the probability of one false
+//! line in the whole spectrum below [`FALSE_ALARM`]. The floor is the highest of the medians to the left, to the
+//! right and of both, raised by two of its standard errors: a slope or a step of the noise makes no lines. Limits:
+//! noise that is not stationary in angle (knocks, a resonance swept through) is no such noise; neighbouring bins
+//! share a window and are counted as independent, which is on the safe side.
 
 use super::lines::{LOBE_BINS, WINDOW};
 use crate::spectral::{Spectrum, power_density};
@@ -38,7 +39,8 @@ const FOOT: (f64, f64) = (0.02, 0.5);
 pub struct Line {
     /// Order of the pinion.
     pub order: f64,
-    /// Peak amplitude of a sine with the power of the line and its foot above the floor; record's unit, or share of the band's mean power.
+    /// Peak amplitude of a sine with the power of the line and its foot above the floor; record's unit, or share of
+    /// the band's mean power.
     pub amplitude: f64,
     /// Highest bin over the floor, dB.
     pub over_floor_db: f64,
@@ -67,7 +69,8 @@ pub struct Range<'a> {
     pub lowest: f64,
     /// Highest order.
     pub highest: f64,
-    /// Whether an order within a half width (both in orders) is spoken for; such bins neither count nor carry the floor.
+    /// Whether an order within a half width (both in orders) is spoken for; such bins neither count nor carry the
+    /// floor.
     pub known: &'a dyn Fn(f64, f64) -> bool,
 }
 
@@ -101,10 +104,11 @@ impl Level {
         (2.0 * power.max(0.0)).sqrt()
     }
 
-    /// Length of what lies over the floor on both sides of `centre` (of zero: above it), orders, at most `reach`; 0 where nothing does.
+    /// Length of what lies over the floor on both sides of `centre` (of zero: above it), orders, at most `reach`; 0
+    /// where nothing does.
     ///
-    /// A smeared or swinging line falls off alike to both sides: where one side is ten times the other, a neighbour begins. Stretches
-    /// grow with the distance, so that a fade of noise within a foot does not end it.
+    /// A smeared or swinging line falls off alike to both sides: where one side is ten times the other, a neighbour
+    /// begins. Stretches grow with the distance, so that a fade of noise within a foot does not end it.
     pub fn foot(&self, centre: f64, reach: f64) -> f64 {
         let bin = self.density.bin;
         let centre = (centre / bin).round() as isize;
@@ -229,7 +233,8 @@ pub fn lines(levels: &[Level], range: &Range) -> Vec<Line> {
     kept
 }
 
-/// Order and power over floor of the highest bin within `reach` bins, to a fraction of a bin; none at the edge of the reach.
+/// Order and power over floor of the highest bin within `reach` bins, to a fraction of a bin; none at the edge of the
+/// reach.
 pub fn peak(level: &Level, order: f64, reach: f64) -> Option<(f64, f64)> {
     let values = &level.density.values;
     let centre = order / level.density.bin;

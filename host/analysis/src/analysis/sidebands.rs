@@ -1,9 +1,10 @@
 //! Mesh harmonics with the sidebands of both shafts, and what modulation they speak of.
 //!
-//! A modulation `(1 + m cos(s + a)) cos(c + b sin(s + d))` of a harmonic `C` by a shaft gives the lines `U` above and `L` below; of small
-//! indices `U/C + conj(L/C)` has the magnitude of the amplitude modulation and `U/C - conj(L/C)` that of the phase modulation (rad).
-//! They are given where both lines stand over the floor with a probability by chance of 1e-3. Limits: a path whose gain differs between the
-//! sidebands turns one modulation into a mixture; indices of phase beyond 0.5 rad come out too small (they are 2 J1/J0).
+//! A modulation `(1 + m cos(s + a)) cos(c + b sin(s + d))` of a harmonic `C` by a shaft gives the lines `U` above and
+//! `L` below; of small indices `U/C + conj(L/C)` has the magnitude of the amplitude modulation and `U/C - conj(L/C)`
+//! that of the phase modulation (rad). They are given where both lines stand over the floor with a probability by
+//! chance of 1e-3. Limits: a path whose gain differs between the sidebands turns one modulation into a mixture;
+//! indices of phase beyond 0.5 rad come out too small (they are 2 J1/J0).
 
 use super::angle::Angle;
 use super::lines::OrderLines;
@@ -60,8 +61,9 @@ pub struct Harmonic {
     pub pinion: Vec<Pair>,
     /// Sidebands of the gear's shaft.
     pub gear: Vec<Pair>,
-    /// Sum of the amplitudes of the sidebands +-1 to +-3 over that of the harmonic, pinion and gear: the definition of the node
-    /// (`meshband::zoom::MeshZoom::sideband_energy_ratio`) on these lines; absent where there is no harmonic.
+    /// Sum of the amplitudes of the sidebands +-1 to +-3 over that of the harmonic, pinion and gear: the definition
+    /// of the node (`meshband::zoom::MeshZoom::sideband_energy_ratio`) on these lines; absent where there is no
+    /// harmonic.
     pub sideband_energy_ratio: Option<[f64; 2]>,
 }
 

@@ -1,10 +1,11 @@
 //! What lies at the feet of the pair's own lines: a mesh harmonic whose strength swings with load or speed.
 //!
-//! A harmonic that passes a resonance while the speed wanders is no single line: its foot is filled up to where the swing ends; jitter of
-//! the tach does the same. An average takes off the mean only. The foot of each known order is followed outwards as long as the power
-//! over short stretches stays well above the floor, on both sides alike ([`Level::foot`]); it is explained like the order itself and taken
-//! off before the envelope. Limit: what is not the pair's and stands within a foot is lost; it ends at
-//! one order about the mesh and at half the slower shaft's order elsewhere.
+//! A harmonic that passes a resonance while the speed wanders is no single line: its foot is filled up to where the
+//! swing ends; jitter of the tach does the same. An average takes off the mean only. The foot of each known order is
+//! followed outwards as long as the power over short stretches stays well above the floor, on both sides alike
+//! ([`Level::foot`]); it is explained like the order itself and taken off before the envelope. Limit: what is not the
+//! pair's and stands within a foot is lost; it ends at one order about the mesh and at half the slower shaft's order
+//! elsewhere.
 
 use super::angle::Angle;
 use super::search::Level;
@@ -46,7 +47,8 @@ impl Skirts {
         Self(intervals)
     }
 
-    /// About zero, the first orders of the shafts of a train and its mesh lines, each to half the slowest shaft's order.
+    /// About zero, the first orders of the shafts of a train and its mesh lines, each to half the slowest shaft's
+    /// order.
     pub fn of_train(level: &Level, slower: f64, shafts: &[f64], meshes: &[f64]) -> Self {
         let of_shafts = shafts.iter().flat_map(|own| (1..=SHAFT_ORDERS).map(move |n| n as f64 * own));
         let foot = |centre: f64| {

@@ -1,7 +1,9 @@
-//! What a record shows of a gear train: per stage mesh harmonics and sidebands of every gear, averages of every gear, lines with their owners.
+//! What a record shows of a gear train: per stage mesh harmonics and sidebands of every gear, averages of every gear,
+//! lines with their owners.
 //!
-//! Orders are those of the train's input (shaft 0), whichever shaft has the tach. The steps are those of a pair ([`super`]); what differs is who
-//! owns a line: [`crate::train`] says so in exact fractions. Cost: a fold over the samples per gear and a few hundred Fourier sums.
+//! Orders are those of the train's input (shaft 0), whichever shaft has the tach. The steps are those of a pair
+//! ([`super`]); what differs is who owns a line: [`crate::train`] says so in exact fractions. Cost: a fold over the
+//! samples per gear and a few hundred Fourier sums.
 
 use super::angle::{Angle, SpeedRange};
 use super::explained::{Explained, Owned};

@@ -1,8 +1,10 @@
 //! Synchronous averages of every gear of a train, those of suns and planets through the window of planets passing.
 //!
-//! A gear's average is the signal folded at its rate; what turns otherwise falls with the number of periods. In a set whose carrier turns, a planet
-//! is heard best as it passes the sensor: the average is weighted there (McFadden 1991), planet by planet, and for the sun at every pass. When planets pass is
-//! read from the phase between two neighbouring lines of the sound mesh. Folds have [`POINTS`] places: orders of the gear beyond half of them are lost.
+//! A gear's average is the signal folded at its rate; what turns otherwise falls with the number of periods. In a set
+//! whose carrier turns, a planet is heard best as it passes the sensor: the average is weighted there (McFadden
+//! 1991), planet by planet, and for the sun at every pass. When planets pass is read from the phase between two
+//! neighbouring lines of the sound mesh. Folds have [`POINTS`] places: orders of the gear beyond half of them are
+//! lost.
 
 use super::angle::Angle;
 use super::average::{Indicators, judged};
@@ -17,7 +19,8 @@ use std::f64::consts::{PI, TAU};
 pub const POINTS: usize = 2048;
 /// Fewest periods that make an average.
 const FEWEST: f64 = 8.0;
-/// Carrier orders about the first harmonic among which the lines that say when planets pass are looked for, times the planets.
+/// Carrier orders about the first harmonic among which the lines that say when planets pass are looked for, times the
+/// planets.
 const PASSES: i64 = 2;
 
 /// The average of one gear.
@@ -81,7 +84,8 @@ impl Passing {
     }
 }
 
-/// Averages of all gears that turn often enough; samples are at equal angles of the input from its `angle.from_turn` on.
+/// Averages of all gears that turn often enough; samples are at equal angles of the input from its `angle.from_turn`
+/// on.
 pub fn averages(samples: &[f64], angle: &Angle, train: &Train, lines: &OrderLines) -> Vec<GearAverage> {
     let mut all = Vec::new();
     for mesh in train.meshes.iter().filter(|mesh| mesh.exact) {
@@ -153,11 +157,13 @@ mod tests {
 
     #[test]
     fn theory_a_knock_of_one_planet_stands_in_its_windowed_average_and_in_no_other() {
-        let text = "[[stage]]\nkind = \"planetary\"\nsun = 31\nplanet = 32\nring = 95\nplanets = 3\nfixed = \"ring\"\ninput = \"sun\"\n";
+        let text = "[[stage]]\nkind = \"planetary\"\nsun = 31\nplanet = 32\nring = 95\nplanets = 3\nfixed \
+            = \"ring\"\ninput = \"sun\"\n";
         let train = Train::of(Declaration::parse(text, "t").unwrap()).unwrap();
         let (carrier, rate) = (31.0 / 126.0, 95.0 * 31.0 / (126.0 * 32.0));
         let (per_turn, turns) = (400, 3000);
-        // Three planets pass a sensor at turn fractions 0, 1/3, 2/3 of the carrier; each is heard for a sixth of a turn either way.
+        // Three planets pass a sensor at turn fractions 0, 1/3, 2/3 of the carrier; each is heard for a sixth of a
+        // turn either way.
         let near = |turn: f64, planet: f64| {
             let away = (turn * carrier - planet / 3.0 + 0.5).rem_euclid(1.0) - 0.5;
             if away.abs() < 1.0 / 6.0 { (PI * 3.0 * away).cos().powi(2) } else { 0.0 }

@@ -1,8 +1,9 @@
 //! Orders that the gear pair does not explain, in families, ranked by their energy.
 //!
-//! Looked for twice: in the order spectrum of what is locked to neither shaft (a line is lost there where it lies on a whole order of a
-//! shaft), and in the squared envelope, where impacts show that excite resonances. Lines that stand at one frequency while the speed wanders are
-//! said to: they are of something that does not turn with this machine. Nothing is named as damage.
+//! Looked for twice: in the order spectrum of what is locked to neither shaft (a line is lost there where it lies on
+//! a whole order of a shaft), and in the squared envelope, where impacts show that excite resonances. Lines that
+//! stand at one frequency while the speed wanders are said to: they are of something that does not turn with this
+//! machine. Nothing is named as damage.
 
 use super::angle::Angle;
 use super::envelope::Envelope;

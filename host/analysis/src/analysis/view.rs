@@ -158,7 +158,8 @@ pub fn envelope(channel: &ChannelOutcome, run: &RunOutcome) -> String {
     let declared =
         if declared.is_empty() { String::new() } else { format!("; declared bearings: {}", declared.join(", ")) };
     format!(
-        "envelope of the rest, {:.0} to {:.0} Hz (excess kurtosis {:.2}, {:.1} standard errors, highest of {} bands): {lines}{declared}",
+        "envelope of the rest, {:.0} to {:.0} Hz (excess kurtosis {:.2}, {:.1} standard errors, highest of {} \
+         bands): {lines}{declared}",
         e.band.low_hz, e.band.high_hz, e.band.kurtosis, e.band.score, e.bands_tried
     )
 }

@@ -1,16 +1,19 @@
 //! Edges of a wheel of several marks, as a shaft with inertia would have made them with perfect marks.
 //!
-//! A wheel's marks are uneven, and where a channel samples its voltage every edge is off by a share of a sample; the angle takes both over, and at the
-//! tenth mesh harmonic both are phase: lines at every order of that shaft, and noise beneath everything. The mean of the edges of one whole turn about each edge has
-//! neither (uneven marks cancel, exactly once their mean departures are taken off, jitter falls with the root of the marks); what the mean takes off a changing speed is put back by a mean of
-//! what it left. Cost: the speed between one turn and the next is smooth, so a shaft that truly turns unevenly within its turn shows as modulation
-//! of the mesh by that shaft, where the unevenness of the marks would have hidden it. Limit: a wander at an order `v` of the shaft is followed
-//! but for `(1 - sinc v)^2`: 0.002 % at 0.05, 0.4 % at 0.2. A single mark has nothing to average and is left alone.
+//! A wheel's marks are uneven, and where a channel samples its voltage every edge is off by a share of a sample; the
+//! angle takes both over, and at the tenth mesh harmonic both are phase: lines at every order of that shaft, and
+//! noise beneath everything. The mean of the edges of one whole turn about each edge has neither (uneven marks
+//! cancel, exactly once their mean departures are taken off, jitter falls with the root of the marks); what the mean
+//! takes off a changing speed is put back by a mean of what it left. Cost: the speed between one turn and the next is
+//! smooth, so a shaft that truly turns unevenly within its turn shows as modulation of the mesh by that shaft, where
+//! the unevenness of the marks would have hidden it. Limit: a wander at an order `v` of the shaft is followed but for
+//! `(1 - sinc v)^2`: 0.002 % at 0.05, 0.4 % at 0.2. A single mark has nothing to average and is left alone.
 
 /// Fewest turns over which means are taken.
 const FEWEST_TURNS: usize = 4;
 
-/// Edges of a wheel of `pulses` marks by means over whole turns: as many, at the same marks. A single mark and too few turns are left as they are.
+/// Edges of a wheel of `pulses` marks by means over whole turns: as many, at the same marks. A single mark and too
+/// few turns are left as they are.
 pub fn smoothed(edges_s: &[f64], pulses: u32) -> Vec<f64> {
     let pulses = pulses as usize;
     if pulses < 2 || edges_s.len() < FEWEST_TURNS * pulses {
@@ -20,7 +23,8 @@ pub fn smoothed(edges_s: &[f64], pulses: u32) -> Vec<f64> {
     averaged(&even, pulses)
 }
 
-/// Edges with each mark's mean departure from smooth ones taken off, which is a share of the turn: where the speed changes, uneven marks do not quite cancel in a mean.
+/// Edges with each mark's mean departure from smooth ones taken off, which is a share of the turn: where the speed
+/// changes, uneven marks do not quite cancel in a mean.
 fn evened(edges: &[f64], smooth: &[f64], pulses: usize) -> Vec<f64> {
     let period = |i: usize| {
         let from = i.saturating_sub(pulses / 2).min(smooth.len() - 1 - pulses);
@@ -56,7 +60,8 @@ fn extended(edges: &[f64], pulses: usize) -> Vec<f64> {
     before.chain(edges.iter().copied()).chain((0..pulses).map(behind)).collect()
 }
 
-/// Means over one turn about each value, half a mark's weight at the ends where their number is even; shorter ones at the ends of the run.
+/// Means over one turn about each value, half a mark's weight at the ends where their number is even; shorter ones at
+/// the ends of the run.
 fn means(values: &[f64], pulses: usize) -> Vec<f64> {
     let half = pulses / 2;
     let mut sums = vec![0.0];

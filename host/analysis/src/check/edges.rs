@@ -1,8 +1,8 @@
 //! Rules on the tach edges: lost and doubled edges, speeds that cannot be.
 //!
-//! The node's tracker bridges a lost edge and rejects a doubled one; on the whole run [`crate::pulses`] does the same, with more
-//! behind an edge to judge it by. Limit: an edge lost at either end of a run cannot be seen, and does no harm to the angle but by whole turns
-//! where there is one pulse per turn.
+//! The node's tracker bridges a lost edge and rejects a doubled one; on the whole run [`crate::pulses`] does the
+//! same, with more behind an edge to judge it by. Limit: an edge lost at either end of a run cannot be seen, and does
+//! no harm to the angle but by whole turns where there is one pulse per turn.
 
 use super::Checked;
 use super::finding::{Finding, Kind, Severity};

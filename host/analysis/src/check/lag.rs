@@ -1,9 +1,10 @@
-//! Rules on how the mesh's phase runs against the tach within each run: a jump says samples (or tach time) are missing, a steady drift that
-//! the two clocks differ.
+//! Rules on how the mesh's phase runs against the tach within each run: a jump says samples (or tach time) are
+//! missing, a steady drift that the two clocks differ.
 //!
-//! Every run is cut into whole turns of the pinion, so that orders of the pinion do not leak into each other; the delay from one turn to the
-//! next is where the harmonics of the mesh, both channels, agree best. Limit: delays are known up to a whole mesh period, a jump of exactly
-//! that is not seen; a drift is measured to about 1e-6 in a second.
+//! Every run is cut into whole turns of the pinion, so that orders of the pinion do not leak into each other; the
+//! delay from one turn to the next is where the harmonics of the mesh, both channels, agree best. Limit: delays are
+//! known up to a whole mesh period, a jump of exactly that is not seen; a drift is measured to about 1e-6 in a
+//! second.
 
 use super::Checked;
 use super::finding::{Finding, Kind, Severity};
@@ -35,7 +36,8 @@ pub fn check(checked: &mut Checked) {
         let speed = Angle::fit(&record.runs[first], record.pulses_per_rev, record.jitter_s).shaft_hz;
         let worst = places.iter().filter_map(|&r| jumps[r]).map(|j| j.1.abs()).fold(0.0, f64::max);
         let text = format!(
-            "the mesh's phase jumps against the tach by {:.1} samples (or that and whole mesh periods) {}, first in run {} near {:.2} s: samples are missing there, or time of the tach",
+            "the mesh's phase jumps against the tach by {:.1} samples (or that and whole mesh periods) {}, first in \
+             run {} near {:.2} s: samples are missing there, or time of the tach",
             size * record.sample_rate_hz,
             checked.in_runs(&places),
             checked.runs[first],
@@ -156,7 +158,8 @@ fn drift(checked: &mut Checked, changes: &[Vec<f64>]) {
     let factor = 1.0 / (1.0 + middle);
     super::mesh::scale_tach(checked, factor);
     let text = format!(
-        "tach and vibration disagree by {:+.4} %: the mesh's phase drifts against the tach alike in all runs; the tach is scaled to the vibration",
+        "tach and vibration disagree by {:+.4} %: the mesh's phase drifts against the tach alike in all runs; the \
+         tach is scaled to the vibration",
         100.0 * (factor - 1.0)
     );
     checked.findings.add(Finding::new(Severity::Say, Kind::Clock, factor - 1.0, LEAST_DRIFT, "relative", text));

@@ -1,4 +1,5 @@
-//! Rules on levels against the prediction: a factor that is a unit, torques of runs exchanged, nothing above a frequency.
+//! Rules on levels against the prediction: a factor that is a unit, torques of runs exchanged, nothing above a
+//! frequency.
 
 use super::Checked;
 use super::compared::{Compared, pooled};
@@ -8,7 +9,8 @@ use super::finding::{Finding, Kind, Severity, channel_name, in_runs};
 const GRAVITY: std::ops::Range<f64> = 7.5..12.5;
 /// Logarithm of a run's level over the others' from which its torque is another run's, where one fits.
 const TORQUE_OFF: f64 = 0.25;
-/// The same where no other run's torque fits: the library's effects move single runs by up to 0.37 (`tests/tests/closed_loop/loop_wrong_records.rs`).
+/// The same where no other run's torque fits: the library's effects move single runs by up to 0.37
+/// (`tests/tests/closed_loop/loop_wrong_records.rs`).
 const TORQUE_ODD: f64 = 0.5;
 /// Logarithm within which a level fits another run's torque.
 const TORQUE_FITS: f64 = 0.12;
@@ -36,7 +38,8 @@ fn unit(checked: &mut Checked, runs: &[Compared]) {
     let mean = (gains[0] * gains[1]).sqrt();
     if gains.iter().all(|g| GRAVITY.contains(g)) || gains.iter().all(|g| GRAVITY.contains(&(1.0 / g))) {
         let text = format!(
-            "both channels' levels are {mean:.3} times the prediction's, and one g is 9.81 m/s2: is the full scale in the wrong unit?"
+            "both channels' levels are {mean:.3} times the prediction's, and one g is 9.81 m/s2: is the full scale \
+             in the wrong unit?"
         );
         checked.findings.add(Finding::new(Severity::Refuse, Kind::Level, mean, GRAVITY.start, "times", text));
     }
@@ -128,7 +131,8 @@ fn pass_band(checked: &mut Checked, runs: &[Compared]) {
         let end_hz = from as f64 * BAND_HZ;
         tops.push(FLAT_SHARE * end_hz);
         let text = format!(
-            "{} carries nothing above {end_hz:.0} Hz, neither predicted lines nor noise: a filter of the chain; compared up to {:.0} Hz, names of effects withheld",
+            "{} carries nothing above {end_hz:.0} Hz, neither predicted lines nor noise: a filter of the chain; \
+             compared up to {:.0} Hz, names of effects withheld",
             channel_name(channel),
             FLAT_SHARE * end_hz
         );

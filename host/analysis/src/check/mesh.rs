@@ -1,7 +1,8 @@
 //! Rules on where the mesh line stands: at teeth x speed, at another factor, at another run's, or nowhere.
 //!
-//! Measure: the mean logarithm of power over local noise at the first harmonics of a supposed mesh frequency, over both channels. Noise alone
-//! gives about one, whatever its colour; a gear pair's mesh several more; one strong line of something else hardly moves it.
+//! Measure: the mean logarithm of power over local noise at the first harmonics of a supposed mesh frequency, over
+//! both channels. Noise alone gives about one, whatever its colour; a gear pair's mesh several more; one strong line
+//! of something else hardly moves it.
 
 use super::Checked;
 use super::finding::{Finding, Kind, Severity, channel_name};
@@ -103,7 +104,8 @@ impl Seen {
             })
     }
 
-    /// Whether another speed is a multiple of the own one whose mesh leaves out harmonics that stand: its lines are all there at the own speed, too.
+    /// Whether another speed is a multiple of the own one whose mesh leaves out harmonics that stand: its lines are
+    /// all there at the own speed, too.
     fn has_harmonics_between(&self, other_shaft_hz: f64) -> bool {
         let multiple = (other_shaft_hz / self.shaft_hz).round();
         let is_multiple = multiple >= 2.0 && (other_shaft_hz / self.shaft_hz / multiple - 1.0).abs() < SAME_FACTOR;
@@ -190,7 +192,8 @@ fn pulses(checked: &mut Checked, seen: &[Seen]) -> bool {
     }
     let declared = checked.record.pulses_per_rev;
     let text = format!(
-        "the mesh lines stand at {factor:.4} times teeth x speed in {agree} of {} runs: pulses per turn are declared as {declared}, the vibration fits {:.3}",
+        "the mesh lines stand at {factor:.4} times teeth x speed in {agree} of {} runs: pulses per turn are declared \
+         as {declared}, the vibration fits {:.3}",
         seen.len(),
         f64::from(declared) / factor
     );
@@ -201,7 +204,8 @@ fn pulses(checked: &mut Checked, seen: &[Seen]) -> bool {
 fn no_mesh(checked: &mut Checked, seen: &[Seen], found: &[(f64, f64, f64, Place)], nowhere: &[usize]) {
     let worst = nowhere.iter().map(|&r| found[r].1).fold(f64::INFINITY, f64::min);
     let text = format!(
-        "no mesh line {}: mean log power over noise at {HARMONICS} harmonics of teeth x speed is {worst:.2} (noise alone gives 1.0)",
+        "no mesh line {}: mean log power over noise at {HARMONICS} harmonics of teeth x speed is {worst:.2} (noise \
+         alone gives 1.0)",
         checked.in_runs(nowhere)
     );
     debug_assert_eq!(seen.len(), found.len());
@@ -248,7 +252,8 @@ fn mesh_elsewhere(checked: &mut Checked, seen: &[Seen], found: &[(f64, f64, f64,
 fn teeth(checked: &mut Checked, seen: &[Seen], factor: f64) -> bool {
     let declared = checked.record.pair.teeth[0];
     let text = format!(
-        "the mesh lines stand at {factor:.5} times teeth x speed in all {} runs: the pinion has {:.2} teeth where {declared} are declared, or the speed is off by that",
+        "the mesh lines stand at {factor:.5} times teeth x speed in all {} runs: the pinion has {:.2} teeth where \
+         {declared} are declared, or the speed is off by that",
         seen.len(),
         factor * f64::from(declared)
     );
@@ -260,7 +265,8 @@ fn teeth(checked: &mut Checked, seen: &[Seen], factor: f64) -> bool {
 fn undo_clock(checked: &mut Checked, factor: f64) -> bool {
     scale_tach(checked, factor);
     let text = format!(
-        "tach and vibration disagree by {:+.4} %: the mesh lines stand at {factor:.6} times teeth x speed in all runs; the tach is scaled to the vibration",
+        "tach and vibration disagree by {:+.4} %: the mesh lines stand at {factor:.6} times teeth x speed in all \
+         runs; the tach is scaled to the vibration",
         100.0 * (factor - 1.0)
     );
     checked.findings.add(Finding::new(Severity::Say, Kind::Clock, factor - 1.0, 0.0, "relative", text));
@@ -284,7 +290,8 @@ fn channels_without_mesh(checked: &mut Checked, seen: &[Seen], found: &[(f64, f6
         }
         let worst = places.iter().map(|&r| level(r)).fold(f64::INFINITY, f64::min);
         let text = format!(
-            "{} carries no mesh {}: mean log power over noise at {HARMONICS} harmonics is {worst:.2} (noise alone gives 1.0)",
+            "{} carries no mesh {}: mean log power over noise at {HARMONICS} harmonics is {worst:.2} (noise alone \
+             gives 1.0)",
             channel_name(channel),
             checked.in_runs(&places)
         );

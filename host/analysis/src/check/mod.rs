@@ -1,10 +1,11 @@
 //! What is wrong with a record, found before anything is inferred from it.
 //!
-//! In: the loop's view of a record ([`Record`]). Out: [`Findings`] (what, where, figure, limit, severity) and the record as it may be used
-//! ([`Checked::record`]): runs set aside, and undone what can be undone exactly (edges, clock ratio, lag of the tach, a channel's sign,
-//! order or delay). Rules go from the samples (`samples`) over the tach (`edges`) and the mesh line (`mesh`, `lag`) to the declared
-//! machine's prediction (`prediction`); each measures a figure and later ones see what earlier ones mended. An undeclared effect of the
-//! machine is no fault of its record: limits are set so that the library's effects pass.
+//! In: the loop's view of a record ([`Record`]). Out: [`Findings`] (what, where, figure, limit, severity) and the
+//! record as it may be used ([`Checked::record`]): runs set aside, and undone what can be undone exactly (edges,
+//! clock ratio, lag of the tach, a channel's sign, order or delay). Rules go from the samples (`samples`) over the
+//! tach (`edges`) and the mesh line (`mesh`, `lag`) to the declared machine's prediction (`prediction`); each
+//! measures a figure and later ones see what earlier ones mended. An undeclared effect of the machine is no fault of
+//! its record: limits are set so that the library's effects pass.
 
 mod compared;
 pub(crate) mod edges;
@@ -31,7 +32,8 @@ pub struct Checked {
     pub record: Record,
     /// Index of each of its runs in the record as it was.
     pub runs: Vec<usize>,
-    /// Time by which the tach's edges were moved later for a lag that all runs share, s; parameters that are a little off may pass for one.
+    /// Time by which the tach's edges were moved later for a lag that all runs share, s; parameters that are a little
+    /// off may pass for one.
     pub tach_lag_s: Option<f64>,
 }
 
@@ -71,7 +73,8 @@ impl Checked {
         finding::in_runs(&self.named(places), self.runs.len())
     }
 
-    /// Adds `make` once for all runs at `places`: with `whole` where they are all runs in use (or too few stay), else with `some`.
+    /// Adds `make` once for all runs at `places`: with `whole` where they are all runs in use (or too few stay), else
+    /// with `some`.
     fn add_for_runs(&mut self, places: &[usize], some: Severity, whole: Severity, finding: Finding) {
         if places.is_empty() {
             return;

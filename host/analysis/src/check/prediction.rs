@@ -1,9 +1,11 @@
-//! Rules against the declared machine's prediction: order, sign and delay of the channels, lag of the tach, level, torques, pass band.
+//! Rules against the declared machine's prediction: order, sign and delay of the channels, lag of the tach, level,
+//! torques, pass band.
 //!
-//! The complex amplitudes of the mesh harmonics are compared with those of the harmonic balance, over all runs. Agreement is the cosine between
-//! the two, so that a wrong level does not count; a lag turns every harmonic in proportion to its frequency, and runs at several speeds tell a
-//! lag in time from one in angle. What the declaration leaves uncertain (tolerances, undeclared effects) lowers the agreement a little and is no
-//! reason for a finding: something else must agree much better.
+//! The complex amplitudes of the mesh harmonics are compared with those of the harmonic balance, over all runs.
+//! Agreement is the cosine between the two, so that a wrong level does not count; a lag turns every harmonic in
+//! proportion to its frequency, and runs at several speeds tell a lag in time from one in angle. What the declaration
+//! leaves uncertain (tolerances, undeclared effects) lowers the agreement a little and is no reason for a finding:
+//! something else must agree much better.
 
 use super::Checked;
 use super::compared::{Compared, Lag, pooled};
@@ -52,7 +54,8 @@ fn swapped(checked: &mut Checked, runs: &mut [Compared]) {
     }
     checked.record.runs.iter_mut().for_each(|run| run.channels.swap(0, 1));
     let text = format!(
-        "the channels look swapped: the other order disagrees by {other:.3}, the declared one by {straight:.3}; taken in the other order"
+        "the channels look swapped: the other order disagrees by {other:.3}, the declared one by {straight:.3}; \
+         taken in the other order"
     );
     checked.findings.add(Finding::new(Severity::Say, Kind::Swapped, straight - other, SWAP_GAIN, "", text));
 }
@@ -85,7 +88,8 @@ fn lagging(checked: &mut Checked, runs: &mut [Compared]) {
     let helps = |agreement: f64| 1.0 - agreement < MOST_LEFT * (1.0 - now);
     if own.1 > time.agreement.max(angle.agreement) + OTHER_LAG_GAIN && own.1 > OWN_LAG_AGREEMENT && helps(own.1) {
         let text = format!(
-            "the runs' angle 0 is not where tooth 0 is, elsewhere in every run (agreement with the prediction {now:.3}, each turned on its own {:.3}): turned by less than a tooth each",
+            "the runs' angle 0 is not where tooth 0 is, elsewhere in every run (agreement with the prediction \
+             {now:.3}, each turned on its own {:.3}): turned by less than a tooth each",
             own.1
         );
         let lags = own.0;
@@ -102,7 +106,8 @@ fn lagging(checked: &mut Checked, runs: &mut [Compared]) {
     if angle.agreement > time.agreement + OTHER_LAG_GAIN && helps(angle.agreement) {
         let teeth = angle.value;
         let text = format!(
-            "angle 0 of the pinion is not where tooth 0 is: {teeth:+.4} of a tooth (or that and whole teeth), agreement with the prediction {now:.3}, turned {:.3}; the tach is turned by that",
+            "angle 0 of the pinion is not where tooth 0 is: {teeth:+.4} of a tooth (or that and whole teeth), \
+             agreement with the prediction {now:.3}, turned {:.3}; the tach is turned by that",
             angle.agreement
         );
         let lags: Vec<f64> = runs.iter().map(|run| teeth / run.mesh_hz).collect();
@@ -115,7 +120,9 @@ fn lagging(checked: &mut Checked, runs: &mut [Compared]) {
             shared * channels[0].signum()
         };
         let text = format!(
-            "the vibration comes {:+.1} us after the tach in all runs (agreement with the prediction {now:.4}, without that lag {:.4}): delay of the tach, or of the channels, or parameters a little off, which the loop tells apart; the tach is moved by that",
+            "the vibration comes {:+.1} us after the tach in all runs (agreement with the prediction {now:.4}, \
+             without that lag {:.4}): delay of the tach, or of the channels, or parameters a little off, which the \
+             loop tells apart; the tach is moved by that",
             1e6 * lag,
             time.agreement
         );
@@ -156,7 +163,8 @@ fn delayed(checked: &mut Checked, runs: &mut [Compared]) {
         }
         runs.iter_mut().for_each(|run| run.earlier(&[channel], samples / rate));
         let text = format!(
-            "{} is late by {:.1} samples against the prediction (agreement {now:.3}, without that delay {:.3}); moved by {samples} samples",
+            "{} is late by {:.1} samples against the prediction (agreement {now:.3}, without that delay {:.3}); \
+             moved by {samples} samples",
             channel_name(channel),
             best.value * rate,
             best.agreement

@@ -9,10 +9,11 @@ use rayon::prelude::*;
 const LARGEST_M_S2: f64 = 1e6;
 /// Distinct values up to which a channel does not move: the last digit's flicker.
 const FEWEST_VALUES: usize = 4;
-/// Share of a signal's power that is its own beside another signal's, below which the two are one. Channels and runs with noise of their own
-/// differ by its share of the power, which is above 1e-3 on anything measured.
+/// Share of a signal's power that is its own beside another signal's, below which the two are one. Channels and runs
+/// with noise of their own differ by its share of the power, which is above 1e-3 on anything measured.
 const LEAST_OWN_SHARE: f64 = 1e-4;
-/// Change of level up to which two runs carry the same signal; a linear machine without noise gives scaled runs at other torques.
+/// Change of level up to which two runs carry the same signal; a linear machine without noise gives scaled runs at
+/// other torques.
 const SAME_LEVEL: f64 = 1e-3;
 /// Stand-still that is no limit's flat top, s.
 const LONGEST_FLAT_S: f64 = 4e-3;
@@ -42,7 +43,8 @@ fn unit(checked: &mut Checked) {
     let unit = checked.record.unit.clone();
     if !["m/s2", "m/s^2", "m/s\u{b2}", "g"].contains(&unit.as_str()) {
         let text = format!(
-            "the channels' unit is declared as '{unit}': the declared machine predicts accelerations, so the loop needs m/s2 or g"
+            "the channels' unit is declared as '{unit}': the declared machine predicts accelerations, so the loop \
+             needs m/s2 or g"
         );
         checked.findings.add(Finding::new(Severity::Refuse, Kind::Unit, f64::NAN, f64::NAN, "", text));
     }

@@ -1,11 +1,13 @@
 //! What inference asks of a model of the machine: lines of a run and how they move with each parameter.
 //!
-//! Inference fits, compares and refuses by this interface alone; what is inside (harmonic balance today) is the model's own. The state of a
-//! run is kept by whoever asked, since it is what excitations of the same run are answered with.
+//! Inference fits, compares and refuses by this interface alone; what is inside (harmonic balance today) is the
+//! model's own. The state of a run is kept by whoever asked, since it is what excitations of the same run are
+//! answered with.
 
 use rustfft::num_complex::Complex64 as C;
 
-/// Steady line: complex amplitudes of both channels at one order; the signal is the real part of `amplitude exp(i order theta)`.
+/// Steady line: complex amplitudes of both channels at one order; the signal is the real part of
+/// `amplitude exp(i order theta)`.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
     /// Order of the pinion (may be negative).

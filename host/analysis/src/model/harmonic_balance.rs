@@ -1,11 +1,12 @@
 //! Harmonic balance of the declared machine: exact steady responses on a comb of orders.
 //!
-//! `M q'' + C q' + K q + h F = f`, `F = k(theta) (1 + tau d/dt) h.q + g`, with q = motor, pinion, gear and load rotation,
-//! pinion and gear translation along the line of action. Only the scalar approach `delta = h.q` meets the periodic stiffness, so
-//! with `a(w) = h.D(w)^-1 h` the comb of orders `o + n z1` reduces to `delta_n + a_n F_n = h.D_n^-1 f_n`, one dense complex
-//! system per comb, speed and machine; its LU factor serves any excitation on that comb. At w = 0 the free rotation makes `a`
-//! infinite and the row becomes the torque balance `F_0 = T / rb1`. Cost: (2 N + 1)^3 / 3 complex operations.
-//! Limits: linear contact (no loss), constant speed, harmonics up to 16.5 kHz. SI units.
+//! `M q'' + C q' + K q + h F = f`, `F = k(theta) (1 + tau d/dt) h.q + g`, with q = motor, pinion, gear and load
+//! rotation, pinion and gear translation along the line of action. Only the scalar approach `delta = h.q` meets the
+//! periodic stiffness, so with `a(w) = h.D(w)^-1 h` the comb of orders `o + n z1` reduces to
+//! `delta_n + a_n F_n = h.D_n^-1 f_n`, one dense complex system per comb, speed and machine; its LU factor serves any
+//! excitation on that comb. At w = 0 the free rotation makes `a` infinite and the row becomes the torque balance
+//! `F_0 = T / rb1`. Cost: (2 N + 1)^3 / 3 complex operations. Limits: linear contact (no loss), constant speed,
+//! harmonics up to 16.5 kHz. SI units.
 
 mod beyond;
 
@@ -250,7 +251,8 @@ impl Machine {
         Comb { orders, centre: half as usize, shaft_hz, rigid_row, compliance, dynamics, lu: matrix.lu() }
     }
 
-    /// Response to generalised forces per order (empty for none) and to an extra contact force `g` per order (empty for none).
+    /// Response to generalised forces per order (empty for none) and to an extra contact force `g` per order (empty
+    /// for none).
     pub fn respond(&self, comb: &Comb, forces: &[[C; DOF]], contact: &[C]) -> Solution {
         let [rb1, rb2] = self.base_radius_m;
         let size = comb.orders.len();

@@ -1,10 +1,12 @@
-//! The machine of the inference on the Taylor solver, with the simulator's own effects: what a fit is compared with in the end.
+//! The machine of the inference on the Taylor solver, with the simulator's own effects: what a fit is compared with
+//! in the end.
 //!
-//! The equations are the harmonic balance's (rotations of four bodies, two translations along the line of action); what acts across that line
-//! is left out, as nothing of it reaches the channels. The stiffness table is taken as few smooth pieces ([`smooth`]): a pair that an effect carries along its path meets a dozen breaks of them, not one per row. Decimation is the
-//! acquisition's ([`crate::dynamics::decimate`]), the measuring chain's effects follow in their order. Where all effects repeat with the mesh or
-//! with the turn of one gear, one period is integrated and the record read from it ([`super::recurring`]).
-//! Limits: constant nominal speed, no loss of contact.
+//! The equations are the harmonic balance's (rotations of four bodies, two translations along the line of action);
+//! what acts across that line is left out, as nothing of it reaches the channels. The stiffness table is taken as few
+//! smooth pieces ([`smooth`]): a pair that an effect carries along its path meets a dozen breaks of them, not one per
+//! row. Decimation is the acquisition's ([`crate::dynamics::decimate`]), the measuring chain's effects follow in
+//! their order. Where all effects repeat with the mesh or with the turn of one gear, one period is integrated and the
+//! record read from it ([`super::recurring`]). Limits: constant nominal speed, no loss of contact.
 
 use super::harmonic_balance::Machine;
 use super::poles::Poles;
@@ -62,7 +64,8 @@ impl Run<'_> {
 
 /// Most pieces that stand for a stiffness table: every pair on the path breaks a step at each end of them.
 const MOST_PIECES: usize = 32;
-/// Deviations from a table's rows, relative to its largest value, that are tried; the last is what printed tables scatter by from row to row.
+/// Deviations from a table's rows, relative to its largest value, that are tried; the last is what printed tables
+/// scatter by from row to row.
 const TOLERANCES: [f64; 5] = [TABLE_TOLERANCE, 1e-5, 1e-4, 3e-4, 1e-3];
 
 /// A stiffness table as few smooth pieces, as near to its rows as that allows.
@@ -102,7 +105,8 @@ impl Integrated {
         }
     }
 
-    /// Accelerations of both bodies, m/s2, with what the effects do to the machine; the measuring chain's part is the caller's.
+    /// Accelerations of both bodies, m/s2, with what the effects do to the machine; the measuring chain's part is the
+    /// caller's.
     ///
     /// # Errors
     /// An effect beyond the machine, and everything that stops the solver.

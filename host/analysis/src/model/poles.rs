@@ -1,7 +1,8 @@
 //! Poles of the declared machine at its mean mesh stiffness: how fast it swings, and how long it remembers.
 //!
-//! Eigenvalues of the first-order form of the six equations of [`harmonic_balance`](super::harmonic_balance), 12 x 12, with the rigid rotation's double zero
-//! left out. Cost: microseconds. Limits: the stiffness varies about its mean, and with it frequencies by some percent.
+//! Eigenvalues of the first-order form of the six equations of [`harmonic_balance`](super::harmonic_balance), 12 x
+//! 12, with the rigid rotation's double zero left out. Cost: microseconds. Limits: the stiffness varies about its
+//! mean, and with it frequencies by some percent.
 
 use super::harmonic_balance::{DOF, GEAR, GEAR_Y, LOAD, MOTOR, Machine, PINION, PINION_Y};
 use nalgebra::{DMatrix, DVector};

@@ -1,8 +1,9 @@
 //! A motion that repeats itself, as the acquisition would have sampled it.
 //!
-//! One period on a fine grid is all that is integrated. Its lines pass the anti-alias filter's response, and the record's samples are read
-//! from the filtered period by local polynomials of degree 7: at 16 points per sample of the record their error is below 1e-7. What the
-//! filter lets through above half the rate folds as it does in a record. Cost: two transforms of the period and 8 products per sample.
+//! One period on a fine grid is all that is integrated. Its lines pass the anti-alias filter's response, and the
+//! record's samples are read from the filtered period by local polynomials of degree 7: at 16 points per sample of
+//! the record their error is below 1e-7. What the filter lets through above half the rate folds as it does in a
+//! record. Cost: two transforms of the period and 8 products per sample.
 
 use crate::dynamics::decimate::{Decimator, OVERSAMPLING};
 use realfft::RealFftPlanner;
@@ -18,7 +19,8 @@ pub fn points(period_s: f64, rate_hz: f64) -> usize {
     ((period_s * rate_hz * OVERSAMPLING as f64).ceil() as usize).max(4 * POINTS)
 }
 
-/// Response of the acquisition's filter at `cycles` per sample of the record, by straight lines between the cells of a table.
+/// Response of the acquisition's filter at `cycles` per sample of the record, by straight lines between the cells of
+/// a table.
 fn response(cycles: f64) -> f64 {
     static TABLE: OnceLock<Vec<f64>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {

@@ -1,7 +1,8 @@
 //! Pinion angle over a run from the tachometer edges.
 //!
-//! Within a run the speed is nominally constant, so the angle is a straight line through the edges (least squares, which divides the
-//! jitter by the root of their number). The departure of the edges from that line is kept as a measure of real speed variation.
+//! Within a run the speed is nominally constant, so the angle is a straight line through the edges (least squares,
+//! which divides the jitter by the root of their number). The departure of the edges from that line is kept as a
+//! measure of real speed variation.
 
 use super::input::Run;
 use std::f64::consts::TAU;
@@ -46,7 +47,8 @@ impl Angle {
         }
     }
 
-    /// Whether the edges would show a swing of the pinion at `order` of `amplitude_rad` over a run of `duration_s`, and do not.
+    /// Whether the edges would show a swing of the pinion at `order` of `amplitude_rad` over a run of `duration_s`,
+    /// and do not.
     pub fn refutes(&self, order: f64, amplitude_rad: f64, pulses_per_rev: u32, duration_s: f64) -> bool {
         let per_edge = order / f64::from(pulses_per_rev);
         let alias = (per_edge - per_edge.round()).abs();

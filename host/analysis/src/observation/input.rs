@@ -1,8 +1,10 @@
-//! What the closed loop needs of a record: two channels in m/s2, tachometer edges, torques, the declared machine and its pair stiffness.
+//! What the closed loop needs of a record: two channels in m/s2, tachometer edges, torques, the declared machine and
+//! its pair stiffness.
 //!
 //! What is wrong with a record that is complete and readable is [`crate::check`]'s.
 //!
-//! Files are read and checked by [`crate::record`]; here only what the loop alone asks for is checked, refused with file, table and key.
+//! Files are read and checked by [`crate::record`]; here only what the loop alone asks for is checked, refused with
+//! file, table and key.
 
 use crate::dynamics::assembly::{Damping, Model};
 use crate::dynamics::{Motion, Rig};
@@ -60,7 +62,8 @@ pub struct Record {
 /// The loop's view of a record in memory.
 ///
 /// # Errors
-/// A record without machine, tachometer on the pinion whose angle 0 is known, or torques; other than two channels; non-physical values.
+/// A record without machine, tachometer on the pinion whose angle 0 is known, or torques; other than two channels;
+/// non-physical values.
 pub fn view(record: &record::Record) -> Result<Record> {
     let path = record.folder.join("record.toml");
     let place = |key: &str| format!("{}: {key}", path.display());
@@ -72,7 +75,8 @@ pub fn view(record: &record::Record) -> Result<Record> {
         ));
     }
     if tach.source.as_deref() == Some("measured") {
-        let what = "the closed loop needs shaft angle 0, which an imported tach has not; take the key out where its angle 0 is the machine's";
+        let what = "the closed loop needs shaft angle 0, which an imported tach has not; take the key out where its \
+            angle 0 is the machine's";
         return Err(Error::invalid(place("tach.source"), what));
     }
     let machine = record.declaration.machine()?;

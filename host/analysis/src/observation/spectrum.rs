@@ -1,8 +1,9 @@
 //! Windowed spectra and the kernel of a line in them.
 //!
-//! Window: Tukey with half of its length tapered; a least-squares fit over its bins keeps 74 % of the information of the
-//! record (Hann: 51 %) and its side lobes fall with the cube of the distance. Bins are scaled so that a line of complex
-//! amplitude `a` on a bin centre reads `a`. Bins of white noise are correlated by the taper; `OVERDISPERSION` restores calibrated chi-square.
+//! Window: Tukey with half of its length tapered; a least-squares fit over its bins keeps 74 % of the information of
+//! the record (Hann: 51 %) and its side lobes fall with the cube of the distance. Bins are scaled so that a line of
+//! complex amplitude `a` on a bin centre reads `a`. Bins of white noise are correlated by the taper; `OVERDISPERSION`
+//! restores calibrated chi-square.
 
 use crate::model::forward::Line;
 use rustfft::{
@@ -31,8 +32,8 @@ pub type Bins = Vec<C>;
 
 /// Non-zero bins of a template: stretches of neighbours in single precision.
 ///
-/// Templates are most of what the loop keeps: 8 bytes per bin here, 24 with each bin's place in double precision. Rounding (6e-8 of a
-/// template) lies far below the noise that any template is weighed against.
+/// Templates are most of what the loop keeps: 8 bytes per bin here, 24 with each bin's place in double precision.
+/// Rounding (6e-8 of a template) lies far below the noise that any template is weighed against.
 #[derive(Debug, Clone, Default)]
 pub struct Sparse {
     /// First bin and number of bins of each stretch, ascending.
@@ -47,7 +48,8 @@ impl Sparse {
         Self::from_parts(bins, std::iter::once((0, bins.len())))
     }
 
-    /// Non-zero entries of parts of a spectrum, of first bins and lengths `parts` and with `values` one after the other.
+    /// Non-zero entries of parts of a spectrum, of first bins and lengths `parts` and with `values` one after the
+    /// other.
     fn from_parts(values: &[C], parts: impl Iterator<Item = (usize, usize)>) -> Self {
         let used = |x: &C| (x.re != 0.0) | (x.im != 0.0);
         // As large as needed: many are kept for long.
@@ -188,8 +190,9 @@ impl Analyser {
 
     /// Values of the kernel of a line at `position` bins in the bins of `range`.
     ///
-    /// A 3/4-length rectangle convolved with a quarter-length half cosine: at `d` bins `(sin(pi d) + sin(pi d / 2)) / (1.5 pi d (1 - d^2 / 4))`. From
-    /// bin to bin the numerator goes through four values, so it is exact at the price of one division. A table with straight lines between its points errs in
+    /// A 3/4-length rectangle convolved with a quarter-length half cosine: at `d` bins
+    /// `(sin(pi d) + sin(pi d / 2)) / (1.5 pi d (1 - d^2 / 4))`. From bin to bin the numerator goes through four
+    /// values, so it is exact at the price of one division. A table with straight lines between its points errs in
     /// proportion to the kernel's curvature, which is a gain that bends over the run.
     fn kernel(&self, position: f64, range: Range<usize>) -> impl Iterator<Item = C> {
         let first = range.start as f64 - position;
@@ -340,7 +343,8 @@ mod tests {
         }
     }
 
-    /// Lines on a bin, beside one and between two, near the band's ends: what the window makes of them, sample by sample.
+    /// Lines on a bin, beside one and between two, near the band's ends: what the window makes of them, sample by
+    /// sample.
     #[test]
     fn ref_kernel_is_the_transform_of_the_window() {
         let mut analyser = Analyser::new(4000, 1000.0);

@@ -1,9 +1,10 @@
 //! A whole folder or none: written beside its place under a hidden name, then put there in one step.
 //!
-//! What is written is brought to the disk at the end, all files at once: one after the other they would each wait for the disk's journal.
+//! What is written is brought to the disk at the end, all files at once: one after the other they would each wait for
+//! the disk's journal.
 //!
-//! An existing folder is replaced only where it is what this program would have written, file by file: a user's own file
-//! in it is never lost, whatever options say.
+//! An existing folder is replaced only where it is what this program would have written, file by file: a user's own
+//! file in it is never lost, whatever options say.
 
 use super::file::{sync, write_new};
 use super::interrupt::{Temporary, undisturbed};

@@ -2,9 +2,9 @@
 //!
 //! A thread waits for the signals. It waits, too, for a replacement that is under way (`undisturbed`), removes every
 //! temporary that is registered (`Temporary`) and ends the program with 130. Signals that the program was started to
-//! ignore (`nohup`, a shell's background job) stay ignored. A limit on file sizes (SIGXFSZ) becomes an error of the write
-//! instead of the program's end. Elsewhere than on Unix the program simply ends; its temporaries carry names that nothing
-//! takes for results, and the next writer of the same target removes them.
+//! ignore (`nohup`, a shell's background job) stay ignored. A limit on file sizes (SIGXFSZ) becomes an error of the
+//! write instead of the program's end. Elsewhere than on Unix the program simply ends; its temporaries carry names
+//! that nothing takes for results, and the next writer of the same target removes them.
 
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};

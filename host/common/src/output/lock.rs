@@ -1,8 +1,9 @@
 //! One writer per target: a lock of the operating system on a hidden file beside it.
 //!
-//! The lock belongs to the open file, so it goes with the process however that ends; the file that a killed process leaves
-//! behind blocks nobody and is used by the next. The holder removes the file before it lets go, so a taker makes sure that
-//! the file it has locked is still the one with that name. Where a file system knows no locks, writing goes on without.
+//! The lock belongs to the open file, so it goes with the process however that ends; the file that a killed process
+//! leaves behind blocks nobody and is used by the next. The holder removes the file before it lets go, so a taker
+//! makes sure that the file it has locked is still the one with that name. Where a file system knows no locks,
+//! writing goes on without.
 
 use super::interrupt::{Temporary, undisturbed};
 use super::place::{beside, identity};

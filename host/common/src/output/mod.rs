@@ -1,10 +1,10 @@
 //! Everything the command writes: no output over an input, nothing replaced unasked, whole or not at all.
 //!
-//! A command names what it reads and announces what it will write before its work ([`Outputs`]): what must not be written
-//! is refused while nothing is lost yet, and a lock keeps a second writer from the same target. Then it works, writes its
-//! files, and only then shows text ([`crate::say`]). Whatever ends it in between (an error, a full disk, an interrupt)
-//! leaves the old state or the new one; a kill leaves at most a hidden temporary that no command takes for a result and
-//! that the next writer of the same target removes.
+//! A command names what it reads and announces what it will write before its work ([`Outputs`]): what must not be
+//! written is refused while nothing is lost yet, and a lock keeps a second writer from the same target. Then it
+//! works, writes its files, and only then shows text ([`crate::say`]). Whatever ends it in between (an error, a full
+//! disk, an interrupt) leaves the old state or the new one; a kill leaves at most a hidden temporary that no command
+//! takes for a result and that the next writer of the same target removes.
 
 mod file;
 mod folder;
@@ -45,7 +45,8 @@ impl Outputs {
         Self { force, ..Self::default() }
     }
 
-    /// Names an input: a file, a machine with its tables, a record folder with its files. What does not exist is passed over.
+    /// Names an input: a file, a machine with its tables, a record folder with its files. What does not exist is
+    /// passed over.
     pub fn reads(&mut self, path: &Path) {
         self.inputs.extend(Existing::at(path));
         let declaration = if path.is_dir() { path.join("record.toml") } else { path.to_owned() };

@@ -1,9 +1,9 @@
 //! The last step of every write: a whole temporary takes the target's place.
 //!
-//! On Linux a target that must not exist is never replaced even if it appears at the last moment, and an existing folder is
-//! exchanged with the new one in one step. Elsewhere (and on file systems that cannot) there is a moment between two
-//! renames in which a folder's old state is found under its hidden name beside the target only; the next writer of the
-//! target puts it back.
+//! On Linux a target that must not exist is never replaced even if it appears at the last moment, and an existing
+//! folder is exchanged with the new one in one step. Elsewhere (and on file systems that cannot) there is a moment
+//! between two renames in which a folder's old state is found under its hidden name beside the target only; the next
+//! writer of the target puts it back.
 
 use super::interrupt::remove;
 use super::place::beside;
@@ -57,7 +57,8 @@ pub(super) fn replace_folder(from: &Path, target: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Puts back what a writer left that was killed between the two renames of [`replace_folder`], and removes its temporary.
+/// Puts back what a writer left that was killed between the two renames of [`replace_folder`], and removes its
+/// temporary.
 pub(super) fn recover(target: &Path) {
     let old = beside(target, "old");
     if old.symlink_metadata().is_ok() {

@@ -1,7 +1,8 @@
-//! Several files of one folder that belong together: written aside, used from there, then put into their places together.
+//! Several files of one folder that belong together: written aside, used from there, then put into their places
+//! together.
 //!
-//! No interrupt comes between the renames; only a kill or a power cut there could leave some of them old. A file that was
-//! announced and not written goes if it was there: it belonged to the state that is replaced.
+//! No interrupt comes between the renames; only a kill or a power cut there could leave some of them old. A file that
+//! was announced and not written goes if it was there: it belonged to the state that is replaced.
 
 use super::file::{Target, write_durably};
 use super::interrupt::{Temporary, undisturbed};

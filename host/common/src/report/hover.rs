@@ -1,5 +1,5 @@
-//! Values under the pointer: titles of invisible circles on a picture's marks. No script is needed for them, so they survive mailing and
-//! archives.
+//! Values under the pointer: titles of invisible circles on a picture's marks. No script is needed for them, so they
+//! survive mailing and archives.
 
 use super::escape;
 use std::fmt::Write;

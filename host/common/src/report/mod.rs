@@ -1,9 +1,9 @@
 //! Reports: one self-contained HTML file per command for people, one JSON file for machines.
 //!
 //! No scripts, no outside resources: the file can be mailed, printed or archived. Pictures are inline SVG
-//! with text as text, so they stay sharp and searchable, and marks say their values under the pointer. Colours are the Okabe-Ito set, told
-//! apart with any common colour vision deficiency. Dark screens get dark pages: the style repaints ink, grid and paper of the pictures by their
-//! colours; paper stays white in print.
+//! with text as text, so they stay sharp and searchable, and marks say their values under the pointer. Colours are
+//! the Okabe-Ito set, told apart with any common colour vision deficiency. Dark screens get dark pages: the style
+//! repaints ink, grid and paper of the pictures by their colours; paper stays white in print.
 
 pub mod advice;
 pub mod facts;
@@ -201,7 +201,8 @@ abbr{text-decoration:underline dotted var(--soft);text-underline-offset:.2em;cur
 details>summary{cursor:pointer;font-size:1.25rem;font-weight:600;margin-top:2.4rem}
 .printed{display:none}
 aside{border-left:4px solid #e69f00;background:var(--note);padding:.6rem .9rem;margin:1rem 0;border-radius:0 6px 6px 0;max-width:46rem}
-footer table{font-size:.8rem;margin-bottom:.8rem}footer th{border:0;font-weight:400;white-space:nowrap}footer td{border:0;overflow-wrap:anywhere}footer th,footer td{padding:.1rem 1rem .1rem 0}
+footer table{font-size:.8rem;margin-bottom:.8rem}footer th{border:0;font-weight:400;white-space:nowrap}footer \
+td{border:0;overflow-wrap:anywhere}footer th,footer td{padding:.1rem 1rem .1rem 0}
 footer{margin-top:3rem;color:var(--soft);font-size:.8rem;border-top:1px solid var(--line);padding-top:.6rem}
 @media screen and (prefers-color-scheme:dark){
 :root{--paper:#14181d;--ink:#e4e8ec;--soft:#9aa5b1;--line:#343b44;--wash:#1e242b;--mark:#56b4e9;--note:#2a2416}

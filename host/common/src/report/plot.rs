@@ -416,7 +416,8 @@ fn scale_bar(area: &Area, scale: &Range<f64>) -> std::result::Result<(), Box<dyn
     Ok(())
 }
 
-/// As [`heat_map`] for grids of any size: the cells are one embedded bitmap (no vector shapes), values below `scale` are shown as its start.
+/// As [`heat_map`] for grids of any size: the cells are one embedded bitmap (no vector shapes), values below `scale`
+/// are shown as its start.
 ///
 /// # Errors
 /// Rows of unequal length, or a picture that cannot be drawn.

@@ -1,7 +1,7 @@
 //! A bitmap inside a page: PNG (deflate of `flate2`, its CRC) as a data URI.
 //!
-//! Why not vector shapes: a map of 100,000 cells is 12 MB of SVG and 100 kB of PNG. Only what a map needs: 8-bit RGB, no filter, one IDAT.
-//! Source: PNG specification, third edition (W3C 2025); RFC 4648 for base64.
+//! Why not vector shapes: a map of 100,000 cells is 12 MB of SVG and 100 kB of PNG. Only what a map needs: 8-bit RGB,
+//! no filter, one IDAT. Source: PNG specification, third edition (W3C 2025); RFC 4648 for base64.
 
 use crate::{Error, Result};
 use flate2::Compression;

@@ -1,4 +1,5 @@
-//! Knots of a learned law: stretches of like speed together, each with the standard error that leaving out single stretches tells.
+//! Knots of a learned law: stretches of like speed together, each with the standard error that leaving out single
+//! stretches tells.
 
 use super::Seen;
 use super::occupied::{Occupied, occupied};
@@ -86,7 +87,8 @@ fn knot(bin: &[&Seen], measured: Measured) -> Result<Knot, String> {
     Ok(Knot { speed_hz, bandwidth_hz, relative_error: jackknife.hypot(step), stretches: usable.len() })
 }
 
-/// Geometric mean of the edges' bandwidths, the `left_out` stretch not counted: it is smooth, so that leaving out tells its error.
+/// Geometric mean of the edges' bandwidths, the `left_out` stretch not counted: it is smooth, so that leaving out
+/// tells its error.
 fn mean(stretches: &[&Seen], left_out: usize) -> f64 {
     let logs: Vec<f64> = stretches
         .iter()
@@ -97,7 +99,8 @@ fn mean(stretches: &[&Seen], left_out: usize) -> f64 {
     (logs.iter().sum::<f64>() / logs.len() as f64).exp()
 }
 
-/// Relative standard uncertainty of a bandwidth read from the table: the knots' errors, and how well neighbours foretell each.
+/// Relative standard uncertainty of a bandwidth read from the table: the knots' errors, and how well neighbours
+/// foretell each.
 pub fn relative_uncertainty(knots: &[Knot]) -> f64 {
     let root_mean_square =
         |values: Vec<f64>| (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt();

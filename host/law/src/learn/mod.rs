@@ -1,12 +1,13 @@
 //! A law from the machine itself: `meshband law learn` measures the bandwidth over the speeds of a record.
 //!
-//! A record of several speeds, or of a run-up, is cut into stretches of nearly constant speed ([`mod@stretches`]). In each, engagement edges are timed
-//! by the node's own estimator where they can be ([`timed`]), which is what a simulated law holds; behind a housing they mostly cannot, and the
-//! frequency below which 99 % of the power locked to the shaft lies ([`occupied`]) is measured instead. One law is of one kind: the two differ by
-//! their definition. Stretches of like speed make a knot with its standard error.
+//! A record of several speeds, or of a run-up, is cut into stretches of nearly constant speed ([`mod@stretches`]). In
+//! each, engagement edges are timed by the node's own estimator where they can be ([`timed`]), which is what a
+//! simulated law holds; behind a housing they mostly cannot, and the frequency below which 99 % of the power locked
+//! to the shaft lies ([`occupied`]) is measured instead. One law is of one kind: the two differ by their definition.
+//! Stretches of like speed make a knot with its standard error.
 //!
-//! Limits: what is measured is machine, housing and sensor together, at the torque of the record; a bandwidth at the record's own band is a lower
-//! bound and makes no knot.
+//! Limits: what is measured is machine, housing and sensor together, at the torque of the record; a bandwidth at the
+//! record's own band is a lower bound and makes no knot.
 
 pub mod knots;
 pub mod occupied;
@@ -74,7 +75,8 @@ pub struct Learned {
 /// Measures the bandwidth of a channel over the speeds of a record.
 ///
 /// # Errors
-/// A record without tach or tooth counts, no such channel, no stretch of nearly constant speed, too few speeds for a law.
+/// A record without tach or tooth counts, no such channel, no stretch of nearly constant speed, too few speeds for a
+/// law.
 pub fn learn(record: &Record, channel: usize, wanted: Wanted) -> Result<Learned> {
     let place = record.folder.display().to_string();
     let tach = record.require_tach()?;
@@ -180,7 +182,8 @@ impl Learned {
         let what = match self.measured {
             Measured::Edges => "edges of this machine behind this sensor",
             Measured::Occupied => {
-                "99 % of this machine's shaft-locked vibration behind this sensor (sampling rates follow from it; rise times do not)"
+                "99 % of this machine's shaft-locked vibration behind this sensor (sampling rates follow from it; \
+                 rise times do not)"
             }
         };
         format!(

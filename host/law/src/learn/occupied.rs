@@ -1,8 +1,9 @@
 //! Power that repeats with the pinion's turn, free of noise, and the frequency below which 99 % of it lies.
 //!
-//! Even and odd turns are averaged apart. The product of the two averages' lines has the locked power as its mean: their noise is independent,
-//! so a noise floor adds scatter and no bandwidth. The imaginary part is that scatter alone and tells how large it is.
-//! Limits: sidebands of the gear's shaft at fractions of the pinion's turn count as noise; they lie beside the mesh lines and move no bandwidth.
+//! Even and odd turns are averaged apart. The product of the two averages' lines has the locked power as its mean:
+//! their noise is independent, so a noise floor adds scatter and no bandwidth. The imaginary part is that scatter
+//! alone and tells how large it is. Limits: sidebands of the gear's shaft at fractions of the pinion's turn count as
+//! noise; they lie beside the mesh lines and move no bandwidth.
 
 use super::stretches::Stretch;
 use realfft::RealFftPlanner;
@@ -61,7 +62,8 @@ pub fn locked_power(samples: &[f64], per_turn: usize, stretch: &Stretch, rate_hz
     LockedPower { power, scatter }
 }
 
-/// Occupied bandwidth of stretches of about the same speed: their lines are put together by frequency, since their last orders differ.
+/// Occupied bandwidth of stretches of about the same speed: their lines are put together by frequency, since their
+/// last orders differ.
 pub fn occupied<'a>(stretches: impl Iterator<Item = (&'a LockedPower, f64)> + Clone) -> Occupied {
     let band_hz = stretches.clone().map(|(p, speed_hz)| p.power.len() as f64 * speed_hz).fold(f64::INFINITY, f64::min);
     let scatter: f64 = stretches.clone().map(|(p, _)| p.scatter).sum();

@@ -34,7 +34,8 @@ fn meaning(measured: Measured) -> &'static str {
     match measured {
         Measured::Edges => "0.35 over the rise time of engagement edges, as in a simulated law",
         Measured::Occupied => {
-            "the frequency below which 99 % of the power locked to the shaft lies; a simulated law is of engagement edges"
+            "the frequency below which 99 % of the power locked to the shaft lies; a simulated law is of engagement \
+             edges"
         }
     }
 }

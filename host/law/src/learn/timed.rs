@@ -1,7 +1,8 @@
 //! Engagement edges of a measured stretch, timed by the node's estimator.
 //!
-//! A tone has slopes too, and the estimator times them as well as an edge's: an edge is only what is much steeper than the signal is on the whole,
-//! in nearly every tooth pitch, with rise times that agree. Limit: of a pitch's two edges the steeper is timed; a sensor's sign does not tell them apart.
+//! A tone has slopes too, and the estimator times them as well as an edge's: an edge is only what is much steeper
+//! than the signal is on the whole, in nearly every tooth pitch, with rise times that agree. Limit: of a pitch's two
+//! edges the steeper is timed; a sensor's sign does not tell them apart.
 
 use super::stretches::Stretch;
 use crate::forms::RISE_TIME_PRODUCT;

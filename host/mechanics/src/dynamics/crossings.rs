@@ -5,7 +5,8 @@ const HALVINGS: usize = 50;
 
 /// Times, s, at which the angle passes `targets` (ascending) after sample 0 and up to the last sample.
 ///
-/// `turns` is the angle at `index / rate_hz`, `angle` the same at any time, s; between two samples it must not turn back.
+/// `turns` is the angle at `index / rate_hz`, `angle` the same at any time, s; between two samples it must not turn
+/// back.
 pub fn crossings(
     turns: &[f64],
     rate_hz: f64,

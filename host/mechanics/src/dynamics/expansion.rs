@@ -1,14 +1,14 @@
 //! Taylor coefficients of one step, for one solution or for several side by side.
 //!
-//! `q[n+2] = h^2 a[n] / ((n+1)(n+2))` with `a = M^-1 (f - K0 q - C0 q' - sum out (k*(in.q) + c*(in.q') - g))`: what varies with
-//! time costs scalar convolutions only. What a channel measures, `in.q`, has a
-//! recurrence of its own, `(in.q)[n+2] = h^2/((n+1)(n+2)) (in.b - sum (in.out) force)` with `b` what the constant matrices give:
-//! its scalar product does not wait for the force, which halves the chain of dependent operations that bounds one solution
+//! `q[n+2] = h^2 a[n] / ((n+1)(n+2))` with `a = M^-1 (f - K0 q - C0 q' - sum out (k*(in.q) + c*(in.q') - g))`: what
+//! varies with time costs scalar convolutions only. What a channel measures, `in.q`, has a recurrence of its own,
+//! `(in.q)[n+2] = h^2/((n+1)(n+2)) (in.b - sum (in.out) force)` with `b` what the constant matrices give: its scalar
+//! product does not wait for the force, which halves the chain of dependent operations that bounds one solution
 //! (about 24 cycles per order). Several solutions in lanes are bound by the arithmetic units.
 //!
-//! Shafts and bearings couple few coordinates: their matrices are kept as a diagonal, the neighbour and a short list. Inside,
-//! coordinates of even number come first, then those of odd number, so that neighbours are two rows of equal length and the
-//! compiler needs no shuffles ([`place`]).
+//! Shafts and bearings couple few coordinates: their matrices are kept as a diagonal, the neighbour and a short list.
+//! Inside, coordinates of even number come first, then those of odd number, so that neighbours are two rows of equal
+//! length and the compiler needs no shuffles ([`place`]).
 
 use super::assembly::System;
 use super::mesh::{CHANNELS, Mesh, Terms};
@@ -39,7 +39,8 @@ struct Coupling {
     damping: f64,
 }
 
-/// A system with everything premultiplied by the inverse mass, stiffness and damping by its negative, coordinates at their [`place`].
+/// A system with everything premultiplied by the inverse mass, stiffness and damping by its negative, coordinates at
+/// their [`place`].
 pub(super) struct Premultiplied<const N: usize> {
     stiffness: [f64; N],
     damping: [f64; N],
@@ -307,7 +308,8 @@ impl<const N: usize, V: Lane> pulp::WithSimd for StateAt<'_, N, V> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
         let zero = [V::of(0.0); N];
-        // Even and odd powers by themselves, with their derivatives for the square: two chains of dependent operations, each half as long.
+        // Even and odd powers by themselves, with their derivatives for the square: two chains of dependent
+        // operations, each half as long.
         let (mut even, mut even_rate, mut odd, mut odd_rate) = (zero, zero, zero, zero);
         let square = V::of(self.end * self.end);
         let (pairs, rest) = self.rows.as_chunks::<2>();

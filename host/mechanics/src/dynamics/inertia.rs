@@ -1,8 +1,9 @@
 //! Torque that a changing speed takes: what the train feels where its prescribed motion is not steady.
 //!
-//! The coordinates of the model are deflections about the prescribed rotation, so the inertias of that rotation do not appear by
-//! themselves. With them as external torques the mesh carries what speeds gear and load up, and the motor supplies it. The pinion's own
-//! share goes from motor to pinion and is left out: it twists the input coupling and nothing else.
+//! The coordinates of the model are deflections about the prescribed rotation, so the inertias of that rotation do
+//! not appear by themselves. With them as external torques the mesh carries what speeds gear and load up, and the
+//! motor supplies it. The pinion's own share goes from motor to pinion and is left out: it twists the input coupling
+//! and nothing else.
 
 use super::excitation::{Effect, Forces, Moment, Place};
 use crate::machine::Machine;

@@ -1,8 +1,8 @@
 //! What moves in each mode: shares of kinetic energy by coordinate, share of the mesh in the strain energy.
 //!
-//! By Rayleigh's quotient a coordinate's share is how much the frequency answers to its mass, `-2 (df/f) / (dm/m)`, and the mesh's share how
-//! much it answers to its stiffness. Taken by differences of one part in 10 000, good to three digits; modes that lie closer together than
-//! that change places, and their shares are then of the pair.
+//! By Rayleigh's quotient a coordinate's share is how much the frequency answers to its mass, `-2 (df/f) / (dm/m)`,
+//! and the mesh's share how much it answers to its stiffness. Taken by differences of one part in 10 000, good to
+//! three digits; modes that lie closer together than that change places, and their shares are then of the pair.
 
 use super::assembly::{Coordinate, System};
 

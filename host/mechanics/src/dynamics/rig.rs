@@ -248,7 +248,8 @@ impl Rig {
         Ok((sampled.channels, sampled.statistics))
     }
 
-    /// [`Rig::accelerations`] with the energy balance. An effect may let a share past the filter ([`Effect::unfiltered`]).
+    /// [`Rig::accelerations`] with the energy balance. An effect may let a share past the filter
+    /// ([`Effect::unfiltered`]).
     ///
     /// # Errors
     /// As [`Rig::run`] and [`Rig::sensors`].
@@ -267,7 +268,8 @@ impl Rig {
         Ok(Sampled { channels, statistics, energy })
     }
 
-    /// Acceleration of both bearing channels, m/s2, at `index / rate_hz` for `count` samples as they are, without a filter.
+    /// Acceleration of both bearing channels, m/s2, at `index / rate_hz` for `count` samples as they are, without a
+    /// filter.
     ///
     /// # Errors
     /// As [`Rig::run`] and [`Rig::sensors`].
@@ -292,7 +294,8 @@ impl Rig {
         }
     }
 
-    /// Any quantities of a run at `index / rate_hz` for `count` samples, through the anti-alias filter as [`Rig::sampled`].
+    /// Any quantities of a run at `index / rate_hz` for `count` samples, through the anti-alias filter as
+    /// [`Rig::sampled`].
     ///
     /// # Errors
     /// As [`Rig::run`].

@@ -87,8 +87,8 @@ pub fn evaluate(series: &Series, first: f64, spacing: f64, values: &mut [f64]) {
     pulp::Arch::new().dispatch(Evaluation { c: series.coefficients(), first, spacing, values });
 }
 
-/// [`evaluate`] of many samples as what the vector units' dispatch takes: everything it calls must be compiled into it. The
-/// results do not depend on the units, because sums and products are not fused.
+/// [`evaluate`] of many samples as what the vector units' dispatch takes: everything it calls must be compiled into
+/// it. The results do not depend on the units, because sums and products are not fused.
 struct Evaluation<'a> {
     c: &'a [f64],
     first: f64,
@@ -120,7 +120,8 @@ impl pulp::WithSimd for Evaluation<'_> {
     }
 }
 
-/// Middles and half lengths of [`LANES`] blocks, expanded side by side: one expansion is a long chain of dependent operations.
+/// Middles and half lengths of [`LANES`] blocks, expanded side by side: one expansion is a long chain of dependent
+/// operations.
 struct Blocks {
     middle: Several,
     radius: Several,
@@ -158,8 +159,8 @@ impl Blocks {
     }
 }
 
-/// Values of a polynomial at as many points between -1 and 1, ends included: powers of even and odd order are summed once for
-/// both points of a pair, which halves the work.
+/// Values of a polynomial at as many points between -1 and 1, ends included: powers of even and odd order are summed
+/// once for both points of a pair, which halves the work.
 #[inline(always)]
 fn symmetric<const TERMS: usize>(d: &[f64; TERMS], values: &mut [f64]) {
     let unit = 2.0 / (values.len() - 1).max(1) as f64;

@@ -2,9 +2,9 @@
 //!
 //! A [`Series`] holds coefficients in the normalised time `tau = (t - t0) / h` of a step, so that all of
 //! them are of the size of the quantity itself and the step may be shortened by evaluating at `tau < 1`.
-//! The highest power in use is tracked: angle at constant speed is linear, stiffness of low degree, a shaft's sine over a short step needs
-//! ten powers, and products of short series stay cheap. Sine, cosine and square root follow the usual recurrences
-//! (Griewank and Walther, Evaluating Derivatives, table 13.2). Cost: O(degree^2) per product.
+//! The highest power in use is tracked: angle at constant speed is linear, stiffness of low degree, a shaft's sine
+//! over a short step needs ten powers, and products of short series stay cheap. Sine, cosine and square root follow
+//! the usual recurrences (Griewank and Walther, Evaluating Derivatives, table 13.2). Cost: O(degree^2) per product.
 
 /// Highest power kept in a step.
 pub const ORDER: usize = 48;

@@ -1,12 +1,12 @@
 //! Periodic steady state without waiting for transients, and the stability of the motion.
 //!
 //! The linear pair maps a state over one period as `y(T) = Phi y(0) + g`. The columns of `Phi` (homogeneous
-//! solutions) and `g` are integrated together with common steps; `(I - Phi) y = g` gives the periodic state at once. The train's rigid rotation
-//! makes that singular twice: its angle is pinned to zero, and a constant load torque correction (friction
-//! losses, rounding) is an unknown that keeps its speed periodic. The period may be the mesh, a shaft or the
-//! hunting period, whichever all excitation repeats in. Eigenvalues of `Phi` are the Floquet multipliers:
-//! one pair at 1 is the rigid rotation, any other beyond 1 is parametric instability.
-//! Cost: 2 N + 2 columns over one period; the eigenvalues are computed only when asked for.
+//! solutions) and `g` are integrated together with common steps; `(I - Phi) y = g` gives the periodic state at once.
+//! The train's rigid rotation makes that singular twice: its angle is pinned to zero, and a constant load torque
+//! correction (friction losses, rounding) is an unknown that keeps its speed periodic. The period may be the mesh, a
+//! shaft or the hunting period, whichever all excitation repeats in. Eigenvalues of `Phi` are the Floquet
+//! multipliers: one pair at 1 is the rigid rotation, any other beyond 1 is parametric instability. Cost: 2 N + 2
+//! columns over one period; the eigenvalues are computed only when asked for.
 
 use super::assembly::{Coordinate, System};
 use super::mesh::Mesh;

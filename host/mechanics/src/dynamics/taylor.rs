@@ -4,8 +4,8 @@
 //! from the recurrence `q[n+2] = h^2 a[n] / ((n+1)(n+2))` with
 //! `a = M^-1 (f - K0 q - C0 q' - sum out (k*(in.q) + c*(in.q') - g))`: the time-varying part costs scalar
 //! convolutions only (reference/simulation-and-correction.md 2.4). The step's own coefficients tell how far
-//! it may be used, so only one whose terms overflow is repeated; the polynomial is the dense output. Where a break cuts a
-//! step far below that limit the series ends as soon as its terms no longer matter.
+//! it may be used, so only one whose terms overflow is repeated; the polynomial is the dense output. Where a break
+//! cuts a step far below that limit the series ends as soon as its terms no longer matter.
 //!
 //! Shafts and bearings couple few coordinates: their matrices are kept as a diagonal and a short list.
 //! Cost: below 1 us per step of 8 coordinates, bound by the latency of the recurrence, so coordinates

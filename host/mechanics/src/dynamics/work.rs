@@ -1,9 +1,9 @@
 //! What a run will cost, estimated before it is integrated.
 //!
-//! The steps of the solver are bound by three things: the highest natural frequency or decay rate (a Taylor step of this
-//! order reaches about eight of their radians), the breaks of the stiffness curve that pass through the mesh, and the longest step.
-//! A machine whose natural frequencies or decay rates lie far beyond the sampling rate is no machine seen by that record but a slip of a
-//! decimal, and would take for ever.
+//! The steps of the solver are bound by three things: the highest natural frequency or decay rate (a Taylor step of
+//! this order reaches about eight of their radians), the breaks of the stiffness curve that pass through the mesh,
+//! and the longest step. A machine whose natural frequencies or decay rates lie far beyond the sampling rate is no
+//! machine seen by that record but a slip of a decimal, and would take for ever.
 
 use super::assembly::System;
 use super::kinematics::Motion;

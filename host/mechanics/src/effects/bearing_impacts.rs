@@ -1,9 +1,11 @@
 //! Bearing defect: impacts as rolling elements pass a spall, each ringing a housing mode, with slip and jitter.
 //!
-//! A point process: the interval between impacts is a share of the turn, longer by the cage's slip, with a random deviation each time, so that the train is
-//! cyclostationary, not periodic, and its lines smear with the harmonic number (Antoni, Randall 2003). Each impact's strength scatters, and follows the load where the damage turns
-//! through it: `q = q0 cos(angle)^1.5` over half a turn (Harris, Rolling Bearing Analysis; clearance zero). Added to the measured channel, since the mode that rings is the
-//! housing's at the sensor. Signature: bursts at a fixed high frequency whose envelope has a line at the (non-integer) passage order.
+//! A point process: the interval between impacts is a share of the turn, longer by the cage's slip, with a random
+//! deviation each time, so that the train is cyclostationary, not periodic, and its lines smear with the harmonic
+//! number (Antoni, Randall 2003). Each impact's strength scatters, and follows the load where the damage turns
+//! through it: `q = q0 cos(angle)^1.5` over half a turn (Harris, Rolling Bearing Analysis; clearance zero). Added to
+//! the measured channel, since the mode that rings is the housing's at the sensor. Signature: bursts at a fixed high
+//! frequency whose envelope has a line at the (non-integer) passage order.
 
 use super::hypothesis::{Hidden, Hypothesis, Seat};
 use super::{CHANNEL, Entry, GEAR, parameter, random};

@@ -65,11 +65,15 @@ const FLOOR: f64 = 1e-6;
 pub fn markdown() -> String {
     let mut text = String::from(
         "# Effects\n\n\
-         What real gears and their measuring chains add to the ideal model. This page and its pictures are written by\n\n\
+         What real gears and their measuring chains add to the ideal model. This page and its pictures are written \
+         by\n\n\
          ```\nmeshband effects --docs book/src/reference/effects.md --force\n```\n\n\
-         On the command line an effect is `--effect name:key=value,key=value`; keys left out take the defaults below, and\n\
-         `pinion-` or `gear-` before the name of an effect on one gear chooses the gear. Several effects add up; those of\n\
-         the measuring chain act in the order given. Adding an effect takes one file in `host/mechanics/src/effects/` and its line\n\
+         On the command line an effect is `--effect name:key=value,key=value`; keys left out take the defaults \
+         below, and\n\
+         `pinion-` or `gear-` before the name of an effect on one gear chooses the gear. Several effects add up; \
+         those of\n\
+         the measuring chain act in the order given. Adding an effect takes one file in \
+         `host/mechanics/src/effects/` and its line\n\
          in the registry. Each signature below is what `tests/tests/simulator/effects.rs` checks. Pictures: machine\n\
          `machines/19-48.toml`, pinion at 10 turns/s (mesh frequency 190 Hz), 15 N m, pinion channel.\n",
     );

@@ -1,7 +1,8 @@
 //! A second path from the machine to the sensor: the signal once more, later and weaker.
 //!
-//! `y(t) + gain y(t - delay)`. Signature: every line is scaled and turned by a factor that repeats over frequency with one over the delay;
-//! no new lines. Assumes one such path without a loss of its own; of several the strongest is meant.
+//! `y(t) + gain y(t - delay)`. Signature: every line is scaled and turned by a factor that repeats over frequency
+//! with one over the delay; no new lines. Assumes one such path without a loss of its own; of several the strongest
+//! is meant.
 
 use super::filter::pass;
 use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};

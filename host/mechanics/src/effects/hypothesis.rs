@@ -1,9 +1,10 @@
-//! What the loop and its campaigns make of an effect, said in the effect's own file: where it acts on the linear machine, under which
-//! name, how a fit goes back to the simulator, and what a campaign hides.
+//! What the loop and its campaigns make of an effect, said in the effect's own file: where it acts on the linear
+//! machine, under which name, how a fit goes back to the simulator, and what a campaign hides.
 //!
-//! A [`Seat`] is the place where the physics of the effect, linearised, enters the machine or its measuring path; its response is computed once for all
-//! effects that share it (`closed_loop::library`). The strong effect is never linearised twice: what is simulated at a finite strength, and what
-//! `loop --apply` writes, are the tables that [`Hypothesis::carry`] gives.
+//! A [`Seat`] is the place where the physics of the effect, linearised, enters the machine or its measuring path; its
+//! response is computed once for all effects that share it (`closed_loop::library`). The strong effect is never
+//! linearised twice: what is simulated at a finite strength, and what `loop --apply` writes, are the tables that
+//! [`Hypothesis::carry`] gives.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -125,7 +126,8 @@ pub enum Where {
 }
 
 impl Where {
-    /// Whether `order` of the pinion, or a fixed frequency (none), is such a place; `ratio`: order of the gear's rotation.
+    /// Whether `order` of the pinion, or a fixed frequency (none), is such a place; `ratio`: order of the gear's
+    /// rotation.
     pub fn holds(self, order: Option<f64>, ratio: f64) -> bool {
         let near = |o: f64, k: f64| (o - k).abs() < 0.01;
         match (self, order) {
@@ -164,11 +166,14 @@ pub struct Hypothesis {
     pub quantity: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// Whether its response departs from proportionality at strengths that matter: then it is simulated at the strength found.
+    /// Whether its response departs from proportionality at strengths that matter: then it is simulated at the
+    /// strength found.
     pub bends: bool,
-    /// Whether a strength below zero makes no sense: a crack does not stiffen a tooth, wear takes material away, friction brakes.
+    /// Whether a strength below zero makes no sense: a crack does not stiffen a tooth, wear takes material away,
+    /// friction brakes.
     pub never_negative: bool,
-    /// Whether the angle that a prediction takes from the tachometer has it already: it is simulated, but not written by `--apply`.
+    /// Whether the angle that a prediction takes from the tachometer has it already: it is simulated, but not written
+    /// by `--apply`.
     pub in_the_angle: bool,
     /// The simulator's effects for a fit; `None` without counterpart.
     pub carry: fn(&Fitted<'_>) -> Option<Carried>,
@@ -190,7 +195,8 @@ impl Hypothesis {
     };
 }
 
-/// A hypothesis as fitted, in the loop's conventions: `Re(size exp(i (order angle + phase)))`, angle and order of the pinion.
+/// A hypothesis as fitted, in the loop's conventions: `Re(size exp(i (order angle + phase)))`, angle and order of the
+/// pinion.
 #[derive(Debug, Clone)]
 pub struct Fitted<'a> {
     /// Numbers of teeth.
@@ -219,7 +225,8 @@ pub struct Fitted<'a> {
     pub channel: f64,
     /// Size in each channel over the larger one.
     pub channel_share: [f64; 2],
-    /// Shape found by search, in the seat's own terms: share and exponent of a relief, frequency and damping of a mode, delay.
+    /// Shape found by search, in the seat's own terms: share and exponent of a relief, frequency and damping of a
+    /// mode, delay.
     pub shape: [f64; 2],
 }
 
@@ -270,7 +277,8 @@ pub struct Carried {
 }
 
 /// Remark of what is locked to the gear.
-pub const HUNTING: &str = "teeth and phase of the gear count from the pinion turn of the first run's pulse 0, which a tachometer on the pinion cannot tell from another";
+pub const HUNTING: &str = "teeth and phase of the gear count from the pinion turn of the first run's pulse 0, which \
+    a tachometer on the pinion cannot tell from another";
 
 /// One effect with these keys.
 pub fn one<const N: usize>(name: &'static str, keys: [(&'static str, f64); N]) -> Carried {

@@ -1,8 +1,8 @@
 //! The library of effects: what real gears add to the ideal model.
 //!
 //! One effect per file; its [`Entry`] names it, its parameters with units, ranges and defaults, and builds
-//! the [`Effect`]; beside them stand what the loop looks for and what a campaign hides ([`hypothesis`]). Adding one means one file here
-//! and one line in [`REGISTRY`] (and its `mod` line).
+//! the [`Effect`]; beside them stand what the loop looks for and what a campaign hides ([`hypothesis`]). Adding one
+//! means one file here and one line in [`REGISTRY`] (and its `mod` line).
 
 mod aliasing;
 mod backlash;
@@ -47,8 +47,8 @@ use hypothesis::{Hidden, Hypothesis};
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Every known effect; those of the measuring chain are applied in the order the caller gives them. Of effects with the same seat
-/// the first describes what stands elsewhere than at its own place.
+/// Every known effect; those of the measuring chain are applied in the order the caller gives them. Of effects with
+/// the same seat the first describes what stands elsewhere than at its own place.
 pub const REGISTRY: &[&Entry] = &[
     &eccentricity::ENTRY,
     &pitch_error::ENTRY,
@@ -222,8 +222,8 @@ impl Entry {
     /// Builds the effect from given values; missing ones take their defaults.
     ///
     /// # Errors
-    /// An unknown parameter, one given twice with different values, a value out of its range or a fraction where a number is
-    /// counted, and values with which the effect changes nothing.
+    /// An unknown parameter, one given twice with different values, a value out of its range or a fraction where a
+    /// number is counted, and values with which the effect changes nothing.
     pub fn with(&self, given: &[(&str, f64)]) -> Result<Box<dyn Effect>> {
         let place = |key: &str| format!("effect {}: {key}", self.name);
         let mut values: Vec<(&'static str, f64)> = self.parameters.iter().map(|p| (p.name, p.default)).collect();
@@ -358,7 +358,8 @@ pub fn read(path: &std::path::Path) -> Result<Vec<Box<dyn Effect>>> {
         .collect()
 }
 
-/// Factor on every declared torque that such a file states (`torque_factor`, 1 where absent): torque meters are off by a share, too.
+/// Factor on every declared torque that such a file states (`torque_factor`, 1 where absent): torque meters are off
+/// by a share, too.
 ///
 /// # Errors
 /// An unreadable file, a factor that is not within 0.5 to 2.
@@ -369,8 +370,8 @@ pub fn read_torque_factor(path: &std::path::Path) -> Result<f64> {
     factor.ok_or_else(|| Error::invalid(format!("{}: torque_factor", path.display()), "must lie between 0.5 and 2"))
 }
 
-/// Turns of the pinion by which every run of a record starts later than its pulse 0 says (`pinion_turns`, empty where absent): what teeth and
-/// phases of the gear hold with.
+/// Turns of the pinion by which every run of a record starts later than its pulse 0 says (`pinion_turns`, empty where
+/// absent): what teeth and phases of the gear hold with.
 ///
 /// # Errors
 /// An unreadable file, values that are no whole numbers from 0 to 100 000.

@@ -1,7 +1,9 @@
-//! Stiffness of all pairs changing linearly with time: a tooth contact that warms up, wears in or loses its oil within a run.
+//! Stiffness of all pairs changing linearly with time: a tooth contact that warms up, wears in or loses its oil
+//! within a run.
 //!
-//! `k (1 + rate t)` from the first sample on. Signature: mesh harmonics whose amplitude and phase move over the run, most beside
-//! resonances. Assumes a share common to all pairs and the whole path; what changes over hours, from run to run, is another machine.
+//! `k (1 + rate t)` from the first sample on. Signature: mesh harmonics whose amplitude and phase move over the run,
+//! most beside resonances. Assumes a share common to all pairs and the whole path; what changes over hours, from run
+//! to run, is another machine.
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, one};
 use super::{Entry, parameter};

@@ -1,12 +1,12 @@
 //! Cracked tooth by a loss of its pair's stiffness.
 //!
-//! A tooth cracked at its root yields as a cantilever: by its crack's own compliance times the square of the load's lever
-//! arm. The pair's stiffness is `k / (1 + c (1 + lever x)^2)`, `x` from -1 at the root's end of the path to 1 at the tip's,
-//! `c = loss / (1 - loss)`: `loss` is the share lost at the middle, `lever` half the path over the mean arm, 0 for one share
-//! all along. Limit: by the energy method a crack of 1.4 mm in 55 teeth grows 27-fold over the path, nearly as an exponential,
-//! which this follows to 14 % of its own change only; for a crack by depth and angle declare `[crack]` in the machine.
-//! Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per turn for about a contact ratio of mesh
-//! periods, proportional to torque.
+//! A tooth cracked at its root yields as a cantilever: by its crack's own compliance times the square of the load's
+//! lever arm. The pair's stiffness is `k / (1 + c (1 + lever x)^2)`, `x` from -1 at the root's end of the path to 1
+//! at the tip's, `c = loss / (1 - loss)`: `loss` is the share lost at the middle, `lever` half the path over the mean
+//! arm, 0 for one share all along. Limit: by the energy method a crack of 1.4 mm in 55 teeth grows 27-fold over the
+//! path, nearly as an exponential, which this follows to 14 % of its own change only; for a crack by depth and angle
+//! declare `[crack]` in the machine. Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per
+//! turn for about a contact ratio of mesh periods, proportional to torque.
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Tooth, one};
 use super::{Entry, GEAR, TOOTH, check_tooth, parameter};

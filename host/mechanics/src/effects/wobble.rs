@@ -1,11 +1,13 @@
 //! Wobble: a gear whose face runs out of true, so that its contact gives way at one end of the face once per turn.
 //!
-//! A tilted blank, bent shaft or clamping error adds a lead slope that turns with the gear to the slope that mounting leaves. Where slopes leave
-//! the face in partial contact, the width that carries, and with it the pair's stiffness under a given load, goes with the inverse root of the slope (ISO 6336-1:2006, 7:
-//! `b_cal / b = sqrt(2 F_m / (b F_beta c_gamma))` below full contact), so that of a slope `1 + r cos(angle)` times its mean the stiffness is
-//! `(1 + r cos(angle))^(-1/2)` times the declared: at once per turn `r / 2`, at twice `3 r^2 / 16`. Signature: sidebands of the shaft
-//! rate and its double around the mesh harmonics, proportional to torque.
-//! Limits: the declared stiffness is that of the mean slope; spur teeth; the end's own runout is an eccentricity's to describe.
+//! A tilted blank, bent shaft or clamping error adds a lead slope that turns with the gear to the slope that mounting
+//! leaves. Where slopes leave the face in partial contact, the width that carries, and with it the pair's stiffness
+//! under a given load, goes with the inverse root of the slope (ISO 6336-1:2006, 7:
+//! `b_cal / b = sqrt(2 F_m / (b F_beta c_gamma))` below full contact), so that of a slope `1 + r cos(angle)` times
+//! its mean the stiffness is `(1 + r cos(angle))^(-1/2)` times the declared: at once per turn `r / 2`, at twice
+//! `3 r^2 / 16`. Signature: sidebands of the shaft rate and its double around the mesh harmonics, proportional to
+//! torque. Limits: the declared stiffness is that of the mean slope; spur teeth; the end's own runout is an
+//! eccentricity's to describe.
 
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, parameter};

@@ -1,8 +1,9 @@
 //! A rolling bearing as its owner declares it: by designation, by dimensions or by its four orders.
 //!
-//! The same `[[bearing]]` table stands in `machines/*.toml` and in `record.toml`. Only ratios of dimensions count, so that a
-//! bearing turns into four orders per turn of its shaft; the outer ring stands. Kinematics without slip (Harris, Rolling Bearing
-//! Analysis, ch. 8; Randall and Antoni 2011, eq. 1 to 4): real passages are lower by up to 2 %, of one share for the bearing.
+//! The same `[[bearing]]` table stands in `machines/*.toml` and in `record.toml`. Only ratios of dimensions count, so
+//! that a bearing turns into four orders per turn of its shaft; the outer ring stands. Kinematics without slip
+//! (Harris, Rolling Bearing Analysis, ch. 8; Randall and Antoni 2011, eq. 1 to 4): real passages are lower by up to 2
+//! %, of one share for the bearing.
 
 use super::bearing_table;
 use crate::{Error, Result};
@@ -58,7 +59,8 @@ pub struct BearingOrders {
 }
 
 impl BearingOrders {
-    /// Of `elements` rolling elements, their diameter over the pitch diameter times the contact angle's cosine being `ratio` (0 to 1).
+    /// Of `elements` rolling elements, their diameter over the pitch diameter times the contact angle's cosine being
+    /// `ratio` (0 to 1).
     pub fn of(elements: u32, ratio: f64) -> Self {
         let n = f64::from(elements);
         Self {
@@ -79,7 +81,8 @@ impl Bearing {
     /// Its orders per turn of its shaft, without slip.
     ///
     /// # Errors
-    /// None or more than one of designation, dimensions and orders; values out of range; a designation that the table lacks.
+    /// None or more than one of designation, dimensions and orders; values out of range; a designation that the table
+    /// lacks.
     pub fn orders(&self) -> Result<BearingOrders> {
         let refuse = |why: String| Error::invalid(format!("bearing {}", crate::text::name(&self.name)), why);
         let has_dimensions =

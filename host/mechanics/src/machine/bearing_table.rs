@@ -1,15 +1,16 @@
 //! Dimensions of common rolling bearings by designation.
 //!
-//! Makers publish boundary dimensions and ratings, not the elements. A ball bearing's row is the set of standard balls that gives the catalogue's static rating `C0 = f0 Z D^2`
-//! (ISO 76; the test below) on a pitch circle midway between bore and outside diameter (ISO 15). Makers vary the elements of one designation: orders may be off by some per cent
-//! for another make, more than slip. Who knows better declares dimensions or orders. Limits: single rows; of the NU series two sizes only, none of
-//! angular contact, whose angle is the maker's.
+//! Makers publish boundary dimensions and ratings, not the elements. A ball bearing's row is the set of standard
+//! balls that gives the catalogue's static rating `C0 = f0 Z D^2` (ISO 76; the test below) on a pitch circle midway
+//! between bore and outside diameter (ISO 15). Makers vary the elements of one designation: orders may be off by some
+//! per cent for another make, more than slip. Who knows better declares dimensions or orders. Limits: single rows; of
+//! the NU series two sizes only, none of angular contact, whose angle is the maker's.
 
 /// Designation, rolling elements, pitch diameter, m, element diameter, m, contact angle, degrees.
 pub type Row = (&'static str, u32, f64, f64, f64);
 
-/// Rows by designation. 6203 and 6205 as published with measured records (Lessmeier and others 2016; bearing data centre of Case Western Reserve
-/// University); NU205 and NU206: inner raceway of the catalogue and one roller.
+/// Rows by designation. 6203 and 6205 as published with measured records (Lessmeier and others 2016; bearing data
+/// centre of Case Western Reserve University); NU205 and NU206: inner raceway of the catalogue and one roller.
 const TABLE: &[Row] = &[
     ("6000", 7, 0.018, 0.004763, 0.0),
     ("6001", 8, 0.020, 0.004763, 0.0),

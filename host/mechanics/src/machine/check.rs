@@ -1,11 +1,12 @@
-//! Physical sense of a declaration: every refusal names table and key and says what would be right, all of them in one line.
+//! Physical sense of a declaration: every refusal names table and key and says what would be right, all of them in
+//! one line.
 
 use super::geometry::Geometry;
 use super::{EngagementKind, Machine};
 use crate::{Error, Result};
 
-/// What is a machine at all: from a watch's wheel to a mill's, with room on both sides. Whether a machine can be computed for a
-/// sampling rate is another question, answered by its natural frequencies.
+/// What is a machine at all: from a watch's wheel to a mill's, with room on both sides. Whether a machine can be
+/// computed for a sampling rate is another question, answered by its natural frequencies.
 const INERTIA_KG_M2: [f64; 2] = [1e-15, 1e12];
 const MASS_KG: [f64; 2] = [1e-9, 1e9];
 const STIFFNESS: [f64; 2] = [1e-9, 1e16];

@@ -1,7 +1,8 @@
-//! Damping of shafts whose file has none: no catalogue states it, and a machine must not be refused for what nobody knows.
+//! Damping of shafts whose file has none: no catalogue states it, and a machine must not be refused for what nobody
+//! knows.
 //!
-//! Couplings get 5 % of critical between the two inertias that they join, bearings 4 % on the mass of their gear: what `machine new` guesses for ball
-//! bearings. The loop fits damping anyway where it is not declared well.
+//! Couplings get 5 % of critical between the two inertias that they join, bearings 4 % on the mass of their gear:
+//! what `machine new` guesses for ball bearings. The loop fits damping anyway where it is not declared well.
 
 use super::Shafts;
 use serde::Deserialize;

@@ -1,9 +1,10 @@
 //! A whole machine from what its owner knows: teeth, module, width, power, speed, and a few more where they are known.
 //!
 //! Everything else is estimated by the rules below and named as a guess, with the factor that it may be off by, so that
-//! `law::guesses` can say which of them move the bandwidth law. The rules are those of machine design handbooks (Niemann/Winter, Roark): solid
-//! discs of steel, bores at the root radius over 2.6, shafts as long as four face widths, bearings by their kind. They give orders of
-//! magnitude, no more; a measured or catalogued value in the file is always better.
+//! `law::guesses` can say which of them move the bandwidth law. The rules are those of machine design handbooks
+//! (Niemann/Winter, Roark): solid discs of steel, bores at the root radius over 2.6, shafts as long as four face
+//! widths, bearings by their kind. They give orders of magnitude, no more; a measured or catalogued value in the file
+//! is always better.
 
 use super::{Engagement, EngagementKind, Machine, Nominal, Pair, Shafts, damping};
 use crate::{Error, Result};
@@ -207,7 +208,8 @@ fn guesses(known: &Known, machine: &Machine) -> Vec<Guess> {
     let (shafts, pair) = (&machine.shafts, &machine.pair);
     let mut list = Vec::new();
     let mut push = |key, value: String, reach, rule| list.push(Guess { key, value, reach, rule });
-    // Two ramps of one width and another shape have other bandwidths: the shape is a guess wherever the ramp itself is known.
+    // Two ramps of one width and another shape have other bandwidths: the shape is a guess wherever the ramp itself
+    // is known.
     match (known.ramp_rad, known.relief_m) {
         (None, Some(_)) => push("[engagement] relief_exponent", "2".into(), Reach::Or("1"), "parabolic, not linear"),
         _ => {
@@ -284,7 +286,8 @@ impl Estimated {
     pub fn to_toml(&self) -> String {
         let m = &self.machine;
         let mut out = format!(
-            "# Estimated from a few figures; SI units. Every line marked GUESS is worth replacing by a known value.\ntitle = {}\n",
+            "# Estimated from a few figures; SI units. Every line marked GUESS is worth replacing by a known \
+             value.\ntitle = {}\n",
             toml::Value::from(m.title.as_str())
         );
         out += &self.table("pair", &pair_values(&m.pair));

@@ -2,8 +2,8 @@
 //!
 //! FNV-1a (64 bit) over the canonical content: the checked machine written back as JSON with every
 //! default filled in, in declaration order. Comments, key order and number formatting of the source file
-//! do not change it; any value does that differs in its first nine digits (a default that is computed may differ in the last ones
-//! from version to version). The title is left out: renaming a machine does not void its law.
+//! do not change it; any value does that differs in its first nine digits (a default that is computed may differ in
+//! the last ones from version to version). The title is left out: renaming a machine does not void its law.
 
 use super::Machine;
 use serde::Serialize;

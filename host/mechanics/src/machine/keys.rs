@@ -1,4 +1,5 @@
-//! Every key of a machine file, with unit and meaning: for the key reference and for unknown keys, all of which are named at once.
+//! Every key of a machine file, with unit and meaning: for the key reference and for unknown keys, all of which are
+//! named at once.
 //!
 //! A test compares the list with what the reader takes, so that neither grows alone.
 
@@ -121,7 +122,8 @@ pub const KEYS: &[Key] = &[
 /// Tables that are a record's own beside the machine's.
 const RECORD_TABLES: [&str; 4] = ["acquisition", "tach", "run", "import"];
 
-/// Every unknown key of a machine's source, "[table] key", with the nearest known one; a record's own tables are passed over.
+/// Every unknown key of a machine's source, "[table] key", with the nearest known one; a record's own tables are
+/// passed over.
 pub fn unknown(source: &Table) -> Vec<String> {
     let mut found = Vec::new();
     for (name, value) in source {

@@ -5,8 +5,8 @@
 //! of half thickness h keeps the thickness `h + min(h, limit)`, where the limit is hc all along (straight rule:
 //! Tian 2004, Wu, Zuo and Parey 2008) or a parabola from the crack's end to the tip (Mohammed; Chen and Shao
 //! 2011; the straight rule while the crack ends farther out than the tip's half thickness, where such a parabola
-//! would cut sound material). The same thickness enters bending, shear and axial terms. Contact and body stay healthy, so real losses
-//! are larger; the crack does not breathe (the flank is loaded on one side only).
+//! would cut sound material). The same thickness enters bending, shear and axial terms. Contact and body stay
+//! healthy, so real losses are larger; the crack does not breathe (the flank is loaded on one side only).
 
 use super::pair::{PairModel, event_knots, fit_adaptive};
 use super::tooth::{Tooth, ToothCompliance};

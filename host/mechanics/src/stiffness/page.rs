@@ -1,4 +1,5 @@
-//! `meshband stiffness` as a page: what a pair's stiffness is made of, curves over the mesh period, ISO 6336 beside them.
+//! `meshband stiffness` as a page: what a pair's stiffness is made of, curves over the mesh period, ISO 6336 beside
+//! them.
 
 use super::mesh::{Summary, total};
 use super::pair::PairModel;

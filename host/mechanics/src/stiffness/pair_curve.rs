@@ -1,9 +1,9 @@
 //! Stiffness of one tooth pair along the path of contact and its Fourier transforms.
 //!
 //! Position `u` counts base pitches from the start of contact. The table is taken piecewise linear, for which the
-//! transform `K(nu) = int k(u) exp(-2 pi i nu u) du` is summed exactly segment by segment. By Poisson's sum the total mesh
-//! stiffness of pairs one base pitch apart has Fourier coefficients `K(n)`; one tooth of a gear of `z` teeth, recurring
-//! every `z` base pitches, has coefficients `K(k / z) / z` at shaft order `k`.
+//! transform `K(nu) = int k(u) exp(-2 pi i nu u) du` is summed exactly segment by segment. By Poisson's sum the total
+//! mesh stiffness of pairs one base pitch apart has Fourier coefficients `K(n)`; one tooth of a gear of `z` teeth,
+//! recurring every `z` base pitches, has coefficients `K(k / z) / z` at shaft order `k`.
 
 use crate::Result;
 use crate::piecewise::PiecewisePolynomial;

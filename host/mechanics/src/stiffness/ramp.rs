@@ -153,7 +153,8 @@ impl<'a> Sharing<'a> {
             return Err(Error::impossible(
                 "[engagement]",
                 format!(
-                    "at {:.1} N mesh force the relief reaches into single contact, where it is a transmission error and \
+                    "at {:.1} N mesh force the relief reaches into single contact, where it is a transmission error \
+                     and \
                      not a ramp: shorten it, reduce it, or declare it as a profile error",
                     self.force
                 ),

@@ -64,7 +64,8 @@ pub struct Report {
     pub geometric: Summary,
     /// As used in the equations of motion.
     pub used: Summary,
-    /// The pair with the cracked tooth, where one is declared: mean of its curve over the path relative to the healthy one.
+    /// The pair with the cracked tooth, where one is declared: mean of its curve over the path relative to the
+    /// healthy one.
     pub cracked_pair_share: Option<f64>,
     /// First and last contact of the pair in use, base pitches.
     pub support: [f64; 2],

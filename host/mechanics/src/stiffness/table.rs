@@ -37,7 +37,8 @@ impl Table {
     /// Reads a table file.
     ///
     /// # Errors
-    /// Names file and line of the first row that is not two finite numbers, descends, is negative, or is beyond any gear; too many rows.
+    /// Names file and line of the first row that is not two finite numbers, descends, is negative, or is beyond any
+    /// gear; too many rows.
     pub fn read(path: &Path) -> Result<Self> {
         let content = budget::read_text(path)?;
         Self::parse(&content, &path.display().to_string())

@@ -10,8 +10,8 @@
 //! ```
 //! equal to the closed forms in the roll angle (Yang and Lin; Tian 2004) where the root is the base circle.
 //! Integration by adaptive Gauss-Legendre quadrature to 1e-12. The moment is linear in the load angle's cosine,
-//! `rb - x cos a = rb (1 - cos a) + (rb - x) cos a`, so a sound tooth's integrals from its root up to some points of the flank
-//! are found once, and a contact adds the short piece up to itself.
+//! `rb - x cos a = rb (1 - cos a) + (rb - x) cos a`, so a sound tooth's integrals from its root up to some points of
+//! the flank are found once, and a contact adds the short piece up to itself.
 
 use super::quadrature::{integrate, panel};
 use crate::machine::{Geometry, Pair, RootShape, involute};

@@ -1,7 +1,8 @@
 //! Stiffness of all pairs changing linearly over the run.
 //!
-//! The machine follows at once, as its memory is short beside a run: its lines' derivative by the stiffness, times the time since the
-//! first sample. Of first order; at its own strength it is simulated. Cost: two steady states and a waveform per run.
+//! The machine follows at once, as its memory is short beside a run: its lines' derivative by the stiffness, times
+//! the time since the first sample. Of first order; at its own strength it is simulated. Cost: two steady states and
+//! a waveform per run.
 
 use super::Responses;
 use crate::candidate::{Candidate, Claim, Parameter, Template};

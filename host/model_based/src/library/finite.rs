@@ -1,9 +1,10 @@
 //! Response of an effect at its own strength, by simulation in time.
 //!
-//! Most effects are forces or displacements of a linear machine and exactly proportional to their strength. A cracked tooth, a
-//! modulated stiffness and contacts carried along their path are not: at a strength that anybody would call a fault the first-order template leaves
-//! a few percent, which then passes for another law. Here the declared equations are integrated ([`crate::model::integrated`]) with and without the simulator's own
-//! effect, as the hypothesis carries its unknowns to it; the templates are bent so that at the strength `x` they give that
+//! Most effects are forces or displacements of a linear machine and exactly proportional to their strength. A cracked
+//! tooth, a modulated stiffness and contacts carried along their path are not: at a strength that anybody would call
+//! a fault the first-order template leaves a few percent, which then passes for another law. Here the declared
+//! equations are integrated ([`crate::model::integrated`]) with and without the simulator's own effect, as the
+//! hypothesis carries its unknowns to it; the templates are bent so that at the strength `x` they give that
 //! difference (a secant). Cost: a time integration per run.
 
 use super::Bench;
@@ -38,15 +39,15 @@ impl Company {
 }
 
 impl Bench<'_> {
-    /// Bins of the declared machine with all of `terms` at once; `None` where they need different starts of the runs, or one is beyond the
-    /// simulator's range.
+    /// Bins of the declared machine with all of `terms` at once; `None` where they need different starts of the runs,
+    /// or one is beyond the simulator's range.
     pub fn simulated(&self, terms: &[Played<'_>]) -> Option<Vec<[Bins; 2]>> {
         let runs: Vec<usize> = (0..self.base.runs.len()).collect();
         simulated(self.base, &[0.0; TOLERANCES.len()], terms, &runs)
     }
 
-    /// The candidate with templates that give the simulated response at the strength `x` on a machine with the `company`; `None` where they
-    /// do already.
+    /// The candidate with templates that give the simulated response at the strength `x` on a machine with the
+    /// `company`; `None` where they do already.
     pub fn at_strength(&self, candidate: &Candidate, x: &[f64], data: &Data, company: &Company) -> Option<Candidate> {
         if !candidate.bends() {
             return None;

@@ -41,7 +41,8 @@ pub fn candidates(bench: &Responses<'_>) -> Vec<Candidate> {
     list
 }
 
-/// The first-order response of this machine to the same deviation of every pair as that of `candidate`; none where it is no effect that every pair has.
+/// The first-order response of this machine to the same deviation of every pair as that of `candidate`; none where it
+/// is no effect that every pair has.
 pub fn on(machine: &Responses<'_>, candidate: &Candidate) -> Option<Candidate> {
     let hypothesis = candidate.hypothesis.filter(|_| candidate.claim == Claim::Named)?;
     hypothesis.seats.iter().find_map(|seat| match (*seat, candidate.tuning) {
@@ -68,8 +69,9 @@ pub fn refine_relief(bench: &Responses<'_>, exponent: i32, score: impl Fn(Candid
     relief(bench, best.map_or(NARROWEST_RELIEF, |(_, share)| share), exponent)
 }
 
-/// The highest peaks of a `score` over the share, with their shares: by a scan over all, since high mesh orders swing with the share, then by pattern search from
-/// each, since what stands highest at the points of a scan need not be the highest peak.
+/// The highest peaks of a `score` over the share, with their shares: by a scan over all, since high mesh orders swing
+/// with the share, then by pattern search from each, since what stands highest at the points of a scan need not be
+/// the highest peak.
 pub fn relief_peaks(bench: &Responses<'_>, exponent: i32, score: impl Fn(Candidate) -> f64 + Sync) -> Vec<(f64, f64)> {
     // A parabola over the whole path is wear.
     let widest = if exponent == 1 { 0.5 } else { 0.4 };
@@ -175,10 +177,11 @@ impl Shape {
     }
 }
 
-/// Displacement of every pair, or (in proportion to torque) a change of mesh stiffness, with a free amplitude and phase at each mesh order.
+/// Displacement of every pair, or (in proportion to torque) a change of mesh stiffness, with a free amplitude and
+/// phase at each mesh order.
 ///
-/// The free shapes contain wear, relief and any other error that all teeth share: what they gain over one of those names says how far the
-/// name's shape is off.
+/// The free shapes contain wear, relief and any other error that all teeth share: what they gain over one of those
+/// names says how far the name's shape is off.
 fn shape(bench: &Responses<'_>, shape: Shape) -> Candidate {
     let machine = &bench.base.machine;
     let z = f64::from(machine.teeth[0]);

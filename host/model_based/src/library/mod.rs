@@ -1,8 +1,9 @@
 //! The library: every effect as physically predicted templates, to be matched with the residual.
 //!
-//! Effects are excitations of the declared machine (displacement error, force, stiffness change) whose response comes from the harmonic
-//! balance, or changes of the measuring path applied to the prediction. Which there are, where, and under which names stands with the simulator's
-//! effects ([`crate::effects::hypothesis`]); here is the response that effects with the same seat share.
+//! Effects are excitations of the declared machine (displacement error, force, stiffness change) whose response comes
+//! from the harmonic balance, or changes of the measuring path applied to the prediction. Which there are, where, and
+//! under which names stands with the simulator's effects ([`crate::effects::hypothesis`]); here is the response that
+//! effects with the same seat share.
 
 pub mod drift;
 pub mod finite;
@@ -86,7 +87,8 @@ impl<'a> Bench<'a> {
         [1.0, self.ratio(), 2.0, 2.0 * self.ratio()]
     }
 
-    /// Hands out all candidates for the present residual, part by part because of their size: fixed library, detected orders, detected frequencies.
+    /// Hands out all candidates for the present residual, part by part because of their size: fixed library, detected
+    /// orders, detected frequencies.
     ///
     /// `turns`: starts of the runs in the hunting period, where an effect of the gear has told them.
     pub fn candidates(

@@ -1,5 +1,5 @@
-//! Effects seated at one order of the pinion or at one fixed frequency: the response to every sinusoid that an effect of the registry names
-//! as its seat, under that effect's name where it earns it.
+//! Effects seated at one order of the pinion or at one fixed frequency: the response to every sinusoid that an effect
+//! of the registry names as its seat, under that effect's name where it earns it.
 
 use super::{Excitation, Responses};
 use crate::base_fit::RunState;
@@ -31,7 +31,8 @@ fn waves() -> &'static [Wave] {
     })
 }
 
-/// The effect that a sinusoid is at an order of the pinion or a fixed frequency (none), and whether it earns its name there.
+/// The effect that a sinusoid is at an order of the pinion or a fixed frequency (none), and whether it earns its name
+/// there.
 fn effect_of(wave: Wave, order: Option<f64>, ratio: f64) -> (&'static Hypothesis, bool) {
     let own = |h: &&Hypothesis| h.seats.iter().any(|seat| matches!(seat, Seat::Wave(w) if *w == wave));
     let named = hypotheses().filter(own).find(|h| h.at.holds(order, ratio));
@@ -39,7 +40,8 @@ fn effect_of(wave: Wave, order: Option<f64>, ratio: f64) -> (&'static Hypothesis
     named.map_or_else(|| (any(), false), |h| (h, true))
 }
 
-/// Whether a sinusoid is worth a trial: of an effect's forces that only the power of torque tells apart, the first alone where the runs' torques cannot.
+/// Whether a sinusoid is worth a trial: of an effect's forces that only the power of torque tells apart, the first
+/// alone where the runs' torques cannot.
 fn is_told_apart(bench: &Responses<'_>, wave: Wave, order: Option<f64>) -> bool {
     let Wave::Force { at, speed, .. } = wave else { return true };
     let effect = |wave| effect_of(wave, order, bench.ratio()).0.name;
@@ -189,7 +191,8 @@ pub fn moved(bench: &Responses<'_>, candidate: &Candidate, seat: usize, order: f
     Candidate { name: candidate.name.clone(), claim: candidate.claim, scanned: candidate.scanned, ..all.remove(0) }
 }
 
-/// The first-order response of this machine to the same sinusoid as that of `candidate`, with its runs started likewise; none where it is no sinusoid at an order.
+/// The first-order response of this machine to the same sinusoid as that of `candidate`, with its runs started
+/// likewise; none where it is no sinusoid at an order.
 pub fn on(machine: &Responses<'_>, candidate: &Candidate) -> Option<Candidate> {
     let (Some(Seat::Wave(wave)), Some(order)) = (candidate.seat, candidate.order) else { return None };
     let seat = waves().iter().position(|w| *w == wave)?;
@@ -231,7 +234,8 @@ fn seated(bench: &Responses<'_>, seats: std::ops::Range<usize>, order: f64, sear
         .collect()
 }
 
-/// Every excitation at a fixed frequency, phase free in every run: forces on the machine, and a tone added by the acquisition.
+/// Every excitation at a fixed frequency, phase free in every run: forces on the machine, and a tone added by the
+/// acquisition.
 pub fn at_frequency(bench: &Responses<'_>, data: &Data, fit: &[usize], found: Found) -> Vec<Candidate> {
     let base = bench.base;
     let machine = &base.machine;

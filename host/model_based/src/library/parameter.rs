@@ -1,7 +1,8 @@
 //! A declared parameter that is off by much more than its tolerance.
 //!
-//! The templates are the nuisances' own sensitivities without their prior: they gain only what the tolerance forbids, so a parameter
-//! within two or three tolerances never competes with an effect. Of first order; always a plain description, never a named effect.
+//! The templates are the nuisances' own sensitivities without their prior: they gain only what the tolerance forbids,
+//! so a parameter within two or three tolerances never competes with an effect. Of first order; always a plain
+//! description, never a named effect.
 
 use super::Bench;
 use crate::base_fit::TOLERANCES;

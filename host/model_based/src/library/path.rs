@@ -1,7 +1,7 @@
 //! Effects of the measuring path: a structural or sensor mode, gain, delay, drift of the gain, curvature of the sensor.
 //!
-//! They act on whatever is measured, so their templates are made from the model's bins (linear paths) or from the measured signal itself
-//! (drift and curvature, whose products with noise average out).
+//! They act on whatever is measured, so their templates are made from the model's bins (linear paths) or from the
+//! measured signal itself (drift and curvature, whose products with noise average out).
 
 use super::{Bench, on_path};
 use crate::candidate::{Candidate, Claim, Parameter, Template, Tuning};

@@ -1,8 +1,8 @@
 //! Effects carried by single teeth: pitch errors and stiffness loss (crack), for both gears.
 //!
-//! The response to one tooth's error repeats, shifted by whole teeth, for every other tooth. Its orders fall into families
-//! `m + n z`; tooth `i` enters family `m` with the phase `exp(-2 pi i m i / z)`, so one response per family serves a single tooth, every
-//! single tooth, and a free table of all teeth.
+//! The response to one tooth's error repeats, shifted by whole teeth, for every other tooth. Its orders fall into
+//! families `m + n z`; tooth `i` enters family `m` with the phase `exp(-2 pi i m i / z)`, so one response per family
+//! serves a single tooth, every single tooth, and a free table of all teeth.
 
 use super::Bench;
 use crate::base_fit::Base;
@@ -237,7 +237,8 @@ impl Families {
     }
 }
 
-/// The tooth that a run counted from its pulse 0 shows in the place of `tooth`: a turn of the pinion brings the gear on by the pinion's teeth.
+/// The tooth that a run counted from its pulse 0 shows in the place of `tooth`: a turn of the pinion brings the gear
+/// on by the pinion's teeth.
 fn seen_as(tooth: u32, start: &Start, run: usize, teeth: [u32; 2]) -> u32 {
     let [z1, z] = teeth.map(i64::from);
     let later = start.turns().map_or(0, |turns| i64::from(turns[run]));
@@ -262,7 +263,8 @@ impl Likeness {
         (tooth, start)
     }
 
-    /// Tooth of the gear and start of every run that the runs to `fit` resemble most; the others start where they do themselves.
+    /// Tooth of the gear and start of every run that the runs to `fit` resemble most; the others start where they do
+    /// themselves.
     fn best_started(&self, fit: &[usize], teeth: [u32; 2], hunting: Hunting) -> (u32, Start) {
         let [z1, z] = teeth;
         let shown = |tooth: u32, k: u32| (tooth + (z - z1 * k % z)) % z;

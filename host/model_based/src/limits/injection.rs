@@ -29,8 +29,8 @@ const HALVINGS: usize = 6;
 /// Doublings found one after the other from which on every stronger effect is taken to be found.
 const SETTLED: i32 = 3;
 
-/// What the terms leave of the record, and the same with phases drawn anew, stretch by stretch: noise and remainders of the same size where they were, but in
-/// another relation to what is injected.
+/// What the terms leave of the record, and the same with phases drawn anew, stretch by stretch: noise and remainders
+/// of the same size where they were, but in another relation to what is injected.
 pub fn variants(base: &Base, data: &Data, split: &Split, adopted: &Adopted) -> Vec<Data> {
     let terms: Vec<&Candidate> = adopted.iter().collect();
     let rest = corrected(base, data, &joint(base, data, &split.seen(), &terms).x, &terms);
@@ -113,8 +113,8 @@ impl<'a> Scene<'a> {
         Prepared { bare: Candidate { templates, ..candidate.clone() }, borders, lines }
     }
 
-    /// Sizes at which the effect begins (true) or ceases to be found at a place, by doubling and halving: near the limit the held-out runs may pass a weak effect by luck and
-    /// refuse a stronger one.
+    /// Sizes at which the effect begins (true) or ceases to be found at a place, by doubling and halving: near the
+    /// limit the held-out runs may pass a weak effect by luck and refuse a stronger one.
     fn turning_sizes(&self, prepared: &Prepared<'_>, variant: usize, unit: &[DVector<f64>]) -> Vec<(f64, bool)> {
         let border = &prepared.borders[variant];
         let information: f64 = self.seen.iter().map(|&r| unit[r].dot(&(border.gram(r) * &unit[r]))).sum();
@@ -143,7 +143,8 @@ impl<'a> Scene<'a> {
         turns
     }
 
-    /// Whether the search would have adopted the candidate, and the held-out runs would have confirmed it, where the record held it at the unknowns `x` of every run.
+    /// Whether the search would have adopted the candidate, and the held-out runs would have confirmed it, where the
+    /// record held it at the unknowns `x` of every run.
     fn is_found(&self, prepared: &Prepared<'_>, variant: usize, x: &[DVector<f64>]) -> bool {
         if prepared.lines.as_ref().is_some_and(|lines| !lines.are_proposed(variant, x)) {
             return false;

@@ -1,15 +1,19 @@
-//! What would have been found: for every named effect of the library that was not, the smallest strength that this record would have shown.
+//! What would have been found: for every named effect of the library that was not, the smallest strength that this
+//! record would have shown.
 //!
-//! Injection and recovery in the linearised model. The response of an effect is laid, at drawn places (phase, tooth, order, frequency, starts of the runs;
-//! `places`), over what the terms found leave of the record (`injection`), and everything is asked that the search asks: the order must be proposed
-//! by the scans, the gate must adopt the term next to those found, and the held-out runs must confirm it. The normal equations change by products that are there
-//! already, so a strength costs a few small systems of equations and no simulation. Strengths are those of the simulator's own effects
-//! ([`Hypothesis::carry`](crate::effects::hypothesis::Hypothesis::carry)), so that a limit can be tried with `simulate --effect`.
+//! Injection and recovery in the linearised model. The response of an effect is laid, at drawn places (phase, tooth,
+//! order, frequency, starts of the runs; `places`), over what the terms found leave of the record (`injection`), and
+//! everything is asked that the search asks: the order must be proposed by the scans, the gate must adopt the term
+//! next to those found, and the held-out runs must confirm it. The normal equations change by products that are there
+//! already, so a strength costs a few small systems of equations and no simulation. Strengths are those of the
+//! simulator's own effects ([`Hypothesis::carry`](crate::effects::hypothesis::Hypothesis::carry)), so that a limit
+//! can be tried with `simulate --effect`.
 //!
-//! In half, and in nine of ten of the places, an effect of that strength is found: a term of its kind is adopted. Whether it also earns its name is another question, which
-//! needs more. Cost: about the library's responses once more. Limits: responses of first order; of what is searched finely (a tooth, a delay, a mode, an order) the true value
-//! is taken to be found, and its search is paid for; effects that distort the record as a whole (clipping, impacts, an angle that moves) have none. Checked by injections
-//! into generated records (`meshband prove --limits`).
+//! In half, and in nine of ten of the places, an effect of that strength is found: a term of its kind is adopted.
+//! Whether it also earns its name is another question, which needs more. Cost: about the library's responses once
+//! more. Limits: responses of first order; of what is searched finely (a tooth, a delay, a mode, an order) the true
+//! value is taken to be found, and its search is paid for; effects that distort the record as a whole (clipping,
+//! impacts, an angle that moves) have none. Checked by injections into generated records (`meshband prove --limits`).
 
 mod injection;
 mod places;
@@ -30,7 +34,8 @@ use std::collections::BTreeMap;
 pub struct Limit {
     /// Name of the effect.
     pub family: String,
-    /// The body or channel that it sits on, and the band that its order, frequency or length is from where that matters; empty where there is no choice.
+    /// The body or channel that it sits on, and the band that its order, frequency or length is from where that
+    /// matters; empty where there is no choice.
     pub at: String,
     /// Strength found in half of the places tried; none where nothing in range would have been.
     pub found_in_half: Option<f64>,

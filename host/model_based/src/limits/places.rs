@@ -1,4 +1,5 @@
-//! Where the effects of the library could sit in a record: candidates at drawn places, and the unknowns that a strength has there.
+//! Where the effects of the library could sit in a record: candidates at drawn places, and the unknowns that a
+//! strength has there.
 
 use super::super::candidate::{Candidate, Claim, Tuning};
 use super::super::detect;
@@ -24,10 +25,12 @@ const SEATS: usize = 8;
 const SEED: u64 = 15;
 /// Damping ratio of a path's mode.
 const MODE_DAMPING: f64 = 0.03;
-/// Bands that limits of their own are stated for, in thousandths: length of a relief as a share of the path, frequency of a mode, Hz.
+/// Bands that limits of their own are stated for, in thousandths: length of a relief as a share of the path,
+/// frequency of a mode, Hz.
 const RELIEFS: [[u32; 2]; 2] = [[150, 250], [250, 400]];
 const MODES_HZ: [[u32; 2]; 3] = [[1_500_000, 2_500_000], [2_500_000, 3_500_000], [3_500_000, 4_500_000]];
-/// Delay that a channel's limit is computed for, s: half a period at 15 kHz is thirty times as long, so that strengths are proportional.
+/// Delay that a channel's limit is computed for, s: half a period at 15 kHz is thirty times as long, so that
+/// strengths are proportional.
 const DELAY_S: f64 = 1e-6;
 /// Keys of the simulator that say where an effect sits, and those that are neither this nor a strength.
 const SEATED_ON: [&str; 2] = ["gear", "channel"];
@@ -42,7 +45,8 @@ pub struct Row {
     pub at: String,
     pub unit: &'static str,
     pub at_order: bool,
-    /// The simulator's key whose value decides how well the effect shows, and the range that it is drawn from, in thousandths.
+    /// The simulator's key whose value decides how well the effect shows, and the range that it is drawn from, in
+    /// thousandths.
     pub within: Option<(&'static str, [u32; 2])>,
 }
 
@@ -198,7 +202,8 @@ impl Draw<'_> {
         }
     }
 
-    /// What sits at an order that the scans must find: ghosts at whole orders of the pinion up to the mesh, ripple of the motor at its low ones, the rest between orders.
+    /// What sits at an order that the scans must find: ghosts at whole orders of the pinion up to the mesh, ripple of
+    /// the motor at its low ones, the rest between orders.
     fn at_orders(&mut self, split: &Split) {
         let base = self.bench.base;
         let scanned = detect::places_of_orders(detect::grid_of_orders(base, &split.seen()));
@@ -327,7 +332,8 @@ fn strength_of(table: &Table) -> Option<(&'static str, f64)> {
     table.1.iter().find(is_strength).copied()
 }
 
-/// The simulator's effect for the unknowns `x` of a candidate of this size: of the larger channel where there is one for each.
+/// The simulator's effect for the unknowns `x` of a candidate of this size: of the larger channel where there is one
+/// for each.
 fn carried(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &Hypothesis, x: &[f64], size: f64) -> Option<Table> {
     let facts = bench.base.machine.facts(0.0);
     let part = |i: usize| x.get(i).copied().unwrap_or(0.0);

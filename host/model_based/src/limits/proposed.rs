@@ -1,7 +1,9 @@
 //! Whether the scans of the residual would have proposed an order or a frequency.
 //!
-//! An order is proposed where a line of its comb `n z + o`, `n z - o` stands in all runs alike ([`detect`]), or another one in every run ([`combs`]). Lines of the residual and of
-//! an effect add, so that of each only the amplitudes at these places are needed. Limit: that nothing else takes one of the few places of the scans is taken for granted.
+//! An order is proposed where a line of its comb `n z + o`, `n z - o` stands in all runs alike ([`detect`]), or
+//! another one in every run ([`combs`]). Lines of the residual and of an effect add, so that of each only the
+//! amplitudes at these places are needed. Limit: that nothing else takes one of the few places of the scans is taken
+//! for granted.
 
 use super::super::base_fit::Base;
 use super::super::candidate::Candidate;
@@ -11,7 +13,8 @@ use super::super::least_squares::Data;
 use nalgebra::DVector;
 use rustfft::num_complex::Complex64 as C;
 
-/// One line in one run: what the residuals hold there, and each template of the effect, in units of the noise, in both channels.
+/// One line in one run: what the residuals hold there, and each template of the effect, in units of the noise, in
+/// both channels.
 struct Line {
     hz: f64,
     residuals: Vec<[C; 2]>,

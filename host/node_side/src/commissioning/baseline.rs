@@ -1,7 +1,9 @@
 //! Fifth step: the levels of the sound machine over its speeds, by the same table as `meshband levels learn`.
 //!
-//! A table of twelve points from a hundred values has a handful behind each point, and a spread from a handful is hardly known: limits from it would be several times too wide or too bold. So the
-//! spread about the table is pooled over all points of a quantity, and no point counts as less uncertain than that. A quantity with too few values to tell its spread is not expected at all.
+//! A table of twelve points from a hundred values has a handful behind each point, and a spread from a handful is
+//! hardly known: limits from it would be several times too wide or too bold. So the spread about the table is pooled
+//! over all points of a quantity, and no point counts as less uncertain than that. A quantity with too few values to
+//! tell its spread is not expected at all.
 
 use super::coverage::FIXED;
 use super::run_up::Heard;
@@ -13,7 +15,8 @@ use meshband::levels::{Departure, ExpectedLevel, departure};
 use meshband::units::Hertz;
 use serde::Serialize;
 
-/// Largest useful standard uncertainty of an expected level, dB: beyond it a fault has to triple the value before anybody is told.
+/// Largest useful standard uncertainty of an expected level, dB: beyond it a fault has to triple the value before
+/// anybody is told.
 const USEFUL_DB: f32 = 3.0;
 /// Difference of stretches of a steady machine that load or temperature explain rather than chance, dB.
 const DRIFT_DB: f64 = 1.0;
@@ -74,7 +77,8 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, Spread
         findings.push(match levels.len() {
             0 => Finding::warned(name, seen, "nothing is expected of it: too few values (--values), or no mesh line"),
             _ if worst > USEFUL_DB => {
-                let advice = "it scatters much at one speed: steadier load while commissioning, or a resonance between two points";
+                let advice = "it scatters much at one speed: steadier load while commissioning, or a resonance \
+                    between two points";
                 Finding::warned(name, seen, advice)
             }
             _ => Finding::passed(name, seen),
@@ -84,7 +88,8 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, Spread
     Ok((learned, spreads, StepRecord::new(Step::Baseline, findings)))
 }
 
-/// For a machine of one speed: what its level did while it was listened to, stretch by stretch; load and temperature show here or nowhere.
+/// For a machine of one speed: what its level did while it was listened to, stretch by stretch; load and temperature
+/// show here or nowhere.
 fn over_time(heard: &Heard) -> Option<Finding> {
     let values = &heard.levels.by_quantity[0];
     if !heard.coverage.has_one_speed() || values.len() < FIXED {
@@ -96,7 +101,8 @@ fn over_time(heard: &Heard) -> Option<Finding> {
         [means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
     let seen = format!("means of {} stretches within {:.2} dB of each other", means.len(), high - low);
     Some(if high - low > DRIFT_DB {
-        let advice = "the level follows load or temperature: listen through more of both (--values), or allow for it (--allowance)";
+        let advice = "the level follows load or temperature: listen through more of both (--values), or allow for it \
+            (--allowance)";
         Finding::warned("RMS over time", seen, advice)
     } else {
         Finding::passed("RMS over time", seen)

@@ -1,7 +1,8 @@
 //! Which of the machine's speeds have been seen, and how often: classes of equal ratio over the range.
 //!
-//! A machine of one speed has one class, which is filled by time: [`FIXED`] times as many values, so that load and temperature have had
-//! some minutes to show. Its slow part is said by comparing so many stretches of that time ([`super::baseline`]).
+//! A machine of one speed has one class, which is filled by time: [`FIXED`] times as many values, so that load and
+//! temperature have had some minutes to show. Its slow part is said by comparing so many stretches of that time
+//! ([`super::baseline`]).
 
 use crate::law::domain::Domain;
 use serde::Serialize;

@@ -1,7 +1,8 @@
 //! Listening to the node in the node's own time.
 //!
-//! Everything that waits, waits in seconds of the node: by the ticks of its statuses. A node that runs slower than the wall clock, as an emulated one
-//! does, is given as much of its time as any other. The wall clock only tells that nobody speaks any more. A peer that floods the line is no faster than its statuses say.
+//! Everything that waits, waits in seconds of the node: by the ticks of its statuses. A node that runs slower than
+//! the wall clock, as an emulated one does, is given as much of its time as any other. The wall clock only tells that
+//! nobody speaks any more. A peer that floods the line is no faster than its statuses say.
 
 use crate::link::Client;
 use crate::{Error, Result};

@@ -1,7 +1,8 @@
 //! First step: which node this is, since when and why it runs.
 //!
-//! A node whose link or configuration has another schema has been refused by the client before anything is judged here. Supply, chip temperature and
-//! the bias itself are not among what a node says of itself: the bias is judged from a waveform's mean ([`super::wiring`]), the other two are said to be missing.
+//! A node whose link or configuration has another schema has been refused by the client before anything is judged
+//! here. Supply, chip temperature and the bias itself are not among what a node says of itself: the bias is judged
+//! from a waveform's mean ([`super::wiring`]), the other two are said to be missing.
 
 use super::ear::{Ear, Operator};
 use super::step::{Finding, Step, StepRecord};
@@ -123,7 +124,8 @@ fn starts(events: &[Event]) -> Vec<Finding> {
             }
             BROWN_OUT => (
                 format!("brown-out reset: {}", BROWN_OUT_LEVELS[BROWN_OUT_LEVELS.len().min(number as usize + 1) - 1]),
-                "flash may be programmed at too low a voltage: set BOR_LEV to level 3 by a probe (book/src/howto/flash.md)",
+                "flash may be programmed at too low a voltage: set BOR_LEV to level 3 by a probe \
+                 (book/src/howto/flash.md)",
             ),
             SAFE_START => (
                 format!("safe start after {number} failures"),

@@ -1,5 +1,6 @@
-//! Fourth step: the law that the node will follow. One that is given or that the node already has of this machine stays; else it is made of the
-//! bandwidths that the node timed on the way through the speeds, by the same knots as `meshband law learn` on a record.
+//! Fourth step: the law that the node will follow. One that is given or that the node already has of this machine
+//! stays; else it is made of the bandwidths that the node timed on the way through the speeds, by the same knots as
+//! `meshband law learn` on a record.
 
 use super::run_up::TimedEdge;
 use super::step::{Finding, Step, StepRecord};

@@ -1,11 +1,14 @@
 //! Sixth step: limits from the baseline's own spread, at a stated rate of false alarms.
 //!
-//! What is asked for is a number of false alarms per year of turning. Values come once a second at most, and an alarm needs three in a row; because
-//! successive values of a machine are alike, three count here as one, not as three independent ones. The chance left to a single value is shared evenly among the quantities
-//! watched. A limit lies so many standard uncertainties above the expectation as Student's distribution has at that chance, with the degrees of freedom
-//! of the baseline (Welch and Satterthwaite, JCGM 100 G.4; the owner's allowance counts as known). Few values hence mean wide limits, not bold ones.
+//! What is asked for is a number of false alarms per year of turning. Values come once a second at most, and an alarm
+//! needs three in a row; because successive values of a machine are alike, three count here as one, not as three
+//! independent ones. The chance left to a single value is shared evenly among the quantities watched. A limit lies so
+//! many standard uncertainties above the expectation as Student's distribution has at that chance, with the degrees
+//! of freedom of the baseline (Welch and Satterthwaite, JCGM 100 G.4; the owner's allowance counts as known). Few
+//! values hence mean wide limits, not bold ones.
 //!
-//! Limits: the tail of a distribution is assumed where nothing has been seen; what the baseline did not meet (load, temperature) is the allowance's business.
+//! Limits: the tail of a distribution is assumed where nothing has been seen; what the baseline did not meet (load,
+//! temperature) is the allowance's business.
 
 use super::baseline::{FEWEST_FREEDOM, Spread, Spreads, departures};
 use super::run_up::{Heard, ShapeValue};
@@ -27,7 +30,8 @@ const VALUES_PER_YEAR: f64 = 365.25 * 86_400.0;
 const CLEAR: f64 = 0.8;
 /// Shapes that are watched, beside the levels of the departure.
 const SHAPES: [Watched; 3] = [Watched::Kurtosis, Watched::SidebandEnergyRatio, Watched::Fm4];
-/// Parts of the speed range with a limit of their own for each shape: with the departure's they fill seven of eight places.
+/// Parts of the speed range with a limit of their own for each shape: with the departure's they fill seven of eight
+/// places.
 const PARTS: usize = 2;
 /// A range of no more than this ratio has one part: a machine of one speed.
 const ONE_PART: f64 = 1.2;
@@ -149,10 +153,12 @@ fn is_proposed(watched: Watched) -> bool {
 fn departure_finding(limit: f64, by_chance: f64, freedom: f64, largest_seen: f64, per_year: f64) -> Finding {
     let freedoms = if freedom < MOST_FREEDOM { format!("{freedom:.0}") } else { format!("more than {MOST_FREEDOM}") };
     let seen = format!(
-        "{limit:.2} standard uncertainties, {PERSISTENCE} values in a row: false alarms per year of turning {per_year} at {freedoms} degrees of freedom; largest of the sound machine {largest_seen:.2}"
+        "{limit:.2} standard uncertainties, {PERSISTENCE} values in a row: false alarms per year of turning \
+         {per_year} at {freedoms} degrees of freedom; largest of the sound machine {largest_seen:.2}"
     );
     if limit > by_chance {
-        let advice = "the sound machine itself departed by more than its spread says: more values per class (--values) or a larger --allowance";
+        let advice = "the sound machine itself departed by more than its spread says: more values per class \
+            (--values) or a larger --allowance";
         return Finding::warned("Departure", seen, advice);
     }
     if freedom < FEW {
@@ -183,7 +189,8 @@ fn largest(heard: &Heard, learned: &Learned) -> f64 {
     all.map(|departure| f64::from(departure.normalised())).fold(0.0, f64::max)
 }
 
-/// Limit and what clears it, of a quantity whose logarithms, given here, scatter evenly; none from too few values, or where it would be out of reach.
+/// Limit and what clears it, of a quantity whose logarithms, given here, scatter evenly; none from too few values, or
+/// where it would be out of reach.
 pub fn shape(logs: &[f64], allowance_db: f64, chance: f64) -> Option<[f64; 2]> {
     if logs.len() < FEWEST {
         return None;

@@ -1,15 +1,16 @@
 //! Which mesh frequency a waveform has, against the one that tach wheel and teeth declare.
 //!
-//! The node's speed is edges over declared pulses, so a wrong wheel puts the mesh line at declared over true pulses times its place, and interchanged
-//! teeth (or a tach on the gear's shaft) at the ratio of the teeth. Each candidate is a comb. Its score is the share of the vibration's power in its
-//! lines, beyond what as many lines at random would hold, times the share of its lines that are there, up to its last one: a comb too dense has gaps, one too
-//! wide leaves power unexplained. The declared one is only given up for a comb that is half as good again.
+//! The node's speed is edges over declared pulses, so a wrong wheel puts the mesh line at declared over true pulses
+//! times its place, and interchanged teeth (or a tach on the gear's shaft) at the ratio of the teeth. Each candidate
+//! is a comb. Its score is the share of the vibration's power in its lines, beyond what as many lines at random would
+//! hold, times the share of its lines that are there, up to its last one: a comb too dense has gaps, one too wide
+//! leaves power unexplained. The declared one is only given up for a comb that is half as good again.
 //!
-//! [`crate::check`] asks the same of records: two channels of many turns, whose noise is known bin by bin. A node's waveform has 4096 samples of one
-//! channel, too few for that measure.
+//! [`crate::check`] asks the same of records: two channels of many turns, whose noise is known bin by bin. A node's
+//! waveform has 4096 samples of one channel, too few for that measure.
 //!
-//! Limits: two errors that make up for each other; a ratio of the teeth that is a ratio of small whole numbers is called by the pulses; modulation as
-//! strong as the mesh itself.
+//! Limits: two errors that make up for each other; a ratio of the teeth that is a ratio of small whole numbers is
+//! called by the pulses; modulation as strong as the mesh itself.
 
 use super::ear::Waveform;
 use crate::spectral::{Spectrum, Window, amplitude_spectrum};
@@ -18,7 +19,8 @@ use crate::spectral::{Spectrum, Window, amplitude_spectrum};
 const HARMONICS: usize = 8;
 /// Most pulses that are tried, times the declared ones; and at least so many.
 const TRIED: (u16, u16) = (4, 64);
-/// A line is there from this multiple of the local median on, and from this share of the comb's strongest on: a window leaks beyond its lines.
+/// A line is there from this multiple of the local median on, and from this share of the comb's strongest on: a
+/// window leaks beyond its lines.
 const PRESENT: (f64, f64) = (4.0, 0.02);
 /// Half a line's width: bins of the window, and share of its frequency that the speed is uncertain by.
 const HALF_WIDTH: (f64, f64) = (2.0, 0.002);

@@ -1,12 +1,16 @@
-//! From wired to watching: one way through everything that stands between a node on its wires and one that watches its machine.
+//! From wired to watching: one way through everything that stands between a node on its wires and one that watches
+//! its machine.
 //!
-//! Steps ([`step`]) follow each other: [`identify`], [`wiring`] with [`tach`] and [`mesh_fit`], [`run_up`] with [`coverage`], [`law`], [`baseline`],
-//! [`limits`], and storing. Each says what it saw, judges it, and says what to do; a refused one ends the course. All of it is asked of the node by the
-//! messages that every host has ([`ear`]), and what is learned are the node's own values: nothing here computes one of them a second time.
+//! Steps ([`step`]) follow each other: [`identify`], [`wiring`] with [`tach`] and [`mesh_fit`], [`run_up`] with
+//! [`coverage`], [`law`], [`baseline`],
+//! [`limits`], and storing. Each says what it saw, judges it, and says what to do; a refused one ends the course. All
+//! of it is asked of the node by the messages that every host has ([`ear`]), and what is learned are the node's own
+//! values: nothing here computes one of them a second time.
 //!
-//! The node gets the facts of the machine at the beginning, without storing them, because its values depend on them. Whatever ends the course before the
-//! end (a refusal, an interrupt, a lost link), the former configuration is sent again; the stored one is not touched before the last step, so a lost link costs a
-//! restart at worst. Sent again means not stored by a latch until the next start ([`meshband::node`]).
+//! The node gets the facts of the machine at the beginning, without storing them, because its values depend on them.
+//! Whatever ends the course before the end (a refusal, an interrupt, a lost link), the former configuration is sent
+//! again; the stored one is not touched before the last step, so a lost link costs a restart at worst. Sent again
+//! means not stored by a latch until the next start ([`meshband::node`]).
 
 pub mod baseline;
 pub mod coverage;
@@ -69,7 +73,8 @@ pub struct Plan {
 /// Goes through all steps, as far as none is refused.
 ///
 /// # Errors
-/// Of the link and of the node, and where the end was asked for; the former configuration is then in force again as far as the node can be reached.
+/// Of the link and of the node, and where the end was asked for; the former configuration is then in force again as
+/// far as the node can be reached.
 pub fn commission(client: &mut Client, plan: &Plan, operator: &mut dyn Operator) -> Result<Commissioning> {
     let node = client.identify()?;
     let former = client.configuration()?;
@@ -100,7 +105,8 @@ pub fn commission(client: &mut Client, plan: &Plan, operator: &mut dyn Operator)
         }
         (Err(error), Err(other)) => {
             let what = format!(
-                "{error}; the former configuration could not be sent again ({other}): it is in force from the node's next start"
+                "{error}; the former configuration could not be sent again ({other}): it is in force from the node's \
+                 next start"
             );
             Err(Error::tool("commission", what))
         }

@@ -147,7 +147,8 @@ fn section(report: Report, step: &StepRecord) -> Report {
 /// Each quantity over speed: the values, the expectation, and where its alarm lies.
 fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> Result<Report> {
     report = report.section("Baseline over speed").text(
-        "Dots are the node's values of the sound machine, the line what is expected of it from now on, the upper line where the departure's alarm lies for this quantity alone.",
+        "Dots are the node's values of the sound machine, the line what is expected of it from now on, the upper \
+         line where the departure's alarm lies for this quantity alone.",
     );
     for ((quantity, name), values) in NAMES.into_iter().enumerate().zip(&heard.levels.by_quantity) {
         let of = |point: &Expected| point.levels[quantity];

@@ -1,7 +1,8 @@
 //! Third step: the machine goes through its speeds, and what the node says of each is kept.
 //!
-//! Nothing has to be reached in a certain order or held for a certain time: classes of speed fill with values of good quality until each has enough. A ramp
-//! fills them as well as steady speeds do, as long as the tach stays locked and a value, of a second at least, lies in one class mostly.
+//! Nothing has to be reached in a certain order or held for a certain time: classes of speed fill with values of good
+//! quality until each has enough. A ramp fills them as well as steady speeds do, as long as the tach stays locked and
+//! a value, of a second at least, lies in one class mostly.
 
 use super::coverage::Coverage;
 use super::ear::{Ear, Operator};
@@ -174,7 +175,8 @@ pub fn judged(heard: &Heard) -> StepRecord {
         filled if filled == coverage.classes.len() => Finding::passed("speeds", seen),
         0 => {
             let advice = format!(
-                "missing: {}; name the speeds that the machine has (--speeds 750rpm..1500rpm, or its one speed: --speeds 1485rpm), or more time (--time)",
+                "missing: {}; name the speeds that the machine has (--speeds 750rpm..1500rpm, or its one speed: \
+                 --speeds 1485rpm), or more time (--time)",
                 coverage.missing()
             );
             Finding::refused("speeds", seen, advice)
@@ -216,7 +218,8 @@ pub fn speeds(text: &str) -> std::result::Result<Domain, String> {
     let [slowest, fastest] = POSSIBLE_HZ;
     if !(slowest..=fastest).contains(&low) || !(slowest..=fastest).contains(&high) || low >= high {
         return Err(format!(
-            "'{}' is no range of pinion speeds from {slowest} to {fastest} Hz, the lower first: as 12Hz..25Hz, or one speed as 1485rpm",
+            "'{}' is no range of pinion speeds from {slowest} to {fastest} Hz, the lower first: as 12Hz..25Hz, or \
+             one speed as 1485rpm",
             meshband_common::text::name(text)
         ));
     }

@@ -43,7 +43,8 @@ pub fn watching(ear: &mut Ear<'_>, config: &Configuration, operator: &mut dyn Op
     let limit = config.alarms.first().map_or(f32::NAN, |alarm| alarm.raise);
     findings.push(match largest {
         _ if raised != 0 => {
-            let advice = "the machine that has just been learned is beyond its limits: it has changed since, look at `meshband monitor`";
+            let advice = "the machine that has just been learned is beyond its limits: it has changed since, look at \
+                `meshband monitor`";
             Finding::warned("watching", format!("alarms raised: {raised:#010b}"), advice)
         }
         Some(largest) => {
@@ -69,6 +70,7 @@ pub fn unwatched(error: &Error) -> StepRecord {
 
 /// What is said where nothing was to be stored.
 pub fn left() -> StepRecord {
-    let advice = "the former configuration stays; `meshband configure PORT --settings node.toml` (and --law law.toml where one was learned) stores this one";
+    let advice = "the former configuration stays; `meshband configure PORT --settings node.toml` (and --law law.toml \
+        where one was learned) stores this one";
     StepRecord::new(Step::Store, vec![Finding::warned("stored", "no", advice)])
 }

@@ -1,8 +1,9 @@
 //! Second step, second half: the tach, and whether channel and tach belong to the declared machine.
 //!
-//! The machine turns at any speed that it can keep for a while. Pulses are counted by the node; what the declared wheel makes of them is a speed, and at that
-//! speed the declared teeth make a mesh line, which [`super::mesh_fit`] looks for. With one channel an interchange of channels cannot be told from a wrong
-//! mounting: all that one channel shows is whether it repeats with this tach.
+//! The machine turns at any speed that it can keep for a while. Pulses are counted by the node; what the declared
+//! wheel makes of them is a speed, and at that speed the declared teeth make a mesh line, which [`super::mesh_fit`]
+//! looks for. With one channel an interchange of channels cannot be told from a wrong mounting: all that one channel
+//! shows is whether it repeats with this tach.
 
 use super::ear::{Ear, Operator, Waveform};
 use super::mesh_fit::{Fit, fit};
@@ -17,7 +18,8 @@ use meshband::tach::Validity;
 const PATIENCE_S: f64 = 60.0;
 /// How long pulses are counted, s of the node.
 const COUNTED_S: f64 = 12.0;
-/// Share of pulses missing or beside their place: beyond the first it is worth a look, beyond the second the speed is doubtful.
+/// Share of pulses missing or beside their place: beyond the first it is worth a look, beyond the second the speed is
+/// doubtful.
 const BAD: [f64; 2] = [0.002, 0.05];
 /// Waveforms in which the mesh line is looked for.
 const WAVEFORMS: usize = 4;
@@ -78,7 +80,8 @@ fn wait_for_speed(ear: &mut Ear<'_>, config: &Configuration, operator: &mut dyn 
     let wheel = format!("{} pulses per turn, {} missing", config.tach.pulses_per_turn, config.tach.missing);
     Ok(Some(match came {
         0 => {
-            let advice = "no tach pulse came: does the machine turn? Then the tach's supply, wire, level or edge ([front_end] tach_edge)";
+            let advice = "no tach pulse came: does the machine turn? Then the tach's supply, wire, level or edge \
+                ([front_end] tach_edge)";
             Finding::refused("tach", format!("no pulse within {PATIENCE_S} s"), advice)
         }
         _ => {
@@ -113,11 +116,13 @@ fn pulses(before: &Statistics, after: &Statistics, config: &Configuration) -> Fi
     let relocks = since(|s| s.relocks);
     let wheel = &config.tach;
     let seen = format!(
-        "{good} accepted, {missed} missing, {spurious} beside their place, {relocks} times locked anew; declared {} per turn",
+        "{good} accepted, {missed} missing, {spurious} beside their place, {relocks} times locked anew; declared {} \
+         per turn",
         wheel.pulses_per_turn
     );
     let share = (missed + spurious) / (good + missed).max(1.0);
-    let advice = "double edges: hysteresis or shield; missing ones: gap to the wheel, or teeth missing that were not declared (--missing)";
+    let advice = "double edges: hysteresis or shield; missing ones: gap to the wheel, or teeth missing that were not \
+        declared (--missing)";
     match share {
         _ if share > BAD[1] => Finding::refused("tach pulses", seen, advice),
         _ if share > BAD[0] || relocks > 0.0 => Finding::warned("tach pulses", seen, advice),
@@ -146,14 +151,16 @@ fn mesh(waveforms: &[Waveform], config: &Configuration) -> Finding {
         }
         Fit::Interchanged { line_hz } => {
             let advice = format!(
-                "teeth are interchanged, or the tach sits on the gear's shaft: {pinion} declared on the pinion, {gear} fit (the machine file, or --ratio)"
+                "teeth are interchanged, or the tach sits on the gear's shaft: {pinion} declared on the pinion, \
+                 {gear} fit (the machine file, or --ratio)"
             );
             Finding::refused(what, format!("found at {line_hz:.1} Hz"), advice)
         }
     }
 }
 
-/// Whether the channel has something that repeats once per turn with this tach: the mean of the line against its scatter.
+/// Whether the channel has something that repeats once per turn with this tach: the mean of the line against its
+/// scatter.
 fn once_per_turn(lines: &[OrderLine]) -> Finding {
     let what = "once per turn";
     let points: Vec<[f64; 2]> = lines
@@ -164,7 +171,8 @@ fn once_per_turn(lines: &[OrderLine]) -> Finding {
         })
         .collect();
     let count = points.len() as f64;
-    let advice = "nothing of the channel repeats with the tach: the machine is well balanced, or channel and tach belong to different shafts";
+    let advice = "nothing of the channel repeats with the tach: the machine is well balanced, or channel and tach \
+        belong to different shafts";
     if points.len() < 3 {
         return Finding::warned(what, format!("{} records", points.len()), advice);
     }

@@ -1,7 +1,8 @@
 //! Second step, first half: sensor and converter, whether the machine turns or not.
 //!
-//! The bias is the mean of a waveform, as a code and, where the converter's reference is 3.3 V, as a voltage: a sensor without supply, a broken wire or a
-//! short moves it to a rail. What a waveform of a fraction of a second cannot show (a drift over hours) is not seen.
+//! The bias is the mean of a waveform, as a code and, where the converter's reference is 3.3 V, as a voltage: a
+//! sensor without supply, a broken wire or a short moves it to a rail. What a waveform of a fraction of a second
+//! cannot show (a drift over hours) is not seen.
 
 use super::ear::{Ear, Operator, Waveform};
 use super::step::{Finding, Outcome};
@@ -18,7 +19,8 @@ const WATCHED_S: f64 = 7.0;
 const CODES: f64 = 65_536.0;
 /// Reference that a code's voltage is told for, V.
 const REFERENCE_V: f64 = 3.3;
-/// Distance of the bias from the declared zero, shares of the range: beyond the first it is worth a look, beyond the second no sensor is there.
+/// Distance of the bias from the declared zero, shares of the range: beyond the first it is worth a look, beyond the
+/// second no sensor is there.
 const BIAS: [f64; 2] = [0.1, 0.3];
 /// Least vibration worth measuring, codes RMS: below it the converter hears itself.
 const LEAST_CODES: f64 = 2.0;
@@ -141,7 +143,8 @@ fn of_waveform(waveform: &Waveform, config: &Configuration) -> Vec<Finding> {
         rms / per_code.abs()
     );
     let noise = if rms < LEAST_CODES * per_code.abs() {
-        let advice = "the converter hears little but itself: more gain, a nearer mounting, or [sensor] acceleration_per_code is wrong";
+        let advice = "the converter hears little but itself: more gain, a nearer mounting, or [sensor] \
+            acceleration_per_code is wrong";
         Finding::warned("noise level", seen, advice)
     } else {
         Finding::passed("noise level", seen)

@@ -1,15 +1,17 @@
 //! A table of expected levels from values of the sound machine.
 //!
-//! Least squares in decibels over the logarithm of the speed with the node's own interpolation (hat functions between the table's
-//! speeds), so that what is fitted is what the node will expect. Steady speeds give one point each; where they run into each other
-//! (a run-up, a machine that wanders) the points lie at equal ratios, as many as the values can carry. The standard uncertainty of a point is that of one further value
-//! there: the scatter about the fit, what the fit itself is uncertain by, the owner's allowance for what the observed hours did not
-//! show, and a tenth of a decibel for filters. A point with fewer than [`LEAST`] values expects nothing of that quantity.
+//! Least squares in decibels over the logarithm of the speed with the node's own interpolation (hat functions between
+//! the table's speeds), so that what is fitted is what the node will expect. Steady speeds give one point each; where
+//! they run into each other (a run-up, a machine that wanders) the points lie at equal ratios, as many as the values
+//! can carry. The standard uncertainty of a point is that of one further value there: the scatter about the fit, what
+//! the fit itself is uncertain by, the owner's allowance for what the observed hours did not show, and a tenth of a
+//! decibel for filters. A point with fewer than [`LEAST`] values expects nothing of that quantity.
 //!
-//! A machine of one speed gets one level from all values over time, for speeds within 3 % of those seen: there the node's two points are alike.
+//! A machine of one speed gets one level from all values over time, for speeds within 3 % of those seen: there the
+//! node's two points are alike.
 //!
-//! Limits: a resonance narrower than the distance of two points shows as scatter, honestly but bluntly; loads that did not occur while
-//! it was learned are departures afterwards.
+//! Limits: a resonance narrower than the distance of two points shows as scatter, honestly but bluntly; loads that
+//! did not occur while it was learned are departures afterwards.
 
 use super::observe::{Observation, Observations, QUANTITIES};
 use crate::{Error, Result};
@@ -63,7 +65,8 @@ pub struct Learned {
     pub values: [usize; QUANTITIES.len()],
 }
 
-/// Makes a table; `allowance_db` is the owner's standard uncertainty for what the values do not show (load, temperature).
+/// Makes a table; `allowance_db` is the owner's standard uncertainty for what the values do not show (load,
+/// temperature).
 ///
 /// # Errors
 /// [`Error::Invalid`] for an allowance that is none, and where there is no value at all.

@@ -4,7 +4,8 @@ use meshband::mesh_band::sideband_amplitude;
 use meshband::message::{Message, Tag};
 use meshband::tach::Validity;
 
-/// Quantities that have expected levels, by their names in the node's tables: those of [`meshband::levels::LevelPoint`], then those of
+/// Quantities that have expected levels, by their names in the node's tables: those of
+/// [`meshband::levels::LevelPoint`], then those of
 /// [`meshband::levels::LocalPoint`].
 pub const QUANTITIES: [&str; 6] = ["rms", "velocity_rms", "mesh_amplitude", "residual_rms", "sidebands", "fm0"];
 

@@ -1,4 +1,5 @@
-//! Where values of the sound machine come from: a record that the virtual node plays, or what a node said and `monitor --record` kept.
+//! Where values of the sound machine come from: a record that the virtual node plays, or what a node said and
+//! `monitor --record` kept.
 
 use super::observe::Observations;
 use crate::record::Record;

@@ -1,10 +1,11 @@
 //! A waveform that a node holds: fetched, checked whole, and made a record.
 //!
-//! The node's memory is read by commands that name the byte, so a lost answer is asked for again by the client like any other;
-//! nothing is accepted unless the checksum over all bytes is the node's. Only then may the node be told to release it.
+//! The node's memory is read by commands that name the byte, so a lost answer is asked for again by the client like
+//! any other; nothing is accepted unless the checksum over all bytes is the node's. Only then may the node be told to
+//! release it.
 //!
-//! The record has one channel in m/s^2 and the turns of the pinion as its tach (one pulse per turn), so order tracking on the
-//! host stands on the same turns as the node's.
+//! The record has one channel in m/s^2 and the turns of the pinion as its tach (one pulse per turn), so order
+//! tracking on the host stands on the same turns as the node's.
 
 use super::Client;
 use crate::record::{Acquisition, Declaration, Record, Run, RunDeclaration, Tach, suggested_full_scale};
@@ -128,7 +129,8 @@ impl Waveform {
             Trigger::Alarm { index } => format!("by alarm {index}"),
         };
         let mut text = format!(
-            "waveform {}, {cause}: {} samples at {:.1} Hz, {:.3} s of which {:.3} s before the trigger, {} turns at {:.3} Hz",
+            "waveform {}, {cause}: {} samples at {:.1} Hz, {:.3} s of which {:.3} s before the trigger, {} turns at \
+             {:.3} Hz",
             facts.number,
             self.samples.len(),
             self.rate_hz(),

@@ -167,11 +167,13 @@ impl Client {
             _ if self.ended => format!("the link ended before {} was answered", name(request)),
             (_, 0, _) => {
                 format!(
-                    "silent for {patience} s: no power, no node on this port, its two lines interchanged, or a node that speaks Modbus (`configure --at-start`)"
+                    "silent for {patience} s: no power, no node on this port, its two lines interchanged, or a node \
+                     that speaks Modbus (`configure --at-start`)"
                 )
             }
             (_, bytes, 0) => format!(
-                "{bytes} bytes in {patience} s and no frame among them: another bit rate than {BITS_PER_SECOND}, or no node"
+                "{bytes} bytes in {patience} s and no frame among them: another bit rate than {BITS_PER_SECOND}, or \
+                 no node"
             ),
             _ => format!("no answer to {} within {patience} s", name(request)),
         }
@@ -217,8 +219,8 @@ impl Client {
     /// The configuration in force.
     ///
     /// # Errors
-    /// As [`Client::request`], and for a node whose configuration has another schema: sent back, it would lack what is not
-    /// known here.
+    /// As [`Client::request`], and for a node whose configuration has another schema: sent back, it would lack what
+    /// is not known here.
     pub fn configuration(&mut self) -> Result<Configuration> {
         match self.request(&Request::GetConfiguration)? {
             Reply::Configuration(held) if held.schema != SCHEMA => {

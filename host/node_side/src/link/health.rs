@@ -1,7 +1,8 @@
-//! The node as a device, for people: supply, temperature, bias, its clock, the time of day; and how a host tells it the time.
+//! The node as a device, for people: supply, temperature, bias, its clock, the time of day; and how a host tells it
+//! the time.
 //!
-//! The time told is that of the middle of a round trip, and the whole round trip is told as its uncertainty: the shortest of a few, because a busy
-//! node answers the later.
+//! The time told is that of the middle of a round trip, and the whole round trip is told as its uncertainty: the
+//! shortest of a few, because a busy node answers the later.
 
 use super::Client;
 use crate::{Error, Result};

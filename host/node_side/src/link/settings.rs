@@ -1,4 +1,5 @@
-//! A node's settings from a TOML file: the tables and keys of `meshband::config::Configuration`, as many as are to change.
+//! A node's settings from a TOML file: the tables and keys of `meshband::config::Configuration`, as many as are to
+//! change.
 //!
 //! ```toml
 //! policy = "Spectrum"              # or [policy.Waveform] multiple = 8.0, or "Critical"
@@ -61,7 +62,8 @@ impl Settings {
     /// Reads a file.
     ///
     /// # Errors
-    /// A file that cannot be read or is no TOML, an unknown table or key, a value that is not finite or of another kind.
+    /// A file that cannot be read or is no TOML, an unknown table or key, a value that is not finite or of another
+    /// kind.
     pub fn read(path: &Path) -> Result<Self> {
         let text = crate::budget::read_text(path)?;
         Self::from_toml(&text, &path.display().to_string())
@@ -99,7 +101,8 @@ impl Settings {
             }
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, levels, local_levels, link, capture, second";
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, \
+                        levels, local_levels, link, capture, second";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("second", Some(Value::Null), _) => {}

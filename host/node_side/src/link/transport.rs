@@ -1,7 +1,7 @@
 //! Where the bytes come from and go to.
 //!
-//! Ports are named as people name them: `tcp:HOST:PORT`, `tcp:PORT` on this machine, `HOST:PORT`, the path of a serial port or pseudo-terminal, or a file that
-//! holds captured bytes (read only; its end is the end of the link).
+//! Ports are named as people name them: `tcp:HOST:PORT`, `tcp:PORT` on this machine, `HOST:PORT`, the path of a
+//! serial port or pseudo-terminal, or a file that holds captured bytes (read only; its end is the end of the link).
 
 use crate::{Error, Result};
 use std::fs::File;

@@ -1,7 +1,8 @@
 //! Another image for a node, over its link: the update file, and the steps from the first question to the confirmation.
 //!
-//! The node says which byte it wants next and refuses what does not fit it; here is what a person is told, what is worth trying again, and what
-//! is known before a byte is sent. A transfer that was cut off goes on where it stood while the node has not restarted.
+//! The node says which byte it wants next and refuses what does not fit it; here is what a person is told, what is
+//! worth trying again, and what is known before a byte is sent. A transfer that was cut off goes on where it stood
+//! while the node has not restarted.
 
 use super::client::Client;
 use super::words::words;
@@ -124,7 +125,8 @@ pub fn running(node: &Identification) -> String {
 /// Brings a node to the file's image and has it confirmed; gives what the node then says of itself.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a file that is not for this node, [`Error::Tool`] where the node refuses, falls silent, or goes back to the image before.
+/// [`Error::Invalid`] for a file that is not for this node, [`Error::Tool`] where the node refuses, falls silent, or
+/// goes back to the image before.
 pub fn run(
     client: &mut Client,
     file: &UpdateFile,
@@ -159,7 +161,8 @@ fn is_image_of(image: &UpdateImage, node: &Identification) -> bool {
 fn check(file: &UpdateFile, node: &Identification) -> Result<()> {
     if node.wire_schema < FIRST_SCHEMA {
         let what = format!(
-            "its firmware speaks schema {} of the link and takes no updates (from {FIRST_SCHEMA} on): flash it by a probe",
+            "its firmware speaks schema {} of the link and takes no updates (from {FIRST_SCHEMA} on): flash it by a \
+             probe",
             node.wire_schema
         );
         return Err(Error::tool("node", what));

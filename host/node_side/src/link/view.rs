@@ -1,7 +1,8 @@
-//! What is known of a node: the newest of everything it said. The live view, texts, reports and JSON show this and nothing else.
+//! What is known of a node: the newest of everything it said. The live view, texts, reports and JSON show this and
+//! nothing else.
 //!
-//! A status decides which alarms stand; an event of a later tick is taken into it until the next one. Time is the node's own, so a capture
-//! that is replayed gives what was seen live.
+//! A status decides which alarms stand; an event of a later tick is taken into it until the next one. Time is the
+//! node's own, so a capture that is replayed gives what was seen live.
 
 use super::Losses;
 use super::alarms::Alarms;
@@ -21,7 +22,8 @@ use std::collections::VecDeque;
 /// Events shown.
 const EVENTS: usize = 8;
 
-/// Tick from which a node that begins at 0 of its timer counts: the timer's 32 bits are extended, and nothing lies before its first.
+/// Tick from which a node that begins at 0 of its timer counts: the timer's 32 bits are extended, and nothing lies
+/// before its first.
 pub const FIRST_TICK: u64 = 1 << 32;
 /// Places for the ticks at which alarms were raised.
 const ALARMS: usize = 8;
@@ -254,7 +256,8 @@ fn status_lines(s: &Status) -> String {
     let notes = status_notes(s);
     let notes = if notes.is_empty() { String::new() } else { format!("({})\n", notes.join("; ")) };
     format!(
-        "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} Hz   granted {:.1} Hz   \
+        "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} \
+         Hz   granted {:.1} Hz   \
          ADC {:.1} Hz / 2^{}\n{notes}",
         words(&s.state),
         s.speed_hz,

@@ -1,7 +1,7 @@
 //! Every byte that came, in a file that `meshband monitor --replay` reads.
 //!
-//! Appended as it comes and flushed at once: what a power cut leaves is a capture, too. A failing disk must not end the view; the capture
-//! stops and says why.
+//! Appended as it comes and flushed at once: what a power cut leaves is a capture, too. A failing disk must not end
+//! the view; the capture stops and says why.
 
 use crate::link::stream::REOPENED;
 use crate::link::transport::Transport;

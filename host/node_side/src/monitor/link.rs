@@ -1,7 +1,7 @@
 //! A link that comes back: lost by an error or its end, opened again with growing pauses.
 //!
-//! Opening may take seconds (a host that does not answer), so it runs on a thread of its own and the view goes on. A node that is merely
-//! silent keeps its link: only the port's error or end breaks it.
+//! Opening may take seconds (a host that does not answer), so it runs on a thread of its own and the view goes on. A
+//! node that is merely silent keeps its link: only the port's error or end breaks it.
 
 use super::capture::{Capture, Kept};
 use crate::Result;

@@ -1,6 +1,7 @@
 //! What the live view adds to the state of the link ([`View`]): ages, trends, alarms that are over.
 //!
-//! Values that come in one message of several (FM0, NA4, measured bandwidth) are kept until their next, with their own age.
+//! Values that come in one message of several (FM0, NA4, measured bandwidth) are kept until their next, with their
+//! own age.
 
 use crate::link::Losses;
 use crate::link::alarms::numbers;

@@ -1,7 +1,7 @@
 //! The picture: state and quality, speed and rates, alarms, mesh bands, values, events, keys; from 80x24 upwards.
 //!
-//! What does not fit is left out from below, never wrapped: events first, then the order view, then sidebands. Bars are decibels over
-//! `SPAN_DB` below the strongest line, because a tenth of the strongest line is not yet nothing.
+//! What does not fit is left out from below, never wrapped: events first, then the order view, then sidebands. Bars
+//! are decibels over `SPAN_DB` below the strongest line, because a tenth of the strongest line is not yet nothing.
 
 use super::capture::Capture;
 use super::link::Standing;

@@ -1,7 +1,8 @@
 //! The terminal while the view is live: taken over at the start, given back at every end, keys in between.
 //!
-//! A terminal that is closed while its signal is ignored (`nohup`, a shell's background job) ends the view like a key: crossterm would read
-//! the end of the file for ever. Looked at before every reading of keys; on Unix only, elsewhere the system ends the program.
+//! A terminal that is closed while its signal is ignored (`nohup`, a shell's background job) ends the view like a
+//! key: crossterm would read the end of the file for ever. Looked at before every reading of keys; on Unix only,
+//! elsewhere the system ends the program.
 
 use super::link::Watched;
 use super::panel::Panel;

@@ -1,6 +1,7 @@
 //! What a virtual board is to a trial: it plays a signal and says what came of it.
 //!
-//! Two boards: [`crate::virtual_node::qemu::Qemu`] runs the image `an386`, whose converter is an interrupt that reads the signal from memory;
+//! Two boards: [`crate::virtual_node::qemu::Qemu`] runs the image `an386`, whose converter is an interrupt that reads
+//! the signal from memory;
 //! [`super::emulated::run::Emulated`] runs the very image that is flashed into an STM32F405.
 
 use super::signal::Signal;

@@ -43,8 +43,8 @@ pub struct Qemu {
     /// Virtual nanoseconds per instruction as a power of two. 2 gives 250 million instructions per second, about twice
     /// an STM32F405 at 168 MHz: the board spends some 100 instructions per sample on imitating ADC and DMA.
     pub icount_shift: u8,
-    /// Whether an idle processor waits for the clock on the wall, so that the node lives as long as its record says; else
-    /// idle time takes none.
+    /// Whether an idle processor waits for the clock on the wall, so that the node lives as long as its record says;
+    /// else idle time takes none.
     pub at_wall_speed: bool,
     /// Where the UART goes.
     pub link: Link,
@@ -155,7 +155,8 @@ impl Qemu {
     pub fn start(&self, replay: &[u8]) -> Result<Running> {
         if !self.firmware.is_file() {
             let what = format!(
-                "no image at {}: in a checkout of the sources `cargo xtask node-build` makes it, elsewhere name one with --firmware; without any, `meshband node --serve tcp:PORT --loop RECORD` runs the node's own code",
+                "no image at {}: in a checkout of the sources `cargo xtask node-build` makes it, elsewhere name one \
+                 with --firmware; without any, `meshband node --serve tcp:PORT --loop RECORD` runs the node's own code",
                 self.firmware.display()
             );
             return Err(Error::tool("firmware", what));

@@ -33,7 +33,8 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
         report.section("Mesh lines"),
         summary::lines(trial, false),
         &format!(
-            "Mesh harmonics of the last spectrum, amplitude in {}; the two columns of worst errors are over all spectra.",
+            "Mesh harmonics of the last spectrum, amplitude in {}; the two columns of worst errors are over all \
+             spectra.",
             signal.unit
         ),
     );
@@ -47,16 +48,24 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
             report = report.picture(&mesh_band(signal, spectrum, harmonic)?, &band_caption(spectrum, harmonic));
         }
         report = report.picture(&errors(trial)?, "Error of every line that stands clear of the noise, all spectra.");
-        let caption = "Sidebands in turns of the pinion, then of the gear. What is not a clear line of that shaft is marked and left out of the worst errors.";
+        let caption = "Sidebands in turns of the pinion, then of the gear. What is not a clear line of that shaft is \
+            marked and left out of the worst errors.";
         report = with_table(report.section("Sidebands"), summary::lines(trial, true), caption);
     } else {
         report = report.note("No mesh-band spectrum: the run was too short, or the speed was never locked.");
     }
     report = report
         .section("Speed and rates")
-        .text("The tachometer gives the speed, the law the bandwidth, the policy the rate; the timer grants the nearest whole number of ticks, at block borders only.")
+        .text(
+            "The tachometer gives the speed, the law the bandwidth, the policy the rate; the timer grants the \
+            nearest whole number of ticks, at block borders only.",
+        )
         .picture(&speeds(trial)?, "Speed as the node reports it and as the tach edges give it in f64.")
-        .picture(&rate_plan(trial)?, "The converter's rate stays where the fixed analogue filter allows it; decimation by powers of two makes the rate asked for.");
+        .picture(
+            &rate_plan(trial)?,
+            "The converter's rate stays where the fixed analogue filter allows it; \
+            decimation by powers of two makes the rate asked for.",
+        );
     report = with_table(report, Some(summary::rates(trial, 60)), "Reports of the node.");
     let peaks = summary::peaks(trial);
     if !peaks.rows.is_empty() {
@@ -72,7 +81,8 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
     report = report.table("What was compared, and what was lost.", &["check", "result"], &rows);
     if !paces.is_empty() {
         let table = summary::paces(paces);
-        let caption = "The same record at other instruction rates. The QEMU board spends some 100 instructions per sample on converter and DMA.";
+        let caption = "The same record at other instruction rates. The QEMU board spends some 100 instructions per \
+            sample on converter and DMA.";
         report = with_table(report.section("Instruction rate"), Some(table), caption);
     }
     Ok(report)
@@ -80,7 +90,8 @@ pub fn build(trial: &Trial, signal: &Signal, paces: &[Pace]) -> Result<Report> {
 
 fn band_caption(spectrum: &SpectrumRow, harmonic: u8) -> String {
     format!(
-        "Mesh harmonic {harmonic}: reference spectrum of the same {:.2} s and the lines the node sent; bins of {:.2} Hz.",
+        "Mesh harmonic {harmonic}: reference spectrum of the same {:.2} s and the lines the node sent; bins of {:.2} \
+         Hz.",
         spectrum.length_s, spectrum.resolution_hz
     )
 }

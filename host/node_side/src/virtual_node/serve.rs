@@ -1,7 +1,9 @@
-//! A live virtual node: the node's own code on a looped signal, in real time, behind a TCP port and, where wanted, as a Modbus station.
+//! A live virtual node: the node's own code on a looped signal, in real time, behind a TCP port and, where wanted, as
+//! a Modbus station.
 //!
-//! For anyone to try `monitor`, `configure`, gateways and a PLC without hardware. Blocks are computed when their time has come; a host that
-//! is too busy makes the node late, never wrong, because the node's clock is that of its samples. [`super::looped`] says what is looped,
+//! For anyone to try `monitor`, `configure`, gateways and a PLC without hardware. Blocks are computed when their time
+//! has come; a host that is too busy makes the node late, never wrong, because the node's clock is that of its
+//! samples. [`super::looped`] says what is looped,
 //! [`super::peers`] who hears it, [`super::stations`] how Modbus reads it.
 
 use super::image::TICKS_PER_SECOND;

@@ -223,8 +223,8 @@ impl Signal {
     }
 }
 
-/// Steady for the first fifth, so that the tach can lock, then rising by the same share every second, steady for the last tenth; with
-/// `back_s` up to the middle, down again likewise, and steady for the last `back_s`.
+/// Steady for the first fifth, so that the tach can lock, then rising by the same share every second, steady for the
+/// last tenth; with `back_s` up to the middle, down again likewise, and steady for the last `back_s`.
 fn run_up(from_hz: f64, to_hz: f64, duration_s: f64, back_s: Option<f64>) -> Motion {
     let moving_s = duration_s - back_s.unwrap_or(0.0);
     let (start, end) = match back_s {

@@ -1,9 +1,9 @@
 //! The board on the host: the node's own code on a replay image, block by block.
 //!
-//! [`run`] follows the board's rule for blocks and periods (see the firmware's pipeline): blocks follow each other without
-//! a gap; the first two have the node's first wish as their period, and the wish after block `j` governs block `j + 3`,
-//! which is the block after the next when block `j + 1` ends. This is what a board does whose main loop takes each block
-//! before the next one ends.
+//! [`run`] follows the board's rule for blocks and periods (see the firmware's pipeline): blocks follow each other
+//! without a gap; the first two have the node's first wish as their period, and the wish after block `j` governs
+//! block `j + 3`, which is the block after the next when block `j + 1` ends. This is what a board does whose main
+//! loop takes each block before the next one ends.
 //!
 //! A later main loop changes which blocks there are: a wish is taken up a border later, or a block is lost. The board
 //! therefore logs the blocks its node really got, and [`follow`] gives the node here the same ones. Frames are then the

@@ -170,7 +170,8 @@ pub fn verdicts(trial: &Trial, signal: &Signal) -> Vec<(String, String)> {
         format!("{} processed, {} lost, {} rate changes (at borders)", i.blocks, i.blocks_lost, i.rate_changes);
     lines.push((format!("blocks at {} MIPS", i.mips), blocks));
     if !i.on_schedule {
-        let what = "the processor was late: rates changed later than planned, or blocks were lost; the host took the same blocks";
+        let what = "the processor was late: rates changed later than planned, or blocks were lost; the host took the \
+            same blocks";
         lines.push(("schedule".into(), what.into()));
     }
     lines.push(("lost".into(), format!("{} tach edges, {} frames", i.edges_lost, i.frames_lost)));

@@ -1,4 +1,5 @@
-//! A trial: the firmware on a virtual board and on a signal, the same code on the host, and every line against the f64 reference.
+//! A trial: the firmware on a virtual board and on a signal, the same code on the host, and every line against the
+//! f64 reference.
 
 use super::board::{Clock, Played, VirtualBoard};
 use super::frames::Received;
@@ -94,8 +95,8 @@ impl LineRow {
         }
     }
 
-    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone. A peak that
-    /// the bins cannot tell from one of the pinion counts there, and not once more for the gear.
+    /// Whether it is the shaft's line and stands clear of noise and of other lines' skirts, by the reference alone. A
+    /// peak that the bins cannot tell from one of the pinion counts there, and not once more for the gear.
     pub fn is_clear(&self) -> bool {
         !self.beyond_signal
             && (self.not_separable_from.is_none() || self.shaft == "pinion")
@@ -397,8 +398,8 @@ impl Comparison<'_> {
         })
     }
 
-    /// The lines of a band: number of the sideband, its shaft, its offset in pinion orders, the line. Sidebands that the
-    /// band does not reach are zero and left out.
+    /// The lines of a band: number of the sideband, its shaft, its offset in pinion orders, the line. Sidebands that
+    /// the band does not reach are zero and left out.
     fn lines<'m>(&self, band: &'m MeshBand) -> Vec<(i32, &'static str, f64, &'m SpectralLine)> {
         let gear_order = f64::from(self.signal.teeth[0]) / f64::from(self.signal.teeth[1]);
         let mut lines = vec![(0, "pinion", 0.0, &band.line)];
@@ -453,7 +454,8 @@ mod tests {
 
     #[test]
     fn regress_a_line_of_two_shafts_is_named_and_counted_once() {
-        // 21 and 64 teeth at 24.3 Hz: the gear's third sideband lies 0.4 Hz from the pinion's first, bins are 1.52 Hz wide.
+        // 21 and 64 teeth at 24.3 Hz: the gear's third sideband lies 0.4 Hz from the pinion's first, bins are 1.52 Hz
+        // wide.
         let gear = 24.3 * 21.0 / 64.0;
         let mut lines = vec![
             line("pinion", 0, 510.3),

@@ -1,6 +1,7 @@
 //! What `meshband simulate --field FILE` reads: wander, housing, channels, tachometer.
 //!
-//! Everything has a default or is drawn from the seed, so that a file may be as short as one `[[channel]]`. Unknown keys are refused.
+//! Everything has a default or is drawn from the seed, so that a file may be as short as one `[[channel]]`. Unknown
+//! keys are refused.
 
 use crate::{Error, Result, budget};
 use serde::Deserialize;

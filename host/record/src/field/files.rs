@@ -1,7 +1,8 @@
 //! A field-like run as files of an acquisition system: float samples, the tachometer's voltage as the last channel.
 //!
-//! One file per run. `wav`: 32-bit float, which players call clipped beyond 1 and measuring systems write all the same. `csv`: header with
-//! names, first column the time. `npy`: float32, samples x channels. Units are the channels' own, which WAV and NumPy files do not state.
+//! One file per run. `wav`: 32-bit float, which players call clipped beyond 1 and measuring systems write all the
+//! same. `csv`: header with names, first column the time. `npy`: float32, samples x channels. Units are the channels'
+//! own, which WAV and NumPy files do not state.
 
 use super::declaration::{Channel, FileUnit};
 use super::run::FieldRun;

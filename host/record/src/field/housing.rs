@@ -1,9 +1,10 @@
 //! The way from the bearings to the sensors: modes of the housing, shared poles with residues of every channel.
 //!
-//! Acceleration of channel c: `sum over modes m and forces s of R[c][m][s] H_m(f) F_s(f)`, `H = -f^2 / (f_m^2 - f^2 + 2 i zeta f f_m)`: the
-//! accelerance of a mode, which passes nothing at rest. Forces are those of the bearings on the housing, so that what the bodies do in
-//! their bearings is in them; the housing does not act back on the gears (the `casing` model has one that does). Applied in the
-//! frequency domain over the whole run; the run begins early enough for the wrap-around to decay before the first sample kept.
+//! Acceleration of channel c: `sum over modes m and forces s of R[c][m][s] H_m(f) F_s(f)`,
+//! `H = -f^2 / (f_m^2 - f^2 + 2 i zeta f f_m)`: the accelerance of a mode, which passes nothing at rest. Forces are
+//! those of the bearings on the housing, so that what the bodies do in their bearings is in them; the housing does
+//! not act back on the gears (the `casing` model has one that does). Applied in the frequency domain over the whole
+//! run; the run begins early enough for the wrap-around to decay before the first sample kept.
 
 use super::declaration::{Field, Mode};
 use rand_chacha::ChaCha12Rng;

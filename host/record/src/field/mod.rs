@@ -1,7 +1,8 @@
 //! Records as their owners have them: housing channels, wander, run-up, a tachometer's voltage, coloured noise.
 //!
-//! In: a machine made ready, a motion, effects, and a [`Field`]. Out: [`FieldRun`]s, which the command makes a record of, or files as an
-//! acquisition system writes them. Nothing here is read by `import` or by inference: it is their test.
+//! In: a machine made ready, a motion, effects, and a [`Field`]. Out: [`FieldRun`]s, which the command makes a record
+//! of, or files as an acquisition system writes them. Nothing here is read by `import` or by inference: it is their
+//! test.
 
 mod declaration;
 mod files;

@@ -1,4 +1,5 @@
-//! Coloured noise: white noise shaped in the frequency domain, so that its power falls as `1 / f^slope` over the whole band.
+//! Coloured noise: white noise shaped in the frequency domain, so that its power falls as `1 / f^slope` over the
+//! whole band.
 
 use crate::spectral::shaped;
 use rand_chacha::ChaCha12Rng;

@@ -1,7 +1,8 @@
 //! The speed of a machine as it runs: constant or rising, with slow random changes and a swing.
 //!
-//! The random part is a sum of cosines with drawn frequencies and phases: as smooth as its band says, and of exactly the deviation asked
-//! for in the mean over time. The angle is the integral of the speed; between knots it is the cubic that shares angle and speed with it.
+//! The random part is a sum of cosines with drawn frequencies and phases: as smooth as its band says, and of exactly
+//! the deviation asked for in the mean over time. The angle is the integral of the speed; between knots it is the
+//! cubic that shares angle and speed with it.
 
 use super::declaration::Wander;
 use crate::dynamics::Motion;

@@ -1,7 +1,8 @@
 //! A tachometer wheel and the voltage of its pick-up.
 //!
-//! The marks' places depart from even ones by drawn shares of the pitch whose sum is zero. The wheel turns with the prescribed rotation
-//! of its shaft (wander, run-up and effects on the angle included); the twist of the shafts, micrometres at the rim, is left out.
+//! The marks' places depart from even ones by drawn shares of the pitch whose sum is zero. The wheel turns with the
+//! prescribed rotation of its shaft (wander, run-up and effects on the angle included); the twist of the shafts,
+//! micrometres at the rim, is left out.
 
 use super::declaration::Wheel;
 use crate::dynamics::crossings::crossings;

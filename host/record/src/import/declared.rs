@@ -7,7 +7,8 @@ use crate::record::{Acquisition, Declaration, Tach};
 use crate::{Error, Result, budget, text};
 use std::path::{Path, PathBuf};
 
-/// Reads full scales from a csv file: one row per channel, the value in the last cell; a first row without a number is a header.
+/// Reads full scales from a csv file: one row per channel, the value in the last cell; a first row without a number
+/// is a header.
 ///
 /// # Errors
 /// An unreadable file, a cell that is no positive number, no row at all.

@@ -1,13 +1,16 @@
 //! A mesh frequency that changes: followed through short spectra by all its harmonics at once.
 //!
-//! One line alone is lost where it crosses a resonance or another line. Each time slice therefore gives every possible mesh frequency the
-//! sum of what stands at its harmonics, over the local floor, in dB (less half of what stands halfway between: those are harmonics of half
-//! the frequency), over all channels; the course is the path through the slices that gathers most, changes of speed paid for (dynamic
-//! programming; Leclere, Andre and Antoni 2016 multiply probabilities of all expected orders per slice and smooth over time, which is the
-//! same in logarithms). Slices last a few turns of the pinion: longer ones smear a changing line, shorter ones cannot tell lines apart.
+//! One line alone is lost where it crosses a resonance or another line. Each time slice therefore gives every
+//! possible mesh frequency the sum of what stands at its harmonics, over the local floor, in dB (less half of what
+//! stands halfway between: those are harmonics of half the frequency), over all channels; the course is the path
+//! through the slices that gathers most, changes of speed paid for (dynamic programming; Leclere, Andre and Antoni
+//! 2016 multiply probabilities of all expected orders per slice and smooth over time, which is the same in
+//! logarithms). Slices last a few turns of the pinion: longer ones smear a changing line, shorter ones cannot tell
+//! lines apart.
 //!
-//! The result is rough (a few tenths of a per cent); the signal read at the angle it gives is steady enough for longer slices, and then for the
-//! phase of the lines. Cost: one transform of some ten thousand points per slice and channel.
+//! The result is rough (a few tenths of a per cent); the signal read at the angle it gives is steady enough for
+//! longer slices, and then for the phase of the lines. Cost: one transform of some ten thousand points per slice and
+//! channel.
 
 use crate::budget::VALUES;
 use crate::spectral::{AngleMap, Window, resample_by_angle};

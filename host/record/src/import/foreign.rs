@@ -15,7 +15,8 @@ pub(super) fn known(path: &Path, bytes: &[u8], name: &str) -> Option<Error> {
     let what = if begins(b"MDF     ") || begins(b"UnFinMF ") {
         let state = if begins(b"UnFinMF ") { "that was not closed" } else { "" };
         format!(
-            "is an ASAM MDF {} file {state}, which is not read; convert it: python -m pip install asammdf, then MDF('{name}').export('mat') or .export('csv', single_time_base=False)",
+            "is an ASAM MDF {} file {state}, which is not read; convert it: python -m pip install asammdf, then \
+             MDF('{name}').export('mat') or .export('csv', single_time_base=False)",
             version(8)
         )
     } else if begins(b"PAR1") {
@@ -36,7 +37,8 @@ pub(super) fn known(path: &Path, bytes: &[u8], name: &str) -> Option<Error> {
         "is an old Office file; save the sheet as csv".into()
     } else if begins(b"\x1a\x45\xdf\xa3") || ends(".ide") {
         format!(
-            "is an EBML recording (enDAQ IDE), which is not read; convert it: idelib's ideexport '{name}', which writes csv"
+            "is an EBML recording (enDAQ IDE), which is not read; convert it: idelib's ideexport '{name}', which \
+             writes csv"
         )
     } else if begins(b"\x80\x04") || begins(b"\x80\x03") || begins(b"\x80\x05") || ends(".pkl") {
         "is a Python pickle, which may run anything when it is read; save the arrays with numpy.save".into()

@@ -1,9 +1,10 @@
 //! HDF5 files, MATLAB 7.3 files among them: real numeric arrays of all groups.
 //!
-//! Read by the crate `hdf5-reader` (pure Rust, no C library; bounds and cycles checked), with its limits set to ours. An array's name is its
-//! path. Rates, units, CF's `scale_factor` and `add_offset` are attributes of an array, or of a group for what lies in it
-//! ([`super::variables`]). MATLAB stores its arrays turned and its texts as numbers: both are told by `MATLAB_class`. Links to other
-//! files are not followed. Not read: compound (complex), text, arrays of three dimensions; they are counted in a remark.
+//! Read by the crate `hdf5-reader` (pure Rust, no C library; bounds and cycles checked), with its limits set to ours.
+//! An array's name is its path. Rates, units, CF's `scale_factor` and `add_offset` are attributes of an array, or of
+//! a group for what lies in it ([`super::variables`]). MATLAB stores its arrays turned and its texts as numbers: both
+//! are told by `MATLAB_class`. Links to other files are not followed. Not read: compound (complex), text, arrays of
+//! three dimensions; they are counted in a remark.
 
 use super::signals::Signals;
 use super::variables::{Variable, is_unit, rate_of, signals};

@@ -1,11 +1,12 @@
 //! One angle from all mesh lines of all channels at once, where none of them is steady throughout.
 //!
-//! A line that moves through a resonance changes its phase by up to half a turn, and between two resonances it vanishes. From one point in time to
-//! the next each line that stands over its noise, and is not on its way through nothing, gives an advance of the mesh; those near their median
-//! are averaged. The weight is what a line's phase is worth as an angle: its power over the noise (no more than a bound: the structure's error
-//! does not fall with the noise) times its harmonic. Errors of the structure return with the speed and stay within a share of a tooth. A
-//! line that passes on either side of nothing on its way out and back turns by a whole cycle: with heavier weights of the high harmonics one such line
-//! moved the angle by a third of a tooth.
+//! A line that moves through a resonance changes its phase by up to half a turn, and between two resonances it
+//! vanishes. From one point in time to the next each line that stands over its noise, and is not on its way through
+//! nothing, gives an advance of the mesh; those near their median are averaged. The weight is what a line's phase is
+//! worth as an angle: its power over the noise (no more than a bound: the structure's error does not fall with the
+//! noise) times its harmonic. Errors of the structure return with the speed and stay within a share of a tooth. A
+//! line that passes on either side of nothing on its way out and back turns by a whole cycle: with heavier weights of
+//! the high harmonics one such line moved the angle by a third of a tooth.
 
 use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
@@ -14,7 +15,8 @@ use std::f64::consts::TAU;
 const SNR: [f64; 2] = [10.0, 100.0];
 /// Amplitude, over the line's median, below which it is on its way through nothing.
 const NOTHING: f64 = 0.1;
-/// Advances, mesh cycles beside the nominal ones, this near to the median are those of the mesh; the course followed is good to less.
+/// Advances, mesh cycles beside the nominal ones, this near to the median are those of the mesh; the course followed
+/// is good to less.
 const NEAR: f64 = 0.01;
 /// Share of the points that may have no line.
 const MOST_BLIND: f64 = 0.05;
@@ -46,7 +48,8 @@ impl Line {
         power / self.noise.max(f64::MIN_POSITIVE)
     }
 
-    /// Advance in mesh cycles from point `i` to the next beside the nominal one, and its weight; `None` where the line is too weak.
+    /// Advance in mesh cycles from point `i` to the next beside the nominal one, and its weight; `None` where the
+    /// line is too weak.
     fn advance(&self, i: usize) -> Option<(f64, f64)> {
         let (from, to) = (self.baseband[i], self.baseband[i + 1]);
         let snr = from.norm_sqr().min(to.norm_sqr()) / self.noise.max(f64::MIN_POSITIVE);
@@ -59,7 +62,8 @@ impl Line {
     }
 }
 
-/// Mesh cycles beside the nominal ones at every point, and the share of points without a line; `None` where that is too large.
+/// Mesh cycles beside the nominal ones at every point, and the share of points without a line; `None` where that is
+/// too large.
 pub(super) fn together(lines: &[Line]) -> Option<(Vec<f64>, f64)> {
     let count = lines.first()?.baseband.len();
     let (mut cycles, mut blind) = (vec![0.0], 0);

@@ -1,7 +1,9 @@
-//! LabVIEW measurement files (`.lvm`): segments of tab- or comma-separated text with a head that states rate, start and unit per channel.
+//! LabVIEW measurement files (`.lvm`): segments of tab- or comma-separated text with a head that states rate, start
+//! and unit per channel.
 //!
-//! Source: National Instruments, "Specification for the LabVIEW Measurement File". Read: one segment or several that go on with the same channels,
-//! no, one or several time columns, decimal points and commas. Where a head states the interval the time columns are left out unread.
+//! Source: National Instruments, "Specification for the LabVIEW Measurement File". Read: one segment or several that
+//! go on with the same channels, no, one or several time columns, decimal points and commas. Where a head states the
+//! interval the time columns are left out unread.
 
 use super::delimited::{Cell, Separator, read_cell, split_cells};
 use super::signals::{Signal, Signals};

@@ -1,9 +1,9 @@
 //! Foreign measurement files as record folders.
 //!
-//! Every reader returns [`Signals`]: values with the name, unit, rate and start that the file states for each. What a format does
-//! not know is not its business: which columns are wanted, which is time, and which signals go together as [`Columns`] is decided
-//! once for all formats. Formats are told apart by content first and by ending second. What a file does not state is the user's
-//! to state; nothing is guessed silently.
+//! Every reader returns [`Signals`]: values with the name, unit, rate and start that the file states for each. What a
+//! format does not know is not its business: which columns are wanted, which is time, and which signals go together
+//! as [`Columns`] is decided once for all formats. Formats are told apart by content first and by ending second. What
+//! a file does not state is the user's to state; nothing is guessed silently.
 
 mod declared;
 mod delimited;
@@ -103,7 +103,8 @@ impl Columns {
             if let Some(i) = channel.iter().position(|x| !x.is_finite()) {
                 let count = channel.iter().filter(|x| !x.is_finite()).count();
                 let what = format!(
-                    "channel {name}, sample {i} is {} (one of {count}); fill or cut it in the file, or leave the channel out with --skip",
+                    "channel {name}, sample {i} is {} (one of {count}); fill or cut it in the file, or leave the \
+                     channel out with --skip",
                     channel[i]
                 );
                 return Err(Error::invalid(path.display(), what));
@@ -113,8 +114,8 @@ impl Columns {
     }
 }
 
-/// Reads one measurement file: MATLAB (version 4 to 7.3), HDF5, TDMS, LabVIEW text, csv and other text, csv.gz, wav, FLAC, npy, or
-/// universal file dataset 58.
+/// Reads one measurement file: MATLAB (version 4 to 7.3), HDF5, TDMS, LabVIEW text, csv and other text, csv.gz, wav,
+/// FLAC, npy, or universal file dataset 58.
 ///
 /// # Errors
 /// A missing file, an unknown format, or content that is broken or beyond the [`budget`]; one line with file and place.

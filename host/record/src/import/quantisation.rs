@@ -1,9 +1,9 @@
 //! What 16 bits leave of a signal: its typical level against the step of the codes.
 //!
-//! The full scale follows the highest peak, the quality of the record the level that the signal has most of the time. One
-//! spike of a billion would turn the rest into zeros, and a mean square, which the spike rules, would not show it. The typical
-//! level is therefore taken from the range that 98 % of the samples keep to: a few spikes do not touch it, while for a sine and for
-//! noise it gives the standard deviation.
+//! The full scale follows the highest peak, the quality of the record the level that the signal has most of the time.
+//! One spike of a billion would turn the rest into zeros, and a mean square, which the spike rules, would not show
+//! it. The typical level is therefore taken from the range that 98 % of the samples keep to: a few spikes do not
+//! touch it, while for a sine and for noise it gives the standard deviation.
 
 use crate::{Error, Result};
 
@@ -69,7 +69,8 @@ pub(super) fn judge(
         "another channel sets the full scale: import it by itself".to_string()
     };
     let what = format!(
-        "channel {name}: at full scale {full_scale:.3e} its typical level of {level:.3e} takes {steps:.1e} code steps ({snr_db:.0} dB over \
+        "channel {name}: at full scale {full_scale:.3e} its typical level of {level:.3e} takes {steps:.1e} code \
+         steps ({snr_db:.0} dB over \
          quantisation); {why}, or keep float samples with --float"
     );
     if snr_db < USELESS_DB { Err(Error::invalid(label, what)) } else { Ok(Some(format!("{label}: {what}"))) }

@@ -1,8 +1,9 @@
 //! Which channels are accelerations, in which unit they come, and what is kept beside them.
 //!
-//! A file's own unit counts. Where it states none, a name that says torque or temperature keeps a channel out, and `--unit` says the rest; nothing
-//! said is unknown. A record's channels are its accelerations, in m/s2; without one, what states no unit, or what all share (volts,
-//! pascals). Everything else is kept beside: analysis and loop do not see it.
+//! A file's own unit counts. Where it states none, a name that says torque or temperature keeps a channel out, and
+//! `--unit` says the rest; nothing said is unknown. A record's channels are its accelerations, in m/s2; without one,
+//! what states no unit, or what all share (volts, pascals). Everything else is kept beside: analysis and loop do not
+//! see it.
 
 use super::ImportOptions;
 use super::grouped::Group;
@@ -36,7 +37,10 @@ impl Unit {
             return Ok(Unit::Unknown);
         }
         let measure = units::measure(text).ok_or_else(|| {
-            format!("'{text}' is no unit that is known; for example m/s2, g, mg, mm/s2, in/s2, V, mV, N m, Pa, rpm, degC, or unknown")
+            format!(
+                "'{text}' is no unit that is known; for example m/s2, g, mg, mm/s2, in/s2, V, mV, N m, Pa, rpm, \
+                degC, or unknown"
+            )
         })?;
         Ok(match measure {
             Measure { quantity: Quantity::Acceleration, factor: 1.0, .. } => Unit::MetrePerSecondSquared,
@@ -214,7 +218,8 @@ fn agreed(run: &Group, c: usize, unit: Unit, stated: Measure, listed: bool, some
         return Ok(own);
     }
     let what = format!(
-        "contradicts {}, which states {} for channel {}; leave --unit out, or give --override-unit if the file is wrong",
+        "contradicts {}, which states {} for channel {}; leave --unit out, or give --override-unit if the file is \
+         wrong",
         run.label,
         text::quoted(run.units[c].as_deref().unwrap_or_default()),
         text::quoted(&run.names[c])
@@ -250,7 +255,8 @@ fn main(run: &Group, roles: &[Role]) -> Result<String> {
                 })
                 .collect();
             let what = format!(
-                "holds no acceleration ({}); --columns chooses the one to take as it is, --unit with one unit per channel says otherwise",
+                "holds no acceleration ({}); --columns chooses the one to take as it is, --unit with one unit per \
+                 channel says otherwise",
                 list.join(", ")
             );
             Err(Error::invalid(&run.label, what))

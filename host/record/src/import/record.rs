@@ -62,8 +62,8 @@ pub struct ImportOptions {
     pub channel_names: Option<Vec<String>>,
     /// Full scale in the record's unit; 10 % over the peak where absent.
     pub full_scale: Option<f64>,
-    /// What the largest number of a source of integers stands for, in the source's unit: one, or one for each channel; empty: the
-    /// source's numbers are values.
+    /// What the largest number of a source of integers stands for, in the source's unit: one, or one for each
+    /// channel; empty: the source's numbers are values.
     pub source_full_scale: Vec<f64>,
     /// Samples are kept as float32 values instead of codes of one full scale.
     pub float: bool,

@@ -1,7 +1,7 @@
 //! Columns by name or number: which of a file's columns are read (`--columns`), and which are not looked at (`--skip`).
 //!
-//! Numbers count all columns of the file from 1, time included. What is skipped is skipped before anything is looked at; what is selected
-//! is selected after the time column has given its rate. The tachometer stays in any case.
+//! Numbers count all columns of the file from 1, time included. What is skipped is skipped before anything is looked
+//! at; what is selected is selected after the time column has given its rate. The tachometer stays in any case.
 
 use super::Reading;
 use super::signals::{Signal, Signals};

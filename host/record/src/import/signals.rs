@@ -1,8 +1,8 @@
 //! What a file holds, signal by signal, and which of its signals go together.
 //!
-//! Unit, rate and start belong to the signal that states them. Signals of one length, rate and start are the file's channels; the others
-//! stay apart (a temperature once per second, a current at its own rate, edge times) and are never laid beside them.
-//! Where more than one such set could be the vibration, the file is refused with the figures.
+//! Unit, rate and start belong to the signal that states them. Signals of one length, rate and start are the file's
+//! channels; the others stay apart (a temperature once per second, a current at its own rate, edge times) and are
+//! never laid beside them. Where more than one such set could be the vibration, the file is refused with the figures.
 
 use super::{Columns, Reading, selection, units};
 use crate::{Error, Result, text};
@@ -207,7 +207,8 @@ impl Signals {
             several => {
                 let list: Vec<String> = several.iter().map(|set| self.described(set)).collect();
                 let what = format!(
-                    "holds signals that are not sampled together: {}; choose with --columns, name a tachometer with --tach, or leave out with --skip",
+                    "holds signals that are not sampled together: {}; choose with --columns, name a tachometer with \
+                     --tach, or leave out with --skip",
                     list.join("; ")
                 );
                 Err(Error::invalid(path.display(), what))

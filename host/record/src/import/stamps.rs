@@ -1,8 +1,10 @@
 //! Time stamps as numbers: whether they go on evenly, how fast, and how well that is known.
 //!
-//! Printed stamps are rounded. Where the rounding is finer than a step the grid is seen directly; where it is coarser (milliseconds at
-//! 12.8 kHz) stamps repeat, and the rate is the slope of a straight line through them, known to `SURE r / (T sqrt(T / r))` for a
-//! resolution `r` over a time `T`. Anything that leaves the line by more than the resolution is a gap, a repetition or a step back.
+//! Printed stamps are rounded. Where the rounding is finer than a step the grid is seen directly; where it is coarser
+//! (milliseconds at
+//! 12.8 kHz) stamps repeat, and the rate is the slope of a straight line through them, known to
+//! `SURE r / (T sqrt(T / r))` for a resolution `r` over a time `T`. Anything that leaves the line by more than the
+//! resolution is a gap, a repetition or a step back.
 
 /// Steps equal to this share are regular.
 const REGULAR: f64 = 0.01;
@@ -30,7 +32,8 @@ const ROUND: f64 = 1e-5;
 pub(super) enum Stamps {
     /// Goes on evenly: step of one sample, share that the step is uncertain by, resolution where stamps repeat.
     Even { step: f64, uncertain: f64, coarse: Option<f64> },
-    /// Goes forward on the whole, but not evenly: index of the worst value, its step, the usual one, and whether most steps are equal.
+    /// Goes forward on the whole, but not evenly: index of the worst value, its step, the usual one, and whether most
+    /// steps are equal.
     Uneven { index: usize, step: f64, usual: f64, mostly: bool, jitter: bool },
     /// Does not go forward.
     Other,

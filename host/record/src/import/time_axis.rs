@@ -1,9 +1,10 @@
 //! Time columns: which column is time, in which unit, and the sampling rate and start that it gives.
 //!
-//! Time is what ascends: a name that ends in `time` is not enough (`X097_DE_time` is an acceleration over time). A counter of rows, an angle
-//! or an encoder's counts ascend as evenly and are no time. The unit is the name's (`Time (ms)`), the unit row's, or that of
-//! the values where only one is possible (seconds since 1970, the rate given with `--rate`); otherwise it is asked for.
-//! Time with gaps, repetitions or steps back is refused with the place: every angle behind it would be wrong.
+//! Time is what ascends: a name that ends in `time` is not enough (`X097_DE_time` is an acceleration over time). A
+//! counter of rows, an angle or an encoder's counts ascend as evenly and are no time. The unit is the name's
+//! (`Time (ms)`), the unit row's, or that of the values where only one is possible (seconds since 1970, the rate
+//! given with `--rate`); otherwise it is asked for. Time with gaps, repetitions or steps back is refused with the
+//! place: every angle behind it would be wrong.
 
 use super::Reading;
 use super::signals::{Signal, Signals};
@@ -124,7 +125,8 @@ fn of_length(path: &Path, found: &mut Signals, members: &[usize], reading: &Read
         let stated = found.signals[i].rate_hz.or(found.rate_hz);
         if let Some(other) = stated.filter(|other| (other / own.1 - 1.0).abs() > own.3.max(1e-4)) {
             let what = format!(
-                "time column {} says {} Hz, the file {} Hz elsewhere; leave one out with --skip, or say which with --rate and --override-rate --no-time",
+                "time column {} says {} Hz, the file {} Hz elsewhere; leave one out with --skip, or say which with \
+                 --rate and --override-rate --no-time",
                 text::quoted(&found.signals[own.0].name),
                 text::number(own.1),
                 text::number(other)
@@ -167,7 +169,8 @@ fn kind(signal: &Signal, reading: &Reading, known: bool) -> std::result::Result<
             Counter::Even => return Ok(Kind::Nothing("counts rows".into())),
             Counter::Jumps { index, missing } if named_counter => {
                 return Err(Refusal::Broken(format!(
-                    "counter {name} jumps at value {index}: {missing} samples are missing; cut the file there, or leave it out with --skip"
+                    "counter {name} jumps at value {index}: {missing} samples are missing; cut the file there, or \
+                     leave it out with --skip"
                 )));
             }
             _ if named_counter => return Ok(Kind::Channel),
@@ -208,7 +211,8 @@ fn kind(signal: &Signal, reading: &Reading, known: bool) -> std::result::Result<
                 "it does not go on evenly".into()
             };
             Err(Refusal::Broken(format!(
-                "time column {name}: a step of {step:.4e} at value {index} where steps are {usual:.4e}, {what}; cut the file there, or give --no-time \
+                "time column {name}: a step of {step:.4e} at value {index} where steps are {usual:.4e}, {what}; cut \
+                 the file there, or give --no-time \
                  if it is a channel, --skip if it is of no use"
             )))
         }
@@ -227,7 +231,8 @@ fn even(
     let Some((unit_s, said)) = unit(signal, reading, step) else {
         let rate = 1.0 / step;
         return Err(Refusal::Unknown(format!(
-            "column {name} is time and states no unit: {} Hz if it is in s, {} Hz if in ms, {} Hz if in us; give --time-unit, or --no-time if it is no time",
+            "column {name} is time and states no unit: {} Hz if it is in s, {} Hz if in ms, {} Hz if in us; give \
+             --time-unit, or --no-time if it is no time",
             text::number(figures(rate)),
             text::number(figures(1e3 * rate)),
             text::number(figures(1e6 * rate))
@@ -241,13 +246,15 @@ fn even(
         match reading.rate_hz {
             Some(given) if (given / rate - 1.0).abs() < AGREES.max(uncertain) => {
                 return Ok(Kind::Nothing(format!(
-                    "has stamps to {resolution_s:.1e} s, too coarse for {given} Hz; the rate is that of --rate, gaps shorter than {:.0} samples cannot be seen",
+                    "has stamps to {resolution_s:.1e} s, too coarse for {given} Hz; the rate is that of --rate, gaps \
+                     shorter than {:.0} samples cannot be seen",
                     resolution_s * given
                 )));
             }
             _ if uncertain > CERTAIN => {
                 return Err(Refusal::Unknown(format!(
-                    "time column {name} has stamps to {resolution_s:.1e} s: the rate lies between {} and {} Hz; give --rate HZ",
+                    "time column {name} has stamps to {resolution_s:.1e} s: the rate lies between {} and {} Hz; give \
+                     --rate HZ",
                     text::number(figures(rate * (1.0 - uncertain))),
                     text::number(figures(rate * (1.0 + uncertain)))
                 )));

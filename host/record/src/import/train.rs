@@ -1,4 +1,5 @@
-//! What a declared train changes at import: which channel its tachometer is, where virtual pulses come from, what further tachometers say.
+//! What a declared train changes at import: which channel its tachometer is, where virtual pulses come from, what
+//! further tachometers say.
 
 use super::grouped::Group;
 use super::tach::{self, Shaft, TachOptions};
@@ -50,8 +51,8 @@ pub(super) fn on_shaft(tach: Tach, options: &ImportOptions) -> Tach {
     tach.on_train_shaft(shaft, train.shaft_order(shaft).value())
 }
 
-/// Tooth counts by which the first mesh line makes a virtual tachometer, and its shaft: of a set those of the gear against which the carrier
-/// turns; none where nothing that meshes there has a shaft.
+/// Tooth counts by which the first mesh line makes a virtual tachometer, and its shaft: of a set those of the gear
+/// against which the carrier turns; none where nothing that meshes there has a shaft.
 pub(super) fn virtual_teeth(train: &Train) -> Option<([u32; 2], usize)> {
     let mesh = train.meshes.first()?;
     let gears: Vec<_> = mesh.gears.iter().map(|g| &train.gears[*g]).collect();
@@ -75,7 +76,8 @@ pub(super) fn virtual_teeth(train: &Train) -> Option<([u32; 2], usize)> {
     Some(([still.teeth, other(still.teeth)], carrier))
 }
 
-/// Takes the channels of further tachometers out of the runs, and says how their ratio to the first compares with the train's.
+/// Takes the channels of further tachometers out of the runs, and says how their ratio to the first compares with the
+/// train's.
 ///
 /// # Errors
 /// A further tachometer without a channel, and those of [`tach::measured`].
@@ -110,7 +112,8 @@ pub(super) fn other_tachs(options: &ImportOptions, runs: &mut [Group], rate_hz: 
             let off = own_hz / first_hz / expected.value() - 1.0;
             let verdict = if off.abs() < RATIO_OFF { "agrees" } else { "CONTRADICTS the declared train or pulses" };
             remarks.push(format!(
-                "run {run}: tachometer on shaft {} turns {:.6} times the first, declared {expected}: {verdict} ({:+.0} ppm)",
+                "run {run}: tachometer on shaft {} turns {:.6} times the first, declared {expected}: {verdict} \
+                 ({:+.0} ppm)",
                 own.shaft,
                 own_hz / first_hz,
                 1e6 * off

@@ -2,7 +2,8 @@
 //!
 //! Source: SDRC universal file dataset 58. Read: time responses (function type 0 or 1) with even abscissa,
 //! real ordinates in single (type 2) or double (type 4) precision; uneven abscissae are accepted where they
-//! are regular to 1 %. Binary data: IEEE numbers of either byte order. Not read: complex ordinates, numbers of VAX and IBM machines.
+//! are regular to 1 %. Binary data: IEEE numbers of either byte order. Not read: complex ordinates, numbers of VAX
+//! and IBM machines.
 
 use super::signals::{Signal, Signals};
 use super::stamps::{Stamps, look, rate_hz};
@@ -190,7 +191,8 @@ fn header(lines: &[Cow<str>]) -> std::result::Result<Header, (usize, String)> {
     let seconds = units::measure(&abscissa.2)
         .filter(|unit| unit.quantity == units::Quantity::Time)
         .map_or(1.0, |unit| unit.factor);
-    // The first line is the name only by habit: many write the model there, and the point measured into the function's line.
+    // The first line is the name only by habit: many write the model there, and the point measured into the
+    // function's line.
     let point: Vec<String> = response(&lines[6]).into_iter().collect();
     let name = match (plain(name), point.first()) {
         (false, Some(point)) => format!("{name} {point}"),
@@ -288,7 +290,8 @@ fn finished(header: Header, mut values: Vec<f64>) -> std::result::Result<Parsed,
                 return Err((
                     7,
                     format!(
-                        "uneven abscissa: a step of {step:.4e} at value {index} where steps are {usual:.4e}; cut the set there"
+                        "uneven abscissa: a step of {step:.4e} at value {index} where steps are {usual:.4e}; cut the \
+                         set there"
                     ),
                 ));
             }

@@ -1,7 +1,7 @@
 //! Units as files write them: the quantity, and the factor to the unit that a record keeps it in.
 //!
-//! Prefixes are told by their case (`mg` is not `Mg`), the rest is not. What is not in the table is unknown, never assumed.
-//! A unit stands in brackets behind a name (`Ax [g]`, `Time (ms)`), in a row of its own, or in an attribute.
+//! Prefixes are told by their case (`mg` is not `Mg`), the rest is not. What is not in the table is unknown, never
+//! assumed. A unit stands in brackets behind a name (`Ax [g]`, `Time (ms)`), in a row of its own, or in an attribute.
 //! Single letters behind an underscore are no units: `acc_g` is as often the gear's accelerometer.
 
 use serde::Serialize;

@@ -1,8 +1,8 @@
 //! Named arrays of a file as signals: what MATLAB and HDF5 files have in common.
 //!
-//! A single number called `fs`, `sr`, `sample_rate` or the like is the rate of the arrays beside it and below, not of those elsewhere in the
-//! file; a text called `unit` their unit. Two rates of one place that differ are refused. Of a name that is stored more than once the last array
-//! that is not all zeros wins.
+//! A single number called `fs`, `sr`, `sample_rate` or the like is the rate of the arrays beside it and below, not of
+//! those elsewhere in the file; a text called `unit` their unit. Two rates of one place that differ are refused. Of a
+//! name that is stored more than once the last array that is not all zeros wins.
 
 use super::signals::{Signal, Signals};
 use crate::{Error, Result, text};

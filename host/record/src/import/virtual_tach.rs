@@ -8,9 +8,9 @@
 //! 3. The phase noise of each candidate follows from the noise between the sidebands; the candidate with the least
 //!    jitter in time wins. Its unwrapped phase / (2 pi harmonic teeth) is the pinion's angle.
 //!
-//! Where the speed wanders too far for that, and a rough mesh frequency or its range is given, the frequency is followed first
-//! (`follow`), and the same is done on the signal read at equal angles of that course, with all lines together (`lines`) instead of
-//! the best: each is turned and weakened as it moves through resonances.
+//! Where the speed wanders too far for that, and a rough mesh frequency or its range is given, the frequency is
+//! followed first (`follow`), and the same is done on the signal read at equal angles of that course, with all lines
+//! together (`lines`) instead of the best: each is turned and weakened as it moves through resonances.
 //!
 //! What it cannot know: which tooth is which, and angle 0 (turn numbers start at an arbitrary angle). The pulses
 //! follow the mesh line, so they are blind to anything that shifts its phase (torque, resonance crossing).
@@ -106,7 +106,8 @@ fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, f
     let least_comb_db = LEAST_COMB_DB[usize::from(options.mesh_guess_hz.is_none())];
     if comb.excess_db < least_comb_db {
         let what = format!(
-            "no trustworthy mesh line: the best comb for {}/{} teeth, at {:.2} Hz, stands {:.1} dB over its surroundings (needs {least_comb_db})",
+            "no trustworthy mesh line: the best comb for {}/{} teeth, at {:.2} Hz, stands {:.1} dB over its \
+             surroundings (needs {least_comb_db})",
             options.teeth[0], options.teeth[1], comb.mesh_hz, comb.excess_db
         );
         return Err(Error::impossible(place, what));
@@ -223,7 +224,8 @@ impl Geometry {
             return Ok(());
         }
         let what = format!(
-            "no trustworthy mesh line: the best one, harmonic {} of {:.2} Hz, is {snr_db:.1} dB over its noise (needs {LEAST_LINE_SNR_DB})",
+            "no trustworthy mesh line: the best one, harmonic {} of {:.2} Hz, is {snr_db:.1} dB over its noise \
+             (needs {LEAST_LINE_SNR_DB})",
             best.harmonic, self.mesh_hz
         );
         Err(Error::impossible(place, what))
@@ -234,7 +236,8 @@ impl Geometry {
         let strongest = lines.iter().max_by(|a, b| a.snr().total_cmp(&b.snr()));
         let (Some(strongest), Some((beside, _))) = (strongest, together(lines)) else {
             let what = format!(
-                "no trustworthy mesh line: for more than a twentieth of the time nothing at {:.2} Hz or its harmonics stands over the noise",
+                "no trustworthy mesh line: for more than a twentieth of the time nothing at {:.2} Hz or its \
+                 harmonics stands over the noise",
                 comb.mesh_hz
             );
             return Err(Error::impossible(place, what));

@@ -1,8 +1,9 @@
 //! WAV files: RIFF, RIFX (big-endian), RF64 and Wave64-less long files; integers of 8 to 32 bits, floats of 32 and 64.
 //!
-//! Source: Microsoft "Multimedia Data Standards", EBU Tech 3306 (RF64). Integers are scaled to +-1, so the unit of the numbers is the recorder's full
-//! scale; no WAV file states one. A data size of nothing or of all bits is that of a recorder that wrote to a pipe: the data reach to the end.
-//! Chunks behind the data that such a file may have are not told apart from samples.
+//! Source: Microsoft "Multimedia Data Standards", EBU Tech 3306 (RF64). Integers are scaled to +-1, so the unit of
+//! the numbers is the recorder's full scale; no WAV file states one. A data size of nothing or of all bits is that of
+//! a recorder that wrote to a pipe: the data reach to the end. Chunks behind the data that such a file may have are
+//! not told apart from samples.
 
 use super::signals::{Signal, Signals};
 use crate::budget::VALUES;

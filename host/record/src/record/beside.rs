@@ -1,6 +1,7 @@
 //! What was recorded beside the accelerations: torque, speed, temperature, and signals of another rate or start.
 //!
-//! `[[run.beside]]` names a file of float32 values for each. Only people and exports read them; analysis and loop do not.
+//! `[[run.beside]]` names a file of float32 values for each. Only people and exports read them; analysis and loop do
+//! not.
 
 use super::npy;
 use crate::confined;

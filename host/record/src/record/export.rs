@@ -1,7 +1,9 @@
-//! A run of a record as a file of a foreign format; what is written is read back equal, by `import` and by the format's own libraries.
+//! A run of a record as a file of a foreign format; what is written is read back equal, by `import` and by the
+//! format's own libraries.
 //!
-//! `wav`: 64-bit float, no unit. `csv`: time and names with units, every digit. `mat`: version 5, the channels by name, `fs`, `unit`, `edges_s`.
-//! `uff58`: binary, double, unit and rate per set. `npy`: float64, samples x channels, no rate and no unit. All values are the record's, in its unit.
+//! `wav`: 64-bit float, no unit. `csv`: time and names with units, every digit. `mat`: version 5, the channels by
+//! name, `fs`, `unit`, `edges_s`. `uff58`: binary, double, unit and rate per set. `npy`: float64, samples x channels,
+//! no rate and no unit. All values are the record's, in its unit.
 
 use super::{Acquisition, Run};
 use crate::{Error, Result, text};

@@ -1,11 +1,11 @@
 //! Record folders: what was measured (or simulated) together with what its owner declares about the machine.
 //!
-//! A record is a folder with `record.toml`, one `runNN.npy` of int16 codes or float32 values (samples x channels) and one
-//! `runNN.tach.csv` of edge times (s from the run's first sample) per run; `book/src/reference/record.md` has every key. Files that a
-//! record names lie in its folder.
-//! Reading checks everything that later code relies on, so that a [`Record`] in memory is sound: known
-//! channel count, finite numbers, strictly ascending edges, sensible tooth counts. Each refusal is one line
-//! with file, table and key. A whole record is held in memory as it is stored (2 or 4 bytes per value).
+//! A record is a folder with `record.toml`, one `runNN.npy` of int16 codes or float32 values (samples x channels) and
+//! one `runNN.tach.csv` of edge times (s from the run's first sample) per run; `book/src/reference/record.md` has
+//! every key. Files that a record names lie in its folder. Reading checks everything that later code relies on, so
+//! that a [`Record`] in memory is sound: known channel count, finite numbers, strictly ascending edges, sensible
+//! tooth counts. Each refusal is one line with file, table and key. A whole record is held in memory as it is stored
+//! (2 or 4 bytes per value).
 
 mod beside;
 mod codes;

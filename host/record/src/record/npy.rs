@@ -1,8 +1,8 @@
 //! NumPy array files of records and predictions: int16 codes and float32 predictions, samples x channels.
 //!
 //! The header is parsed and written by `npyz`; the size is checked against the file before anything is allocated, so a
-//! header that promises too much is a truncated file and not an allocation. The numbers behind it are taken and put here, all at
-//! once: one by one through the library's reader and writer they cost ten times as much.
+//! header that promises too much is a truncated file and not an allocation. The numbers behind it are taken and put
+//! here, all at once: one by one through the library's reader and writer they cost ten times as much.
 
 use crate::budget::{self, VALUES};
 use crate::{Error, Result};

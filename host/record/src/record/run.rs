@@ -108,7 +108,8 @@ impl Run {
     /// A run from signals (one vector per channel, in the record's unit).
     ///
     /// # Errors
-    /// See [`encode`]: clipping, NaN, unequal lengths; edges that do not ascend; and a channel count other than the declaration's.
+    /// See [`encode`]: clipping, NaN, unequal lengths; edges that do not ascend; and a channel count other than the
+    /// declaration's.
     pub fn from_signals(
         run: RunDeclaration,
         acquisition: &super::Acquisition,

@@ -1,8 +1,11 @@
 //! Values between equally spaced ones, by the polynomial through the sixteen nearest.
 //!
-//! A cubic spline leaves images of a slow change, at the rate of the knots less its own, of about `f^4` of it at `f` periods per knot: with one knot per turn of a shaft they stand beside the
-//! first sidebands of that shaft, and where a channel has hardly any noise they pass for them. Through sixteen values they are 6e-8 of it at an eighth of a period per knot, not 1e-4. Towards the ends it goes through as many as
-//! there are on both sides, at least four: more to one side would multiply the noise of the outer values. Limit: exact values are asked for; beyond the ends nothing is.
+//! A cubic spline leaves images of a slow change, at the rate of the knots less its own, of about `f^4` of it at `f`
+//! periods per knot: with one knot per turn of a shaft they stand beside the first sidebands of that shaft, and where
+//! a channel has hardly any noise they pass for them. Through sixteen values they are 6e-8 of it at an eighth of a
+//! period per knot, not 1e-4. Towards the ends it goes through as many as there are on both sides, at least four:
+//! more to one side would multiply the noise of the outer values. Limit: exact values are asked for; beyond the ends
+//! nothing is.
 
 /// Values that the polynomial goes through on each side, and at least where there are fewer.
 const EACH_SIDE: usize = 8;

@@ -1,12 +1,14 @@
 //! Local noise floors: the level between the lines of a spectrum.
 //!
-//! A quantile over neighbouring bins, which lines on fewer bins than lie above it do not lift: a median for combs of lines that stand apart, a
-//! lower quantile where sidebands fill up to half of the bins. The power of Gaussian noise in a bin is exponentially distributed, so its
-//! quantile `q` is `-ln(1 - q)` times its mean. Limit: noise that changes within the window's width is flattened.
+//! A quantile over neighbouring bins, which lines on fewer bins than lie above it do not lift: a median for combs of
+//! lines that stand apart, a lower quantile where sidebands fill up to half of the bins. The power of Gaussian noise
+//! in a bin is exponentially distributed, so its quantile `q` is `-ln(1 - q)` times its mean. Limit: noise that
+//! changes within the window's width is flattened.
 
 use rustfft::num_complex::Complex64 as C;
 
-/// Quantile of the values in a window of `width` bins that begins `reach` before the middle of each block of `hop` bins.
+/// Quantile of the values in a window of `width` bins that begins `reach` before the middle of each block of `hop`
+/// bins.
 struct LocalQuantile {
     hop: usize,
     reach: usize,

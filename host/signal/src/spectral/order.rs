@@ -165,7 +165,8 @@ fn whole_turns(signal: &[f64], rate_hz: f64, map: &AngleMap) -> Option<(Vec<f64>
     Some((resample_by_angle(signal, rate_hz, map, from, turns as usize, per_turn), turns as usize, per_turn))
 }
 
-/// Kaiser window at the taps of a point between samples, tabulated finely over the point's place and read linearly (error below 1e-9).
+/// Kaiser window at the taps of a point between samples, tabulated finely over the point's place and read linearly
+/// (error below 1e-9).
 ///
 /// One row per place: the taps before the point (nearest first), then those behind it.
 pub struct Kaiser {

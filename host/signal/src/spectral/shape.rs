@@ -2,8 +2,9 @@
 
 use realfft::RealFftPlanner;
 
-/// Multiplies every bin of the signal's spectrum, from 0 to half the rate, by `gain`, and the signal by its length: transforms forth and back are not scaled, so that the caller's
-/// gain can be. The signal is taken as periodic: for noise, not for what must not wrap round.
+/// Multiplies every bin of the signal's spectrum, from 0 to half the rate, by `gain`, and the signal by its length:
+/// transforms forth and back are not scaled, so that the caller's gain can be. The signal is taken as periodic: for
+/// noise, not for what must not wrap round.
 pub fn shaped(signal: &mut [f64], gain: impl Fn(usize) -> f64) {
     let total = signal.len();
     let mut planner = RealFftPlanner::<f64>::new();

@@ -1,8 +1,10 @@
 //! Several orders of neither shaft read together as one bearing: whole rolling elements, one ratio.
 //!
-//! With the ring that stands still outside, per turn of its shaft: outer passage `N/2 (1 - r)`, inner `N/2 (1 + r)`, cage `(1 - r)/2`, element (spin)
-//! `(1 - r^2)/(2 r)`, twice that per turn where it strikes both rings. Two independent bases fix `N` and `r`; a third checks them. Slip lowers all by the same share of up to
-//! 2 %, which the ratio takes in. A single base fits some `N` and `r` always: no bearing is read from it. Source: Randall, Antoni 2011; the law's check on records is in `reference/field-loop.md`.
+//! With the ring that stands still outside, per turn of its shaft: outer passage `N/2 (1 - r)`, inner `N/2 (1 + r)`,
+//! cage `(1 - r)/2`, element (spin) `(1 - r^2)/(2 r)`, twice that per turn where it strikes both rings. Two
+//! independent bases fix `N` and `r`; a third checks them. Slip lowers all by the same share of up to 2 %, which the
+//! ratio takes in. A single base fits some `N` and `r` always: no bearing is read from it. Source: Randall, Antoni
+//! 2011; the law's check on records is in `reference/field-loop.md`.
 
 use crate::candidate::Shaft;
 
@@ -81,7 +83,8 @@ pub struct Bearing {
     pub others: usize,
 }
 
-/// The bearing that explains most of `bases` (orders of the pinion), at least two different parts of it; none where several numbers of elements do.
+/// The bearing that explains most of `bases` (orders of the pinion), at least two different parts of it; none where
+/// several numbers of elements do.
 pub fn read(bases: &[f64], gear_order: f64) -> Option<Bearing> {
     let mut all: Vec<Bearing> = Vec::new();
     // A rig without gears has one shaft.

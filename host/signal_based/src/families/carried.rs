@@ -1,11 +1,15 @@
-//! What an order of neither shaft has besides the lines that it was found by: further harmonics, and sidebands of the shafts or of its own cage.
+//! What an order of neither shaft has besides the lines that it was found by: further harmonics, and sidebands of the
+//! shafts or of its own cage.
 //!
-//! *Further harmonics*: `k z1 +- j o` beyond the middle between two mesh harmonics, about all of them. The search leaves them out, because there every base has a line near
-//! every other one; with the base known they have no unknown but their amplitudes.
+//! *Further harmonics*: `k z1 +- j o` beyond the middle between two mesh harmonics, about all of them. The search
+//! leaves them out, because there every base has a line near every other one; with the base known they have no
+//! unknown but their amplitudes.
 //!
-//! *Sidebands*: a passage about the mesh is itself modulated by whatever turns: `k z1 +- j o + n o_s`, and with the cage `k z1 +- j o + n c`. Unknowns: none but the amplitudes, because carriers and
-//! spacing have been found before. What decides: lines at that spacing about many carriers; the gate moves the sidebands about the carriers as they are. On few
-//! turns close spacings fall together and are told no more. Phases follow no shaft (the carrier slips): power is predicted.
+//! *Sidebands*: a passage about the mesh is itself modulated by whatever turns: `k z1 +- j o + n o_s`, and with the
+//! cage `k z1 +- j o + n c`. Unknowns: none but the amplitudes, because carriers and spacing have been found before.
+//! What decides: lines at that spacing about many carriers; the gate moves the sidebands about the carriers as they
+//! are. On few turns close spacings fall together and are told no more. Phases follow no shaft (the carrier slips):
+//! power is predicted.
 
 use crate::candidate::{Candidate, Domain, Place, Shaft, Taken};
 use crate::scene::Scene;

@@ -1,7 +1,8 @@
 //! Clipping: samples that stand still at the end of the range.
 //!
-//! No family of lines: it is seen in the samples. What decides: several neighbours of one code at the very extreme of a channel, or as many single samples of it with hardly one in the last
-//! five hundredth of the range before it; a signal that is not limited has one or two at its extreme, and more and more beside it.
+//! No family of lines: it is seen in the samples. What decides: several neighbours of one code at the very extreme of
+//! a channel, or as many single samples of it with hardly one in the last five hundredth of the range before it; a
+//! signal that is not limited has one or two at its extreme, and more and more beside it.
 
 use crate::at_limit::{BEFORE, LEAST, TIMES};
 use crate::scene::Scene;
@@ -46,7 +47,8 @@ pub fn farthest(scene: &Scene, channel: usize, side: Side) -> f64 {
     samples.map(|x| side.reach(*x)).fold(0.0, f64::max)
 }
 
-/// Share of that reach which a limit has to cut off before this channel is called limited: the least pairs of neighbours lie beyond it then, or a pile would.
+/// Share of that reach which a limit has to cut off before this channel is called limited: the least pairs of
+/// neighbours lie beyond it then, or a pile would.
 pub fn least_share(scene: &Scene, channel: usize, side: Side) -> Option<f64> {
     let beyond = |w: &[f64]| {
         // Neighbours at opposite ends are no pair.

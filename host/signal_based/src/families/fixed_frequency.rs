@@ -1,8 +1,9 @@
 //! A line at a frequency: supply hum, another machine, an electronic tone.
 //!
-//! Bases are the strongest lines of the residual's spectrum over frequency. What decides: while the speed moves, a line at a frequency is narrow there
-//! and smeared over orders. Where the speed sweeps it over less than four bins the two cannot be told, which is said (`sharpness`). Harmonics of 50 or 60 Hz read as the
-//! supply's; a line near them that follows the load would be a motor's.
+//! Bases are the strongest lines of the residual's spectrum over frequency. What decides: while the speed moves, a
+//! line at a frequency is narrow there and smeared over orders. Where the speed sweeps it over less than four bins
+//! the two cannot be told, which is said (`sharpness`). Harmonics of 50 or 60 Hz read as the supply's; a line near
+//! them that follows the load would be a motor's.
 
 use super::Context;
 use crate::analysis::lines::LOBE_BINS;
@@ -15,7 +16,8 @@ const LINES: usize = 12;
 const BEYOND: f64 = 0.25;
 /// Harmonics.
 const HARMONICS: usize = 3;
-/// Supplies, Hz, and how far their frequency strays: 0.1 Hz of 50, which large grids hold but for disturbances (EN 50160 allows 0.5 Hz), so that a tone near a harmonic is not called one.
+/// Supplies, Hz, and how far their frequency strays: 0.1 Hz of 50, which large grids hold but for disturbances (EN
+/// 50160 allows 0.5 Hz), so that a tone near a harmonic is not called one.
 const SUPPLIES_HZ: [f64; 2] = [50.0, 60.0];
 const STRAYS: f64 = 2e-3;
 /// Harmonics of a supply that are its own.

@@ -1,7 +1,8 @@
 //! Ghost order: one whole order of a shaft that is no multiple of its teeth.
 //!
-//! What a machine tool leaves on the flanks: a line at the number of teeth of its worm wheel, locked to the gear. Unknowns: which order (all are tried and paid for), one
-//! amplitude. What decides: one order, locked, no sidebands of its own about the mesh. Orders next to a mesh harmonic are sidebands of the shaft, low ones its orders.
+//! What a machine tool leaves on the flanks: a line at the number of teeth of its worm wheel, locked to the gear.
+//! Unknowns: which order (all are tried and paid for), one amplitude. What decides: one order, locked, no sidebands
+//! of its own about the mesh. Orders next to a mesh harmonic are sidebands of the shaft, low ones its orders.
 
 use super::Context;
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};

@@ -1,6 +1,7 @@
 //! The library of the kinematic level: one file per family, each giving candidates for what a record may hold.
 //!
-//! A family states its lines, what it is called, and what decides between it and its neighbours. Adding one takes a file here and a line in [`all`].
+//! A family states its lines, what it is called, and what decides between it and its neighbours. Adding one takes a
+//! file here and a line in [`all`].
 
 pub mod alias;
 pub mod bearing;
@@ -62,7 +63,8 @@ impl Context<'_> {
         self.hides(self.orders, order.round(), order)
     }
 
-    /// Whether a line at an order of a shaft hides another order in a spectrum: it is as near as the window's own width, or within its main lobe and the shaft's line stands.
+    /// Whether a line at an order of a shaft hides another order in a spectrum: it is as near as the window's own
+    /// width, or within its main lobe and the shaft's line stands.
     pub fn hides(&self, spectra: &Spectra, shaft_order: f64, order: f64) -> bool {
         let away = (order - shaft_order).abs();
         away <= self.scene.beside_a_shaft() || away <= self.scene.resolution() && self.stands(spectra, shaft_order)

@@ -1,8 +1,9 @@
 //! Modulation of the mesh by a shaft: sidebands `k z1 +- n o_s` of several mesh harmonics.
 //!
-//! Unknowns: one complex amplitude per sideband. What decides: sidebands of one shaft about several harmonics; how far out they stand (runout is
-//! the first, a shape of the pitch more). Eccentricity, a bent shaft, misalignment and a torque that turns with the shaft have the same lines behind an unknown
-//! path: names stay in question. A sideband of the gear on a whole order of the pinion is left to the pinion.
+//! Unknowns: one complex amplitude per sideband. What decides: sidebands of one shaft about several harmonics; how
+//! far out they stand (runout is the first, a shape of the pitch more). Eccentricity, a bent shaft, misalignment and
+//! a torque that turns with the shaft have the same lines behind an unknown path: names stay in question. A sideband
+//! of the gear on a whole order of the pinion is left to the pinion.
 
 use super::Context;
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};

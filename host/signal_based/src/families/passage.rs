@@ -1,9 +1,12 @@
-//! Orders of neither shaft: harmonics of a base, the same modulated by a shaft, or sidebands at the base about the mesh.
+//! Orders of neither shaft: harmonics of a base, the same modulated by a shaft, or sidebands at the base about the
+//! mesh.
 //!
-//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order spectrum,
-//! and the strongest lines that stand between two others one turn of a shaft away (`centres`). Each is then
-//! scored as every shape, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs);
-//! `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape. Impacts are looked for in envelopes ([`crate::impacts`]).
+//! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order
+//! spectrum, and the strongest lines that stand between two others one turn of a shaft away (`centres`). Each is then
+//! scored as every shape, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone:
+//! one family, not five combs); `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a
+//! bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape. Impacts are
+//! looked for in envelopes ([`crate::impacts`]).
 
 use super::Context;
 use crate::analysis::families::{self, Family, Orders};
@@ -74,7 +77,8 @@ pub fn with_base(context: &Context, candidate: &Candidate, base: f64) -> Option<
     Some(Candidate { alternatives: candidate.alternatives, ..other })
 }
 
-/// The family with its base placed as finely as the spectra resolve: least squares of the peaks at its standing places, by power, twice.
+/// The family with its base placed as finely as the spectra resolve: least squares of the peaks at its standing
+/// places, by power, twice.
 pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], channels: usize) -> Candidate {
     let spectra = context.orders;
     let mut base = candidate.base;
@@ -109,7 +113,8 @@ fn bases(context: &Context) -> Vec<f64> {
     distinct(parts, context.orders.lowest.max(2.0 * context.scene.resolution()))
 }
 
-/// Strongest lines that stand between two others one turn of a shaft away on either side, given the orders of the shafts: where a shaft modulates a family, one of its sidebands or a part of one may group more lines.
+/// Strongest lines that stand between two others one turn of a shaft away on either side, given the orders of the
+/// shafts: where a shaft modulates a family, one of its sidebands or a part of one may group more lines.
 fn centres(lines: &[Line], shafts: &[f64]) -> Vec<f64> {
     let stands = |order: f64, bin: f64| lines.iter().any(|l| (l.order - order).abs() <= CENTRE_BINS * bin.max(l.bin));
     let is_between = |line: &Line, own: f64| [-own, own].into_iter().all(|side| stands(line.order + side, line.bin));
@@ -151,7 +156,8 @@ fn in_families(context: &Context, lines: &[Vec<Vec<Line>>]) -> Vec<Vec<Vec<Famil
     lines.iter().enumerate().map(of_run).collect()
 }
 
-/// Whether an order of a run, within a half width, carries no base: the pair has lines there, a family found before, or the foot of either.
+/// Whether an order of a run, within a half width, carries no base: the pair has lines there, a family found before,
+/// or the foot of either.
 pub fn known<'a>(context: &'a Context, run: usize) -> impl Fn(f64, f64) -> bool + 'a {
     let scene = context.scene;
     let explained = scene.explained(&scene.runs[run].angle, context.orders.highest);

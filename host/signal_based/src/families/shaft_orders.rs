@@ -1,7 +1,8 @@
 //! Additive shaft orders: the first few orders of a shaft, far below the mesh.
 //!
-//! Unknowns: one complex amplitude per order. What decides: low orders without sidebands about the mesh. Imbalance, a bent shaft, misalignment of a coupling and a
-//! torque of the drive have them alike; one path per channel cannot tell. A gear's order on a whole order of the pinion is left to the pinion.
+//! Unknowns: one complex amplitude per order. What decides: low orders without sidebands about the mesh. Imbalance, a
+//! bent shaft, misalignment of a coupling and a torque of the drive have them alike; one path per channel cannot
+//! tell. A gear's order on a whole order of the pinion is left to the pinion.
 
 use super::Context;
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};

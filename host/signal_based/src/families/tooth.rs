@@ -1,9 +1,10 @@
 //! One tooth of a gear: every order of its shaft, because a pulse once per turn is wide.
 //!
-//! Lines: all whole orders of the shaft that are no mesh harmonic. What decides: the lines stand everywhere (more than the sidebands next to
-//! the mesh), and the synchronous average of the shaft, less mesh, first sidebands and low orders, has most of its energy in one tooth pitch and
-//! its neighbours, the same one on turns not fitted. Where the energy lies on many teeth it is a pattern of the pitch and no single tooth. A crack, a
-//! chip and a pitch error of one tooth differ in the pulse's shape, which an unknown path hides. Averages are the analysis' ([`average`]).
+//! Lines: all whole orders of the shaft that are no mesh harmonic. What decides: the lines stand everywhere (more
+//! than the sidebands next to the mesh), and the synchronous average of the shaft, less mesh, first sidebands and low
+//! orders, has most of its energy in one tooth pitch and its neighbours, the same one on turns not fitted. Where the
+//! energy lies on many teeth it is a pattern of the pitch and no single tooth. A crack, a chip and a pitch error of
+//! one tooth differ in the pulse's shape, which an unknown path hides. Averages are the analysis' ([`average`]).
 
 use super::Context;
 use crate::analysis::angle::Angle;
@@ -76,7 +77,8 @@ pub fn pulse(scene: &Scene, shaft: Shaft, stretches: impl Fn(&Split) -> &[Stretc
     (above > 0.0 && median > 0.0).then(|| Pulse { tooth, over_median: energy[tooth] / median, share: near / above })
 }
 
-/// Whether the shaft's pattern is one tooth: on the fitted turns, and the same tooth or its neighbour on those held out.
+/// Whether the shaft's pattern is one tooth: on the fitted turns, and the same tooth or its neighbour on those held
+/// out.
 pub fn is_single(scene: &Scene, shaft: Shaft) -> Option<Pulse> {
     let fitted = pulse(scene, shaft, |split| &split.fit)?;
     if fitted.share < ON_ONE_TOOTH || fitted.over_median < OVER_MEDIAN {

@@ -1,7 +1,9 @@
-//! Faults of a train: the families that follow from its declaration ([`crate::train::families`]), and who else has the same lines.
+//! Faults of a train: the families that follow from its declaration ([`crate::train::families`]), and who else has
+//! the same lines.
 //!
-//! Unknowns: one complex amplitude per line. What decides between gears: which mesh the sidebands stand about, at which rate. Where another seat's
-//! family holds nearly all of the evidence and scores as well, both are named. A pattern far out whose power stands next to the mesh is a modulation.
+//! Unknowns: one complex amplitude per line. What decides between gears: which mesh the sidebands stand about, at
+//! which rate. Where another seat's family holds nearly all of the evidence and scores as well, both are named. A
+//! pattern far out whose power stands next to the mesh is a modulation.
 
 use super::Context;
 use crate::accept::{self, Verdict};
@@ -96,7 +98,8 @@ pub fn rivals(candidate: &Candidate, verdict: &Verdict, context: &Context, views
     found.into_iter().map(|(_, other)| other).collect()
 }
 
-/// A tooth's pattern whose power stands in the lines of a modulation of the same gear is that, where it passes the gate as well.
+/// A tooth's pattern whose power stands in the lines of a modulation of the same gear is that, where it passes the
+/// gate as well.
 pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
     let (Kind::Train(own), Some(gearing)) = (found.0.kind, &context.scene.gearing) else { return found };
     let family = gearing.family(own);

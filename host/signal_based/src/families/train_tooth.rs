@@ -1,7 +1,8 @@
-//! Whether a pattern of a train's gear is one tooth: the signal folded at the family's own rate, less the mesh and low orders, on fitted and held-out turns.
+//! Whether a pattern of a train's gear is one tooth: the signal folded at the family's own rate, less the mesh and
+//! low orders, on fitted and held-out turns.
 //!
-//! The fold has [`POINTS`] places per period; what other parts of the train leave falls with the number of periods. Limit: a set's gears are
-//! folded at one rate, without windows for single planets.
+//! The fold has [`POINTS`] places per period; what other parts of the train leave falls with the number of periods.
+//! Limit: a set's gears are folded at one rate, without windows for single planets.
 
 use super::tooth::Pulse;
 use crate::candidate::{Candidate, Kind};
@@ -12,7 +13,8 @@ use realfft::RealFftPlanner;
 
 /// Places of a fold.
 const POINTS: usize = 2048;
-/// Share of the energy above the median pitch's that one tooth and its neighbours must hold, and its energy over the median one's.
+/// Share of the energy above the median pitch's that one tooth and its neighbours must hold, and its energy over the
+/// median one's.
 const ON_ONE_TOOTH: f64 = 0.5;
 const OVER_MEDIAN: f64 = 2.5;
 /// Low orders of the rate, and orders beside a mesh harmonic, that are no tooth's.

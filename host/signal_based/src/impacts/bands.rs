@@ -1,12 +1,14 @@
 //! Squared envelopes over orders in a bank of bands, of what is deterministic in none.
 //!
-//! 1. What repeats with either shaft is taken off in time, and every narrow line that stands over its own neighbourhood (supply, inverter, another
-//!    machine) is cut down to it: discrete and random separation in one transform of the record.
-//! 2. Each band's complex envelope by the inverse transform of its bins under a Hann window; its square, low-passed, at equal angles.
+//! 1. What repeats with either shaft is taken off in time, and every narrow line that stands over its own
+//!    neighbourhood (supply, inverter, another machine) is cut down to it: discrete and random separation in one
+//!    transform of the record.
+//! 2. Each band's complex envelope by the inverse transform of its bins under a Hann window; its square, low-passed,
+//!    at equal angles.
 //! 3. Spectrum over orders of the fitted and of the held-out turns, over a running median of about one order.
 //!
-//! Sources: Antoni 2007 (bank), Randall and Antoni 2011 (order of the steps). Cost: one transform of the record and eight for the bank. Limit: in a run-up the highest
-//! order falls by the ratio of the speeds.
+//! Sources: Antoni 2007 (bank), Randall and Antoni 2011 (order of the steps). Cost: one transform of the record and
+//! eight for the bank. Limit: in a run-up the highest order falls by the ratio of the speeds.
 
 use super::thresholds::{DETERMINISTIC, FITTED, HELD_OUT, HIGHEST_ORDER, LEAST_WIDTH, PARTS, PER_TURN};
 use crate::analysis::average::locked_part;

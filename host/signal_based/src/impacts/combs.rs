@@ -1,8 +1,10 @@
 //! Combs of lines in squared envelopes, and the probability that a record's own background shows one by chance.
 //!
-//! A line counts by its rank: the share of all bins of that very spectrum, but for the comb's own lines and those that are known, that stand as high. The background
-//! needs no distribution: other combs and tones in it are its tail. The product of `k` such shares has the survival function of a Gamma variable of order `k` (Fisher's
-//! combination); every choice (band, base, number of harmonics, smear) is paid for by Bonferroni. Limit: a rank is never below one in the number of bins.
+//! A line counts by its rank: the share of all bins of that very spectrum, but for the comb's own lines and those
+//! that are known, that stand as high. The background needs no distribution: other combs and tones in it are its
+//! tail. The product of `k` such shares has the survival function of a Gamma variable of order `k` (Fisher's
+//! combination); every choice (band, base, number of harmonics, smear) is paid for by Bonferroni. Limit: a rank is
+//! never below one in the number of bins.
 
 use super::bands::{Band, Spectrum};
 use super::thresholds::{FINALISTS, HARMONICS, LOOKED_AT, SLIP, SMEARS};

@@ -1,8 +1,9 @@
 //! Whether anything stands at the orders of the bearings that the owner declares, and at which of them.
 //!
-//! Each part of each bearing is asked for within the slip of its passage (2 % down; 1 % up, where a thrust makes the contact steeper) by the same probability as any comb, over fewer
-//! choices. The part that chance explains least is named; another within three nats whose lines are the same up to turns of the shaft is in question with it. Limit: one part
-//! per bearing is named; a cage turns too slowly for a comb of its own.
+//! Each part of each bearing is asked for within the slip of its passage (2 % down; 1 % up, where a thrust makes the
+//! contact steeper) by the same probability as any comb, over fewer choices. The part that chance explains least is
+//! named; another within three nats whose lines are the same up to turns of the shaft is in question with it. Limit:
+//! one part per bearing is named; a cage turns too slowly for a comb of its own.
 
 use super::Impacts;
 use super::bands::Band;

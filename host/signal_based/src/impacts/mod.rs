@@ -1,11 +1,14 @@
 //! Impacts that follow no shaft: a rolling bearing's, found in squared envelopes and read as what they are.
 //!
-//! Elements strike with slip and jitter, so their lines smear with the harmonic number and what they excite has no phase to predict: the information is cyclostationary
-//! (Randall, Antoni 2011). [`bands`] takes what is deterministic out and gives squared envelopes over orders; [`combs`] finds combs and says by how much chance
-//! gives as much; [`readings`] compares all explanations of one comb and gives its name. Where the owner declares bearings ([`declared`]) only their orders are asked for
-//! by name. A comb found is spoken for: its multiples and sidebands are no further ones ([`Impacts::explains`]).
+//! Elements strike with slip and jitter, so their lines smear with the harmonic number and what they excite has no
+//! phase to predict: the information is cyclostationary (Randall, Antoni 2011). [`bands`] takes what is deterministic
+//! out and gives squared envelopes over orders; [`combs`] finds combs and says by how much chance gives as much;
+//! [`readings`] compares all explanations of one comb and gives its name. Where the owner declares bearings
+//! ([`declared`]) only their orders are asked for by name. A comb found is spoken for: its multiples and sidebands
+//! are no further ones ([`Impacts::explains`]).
 //!
-//! Limits: the last quarter of the turns is held out, whatever the search for lines holds out; a comb that stands at one run only is found there.
+//! Limits: the last quarter of the turns is held out, whatever the search for lines holds out; a comb that stands at
+//! one run only is found there.
 
 pub mod bands;
 pub mod combs;
@@ -110,7 +113,8 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
         if comb.again < STANDS_AGAIN || is_shafts_own || found.iter().any(|own| own.explains(reading.base)) {
             continue;
         }
-        // One comb of a record has a name, or the bearings declared: what a second one is, is not known from one record.
+        // One comb of a record has a name, or the bearings declared: what a second one is, is not known from one
+        // record.
         if !declared.is_empty() || found[asked..].iter().any(|own| !own.reading.parts.is_empty()) {
             reading.parts.clear();
             reading.remark = "a second order beside the one named: another bearing of the rig, or another part".into();

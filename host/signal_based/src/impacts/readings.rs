@@ -1,12 +1,17 @@
-//! What a comb of impacts is: all explanations of the same lines, the simplest that stands highest on fitted and held-out turns.
+//! What a comb of impacts is: all explanations of the same lines, the simplest that stands highest on fitted and
+//! held-out turns.
 //!
-//! A comb of base `o` whose lines a shaft modulates is also read as one of `o + n` shafts, of a multiple or of a part of `o`: the true base's own harmonics stand highest, since a sideband is no
-//! stronger than what it is a sideband of (means of logarithms of power over three harmonics, both parts of the turns). Where two are within the evidence both are in question.
+//! A comb of base `o` whose lines a shaft modulates is also read as one of `o + n` shafts, of a multiple or of a part
+//! of `o`: the true base's own harmonics stand highest, since a sideband is no stronger than what it is a sideband of
+//! (means of logarithms of power over three harmonics, both parts of the turns). Where two are within the evidence
+//! both are in question.
 //!
-//! Rings (Randall, Antoni 2011; McFadden, Smith 1984): an inner ring carries its damage through the load zone once per turn, so its lines have strong sidebands of its shaft, and its
-//! order is one that seven elements or more can have. An outer ring has them as well where the load turns (imbalance): below the least inner order it is the only reading, above it both are
-//! in question up to the order from which an outer ring needs twelve elements. Lines without sidebands are an outer ring's, where they are sharp; smeared ones may be an element's.
-//! A base at half a turn of a shaft is the shaft's own, a loose fit's, or a supply's.
+//! Rings (Randall, Antoni 2011; McFadden, Smith 1984): an inner ring carries its damage through the load zone once
+//! per turn, so its lines have strong sidebands of its shaft, and its order is one that seven elements or more can
+//! have. An outer ring has them as well where the load turns (imbalance): below the least inner order it is the only
+//! reading, above it both are in question up to the order from which an outer ring needs twelve elements. Lines
+//! without sidebands are an outer ring's, where they are sharp; smeared ones may be an element's. A base at half a
+//! turn of a shaft is the shaft's own, a loose fit's, or a supply's.
 
 use super::bands::Band;
 use super::combs::{Comb, Known, Ranked};
@@ -89,7 +94,8 @@ pub fn modulated_by(band: &Band, base: f64, smear: f64, known: &Known) -> Option
     strong.map(|(shaft, _)| shaft).next()
 }
 
-/// Whether a base is a whole number of `1 / parts` turns of a shaft: at half turns within the slip of a speed that is nominal, at quarters within the resolution.
+/// Whether a base is a whole number of `1 / parts` turns of a shaft: at half turns within the slip of a speed that is
+/// nominal, at quarters within the resolution.
 pub fn is_of_shaft(base: f64, bin: f64, shafts: &[f64], parts: f64) -> bool {
     shafts.iter().any(|own| {
         let place = parts * base / own;
@@ -146,7 +152,8 @@ fn why(parts: &[&str], is_modulated: bool) -> &'static str {
             "too few turns for an inner ring of seven elements; the shaft modulates it: its load turns with it"
         }
         (["inner ring"], _) => {
-            "the shaft modulates it, as it does a ring that turns; an outer ring would need twelve elements and a turning load"
+            "the shaft modulates it, as it does a ring that turns; an outer ring would need twelve elements and a \
+             turning load"
         }
         (_, true) => "the shaft modulates it: a ring that turns, or one that stands under a load that turns",
         (["outer ring"], false) => "sharp harmonics that no shaft modulates: a ring that stands",

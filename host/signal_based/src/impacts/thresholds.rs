@@ -1,6 +1,8 @@
-//! Thresholds of the search for impacts, with unit and source. "Nats": minus the natural logarithm of a probability by chance.
+//! Thresholds of the search for impacts, with unit and source. "Nats": minus the natural logarithm of a probability
+//! by chance.
 
-/// Equal parts of the band up to half the rate that a carrier is looked for in: a bank as of the fast kurtogram (Antoni 2007).
+/// Equal parts of the band up to half the rate that a carrier is looked for in: a bank as of the fast kurtogram
+/// (Antoni 2007).
 pub const PARTS: [usize; 8] = [1, 2, 3, 4, 6, 8, 12, 16];
 /// Least width of a band, turns of the pinion per second: four harmonics of a passage of order 6.
 pub const LEAST_WIDTH: f64 = 24.0;
@@ -16,7 +18,8 @@ pub const FITTED: f64 = 0.74;
 pub const HELD_OUT: f64 = 0.75;
 /// Fewest turns of the held-out part: its bins must part a comb from a shaft's orders.
 pub const FEWEST_TURNS: usize = 8;
-/// Widths over which slip and jitter may smear a line, share of its order (Randall, Antoni 2011: 1 to 2 %; measured: hardly any).
+/// Widths over which slip and jitter may smear a line, share of its order (Randall, Antoni 2011: 1 to 2 %; measured:
+/// hardly any).
 pub const SMEARS: [f64; 2] = [0.0, 0.01];
 /// Harmonics that a comb is read with, alternatives.
 pub const HARMONICS: [usize; 4] = [3, 4, 6, 8];
@@ -36,9 +39,11 @@ pub const STANDS_AGAIN: f64 = 4.6;
 pub const NAMED: f64 = 12.0;
 /// Share by which a base may have moved on the held-out turns.
 pub const SLIP: f64 = 0.003;
-/// Share of its order within which a base is a multiple of half a shaft's turn: the shaft's own, a loose fit's, or a supply's.
+/// Share of its order within which a base is a multiple of half a shaft's turn: the shaft's own, a loose fit's, or a
+/// supply's.
 pub const HALF_TURN: f64 = 0.004;
-/// Logarithm of power by which another base must stand higher than this one (mean over three harmonics) to be the base; within it both are in question.
+/// Logarithm of power by which another base must stand higher than this one (mean over three harmonics) to be the
+/// base; within it both are in question.
 pub const CLEARLY: f64 = 0.25;
 /// The same for a multiple or a part of the base.
 pub const MULTIPLE: f64 = 2.0;

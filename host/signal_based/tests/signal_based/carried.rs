@@ -1,4 +1,5 @@
-//! Further harmonics and sidebands of a passage, further orders of a shaft, speed against load, and a rig without gears, on generated records.
+//! Further harmonics and sidebands of a passage, further orders of a shaft, speed against load, and a rig without
+//! gears, on generated records.
 
 use crate::generator::{BENCH, Bench, Line};
 use crate::{of_record, order};

@@ -1,4 +1,5 @@
-//! The gate and its evidence against the formulas that they state, worked out here once more; each reason for a refusal alone.
+//! The gate and its evidence against the formulas that they state, worked out here once more; each reason for a
+//! refusal alone.
 
 use meshband_host::analysis::search::Level;
 use meshband_host::signal_based::accept::{self, COPIES, FALSE_ALARM, FAMILIES, LEAST_CHANCE, Surrogates, Verdict};

@@ -1,7 +1,7 @@
 //! Records as measured ones are: housing channels behind modal paths, a speed that wanders or runs up, coloured noise.
 //!
-//! Everything that turns is a list of lines (an order, a frequency, or both) through each channel's path at its momentary frequency; impacts are pulses that
-//! ring the path's modes. Nothing here knows the loop. Seeds are fixed.
+//! Everything that turns is a list of lines (an order, a frequency, or both) through each channel's path at its
+//! momentary frequency; impacts are pulses that ring the path's modes. Nothing here knows the loop. Seeds are fixed.
 
 use meshband_host::record::{Acquisition, Declaration, Record, Run, RunDeclaration, Tach, suggested_full_scale};
 use rand::RngExt;

@@ -1,4 +1,5 @@
-//! The loop's kinematic level on generated records of the measured kind: what is in them is found and named, what is not is not.
+//! The loop's kinematic level on generated records of the measured kind: what is in them is found and named, what is
+//! not is not.
 
 mod adverse;
 mod bearing_slip;

@@ -21,7 +21,6 @@ fn scene() -> Scene {
         runs: Vec::new(),
         highest_order: 100.0,
         notes: Vec::new(),
-        gearing: None,
     }
 }
 

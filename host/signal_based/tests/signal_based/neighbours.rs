@@ -1,4 +1,5 @@
-//! What stands beside something else: an order next to a shaft's own, knocks beside mesh lines that swing, a tone over as long a stretch as there is.
+//! What stands beside something else: an order next to a shaft's own, knocks beside mesh lines that swing, a tone
+//! over as long a stretch as there is.
 
 use super::generator::{BENCH, Bench, Impacts, Line};
 use super::{IMPACTS, expect, loop_of, order, tone, view};
@@ -58,7 +59,8 @@ fn fault_an_order_of_neither_shaft_within_the_lobe_of_a_quiet_order_of_the_gear_
     expect(&outcome, "generic", "non-integer-order", "none", &format!("unexplained order {own:.2}"));
 }
 
-/// What makes every mesh line swell and turn without a period, faster than its course over the speed and slower than the slower shaft.
+/// What makes every mesh line swell and turn without a period, faster than its course over the speed and slower than
+/// the slower shaft.
 fn restless(bench: &Bench, share: f64) -> Vec<Line> {
     let sideband = |m: &Line, i: i32| Line {
         hz: 0.217 * f64::from(i),

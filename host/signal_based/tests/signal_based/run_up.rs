@@ -1,4 +1,5 @@
-//! Run-ups: mesh lines swept through the path's resonances are predicted where they were not fitted, and what stands beside them is found.
+//! Run-ups: mesh lines swept through the path's resonances are predicted where they were not fitted, and what stands
+//! beside them is found.
 
 use super::generator::{BENCH, Bench, Impacts};
 use super::strength::swing;

@@ -1,4 +1,5 @@
-//! Errors in three stages worked out here once more from the samples, and the functions of the speed that a line is given.
+//! Errors in three stages worked out here once more from the samples, and the functions of the speed that a line is
+//! given.
 
 use crate::generator::Bench;
 use crate::{SMALL, tone};
@@ -198,7 +199,8 @@ fn ref_another_signal_has_its_share_of_the_power() {
         // The channels by number of the record, each at its own part of itself.
         signals[channel.index] = run.signals[c].iter().map(|x| x * 0.1 * (c + 1) as f64).collect();
     }
-    // The angle was taken from the mesh lines after the grid's first reading, and the grid's edges belong to no stretch.
+    // The angle was taken from the mesh lines after the grid's first reading, and the grid's edges belong to no
+    // stretch.
     let expected = (1..=6).map(|i| (0.1 * f64::from(i)).powi(2)).sum::<f64>() / 6.0;
     let share = errors::share_of(&case.scene, &signals);
     assert!((share / expected - 1.0).abs() < 1e-9, "{share} for {expected}");

@@ -34,8 +34,16 @@ pub(super) fn page(title: &str, record: &Record, summary: &ImportSummary) -> Res
             .figure("Tach jitter", format!("{:.2} us", 1e6 * q.jitter_s))
             .section("Virtual tachometer")
             .text("Pulses come from the phase of the mesh line that gives the least jitter in time.")
-            .table("One row per run. Jitter is estimated from the noise around the line; the cross-check compares the two best lines.", &TACH_HEAD, &tach_rows(summary))
-            .note("Which tooth is which, and shaft angle 0, cannot be known from the mesh line. Speed changes faster than about a third of the slower shaft's rate are smoothed away.")
+            .table(
+                "One row per run. Jitter is estimated from the noise around the line; the cross-check compares \
+                the two best lines.",
+                &TACH_HEAD,
+                &tach_rows(summary),
+            )
+            .note(
+                "Which tooth is which, and shaft angle 0, cannot be known from the mesh line. Speed changes faster \
+                than about a third of the slower shaft's rate are smoothed away.",
+            )
             .picture(&speed(run)?, "Pinion speed per turn, run 0. The first and last turns are extrapolated.");
     }
     let mut report = tach::report(report, record, summary)?;

@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 /// Options of a tachometer that was recorded.
 #[derive(ClapArgs)]
 pub struct TachArgs {
-    /// The recorded tachometer: number (from 1) or name of a channel, or a file (edges csv, or a recording of it alone); with
+    /// The recorded tachometer: number (from 1) or name of a channel, or a file (edges csv, or a recording of it
+    /// alone); with
     /// --runs files separated by commas, one per run.
     #[arg(long, value_name = "COLUMN|NAME|FILE", value_delimiter = ',', conflicts_with = "no_tach")]
     tach: Option<Vec<String>>,
@@ -142,7 +143,11 @@ pub fn report(mut report: Report, record: &Record, summary: &ImportSummary) -> R
         .section("Tachometer")
         .text(&heading(summary, first))
         .table("One row per run; speeds over whole turns of the tachometer's shaft.", &HEAD, &rows(summary))
-        .note("Where angle 0 lies against the teeth is not known. What is locked to the tachometer's shaft (a swing once per turn) cannot be told from an uneven wheel and goes with it. With one pulse per turn, speed that changes from turn to turn counts as jitter.");
+        .note(
+            "Where angle 0 lies against the teeth is not known. What is locked to the tachometer's shaft (a swing \
+            once per turn) cannot be told from an uneven wheel and goes with it. With one pulse per turn, speed that \
+            changes from turn to turn counts as jitter.",
+        );
     let pulses = record.declaration.tach.as_ref().map_or(1, |tach| tach.pulses_per_rev as usize);
     for (i, (run, figures)) in record.runs.iter().zip(&summary.measured_tach).enumerate() {
         report = report.picture(&speed(run, pulses)?, &format!("Speed of the tachometer's shaft per turn, run {i}."));

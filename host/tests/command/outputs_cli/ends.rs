@@ -42,7 +42,8 @@ fn fault_options_refused_late_leave_the_old_record() {
     assert_eq!(names(&folder), ["r"]);
 }
 
-/// Runs `words` again and again, interrupted ever later; every state found is `old` or the one that an undisturbed run leaves.
+/// Runs `words` again and again, interrupted ever later; every state found is `old` or the one that an undisturbed
+/// run leaves.
 fn interrupted(words: &[&str], target: &Path, restore: impl Fn()) {
     restore();
     let old = content(target);

@@ -1,4 +1,5 @@
-//! What the built command writes: nothing over an input, nothing replaced unasked, the old state or the new one whatever ends it.
+//! What the built command writes: nothing over an input, nothing replaced unasked, the old state or the new one
+//! whatever ends it.
 //!
 //! `MESHBAND_UNDER_TEST` names another build of the command: that is how each of these was seen to fail.
 

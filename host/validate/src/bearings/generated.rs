@@ -1,8 +1,11 @@
-//! Generated rigs of one shaft with a bearing: a point process of impacts behind two resonances, shaft lines, a supply, another machine, noise.
+//! Generated rigs of one shaft with a bearing: a point process of impacts behind two resonances, shaft lines, a
+//! supply, another machine, noise.
 //!
-//! Drawn at random: bearing (7 to 12 elements, ratio 0.16 to 0.3), speed and its wander, jitter 0.2 to 2 % an impact, slip to 1.5 %, load zone of an inner ring, an
-//! outer ring under a load that turns (one in three), amplitude scatter, noise that rises towards low frequencies. The strength is a multiple of the *floor*: the strength at which the
-//! first line of the squared envelope, in a band matched to the resonance, reaches 6 times the root of its noise's density over the record's length. Limit: two channels, ten seconds.
+//! Drawn at random: bearing (7 to 12 elements, ratio 0.16 to 0.3), speed and its wander, jitter 0.2 to 2 % an impact,
+//! slip to 1.5 %, load zone of an inner ring, an outer ring under a load that turns (one in three), amplitude
+//! scatter, noise that rises towards low frequencies. The strength is a multiple of the *floor*: the strength at
+//! which the first line of the squared envelope, in a band matched to the resonance, reaches 6 times the root of its
+//! noise's density over the record's length. Limit: two channels, ten seconds.
 
 use super::{Damage, Labelled};
 use crate::import::{self, ImportOptions, TachChoice};
@@ -111,14 +114,15 @@ fn background(turns: &[f64], random: &mut ChaCha8Rng) -> Vec<f64> {
     turns.iter().enumerate().map(sample).collect()
 }
 
-/// Strength of impacts at the floor: in a band of the resonance's own width `b` the mean of the squared envelope of the noise is `4 b / rate` of its variance, and its density over
-/// frequency the square of that over `b`.
+/// Strength of impacts at the floor: in a band of the resonance's own width `b` the mean of the squared envelope of
+/// the noise is `4 b / rate` of its variance, and its density over frequency the square of that over `b`.
 fn floor(drawn: &Drawn, order: f64) -> f64 {
     let band_hz = TAU * drawn.damping * drawn.ring_hz[0];
     let noise = 2.0 * 2.0 * band_hz / RATE_HZ;
     let density = noise * noise / band_hz;
     let line = FLOOR * (density / SECONDS).sqrt();
-    // A burst of unit strength has the energy 1 / (2 decay) in its squared envelope, `order x speed` of them a second, and twice that in the first line.
+    // A burst of unit strength has the energy 1 / (2 decay) in its squared envelope, `order x speed` of them a
+    // second, and twice that in the first line.
     let decay = TAU * drawn.damping * drawn.ring_hz[0];
     (line / (2.0 * order * drawn.speed_hz / (2.0 * decay))).sqrt()
 }

@@ -1,7 +1,8 @@
 //! The labelled records of two public collections, by the names of their files.
 //!
-//! `cwru/` (bearing data centre of Case Western Reserve University: 6205, 12 kHz, label and load in the name) and `paderborn/` (Lessmeier and others
-//! 2016: 6203, 64 kHz, speed and bearing code in the name). Speeds are nominal: neither has a tachometer.
+//! `cwru/` (bearing data centre of Case Western Reserve University: 6205, 12 kHz, label and load in the name) and
+//! `paderborn/` (Lessmeier and others 2016: 6203, 64 kHz, speed and bearing code in the name). Speeds are nominal:
+//! neither has a tachometer.
 
 use super::{Damage, Labelled};
 use crate::import::{self, ImportOptions, Reading, TachChoice, Unit};

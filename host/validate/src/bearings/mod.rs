@@ -1,7 +1,9 @@
-//! Rolling bearings: what the diagnosis says of labelled records, undeclared and declared, and what a textbook peer says of the same.
+//! Rolling bearings: what the diagnosis says of labelled records, undeclared and declared, and what a textbook peer
+//! says of the same.
 //!
-//! *Right*: an effect stands within 2 % of the passage of the damaged part, or of twice it. *Ring*: that part is named or alone in question. *Wrong*: another part is named,
-//! another number of elements read, or any bearing named on a sound one.
+//! *Right*: an effect stands within 2 % of the passage of the damaged part, or of twice it. *Ring*: that part is
+//! named or alone in question. *Wrong*: another part is named, another number of elements read, or any bearing named
+//! on a sound one.
 
 pub mod generated;
 pub mod measured;

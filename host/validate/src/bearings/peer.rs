@@ -1,7 +1,9 @@
-//! A textbook peer: the band with the highest kurtosis, its squared envelope spectrum, and the declared bearing's orders in it.
+//! A textbook peer: the band with the highest kurtosis, its squared envelope spectrum, and the declared bearing's
+//! orders in it.
 //!
-//! Per channel the first three harmonics of each part are read over the spectrum's own floor, within 2 % of the order; the part with the highest mean logarithm over all
-//! channels is named where that is above a threshold (Randall, Antoni 2011, without the separation of deterministic lines).
+//! Per channel the first three harmonics of each part are read over the spectrum's own floor, within 2 % of the
+//! order; the part with the highest mean logarithm over all channels is named where that is above a threshold
+//! (Randall, Antoni 2011, without the separation of deterministic lines).
 
 use super::{Damage, Labelled, Score};
 use crate::analysis::angle::Angle;
@@ -9,7 +11,8 @@ use crate::analysis::envelope::envelope;
 use crate::analysis::search::Level;
 use crate::{Error, Result};
 
-/// Mean logarithm of power over the floor from which a part is named: a factor of 10, twice what the highest of some fifty bins of noise has.
+/// Mean logarithm of power over the floor from which a part is named: a factor of 10, twice what the highest of some
+/// fifty bins of noise has.
 const NAMED: f64 = 2.303;
 /// Slip looked through, share of the order.
 const WITHIN: f64 = 0.02;

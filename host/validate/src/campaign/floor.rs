@@ -1,7 +1,8 @@
 //! Detection floor of an effect: the strength at which its strongest line reaches 6 sqrt(S/T) in three runs.
 //!
-//! Two records without noise, with the effect at a reference strength and without it; the difference's lines against the noise density give
-//! the factor to the floor. Effects are taken as linear in their strength, which holds near the floor. Source: reference recipe, detection theory.
+//! Two records without noise, with the effect at a reference strength and without it; the difference's lines against
+//! the noise density give the factor to the floor. Effects are taken as linear in their strength, which holds near
+//! the floor. Source: reference recipe, detection theory.
 
 use crate::Result;
 use crate::closed_loop::base_fit::Base;
@@ -20,8 +21,9 @@ fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
     2.0 * (scenario.noise_rms.powi(2) * shape + scenario.step_m_s2.powi(2) / 12.0) / rate_hz
 }
 
-/// NRMSE of the whole signal that what was put in at random alone would leave on `runs` of a record: noise, the converter's steps, and the
-/// jitter of the tachometer's edges, which are all that a prediction knows of a run's angle and speed.
+/// NRMSE of the whole signal that what was put in at random alone would leave on `runs` of a record: noise, the
+/// converter's steps, and the jitter of the tachometer's edges, which are all that a prediction knows of a run's
+/// angle and speed.
 pub fn true_floor(record: &Record, scenario: &Scenario, runs: &[usize]) -> f64 {
     let samples = record.runs.iter().map(|r| r.channels[0].len()).min().unwrap_or(0);
     let analyser = Analyser::new(samples, record.sample_rate_hz);
@@ -40,7 +42,8 @@ pub fn true_floor(record: &Record, scenario: &Scenario, runs: &[usize]) -> f64 {
     ((2.0 * runs.len() as f64 * own + timing) / whole).sqrt()
 }
 
-/// Strength of `hidden` at the detection floor for the noise of `scenario`, and the largest acceleration of each channel without it.
+/// Strength of `hidden` at the detection floor for the noise of `scenario`, and the largest acceleration of each
+/// channel without it.
 ///
 /// # Errors
 /// Those of [`record`].

@@ -12,8 +12,9 @@ use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Generator and loop must agree far below the noise that records get, or every record has something in it: true parameters, no noise, the runs' own angles
-/// and speeds fitted (the tachometer's jitter is in the record). The second machine has modes at 9 kHz.
+/// Generator and loop must agree far below the noise that records get, or every record has something in it: true
+/// parameters, no noise, the runs' own angles and speeds fitted (the tachometer's jitter is in the record). The
+/// second machine has modes at 9 kHz.
 #[test]
 fn ref_generated_records_of_drawn_machines_are_what_harmonic_balance_predicts() {
     for seed in 1000..1012 {

@@ -1,7 +1,8 @@
 //! Noise ladder: the same record with ever less noise. Better data must not give a worse answer.
 //!
-//! Every effect that can be hidden, at one strength, on machines drawn at random; noise, converter and jitter alone differ between the rungs,
-//! of which those below the first have float samples and exact edges. Cost: a loop per rung.
+//! Every effect that can be hidden, at one strength, on machines drawn at random; noise, converter and jitter alone
+//! differ between the rungs, of which those below the first have float samples and exact edges. Cost: a loop per
+//! rung.
 
 use super::{floor, score};
 use crate::Result;

@@ -1,7 +1,9 @@
 //! Effects at the limit that the loop itself states for a record.
 //!
-//! The record without any is made and looped, one of its limits is drawn, and its effect is put into the same scene (machine, layout, kind of noise) at that strength and
-//! at twice it, each with another noise, other starts, and another phase, tooth or order. A limit is a promise on a further record of the kind, not on the one it was read from.
+//! The record without any is made and looped, one of its limits is drawn, and its effect is put into the same scene
+//! (machine, layout, kind of noise) at that strength and at twice it, each with another noise, other starts, and
+//! another phase, tooth or order. A limit is a promise on a further record of the kind, not on the one it was read
+//! from.
 
 use super::{Item, Made, Scored};
 use crate::Result;
@@ -14,7 +16,8 @@ use rand_chacha::ChaCha8Rng;
 
 /// Part of the campaign.
 pub const PART: &str = "limit";
-/// Parts of the records made, with their levels over the limit of the half, and of records for which no limit of any effect that a campaign can hide is stated.
+/// Parts of the records made, with their levels over the limit of the half, and of records for which no limit of any
+/// effect that a campaign can hide is stated.
 const LEVELS: [(&str, f64); 2] = [("limit-1", 1.0), ("limit-2", 2.0)];
 const NONE_STATED: &str = "limit-none";
 /// Parts of the last record of a number.
@@ -85,7 +88,8 @@ fn drawn_at(
     })
 }
 
-/// Whether the first effect of a drawing is what the limit is stated for: effect and key of the strength, body or channel.
+/// Whether the first effect of a drawing is what the limit is stated for: effect and key of the strength, body or
+/// channel.
 fn sits_at(text: &str, limit: &Limit, strength: f64) -> bool {
     let Some((name, keys)) = text.split_once(':') else { return false };
     let keys: Vec<(&str, f64)> = keys

@@ -1,8 +1,10 @@
-//! Proof of the loop on generated records: nothing hidden, one effect at levels over its detection floor, the true effect withheld, two at once.
+//! Proof of the loop on generated records: nothing hidden, one effect at levels over its detection floor, the true
+//! effect withheld, two at once.
 //!
-//! A campaign is a list of numbered records; everything of a record (machine, noise, effect, phases, parameters) follows from the campaign's seed and
-//! its number, so a record can be repeated alone, and a campaign stopped and resumed: each scored record is one JSON line, and lines already
-//! there are not done again. Cost: about 10 s per record on two cores.
+//! A campaign is a list of numbered records; everything of a record (machine, noise, effect, phases, parameters)
+//! follows from the campaign's seed and its number, so a record can be repeated alone, and a campaign stopped and
+//! resumed: each scored record is one JSON line, and lines already there are not done again. Cost: about 10 s per
+//! record on two cores.
 
 mod floor;
 #[cfg(test)]
@@ -33,11 +35,13 @@ use std::time::Instant;
 /// How many records of each part.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// Declared machines: record folders whose declaration is used; none: every record has a machine and a layout drawn at random.
+    /// Declared machines: record folders whose declaration is used; none: every record has a machine and a layout
+    /// drawn at random.
     pub machines: Vec<PathBuf>,
     /// Records with nothing hidden.
     pub null: usize,
-    /// Bootstrap records by which every record with nothing hidden is asked for its own probability of a false alarm; 0: it is not.
+    /// Bootstrap records by which every record with nothing hidden is asked for its own probability of a false alarm;
+    /// 0: it is not.
     pub bootstrap: usize,
     /// Records with one effect; cycles through effects, then levels.
     pub power: usize,
@@ -218,7 +222,8 @@ struct Made<'a> {
     started: Instant,
 }
 
-/// One record; another machine is drawn where an effect would have to be stronger on it than the simulator takes, and none made where machines are given.
+/// One record; another machine is drawn where an effect would have to be stronger on it than the simulator takes, and
+/// none made where machines are given.
 fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Result<Vec<Scored>> {
     let started = Instant::now();
     let stream = item.part.bytes().fold(item.number as u64, |h, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
@@ -278,7 +283,8 @@ fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Resu
 }
 
 impl Made<'_> {
-    /// Makes the record, runs the loop on it and scores what it says; with the outcome. None, and said, where the loop refuses the record.
+    /// Makes the record, runs the loop on it and scores what it says; with the outcome. None, and said, where the
+    /// loop refuses the record.
     fn scored(
         &self,
         item: &Item,
@@ -333,7 +339,8 @@ impl Made<'_> {
 mod tests {
     use super::*;
 
-    /// Records of `prove --null 40 --seconds 1 --seed 901` in which the check, by the declared parameters alone, takes detuned modes for a lag of the tach of 5 and 14 us.
+    /// Records of `prove --null 40 --seconds 1 --seed 901` in which the check, by the declared parameters alone,
+    /// takes detuned modes for a lag of the tach of 5 and 14 us.
     #[test]
     fn loop_takes_no_detuned_mode_for_a_lag_of_the_tach() {
         let plan = Plan {

@@ -49,7 +49,8 @@ pub struct Scored {
     /// The same, calibrated; absent in logs of the former format.
     #[serde(default)]
     pub calibrated: Option<[f64; 2]>,
-    /// NRMSE of the whole signal that the noise put in leaves on the held-out runs; absent in logs of the former format.
+    /// NRMSE of the whole signal that the noise put in leaves on the held-out runs; absent in logs of the former
+    /// format.
     #[serde(default)]
     pub true_floor: Option<f64>,
     /// Records without any effect of the record's own bootstrap whose best score is at least its own, and their number.
@@ -116,9 +117,11 @@ pub struct Row {
     pub right_family: f64,
     /// Share with a wrong name.
     pub wrong: f64,
-    /// Share whose held-out error, corrected, is below the calibrated one (below the declared one where the log has no calibrated one).
+    /// Share whose held-out error, corrected, is below the calibrated one (below the declared one where the log has
+    /// no calibrated one).
     pub error_fell: f64,
-    /// Median of the corrected held-out error over the noise floor (shaft-synchronous; whole signal for fixed frequencies).
+    /// Median of the corrected held-out error over the noise floor (shaft-synchronous; whole signal for fixed
+    /// frequencies).
     pub corrected_over_floor: f64,
     /// Medians of the held-out NRMSE: declared, calibrated (not a number where the log has none), corrected.
     pub stages: [f64; 3],
@@ -141,13 +144,15 @@ pub struct Summary {
     pub two: Vec<Row>,
     /// Effects at the limit stated for their record (half of the places), and at twice it; then by effect.
     pub limits: Vec<Row>,
-    /// Corrected held-out error over floor, all single effects at twice the floor and above: named and not named, medians.
+    /// Corrected held-out error over floor, all single effects at twice the floor and above: named and not named,
+    /// medians.
     pub corrected_over_floor: [f64; 2],
     /// Upper end of the 95 % interval of the share of false terms (Clopper and Pearson).
     pub false_at_most: f64,
     /// Whether the own probabilities of records with nothing hidden are uniform; none where they were not asked.
     pub uniform: Option<Uniform>,
-    /// Corrected held-out error of the whole signal over the true floor, medians: single effects rightly named, and two effects.
+    /// Corrected held-out error of the whole signal over the true floor, medians: single effects rightly named, and
+    /// two effects.
     pub over_true_floor: [f64; 2],
     /// Seconds per record, median and largest.
     pub seconds: [f64; 2],
@@ -345,8 +350,10 @@ impl Summary {
     fn closing(&self) -> String {
         let ([named, not_named], [one, two]) = (self.corrected_over_floor, self.over_true_floor);
         let text = format!(
-            "False terms: at most {:.2} % with 97.5 % confidence. Intervals that cover the truth: {:.1} % of {}. Corrected held-out error over the noise floor that \
-             the loop finds, median at twice the floor and above: named {named:.3}, not named {not_named:.3}; over the true one: named {one:.3}, two effects {two:.3}. \
+            "False terms: at most {:.2} % with 97.5 % confidence. Intervals that cover the truth: {:.1} % of {}. \
+             Corrected held-out error over the noise floor that \
+             the loop finds, median at twice the floor and above: named {named:.3}, not named {not_named:.3}; over \
+             the true one: named {one:.3}, two effects {two:.3}. \
              Seconds per record, generation included: median {:.1}, largest {:.1}.\n",
             100.0 * self.false_at_most,
             100.0 * self.coverage.0,
@@ -375,7 +382,8 @@ impl Summary {
 fn uniform_in_words(test: &Uniform) -> String {
     let Uniform { records, bootstrap, distance, chance, .. } = test;
     format!(
-        "The record's own probability by {bootstrap} bootstrap records, on {records} with nothing hidden: Kolmogorov-Smirnov distance from uniform {distance:.3}, \
+        "The record's own probability by {bootstrap} bootstrap records, on {records} with nothing hidden: \
+         Kolmogorov-Smirnov distance from uniform {distance:.3}, \
          probability {chance:.2}.\n"
     )
 }

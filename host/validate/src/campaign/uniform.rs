@@ -1,7 +1,9 @@
-//! Whether the records' own probabilities are uniform where nothing is hidden: the Kolmogorov-Smirnov test on the grid of a bootstrap.
+//! Whether the records' own probabilities are uniform where nothing is hidden: the Kolmogorov-Smirnov test on the
+//! grid of a bootstrap.
 //!
-//! Probabilities by `N` bootstrap records stand at `1 / (N + 1), ..., 1`, where the test's usual probability errs on the safe side. The distance is therefore compared with those of
-//! drawings from the grid itself. Source: Conover, A Kolmogorov goodness-of-fit test for discontinuous distributions, JASA 67 (1972).
+//! Probabilities by `N` bootstrap records stand at `1 / (N + 1), ..., 1`, where the test's usual probability errs on
+//! the safe side. The distance is therefore compared with those of drawings from the grid itself. Source: Conover, A
+//! Kolmogorov goodness-of-fit test for discontinuous distributions, JASA 67 (1972).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

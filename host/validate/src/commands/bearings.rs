@@ -1,4 +1,5 @@
-//! `meshband-validate bearings`: labelled records, measured or generated, undeclared and declared, beside a textbook peer.
+//! `meshband-validate bearings`: labelled records, measured or generated, undeclared and declared, beside a textbook
+//! peer.
 
 use clap::Args as ClapArgs;
 use meshband_host::output::show;
@@ -92,7 +93,8 @@ fn page(rows: &[Row]) -> String {
         let damaged = rows.iter().filter(|row| row.1 != Damage::Sound).count();
         let sound = rows.iter().filter(|row| row.1 == Damage::Sound && row.2[i].wrong).count();
         out += &format!(
-            "{column}: of {damaged} damaged found {}, part right {}; wrong names {} of {}, {sound} of them on the {} sound ones\n",
+            "{column}: of {damaged} damaged found {}, part right {}; wrong names {} of {}, {sound} of them on the {} \
+             sound ones\n",
             of(|s| s.right),
             of(|s| s.ring),
             of(|s| s.wrong),

@@ -14,13 +14,16 @@ use std::path::PathBuf;
 /// Arguments of `meshband prove`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Record folders whose declared machines are used; without any, every record has a machine and a layout drawn at random.
+    /// Record folders whose declared machines are used; without any, every record has a machine and a layout drawn at
+    /// random.
     #[arg(long = "machine", conflicts_with = "field")]
     machines: Vec<PathBuf>,
-    /// The campaign of the kinematic level: machines, operation and measuring chains drawn at random (--null, --power, --levels, --only).
+    /// The campaign of the kinematic level: machines, operation and measuring chains drawn at random (--null,
+    /// --power, --levels, --only).
     #[arg(long)]
     field: bool,
-    /// The campaign of gear trains at the kinematic level: trains, operation and faults drawn at random (--null, --power, --levels).
+    /// The campaign of gear trains at the kinematic level: trains, operation and faults drawn at random (--null,
+    /// --power, --levels).
     #[arg(long, conflicts_with_all = ["field", "machines"])]
     train: bool,
     /// Records with nothing hidden.
@@ -35,13 +38,16 @@ pub struct Args {
     /// Records with the true effect withheld from the library.
     #[arg(long, default_value_t = 0)]
     leave_one_out: usize,
-    /// Records with two effects at the largest of `--levels`, and as many with an effect and a wrong declared parameter.
+    /// Records with two effects at the largest of `--levels`, and as many with an effect and a wrong declared
+    /// parameter.
     #[arg(long, default_value_t = 0)]
     two: usize,
-    /// Records whose limits are tried: the record without any effect is looped, and an effect put in at one of the limits that it states, and at twice it.
+    /// Records whose limits are tried: the record without any effect is looped, and an effect put in at one of the
+    /// limits that it states, and at twice it.
     #[arg(long, default_value_t = 0)]
     limits: usize,
-    /// The noise ladder: every effect at one strength on this many machines, with ever less noise (--only, --seconds, --seed).
+    /// The noise ladder: every effect at one strength on this many machines, with ever less noise (--only, --seconds,
+    /// --seed).
     #[arg(long, value_name = "MACHINES", default_value_t = 0, conflicts_with = "field")]
     ladder: usize,
     /// Strengths of that one effect, times its detection floor.

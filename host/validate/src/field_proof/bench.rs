@@ -1,7 +1,8 @@
 //! A bench drawn at random: gear pair, shafts, housing, operation, tachometer, noise.
 //!
-//! Ranges are those of small industrial gearboxes: 17 to 80 teeth, modules of 1.5 to 4 mm, mesh frequencies of 150 to 800 Hz. Masses and inertias follow
-//! from steel discs of the gears' size with a drawn share for shafts; stiffnesses are drawn over half a decade. Cost is bounded by rate times length.
+//! Ranges are those of small industrial gearboxes: 17 to 80 teeth, modules of 1.5 to 4 mm, mesh frequencies of 150 to
+//! 800 Hz. Masses and inertias follow from steel discs of the gears' size with a drawn share for shafts; stiffnesses
+//! are drawn over half a decade. Cost is bounded by rate times length.
 
 use crate::Result;
 use crate::dynamics::Motion;

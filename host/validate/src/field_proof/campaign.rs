@@ -135,7 +135,8 @@ fn one(plan: &Plan, item: &Item) -> Scored {
     scored
 }
 
-/// The bench of a record, and its stream; where only run-ups or only steady records are asked for, the next one of that kind.
+/// The bench of a record, and its stream; where only run-ups or only steady records are asked for, the next one of
+/// that kind.
 fn drawn(plan: &Plan, number: u64) -> Result<(Bench, ChaCha8Rng)> {
     let mut number = number;
     loop {

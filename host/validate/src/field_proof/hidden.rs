@@ -1,7 +1,8 @@
 //! What a record hides, and which answers are right for it.
 //!
-//! At the kinematic level several effects have the same lines: an answer is right where the effect's name is among those in question, of the right
-//! family where only its family is said. Effects that change mesh harmonics alone ("unseen") stand behind an unknown path: nothing is the right answer.
+//! At the kinematic level several effects have the same lines: an answer is right where the effect's name is among
+//! those in question, of the right family where only its family is said. Effects that change mesh harmonics alone
+//! ("unseen") stand behind an unknown path: nothing is the right answer.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -1,9 +1,11 @@
-//! The record: the bench without its effect, what the effect changes at a strength in multiples of the record's floor, noise, files, import.
+//! The record: the bench without its effect, what the effect changes at a strength in multiples of the record's
+//! floor, noise, files, import.
 //!
-//! Two simulations without noise, with the effect and without it; the difference is added in proportion (near the floor effects are linear in
-//! their strength). *Floor*: the strength at which the strongest line of the difference, over orders (of a tone: over frequency), reaches `6 sqrt(S / T)` in
-//! the noise of its channel, as in the campaign of the dynamic level. Mesh harmonics do not count: what an effect changes in them the unknown path takes
-//! in, and an effect may change them most. The tachometer's voltage is written beside the channels and read by `import`.
+//! Two simulations without noise, with the effect and without it; the difference is added in proportion (near the
+//! floor effects are linear in their strength). *Floor*: the strength at which the strongest line of the difference,
+//! over orders (of a tone: over frequency), reaches `6 sqrt(S / T)` in the noise of its channel, as in the campaign
+//! of the dynamic level. Mesh harmonics do not count: what an effect changes in them the unknown path takes in, and
+//! an effect may change them most. The tachometer's voltage is written beside the channels and read by `import`.
 
 use super::bench::Bench;
 use super::hidden::{Draw, Hidden, Source};
@@ -204,7 +206,8 @@ fn smoothed(values: &[f64]) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// Rolling elements strike the housing through either bearing: an impulse of force each, on every channel through its path.
+/// Rolling elements strike the housing through either bearing: an impulse of force each, on every channel through its
+/// path.
 fn impacts(site: &Site, clean: &Clean, inner: bool, draw: &mut Draw) -> (Vec<Vec<f64>>, String) {
     let body = draw.random.random_range(0..2_usize);
     let [z1, z2] = draw.teeth.map(f64::from);

@@ -1,8 +1,10 @@
 //! A measured record as background: what the loop has of it, and what one more round adopts with an effect put in.
 //!
-//! The record stays as it is, with every family that the search has found in it. An effect is added to the signal over time of every searched channel, all views are made anew, envelopes and their
-//! bands included, and the search goes one round further, gate included. Limits: the mesh lines are those fitted without the effect (it has no line on them; a limited channel's change by less than
-//! the effect), and the veto of the held-out turns is not asked, as in the printed limits.
+//! The record stays as it is, with every family that the search has found in it. An effect is added to the signal
+//! over time of every searched channel, all views are made anew, envelopes and their bands included, and the search
+//! goes one round further, gate included. Limits: the mesh lines are those fitted without the effect (it has no line
+//! on them; a limited channel's change by less than the effect), and the veto of the held-out turns is not asked, as
+//! in the printed limits.
 
 use super::effects::{Effect, Phases, injected};
 use super::surrogates::Surrogates;

@@ -1,4 +1,5 @@
-//! How often an effect was found, named, or taken for another, by strength and background, and the strength at which it is half.
+//! How often an effect was found, named, or taken for another, by strength and background, and the strength at which
+//! it is half.
 
 use super::background::{Answer, Background};
 use serde::Serialize;
@@ -54,7 +55,8 @@ pub struct Effect {
     pub unit: String,
     /// By strength, all backgrounds.
     pub counts: Vec<Count>,
-    /// Strength found in half of the positions, times the printed limit; none where that was not reached or always exceeded.
+    /// Strength found in half of the positions, times the printed limit; none where that was not reached or always
+    /// exceeded.
     pub half_over_limit: Option<f64>,
     /// By background.
     pub parts: Vec<Part>,

@@ -1,7 +1,10 @@
-//! What is injected: a family of the library at a place and with phases of its own, or a limit at the end of a channel's range; as samples over time and at equal angles.
+//! What is injected: a family of the library at a place and with phases of its own, or a limit at the end of a
+//! channel's range; as samples over time and at equal angles.
 //!
-//! Lines are made at equal angles and read over time by the kernel that reads the record the other way; folded lines, which no grid holds, are made over time with the phase that the shaft has
-//! there. Every channel gets its own phases, every line the amplitude that the limits mean by a strength: a share of the channel's mesh line. Limit: lines follow their shaft exactly.
+//! Lines are made at equal angles and read over time by the kernel that reads the record the other way; folded lines,
+//! which no grid holds, are made over time with the phase that the shaft has there. Every channel gets its own
+//! phases, every line the amplitude that the limits mean by a strength: a share of the channel's mesh line. Limit:
+//! lines follow their shaft exactly.
 
 use crate::analysis::envelope::not_locked;
 use crate::kinematic::at_limit::at_limit;

@@ -1,10 +1,13 @@
 //! Known effects put into measured backgrounds: what the loop finds of them, and whether its printed limits hold there.
 //!
-//! The background is a record as it is, with everything that the loop has adopted in it (`background`). A known effect is added to its signals, channel by channel as strong as the mesh line that
-//! its limit refers to times a strength (`effects`); then one more round of the same search runs, gate included. Strengths are multiples of the limit that the loop prints for that family in that
-//! record, so the strength found in half of the positions compares with it directly, also where several records are counted together. Positions are drawn from where limits draw theirs, with another
-//! seed. A record declared with tooth counts that are not its own has shafts at whose orders it has no lines: so runouts go into machines that have some of their own. Limits: injected lines do not
-//! slip and are not in an envelope; a family that a background has already, or that has no limit there, is left out and listed.
+//! The background is a record as it is, with everything that the loop has adopted in it (`background`). A known
+//! effect is added to its signals, channel by channel as strong as the mesh line that its limit refers to times a
+//! strength (`effects`); then one more round of the same search runs, gate included. Strengths are multiples of the
+//! limit that the loop prints for that family in that record, so the strength found in half of the positions compares
+//! with it directly, also where several records are counted together. Positions are drawn from where limits draw
+//! theirs, with another seed. A record declared with tooth counts that are not its own has shafts at whose orders it
+//! has no lines: so runouts go into machines that have some of their own. Limits: injected lines do not slip and are
+//! not in an envelope; a family that a background has already, or that has no limit there, is left out and listed.
 
 mod background;
 mod count;
@@ -92,7 +95,8 @@ pub fn run(records: &[Record], options: &Options) -> Result<Outcome> {
     })
 }
 
-/// Position by position over all effects and strengths, so that a cut leaves every cell with as many; whether all were tried.
+/// Position by position over all effects and strengths, so that a cut leaves every cell with as many; whether all
+/// were tried.
 fn inject(backgrounds: &[Background], effects: &mut [Effect], options: &Options, end: Instant) -> bool {
     let mut random: Vec<ChaCha8Rng> =
         (0..backgrounds.len()).map(|i| ChaCha8Rng::seed_from_u64(options.seed.wrapping_add(1000 * i as u64))).collect();

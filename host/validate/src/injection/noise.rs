@@ -1,9 +1,14 @@
-//! Gaussian noise with the floor of a record: its colour, its resonances and what its channels share, but no line of it.
+//! Gaussian noise with the floor of a record: its colour, its resonances and what its channels share, but no line of
+//! it.
 //!
-//! The power of every channel is a running median over a width that many lines and sidebands fall into, so neither they nor the skirts that a wandering speed gives them lift it; the median of an
-//! exponential variable is ln 2 of its mean; a Hann window keeps the foot of a strong line from lifting all bins between it and the next. Between channels the mean product of bins brought to length one counts every bin alike, so that lines weigh what their few bins do; of Gaussian bins with
-//! coherence g its expectation is nearly g pi/4 for small g and 1 at 1 (`coherence`). Drawn are independent complex normal bins, mixed by a Cholesky factor of the matrix of coherences. Limits: what
-//! is narrower than the width is flattened; the noise is stationary. Cost: one transform of every channel to prepare, one back for every drawing.
+//! The power of every channel is a running median over a width that many lines and sidebands fall into, so neither
+//! they nor the skirts that a wandering speed gives them lift it; the median of an exponential variable is ln 2 of
+//! its mean; a Hann window keeps the foot of a strong line from lifting all bins between it and the next. Between
+//! channels the mean product of bins brought to length one counts every bin alike, so that lines weigh what their few
+//! bins do; of Gaussian bins with coherence g its expectation is nearly g pi/4 for small g and 1 at 1 (`coherence`).
+//! Drawn are independent complex normal bins, mixed by a Cholesky factor of the matrix of coherences. Limits: what is
+//! narrower than the width is flattened; the noise is stationary. Cost: one transform of every channel to prepare,
+//! one back for every drawing.
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -108,7 +113,8 @@ fn median(bins: &[Complex64]) -> f64 {
     (median / LN_2).max(f64::MIN_POSITIVE)
 }
 
-/// Coherence of Gaussian bins from the mean product of bins of length one: between pi/4 of it and all of it, by the square.
+/// Coherence of Gaussian bins from the mean product of bins of length one: between pi/4 of it and all of it, by the
+/// square.
 fn coherence(product: Complex64) -> Complex64 {
     product / (FRAC_PI_4 + (1.0 - FRAC_PI_4) * product.norm_sqr())
 }
@@ -123,7 +129,8 @@ fn coherences(channels: &[&[Complex64]]) -> Vec<Vec<Complex64>> {
     (0..channels.len()).map(|i| (0..channels.len()).map(|j| entry(i, j)).collect()).collect()
 }
 
-/// Lower triangular factor of a matrix with ones on its diagonal; what estimates leave below [`OWN`] there is raised to it.
+/// Lower triangular factor of a matrix with ones on its diagonal; what estimates leave below [`OWN`] there is raised
+/// to it.
 fn factor(matrix: &[Vec<Complex64>]) -> Vec<Vec<Complex64>> {
     let size = matrix.len();
     let mut lower = vec![vec![Complex64::default(); size]; size];

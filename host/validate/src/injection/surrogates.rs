@@ -1,7 +1,10 @@
-//! Backgrounds with nothing in them: the mesh lines as they are, and noise of the record's own colour in place of everything else.
+//! Backgrounds with nothing in them: the mesh lines as they are, and noise of the record's own colour in place of
+//! everything else.
 //!
-//! What the mesh leaves of every channel is replaced by [`Noise`] with its floor, smoothed over eight rates of the slower shaft: no line, no sideband, no locking and no impulse is left, in whatever
-//! view families are read from, while slopes, resonances and what channels have in common stay, and so does the wander of the tach. Limit: stationary, which a machine's background is not quite.
+//! What the mesh leaves of every channel is replaced by [`Noise`] with its floor, smoothed over eight rates of the
+//! slower shaft: no line, no sideband, no locking and no impulse is left, in whatever view families are read from,
+//! while slopes, resonances and what channels have in common stay, and so does the wander of the tach. Limit:
+//! stationary, which a machine's background is not quite.
 
 use super::noise::Noise;
 use crate::analysis::envelope::not_locked;

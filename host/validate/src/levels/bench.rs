@@ -1,10 +1,11 @@
 //! A machine that can run for hours: its steady states, put together by angle.
 //!
-//! The simulator is run to its periodic steady state at `SPEEDS` speeds and two torques, sound and with each fault in `STEPS` steps of
-//! severity. What the bearing does in one turn of the pinion is kept, cut off at the pass edge, and interpolated in speed, torque and
-//! severity while the angle runs on. In torque that is exact for a linear mesh, in severity nearly; in speed it leaves out transients of
-//! run-ups and the phase of resonances between two speeds. Everything has the period of the pinion's turn: the gear is without errors.
-//! Half a minute to prepare; from then on an hour of the machine is its noise and a table look-up per sample.
+//! The simulator is run to its periodic steady state at `SPEEDS` speeds and two torques, sound and with each fault in
+//! `STEPS` steps of severity. What the bearing does in one turn of the pinion is kept, cut off at the pass edge, and
+//! interpolated in speed, torque and severity while the angle runs on. In torque that is exact for a linear mesh, in
+//! severity nearly; in speed it leaves out transients of run-ups and the phase of resonances between two speeds.
+//! Everything has the period of the pinion's turn: the gear is without errors. Half a minute to prepare; from then on
+//! an hour of the machine is its noise and a table look-up per sample.
 
 use crate::dynamics::assembly::{Damping, Model};
 use crate::dynamics::{Effect, Motion, Rig};

@@ -1,9 +1,10 @@
 //! The node's own code on hours of the machine.
 //!
-//! The speed stays for 20 s to 120 s and goes to the next one, drawn at equal probability per ratio, by 2 % per second; the load is
-//! drawn with it and follows within seconds. The converter is a low one behind a low filter (stop edge `STOP_HZ`, so 25 kHz to 50 kHz),
-//! because fifty hours at 400 kHz would take a day of computing; the node's code, its rates' plan included, is the same at every rate.
-//! Codes are sampled from the wave at the angle that the tach's edges have, with white noise of [`NOISE_M_S2`] per code.
+//! The speed stays for 20 s to 120 s and goes to the next one, drawn at equal probability per ratio, by 2 % per
+//! second; the load is drawn with it and follows within seconds. The converter is a low one behind a low filter (stop
+//! edge `STOP_HZ`, so 25 kHz to 50 kHz), because fifty hours at 400 kHz would take a day of computing; the node's
+//! code, its rates' plan included, is the same at every rate. Codes are sampled from the wave at the angle that the
+//! tach's edges have, with white noise of [`NOISE_M_S2`] per code.
 
 use super::bench::{Bench, LOADS, PASS_HZ, POINTS};
 use crate::{Error, Result};

@@ -1,11 +1,12 @@
 //! Absolute and departure alarms on the same hours, at equal rates of false alarms.
 //!
-//! Each policy has one number, the limit: of a departure in standard uncertainties; of an absolute alarm a factor on what the quantity
-//! exceeded in one of a thousand values of the hours that also taught the departure its levels. Absolute limits are for all speeds, or
-//! for three classes of equal ratio each, as `alarms` of a configuration has them; "all of them" is what a careful owner configures,
-//! every quantity in every class. The limit is the lowest one from which on the sound hours give no more false alarms than allowed; it is
-//! chosen on the very hours that it is counted on, for all policies alike. Alarms are the node's ([`meshband::alarm::Alarm`]): three values
-//! in a row, cleared at nine tenths.
+//! Each policy has one number, the limit: of a departure in standard uncertainties; of an absolute alarm a factor on
+//! what the quantity exceeded in one of a thousand values of the hours that also taught the departure its levels.
+//! Absolute limits are for all speeds, or for three classes of equal ratio each, as `alarms` of a configuration has
+//! them; "all of them" is what a careful owner configures, every quantity in every class. The limit is the lowest one
+//! from which on the sound hours give no more false alarms than allowed; it is chosen on the very hours that it is
+//! counted on, for all policies alike. Alarms are the node's ([`meshband::alarm::Alarm`]): three values in a row,
+//! cleared at nine tenths.
 
 use super::hours::{ABSOLUTE, Sample};
 use meshband::alarm::{Alarm, AlarmBand, AlarmHolding, Watched};

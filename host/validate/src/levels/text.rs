@@ -34,8 +34,10 @@ impl Spent {
 pub fn page(command: &str, title: &str, spent: Spent, range_hz: (f64, f64), rows: &[Row]) -> String {
     let mut text = format!(
         "# Departure alarms against absolute alarms\n\nMade by `{command}`; edit nothing here.\n\n\
-         Machine {title}, pinion at {} to {} Hz at random, load 0.7 to 1.3 of the nominal torque at random, noise of {NOISE_M_S2} m/s2 per code. \
-         {} hours of machine time through the host's node: {} sound ones teach the levels and the absolute alarms' units, {} sound ones count false alarms, \
+         Machine {title}, pinion at {} to {} Hz at random, load 0.7 to 1.3 of the nominal torque at random, noise of \
+         {NOISE_M_S2} m/s2 per code. \
+         {} hours of machine time through the host's node: {} sound ones teach the levels and the absolute alarms' \
+         units, {} sound ones count false alarms, \
          {} for each fault, in which it grows evenly from nothing to all of it:\n\n",
         range_hz.0,
         range_hz.1,
@@ -48,10 +50,14 @@ pub fn page(command: &str, title: &str, spent: Spent, range_hz: (f64, f64), rows
         text += &format!("* {}: {}\n", fault.name, fault.full);
     }
     text += &format!(
-        "\nThe machine is put together from steady states (24 speeds, {STEPS} steps of severity; `host/validate/src/levels/bench.rs`), the converter runs at 25 kHz to 50 kHz \
-         behind a 5 kHz filter; the node's code is the one that boards run. All alarms need three values in a row. A limit is the lowest that gives no more false alarms than allowed \
-         in the sound hours, for every policy alike, and is chosen on those hours. What is not in it: other faults, a gear with errors, temperature, sensors that age.\n\n\
-         ## First alarm\n\nMedian severity at which the first alarm came, 1 being all of the fault; - where most hours had none.\n\n"
+        "\nThe machine is put together from steady states (24 speeds, {STEPS} steps of severity; \
+         `host/validate/src/levels/bench.rs`), the converter runs at 25 kHz to 50 kHz \
+         behind a 5 kHz filter; the node's code is the one that boards run. All alarms need three values in a row. A \
+         limit is the lowest that gives no more false alarms than allowed \
+         in the sound hours, for every policy alike, and is chosen on those hours. What is not in it: other faults, \
+         a gear with errors, temperature, sensors that age.\n\n\
+         ## First alarm\n\nMedian severity at which the first alarm came, 1 being all of the fault; - where most \
+         hours had none.\n\n"
     );
     let allowed: Vec<usize> = distinct(rows);
     text += "| alarms on |";

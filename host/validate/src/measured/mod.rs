@@ -1,7 +1,8 @@
-//! Published measurements through the generic import and loop: a case file says where the data lie and what their owners declare, no answers.
+//! Published measurements through the generic import and loop: a case file says where the data lie and what their
+//! owners declare, no answers.
 //!
-//! The measurements themselves are not part of the project. Nothing here knows a record: what is found in one comes out of [`crate::kinematic`].
-//! `paper` is apart: lines quoted in a text, without data.
+//! The measurements themselves are not part of the project. Nothing here knows a record: what is found in one comes
+//! out of [`crate::kinematic`]. `paper` is apart: lines quoted in a text, without data.
 
 pub mod case;
 pub mod page;

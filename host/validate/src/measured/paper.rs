@@ -1,8 +1,9 @@
 //! The lines beside the mesh lines of the paper's own records (10 kHz sampling): quoted, not explained there.
 //!
-//! The model without acquisition has energy only at mesh harmonics and shaft sidebands; its nearest line is the error before. The effect
-//! it lacks is aliasing: harmonics above the Nyquist frequency fold. One mesh frequency per record is fitted to the pair of
-//! lines; the quoted mesh frequency serves as a check that is not fitted. Source: Zhang et al. 2013, text of section 4.
+//! The model without acquisition has energy only at mesh harmonics and shaft sidebands; its nearest line is the error
+//! before. The effect it lacks is aliasing: harmonics above the Nyquist frequency fold. One mesh frequency per record
+//! is fitted to the pair of lines; the quoted mesh frequency serves as a check that is not fitted. Source: Zhang et
+//! al. 2013, text of section 4.
 
 use crate::Result;
 use serde::Serialize;
@@ -97,8 +98,8 @@ pub fn run() -> Result<Outcome> {
 }
 
 fn case(quoted: &Quoted) -> Case {
-    // Pair of harmonics above the Nyquist frequency whose implied mesh frequencies agree best with each other and with the
-    // quoted one; neighbours, because the lines lie beside neighbouring mesh harmonics.
+    // Pair of harmonics above the Nyquist frequency whose implied mesh frequencies agree best with each other and
+    // with the quoted one; neighbours, because the lines lie beside neighbouring mesh harmonics.
     let nyquist = (0.5 * RATE_HZ / quoted.mesh_hz).ceil() as u32;
     let mut best: Option<(f64, u32, [f64; 2])> = None;
     for n in nyquist..HIGHEST {

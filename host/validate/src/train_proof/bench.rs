@@ -162,7 +162,8 @@ fn set(random: &mut ChaCha8Rng) -> (String, String) {
         let apart = f64::from(sun + planet) * (std::f64::consts::PI / f64::from(planets)).sin();
         if (sun + ring) % planets == 0 && apart > f64::from(planet + 2) {
             let text = format!(
-                "[[stage]]\nkind = \"planetary\"\nsun = {sun}\nplanet = {planet}\nring = {ring}\nplanets = {planets}\nfixed = \"ring\"\ninput = \"sun\"\n"
+                "[[stage]]\nkind = \"planetary\"\nsun = {sun}\nplanet = {planet}\nring = {ring}\nplanets = \
+                 {planets}\nfixed = \"ring\"\ninput = \"sun\"\n"
             );
             return (text, format!("set of {planets} planets"));
         }

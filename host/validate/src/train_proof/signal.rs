@@ -1,9 +1,11 @@
 //! Signals of a train: mesh forces over time, a fault in them, the way to the sensors, noise, tachometer.
 //!
-//! A mesh force is a sum of harmonics whose strength the load share, a runout and a bad tooth change; of a planetary set there is one force per planet,
-//! phased by its place and heard as it passes the sensor, with load shares that differ by a few per cent (a sound set's do). Forces of every stage grow with its
-//! torque and pass the modes of a housing. The fault is the difference of two signals; its *floor* is the strength at which its strongest line that no sound
-//! train has, over orders, reaches `6 sqrt(S / T)` in the noise of its channel. Limit: nothing acts back on the train.
+//! A mesh force is a sum of harmonics whose strength the load share, a runout and a bad tooth change; of a planetary
+//! set there is one force per planet, phased by its place and heard as it passes the sensor, with load shares that
+//! differ by a few per cent (a sound set's do). Forces of every stage grow with its torque and pass the modes of a
+//! housing. The fault is the difference of two signals; its *floor* is the strength at which its strongest line that
+//! no sound train has, over orders, reaches `6 sqrt(S / T)` in the noise of its channel. Limit: nothing acts back on
+//! the train.
 
 use super::bench::{Bench, Fault, Hidden, RATE_HZ, SECONDS};
 use crate::field::{Field, Paths};
@@ -38,7 +40,8 @@ const FLOOR_OVER_NOISE: f64 = 3.464;
 const LEAD_S: f64 = 1.0;
 
 /// The housing: a few modes that reach down to slow meshes.
-const HOUSING: &str = "[housing]\nmodes = 10\nband_hz = [120, 4000]\ndamping = [0.02, 0.06]\nmass_kg = 20\n[[channel]]\nname = \"a\"\n[[channel]]\nname = \"b\"\n";
+const HOUSING: &str = "[housing]\nmodes = 10\nband_hz = [120, 4000]\ndamping = [0.02, 0.06]\nmass_kg = \
+    20\n[[channel]]\nname = \"a\"\n[[channel]]\nname = \"b\"\n";
 
 /// What of a mesh is drawn once for a record.
 struct Voice {

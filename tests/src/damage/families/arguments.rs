@@ -1,4 +1,5 @@
-//! Command lines: values that make no sense, options left out, repeated, unknown, in another order, bytes that are no text.
+//! Command lines: values that make no sense, options left out, repeated, unknown, in another order, bytes that are no
+//! text.
 
 use crate::damage::attack::{Attack, Kind, Scene, words};
 use crate::damage::byte_damage::NASTY;
@@ -10,12 +11,14 @@ use std::os::unix::ffi::OsStringExt;
 /// Sound command lines and what they write. Commands that take seconds are rare.
 const SOUND: &[(&str, &[(&str, Kind)])] = &[
     (
-        "simulate in/machine.toml --speed 30 --torque 10 --effect tooth-crack:tooth=3 --rate 20480 --duration 0.05 --pulses 2 \
+        "simulate in/machine.toml --speed 30 --torque 10 --effect tooth-crack:tooth=3 --rate 20480 --duration 0.05 \
+         --pulses 2 \
          --jitter 1e-6 --noise 0.1 --seed 3 --model bending-torsional -o out/r",
         &[("out/r", Kind::Record)],
     ),
     (
-        "simulate in/machine.toml --run-up 20,30,0.1 --torque 10 --rate 20480 --random-start -o out/r --json out/s.json",
+        "simulate in/machine.toml --run-up 20,30,0.1 --torque 10 --rate 20480 --random-start -o out/r --json \
+         out/s.json",
         &[("out/r", Kind::Record), ("out/s.json", Kind::Json)],
     ),
     (
@@ -24,12 +27,14 @@ const SOUND: &[(&str, &[(&str, Kind)])] = &[
     ),
     ("stiffness in/machine.toml --points 21 --json out/s.json", &[("out/s.json", Kind::Json)]),
     (
-        "alias --mesh 460 --rate 5120 --harmonics 60 --lines 100,200.5 --tolerance 0.15 --json out/a.json --report out/a.html",
+        "alias --mesh 460 --rate 5120 --harmonics 60 --lines 100,200.5 --tolerance 0.15 --json out/a.json --report \
+         out/a.html",
         &[("out/a.json", Kind::Json), ("out/a.html", Kind::Page)],
     ),
     ("effects --json out/e.json", &[("out/e.json", Kind::Json)]),
     (
-        "import in/tone.csv --rate 5120 --teeth 23,46 --mesh 460 --unit V --volt-per-g 0.1 --channel-names a --full-scale 1000 \
+        "import in/tone.csv --rate 5120 --teeth 23,46 --mesh 460 --unit V --volt-per-g 0.1 --channel-names a \
+         --full-scale 1000 \
          --title x -o out/r",
         &[("out/r", Kind::Record)],
     ),

@@ -1,4 +1,5 @@
-//! Outputs over inputs, over each other, and over what exists: an input is never replaced, anything else only by `--force`.
+//! Outputs over inputs, over each other, and over what exists: an input is never replaced, anything else only by
+//! `--force`.
 
 use crate::damage::attack::{Attack, Kind, Scene, Target, words};
 use crate::damage::process::Invocation;
@@ -10,7 +11,8 @@ const COMMANDS: &[(&str, Kind)] = &[
     ("simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 -o @", Kind::Record),
     ("simulate in/record --speed 30 --torque 10 --duration 0.05 --rate 20480 -o @", Kind::Record),
     (
-        "simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 --effects in/effects.toml -o out/n --json @",
+        "simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 --effects in/effects.toml -o \
+         out/n --json @",
         Kind::Json,
     ),
     ("simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 -o out/n --report @", Kind::Page),
@@ -144,7 +146,8 @@ fn each_other(scene: &mut Scene, forced: bool) -> Attack {
         "stiffness in/machine.toml --json out/x --report out/./x",
         "simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 -o out/x --json out/x",
         "simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 -o out/x --json out/x/run00.npy",
-        "simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 -o out/x --json out/x/record.toml",
+        "simulate in/machine.toml --speed 30 --torque 10 --duration 0.05 --rate 20480 -o out/x --json \
+         out/x/record.toml",
         "predict in/record -o out/x --json out/x --report out/x",
         "predict in/record -o out/x --report out/x/run00.npy",
         "import in/tone.csv --rate 5120 --no-tach -o out/x --json out/x --report out/x",

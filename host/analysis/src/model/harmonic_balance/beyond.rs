@@ -1,7 +1,9 @@
-//! Mesh harmonics above those that the steady state is solved for: what a missing anti-alias filter folds into the band.
+//! Mesh harmonics above those that the steady state is solved for: what a missing anti-alias filter folds into the
+//! band.
 //!
-//! Solving for them as well would cost the cube of their number. Up there the bodies hardly move: what the solved orders' approach makes of the stiffness is nearly the whole
-//! force, and the rest follows in a few sweeps. Cost: the square of their number.
+//! Solving for them as well would cost the cube of their number. Up there the bodies hardly move: what the solved
+//! orders' approach makes of the stiffness is nearly the whole force, and the rest follows in a few sweeps. Cost: the
+//! square of their number.
 
 use super::{Dynamics, Machine, Solution};
 use crate::model::forward::Line;
@@ -13,8 +15,9 @@ use std::ops::RangeInclusive;
 const SWEEPS: usize = 6;
 
 impl Machine {
-    /// Accelerations at the mesh harmonics `range`, above the orders of `own`, the mesh's steady state at a speed: the stiffness answers the approach of these orders with forces on bodies
-    /// that its mean ties together, and what the harmonics do to each other follows in a few sweeps (Jacobi), since the bodies hardly move up there.
+    /// Accelerations at the mesh harmonics `range`, above the orders of `own`, the mesh's steady state at a speed:
+    /// the stiffness answers the approach of these orders with forces on bodies that its mean ties together, and what
+    /// the harmonics do to each other follows in a few sweeps (Jacobi), since the bodies hardly move up there.
     pub fn beyond(&self, own: &Solution, shaft_hz: f64, range: RangeInclusive<i64>) -> Vec<Line> {
         let half = (own.approach.len() / 2) as i64;
         let omega = |n: i64| TAU * shaft_hz * n as f64 * f64::from(self.teeth[0]);
@@ -51,7 +54,8 @@ mod tests {
     use crate::model::forward::{ForwardModel, Operating};
     use rand::SeedableRng;
 
-    /// Of a small machine with modes at 9 kHz: the steady state cut at 20 kHz gives the harmonics from there to 25 kHz. What lies above 26 kHz is in none of both.
+    /// Of a small machine with modes at 9 kHz: the steady state cut at 20 kHz gives the harmonics from there to 25
+    /// kHz. What lies above 26 kHz is in none of both.
     #[test]
     fn theory_harmonics_above_a_cut_are_those_of_the_whole_steady_state() {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1001);

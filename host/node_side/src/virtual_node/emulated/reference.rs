@@ -1,8 +1,8 @@
 //! The node's own code on the host, on the codes and edges that an emulated board's devices made.
 //!
-//! Edges before a block's end go first, then the block: what the board's main loop promises, whatever its interrupts' latency.
-//! Events of the board itself (a new depth of its stack) are its own; they are taken over from its frames at the instant
-//! they carry.
+//! Edges before a block's end go first, then the block: what the board's main loop promises, whatever its interrupts'
+//! latency. Events of the board itself (a new depth of its stack) are its own; they are taken over from its frames at
+//! the instant they carry.
 
 use super::run::{Heard, SampledBlock, TICKS_PER_SECOND};
 use crate::{Error, Result};
@@ -38,7 +38,8 @@ impl Comparison {
     }
 }
 
-/// Blocks at the end of a run whose frames may still be on their way: what the line takes for the longest run of messages.
+/// Blocks at the end of a run whose frames may still be on their way: what the line takes for the longest run of
+/// messages.
 const ON_THEIR_WAY_S: f64 = 0.25;
 
 /// Runs the host on what was heard and compares the frames.

@@ -177,7 +177,8 @@ impl Heard {
     }
 }
 
-/// A block of equally spaced samples, whose last one was captured at `last_tick`, with those of the second converter at the same triggers.
+/// A block of equally spaced samples, whose last one was captured at `last_tick`, with those of the second converter
+/// at the same triggers.
 fn block(samples: &[Sampled], of_second: &[Sampled], last_tick: u32) -> Option<SampledBlock> {
     let (first, next) = (samples.first()?, samples.get(1)?);
     let spacing = next.trigger - first.trigger;

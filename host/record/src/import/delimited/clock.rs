@@ -1,4 +1,5 @@
-//! A clock spread over columns: hour, minute, second, microsecond (the bearing tests of PRONOSTIA write it so) as one time.
+//! A clock spread over columns: hour, minute, second, microsecond (the bearing tests of PRONOSTIA write it so) as one
+//! time.
 
 use crate::import::signals::{Signal, Signals};
 

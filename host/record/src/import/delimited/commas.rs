@@ -1,7 +1,7 @@
 //! Commas in a comma-separated file: between columns, or in numbers.
 //!
-//! `0,50` is one number or two, and the two readings are told apart by what only one of them can be (`-0`, `05`, the header's count of
-//! names); else the user has to say it.
+//! `0,50` is one number or two, and the two readings are told apart by what only one of them can be (`-0`, `05`, the
+//! header's count of names); else the user has to say it.
 
 use super::cells::is_header;
 use super::data_lines;

@@ -1,7 +1,8 @@
 //! Dates and times of day as numbers: nanoseconds, so that microseconds of today keep their digits.
 //!
-//! Read: `2024-03-01 12:00:00.000078`, with `T`, `/` or `.` between, `01.03.2024 12:00:00,5`, `3/1/2024 1:02:03 PM`, `12:00:00.5`; a zone at the end is
-//! left out. Only differences are used, so which of two small numbers is the month does not matter within a day.
+//! Read: `2024-03-01 12:00:00.000078`, with `T`, `/` or `.` between, `01.03.2024 12:00:00,5`, `3/1/2024 1:02:03 PM`,
+//! `12:00:00.5`; a zone at the end is left out. Only differences are used, so which of two small numbers is the month
+//! does not matter within a day.
 
 /// Nanoseconds of a day.
 const DAY_NS: i64 = 86_400_000_000_000;

@@ -1,6 +1,7 @@
 //! Bytes as text: UTF-8 with or without a mark, UTF-16 of either byte order, else the Windows code page 1252.
 //!
-//! Every byte is some sign of code page 1252, so what holds control characters is no text of it: binary data stay refused.
+//! Every byte is some sign of code page 1252, so what holds control characters is no text of it: binary data stay
+//! refused.
 
 use crate::{Error, Result};
 use std::path::Path;

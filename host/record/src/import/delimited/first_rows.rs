@@ -1,6 +1,7 @@
 //! Rows of equal whole numbers above the data: a sampling rate, or the time of the start and then the rate.
 //!
-//! Wearables and small loggers write them so. Taken for a sample, a rate would be the record's largest peak and set its full scale.
+//! Wearables and small loggers write them so. Taken for a sample, a rate would be the record's largest peak and set
+//! its full scale.
 
 use crate::import::Reading;
 use crate::import::signals::Signals;

@@ -1,8 +1,9 @@
 //! What stands above the numbers: names, units, and lines that state the rate.
 //!
-//! The row of names is the last one without numbers that has as many cells as the data, or the comment above them; a row of units
-//! may follow. Lines above the names, and lines of another width, are free text, searched for a sampling rate or interval and a unit.
-//! A line of the data's width that begins with a number and is none is damage, never a name.
+//! The row of names is the last one without numbers that has as many cells as the data, or the comment above them; a
+//! row of units may follow. Lines above the names, and lines of another width, are free text, searched for a sampling
+//! rate or interval and a unit. A line of the data's width that begins with a number and is none is damage, never a
+//! name.
 
 use super::cells::{Cell, Separator, begins_like_a_number, is_header, read, split};
 use crate::import::units;

@@ -1,9 +1,10 @@
-//! Delimited text: semicolons, tabs, commas, bars, blanks or one column; with or without names, units and lines above the numbers.
+//! Delimited text: semicolons, tabs, commas, bars, blanks or one column; with or without names, units and lines above
+//! the numbers.
 //!
-//! The separator is the one that makes numbers of a line far enough down that it is data. A first row with more cells than the others (as
-//! some exporters write scale values into it) loses the extra cells; any other ragged row is an error. Dates become seconds. Missing
-//! values are kept as such: a column that has them is refused when it is wanted, with the place. A first row of equal whole numbers far
-//! above all others is a sampling rate, as wearables write it.
+//! The separator is the one that makes numbers of a line far enough down that it is data. A first row with more cells
+//! than the others (as some exporters write scale values into it) loses the extra cells; any other ragged row is an
+//! error. Dates become seconds. Missing values are kept as such: a column that has them is refused when it is wanted,
+//! with the place. A first row of equal whole numbers far above all others is a sampling rate, as wearables write it.
 
 mod cells;
 mod clock;
@@ -54,7 +55,8 @@ pub(super) fn read(path: &Path, content: &str, stem: &str, reading: &Reading) ->
             (None, Commas::Unknown) => {
                 let line = data_lines(content).last().unwrap_or_default();
                 let what = format!(
-                    "{} may be numbers with decimal commas or columns of whole numbers; say which with --decimal comma or --decimal point",
+                    "{} may be numbers with decimal commas or columns of whole numbers; say which with --decimal \
+                     comma or --decimal point",
                     text::quoted(line)
                 );
                 return Err(Error::invalid(path.display(), what));

@@ -1,8 +1,9 @@
 //! MATLAB level 5 MAT-files: numeric arrays, structures and cells, plain or zlib-compressed.
 //!
-//! Source: MathWorks, "MAT-File Format", level 5. Read: real full arrays of every numeric class, texts, structures and cells with those in them, small
-//! data elements, both byte orders. Not read: sparse and complex arrays, objects (tables, timetables); they are counted in a remark.
-//! A structure that holds a `Name` and `Data` is the signal of that name.
+//! Source: MathWorks, "MAT-File Format", level 5. Read: real full arrays of every numeric class, texts, structures
+//! and cells with those in them, small data elements, both byte orders. Not read: sparse and complex arrays, objects
+//! (tables, timetables); they are counted in a remark. A structure that holds a `Name` and `Data` is the signal of
+//! that name.
 //!
 //! Some exporters store every variable twice, zeros first and data second (matio 1.5.2 as used by at least
 //! one bench system). The *last* variable of a name that is not all zeros therefore wins ([`super::variables`]).

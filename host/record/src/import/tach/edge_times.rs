@@ -101,7 +101,8 @@ impl Column {
         let (first, last) = (self.values[0], self.values[self.values.len() - 1]);
         let what = format!(
             "edge times from {first} to {last} fill a run of {length_s:.3} s neither in s, ms, us, ns nor in \
-              samples; name the column by its unit (edge_time_s, edge_ms, edge_samples), in ticks divide by the counter's frequency"
+              samples; name the column by its unit (edge_time_s, edge_ms, edge_samples), in ticks divide by the \
+              counter's frequency"
         );
         Error::invalid(place, what)
     }

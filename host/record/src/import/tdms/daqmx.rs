@@ -1,7 +1,8 @@
-//! Raw data of DAQmx, as "log and read" writes them: rows of the converters' buffers, with scalers that say where each channel's bytes lie.
+//! Raw data of DAQmx, as "log and read" writes them: rows of the converters' buffers, with scalers that say where
+//! each channel's bytes lie.
 //!
-//! Source: National Instruments, "TDMS File Format Internal Structure"; the layout of scalers and of digital lines is that of npTDMS 1.13.
-//! Every buffer (one per converter) is interleaved by itself, one behind the other in a chunk.
+//! Source: National Instruments, "TDMS File Format Internal Structure"; the layout of scalers and of digital lines is
+//! that of npTDMS 1.13. Every buffer (one per converter) is interleaved by itself, one behind the other in a chunk.
 
 use super::{Cursor, File, Index, Parsed, broken, number, size};
 

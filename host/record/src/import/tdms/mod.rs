@@ -1,9 +1,10 @@
 //! TDMS files of LabVIEW and DAQmx loggers: numeric channels of all segments.
 //!
-//! Source: National Instruments, "TDMS File Format Internal Structure". Read: both byte orders, contiguous and interleaved raw data, several
-//! chunks per segment, objects and indices carried over from earlier segments, the last segment of a file that was not closed, raw data
-//! of DAQmx with their scalers. Scales are applied ([`scale`]). Rate (`1 / wf_increment`), start (`wf_start_time` and `wf_start_offset`) and unit
-//! (`unit_string`) are the channel's, else the group's, else the file's. Strings, times and truth values are passed over.
+//! Source: National Instruments, "TDMS File Format Internal Structure". Read: both byte orders, contiguous and
+//! interleaved raw data, several chunks per segment, objects and indices carried over from earlier segments, the last
+//! segment of a file that was not closed, raw data of DAQmx with their scalers. Scales are applied ([`scale`]). Rate
+//! (`1 / wf_increment`), start (`wf_start_time` and `wf_start_offset`) and unit (`unit_string`) are the channel's,
+//! else the group's, else the file's. Strings, times and truth values are passed over.
 //!
 //! Every announced size is held against the bytes that follow before anything is made of it.
 

@@ -1,7 +1,8 @@
 //! Scales that a TDMS file states: a chain of steps from raw numbers to the quantity.
 //!
-//! Source: the properties `NI_Scale[i]_...` as LabVIEW and DAQmx write them; steps, their inputs and the order in which channel, group and file are
-//! asked are those of npTDMS 1.13. Read: linear, polynomial, table, sum, difference, and the raw scalers of DAQmx.
+//! Source: the properties `NI_Scale[i]_...` as LabVIEW and DAQmx write them; steps, their inputs and the order in
+//! which channel, group and file are asked are those of npTDMS 1.13. Read: linear, polynomial, table, sum,
+//! difference, and the raw scalers of DAQmx.
 
 use super::{Object, Property};
 use std::collections::BTreeMap;
