@@ -25,7 +25,7 @@
 //! use std::sync::Arc;
 //!
 //! # fn main() -> meshband_emulator::error::Result<()> {
-//! // Its vectors at the first address of flash, as the loader's are; the segments of several images may be put together.
+//! // Its vectors at the first address of flash, as the loader's are; segments of several images may be joined.
 //! let mut board = Board::new(&Image::read("loader".as_ref())?)?;
 //! board.set_analogue(Arc::new(|time_s| 0.5 + 0.3 * (3000.0 * time_s).sin()));
 //! board.add_tach_edges(&[0.30, 0.34, 0.38]);
@@ -49,7 +49,7 @@
 //!
 //! | what | how |
 //! | --- | --- |
-//! | power cut, torn word or sector | [`board::Board::cycle_power`] at any instant; `chip().flash.programmed` and `.erased` count |
+//! | power cut, torn word or sector | [`board::Board::cycle_power`] at any instant; `chip().flash` counts |
 //! | no crystal, PLL that never locks | `chip_mut().rcc.oscillators` before the start |
 //! | crystal lost while running | [`chip::Chip::lose_crystal`] |
 //! | internal oscillator off by a per cent | `chip_mut().internal_fast` |
@@ -57,10 +57,10 @@
 //! | bus to the amplifier that hangs | `chip_mut().spi2.dead` |
 //! | bounces, glitches, storms at the tach | [`board::Board::add_tach_levels`] |
 //! | bytes from the host | [`board::Board::send`], at another rate [`board::Board::set_line`] |
-//! | supply and temperature of the chip | `chip_mut().inputs.supply_v` and `.temperature_c`, what the factory measured in `chip_mut().factory` |
+//! | supply and temperature of the chip | `chip_mut().inputs`, what the factory measured in `chip_mut().factory` |
 //! | pulses per second | [`board::Board::add_second_pulses`] |
 //! | slow or fast core | [`cpu::Cpu::set_pace`] |
-//! | wild program, stack overflow | [`cpu::Cpu::set_program_counter`], [`cpu::Cpu::set_register`], and [`cpu::Cpu::take_faults`], without which they end the run |
+//! | wild program, stack overflow | `set_program_counter`, `set_register`, `take_faults` of [`cpu::Cpu`] |
 //! | memory of the program | [`chip::Chip::peek`] and [`chip::Chip::poke`] at an address of [`elf::Image::symbols`] |
 //!
 //! Not modelled: bus contention, FIFO mode of the DMA, interrupts inside a block of instructions, lazy stacking,

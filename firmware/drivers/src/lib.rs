@@ -2,10 +2,10 @@
 //!
 //! | driver | needs | does |
 //! | --- | --- | --- |
-//! | [`status_light::StatusLight`] | [`OutputPin`](embedded_hal::digital::OutputPin) | lights one light; [`status_light::FlashCode`] has the timing of its codes |
+//! | [`status_light::StatusLight`] | [`OutputPin`](embedded_hal::digital::OutputPin) | lights one light by codes |
 //! | [`alarm_output::AlarmOutput`] | `OutputPin` | a relay or lamp that follows the node's alarms, fail-safe |
 //! | [`sensor_supply::SensorSupply`] | `OutputPin` | feeds the sensor and says when its bias has settled |
-//! | [`programmable_gain::ProgrammableGain`] | [`SpiDevice`](embedded_hal::spi::SpiDevice) | gain of the analogue front end, MCP6S21 class; [`gain_keeper::GainKeeper`] tries again while the bus fails |
+//! | [`programmable_gain::ProgrammableGain`] | [`SpiDevice`](embedded_hal::spi::SpiDevice) | gain, MCP6S21 class; [`gain_keeper`] tries again |
 //!
 //! Time is the board's 32-bit tick counter, which wraps (51 s at 84 MHz): every driver that measures time is polled
 //! from the main loop, and [`countdown`] adds up what passed between polls, so any duration may be longer than the

@@ -10,7 +10,7 @@
 //! How the parts work together, all on one clock of 84 MHz:
 //!
 //! ```text
-//! TIM2 (32 bit) --update = TRGO--> ADC3 --DMA2 stream 0, double buffer--> blocks of 512 codes, or of 256 with a second sensor,
+//! TIM2 (32 bit) --update = TRGO--> ADC3 --DMA2 stream 0, double buffer--> blocks of 512 codes (256 with two sensors),
 //!   |   |                     +--> ADC2 --DMA2 stream 3, double buffer--> and its 256 codes behind them
 //!   ^   |
 //!   |   +--ITR1--> TIM3 counts a block's samples --update--> DMA1 stream 2 writes TIM2's preloaded reload

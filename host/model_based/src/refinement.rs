@@ -47,10 +47,6 @@ struct Moving {
 }
 
 impl Moving {
-    fn values(&self) -> Vec<f64> {
-        self.x.iter().copied().chain(self.term.shape().iter().map(|s| s.0)).collect()
-    }
-
     /// With its numbers changed by `step`, the phases of its runs behind them.
     fn moved(&self, step: &[f64]) -> Self {
         let count = self.x.len();

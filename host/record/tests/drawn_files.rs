@@ -220,8 +220,10 @@ fn of_lvm(random: &mut ChaCha8Rng, channels: Vec<Vec<f64>>, rate_hz: f64) -> Dra
     let names: Vec<String> = (0..channels.len()).map(|c| format!("A{}", c + 1)).collect();
     let samples = channels[0].len();
     let mut out = format!(
-        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t{}\nMulti_Headings\tNo\nX_Columns\t{}\n***End_of_Header***\t\n\n\
-         Channels\t{}\nSamples{}\nY_Unit_Label{}\nX_Dimension{}\nX0{}\nDelta_X{}\n***End_of_Header***\nX_Value\t{}\tComment\n",
+        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t{}\nMulti_Headings\tNo\n\
+         X_Columns\t{}\n***End_of_Header***\t\n\n\
+         Channels\t{}\nSamples{}\nY_Unit_Label{}\nX_Dimension{}\nX0{}\nDelta_X{}\n***End_of_Header***\nX_Value\t{}\
+         \tComment\n",
         if comma { "," } else { "." },
         if columns { "One" } else { "No" },
         channels.len(),

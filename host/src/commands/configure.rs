@@ -47,7 +47,8 @@ pub struct Args {
     #[arg(long)]
     at_start: bool,
     /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
-    #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio", "sensitivity", "volt_per_g",
+    #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio",
+        "sensitivity", "volt_per_g",
         "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json", "report"])]
     acknowledge: bool,
     #[command(flatten)]

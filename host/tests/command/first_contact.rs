@@ -213,9 +213,12 @@ fn regress_text_as_programs_write_it() {
 #[test]
 fn regress_labview_measurement_files() {
     let folder = folder("contact-lvm");
-    let head = "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\nMulti_Headings\tNo\nX_Columns\tNo\n\
-                Time_Pref\tAbsolute\n***End_of_Header***\t\n\t\nChannels\t2\t\nSamples\t1000\t1000\t\nY_Unit_Label\tg\tg\t\nX_Dimension\tTime\tTime\t\n\
-                X0\t0,0\t0,0\t\nDelta_X\t7,812500E-5\t7,812500E-5\t\n***End_of_Header***\t\t\t\nX_Value\tA1\tA2\tComment\n";
+    let head = "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t\
+     ,\nMulti_Headings\tNo\nX_Columns\tNo\n\
+                Time_Pref\tAbsolute\n***End_of_Header***\t\n\t\nChannels\t2\t\nSamples\t1000\t1000\t\n\
+                Y_Unit_Label\tg\tg\t\nX_Dimension\tTime\tTime\t\n\
+                X0\t0,0\t0,0\t\nDelta_X\t7,812500E-5\t7,812500E-5\t\n***End_of_Header***\t\t\t\nX_Value\tA1\tA2\t\
+                Comment\n";
     let body = table("", 1000, |i| format!("\t{:.7}\t{:.7}", sample(0, i) / GRAVITY, sample(1, i) / GRAVITY))
         .replace('.', ",");
     for name in ["a.lvm", "a.txt"] {

@@ -256,7 +256,8 @@ macro_rules! named_parts {
     )* };
 }
 
-parts!(SerializeSeq serialize_element, SerializeTuple serialize_element, SerializeTupleStruct serialize_field, SerializeTupleVariant serialize_field);
+parts!(SerializeSeq serialize_element, SerializeTuple serialize_element, SerializeTupleStruct serialize_field,
+    SerializeTupleVariant serialize_field);
 named_parts!(SerializeStruct, SerializeStructVariant);
 
 impl ser::SerializeMap for &mut Writer<'_> {

@@ -155,10 +155,13 @@ struct Reader {
 }
 
 macro_rules! registers {
-    ($($group:literal { $($address:literal $kind:ident $name:literal [$unit:literal] $meaning:literal = $read:expr;)* })*) => {
+    ($($group:literal {
+        $($address:literal $kind:ident $name:literal [$unit:literal] $meaning:literal = $read:expr;)*
+    })*) => {
         /// All registers, in the order of their addresses.
         pub const REGISTERS: &[Register] = &[$($(
-            Register { group: $group, address: $address, kind: Kind::$kind, name: $name, unit: $unit, meaning: $meaning },
+            Register { group: $group, address: $address, kind: Kind::$kind, name: $name, unit: $unit,
+                meaning: $meaning },
         )*)*];
         static READERS: &[Reader] = &[$($(Reader { address: $address, read: Read::$kind($read) },)*)*];
     };
@@ -195,7 +198,9 @@ registers! {
         38 Float "speed" ["Hz"] "rate of the pinion; not a number without a \
             speed" = |v| v.bank.status.float(|s| if s.validity == Validity::None { f32::NAN } else { s.speed_hz });
         40 Float "speed_uncertainty" [""] "relative standard uncertainty of the \
-            speed" = |v| v.bank.status.float(|s| if s.validity == Validity::None { f32::NAN } else { s.speed_uncertainty });
+            speed" = |v| v.bank.status.float(|s| {
+            if s.validity == Validity::None { f32::NAN } else { s.speed_uncertainty }
+        });
         42 Float "pulse_age" ["s"] "since the latest accepted tach pulse, at the time of the \
             status" = |v| v.bank.status.float(|s| s.age_s);
         44 Float "adc_rate" ["Hz"] "sampling rate granted" = |v| v.bank.status.float(|s| s.adc_hz);
@@ -223,7 +228,9 @@ registers! {
             it" = |v| v.bank.values.word(|i| i.quality.turns);
         100 Float "duration" ["s"] "of the record" = |v| v.bank.values.float(|i| i.quality.duration_s);
         102 Float "speed" ["Hz"] "rate of the pinion at the \
-            record" = |v| v.bank.values.float(|i| if i.tag.validity == Validity::None { f32::NAN } else { i.tag.speed_hz });
+            record" = |v| v.bank.values.float(|i| {
+            if i.tag.validity == Validity::None { f32::NAN } else { i.tag.speed_hz }
+        });
         104 Float "rms" ["m/s^2"] "root mean square of the acceleration about its \
             mean" = |v| v.bank.values.float(|i| i.rms);
         106 Float "peak" ["m/s^2"] "largest distance from the mean" = |v| v.bank.values.float(|i| i.peak);

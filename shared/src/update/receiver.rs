@@ -256,7 +256,8 @@ impl<F: NorFlash> Updater<F> {
         let mut vectors = [0; 8];
         self.free.flash.read(IMAGE_OFFSET, &mut vectors).map_err(|_| UpdateRefused::Flash)?;
         let (words, _) = vectors.as_chunks::<4>();
-        if !matches!(words, [stack, entry] if header.fits_vectors(u32::from_le_bytes(*stack), u32::from_le_bytes(*entry)))
+        if !matches!(words, [stack, entry] if header.fits_vectors(u32::from_le_bytes(*stack),
+            u32::from_le_bytes(*entry)))
         {
             return Err(UpdateRefused::Vectors);
         }

@@ -5,10 +5,8 @@ use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::simulate::{Acquisition, simulate};
 use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::effects;
-use meshband_host::effects::catalogue::argument;
 use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
-use meshband_host::model::harmonic_balance;
 use meshband_host::model_based::apply::{Applied, Correction};
 use meshband_host::model_based::candidate::{Parameter, Tuning};
 use meshband_host::model_based::carry::{PHASE_FREE, carry};
@@ -20,7 +18,6 @@ use meshband_host::observation::input;
 use meshband_host::output::Outputs;
 use meshband_host::predict::Predictor;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
-use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 fn vectors() -> PathBuf {
@@ -51,22 +48,6 @@ fn term(name: &str, parameters: Vec<Parameter>, unknowns: Vec<f64>, tuning: Opti
 
 fn rms<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     values.map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// The machine's stiffness table with every tenth row: the Taylor solver stops at every row.
-fn coarse() -> (tempfile::TempDir, Machine, input::Record) {
-    let mut record = input::read(&vectors()).unwrap();
-    let mut machine = Machine::read(&vectors()).unwrap();
-    let rows: Vec<usize> = (0..record.curve.u.len()).step_by(10).collect();
-    let thinned = |list: &[f64]| -> Vec<f64> { rows.iter().map(|&i| list[i]).collect() };
-    (record.curve.u, record.curve.k) = (thinned(&record.curve.u), thinned(&record.curve.k));
-    let folder = tempfile::tempdir().unwrap();
-    let mut text = String::from("position_base_pitches,stiffness_n_per_m\n");
-    record.curve.u.iter().zip(&record.curve.k).for_each(|(u, k)| text += &format!("{u:.9},{k:.9e}\n"));
-    std::fs::write(folder.path().join("coarse.csv"), text).unwrap();
-    machine.pair.pair_stiffness = Some("coarse.csv".into());
-    machine.folder = folder.path().to_path_buf();
-    (folder, machine, record)
 }
 
 #[test]

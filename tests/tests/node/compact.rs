@@ -87,7 +87,9 @@ fn compare(value: &impl Serialize) {
 
 proptest! {
     #[test]
-    fn ref_every_form_is_written_as_the_postcard_crate_writes_it(outer in forms(None).prop_flat_map(|inner| forms(Some(Box::new(inner))))) {
+    fn ref_every_form_is_written_as_the_postcard_crate_writes_it(
+        outer in forms(None).prop_flat_map(|inner| forms(Some(Box::new(inner))))
+    ) {
         compare(&outer);
     }
 }

@@ -323,7 +323,8 @@ proptest! {
     /// Whatever comes in whatever pieces: answers are whole, and there are not more of them than sound requests.
     #[test]
     fn fault_any_bytes_at_any_time(
-        pieces in proptest::collection::vec((proptest::collection::vec(any::<u8>(), 0..40), 0u32..30, any::<bool>()), 0..40)
+        pieces in proptest::collection::vec((proptest::collection::vec(any::<u8>(), 0..40), 0u32..30, any::<bool>()),
+            0..40)
     ) {
         let mut bench = Bench::new(link());
         let mut asked = 0;

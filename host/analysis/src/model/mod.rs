@@ -6,5 +6,5 @@
 pub mod forward;
 pub mod harmonic_balance;
 pub mod integrated;
-mod poles;
+pub mod poles;
 mod recurring;

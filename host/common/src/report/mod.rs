@@ -172,9 +172,11 @@ fn is_number(cell: &str) -> bool {
 }
 
 const STYLE: &str = "
-:root{color-scheme:light dark;--paper:#fff;--ink:#1b1f24;--soft:#59636e;--line:#d5dae0;--wash:#f5f7f9;--mark:#0072b2;--note:#fdf8ec}
+:root{color-scheme:light dark;--paper:#fff;--ink:#1b1f24;--soft:#59636e;--line:#d5dae0;--wash:#f5f7f9;
+--mark:#0072b2;--note:#fdf8ec}
 *{box-sizing:border-box}
-body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Liberation Sans',sans-serif}
+body{margin:0;background:var(--paper);color:var(--ink);
+font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Liberation Sans',sans-serif}
 main{max-width:62rem;margin:0 auto;padding:2.5rem 1.5rem}
 header{border-bottom:3px solid var(--mark);margin-bottom:1.5rem;padding-bottom:.8rem}
 .mark{margin:0;color:var(--mark);font-weight:600;letter-spacing:.08em;font-size:.8rem;text-transform:uppercase}
@@ -195,12 +197,14 @@ th{border-bottom:2px solid var(--ink);font-weight:600}
 figure{margin:1.2rem 0}
 figure svg{width:100%;height:auto;display:block}
 figcaption{color:var(--soft);font-size:.88rem;max-width:46rem}
-.verdict{border-left:4px solid var(--mark);background:var(--wash);padding:.7rem 1.1rem;margin:0 0 1.4rem;border-radius:0 6px 6px 0;font-size:1.08rem}
+.verdict{border-left:4px solid var(--mark);background:var(--wash);padding:.7rem 1.1rem;margin:0 0 1.4rem;
+border-radius:0 6px 6px 0;font-size:1.08rem}
 .verdict p{max-width:52rem;margin:.45rem 0}
 abbr{text-decoration:underline dotted var(--soft);text-underline-offset:.2em;cursor:help}
 details>summary{cursor:pointer;font-size:1.25rem;font-weight:600;margin-top:2.4rem}
 .printed{display:none}
-aside{border-left:4px solid #e69f00;background:var(--note);padding:.6rem .9rem;margin:1rem 0;border-radius:0 6px 6px 0;max-width:46rem}
+aside{border-left:4px solid #e69f00;background:var(--note);padding:.6rem .9rem;margin:1rem 0;
+border-radius:0 6px 6px 0;max-width:46rem}
 footer table{font-size:.8rem;margin-bottom:.8rem}footer th{border:0;font-weight:400;white-space:nowrap}footer \
 td{border:0;overflow-wrap:anywhere}footer th,footer td{padding:.1rem 1rem .1rem 0}
 footer{margin-top:3rem;color:var(--soft);font-size:.8rem;border-top:1px solid var(--line);padding-top:.6rem}
@@ -210,5 +214,7 @@ svg [fill=\"#1B1F24\"]{fill:var(--ink)}svg [stroke=\"#1B1F24\"]{stroke:var(--ink
 svg [stroke=\"#E2E6EB\"]{stroke:#2a313a}svg [fill=\"#FFFFFF\"]{fill:var(--paper)}
 svg :is(polyline,path,circle,line)[stroke=\"#0072B2\"]{stroke:#3d9fdb}svg circle[fill=\"#0072B2\"]{fill:#3d9fdb}
 }
-@media print{@page{margin:14mm}.more{display:none}.printed{display:block;color:var(--soft)}abbr{text-decoration:none}figure svg{max-height:95mm}h2{margin-top:1.2rem}main{max-width:none;padding:0}h2{break-after:avoid}figure,table,aside,dl div{break-inside:avoid}body{font-size:10pt}}
+@media print{@page{margin:14mm}.more{display:none}.printed{display:block;color:var(--soft)}
+abbr{text-decoration:none}figure svg{max-height:95mm}h2{margin-top:1.2rem}main{max-width:none;padding:0}
+h2{break-after:avoid}figure,table,aside,dl div{break-inside:avoid}body{font-size:10pt}}
 ";

@@ -72,10 +72,13 @@ const POUND_FORCE: f64 = 4.448_221_615_260_5;
 const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
     use Quantity::*;
     &[
-        (&["m/s2", "m/s/s", "ms-2", "mps2", "m/sec2", "m/sec/sec", "meter/second2", "meters/second2", "metre/second2", "metres/second2",
-           "meterspersecondsquared", "meterpersecondsquared", "metrespersecondsquared", "meters/sec2", "m_s2", "meterpersquaresecond"],
+        (&["m/s2", "m/s/s", "ms-2", "mps2", "m/sec2", "m/sec/sec", "meter/second2", "meters/second2",
+            "metre/second2", "metres/second2",
+           "meterspersecondsquared", "meterpersecondsquared", "metrespersecondsquared", "meters/sec2", "m_s2",
+               "meterpersquaresecond"],
          Acceleration, 1.0, 0.0, "m/s2"),
-        (&["g", "gn", "g0", "gs", "gee", "gees", "g's", "gravity", "gravities", "standardgravity", "grms", "gpk", "gpeak", "g-force", "gforce"],
+        (&["g", "gn", "g0", "gs", "gee", "gees", "g's", "gravity", "gravities", "standardgravity", "grms", "gpk",
+            "gpeak", "g-force", "gforce"],
          Acceleration, GRAVITY, 0.0, "m/s2"),
         (&["milli-g", "millig", "milligs", "milligee"], Acceleration, 1e-3 * GRAVITY, 0.0, "m/s2"),
         (&["micro-g", "microg"], Acceleration, 1e-6 * GRAVITY, 0.0, "m/s2"),
@@ -105,7 +108,8 @@ const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
         (&["mnm"], Torque, 1e-3, 0.0, "N m"),
         (&["ncm"], Torque, 1e-2, 0.0, "N m"),
         (&["knm"], Torque, 1e3, 0.0, "N m"),
-        (&["lbfft", "lbf-ft", "ft-lb", "ftlb", "lb-ft", "lbft", "ft-lbf", "ftlbf"], Torque, POUND_FORCE * FOOT, 0.0, "N m"),
+        (&["lbfft", "lbf-ft", "ft-lb", "ftlb", "lb-ft", "lbft", "ft-lbf", "ftlbf"], Torque, POUND_FORCE * FOOT, 0.0,
+            "N m"),
         (&["lbfin", "lbf-in", "in-lb", "inlb", "lb-in", "lbin", "in-lbf"], Torque, POUND_FORCE * INCH, 0.0, "N m"),
         (&["pa", "pascal", "pascals"], Pressure, 1.0, 0.0, "Pa"),
         (&["hpa", "mbar"], Pressure, 100.0, 0.0, "Pa"),
@@ -115,10 +119,12 @@ const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
         (&["v", "volt", "volts", "voltage", "vdc"], Voltage, 1.0, 0.0, "V"),
         (&["millivolt", "millivolts"], Voltage, 1e-3, 0.0, "V"),
         (&["a", "amp", "amps", "ampere", "amperes"], Current, 1.0, 0.0, "A"),
-        (&["degc", "c", "celsius", "deg_c", "degreec", "degreescelsius", "degreecelsius"], Temperature, 1.0, 0.0, "degC"),
+        (&["degc", "c", "celsius", "deg_c", "degreec", "degreescelsius", "degreecelsius"], Temperature, 1.0, 0.0,
+            "degC"),
         (&["k", "kelvin", "degk"], Temperature, 1.0, -273.15, "degC"),
         (&["degf", "f", "fahrenheit"], Temperature, 5.0 / 9.0, -32.0 * 5.0 / 9.0, "degC"),
-        (&["rpm", "1/min", "r/min", "min-1", "rev/min", "u/min", "/min", "revolutionsperminute"], Speed, 1.0, 0.0, "rpm"),
+        (&["rpm", "1/min", "r/min", "min-1", "rev/min", "u/min", "/min", "revolutionsperminute"], Speed, 1.0, 0.0,
+            "rpm"),
         (&["krpm"], Speed, 1e3, 0.0, "rpm"),
         (&["rps", "rev/s", "r/s", "turns/s", "1/s_speed"], Speed, 60.0, 0.0, "rpm"),
         (&["rad/s", "rad/sec", "rads-1"], Speed, 30.0 / std::f64::consts::PI, 0.0, "rpm"),
@@ -140,7 +146,8 @@ const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
         (&["min", "mins", "minute", "minutes"], Time, 60.0, 0.0, "s"),
         (&["h", "hr", "hrs", "hour", "hours"], Time, 3600.0, 0.0, "s"),
         (&["d", "day", "days"], Time, 86_400.0, 0.0, "s"),
-        (&["count", "counts", "cnt", "lsb", "raw", "digits", "code", "codes", "adc", "adccounts", "ticks"], Count, 1.0, 0.0, "counts"),
+        (&["count", "counts", "cnt", "lsb", "raw", "digits", "code", "codes", "adc", "adccounts", "ticks"], Count,
+            1.0, 0.0, "counts"),
     ]
 };
 
@@ -149,9 +156,12 @@ const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
 const BY_CASE: &[(&str, Quantity, f64, &str)] = {
     use Quantity::*;
     &[
-        ("mg", Acceleration, 1e-3 * GRAVITY, "m/s2"), ("mG", Acceleration, 1e-3 * GRAVITY, "m/s2"), ("ug", Acceleration, 1e-6 * GRAVITY, "m/s2"),
-        ("kg", Force, f64::NAN, ""), ("mV", Voltage, 1e-3, "V"), ("uV", Voltage, 1e-6, "V"), ("mA", Current, 1e-3, "A"), ("mPa", Pressure, 1e-3, "Pa"),
-        ("MPa", Pressure, 1e6, "Pa"), ("uPa", Pressure, 1e-6, "Pa"), ("mN", Force, 1e-3, "N"), ("MG", Acceleration, 1e-3 * GRAVITY, "m/s2"),
+        ("mg", Acceleration, 1e-3 * GRAVITY, "m/s2"), ("mG", Acceleration, 1e-3 * GRAVITY, "m/s2"), ("ug",
+            Acceleration, 1e-6 * GRAVITY, "m/s2"),
+        ("kg", Force, f64::NAN, ""), ("mV", Voltage, 1e-3, "V"), ("uV", Voltage, 1e-6, "V"), ("mA", Current, 1e-3,
+            "A"), ("mPa", Pressure, 1e-3, "Pa"),
+        ("MPa", Pressure, 1e6, "Pa"), ("uPa", Pressure, 1e-6, "Pa"), ("mN", Force, 1e-3, "N"), ("MG", Acceleration,
+            1e-3 * GRAVITY, "m/s2"),
         ("mW", Power, 1e-3, "W"), ("MW", Power, 1e6, "W"),
     ]
 };

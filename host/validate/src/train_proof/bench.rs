@@ -5,8 +5,9 @@ use crate::{Error, Result};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Length of a record, s, and its rate, Hz.
+/// Length of a record, s.
 pub const SECONDS: f64 = 40.0;
+/// Sampling rate of a record, Hz.
 pub const RATE_HZ: f64 = 10_240.0;
 /// Turns of a gear below which nothing is hidden in it: what the kinematic level does not judge either.
 const OFTEN: f64 = 30.0;
