@@ -227,7 +227,8 @@ fn check(steps: &[Step], piece: usize, folder: &Path) -> Result<(), TestCaseErro
         let escaped = meshband_host::report::escape(&line);
         prop_assert!(page.contains(&escaped), "{line} in the report");
     }
-    prop_assert!(json.contains(&format!("\"known\":{}", alarms.known)));
+    let known = format!("\"known\":{}", alarms.known);
+    prop_assert!(json.contains(&known), "{}", json);
     prop_assert_eq!(alarms.known, panel.view.status.is_some());
     let shown = super::monitor::picture(&panel, &Standing::Open, 1.0, (200, 60)).join("\n");
     prop_assert_eq!(alarms.any(), shown.contains("ALARM"), "{}", shown);
