@@ -94,7 +94,7 @@ pub fn findings(outcome: &Outcome, about: &About) -> Table {
         let strongest = strongest(outcome, effect);
         let (sensor, strength, over) = match strongest {
             Some((picture, line)) => (
-                crate::text::name(&picture.name).to_string(),
+                crate::text::name(&picture.name),
                 format!("{:.3}", line.amplitude),
                 format!("{:.0}", line.over_floor_db),
             ),

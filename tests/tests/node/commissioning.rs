@@ -293,6 +293,8 @@ fn fault_double_edges_of_the_tach_are_refused_or_warned_of_by_their_share() {
 fn fault_speeds_that_never_come_are_named() {
     let mut bench = bench(steady, Fault::None);
     bench.plan.seconds = 30.0;
+    // Not even the class of its one speed fills in that time.
+    bench.plan.values = 200;
     bench.refused(Step::RunUp, &["classes filled", "missing: 10.50 to", "--speeds"]);
 }
 

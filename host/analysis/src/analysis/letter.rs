@@ -124,8 +124,7 @@ fn next(all: &[Seen]) -> String {
     }
     let look = if all.iter().any(|seen| seen.in_envelope) { advice::for_name("bearing") } else { advice::for_name("") };
     format!(
-        "Next: {}; `meshband diagnose RECORD` looks for causes and says how sure they are; \
-        {}.",
+        "Next: {}; `meshband diagnose RECORD` looks for causes and says how sure they are; {}.",
         look.look, look.when
     )
 }
@@ -143,7 +142,7 @@ pub fn findings(outcome: &Outcome) -> Table {
             format!("{:.4}", family.base_order),
             format!("{:.1}", family.base_order * seen.speed_hz),
             if seen.in_envelope { "envelope" } else { "spectrum" }.into(),
-            crate::text::name(&seen.channel.name).to_string(),
+            crate::text::name(&seen.channel.name),
             seen.channels.to_string(),
             strength,
             unit,

@@ -143,7 +143,7 @@ fn on_shapes(
             }
         }
     };
-    SHAPES.into_iter().flat_map(|watched| (0..PARTS).map(move |part| (watched, part))).map(of).collect()
+    SHAPES.into_iter().flat_map(|watched| (0..parts).map(move |part| (watched, part))).map(of).collect()
 }
 
 fn is_proposed(watched: Watched) -> bool {

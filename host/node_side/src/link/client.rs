@@ -32,6 +32,19 @@ pub const REPLIES: usize = 64;
 /// Most streamed messages kept that nobody has read yet: half a minute of a busy node.
 pub const MESSAGES: usize = 4096;
 
+/// Where a transport was: it has ended.
+struct Gone;
+
+impl Transport for Gone {
+    fn read(&mut self, _: &mut [u8]) -> std::io::Result<Option<usize>> {
+        Ok(None)
+    }
+
+    fn write(&mut self, _: &[u8]) -> std::io::Result<()> {
+        Err(ErrorKind::BrokenPipe.into())
+    }
+}
+
 /// A node at the other end of a transport.
 pub struct Client {
     transport: Box<dyn Transport>,
@@ -47,6 +60,11 @@ impl Client {
     pub fn new(transport: Box<dyn Transport>) -> Self {
         let (messages, replies) = (VecDeque::new(), VecDeque::new());
         Self { transport, stream: Stream::default(), sequence: 0, messages, replies, ended: false }
+    }
+
+    /// Lets the transport go: a port that is to be opened again must not be held. What was received stays.
+    pub fn hang_up(&mut self) {
+        (self.transport, self.ended) = (Box::new(Gone), true);
     }
 
     /// Goes on over another transport: counters stay, and what went by meanwhile is no loss.

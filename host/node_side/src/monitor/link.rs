@@ -101,6 +101,7 @@ impl Watched {
     }
 
     fn drop_link(&mut self, reason: String) {
+        self.client.hang_up();
         self.lost = Some(Lost { reason, next: Some(Instant::now() + FIRST_PAUSE), ..Lost::default() });
     }
 

@@ -191,9 +191,8 @@ mod rtu {
 
     /// A pseudo-terminal with a station behind it.
     pub struct Terminal {
+        /// While no master has the far end open, reading and writing fail: that is silence.
         near: TTYPort,
-        /// Held open: without it nobody could come and go.
-        _far: TTYPort,
         /// Path for the master.
         pub name: String,
         line: Line,
@@ -201,12 +200,12 @@ mod rtu {
 
     impl Terminal {
         pub fn new(link: &LinkConfig) -> Result<Self, String> {
-            let (mut near, mut far) = TTYPort::pair().map_err(|error| error.to_string())?;
-            far.set_exclusive(false).map_err(|error| error.to_string())?;
+            // The far end is let go: who holds it keeps masters out.
+            let (mut near, far) = TTYPort::pair().map_err(|error| error.to_string())?;
             near.set_timeout(LOOK).map_err(|error| error.to_string())?;
             let name = far.name().ok_or("the pseudo-terminal has no path")?;
             let line = Line::new(format(link), TicksPerSecond(TICKS_PER_SECOND));
-            Ok(Self { near, _far: far, name, line })
+            Ok(Self { near, name, line })
         }
 
         pub fn heard(&self) -> Heard {
@@ -216,7 +215,6 @@ mod rtu {
         /// Answers a request that has ended; whether it was refused.
         pub fn serve(&mut self, address: u8, view: &View<'_>, now: u32) -> bool {
             let mut buffer = [0; 256];
-            // A time-out is silence.
             let count = self.near.read(&mut buffer).unwrap_or(0);
             buffer[..count].iter().for_each(|&byte| self.line.push(byte));
             let Some(request) = self.line.look(address, now) else { return false };

@@ -39,7 +39,7 @@ pub fn facts(record: &Record) -> Facts {
     let declaration = &record.declaration;
     let mut facts = Facts::new();
     let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
-    add("record", crate::text::name(&record.folder.display().to_string()).to_string());
+    add("record", crate::text::name(&record.folder.display().to_string()));
     if let Some(day) = day(record) {
         add("file written", day);
     }
@@ -55,7 +55,7 @@ pub fn facts(record: &Record) -> Facts {
     let rate = declaration.acquisition.sample_rate_hz;
     add("sampling", format!("{rate} Hz, {runs} run{}, {seconds:.1} s in all", if runs == 1 { "" } else { "s" }));
     let names = &declaration.acquisition.channels;
-    let shown: Vec<String> = names.iter().take(NAMED).map(|name| crate::text::name(name).to_string()).collect();
+    let shown: Vec<String> = names.iter().take(NAMED).map(|name| crate::text::name(name)).collect();
     let rest = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
     let unit = declaration.acquisition.unit.as_deref().unwrap_or("m/s2");
     add("sensors", format!("{}{rest}, in {unit}", shown.join(", ")));
