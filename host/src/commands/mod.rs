@@ -11,7 +11,6 @@ pub mod close;
 pub mod commission;
 pub mod configure;
 pub mod effects;
-pub mod export;
 pub mod health;
 pub mod import;
 pub mod installation;

@@ -9,7 +9,6 @@
 mod floor;
 #[cfg(test)]
 mod generated_records;
-pub mod ladder;
 mod limit;
 mod score;
 mod uniform;
