@@ -8,7 +8,7 @@ use crate::{node_build, setup};
 use std::process::Command;
 
 /// The master's package, at the version that the tests were written with.
-const PACKAGE: &str = "pymodbus==3.16.1";
+const PACKAGE: &str = "pymodbus[serial]==3.16.1";
 
 /// `cargo xtask modbus`: the released image as a Modbus station against pymodbus.
 pub fn run_task() -> Outcome {
@@ -42,7 +42,7 @@ pub fn environment() -> Outcome<Option<String>> {
     let folder = root().join("target/modbus-python");
     let python = folder.join("bin/python");
     let version = PACKAGE.rsplit('=').next().unwrap_or_default();
-    let check = format!("import pymodbus, sys; sys.exit(pymodbus.__version__ != '{version}')");
+    let check = format!("import pymodbus, serial, sys; sys.exit(pymodbus.__version__ != '{version}')");
     if capture(Command::new(&python).args(["-c", &check])).is_ok() {
         return Ok(None);
     }

@@ -22,7 +22,7 @@ pub fn rust_source(file: &LawFile, machine_path: &str) -> Result<String> {
         "//! The law of `{path}`. Generated, do not edit:\n\
          //! `meshband law export {path} -o shared/src/law/data.rs`.\n\
          \n\
-         use crate::{{Law, LawForm, LawKnot, LawTable, RampDescription}};\n\
+         use crate::law::{{Law, LawForm, LawKnot, LawTable, RampDescription}};\n\
          use crate::units::Hertz;\n\
          \n\
          /// Pinion rate, Hz, and bandwidth, Hz.\n\

@@ -1,7 +1,6 @@
 //! What the loop says of a record: the JSON of the blind task, and a short text.
 
 use super::candidate::{Parameter, Tuning};
-use super::limits::Limit;
 use super::null_records::NullRecords;
 use super::probability::Probability;
 use super::refusal::Refused;
@@ -339,4 +338,33 @@ impl Outcome {
             (None, n) => format!("{verdict} (findings about the record: {n})"),
         };
     }
+}
+
+/// What would have been found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Limit {
+    /// Name of the effect.
+    pub family: String,
+    /// The body or channel that it sits on, and the band that its order, frequency or length is from where that
+    /// matters; empty where there is no choice.
+    pub at: String,
+    /// Strength found in half of the places tried; none where nothing in range would have been.
+    pub found_in_half: Option<f64>,
+    /// Strength found in nine of ten.
+    pub found_in_90_percent: Option<f64>,
+    /// Unit of the strength.
+    pub unit: String,
+    /// The simulator's effect and key that the strength is a value of, as for `--effect`.
+    pub strength: String,
+    /// Places tried.
+    pub places: usize,
+    /// The simulator's keys that say where it sits.
+    #[serde(skip)]
+    pub keys: Vec<(&'static str, f64)>,
+    /// Whether it is locked to an order of the pinion.
+    #[serde(skip)]
+    pub at_order: bool,
+    /// The simulator's key that is drawn from a band, and the band.
+    #[serde(skip)]
+    pub within: Option<(&'static str, [f64; 2])>,
 }

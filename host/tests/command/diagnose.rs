@@ -27,7 +27,7 @@ fn theory_the_command_runs_at_the_level_that_the_record_allows_and_writes_its_re
     }
     assert_eq!((value["level"].as_str(), value["record"].as_str()), (Some("kinematic"), Some("record")));
     assert!(value["limits"].as_array().is_some_and(|l| l.len() > 4) && value["split"]["kind"].is_string());
-    assert!(std::fs::read_to_string(&page).expect("read").contains("Spectra before and after"));
+    assert!(std::fs::read_to_string(&page).expect("read").contains("Error in three stages"));
     common::refused(&["loop", &path, "--level", "dynamic"], &["dynamic level", "torque of run 0", "stiffness"]);
     let mut bare = SMALL.record(&[], &[]);
     bare.declaration.rest.remove("pair");

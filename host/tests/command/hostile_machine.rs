@@ -80,7 +80,7 @@ fn fault_simulations_beyond_the_budget_are_refused_with_figures() {
         (vec!["--duration=1e15"], vec!["--duration", "1.024e20", "the limit is"]),
         (vec!["--duration=1e9"], vec!["--duration", "samples x channels"]),
         (vec!["--rate=1e8", "--duration=1"], vec!["--rate", "2.000e8"]),
-        (vec!["--speed=1e300"], vec!["speed", "1.000e300", "turns/s"]),
+        (vec!["--speed=1e300"], vec!["--speed", "6e301 rpm", "1e300Hz"]),
         (vec!["--speed=1e4"], vec!["speed", "10000 turns/s", "the limit is 1000"]),
         (vec!["--run-up=10,1e5,1"], vec!["speed", "turns/s"]),
         (vec!["--torque=1e300"], vec!["torque", "1e300"]),
@@ -246,7 +246,7 @@ fn fault_wrong_options_are_one_line_and_help_stays_whole() {
     refused(&["import", "a.csv", "-o", "x", "--unit", "furlong"], &["furlong", "possible values"]);
     refused(&["frobnicate"], &["frobnicate"]);
     refused(&["monitor", "--replay", "x", "--patience", "1e-300"], &["--patience"]);
-    refused(&["simulate", "m.toml", "-o", "x", "--speed", &"9".repeat(100_000)], &["m.toml"]);
+    refused(&["simulate", "m.toml", "-o", "x", "--speed", &"9".repeat(100_000)], &["--speed"]);
     assert!(accepted(&["--help"]).lines().count() > 10);
     assert!(accepted(&["simulate", "--help"]).lines().count() > 20);
     assert!(accepted(&["--version"]).starts_with("meshband"));

@@ -110,3 +110,10 @@ pub fn altered(source: &Path, target: &Path, from: &str, to: &str) {
     assert!(content.contains(from), "{} holds no {from}", source.display());
     std::fs::write(target, content.replacen(from, to, 1)).expect("written");
 }
+
+/// A page without the explanations of its terms.
+pub fn without_tooltips(page: &str) -> String {
+    let mut parts = page.split("<abbr");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + part.split_once('>').map_or("", |(_, rest)| rest)).replace("</abbr>", "")
+}

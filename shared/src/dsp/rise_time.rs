@@ -4,7 +4,7 @@
 //! project's definition needs the slope alone, and is the one the host applies to polynomials:
 //!
 //! > An edge is the stretch around a maximum of |slope| over which the slope keeps its sign and stays above one third
-//! of > that maximum. Its levels are the values at its two ends; its rise time is the 10-90 % time between them.
+//! > of that maximum. Its levels are the values at its two ends; its rise time is the 10-90 % time between them.
 //!
 //! A linear ramp gives 0.8 of its width, whatever ring of less than a third of its slope it rides on; a raised cosine
 //! 0.544. The timed edge is the steepest per tooth pitch; each pitch is a window centred where the last edge predicts

@@ -180,217 +180,222 @@ registers! {
         11 Word "pinion_teeth" [""] "as configured" = |v| v.gears.pinion_teeth;
         12 Word "gear_teeth" [""] "as configured" = |v| v.gears.gear_teeth;
         13 Long "uptime" ["s"] "since the start" = |v| v.health.uptime_s;
-        15 Word "self_test_run" [""] "bits of the items that ran: sample count, rails, noise, tach, \
-            mathematics" = |v| v.self_test.run.into();
+        15 Word "self_test_run" [""] "bits of the items that ran: sample count, rails, noise, tach, mathematics"
+            = |v| v.self_test.run.into();
         16 Word "self_test_failed" [""] "bits of the items that failed" = |v| v.self_test.failed.into();
     }
     "status" {
-        32 Word "age" ["s"] "since the latest status was complete; 65535: none yet, or \
-            older" = |v| v.bank.status.age_s(v.now, v.ticks_per_second);
+        32 Word "age" ["s"] "since the latest status was complete; 65535: none yet, or older"
+            = |v| v.bank.status.age_s(v.now, v.ticks_per_second);
         33 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.status.number;
-        34 Word "state" [""] "0 stopped, 1 waiting for the tach, 2 settling, 3 measuring; at \
-            present" = |v| v.state as u16;
+        34 Word "state" [""] "0 stopped, 1 waiting for the tach, 2 settling, 3 measuring; at present"
+            = |v| v.state as u16;
         35 Word "speed_validity" [""] "0 none, 1 doubtful, 2 locked" = |v| v.bank.status.word(|s| s.validity as u16);
-        36 Word "flags" [""] "bit 0: speed outside the law, 1: provisional law, 2: rate beyond the board, 3: safe \
-            rate for want of a speed" = |v| v.bank.status.word(status_flags);
-        37 Word "bound" [""] "of the available bandwidth: 0 law, 1 analogue filter, 2 sensor, 3 \
-            rate" = |v| v.bank.status.word(|s| s.bound as u16);
-        38 Float "speed" ["Hz"] "rate of the pinion; not a number without a \
-            speed" = |v| v.bank.status.float(|s| if s.validity == Validity::None { f32::NAN } else { s.speed_hz });
-        40 Float "speed_uncertainty" [""] "relative standard uncertainty of the \
-            speed" = |v| v.bank.status.float(|s| {
+        36 Word "flags" [""]
+            "bit 0: speed outside the law, 1: provisional law, 2: rate beyond the board, 3: safe rate for want \
+             of a speed"
+            = |v| v.bank.status.word(status_flags);
+        37 Word "bound" [""] "of the available bandwidth: 0 law, 1 analogue filter, 2 sensor, 3 rate"
+            = |v| v.bank.status.word(|s| s.bound as u16);
+        38 Float "speed" ["Hz"] "rate of the pinion; not a number without a speed"
+            = |v| v.bank.status.float(|s| if s.validity == Validity::None { f32::NAN } else { s.speed_hz });
+        40 Float "speed_uncertainty" [""] "relative standard uncertainty of the speed" = |v| v.bank.status.float(|s| {
             if s.validity == Validity::None { f32::NAN } else { s.speed_uncertainty }
         });
-        42 Float "pulse_age" ["s"] "since the latest accepted tach pulse, at the time of the \
-            status" = |v| v.bank.status.float(|s| s.age_s);
+        42 Float "pulse_age" ["s"] "since the latest accepted tach pulse, at the time of the status"
+            = |v| v.bank.status.float(|s| s.age_s);
         44 Float "adc_rate" ["Hz"] "sampling rate granted" = |v| v.bank.status.float(|s| s.adc_hz);
         46 Float "output_rate" ["Hz"] "rate behind decimation granted" = |v| v.bank.status.float(|s| s.granted_hz);
         48 Float "law_bandwidth" ["Hz"] "bandwidth that the law asks for" = |v| v.bank.status.float(|s| s.bandwidth_hz);
-        50 Float "available_bandwidth" ["Hz"] "bandwidth that sensor, filter and rate carry of \
-            it" = |v| v.bank.status.float(|s| s.available_hz);
+        50 Float "available_bandwidth" ["Hz"] "bandwidth that sensor, filter and rate carry of it"
+            = |v| v.bank.status.float(|s| s.available_hz);
     }
     "alarms" {
-        64 Word "raised" [""] "one bit per alarm, the first lowest: its value is beyond its \
-            limit" = |v| v.alarms.raised.into();
+        64 Word "raised" [""] "one bit per alarm, the first lowest: its value is beyond its limit"
+            = |v| v.alarms.raised.into();
         65 Word "standing" [""] "one bit per alarm: raised, or latched" = |v| v.alarms.standing.into();
         66 Word "unseen" [""] "one bit per alarm: standing and not acknowledged" = |v| v.alarms.unseen.into();
         67 Word "signal_bad" [""] "1: the signal is clipped or does not move" = |v| v.alarms.signal_bad.into();
-        68 Word "any_standing" [""] "1: any alarm stands, that of the signal included where it is watched; as the \
-            alarm output" = |v| v.alarm_stands.into();
+        68 Word "any_standing" [""]
+            "1: any alarm stands, that of the signal included where it is watched; as the alarm output"
+            = |v| v.alarm_stands.into();
     }
     "values" {
-        96 Word "age" ["s"] "since the record of the values was complete; 65535: none yet, or \
-            older" = |v| v.bank.values.age_s(v.now, v.ticks_per_second);
+        96 Word "age" ["s"] "since the record of the values was complete; 65535: none yet, or older"
+            = |v| v.bank.values.age_s(v.now, v.ticks_per_second);
         97 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.values.number;
-        98 Word "quality" [""] "bit 0: clipped, 1: samples missing, 2: filters settling, 3: signal still, 4: no \
-            locked speed; 0 for good values" = |v| v.bank.values.word(|i| quality(&i.quality, &i.tag));
-        99 Word "turns" [""] "whole turns of the pinion in the record; 0 where the clock cut \
-            it" = |v| v.bank.values.word(|i| i.quality.turns);
+        98 Word "quality" [""]
+            "bit 0: clipped, 1: samples missing, 2: filters settling, 3: signal still, 4: no locked speed; \
+             0 for good values"
+            = |v| v.bank.values.word(|i| quality(&i.quality, &i.tag));
+        99 Word "turns" [""] "whole turns of the pinion in the record; 0 where the clock cut it"
+            = |v| v.bank.values.word(|i| i.quality.turns);
         100 Float "duration" ["s"] "of the record" = |v| v.bank.values.float(|i| i.quality.duration_s);
-        102 Float "speed" ["Hz"] "rate of the pinion at the \
-            record" = |v| v.bank.values.float(|i| {
+        102 Float "speed" ["Hz"] "rate of the pinion at the record" = |v| v.bank.values.float(|i| {
             if i.tag.validity == Validity::None { f32::NAN } else { i.tag.speed_hz }
         });
-        104 Float "rms" ["m/s^2"] "root mean square of the acceleration about its \
-            mean" = |v| v.bank.values.float(|i| i.rms);
+        104 Float "rms" ["m/s^2"] "root mean square of the acceleration about its mean"
+            = |v| v.bank.values.float(|i| i.rms);
         106 Float "peak" ["m/s^2"] "largest distance from the mean" = |v| v.bank.values.float(|i| i.peak);
         108 Float "crest" [""] "peak over RMS" = |v| v.bank.values.float(|i| i.crest);
         110 Float "kurtosis" [""] "3 for Gaussian noise" = |v| v.bank.values.float(|i| i.kurtosis);
-        112 Float "velocity_rms" ["m/s"] "root mean square of the velocity in its \
-            band" = |v| v.bank.values.float(|i| i.velocity_rms);
+        112 Float "velocity_rms" ["m/s"] "root mean square of the velocity in its band"
+            = |v| v.bank.values.float(|i| i.velocity_rms);
         114 Float "velocity_from" ["Hz"] "lower edge of that band" = |v| v.bank.values.float(|i| i.velocity_band_hz[0]);
         116 Float "velocity_to" ["Hz"] "upper edge of that band" = |v| v.bank.values.float(|i| i.velocity_band_hz[1]);
     }
     "orders of the pinion" {
-        128 Word "age" ["s"] "since the record of the orders was complete; 65535: none yet, or \
-            older" = |v| v.bank.pinion.age_s(v.now, v.ticks_per_second);
-        129 Word "number" [""] "how many there were, 0 again behind 65535: changes with \
-            each" = |v| v.bank.pinion.number;
+        128 Word "age" ["s"] "since the record of the orders was complete; 65535: none yet, or older"
+            = |v| v.bank.pinion.age_s(v.now, v.ticks_per_second);
+        129 Word "number" [""] "how many there were, 0 again behind 65535: changes with each"
+            = |v| v.bank.pinion.number;
         130 Word "turns" [""] "of the pinion" = |v| v.bank.pinion.word(|o| o.turns);
-        131 Float "amplitude_1x" ["m/s^2"] "once per turn, peak \
-            amplitude" = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[0].amplitude);
-        133 Float "phase_1x" ["degrees"] "lag behind the turn \
-            mark" = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[0].phase_deg);
-        135 Float "amplitude_2x" ["m/s^2"] "twice per turn, peak \
-            amplitude" = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[1].amplitude);
-        137 Float "phase_2x" ["degrees"] "lag behind the turn \
-            mark" = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[1].phase_deg);
-        139 Float "amplitude_3x" ["m/s^2"] "three times per turn, peak \
-            amplitude" = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[2].amplitude);
-        141 Float "phase_3x" ["degrees"] "lag behind the turn \
-            mark" = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[2].phase_deg);
+        131 Float "amplitude_1x" ["m/s^2"] "once per turn, peak amplitude"
+            = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[0].amplitude);
+        133 Float "phase_1x" ["degrees"] "lag behind the turn mark"
+            = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[0].phase_deg);
+        135 Float "amplitude_2x" ["m/s^2"] "twice per turn, peak amplitude"
+            = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[1].amplitude);
+        137 Float "phase_2x" ["degrees"] "lag behind the turn mark"
+            = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[1].phase_deg);
+        139 Float "amplitude_3x" ["m/s^2"] "three times per turn, peak amplitude"
+            = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[2].amplitude);
+        141 Float "phase_3x" ["degrees"] "lag behind the turn mark"
+            = |v| v.bank.pinion.float(|o: &ShaftOrders| o.lines[2].phase_deg);
     }
     "orders of the gear" {
-        148 Word "age" ["s"] "since the record of the orders was complete; 65535: none yet, or \
-            older" = |v| v.bank.wheel.age_s(v.now, v.ticks_per_second);
+        148 Word "age" ["s"] "since the record of the orders was complete; 65535: none yet, or older"
+            = |v| v.bank.wheel.age_s(v.now, v.ticks_per_second);
         149 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.wheel.number;
         150 Word "turns" [""] "of the gear" = |v| v.bank.wheel.word(|o| o.turns);
-        151 Float "amplitude_1x" ["m/s^2"] "once per turn, peak \
-            amplitude" = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[0].amplitude);
-        153 Float "phase_1x" ["degrees"] "lag behind the turn \
-            mark" = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[0].phase_deg);
-        155 Float "amplitude_2x" ["m/s^2"] "twice per turn, peak \
-            amplitude" = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[1].amplitude);
-        157 Float "phase_2x" ["degrees"] "lag behind the turn \
-            mark" = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[1].phase_deg);
-        159 Float "amplitude_3x" ["m/s^2"] "three times per turn, peak \
-            amplitude" = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[2].amplitude);
-        161 Float "phase_3x" ["degrees"] "lag behind the turn \
-            mark" = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[2].phase_deg);
+        151 Float "amplitude_1x" ["m/s^2"] "once per turn, peak amplitude"
+            = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[0].amplitude);
+        153 Float "phase_1x" ["degrees"] "lag behind the turn mark"
+            = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[0].phase_deg);
+        155 Float "amplitude_2x" ["m/s^2"] "twice per turn, peak amplitude"
+            = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[1].amplitude);
+        157 Float "phase_2x" ["degrees"] "lag behind the turn mark"
+            = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[1].phase_deg);
+        159 Float "amplitude_3x" ["m/s^2"] "three times per turn, peak amplitude"
+            = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[2].amplitude);
+        161 Float "phase_3x" ["degrees"] "lag behind the turn mark"
+            = |v| v.bank.wheel.float(|o: &ShaftOrders| o.lines[2].phase_deg);
     }
     "mesh bands" {
-        176 Word "age" ["s"] "since the mesh-band record was complete; 65535: none yet, or \
-            older" = |v| v.bank.mesh.age_s(v.now, v.ticks_per_second);
+        176 Word "age" ["s"] "since the mesh-band record was complete; 65535: none yet, or older"
+            = |v| v.bank.mesh.age_s(v.now, v.ticks_per_second);
         177 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.mesh.number;
         178 Word "turns" [""] "of the pinion in the record" = |v| v.bank.mesh.word(|m| m.turns);
-        179 Word "harmonics" [""] "harmonics that the rate carries; the values of others are not \
-            numbers" = |v| v.bank.mesh.word(|m| m.count);
+        179 Word "harmonics" [""] "harmonics that the rate carries; the values of others are not numbers"
+            = |v| v.bank.mesh.word(|m| m.count);
         180 Float "speed" ["Hz"] "mean rate of the pinion over the record" = |v| v.bank.mesh.float(|m| m.tag.speed_hz);
         182 Float "mesh_1" ["m/s^2"] "mesh harmonic 1, peak amplitude" = |v| v.harmonic(0).mesh;
-        184 Float "mesh_1_pinion_below" ["m/s^2"] "its first sideband of the pinion, below \
-            it" = |v| v.harmonic(0).pinion[0];
-        186 Float "mesh_1_pinion_above" ["m/s^2"] "its first sideband of the pinion, above \
-            it" = |v| v.harmonic(0).pinion[1];
+        184 Float "mesh_1_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
+            = |v| v.harmonic(0).pinion[0];
+        186 Float "mesh_1_pinion_above" ["m/s^2"] "its first sideband of the pinion, above it"
+            = |v| v.harmonic(0).pinion[1];
         188 Float "mesh_1_gear_below" ["m/s^2"] "its first sideband of the gear, below it" = |v| v.harmonic(0).gear[0];
         190 Float "mesh_1_gear_above" ["m/s^2"] "its first sideband of the gear, above it" = |v| v.harmonic(0).gear[1];
         192 Float "mesh_2" ["m/s^2"] "mesh harmonic 2, peak amplitude" = |v| v.harmonic(1).mesh;
-        194 Float "mesh_2_pinion_below" ["m/s^2"] "its first sideband of the pinion, below \
-            it" = |v| v.harmonic(1).pinion[0];
-        196 Float "mesh_2_pinion_above" ["m/s^2"] "its first sideband of the pinion, above \
-            it" = |v| v.harmonic(1).pinion[1];
+        194 Float "mesh_2_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
+            = |v| v.harmonic(1).pinion[0];
+        196 Float "mesh_2_pinion_above" ["m/s^2"] "its first sideband of the pinion, above it"
+            = |v| v.harmonic(1).pinion[1];
         198 Float "mesh_2_gear_below" ["m/s^2"] "its first sideband of the gear, below it" = |v| v.harmonic(1).gear[0];
         200 Float "mesh_2_gear_above" ["m/s^2"] "its first sideband of the gear, above it" = |v| v.harmonic(1).gear[1];
         202 Float "mesh_3" ["m/s^2"] "mesh harmonic 3, peak amplitude" = |v| v.harmonic(2).mesh;
-        204 Float "mesh_3_pinion_below" ["m/s^2"] "its first sideband of the pinion, below \
-            it" = |v| v.harmonic(2).pinion[0];
-        206 Float "mesh_3_pinion_above" ["m/s^2"] "its first sideband of the pinion, above \
-            it" = |v| v.harmonic(2).pinion[1];
+        204 Float "mesh_3_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
+            = |v| v.harmonic(2).pinion[0];
+        206 Float "mesh_3_pinion_above" ["m/s^2"] "its first sideband of the pinion, above it"
+            = |v| v.harmonic(2).pinion[1];
         208 Float "mesh_3_gear_below" ["m/s^2"] "its first sideband of the gear, below it" = |v| v.harmonic(2).gear[0];
         210 Float "mesh_3_gear_above" ["m/s^2"] "its first sideband of the gear, above it" = |v| v.harmonic(2).gear[1];
         212 Float "mesh_4" ["m/s^2"] "mesh harmonic 4, peak amplitude" = |v| v.harmonic(3).mesh;
-        214 Float "mesh_4_pinion_below" ["m/s^2"] "its first sideband of the pinion, below \
-            it" = |v| v.harmonic(3).pinion[0];
-        216 Float "mesh_4_pinion_above" ["m/s^2"] "its first sideband of the pinion, above \
-            it" = |v| v.harmonic(3).pinion[1];
+        214 Float "mesh_4_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
+            = |v| v.harmonic(3).pinion[0];
+        216 Float "mesh_4_pinion_above" ["m/s^2"] "its first sideband of the pinion, above it"
+            = |v| v.harmonic(3).pinion[1];
         218 Float "mesh_4_gear_below" ["m/s^2"] "its first sideband of the gear, below it" = |v| v.harmonic(3).gear[0];
         220 Float "mesh_4_gear_above" ["m/s^2"] "its first sideband of the gear, above it" = |v| v.harmonic(3).gear[1];
         222 Float "mesh_5" ["m/s^2"] "mesh harmonic 5, peak amplitude" = |v| v.harmonic(4).mesh;
-        224 Float "mesh_5_pinion_below" ["m/s^2"] "its first sideband of the pinion, below \
-            it" = |v| v.harmonic(4).pinion[0];
-        226 Float "mesh_5_pinion_above" ["m/s^2"] "its first sideband of the pinion, above \
-            it" = |v| v.harmonic(4).pinion[1];
+        224 Float "mesh_5_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
+            = |v| v.harmonic(4).pinion[0];
+        226 Float "mesh_5_pinion_above" ["m/s^2"] "its first sideband of the pinion, above it"
+            = |v| v.harmonic(4).pinion[1];
         228 Float "mesh_5_gear_below" ["m/s^2"] "its first sideband of the gear, below it" = |v| v.harmonic(4).gear[0];
         230 Float "mesh_5_gear_above" ["m/s^2"] "its first sideband of the gear, above it" = |v| v.harmonic(4).gear[1];
         232 Float "mesh_6" ["m/s^2"] "mesh harmonic 6, peak amplitude" = |v| v.harmonic(5).mesh;
-        234 Float "mesh_6_pinion_below" ["m/s^2"] "its first sideband of the pinion, below \
-            it" = |v| v.harmonic(5).pinion[0];
-        236 Float "mesh_6_pinion_above" ["m/s^2"] "its first sideband of the pinion, above \
-            it" = |v| v.harmonic(5).pinion[1];
+        234 Float "mesh_6_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
+            = |v| v.harmonic(5).pinion[0];
+        236 Float "mesh_6_pinion_above" ["m/s^2"] "its first sideband of the pinion, above it"
+            = |v| v.harmonic(5).pinion[1];
         238 Float "mesh_6_gear_below" ["m/s^2"] "its first sideband of the gear, below it" = |v| v.harmonic(5).gear[0];
         240 Float "mesh_6_gear_above" ["m/s^2"] "its first sideband of the gear, above it" = |v| v.harmonic(5).gear[1];
     }
     "gear condition" {
-        256 Word "age" ["s"] "since the synchronous average was complete; 65535: none yet, or \
-            older" = |v| v.bank.gear.age_s(v.now, v.ticks_per_second);
+        256 Word "age" ["s"] "since the synchronous average was complete; 65535: none yet, or older"
+            = |v| v.bank.gear.age_s(v.now, v.ticks_per_second);
         257 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.gear.number;
         258 Word "turns" [""] "averaged" = |v| v.bank.gear.word(|g| g.turns);
-        259 Word "hunting_broken" [""] "1: too few turns for the hunting period, the gear's pattern is not removed \
-            exactly" = |v| v.bank.gear.word(|g| g.hunting_broken.into());
+        259 Word "hunting_broken" [""]
+            "1: too few turns for the hunting period, the gear's pattern is not removed exactly"
+            = |v| v.bank.gear.word(|g| g.hunting_broken.into());
         260 Float "speed" ["Hz"] "rate of the pinion at its end" = |v| v.bank.gear.float(|g| g.speed_hz);
         262 Float "rms" ["m/s^2"] "root mean square of the average" = |v| v.bank.gear.float(|g| g.rms);
         264 Float "crest" [""] "crest factor of the average" = |v| v.bank.gear.float(|g| g.crest);
         266 Float "kurtosis" [""] "kurtosis of the average" = |v| v.bank.gear.float(|g| g.kurtosis);
-        268 Float "regular_rms" ["m/s^2"] "root mean square of the regular \
-            signal" = |v| v.bank.gear.float(|g| g.regular_rms);
-        270 Float "residual_rms" ["m/s^2"] "root mean square of the residual \
-            signal" = |v| v.bank.gear.float(|g| g.residual_rms);
-        272 Float "difference_rms" ["m/s^2"] "root mean square of the difference \
-            signal" = |v| v.bank.gear.float(|g| g.difference_rms);
+        268 Float "regular_rms" ["m/s^2"] "root mean square of the regular signal"
+            = |v| v.bank.gear.float(|g| g.regular_rms);
+        270 Float "residual_rms" ["m/s^2"] "root mean square of the residual signal"
+            = |v| v.bank.gear.float(|g| g.residual_rms);
+        272 Float "difference_rms" ["m/s^2"] "root mean square of the difference signal"
+            = |v| v.bank.gear.float(|g| g.difference_rms);
         274 Float "fm0" [""] "FM0; 0 without mesh lines" = |v| v.bank.gear.float(|g| g.fm0);
         276 Float "fm4" [""] "FM4" = |v| v.bank.gear.float(|g| g.fm4);
         278 Float "m6a" [""] "M6A" = |v| v.bank.gear.float(|g| g.m6a);
         280 Float "na4" [""] "NA4 against all averages since the configuration" = |v| v.bank.gear.float(|g| g.na4);
-        282 Float "gear_sideband_energy_ratio" [""] "sideband energy ratio of the gear at the first mesh \
-            harmonic" = |v| v.bank.gear.float(|g| g.gear_sideband_energy_ratio);
-        284 Float "pinion_sideband_energy_ratio" [""] "sideband energy ratio of the pinion at the first mesh \
-            harmonic, of the latest values" = |v| v.bank.values.float(|i| i.sideband_energy_ratio);
+        282 Float "gear_sideband_energy_ratio" [""] "sideband energy ratio of the gear at the first mesh harmonic"
+            = |v| v.bank.gear.float(|g| g.gear_sideband_energy_ratio);
+        284 Float "pinion_sideband_energy_ratio" [""]
+            "sideband energy ratio of the pinion at the first mesh harmonic, of the latest values"
+            = |v| v.bank.values.float(|i| i.sideband_energy_ratio);
     }
     "measured bandwidth" {
-        304 Word "age" ["s"] "since the timing of the edges was complete; 65535: none yet, or \
-            older" = |v| v.bank.bandwidth.age_s(v.now, v.ticks_per_second);
-        305 Word "number" [""] "how many there were, 0 again behind 65535: changes with \
-            each" = |v| v.bank.bandwidth.number;
+        304 Word "age" ["s"] "since the timing of the edges was complete; 65535: none yet, or older"
+            = |v| v.bank.bandwidth.age_s(v.now, v.ticks_per_second);
+        305 Word "number" [""] "how many there were, 0 again behind 65535: changes with each"
+            = |v| v.bank.bandwidth.number;
         306 Word "teeth" [""] "timed" = |v| v.bank.bandwidth.word(|b| b.teeth);
-        307 Float "rise" ["s"] "median rise time of engagement edges, 10 % to 90 \
-            %" = |v| v.bank.bandwidth.float(|b| b.rise_s);
-        309 Float "deviation" ["s"] "its median absolute deviation over the \
-            teeth" = |v| v.bank.bandwidth.float(|b| b.deviation_s);
+        307 Float "rise" ["s"] "median rise time of engagement edges, 10 % to 90 %"
+            = |v| v.bank.bandwidth.float(|b| b.rise_s);
+        309 Float "deviation" ["s"] "its median absolute deviation over the teeth"
+            = |v| v.bank.bandwidth.float(|b| b.deviation_s);
         311 Float "bandwidth" ["Hz"] "0.35 over the rise time" = |v| v.bank.bandwidth.float(|b| b.bandwidth_hz);
         313 Float "law_bandwidth" ["Hz"] "the law's bandwidth at this speed" = |v| v.bank.bandwidth.float(|b| b.law_hz);
     }
     "departures" {
         320 Float "rms" ["dB"] "RMS over what is expected at this speed" = |v| v.departure(|d| d.rms).departure_db;
         322 Float "rms_uncertainty" ["dB"] "its standard uncertainty" = |v| v.departure(|d| d.rms).uncertainty_db;
-        324 Float "velocity_rms" ["dB"] "velocity RMS over what is expected at this \
-            speed" = |v| v.departure(|d| d.velocity_rms).departure_db;
-        326 Float "velocity_rms_uncertainty" ["dB"] "its standard \
-            uncertainty" = |v| v.departure(|d| d.velocity_rms).uncertainty_db;
-        328 Float "mesh_amplitude" ["dB"] "first mesh harmonic over what is expected at this \
-            speed" = |v| v.departure(|d| d.mesh_amplitude).departure_db;
-        330 Float "mesh_amplitude_uncertainty" ["dB"] "its standard \
-            uncertainty" = |v| v.departure(|d| d.mesh_amplitude).uncertainty_db;
-        332 Float "residual_rms" ["dB"] "residual RMS of the average over what is expected at this \
-            speed" = |v| v.departure(|d| d.residual_rms).departure_db;
-        334 Float "residual_rms_uncertainty" ["dB"] "its standard \
-            uncertainty" = |v| v.departure(|d| d.residual_rms).uncertainty_db;
-        336 Float "largest" [""] "largest departure in its standard uncertainties: what alarms \
-            watch" = |v| v.bank.values.float(|i| i.largest_departure().unwrap_or(f32::NAN));
-        338 Float "sidebands" ["dB"] "sidebands of all mesh harmonics over what is expected at this \
-            speed" = |v| v.local_departure(|d| d.sidebands).departure_db;
-        340 Float "sidebands_uncertainty" ["dB"] "its standard \
-            uncertainty" = |v| v.local_departure(|d| d.sidebands).uncertainty_db;
-        342 Float "fm0" ["dB"] "FM0 over what is expected at this \
-            speed" = |v| v.local_departure(|d| d.fm0).departure_db;
+        324 Float "velocity_rms" ["dB"] "velocity RMS over what is expected at this speed"
+            = |v| v.departure(|d| d.velocity_rms).departure_db;
+        326 Float "velocity_rms_uncertainty" ["dB"] "its standard uncertainty"
+            = |v| v.departure(|d| d.velocity_rms).uncertainty_db;
+        328 Float "mesh_amplitude" ["dB"] "first mesh harmonic over what is expected at this speed"
+            = |v| v.departure(|d| d.mesh_amplitude).departure_db;
+        330 Float "mesh_amplitude_uncertainty" ["dB"] "its standard uncertainty"
+            = |v| v.departure(|d| d.mesh_amplitude).uncertainty_db;
+        332 Float "residual_rms" ["dB"] "residual RMS of the average over what is expected at this speed"
+            = |v| v.departure(|d| d.residual_rms).departure_db;
+        334 Float "residual_rms_uncertainty" ["dB"] "its standard uncertainty"
+            = |v| v.departure(|d| d.residual_rms).uncertainty_db;
+        336 Float "largest" [""] "largest departure in its standard uncertainties: what alarms watch"
+            = |v| v.bank.values.float(|i| i.largest_departure().unwrap_or(f32::NAN));
+        338 Float "sidebands" ["dB"] "sidebands of all mesh harmonics over what is expected at this speed"
+            = |v| v.local_departure(|d| d.sidebands).departure_db;
+        340 Float "sidebands_uncertainty" ["dB"] "its standard uncertainty"
+            = |v| v.local_departure(|d| d.sidebands).uncertainty_db;
+        342 Float "fm0" ["dB"] "FM0 over what is expected at this speed"
+            = |v| v.local_departure(|d| d.fm0).departure_db;
         344 Float "fm0_uncertainty" ["dB"] "its standard uncertainty" = |v| v.local_departure(|d| d.fm0).uncertainty_db;
     }
     "counters" {
@@ -400,8 +405,8 @@ registers! {
         358 Long "pulses_missed" [""] "tach pulses missing, since the start" = |v| v.statistics.pulses_missed;
         360 Long "pulses_spurious" [""] "tach pulses rejected, since the start" = |v| v.statistics.pulses_spurious;
         362 Long "relocks" [""] "times the tach locked anew, since the start" = |v| v.statistics.relocks;
-        364 Long "messages_dropped" [""] "results replaced before they were taken over, since the \
-            start" = |v| v.statistics.messages_dropped;
+        364 Long "messages_dropped" [""] "results replaced before they were taken over, since the start"
+            = |v| v.statistics.messages_dropped;
         366 Word "line_requests" [""] "requests for this node" = |v| v.traffic.heard.requests;
         367 Word "line_merged" [""] "of these: found at the end of a longer run of bytes" = |v| v.traffic.heard.merged;
         368 Word "line_damaged" [""] "runs of bytes without a valid checksum" = |v| v.traffic.heard.damaged;
@@ -411,34 +416,35 @@ registers! {
         372 Word "line_exceptions" [""] "requests refused" = |v| v.traffic.exceptions;
     }
     "second sensor" {
-        384 Word "present" [""] "1: the latest values have some of a second sensor; age, number, turns and speed are \
-            those of the values" = |v| v.second().is_some().into();
-        385 Word "quality" [""] "as of the \
-            values" = |v| v.bank.values.word(|i| i.second.map_or(0, |second| quality(&second.quality, &i.tag)));
+        384 Word "present" [""]
+            "1: the latest values have some of a second sensor; age, number, turns and speed are those of the values"
+            = |v| v.second().is_some().into();
+        385 Word "quality" [""] "as of the values"
+            = |v| v.bank.values.word(|i| i.second.map_or(0, |second| quality(&second.quality, &i.tag)));
         386 Float "rms" ["m/s^2"] "root mean square of the acceleration about its mean" = |v| v.second_float(|s| s.rms);
         388 Float "peak" ["m/s^2"] "largest distance from the mean" = |v| v.second_float(|s| s.peak);
         390 Float "crest" [""] "peak over RMS" = |v| v.second_float(|s| s.crest);
         392 Float "kurtosis" [""] "3 for Gaussian noise" = |v| v.second_float(|s| s.kurtosis);
-        394 Float "velocity_rms" ["m/s"] "root mean square of the velocity in its \
-            band" = |v| v.second_float(|s| s.velocity_rms);
-        396 Float "mean_code" [""] "mean of the converter's codes, 0 to 65535: the bias of the \
-            sensor" = |v| v.second_float(|s| s.mean_code);
-        398 Float "passed" ["Hz"] "upper edge of what filter and sensor pass; 0 where neither is \
-            declared" = |v| v.second_float(|s| s.passed_hz);
+        394 Float "velocity_rms" ["m/s"] "root mean square of the velocity in its band"
+            = |v| v.second_float(|s| s.velocity_rms);
+        396 Float "mean_code" [""] "mean of the converter's codes, 0 to 65535: the bias of the sensor"
+            = |v| v.second_float(|s| s.mean_code);
+        398 Float "passed" ["Hz"] "upper edge of what filter and sensor pass; 0 where neither is declared"
+            = |v| v.second_float(|s| s.passed_hz);
     }
     "device" {
         416 Float "supply" ["V"] "supply and reference of the converters" = |v| v.health.supply_v.unwrap_or(f32::NAN);
         418 Float "temperature" ["degrees Celsius"] "of the chip" = |v| v.health.temperature_c.unwrap_or(f32::NAN);
-        420 Float "bias" ["V"] "mean of the first sensor's signal at the \
-            converter" = |v| v.health.bias_v.unwrap_or(f32::NAN);
-        422 Float "second_bias" ["V"] "mean of the second sensor's signal at the \
-            converter" = |v| v.health.second_bias_v.unwrap_or(f32::NAN);
-        424 Float "clock_fast" ["ppm"] "the node's clock against the pulse per \
-            second" = |v| v.health.second_pulse.map_or(f32::NAN, |p| p.fast_ppm);
-        426 Float "clock_uncertainty" ["ppm"] "standard uncertainty of \
-            it" = |v| v.health.second_pulse.map_or(f32::NAN, |p| p.uncertainty_ppm);
-        428 Long "wall_time" ["s"] "since 1970-01-01 00:00:00 UTC; 0 until a host has told \
-            it" = |v| v.health.wall_time.map_or(0, |time| (time.unix_us / 1_000_000) as u32);
+        420 Float "bias" ["V"] "mean of the first sensor's signal at the converter"
+            = |v| v.health.bias_v.unwrap_or(f32::NAN);
+        422 Float "second_bias" ["V"] "mean of the second sensor's signal at the converter"
+            = |v| v.health.second_bias_v.unwrap_or(f32::NAN);
+        424 Float "clock_fast" ["ppm"] "the node's clock against the pulse per second"
+            = |v| v.health.second_pulse.map_or(f32::NAN, |p| p.fast_ppm);
+        426 Float "clock_uncertainty" ["ppm"] "standard uncertainty of it"
+            = |v| v.health.second_pulse.map_or(f32::NAN, |p| p.uncertainty_ppm);
+        428 Long "wall_time" ["s"] "since 1970-01-01 00:00:00 UTC; 0 until a host has told it"
+            = |v| v.health.wall_time.map_or(0, |time| (time.unix_us / 1_000_000) as u32);
     }
 }
 

@@ -547,7 +547,7 @@ fn fault_senseless_effects_are_refused_with_the_reason() {
         ("nothing", "is no effect"),
         ("ghost:order=x", "key=number"),
         ("ghost:order=NaN", "not within"),
-        ("ghost:size=1", "is no effect"),
+        ("ghost:size=1", "is not one of"),
         ("gear-noise", "is no effect"),
     ] {
         let error = effects::parse(text).err().expect("refused").to_string();

@@ -64,7 +64,7 @@ pub struct Envelope {
 
 /// The signal less what is known of it on the grid (`locked`), over time; zero outside the grid's turns.
 pub fn not_locked(signal: &[f64], rate_hz: f64, locked: &[f64], angle: &Angle) -> Vec<f64> {
-    let kernel = Kaiser::new();
+    let kernel = Kaiser::tabulated();
     let (from, to) = angle.time_range();
     let per_turn = angle.per_turn[0] as f64;
     (0..signal.len())

@@ -55,24 +55,11 @@ fn seen(outcome: &Outcome) -> Vec<Seen<'_>> {
 /// Three sentences.
 pub fn sentences(outcome: &Outcome, about: &About) -> Vec<String> {
     let mut letter: Vec<String> = Some(about.how.clone()).filter(|how| !how.is_empty()).into_iter().collect();
-    letter.extend(without_mesh(outcome));
+    letter.extend(super::view::without_mesh(outcome));
     let all = seen(outcome);
     letter.push(found(outcome, &all));
     letter.push(next(&all));
     letter
-}
-
-/// What is to be said where no mesh line stands: figures of a mesh that is not there mean nothing.
-pub fn without_mesh(outcome: &Outcome) -> Option<String> {
-    let channels = || outcome.runs.iter().flat_map(|run| &run.channels).filter(|channel| !channel.mesh.is_empty());
-    let stands = |channel: &ChannelOutcome| channel.mesh.iter().any(|harmonic| harmonic.line.stands);
-    (channels().count() > 0 && !channels().any(stands)).then(|| {
-        let [pinion, gear] = outcome.teeth;
-        format!(
-            "No mesh harmonic of {pinion}/{gear} teeth stands over the noise in any channel: check the tooth counts \
-             and the tachometer's shaft before anything below is believed."
-        )
-    })
 }
 
 fn found(outcome: &Outcome, all: &[Seen]) -> String {

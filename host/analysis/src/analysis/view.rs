@@ -15,10 +15,23 @@ const PLACES: usize = 5;
 /// Head and rows of a table.
 pub type Table = (Vec<&'static str>, Vec<Vec<String>>);
 
+/// What is to be said where no mesh line stands: figures of a mesh that is not there mean nothing.
+pub fn without_mesh(outcome: &Outcome) -> Option<String> {
+    let channels = || outcome.runs.iter().flat_map(|run| &run.channels).filter(|channel| !channel.mesh.is_empty());
+    let stands = |channel: &ChannelOutcome| channel.mesh.iter().any(|harmonic| harmonic.line.stands);
+    (channels().count() > 0 && !channels().any(stands)).then(|| {
+        let [pinion, gear] = outcome.teeth;
+        format!(
+            "No mesh harmonic of {pinion}/{gear} teeth stands over the noise in any channel: check the tooth counts \
+             and the tachometer's shaft before anything below is believed."
+        )
+    })
+}
+
 /// The whole outcome as text.
 pub fn text(outcome: &Outcome) -> String {
     let mut out = format!("{}\n", heading(outcome));
-    for note in outcome.notes.iter().chain(&super::letter::without_mesh(outcome)) {
+    for note in outcome.notes.iter().chain(&without_mesh(outcome)) {
         out += &format!("note: {note}\n");
     }
     for run in &outcome.runs {

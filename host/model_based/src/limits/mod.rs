@@ -19,6 +19,8 @@ mod injection;
 mod places;
 mod proposed;
 
+pub use super::outcome::Limit;
+
 use super::accept::Adopted;
 use super::judge::Split;
 use super::least_squares::Data;
@@ -26,37 +28,7 @@ use super::library::Bench;
 use injection::{Scene, Turn};
 use places::{Row, Seated};
 use rayon::prelude::*;
-use serde::Serialize;
 use std::collections::BTreeMap;
-
-/// What would have been found.
-#[derive(Debug, Clone, Serialize)]
-pub struct Limit {
-    /// Name of the effect.
-    pub family: String,
-    /// The body or channel that it sits on, and the band that its order, frequency or length is from where that
-    /// matters; empty where there is no choice.
-    pub at: String,
-    /// Strength found in half of the places tried; none where nothing in range would have been.
-    pub found_in_half: Option<f64>,
-    /// Strength found in nine of ten.
-    pub found_in_90_percent: Option<f64>,
-    /// Unit of the strength.
-    pub unit: String,
-    /// The simulator's effect and key that the strength is a value of, as for `--effect`.
-    pub strength: String,
-    /// Places tried.
-    pub places: usize,
-    /// The simulator's keys that say where it sits.
-    #[serde(skip)]
-    pub keys: Vec<(&'static str, f64)>,
-    /// Whether it is locked to an order of the pinion.
-    #[serde(skip)]
-    pub at_order: bool,
-    /// The simulator's key that is drawn from a band, and the band.
-    #[serde(skip)]
-    pub within: Option<(&'static str, [f64; 2])>,
-}
 
 /// Limits of every named effect of the library that is not among `adopted`; `tried`: scores given in the search.
 pub fn limits(bench: &Bench<'_>, data: &Data, split: &Split, adopted: &Adopted, tried: usize) -> Vec<Limit> {

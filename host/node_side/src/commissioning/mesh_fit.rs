@@ -6,8 +6,8 @@
 //! hold, times the share of its lines that are there, up to its last one: a comb too dense has gaps, one too wide
 //! leaves power unexplained. The declared one is only given up for a comb that is half as good again.
 //!
-//! [`crate::check`] asks the same of records: two channels of many turns, whose noise is known bin by bin. A node's
-//! waveform has 4096 samples of one channel, too few for that measure.
+//! `meshband_analysis::check` asks the same of records: two channels of many turns, whose noise is known bin by bin.
+//! A node's waveform has 4096 samples of one channel, too few for that measure.
 //!
 //! Limits: two errors that make up for each other; a ratio of the teeth that is a ratio of small whole numbers is
 //! called by the pulses; modulation as strong as the mesh itself.

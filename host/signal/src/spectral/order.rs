@@ -125,7 +125,7 @@ pub fn resample_by_angle(
     turns: usize,
     samples_per_turn: usize,
 ) -> Vec<f64> {
-    let kernel = Kaiser::new();
+    let kernel = Kaiser::tabulated();
     (0..turns * samples_per_turn)
         .map(|i| kernel.interpolate(signal, rate_hz * map.time_at(from_turn + i as f64 / samples_per_turn as f64)))
         .collect()
@@ -178,7 +178,7 @@ impl Kaiser {
     const PLACES: usize = 1 << 10;
 
     /// Tabulates the window.
-    pub fn new() -> Self {
+    pub fn tabulated() -> Self {
         let weight = |distance: f64| {
             let r = (distance / HALF_TAPS as f64).min(1.0);
             bessel_i0(KAISER_BETA * (1.0 - r * r).sqrt()) / bessel_i0(KAISER_BETA)
