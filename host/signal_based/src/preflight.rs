@@ -1,9 +1,9 @@
 //! At which level the loop can run on a record, and what it lacks for the next: everything at once.
 //!
-//! *Dynamic* needs what the declared machine's forward model takes ([`crate::observation::input`]): the machine with
-//! its pair stiffness, two channels on the bodies in acceleration, a tach on the pinion whose angle 0 is the
-//! machine's, torques, three speeds. *Kinematic* needs tooth counts, some tach and enough turns. A record that lacks
-//! a machine's table names it here; one that declares it wrongly is refused by who reads it.
+//! *Dynamic* needs what the declared machine's forward model takes ([`meshband_analysis::observation::input`]): the
+//! machine with its pair stiffness, two channels on the bodies in acceleration, a tach on the pinion whose angle 0
+//! is the machine's, torques, three speeds. *Kinematic* needs tooth counts, some tach and enough turns. A record
+//! that lacks a machine's table names it here; one that declares it wrongly is refused by who reads it.
 
 use crate::record::Record;
 use crate::{Error, Result};

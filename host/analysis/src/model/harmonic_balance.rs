@@ -337,8 +337,7 @@ impl Machine {
     }
 
     /// Responses to a unit relative change of every declared parameter, in the order of
-    /// [`TOLERANCES`](crate::closed_loop::base_fit::TOLERANCES): exact first-order perturbation on the same
-    /// factorisation.
+    /// the machine fit's own tolerances: exact first-order perturbation on the same factorisation.
     pub fn sensitivities(&self, comb: &Comb, base: &Solution) -> Vec<Vec<Line>> {
         let s = &self.shafts;
         let size = comb.orders.len();

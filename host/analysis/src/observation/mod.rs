@@ -2,7 +2,7 @@
 //! kernel of a line.
 //!
 //! A room of its own because two ask it: the check of a record ([`crate::check`]) before anything is inferred, and
-//! the closed loop ([`crate::closed_loop`]), which asks the check.
+//! the closed loop of `meshband-model-based`, which asks the check.
 
 pub mod angle;
 pub mod input;
