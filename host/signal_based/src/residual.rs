@@ -10,12 +10,12 @@
 
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
-use super::families::tooth::piece;
 use super::following::{followed, followed_in_run_ups};
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
 use super::strength::Strength;
+use crate::analysis::angle::Angle;
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::{self, Band, not_locked};
 use crate::analysis::search::{self, Level, Range};
@@ -264,4 +264,9 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch], lowest_me
     };
     let levels: Vec<Vec<Level>> = stretches.iter().map(levels).collect();
     if run.runs_up() { without_the_highest(levels, lowest_mesh_hz) } else { mean(levels.into_iter()) }
+}
+
+/// The angle of a stretch alone.
+pub fn piece(angle: &Angle, stretch: Stretch) -> Angle {
+    Angle { from_turn: angle.from_turn + stretch.from as f64, turns: stretch.turns, ..angle.clone() }
 }
