@@ -86,7 +86,7 @@ fn fault_simulations_beyond_the_budget_are_refused_with_figures() {
         (vec!["--torque=1e300"], vec!["torque", "1e300"]),
         (vec!["--pulses=100000000"], vec!["--pulses", "10000"]),
         (vec!["--pulses=10001"], vec!["--pulses", "10000"]),
-        (vec!["--pulses=10000", "--speed=900", "--duration=1"], vec!["--pulses", "tach edges", "the limit is"]),
+        (vec!["--pulses=10000", "--speed=900Hz", "--duration=1"], vec!["--pulses", "tach edges", "the limit is"]),
     ] {
         let mut arguments = vec!["simulate", &machine, "-o", &out];
         arguments.extend(options);

@@ -7,8 +7,8 @@
 use super::ear::{Ear, Operator};
 use super::step::{Finding, Step, StepRecord};
 use crate::Result;
-use crate::link::report;
 use crate::link::view::FIRST_TICK;
+use crate::link::{report, text};
 use meshband::config::{Configuration, Personality, SensorSupply};
 use meshband::events::{Event, EventKind};
 use meshband::message::{Identification, Message, Status, WIRE_SCHEMA};
@@ -45,7 +45,7 @@ pub fn identify(
         }
         Ok(false)
     })?;
-    let mut findings = vec![Finding::passed("node", report::identity(node)), schemas(node), image(node)];
+    let mut findings = vec![Finding::passed("node", text::identity(node)), schemas(node), image(node)];
     findings.push(Finding::passed("running for", format!("{:.0} s", running_s(ear, &events))));
     findings.extend(starts(&events));
     findings.extend(state(ear.status(), held));

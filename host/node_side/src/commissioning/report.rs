@@ -121,7 +121,7 @@ fn to_do(report: Report, done: &Commissioning) -> Report {
 }
 
 fn facts(done: &Commissioning) -> Facts {
-    let mut facts = vec![("node".to_owned(), crate::link::report::identity(&done.node))];
+    let mut facts = vec![("node".to_owned(), crate::link::text::identity(&done.node))];
     if let Some(config) = &done.configuration {
         let gears = config.gears;
         facts.push(("teeth, pinion and gear".into(), format!("{} and {}", gears.pinion_teeth, gears.gear_teeth)));

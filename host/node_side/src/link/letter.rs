@@ -78,7 +78,7 @@ pub fn facts(view: &View, source: &str) -> Facts {
         ));
     }
     if let Some(node) = &view.identity {
-        facts.push(("node".into(), super::report::identity(node)));
+        facts.push(("node".into(), super::text::identity(node)));
     }
     facts
 }

@@ -10,7 +10,6 @@ use meshband::config::Configuration;
 use meshband::events::Event;
 use meshband::health::Health;
 use meshband::message::{Identification, SelfTest, Spectrum, Status};
-use meshband::update::{RunningImage, Slot};
 use serde_json::Value;
 
 /// Items of the boot self-test, by bit.
@@ -36,31 +35,6 @@ pub fn self_test(test: SelfTest) -> String {
     }
 }
 
-/// Which node it is, in one line.
-pub fn identity(node: &Identification) -> String {
-    let [major, minor, patch] = node.version;
-    let [a, b, c] = node.unique_id;
-    let chip = if node.unique_id == [0; 3] { String::new() } else { format!(", chip {a:08x}{b:08x}{c:08x}") };
-    format!(
-        "{} with firmware {major}.{minor}.{patch} ({}){chip}{}; schemas: link {}, configuration {}",
-        node.board,
-        node.build,
-        image(&node.image),
-        node.wire_schema,
-        node.configuration_schema
-    )
-}
-
-/// Which image runs and why, where the board has slots.
-fn image(image: &RunningImage) -> String {
-    if image.slot == Slot::None {
-        return String::new();
-    }
-    let given_up = image.given_up.map(|[major, minor, patch]| format!(", {major}.{minor}.{patch} given up"));
-    let (standing, started) = (words(&image.standing), words(&image.started));
-    format!(", slot {:?} {standing}{}, started by {started}", image.slot, given_up.unwrap_or_default())
-}
-
 /// The report of `meshband monitor`.
 ///
 /// # Errors
@@ -79,7 +53,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
     }
     if let Some(node) = node {
         let test = view.self_test.unwrap_or(node.self_test);
-        report = report.figure("Node", identity(node)).figure("Self-test", self_test(test));
+        report = report.figure("Node", super::text::identity(node)).figure("Self-test", self_test(test));
     }
     report = match &view.status {
         Some(status) => {
@@ -157,7 +131,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
 /// The report of `meshband health`.
 pub fn of_health(health: &Health, node: &Identification, source: &str) -> Report {
     Report::new("Device", &format!("The node at {source} as a device"))
-        .figure("Node", identity(node))
+        .figure("Node", super::text::identity(node))
         .section("Health")
         .table("As the node gave it.", &["quantity", "value"], &super::health::rows(health))
 }
@@ -165,7 +139,7 @@ pub fn of_health(health: &Health, node: &Identification, source: &str) -> Report
 /// The report of `meshband configure`.
 pub fn of_configuration(config: &Configuration, node: &Identification, stored: bool, source: &str) -> Report {
     Report::new("Configuration", &format!("In force on the node at {source}"))
-        .figure("Node", identity(node))
+        .figure("Node", super::text::identity(node))
         .figure("Time base", format!("{} Hz", node.ticks_per_second))
         .figure("Self-test", self_test(node.self_test))
         .figure("Stored", if stored { "yes" } else { "no: until the next power-up" })

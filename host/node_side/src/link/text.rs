@@ -7,7 +7,8 @@ use super::alarms::Alarms;
 use super::view::{View, band_rows, capture_text, departure_line, quality_text, second_line, status_notes};
 use super::words::words;
 use crate::terminal::table;
-use meshband::message::{Indicators, Spectrum, Status};
+use meshband::message::{Identification, Indicators, Spectrum, Status};
+use meshband::update::{RunningImage, Slot};
 
 impl View {
     /// For `--json`: the same whether heard live or replayed.
@@ -121,4 +122,29 @@ fn overall(i: &Indicators) -> String {
 
 fn bands(spectrum: &Spectrum) -> String {
     table(&["harmonic", "Hz", "m/s2", "sideband Hz", "m/s2"], &band_rows(spectrum))
+}
+
+/// Which node it is, in one line.
+pub fn identity(node: &Identification) -> String {
+    let [major, minor, patch] = node.version;
+    let [a, b, c] = node.unique_id;
+    let chip = if node.unique_id == [0; 3] { String::new() } else { format!(", chip {a:08x}{b:08x}{c:08x}") };
+    format!(
+        "{} with firmware {major}.{minor}.{patch} ({}){chip}{}; schemas: link {}, configuration {}",
+        node.board,
+        node.build,
+        image(&node.image),
+        node.wire_schema,
+        node.configuration_schema
+    )
+}
+
+/// Which image runs and why, where the board has slots.
+fn image(image: &RunningImage) -> String {
+    if image.slot == Slot::None {
+        return String::new();
+    }
+    let given_up = image.given_up.map(|[major, minor, patch]| format!(", {major}.{minor}.{patch} given up"));
+    let (standing, started) = (words(&image.standing), words(&image.started));
+    format!(", slot {:?} {standing}{}, started by {started}", image.slot, given_up.unwrap_or_default())
 }
