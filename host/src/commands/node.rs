@@ -15,12 +15,12 @@ use meshband_host::speed::Speed;
 use meshband_host::virtual_node::emulated::run::Emulated;
 use meshband_host::virtual_node::profile::Pace;
 use meshband_host::virtual_node::qemu::{Qemu, built_firmware};
-use meshband_host::virtual_node::serve;
 use meshband_host::virtual_node::setup::configuration;
 use meshband_host::virtual_node::signal::{Operation, Signal, Unit};
 use meshband_host::virtual_node::stations::Stations;
 use meshband_host::virtual_node::summary::{self, Table};
 use meshband_host::virtual_node::trial::{self, Trial};
+use meshband_host::virtual_node::{peers, serve};
 use meshband_host::virtual_node::{profile, report};
 use meshband_host::{Error, Result, effects, remark, say, terminal};
 use std::io::IsTerminal;
@@ -192,7 +192,7 @@ pub fn run(args: Args) -> Result<()> {
 
 /// A node in real time until it is told to end.
 fn live(args: &Args, signal: &Signal, config: &Configuration, port: &str) -> Result<()> {
-    let address = serve::address("--serve", port)?;
+    let address = peers::address("--serve", port)?;
     let stations = Stations::new(&args.modbus, &config.link)?;
     signal.notes.iter().for_each(|note| remark!("note: {note}"));
     interrupt::only_ask();

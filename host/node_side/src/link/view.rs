@@ -4,9 +4,6 @@
 //! A status decides which alarms stand; an event of a later tick is taken into it until the next one. Time is the
 //! node's own, so a capture that is replayed gives what was seen live.
 
-use super::Losses;
-use super::words::words;
-use crate::terminal::table;
 use meshband::alarm::AlarmBand;
 use meshband::events::{Event, EventKind};
 use meshband::health::Health;

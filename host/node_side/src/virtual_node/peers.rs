@@ -4,9 +4,19 @@
 //! nobody takes the others' answers for losses. Commands reach the node frame by frame: two peers that write at once do
 //! not mix. Whatever a peer does not take in time is lost for it, as on a wire, and counted at its end.
 
+use crate::{Error, Result};
 use meshband::frame::{Decoder, MAX_FRAME, Packet, encode};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
+
+/// The address that `tcp:PORT` or `tcp:HOST:PORT` means; without a host only this machine can connect.
+///
+/// # Errors
+/// Any other text.
+pub fn address(option: &str, text: &str) -> Result<String> {
+    let rest = text.strip_prefix("tcp:").ok_or_else(|| Error::invalid(option, format!("'{text}' is not tcp:PORT")))?;
+    Ok(if rest.contains(':') { rest.to_owned() } else { format!("127.0.0.1:{rest}") })
+}
 
 /// Most peers at once; one more is closed at once.
 pub const MOST: usize = 16;

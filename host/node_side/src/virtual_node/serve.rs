@@ -157,15 +157,6 @@ impl<'a> Looped<'a> {
     }
 }
 
-/// The address that `tcp:PORT` or `tcp:HOST:PORT` means; without a host only this machine can connect.
-///
-/// # Errors
-/// Any other text.
-pub fn address(option: &str, text: &str) -> Result<String> {
-    let rest = text.strip_prefix("tcp:").ok_or_else(|| Error::invalid(option, format!("'{text}' is not tcp:PORT")))?;
-    Ok(if rest.contains(':') { rest.to_owned() } else { format!("127.0.0.1:{rest}") })
-}
-
 /// What is served, for whoever starts it.
 pub struct Ready<'a> {
     /// Address of the link.

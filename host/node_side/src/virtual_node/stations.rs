@@ -73,7 +73,7 @@ impl Stations {
         if text == "rtu" {
             return self.add_line(link);
         }
-        let address = super::serve::address("--modbus", text)
+        let address = super::peers::address("--modbus", text)
             .map_err(|_| format!("'{text}' is neither tcp:PORT nor rtu (a pseudo-terminal)"))?;
         let listener = TcpListener::bind(&address).map_err(|error| format!("{text}: {error}"))?;
         listener.set_nonblocking(true).map_err(|error| format!("{text}: {error}"))?;
