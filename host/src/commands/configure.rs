@@ -90,7 +90,7 @@ pub fn run(args: Args) -> Result<()> {
     files.write(&held, || Ok(report::of_configuration(&held, &identity, !args.volatile, &args.port)))?;
     say!(
         "{}, {} Hz time base, {}",
-        report::identity(&identity),
+        meshband_host::link::text::identity(&identity),
         identity.ticks_per_second,
         report::self_test(identity.self_test)
     )?;

@@ -34,6 +34,6 @@ pub fn run(args: Args) -> Result<()> {
     files.write(&serde_json::json!({ "identity": node, "health": said }), || {
         Ok(report::of_health(&said, &node, &args.port))
     })?;
-    say!("{}", report::identity(&node))?;
+    say!("{}", meshband_host::link::text::identity(&node))?;
     show(&table(&["quantity", "value"], &health::rows(&said)))
 }

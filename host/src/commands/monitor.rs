@@ -112,7 +112,11 @@ fn finish(heard: Heard, source: &str, files: &mut Announced) -> Result<()> {
     }
     files.write(&view.json(losses), || report::of_view(&view, losses, source))?;
     if let Some(identity) = &view.identity {
-        say!("{}\n{}", report::identity(identity), report::self_test(view.self_test.unwrap_or(identity.self_test)))?;
+        say!(
+            "{}\n{}",
+            meshband_host::link::text::identity(identity),
+            report::self_test(view.self_test.unwrap_or(identity.self_test))
+        )?;
     }
     show(&view.text(losses))?;
     fault.map_or(Ok(()), Err)
