@@ -13,7 +13,6 @@ use super::base_fit::Base;
 use super::calibrate::calibrate;
 use super::judge::Split;
 use super::least_squares::Data;
-use super::library::Bench;
 use super::options::Options;
 use super::search::{Memory, search};
 use super::waveform::complete;
@@ -47,7 +46,7 @@ pub fn best_scores(
         let mut base = Base::new(&null);
         calibrate(&mut base, &split.seen());
         let mut memory = Memory::default();
-        search(&Bench::new(&base), split, options, 1, &mut memory, &|_| {});
+        search(&mut base, split, options, 1, &mut memory, &|_| {});
         memory.first_score
     };
     (0..options.null_records).map(of).collect()

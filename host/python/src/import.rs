@@ -56,12 +56,9 @@ pub fn import_files(
 }
 
 fn options(c: Choices) -> Result<ImportOptions> {
-    let unit = match c.unit.as_str() {
-        "m/s2" => Unit::MetrePerSecondSquared,
-        "g" => Unit::Gravity,
-        "V" => Unit::Volt(c.volt_per_g),
-        "unknown" => Unit::Unknown,
-        other => return Err(Error::invalid("unit", format!("'{other}' is none of m/s2, g, V, unknown"))),
+    let unit = match Unit::parse(&c.unit).map_err(|what| Error::invalid("unit", what))? {
+        Unit::Volt(_) => Unit::Volt(c.volt_per_g),
+        other => other,
     };
     let tach = match (c.tach.is_empty(), c.no_tach) {
         (false, true) => return Err(Error::invalid("no_tach", "a tachometer is named by `tach`")),

@@ -76,7 +76,8 @@ impl Preflight {
 
     fn kinematic(&mut self, record: &Record) {
         let missing = &mut self.for_kinematic;
-        if record.declaration.teeth().is_none() && !record.declaration.has_no_gears() {
+        let declaration = &record.declaration;
+        if declaration.teeth().is_none() && !declaration.has_no_gears() && !declaration.has_train() {
             missing.push("tooth counts ([pair] teeth, `import --teeth`)".into());
         }
         let with_edges = record.runs.iter().filter(|run| run.edges_s.len() >= 3).count();

@@ -168,7 +168,10 @@ pub fn import(bytes: &[u8]) -> String {
     };
     let decimal_comma = [None, Some(true), Some(false)][usize::from(how % 3)];
     let name = format!("input.{ending}");
-    match read_as(&input_file(&name, content), &Reading { decimal_comma, no_time: how & 0x80 != 0 }) {
+    match read_as(
+        &input_file(&name, content),
+        &Reading { decimal_comma, no_time: how & 0x80 != 0, ..Reading::default() },
+    ) {
         Ok(columns) => {
             assert_eq!(columns.names.len(), columns.channels.len());
             let samples = columns.channels.first().map_or(0, Vec::len);

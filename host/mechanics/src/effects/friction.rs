@@ -6,7 +6,7 @@
 
 use super::hypothesis::{Hypothesis, Seat, one};
 use super::{Entry, Parameter};
-use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -40,6 +40,10 @@ struct Friction {
 }
 
 impl Effect for Friction {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn friction(&self, moment: &Moment, pair: &PairOnPath) -> Option<Series> {
         // Before the pitch point the gear's flank slides ahead. The middle of the step is never a knot.
         let ahead = pair.position.value(0.5) - moment.facts.pitch_point_base_pitches;

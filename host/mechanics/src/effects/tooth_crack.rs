@@ -1,13 +1,17 @@
-//! Cracked tooth by a plain loss of its pair's stiffness.
+//! Cracked tooth by a loss of its pair's stiffness.
 //!
-//! For a crack by depth and angle declare `[crack]` in the machine: its pair then follows the curve of the
-//! cracked section. Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per turn for
-//! about a contact ratio of mesh periods, proportional to torque.
+//! A tooth cracked at its root yields as a cantilever: by its crack's own compliance times the square of the load's
+//! lever arm. The pair's stiffness is `k / (1 + c (1 + lever x)^2)`, `x` from -1 at the root's end of the path to 1
+//! at the tip's, `c = loss / (1 - loss)`: `loss` is the share lost at the middle, `lever` half the path over the mean
+//! arm, 0 for one share all along. Limit: by the energy method a crack of 1.4 mm in 55 teeth grows 27-fold over the
+//! path, nearly as an exponential, which this follows to 14 % of its own change only; for a crack by depth and angle
+//! declare `[crack]` in the machine. Signature: low, wide comb of shaft harmonics around the mesh harmonics, once per
+//! turn for about a contact ratio of mesh periods, proportional to torque.
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Tooth, one};
 use super::{Entry, GEAR, TOOTH, check_tooth, parameter};
 use crate::Result;
-use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -17,8 +21,16 @@ pub const ENTRY: Entry = Entry {
     signature: "a wide comb of shaft harmonics around the mesh harmonics; proportional to torque",
     example: "loss=0.3",
     span_hz: 1000.0,
-    parameters: &[parameter("loss", "", 0.1, [0.0, 0.95], "share of the pair's stiffness"), TOOTH, GEAR],
-    build: |v| Box::new(ToothCrack { loss: v.get("loss"), tooth: v.get("tooth") as u32, body: v.body() }),
+    parameters: &[
+        parameter("loss", "", 0.1, [0.0, 0.95], "share of the pair's stiffness at the middle of its path"),
+        parameter("lever", "", 0.0, [-1.0, 1.0], "half the path over the load's mean lever arm about the crack"),
+        TOOTH,
+        GEAR,
+    ],
+    build: |v| {
+        let [loss, lever] = ["loss", "lever"].map(|n| v.get(n));
+        Box::new(ToothCrack { loss, lever, tooth: v.get("tooth") as u32, body: v.body() })
+    },
     hypotheses: &[
         SOFTENED,
         Hypothesis { name: "gear-tooth-crack", seats: &[Seat::OneTooth(1, Tooth::Softened)], ..SOFTENED },
@@ -49,24 +61,40 @@ const SOFTENED: Hypothesis = Hypothesis {
     quantity: "stiffness_loss",
     never_negative: true,
     bends: true,
-    carry: |f| Some(one("tooth-crack", [("loss", f.size), f.of_tooth()?, f.gear()])),
+    carry: |f| Some(one("tooth-crack", [("loss", f.size), ("lever", f.shape[0]), f.of_tooth()?, f.gear()])),
     ..Hypothesis::PLAIN
 };
 
 struct ToothCrack {
     loss: f64,
+    lever: f64,
     tooth: u32,
     body: usize,
 }
 
 impl Effect for ToothCrack {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Turn(self.body)
+    }
+
     fn check(&self, facts: &Facts) -> Result<()> {
         check_tooth(ENTRY.name, self.tooth, self.body, facts)
     }
 
-    fn pair_stiffness(&self, _moment: &Moment, pair: &PairOnPath, stiffness: &mut Series) {
-        if pair.tooth[self.body] == self.tooth {
-            *stiffness = stiffness.scaled(1.0 - self.loss);
+    fn pair_stiffness(&self, moment: &Moment, pair: &PairOnPath, stiffness: &mut Series) {
+        if pair.tooth[self.body] != self.tooth {
+            return;
         }
+        if self.lever == 0.0 {
+            *stiffness = stiffness.scaled(1.0 - self.loss);
+            return;
+        }
+        // The contact climbs the pinion's tooth and descends the gear's.
+        let outwards = [1.0, -1.0][self.body] * self.lever;
+        let mut arm = pair.position.scaled(2.0 * outwards / moment.facts.path_base_pitches);
+        arm.add_constant(1.0 - outwards);
+        let mut yielding = arm.product(&arm).scaled(self.loss / (1.0 - self.loss));
+        yielding.add_constant(1.0);
+        *stiffness = stiffness.quotient(&yielding);
     }
 }

@@ -1,10 +1,14 @@
 //! Files as runs: which channels belong together, and the sampling rate that all of them must share.
 
+use super::selection::is_called;
+use super::signals::Signal;
+use super::units::Quantity;
 use super::{Columns, ImportOptions};
 use crate::{Error, Result, text};
 use std::path::{Path, PathBuf};
 
 /// Channels that become one run.
+#[derive(Clone)]
 pub(super) struct Group {
     /// The files, for messages.
     pub label: String,
@@ -12,6 +16,32 @@ pub(super) struct Group {
     pub names: Vec<String>,
     /// Equally long channels.
     pub channels: Vec<Vec<f64>>,
+    /// Unit of every channel as the files write it.
+    pub units: Vec<Option<String>>,
+    /// What units and names say of every channel.
+    pub quantities: Vec<Option<Quantity>>,
+    /// First sample after the files' own zero, s.
+    pub start_s: Option<f64>,
+    /// Signals of another length, rate or start.
+    pub apart: Vec<Signal>,
+}
+
+impl Group {
+    /// Drops what is known of channels that were taken out since they were called `before`.
+    pub fn follow(&mut self, before: &[String]) {
+        let mut left = self.names.iter().peekable();
+        let kept: Vec<bool> = before.iter().map(|name| left.next_if(|own| *own == name).is_some()).collect();
+        let mut keep = kept.iter();
+        self.units.retain(|_| *keep.next().unwrap_or(&true));
+        let mut keep = kept.iter();
+        self.quantities.retain(|_| *keep.next().unwrap_or(&true));
+    }
+
+    /// Takes the signal that `source` names out of those that stand apart.
+    pub fn take_apart(&mut self, source: &str) -> Option<Signal> {
+        let at = self.apart.iter().position(|signal| is_called(signal, source))?;
+        Some(self.apart.remove(at))
+    }
 }
 
 /// Puts the channels of the files together as one run, or each file's as a run of its own.
@@ -35,6 +65,9 @@ pub(super) fn grouped(files: &[PathBuf], sources: Vec<Columns>, files_are_runs: 
                 group.label.push_str(&format!(", {}", short(file)));
                 group.names.extend(source.names);
                 group.channels.extend(source.channels);
+                group.units.extend(source.units);
+                group.quantities.extend(source.quantities);
+                group.apart.extend(source.apart);
             }
             first => {
                 if let Some(group) = first
@@ -48,7 +81,15 @@ pub(super) fn grouped(files: &[PathBuf], sources: Vec<Columns>, files_are_runs: 
                     );
                     return Err(Error::invalid(file.display(), what));
                 }
-                groups.push(Group { label: short(file), names: source.names, channels: source.channels });
+                groups.push(Group {
+                    label: short(file),
+                    names: source.names,
+                    channels: source.channels,
+                    units: source.units,
+                    quantities: source.quantities,
+                    start_s: source.start_s,
+                    apart: source.apart,
+                });
             }
         }
     }

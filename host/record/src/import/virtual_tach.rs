@@ -26,7 +26,7 @@ pub use super::quality::{Options, Quality, VirtualTach};
 
 use super::follow::follow;
 use super::lines::{Line, together};
-use super::mesh_line::{self, Comb};
+use crate::data_quality::comb::{self, Comb};
 
 /// Harmonics tried.
 const HARMONICS: u32 = 5;
@@ -102,7 +102,7 @@ pub fn followed(
 
 /// Pulses of a mesh line that keeps within the filter; from all lines together where `fused`.
 fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, fused: bool) -> Result<VirtualTach> {
-    let comb = mesh_line::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
+    let comb = comb::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
     let least_comb_db = LEAST_COMB_DB[usize::from(options.mesh_guess_hz.is_none())];
     if comb.excess_db < least_comb_db {
         let what = format!(

@@ -18,7 +18,7 @@ const LINE_CAP_DB: f64 = 30.0;
 
 /// The mesh comb found.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Comb {
+pub(crate) struct Comb {
     /// Mesh frequency, Hz.
     pub mesh_hz: f64,
     /// Mean excess of its lines over the local floor, dB, less that of the places between.
@@ -28,7 +28,7 @@ pub(super) struct Comb {
 }
 
 /// Searches the comb near `guess_hz`, or everywhere.
-pub(super) fn find(
+pub(crate) fn find(
     place: &str,
     channels: &[Vec<f64>],
     rate_hz: f64,
@@ -62,7 +62,7 @@ pub(super) fn find(
 }
 
 /// Spectrum over its local floor, and how well combs fit it.
-pub(super) struct Combs {
+pub(crate) struct Combs {
     excess: Spectrum,
     teeth: [u32; 2],
     rate_hz: f64,
@@ -70,7 +70,7 @@ pub(super) struct Combs {
 
 impl Combs {
     /// Of channels sampled at `rate_hz`.
-    pub(super) fn new(place: &str, channels: &[Vec<f64>], rate_hz: f64, teeth: [u32; 2]) -> Result<Self> {
+    pub(crate) fn new(place: &str, channels: &[Vec<f64>], rate_hz: f64, teeth: [u32; 2]) -> Result<Self> {
         let samples = channels.first().map_or(0, Vec::len);
         let segment = ((4.0 * rate_hz) as usize).min(samples);
         if segment < 1024 {
@@ -79,34 +79,39 @@ impl Combs {
         Ok(Self { excess: excess_db(channels, rate_hz, segment), teeth, rate_hz })
     }
 
+    /// Of a spectrum over its floor.
+    pub(super) fn of(excess: Spectrum, teeth: [u32; 2], rate_hz: f64) -> Self {
+        Self { excess, teeth, rate_hz }
+    }
+
     /// Whether a mesh frequency lies where lines can be told from each other.
-    pub(super) fn can_see(&self, mesh_hz: f64) -> bool {
+    pub(crate) fn can_see(&self, mesh_hz: f64) -> bool {
         mesh_hz > 10.0 * self.excess.bin && mesh_hz < 0.45 * self.rate_hz
     }
 
     /// Distance within which a line belongs to the place where the comb was found, Hz.
-    pub(super) fn line_width_hz(&self) -> f64 {
+    pub(crate) fn line_width_hz(&self) -> f64 {
         3.0 * self.excess.bin
     }
 
     /// Mean excess of the comb at this mesh frequency, dB per line.
-    pub(super) fn score(&self, mesh_hz: f64) -> f64 {
+    pub(crate) fn score(&self, mesh_hz: f64) -> f64 {
         score(&self.excess, mesh_hz, self.teeth, self.rate_hz)
     }
 
     /// The same with another number of teeth of the pinion.
-    pub(super) fn score_with(&self, mesh_hz: f64, pinion_teeth: u32) -> f64 {
+    pub(crate) fn score_with(&self, mesh_hz: f64, pinion_teeth: u32) -> f64 {
         score(&self.excess, mesh_hz, [pinion_teeth, self.teeth[1]], self.rate_hz)
     }
 
     /// How many of the comb's own harmonics, without its sidebands, stand `least_db` over their surroundings.
-    pub(super) fn harmonics(&self, mesh_hz: f64, least_db: f64) -> usize {
+    pub(crate) fn harmonics(&self, mesh_hz: f64, least_db: f64) -> usize {
         let harmonics = (1..=5).map(|h| f64::from(h) * mesh_hz).filter(|hz| *hz < 0.45 * self.rate_hz);
         harmonics.filter(|hz| at(&self.excess, *hz) >= least_db).count()
     }
 
     /// Mesh frequency of the best comb in a range, and its score.
-    pub(super) fn best_between(&self, from_hz: f64, to_hz: f64) -> (f64, f64) {
+    pub(crate) fn best_between(&self, from_hz: f64, to_hz: f64) -> (f64, f64) {
         let step = 0.5 * self.excess.bin;
         let candidates = (0..=((to_hz - from_hz) / step) as usize).map(|i| from_hz + step * i as f64);
         let scored = candidates.map(|hz| (hz, self.score(hz)));
@@ -115,7 +120,7 @@ impl Combs {
 }
 
 /// Mean over the channels of the spectrum over its local floor, dB.
-fn excess_db(channels: &[Vec<f64>], rate_hz: f64, segment: usize) -> Spectrum {
+pub(super) fn excess_db(channels: &[Vec<f64>], rate_hz: f64, segment: usize) -> Spectrum {
     let mut mean: Option<Spectrum> = None;
     for channel in channels {
         let density = power_density(channel, rate_hz, segment, Window::BlackmanHarris);
@@ -154,7 +159,7 @@ fn score(excess: &Spectrum, mesh_hz: f64, teeth: [u32; 2], rate_hz: f64) -> f64 
 }
 
 /// Refines a frequency by least squares on the channel where it is strongest; `None` where no line is near.
-pub(super) fn refine(channels: &[Vec<f64>], rate_hz: f64, guess_hz: f64, half_width_hz: f64) -> Option<f64> {
+fn refine(channels: &[Vec<f64>], rate_hz: f64, guess_hz: f64, half_width_hz: f64) -> Option<f64> {
     let lines = channels.iter().filter_map(|channel| line_near(channel, rate_hz, guess_hz, half_width_hz));
     lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)).map(|line| line.frequency_hz)
 }
