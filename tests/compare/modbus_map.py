@@ -14,7 +14,8 @@ path, kind, *place = sys.argv[1:]
 if kind == "tcp":
     client = ModbusTcpClient(place[0], port=int(place[1]), timeout=20, retries=3)
 else:
-    client = ModbusSerialClient(place[0], baudrate=19200, parity="E", timeout=20, retries=3)
+    # A pseudo-terminal has no parity; a board has even parity by default.
+    client = ModbusSerialClient(place[0], baudrate=19200, parity="N", timeout=20, retries=3)
 device = int(place[-1])
 assert client.connect(), "no connection"
 

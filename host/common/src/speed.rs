@@ -39,6 +39,9 @@ impl FromStr for Speed {
         let value: f64 = number.trim().parse().map_err(|_| {
             format!("'{}' is no speed: a number with its unit, as 24.75Hz or 1485rpm", crate::text::name(text))
         })?;
+        if !value.is_finite() {
+            return Err("that is no finite speed".into());
+        }
         if per.is_none() && value > BARE_MOST_HZ {
             let rpm = 60.0 * value;
             return Err(format!("{value} Hz would be {rpm} rpm: write {value}rpm, or {value}Hz where that is meant"));
@@ -61,6 +64,7 @@ mod tests {
         let asked = "1485".parse::<Speed>().expect_err("a motor's turns per minute");
         assert!(asked.contains("89100 rpm") && asked.contains("1485rpm"), "{asked}");
         assert!("fast".parse::<Speed>().is_err());
+        assert!("9".repeat(400).parse::<Speed>().is_err(), "beyond any number");
         assert_eq!(Speed(24.75).to_string(), "24.75 Hz (1485 rpm)");
     }
 }

@@ -81,7 +81,7 @@ fn fault_simulations_beyond_the_budget_are_refused_with_figures() {
         (vec!["--duration=1e9"], vec!["--duration", "samples x channels"]),
         (vec!["--rate=1e8", "--duration=1"], vec!["--rate", "2.000e8"]),
         (vec!["--speed=1e300"], vec!["--speed", "6e301 rpm", "1e300Hz"]),
-        (vec!["--speed=1e4"], vec!["speed", "10000 turns/s", "the limit is 1000"]),
+        (vec!["--speed=1e4Hz"], vec!["speed", "10000 turns/s", "the limit is 1000"]),
         (vec!["--run-up=10,1e5,1"], vec!["speed", "turns/s"]),
         (vec!["--torque=1e300"], vec!["torque", "1e300"]),
         (vec!["--pulses=100000000"], vec!["--pulses", "10000"]),

@@ -5,7 +5,8 @@
 //! that a node holds; [`health`] is the node as a device; [`setup`] makes a node's configuration from a declared
 //! machine, a law file and
 //! [`settings`] of the installation; [`modbus`] is the register map for a PLC; [`view`] is the one state of a link
-//! that every picture, text and file is made of, [`alarms`] its alarms in words, [`report`] the same for keeping.
+//! that every picture, text and file is made of, [`alarms`] its alarms in words, [`text`] all of it in words,
+//! [`report`] the same for keeping.
 
 pub mod alarms;
 pub mod capture;
@@ -17,6 +18,7 @@ pub mod report;
 pub mod settings;
 pub mod setup;
 pub mod stream;
+pub mod text;
 pub mod transport;
 pub mod update;
 pub mod view;

@@ -11,6 +11,7 @@ use super::looped::{Channel, Loop, ZERO_CODE};
 use super::peers::{Peers, packets};
 use super::signal::Signal;
 use super::stations::Stations;
+use crate::link::view::FIRST_TICK;
 use crate::{Error, Result};
 use meshband::config::Configuration;
 use meshband::frame::Packet;
@@ -128,7 +129,8 @@ impl<'a> Looped<'a> {
         let said = packets(&sent);
         for packet in &said {
             if let Packet::Message(message) = packet {
-                self.bank.take(message, self.now);
+                // The node counts from the first tick of its extended timer.
+                self.bank.take(message, FIRST_TICK + self.now);
             }
         }
         said
