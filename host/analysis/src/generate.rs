@@ -92,7 +92,7 @@ pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenar
     actual.tau_s *= scenario.damping_factor;
     let hidden = scenario.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
     hidden.iter().try_for_each(|effect| effect.check(&actual.facts(0.0)))?;
-    let integrated = Integrated::new(&actual, smooth(&actual_curve));
+    let integrated = Integrated::new(&actual, smooth(&actual_curve).0);
     let runs: Vec<Run> = points
         .par_iter()
         .enumerate()

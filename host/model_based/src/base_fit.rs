@@ -6,6 +6,8 @@
 
 use super::candidate::Template;
 use super::least_squares::{Column, Data, normal};
+use super::simulation::signals;
+use super::waveform::complete;
 use crate::machine::Shafts;
 use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::model::harmonic_balance::{Balanced, Machine, Solution};
@@ -94,6 +96,10 @@ pub struct Base {
     pub machine: Machine,
     /// Stiffness of the declared pair, as the simulator takes it.
     smooth: Arc<PiecewisePolynomial>,
+    /// Whether that stands for the table.
+    is_close: bool,
+    /// What the table's roughness adds to the signals of the machine as it stands; empty where its pieces stand for it.
+    pub roughness: Vec<[Vec<f64>; 2]>,
     /// Error of the prediction as a share of a line, as estimated from what the fit leaves at mesh orders.
     pub discrepancy: f64,
     /// Runs.
@@ -155,11 +161,25 @@ impl Base {
             .unzip();
         let change = vec![0.0; TOLERANCES.len()];
         let (pulses_per_rev, nuisances, priors) = (record.pulses_per_rev, Vec::new(), Vec::new());
-        let smooth = Arc::new(smooth(&record.curve));
+        let (smooth, is_close) = smooth(&record.curve);
+        let smooth = Arc::new(smooth);
         let signals = Vec::new();
         let discrepancy = MODEL_SLACK;
-        let mut base =
-            Self { analyser, machine, smooth, discrepancy, runs, signals, pulses_per_rev, change, nuisances, priors };
+        let roughness = Vec::new();
+        let mut base = Self {
+            analyser,
+            machine,
+            smooth,
+            is_close,
+            roughness,
+            discrepancy,
+            runs,
+            signals,
+            pulses_per_rev,
+            change,
+            nuisances,
+            priors,
+        };
         base.linearise(&balanced);
         base
     }
@@ -351,6 +371,24 @@ impl Base {
         self.smooth.scaled((1.0 + self.change[0]) * (1.0 + delta[0]))
     }
 
+    /// Finds what the table's roughness adds, from the lines of its own and what the simulation of its pieces gives.
+    pub fn find_roughness(&mut self) {
+        self.roughness = Vec::new();
+        if self.is_close {
+            return;
+        }
+        let runs: Vec<usize> = (0..self.runs.len()).collect();
+        let Some(smooth) = signals(self, &[0.0; TOLERANCES.len()], &[], &runs) else { return };
+        let of = |(run, smooth): (&RunState, [Vec<f64>; 2])| {
+            let mut rough = complete(&self.analyser, run);
+            for (rough, smooth) in rough.iter_mut().zip(&smooth) {
+                rough.iter_mut().zip(smooth).for_each(|(x, y)| *x -= y);
+            }
+            rough
+        };
+        self.roughness = self.runs.par_iter().zip(smooth).map(of).collect();
+    }
+
     /// Takes what a simulation of the machine at its present parameters gives for its prediction.
     pub fn take_prediction(&mut self, simulated: Vec<[Bins; 2]>) {
         self.runs.iter_mut().zip(simulated).for_each(|(run, bins)| run.model = bins);
@@ -396,6 +434,8 @@ impl Base {
             analyser,
             machine,
             smooth,
+            is_close: self.is_close,
+            roughness: Vec::new(),
             discrepancy: self.discrepancy,
             runs,
             signals: Vec::new(),

@@ -147,8 +147,8 @@ pub enum Tuning {
     Delay { delay_s: f64 },
     /// Delay of a second path, s.
     Echo { delay_s: f64 },
-    /// Lever of a cracked tooth: how its loss grows along the path.
-    Lever { lever: f64 },
+    /// How the loss of a cracked tooth grows along its path.
+    Growth { growth: f64, bow: f64 },
     /// Share of the path of contact that tip relief covers at each end, and the exponent of its shape.
     Relief { share: f64, exponent: i32 },
 }
@@ -160,7 +160,7 @@ impl Tuning {
             Self::Relief { share, exponent } => [share, f64::from(exponent)],
             Self::Mode { f0, zeta, .. } => [f0, zeta],
             Self::Delay { delay_s } | Self::Echo { delay_s } => [delay_s, 0.0],
-            Self::Lever { lever } => [lever, 0.0],
+            Self::Growth { growth, bow } => [growth, bow],
             Self::Order { .. } => [0.0; 2],
         }
     }
@@ -174,7 +174,7 @@ impl Candidate {
             (Some(Tuning::Mode { f0, zeta, .. }), _) => vec![(f0.ln(), 0.02 * zeta), (zeta.ln(), 0.01)],
             (Some(Tuning::Relief { share, .. }), _) => vec![(share, 1e-3)],
             (Some(Tuning::Echo { delay_s }), _) => vec![(delay_s, 1e-7)],
-            (Some(Tuning::Lever { lever }), _) => vec![(lever, 0.01)],
+            (Some(Tuning::Growth { growth, bow }), _) => vec![(growth, 0.01), (bow, 0.01)],
             (Some(Tuning::Order { .. }), Some(order)) => vec![(order, 3e-5)],
             _ => Vec::new(),
         }
@@ -187,7 +187,9 @@ impl Candidate {
             (Some(Tuning::Mode { f0, zeta, .. }), [f, z]) => (*f0, *zeta) = (f.exp(), z.exp()),
             (Some(Tuning::Relief { share, .. }), [s]) => *share = s.clamp(0.01, 0.5),
             (Some(Tuning::Echo { delay_s }), [d]) => *delay_s = *d,
-            (Some(Tuning::Lever { lever }), [l]) => *lever = l.clamp(-0.9, 0.9),
+            (Some(Tuning::Growth { growth, bow }), [g, b]) => {
+                (*growth, *bow) = (g.clamp(-3.9, 3.9), b.clamp(-1.9, 1.9));
+            }
             (Some(Tuning::Order { .. }), [order]) => other.order = Some(*order),
             _ => {}
         }

@@ -25,7 +25,7 @@ use crate::observation::spectrum::{Bins, Sparse};
 use rustfft::num_complex::Complex64 as C;
 
 /// Times that the weights are renewed: what a start far off leaves is form error at first.
-const PASSES: usize = 3;
+const PASSES: usize = 5;
 /// Most steps in a pass.
 const MOST_STEPS: usize = 5;
 /// Most halvings of a step.
@@ -206,17 +206,21 @@ impl Fit<'_> {
         None
     }
 
-    /// Steps until nothing more is to be had; the last prediction.
-    fn settle(&self, mut state: State, mut predicted: Vec<[Bins; 2]>) -> Option<(State, Vec<[Bins; 2]>)> {
-        let mut now = self.objective(&state, &predicted);
-        let mut slopes = self.derivatives(&state, &predicted)?;
-        let mut at = state.clone();
+    /// Steps until nothing more is to be had; the last prediction, and whether it fell at all. `slopes`: derivatives
+    /// with where they were taken.
+    fn settle(
+        &self,
+        mut state: State,
+        mut predicted: Vec<[Bins; 2]>,
+        slopes: &mut Option<(State, Vec<Vec<Template>>)>,
+    ) -> Option<(State, Vec<[Bins; 2]>, bool)> {
+        let first = self.objective(&state, &predicted);
+        let mut now = first;
         for _ in 0..MOST_STEPS {
-            if is_far(&state, &at) {
-                slopes = self.derivatives(&state, &predicted)?;
-                at = state.clone();
+            if slopes.as_ref().is_none_or(|(at, _)| is_far(&state, at)) {
+                *slopes = Some((state.clone(), self.derivatives(&state, &predicted)?));
             }
-            let step = self.step(&state, &predicted, &slopes);
+            let step = self.step(&state, &predicted, &slopes.as_ref()?.1);
             let Some((next, there, objective)) = self.descend(&state, &step, now) else { break };
             let fall = now - objective;
             (state, predicted, now) = (next, there, objective);
@@ -224,7 +228,7 @@ impl Fit<'_> {
                 break;
             }
         }
-        Some((state, predicted))
+        Some((state, predicted, first - now > LEAST_FALL))
     }
 }
 
@@ -283,14 +287,20 @@ impl<'a> Started<'a> {
 pub fn refine(base: &mut Base, data: &Data, seen: &[usize], terms: &mut [Candidate]) -> Option<Vec<[Bins; 2]>> {
     let Started { mut fit, mut state, list } = Started::of(base, data, seen, terms);
     let mut predicted = fit.simulated(&state, seen)?;
+    let mut slopes = None;
     for _ in 0..PASSES {
         fit.weight = fit.weights(&predicted);
-        (state, predicted) = fit.settle(state, predicted)?;
+        let fell;
+        (state, predicted, fell) = fit.settle(state, predicted, &mut slopes)?;
+        if !fell {
+            break;
+        }
     }
     let runs: Vec<usize> = (0..base.runs.len()).collect();
     let signals = signals(base, &state.delta, &state.played(), &runs)?;
     let whole = bins(base, &signals);
-    let mut slopes = fit.derivatives(&state, &predicted)?;
+    let (at, slopes) = slopes?;
+    let mut slopes = if is_far(&state, &at) { fit.derivatives(&state, &predicted)? } else { slopes };
     fit.weight = fit.weights(&whole);
     let mut residual = left(base, &whole);
     let templates = (0..list.len())
@@ -318,13 +328,16 @@ pub fn refine(base: &mut Base, data: &Data, seen: &[usize], terms: &mut [Candida
     Some(residual)
 }
 
-/// The objective that the terms come to next to the machine, refined as [`refine`] does but with these weights;
-/// `None` where the simulator does not take them together.
-pub fn objective(base: &Base, data: &Data, seen: &[usize], terms: &[Candidate]) -> Option<f64> {
+/// The objective that the terms come to next to the machine with these weights, refined as [`refine`] does, or as
+/// they are; `None` where the simulator does not take them together.
+pub fn objective(base: &Base, data: &Data, seen: &[usize], terms: &[Candidate], refined: bool) -> Option<f64> {
     let Started { mut fit, state, .. } = Started::of(base, data, seen, terms);
     fit.weight.clone_from(&data.weight);
     let predicted = fit.simulated(&state, seen)?;
-    let (state, predicted) = fit.settle(state, predicted)?;
+    if !refined {
+        return Some(fit.objective(&state, &predicted));
+    }
+    let (state, predicted, _) = fit.settle(state, predicted, &mut None)?;
     Some(fit.objective(&state, &predicted))
 }
 

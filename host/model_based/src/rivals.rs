@@ -54,10 +54,10 @@ fn contest(
         if !has_counterpart(base, &rival.candidate, &rival.x) {
             continue;
         }
-        let Some(mine) = *best.get_or_insert_with(|| objective(base, data, &seen, accepted)) else { return };
+        let Some(mine) = *best.get_or_insert_with(|| objective(base, data, &seen, accepted, false)) else { return };
         let mut others = accepted.to_vec();
         others[index] = rival.candidate.clone();
-        if let Some(theirs) = objective(base, data, &seen, &others) {
+        if let Some(theirs) = objective(base, data, &seen, &others, true) {
             let penalty = |j: &Judged| j.gain - j.score;
             *behind = 0.5 * (theirs + penalty(rival) - mine - penalty(own));
         }

@@ -18,6 +18,7 @@ use super::one_start::one_start;
 use super::options::Options;
 use super::refinement::refine;
 use super::refusal::Refusals;
+use super::remainder::power_and_noise;
 use super::start::Start;
 use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_win, refuted, tune};
 use super::together::unknowns;
@@ -25,6 +26,10 @@ use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
+/// Most times that the machine is linearised anew about the parameters found with the same terms.
+const MOST_CENTRED: usize = 3;
+/// Share of the power left before, above which that no longer pays.
+const STALLED: f64 = 0.8;
 /// Candidates of every round that a term's name is later compared with.
 const MOST_RIVALS: usize = 60;
 /// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may
@@ -71,6 +76,7 @@ pub fn search(
 ) -> Found {
     let seen = split.seen();
     say("machine alone on the simulator");
+    base.find_roughness();
     let mut data = base.data();
     if let Some(residual) = refine(base, &data, &seen, &mut []) {
         base.estimate_discrepancy(&residual, &seen);
@@ -86,12 +92,20 @@ pub fn search(
         }
         say("terms and machine fitted together on the simulator");
         let Found { accepted, data, .. } = &mut found;
-        if let Some(residual) = refine(base, data, &seen, accepted.refine()) {
-            data.residual = residual;
+        for _ in 0..MOST_CENTRED {
+            let before = power_and_noise(base, &left(base, data, &seen, accepted), &seen).0;
+            base.find_roughness();
+            if let Some(residual) = refine(base, data, &seen, accepted.refine()) {
+                data.residual = residual;
+            }
+            let rest = left(base, data, &seen, accepted);
+            base.estimate_discrepancy(&rest, &seen);
+            data.weight = base.weights(&rest, &rest);
+            let (power, noise) = power_and_noise(base, &rest, &seen);
+            if !accept::much_is_there(power, noise) || power > STALLED * before {
+                break;
+            }
         }
-        let rest = left(base, data, &seen, accepted);
-        base.estimate_discrepancy(&rest, &seen);
-        data.weight = base.weights(&rest, &rest);
         accepted.supersede(|term, others| Judge::new(base, data, split, others).judge(term.clone()).score);
     }
     memory.began = true;

@@ -113,8 +113,9 @@ pub fn signals(base: &Base, delta: &[f64], terms: &[Played<'_>], runs: &[usize])
     let integrated = Integrated::new(&machine, base.stiffness(delta));
     let analyser = &base.analyser;
     let of = |(scene, &run): (&Scene, &usize)| {
-        let signals =
-            integrated.run(&Run { effects: &scene.effects, at: scene.at }, analyser.samples, analyser.rate_hz);
+        let beyond = base.roughness.get(run).map_or(&[][..], |rough| &rough[..]);
+        let taken = Run { effects: &scene.effects, at: scene.at };
+        let signals = integrated.run(&taken, beyond, analyser.samples, analyser.rate_hz);
         signals.ok().map(|signals| (run, signals))
     };
     let done = scenes.par_iter().zip(runs).map(of).collect::<Option<Vec<_>>>()?;

@@ -3,9 +3,9 @@
 //!
 //! The equations are the harmonic balance's (rotations of four bodies, two translations along the line of action);
 //! what acts across that line is left out, as nothing of it reaches the channels. The stiffness table is taken as few
-//! smooth pieces ([`smooth`]): a pair that an effect carries along its path meets a dozen breaks of them, not one per
-//! row. Decimation is the acquisition's ([`crate::dynamics::decimate`]), the measuring chain's effects follow in
-//! their order. Where all effects repeat with the mesh or with the turn of one gear, one period is integrated and the
+//! smooth pieces ([`smooth`]): a pair that an effect carries along its path meets a dozen breaks, not one per row.
+//! Decimation is the acquisition's ([`crate::dynamics::decimate`]), the measuring chain's effects follow in their
+//! order. Where all effects repeat with the mesh or with the turn of one gear, one period is integrated and the
 //! record read from it ([`super::recurring`]). Limits: constant nominal speed, no loss of contact.
 
 use super::harmonic_balance::Machine;
@@ -63,23 +63,30 @@ impl Run<'_> {
 }
 
 /// Most pieces that stand for a stiffness table: every pair on the path breaks a step at each end of them.
-const MOST_PIECES: usize = 32;
+const MOST_PIECES: usize = 16;
 /// Deviations from a table's rows, relative to its largest value, that are tried; the last is what printed tables
 /// scatter by from row to row.
 const TOLERANCES: [f64; 5] = [TABLE_TOLERANCE, 1e-5, 1e-4, 3e-4, 1e-3];
 
-/// A stiffness table as few smooth pieces, as near to its rows as that allows.
-pub fn smooth(curve: &PairCurve) -> PiecewisePolynomial {
+/// Deviation from a table's rows up to which its pieces stand for it.
+const CLOSE: f64 = 1e-5;
+
+/// A stiffness table as few smooth pieces, as near to its rows as that allows, and whether that is near enough to
+/// stand for it.
+pub fn smooth(curve: &PairCurve) -> (PiecewisePolynomial, bool) {
     let table = Table { position: curve.u.clone(), stiffness_n_per_m: curve.k.clone() };
-    let mut fits = TOLERANCES.into_iter().map(|tolerance| table.fit(tolerance));
-    let few = |fit: &PiecewisePolynomial| fit.knots().len() <= MOST_PIECES + 1;
-    fits.find(few).unwrap_or_else(|| table.fit(TOLERANCES[TOLERANCES.len() - 1]))
+    let mut fits = TOLERANCES.into_iter().map(|tolerance| (table.fit(tolerance), tolerance <= CLOSE));
+    let few = |(fit, _): &(PiecewisePolynomial, bool)| fit.knots().len() <= MOST_PIECES + 1;
+    fits.find(few).unwrap_or_else(|| (table.fit(TOLERANCES[TOLERANCES.len() - 1]), false))
 }
 
 /// A machine ready to be integrated at any point.
 pub struct Integrated {
     rig: Rig,
 }
+
+/// What a run's signals are to be corrected by before its measuring chain, m/s2, by channel; empty for nothing.
+pub type Beyond<'a> = &'a [Vec<f64>];
 
 impl Integrated {
     /// Of `machine`; `stiffness`: its pair's, as [`smooth`] gives it.
@@ -124,8 +131,11 @@ impl Integrated {
     ///
     /// # Errors
     /// As [`Integrated::accelerations`].
-    pub fn run(&self, run: &Run<'_>, samples: usize, rate_hz: f64) -> Result<[Vec<f64>; 2]> {
+    pub fn run(&self, run: &Run<'_>, beyond: Beyond<'_>, samples: usize, rate_hz: f64) -> Result<[Vec<f64>; 2]> {
         let mut channels = self.accelerations(run, samples, rate_hz)?;
+        for (channel, beyond) in channels.iter_mut().zip(beyond) {
+            channel.iter_mut().zip(beyond).for_each(|(x, more)| *x += more);
+        }
         if run.effects.is_empty() {
             return Ok(channels);
         }
@@ -189,9 +199,11 @@ mod tests {
     fn ref_a_period_is_read_as_the_whole_run_is_integrated() {
         let record = drawn::machine(&mut ChaCha8Rng::seed_from_u64(11)).unwrap();
         let machine = Machine::new(&record.pair, &record.shafts, &record.curve);
-        let integrated = Integrated::new(&machine, smooth(&record.curve));
+        let integrated = Integrated::new(&machine, smooth(&record.curve).0);
         let at = Point { start_rad: 1.3, speed_hz: 21.7, torque_n_m: 12.0 };
-        for text in ["eccentricity:amplitude=3e-5,gear=1", "tooth-crack:loss=0.2,tooth=3,lever=0.3", "friction"] {
+        for text in
+            ["eccentricity:amplitude=3e-5,gear=1", "tooth-crack:loss=0.2,tooth=3,growth=1.2,bow=0.2", "friction"]
+        {
             let effects = vec![parse(text).unwrap()];
             let run = Run { effects: &effects, at };
             let (samples, rate_hz) = (25_600, 51_200.0);

@@ -175,6 +175,21 @@ impl Series {
         (s.trimmed(), c.trimmed())
     }
 
+    /// Exponential function of the series.
+    pub fn exp(&self) -> Self {
+        let mut e = Self::constant(self.coefficients[0].exp());
+        if self.degree == 0 {
+            return e;
+        }
+        for n in 1..=ORDER {
+            let sum: f64 =
+                (1..=n.min(self.degree)).map(|j| j as f64 * self.coefficients[j] * e.coefficients[n - j]).sum();
+            e.coefficients[n] = sum / n as f64;
+        }
+        e.degree = ORDER;
+        e.trimmed()
+    }
+
     /// Square root; the value at the step's start must be positive.
     pub fn sqrt(&self) -> Self {
         let mut r = Self::constant(self.coefficients[0].sqrt());

@@ -1,8 +1,9 @@
 //! Coulomb friction of the sliding flanks, reversing at the pitch point.
 //!
-//! Each pair's friction force is a constant share of its mesh force, across the line of action; its moments
-//! about both gears follow the contact point. Signature: mesh harmonics across the line of action,
-//! proportional to torque.
+//! Each pair's friction force is a constant share of its mesh force, across the line of action; its moments about
+//! both gears follow the contact point. A positive coefficient takes energy from a pinion that drives; where the gear
+//! drives the pinion in the same sense the flanks slide the other way, which is a negative one. Signature: mesh
+//! harmonics across the line of action, proportional to torque.
 
 use super::hypothesis::{Hypothesis, Seat, one};
 use super::{Entry, Parameter};
@@ -20,15 +21,14 @@ pub const ENTRY: Entry = Entry {
         name: "coefficient",
         unit: "",
         default: 0.05,
-        range: [0.0, 0.5],
-        meaning: "friction force over normal force",
+        range: [-0.5, 0.5],
+        meaning: "friction force over normal force; negative: flanks that slide the other way",
     }],
     build: |v| Box::new(Friction { coefficient: v.get("coefficient") }),
     hypotheses: &[Hypothesis {
         name: "friction",
         seats: &[Seat::Sliding],
         quantity: "coefficient",
-        never_negative: true,
         carry: |f| Some(one("friction", [("coefficient", f.size)])),
         ..Hypothesis::PLAIN
     }],

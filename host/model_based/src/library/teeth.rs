@@ -187,7 +187,7 @@ impl Families {
             exponents: self.exponents(),
             hypothesis: Some(single),
             seat: Some(Seat::OneTooth(self.shaft, self.kind)),
-            tuning: (self.kind == Tooth::Softened).then_some(Tuning::Lever { lever: 0.0 }),
+            tuning: (self.kind == Tooth::Softened).then_some(Tuning::Growth { growth: 0.0, bow: 0.0 }),
             tooth: Some(tooth),
             start,
             ..Candidate::default()

@@ -146,7 +146,8 @@ pub fn text(rungs: &[Rung]) -> String {
 mod tests {
     use super::*;
 
-    /// `prove --ladder` in short: what is named in much noise is named in little, by as many terms, down to the floor.
+    /// `prove --ladder` in short: what is named in much noise is named in little, by as many terms, down to the
+    /// floor.
     #[test]
     fn loop_names_a_runout_at_every_noise() {
         let ladder = Ladder {
