@@ -5,7 +5,7 @@
 //! | [`status_light::StatusLight`] | [`OutputPin`](embedded_hal::digital::OutputPin) | lights one light by codes |
 //! | [`alarm_output::AlarmOutput`] | `OutputPin` | a relay or lamp that follows the node's alarms, fail-safe |
 //! | [`sensor_supply::SensorSupply`] | `OutputPin` | feeds the sensor and says when its bias has settled |
-//! | [`programmable_gain::ProgrammableGain`] | [`SpiDevice`](embedded_hal::spi::SpiDevice) | gain, MCP6S21 class; [`gain_keeper`] tries again |
+//! | [`programmable_gain::ProgrammableGain`] | [`SpiDevice`](embedded_hal::spi::SpiDevice) | gain, MCP6S21 class; [`gain_keeper`] |
 //!
 //! Time is the board's 32-bit tick counter, which wraps (51 s at 84 MHz): every driver that measures time is polled
 //! from the main loop, and [`countdown`] adds up what passed between polls, so any duration may be longer than the

@@ -6,7 +6,6 @@
 
 use super::candidate::Template;
 use super::least_squares::{Column, Data, normal};
-use super::simulation::signals;
 use super::waveform::complete;
 use crate::machine::Shafts;
 use crate::model::forward::{ForwardModel, Line, Operating};
@@ -371,14 +370,14 @@ impl Base {
         self.smooth.scaled((1.0 + self.change[0]) * (1.0 + delta[0]))
     }
 
-    /// Finds what the table's roughness adds, from the lines of its own and what the simulation of its pieces gives.
-    pub fn find_roughness(&mut self) {
+    /// What the table's roughness adds to what the simulation of its pieces gives (`smooth`, by run): the lines of the
+    /// machine as it stands less those signals. Empty where the pieces stand for the table.
+    pub fn take_roughness(&mut self, smooth: impl FnOnce(&Self) -> Option<Vec<[Vec<f64>; 2]>>) {
         self.roughness = Vec::new();
         if self.is_close {
             return;
         }
-        let runs: Vec<usize> = (0..self.runs.len()).collect();
-        let Some(smooth) = signals(self, &[0.0; TOLERANCES.len()], &[], &runs) else { return };
+        let Some(smooth) = smooth(self) else { return };
         let of = |(run, smooth): (&RunState, [Vec<f64>; 2])| {
             let mut rough = complete(&self.analyser, run);
             for (rough, smooth) in rough.iter_mut().zip(&smooth) {

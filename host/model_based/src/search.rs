@@ -19,6 +19,7 @@ use super::options::Options;
 use super::refinement::refine;
 use super::refusal::Refusals;
 use super::remainder::power_and_noise;
+use super::simulation::find_roughness;
 use super::start::Start;
 use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_win, refuted, tune};
 use super::together::unknowns;
@@ -76,7 +77,7 @@ pub fn search(
 ) -> Found {
     let seen = split.seen();
     say("machine alone on the simulator");
-    base.find_roughness();
+    find_roughness(base);
     let mut data = base.data();
     if let Some(residual) = refine(base, &data, &seen, &mut []) {
         base.estimate_discrepancy(&residual, &seen);
@@ -94,7 +95,7 @@ pub fn search(
         let Found { accepted, data, .. } = &mut found;
         for _ in 0..MOST_CENTRED {
             let before = power_and_noise(base, &left(base, data, &seen, accepted), &seen).0;
-            base.find_roughness();
+            find_roughness(base);
             if let Some(residual) = refine(base, data, &seen, accepted.refine()) {
                 data.residual = residual;
             }

@@ -4,7 +4,7 @@
 //! ([`crate::effects::hypothesis`]), so that what is compared is what `loop --apply` writes. Cost: an integration of
 //! every run ([`crate::model::integrated`]).
 
-use super::base_fit::Base;
+use super::base_fit::{Base, TOLERANCES};
 use super::candidate::{Candidate, Tuning};
 use super::start::Start;
 use crate::dynamics::Effect;
@@ -84,6 +84,12 @@ pub fn simulated(base: &Base, delta: &[f64], terms: &[Played<'_>], runs: &[usize
 pub fn bins(base: &Base, signals: &[[Vec<f64>; 2]]) -> Vec<[Bins; 2]> {
     let of = |signal: &Vec<f64>| if signal.is_empty() { Bins::new() } else { base.analyser.bins_of(signal) };
     signals.par_iter().map(|run| run.each_ref().map(of)).collect()
+}
+
+/// Finds what the table's roughness adds, from the lines of the machine as it stands and what the simulation of the
+/// table's pieces gives.
+pub fn find_roughness(base: &mut Base) {
+    base.take_roughness(|base| signals(base, &[0.0; TOLERANCES.len()], &[], &(0..base.runs.len()).collect::<Vec<_>>()));
 }
 
 /// Signals of `runs`, the others empty, of the machine of `base` with its parameters moved by `delta` and with all of

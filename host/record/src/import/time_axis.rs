@@ -194,7 +194,10 @@ fn kind(signal: &Signal, reading: &Reading, known: bool) -> std::result::Result<
             }
             even(signal, reading, step, uncertain, coarse)
         }
-        Stamps::Uneven { .. } if !called && (known || signal.values.len() < FEW) => Ok(Kind::Channel),
+        // A set whose time is stated or found needs no column for it.
+        Stamps::Uneven { .. } if !called && (known || signal.rate_hz.is_some() || signal.values.len() < FEW) => {
+            Ok(Kind::Channel)
+        }
         Stamps::Uneven { mostly, .. } if !called && !mostly => Ok(Kind::Channel),
         Stamps::Uneven { jitter: true, .. } if called && reading.rate_hz.is_some() => {
             Ok(Kind::Nothing("has stamps that jitter; the rate is that of --rate".into()))
