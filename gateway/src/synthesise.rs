@@ -228,6 +228,8 @@ pub fn status(tick: u64, speed_hz: f32) -> Status {
         bound: Bound::AnalogueFilter,
         alarms: AlarmState::default(),
         capture: CapturePhase::default(),
+        alerts: 0,
+        sensor: Default::default(),
     }
 }
 

@@ -164,9 +164,18 @@ fn theory_housekeeping_reads_the_reference_and_the_temperature_in_turn() {
     assert_eq!(keeping.temperature_c(), None);
     set(&*adc1, 0x4c, 1_320);
     keeping.follow(&adc1);
+    assert_eq!(
+        (word(&*adc1, 0x34), word(&*adc1, 0x10)),
+        (4, 7 << 12),
+        "the sensor's bias, with its divider's patience"
+    );
     // 1320 codes at 3.0 V are 1200 at 3.3 V.
     let celsius = keeping.temperature_c().expect("read");
     assert!((celsius - (30.0 + 80.0 * (1_200.1 - 959.0) / 248.0)).abs() < 0.2, "{celsius}");
+    set(&*adc1, 0x4c, 2_048);
+    keeping.follow(&adc1);
+    let volts = keeping.sensor_bias_v().expect("read");
+    assert!((volts - 1.5).abs() < 0.01 && word(&*adc1, 0x34) == 17, "{volts}");
 }
 
 #[test]

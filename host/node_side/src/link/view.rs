@@ -16,6 +16,7 @@ use meshband::message::{
     Bound, ChannelValues, Identification, Indicators, Message, Peaks, Quality, Reply, SelfTest, Snapshot, Spectrum,
     Statistics, Status,
 };
+use meshband::watch::reason;
 use meshband::waveform::CapturePhase;
 use std::collections::VecDeque;
 
@@ -258,7 +259,7 @@ fn status_lines(s: &Status) -> String {
     format!(
         "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} \
          Hz   granted {:.1} Hz   \
-         ADC {:.1} Hz / 2^{}\n{notes}",
+         ADC {:.1} Hz / 2^{}\n{notes}{}",
         words(&s.state),
         s.speed_hz,
         s.speed_uncertainty,
@@ -269,7 +270,8 @@ fn status_lines(s: &Status) -> String {
         s.requested_hz,
         s.granted_hz,
         s.adc_hz,
-        s.stages
+        s.stages,
+        sensor_line(s)
     )
 }
 
@@ -354,6 +356,29 @@ pub fn capture_text(phase: CapturePhase) -> Option<&'static str> {
         CapturePhase::Collecting | CapturePhase::Sealing => Some("a waveform is being taken"),
         CapturePhase::Held => Some("a WAVEFORM IS HELD: `meshband capture` fetches it"),
     }
+}
+
+/// Why a sensor is not in order, in words; what was, where nothing is wrong any more.
+pub fn sensor_text(reasons: u16) -> String {
+    let words = [
+        (reason::CLIPPED, "clipped"),
+        (reason::STILL, "does not move"),
+        (reason::SECOND_CLIPPED, "second sensor clipped"),
+        (reason::SECOND_STILL, "second sensor does not move"),
+        (reason::BIAS, "bias out of its band"),
+        (reason::MEAN, "mean out of its band"),
+        (reason::FLOOR, "too quiet for a shaft that turns"),
+        (reason::FAR_BELOW, "far below what is expected"),
+        (reason::BLIND, "nothing to judge limits by"),
+    ];
+    let of: Vec<&str> = words.into_iter().filter(|(bit, _)| reasons & bit != 0).map(|(_, word)| word).collect();
+    if of.is_empty() { "latched".to_owned() } else { of.join(", ") }
+}
+
+/// What the node says of its own sensor, if that is not in order.
+fn sensor_line(status: &Status) -> String {
+    let sensor = status.sensor;
+    if sensor.standing { format!("sensor not in order: {}\n", sensor_text(sensor.reasons)) } else { String::new() }
 }
 
 fn bands(spectrum: &Spectrum) -> String {
