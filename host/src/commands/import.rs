@@ -85,7 +85,7 @@ pub struct Args {
     /// The rig has one shaft and no gears.
     #[arg(long, conflicts_with_all = ["teeth", "machine"])]
     no_gears: bool,
-    /// Bearing by designation, on the pinion's shaft or on SHAFT: `6205`, `gear=NU206`; once for each. By dimensions
+    /// Bearing by designation, on the pinion's shaft or on SHAFT: `6205`, `gear=6203`; once for each. By dimensions
     /// or orders: `[[bearing]]` in record.toml.
     #[arg(long = "bearing", value_name = "[SHAFT=]DESIGNATION")]
     bearings: Vec<String>,

@@ -24,7 +24,7 @@ pub struct Bearing {
     pub name: String,
     /// Shaft that its inner ring turns with: `pinion`, `gear`, or a shaft's name of a gear train.
     pub shaft: String,
-    /// Designation, such as `6205`, `NU206` or `7204`; suffixes after a blank, dash or slash are ignored.
+    /// Designation, such as `6205`; suffixes after a blank, dash or slash are ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub designation: Option<String>,
     /// Rolling elements of one row.
@@ -102,7 +102,8 @@ impl Bearing {
         let row = self.designation.as_deref().map(|own| bearing_table::of(own).ok_or(own));
         let row = row.transpose().map_err(|own| {
             let own = crate::text::name(own);
-            refuse(format!("designation {own} is not in the table: state dimensions or the four orders"))
+            let known = bearing_table::designations();
+            refuse(format!("designation {own} is not in the table ({known}): state dimensions or the four orders"))
         })?;
         if let Some((_, elements, pitch, element, angle_deg)) = row {
             let angle_deg = self.contact_angle_deg.unwrap_or(*angle_deg);

@@ -2,12 +2,14 @@
 //!
 //! A line counts by its rank: the share of all bins of that very spectrum, but for the comb's own lines and those
 //! that are known, that stand as high. The background needs no distribution: other combs and tones in it are its
-//! tail. The product of `k` such shares has the survival function of a Gamma variable of order `k` (Fisher's
-//! combination); every choice (band, base, number of harmonics, smear) is paid for by Bonferroni. Limit: a rank is
-//! never below one in the number of bins.
+//! tail. A line above all of it goes on by the slope that the background's own highest peaks have in their logarithm
+//! ([`tail`]). The product of `k` such shares has the survival function of a Gamma variable of order `k` (Fisher's
+//! combination); every choice (band, base, number of harmonics, sidebands, smear) is paid for by Bonferroni. One line
+//! is no comb: without its highest the others have to stand as well.
 
 use super::bands::{Band, Spectrum};
-use super::thresholds::{FINALISTS, HARMONICS, LOOKED_AT, SLIP, SMEARS};
+use super::tail::Background;
+use super::thresholds::{FINALISTS, HARMONICS, LOOKED_AT, SIDED, SLIP, SMEARS};
 use rayon::prelude::*;
 
 /// Lowest order that carries a line of a comb.
@@ -35,6 +37,8 @@ pub struct Comb {
     pub harmonics: usize,
     /// Nats after all choices.
     pub nats: f64,
+    /// Nats without the highest line.
+    pub others: f64,
     /// Nats on the held-out turns.
     pub again: f64,
 }
@@ -104,12 +108,10 @@ impl Ranked {
         }
     }
 
-    /// Values of the background, ascending.
-    fn background(&self, own: Option<&[bool]>) -> Vec<f64> {
+    /// What is neither known nor the comb's own.
+    fn background(&self, own: Option<&[bool]>) -> Background {
         let is_own = |i: usize| self.known[i] || own.is_some_and(|own| own[i]);
-        let mut all: Vec<f64> = (0..self.values.len()).filter(|i| !is_own(*i)).map(|i| self.values[i]).collect();
-        all.sort_unstable_by(f64::total_cmp);
-        all
+        Background::of(&self.values, is_own)
     }
 
     fn index(&self, order: f64) -> Option<usize> {
@@ -117,13 +119,23 @@ impl Ranked {
         self.known.get(index).is_some_and(|known| !known).then_some(index)
     }
 
-    /// Nats of lines at orders, against what is neither known nor a line of the comb of `base`.
-    pub fn nats(&self, orders: impl Iterator<Item = f64>, base: f64, shafts: &[f64]) -> f64 {
+    /// Nats of lines at orders, against what is neither known nor a line of the comb of `base`; and without the
+    /// highest.
+    pub fn nats(&self, orders: impl Iterator<Item = f64>, base: f64, shafts: &[f64]) -> (f64, f64) {
+        self.nats_on(&self.background_of(base, shafts), orders)
+    }
+
+    /// The background of a comb.
+    fn background_of(&self, base: f64, shafts: &[f64]) -> Background {
         let mut own = vec![false; self.values.len()];
         cover(&mut own, self.bin, base, OWN_BINS, shafts, SIDES - 1);
-        let background = self.background(Some(&own));
-        let read: Vec<f64> = orders.filter_map(|o| self.index(o)).map(|i| rank(&background, self.values[i])).collect();
-        combined(read.iter().sum(), read.len())
+        self.background(Some(&own))
+    }
+
+    fn nats_on(&self, background: &Background, orders: impl Iterator<Item = f64>) -> (f64, f64) {
+        let read: Vec<f64> = orders.filter_map(|o| self.index(o)).map(|i| background.nats(self.values[i])).collect();
+        let (sum, most) = (read.iter().sum::<f64>(), read.iter().copied().fold(0.0, f64::max));
+        (combined(sum, read.len()), combined(sum - most, read.len().saturating_sub(1)))
     }
 }
 
@@ -149,12 +161,6 @@ fn meaned(values: &[f64], smear: f64) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// Minus the logarithm of the share of the background that stands as high.
-fn rank(background: &[f64], value: f64) -> f64 {
-    let above = background.len() - background.partition_point(|x| *x < value);
-    ((background.len() as f64 + 1.0) / (above as f64 + 1.0)).ln()
-}
-
 /// Fisher's combination: nats of `count` independent shares whose nats add up to `sum`.
 pub fn combined(sum: f64, count: usize) -> f64 {
     let terms = (1..count).scan(1.0, |term, i| {
@@ -172,17 +178,28 @@ pub fn best(bands: &[Band], known: &Known, ranges: &[(f64, f64)]) -> Option<Comb
     let mut all: Vec<(f64, Comb)> = bands.par_iter().enumerate().flat_map(screened).collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     all.truncate(LOOKED_AT);
-    let choices = (bands.len() * SMEARS.len() * HARMONICS.len()) as f64;
+    let patterns = (HARMONICS.len() + SIDED.len() * known.shafts.len()) as f64;
+    let choices = (bands.len() * SMEARS.len()) as f64 * patterns;
     let closely = |comb: &Comb| {
         let band = &bands[comb.band];
         let ranked = Ranked::of(&band.parts[0], known, comb.smear);
-        let orders = (1..=comb.harmonics).map(|h| h as f64 * comb.base);
         let bases = bases(ranges, ranked.bin, comb.smear).count() as f64;
-        let nats = ranked.nats(orders, comb.base, &known.shafts) - (choices * bases).ln();
-        Comb { nats, again: again(comb, band, known), ..comb.clone() }
+        let background = ranked.background_of(comb.base, &known.shafts);
+        let sided = known.shafts.iter().filter(|_| SIDED.contains(&comb.harmonics)).map(Some);
+        let read = |own: Option<&f64>| ranked.nats_on(&background, lines(comb, own).into_iter());
+        let (nats, others) =
+            std::iter::once(None).chain(sided).map(read).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+        Comb { nats: nats - (choices * bases).ln(), others, again: again(comb, band, known), ..comb.clone() }
     };
     let judged: Vec<Comb> = all.par_iter().map(|(_, comb)| closely(comb)).collect();
     judged.into_iter().max_by(|a, b| a.nats.total_cmp(&b.nats))
+}
+
+/// Orders of a comb's harmonics, and of their first sidebands of a shaft.
+fn lines(comb: &Comb, own: Option<&f64>) -> Vec<f64> {
+    let beside = |order: f64| own.into_iter().flat_map(move |own| [order - own, order + own]);
+    let harmonics = (1..=comb.harmonics).map(|h| h as f64 * comb.base);
+    harmonics.flat_map(|order| std::iter::once(order).chain(beside(order))).collect()
 }
 
 /// Trial bases: so fine that the eighth harmonic is missed by two bins at most, or by half of its smear.
@@ -196,7 +213,7 @@ fn bases(ranges: &[(f64, f64)], bin: f64, smear: f64) -> impl Iterator<Item = f6
 fn screen(index: usize, band: &Band, known: &Known, ranges: &[(f64, f64)], smear: f64) -> Vec<(f64, Comb)> {
     let ranked = Ranked::of(&band.parts[0], known, smear);
     let background = ranked.background(None);
-    let nats: Vec<f64> = ranked.values.iter().map(|x| rank(&background, *x)).collect();
+    let nats: Vec<f64> = ranked.values.iter().map(|x| background.nats(*x)).collect();
     let mut found: Vec<Vec<(f64, f64)>> = vec![Vec::new(); HARMONICS.len()];
     for base in bases(ranges, ranked.bin, smear) {
         if ranked.index(base).is_none() && ranked.index(2.0 * base).is_none() {
@@ -216,12 +233,27 @@ fn screen(index: usize, band: &Band, known: &Known, ranges: &[(f64, f64)], smear
     }
     let best = |(found, harmonics): (&mut Vec<(f64, f64)>, &usize)| {
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let comb = |(score, base): &(f64, f64)| {
-            (*score, Comb { base: *base, band: index, smear, harmonics: *harmonics, nats: *score, again: 0.0 })
+        let comb = |(score, base): (f64, f64)| {
+            let comb = Comb { base, band: index, smear, harmonics: *harmonics, nats: score, others: 0.0, again: 0.0 };
+            (score, comb)
         };
-        found.iter().take(FINALISTS).map(comb).collect::<Vec<_>>()
+        apart(found, ranked.bin).into_iter().map(comb).collect::<Vec<_>>()
     };
     found.iter_mut().zip(&HARMONICS).flat_map(best).collect()
+}
+
+/// The first so many whose bases are bins apart.
+fn apart(sorted: &[(f64, f64)], bin: f64) -> Vec<(f64, f64)> {
+    let mut chosen: Vec<(f64, f64)> = Vec::new();
+    for one in sorted {
+        if chosen.iter().all(|own| (own.1 - one.1).abs() > bin) {
+            chosen.push(*one);
+        }
+        if chosen.len() == FINALISTS {
+            break;
+        }
+    }
+    chosen
 }
 
 /// Nats of a comb on the held-out turns, where its base may have slipped, which is paid for.
@@ -231,7 +263,7 @@ fn again(comb: &Comb, band: &Band, known: &Known) -> f64 {
     let steps = (SLIP * comb.base / step) as i32;
     let at = |i: i32| {
         let base = comb.base + f64::from(i) * step;
-        ranked.nats((1..=AGAIN).map(|h| h as f64 * base), base, &known.shafts)
+        ranked.nats((1..=AGAIN).map(|h| h as f64 * base), base, &known.shafts).0
     };
     (-steps..=steps).map(at).fold(0.0, f64::max) - f64::from(2 * steps + 1).ln()
 }
@@ -246,13 +278,5 @@ mod tests {
         assert!((combined(20.0, 3) - 14.601_837_298_482).abs() < 1e-9, "{}", combined(20.0, 3));
         assert!((combined(10.0, 1) - 10.0).abs() < 1e-12);
         assert_eq!(combined(0.0, 0), 0.0);
-    }
-
-    #[test]
-    fn theory_a_rank_is_the_share_that_stands_as_high() {
-        let background: Vec<f64> = (0..99).map(f64::from).collect();
-        assert!((rank(&background, 98.0) - 50.0_f64.ln()).abs() < 1e-12);
-        assert!((rank(&background, 1e9) - 100.0_f64.ln()).abs() < 1e-12);
-        assert!(rank(&background, -1.0).abs() < 1e-12);
     }
 }

@@ -9,7 +9,7 @@ use super::Impacts;
 use super::bands::Band;
 use super::combs::{self, Comb, Known};
 use super::readings::{self, Reading};
-use super::thresholds::{ADOPTED, DECLARED_SLIP, HIGHEST_ORDER, STANDS_AGAIN, WITHIN};
+use super::thresholds::{ADOPTED, DECLARED_SLIP, HIGHEST_ORDER, OTHERS, STANDS_AGAIN, WITHIN};
 use crate::machine::bearing::BearingOrders;
 use crate::record::Record;
 use crate::scene::Scene;
@@ -74,7 +74,7 @@ fn of_bearing(bands: &[Band], known: &Known, bearing: &Declared, tried: f64) -> 
         Some((part, Comb { nats: comb.nats - tried.ln(), ..comb }))
     };
     let mut all: Vec<(&'static str, Comb)> = bearing.parts().into_iter().filter_map(part).collect();
-    all.retain(|(_, comb)| comb.nats >= ADOPTED && comb.again >= STANDS_AGAIN);
+    all.retain(|(_, comb)| comb.nats >= ADOPTED && comb.others >= OTHERS && comb.again >= STANDS_AGAIN);
     all.sort_by(|a, b| b.1.nats.total_cmp(&a.1.nats));
     let (name, comb) = all.first()?.clone();
     let band = &bands[comb.band];

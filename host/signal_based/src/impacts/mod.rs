@@ -14,6 +14,7 @@ pub mod bands;
 pub mod combs;
 pub mod declared;
 pub mod readings;
+pub mod tail;
 pub mod thresholds;
 
 use super::baseline::Grids;
@@ -22,7 +23,7 @@ use bands::Band;
 use combs::{Comb, Known, SIDES};
 use declared::Declared;
 use readings::Reading;
-use thresholds::{ADOPTED, BASES, FEWEST_TURNS, HELD_OUT, HIGHEST_ORDER, MOST, SLIP, STANDS_AGAIN};
+use thresholds::{ADOPTED, BASES, FEWEST_TURNS, HELD_OUT, HIGHEST_ORDER, MOST, OTHERS, SLIP, STANDS_AGAIN};
 
 /// Multiples of a comb's base that another base, or twice it, may be with sidebands.
 const RELATED: (u32, u32, i32) = (16, 2, 4);
@@ -110,7 +111,11 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
         let sides = if reading.modulated_by.is_some() { SIDES } else { 0 };
         known.combs.push((comb.base, sides));
         let is_shafts_own = readings::is_of_shaft(reading.base, band.parts[0].bin, &known.shafts, 1.0);
-        if comb.again < STANDS_AGAIN || is_shafts_own || found.iter().any(|own| own.explains(reading.base)) {
+        if comb.again < STANDS_AGAIN
+            || comb.others < OTHERS
+            || is_shafts_own
+            || found.iter().any(|own| own.explains(reading.base))
+        {
             continue;
         }
         // One comb of a record has a name, or the bearings declared: what a second one is, is not known from one

@@ -88,7 +88,7 @@ pub fn modulated_by(band: &Band, base: f64, smear: f64, known: &Known) -> Option
             (most.max(f64::MIN_POSITIVE) / part.at(carrier).max(1.0)).ln()
         };
         let mean = COMPARED.map(share).sum::<f64>() / COMPARED.count() as f64;
-        ranked.nats(orders, base, &known.shafts) >= SIDEBANDS && mean >= STRONG.ln()
+        ranked.nats(orders, base, &known.shafts).0 >= SIDEBANDS && mean >= STRONG.ln()
     };
     let strong = known.shafts.iter().enumerate().filter(|(_, own)| is_strong(**own));
     strong.map(|(shaft, _)| shaft).next()

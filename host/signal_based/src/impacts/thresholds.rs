@@ -23,6 +23,10 @@ pub const FEWEST_TURNS: usize = 8;
 pub const SMEARS: [f64; 2] = [0.0, 0.01];
 /// Harmonics that a comb is read with, alternatives.
 pub const HARMONICS: [usize; 4] = [3, 4, 6, 8];
+/// Those that are also read with a shaft's first sidebands.
+pub const SIDED: [usize; 2] = [3, 4];
+/// Share of the background's peaks that its tail is fitted to, and fewest of them.
+pub const TAIL: (f64, usize) = (0.05, 10);
 /// Combs of one band and number of harmonics that are looked at closely.
 pub const FINALISTS: usize = 3;
 /// The same of all bands.
@@ -33,6 +37,8 @@ pub const BASES: (f64, f64) = (1.3, 14.0);
 pub const MOST: usize = 4;
 /// Nats after all choices from which a comb is adopted: 1 %.
 pub const ADOPTED: f64 = 4.6;
+/// Nats of a comb's lines without the highest: what it rests on is more than one line.
+pub const OTHERS: f64 = 4.6;
 /// Nats on the held-out turns, after the choice of the slip there.
 pub const STANDS_AGAIN: f64 = 4.6;
 /// Nats from which a ring is named. Weak combs are often a sound bearing's, or another support's.
