@@ -235,12 +235,13 @@ fn is_of(adopted: &Adopted, own: &Impacts, scene: &Scene) -> bool {
     }
 }
 
-/// Whether a bearing read from lines is no other than what the impacts are of; a rig without gears has no mesh that
+/// Whether a bearing read from lines is no other than what the impacts are of, at its very base (a sideband of a half
+/// is near any order), and none is declared; a rig without gears has no mesh that
 /// tells a stiffness from impacts.
 fn agrees(bearing: &Bearing, impacts: &[Impacts], scene: &Scene) -> bool {
     scene.has_gears()
-        || impacts.first().is_some_and(|own| {
-            let at = |part: Part| own.explains(part.order(bearing.elements, bearing.ratio));
+        || impacts.first().filter(|own| own.bearing.is_none()).is_some_and(|own| {
+            let at = |part: Part| own.has_base(part.order(bearing.elements, bearing.ratio));
             match own.reading.parts.as_slice() {
                 ["outer ring"] => at(Part::Outer),
                 ["inner ring"] => at(Part::Inner),

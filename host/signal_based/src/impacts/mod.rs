@@ -23,7 +23,7 @@ use bands::Band;
 use combs::{Comb, Known, SIDES};
 use declared::Declared;
 use readings::Reading;
-use thresholds::{ADOPTED, BASES, FEWEST_TURNS, HELD_OUT, HIGHEST_ORDER, MOST, OTHERS, SLIP, STANDS_AGAIN};
+use thresholds::{ADOPTED, BASES, FEWEST_TURNS, HELD_OUT, HIGHEST_ORDER, MOST, OTHERS, SAME_COMB, SLIP, STANDS_AGAIN};
 
 /// Multiples of a comb's base that another base, or twice it, may be with sidebands.
 const RELATED: (u32, u32, i32) = (16, 2, 4);
@@ -83,6 +83,17 @@ impl Impacts {
         (1..=halves).any(|m| at_any(f64::from(m) * order))
     }
 
+    /// Whether another base is its own or a multiple of it within what jitter smears: one hump has two tops.
+    fn is_same(&self, base: f64) -> bool {
+        let multiple = (base / self.reading.base).round().max(1.0);
+        (base / (multiple * self.reading.base) - 1.0).abs() <= SAME_COMB
+    }
+
+    /// Whether an order is its base within what jitter smears.
+    pub fn has_base(&self, order: f64) -> bool {
+        (order / self.reading.base - 1.0).abs() <= SAME_COMB
+    }
+
     /// Orders of its lines that are worth a list.
     pub fn lines(&self) -> Vec<(String, f64)> {
         let harmonic = |h: usize| (format!("{h} o"), h as f64 * self.reading.base);
@@ -114,7 +125,7 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
         if comb.again < STANDS_AGAIN
             || comb.others < OTHERS
             || is_shafts_own
-            || found.iter().any(|own| own.explains(reading.base))
+            || found.iter().any(|own| own.is_same(reading.base) || own.explains(reading.base))
         {
             continue;
         }

@@ -16,7 +16,8 @@
 use super::bands::Band;
 use super::combs::{Comb, Known, Ranked};
 use super::thresholds::{
-    CLEARLY, HALF_TURN, LEAST_INNER, LEAST_OUTER, MANY_ELEMENTS, MOST_OUTER, MULTIPLE, NAMED, SIDEBANDS, STRONG,
+    BY_CHANCE, CLEARLY, HALF_TURN, LEAST_INNER, LEAST_OUTER, MANY_ELEMENTS, MOST_OUTER, MULTIPLE, NAMED, SIDEBANDS,
+    STRONG,
 };
 
 /// Harmonics that bases are compared by.
@@ -95,12 +96,14 @@ pub fn modulated_by(band: &Band, base: f64, smear: f64, known: &Known) -> Option
 }
 
 /// Whether a base is a whole number of `1 / parts` turns of a shaft: at half turns within the slip of a speed that is
-/// nominal, at quarters within the resolution.
+/// nominal, at quarters within the resolution. Where a tenth of all orders lie so near (parts of a slow shaft's turn),
+/// it says nothing.
 pub fn is_of_shaft(base: f64, bin: f64, shafts: &[f64], parts: f64) -> bool {
     shafts.iter().any(|own| {
-        let place = parts * base / own;
+        let (place, spacing) = (parts * base / own, own / parts);
         let share = if parts > 2.0 { 0.0 } else { HALF_TURN * base };
-        (place - place.round()).abs() * own / parts <= share.max(BESIDE_BINS * bin)
+        let within = share.max(BESIDE_BINS * bin);
+        2.0 * within <= BY_CHANCE * spacing && (place - place.round()).abs() * spacing <= within
     })
 }
 
@@ -177,6 +180,8 @@ mod tests {
     fn theory_half_turns_are_the_shafts_own() {
         assert!(is_of_shaft(3.5016, 0.005, &[1.0], 2.0));
         assert!(is_of_shaft(4.7490, 0.002, &[1.0], 4.0) && !is_of_shaft(4.7490, 0.002, &[1.0], 2.0));
+        // Nine and a half turns of a slow shaft are no more than chance: every tenth of a turn is as near to a half.
+        assert!(!is_of_shaft(3.583, 0.005, &[1.0, 23.0 / 61.0], 2.0));
         for passage in [3.585, 5.415, 3.0543, 4.9457] {
             assert!(!is_of_shaft(passage, 0.003, &[1.0], 2.0), "{passage}");
         }

@@ -21,6 +21,8 @@ pub const FEWEST_TURNS: usize = 8;
 /// Widths over which slip and jitter may smear a line, share of its order (Randall, Antoni 2011: 1 to 2 %; measured:
 /// hardly any).
 pub const SMEARS: [f64; 2] = [0.0, 0.01];
+/// Share within which two combs are one, or multiples: half of the widest smear.
+pub const SAME_COMB: f64 = 0.005;
 /// Harmonics that a comb is read with, alternatives.
 pub const HARMONICS: [usize; 4] = [3, 4, 6, 8];
 /// Those that are also read with a shaft's first sidebands.
@@ -48,6 +50,8 @@ pub const SLIP: f64 = 0.003;
 /// Share of its order within which a base is a multiple of half a shaft's turn: the shaft's own, a loose fit's, or a
 /// supply's.
 pub const HALF_TURN: f64 = 0.004;
+/// Share of all orders that may lie so near to a part of a shaft's turn where that is still a finding.
+pub const BY_CHANCE: f64 = 0.1;
 /// Logarithm of power by which another base must stand higher than this one (mean over three harmonics) to be the
 /// base; within it both are in question.
 pub const CLEARLY: f64 = 0.25;
