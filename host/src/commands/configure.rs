@@ -7,7 +7,7 @@ use meshband::board::Timing;
 use meshband::config::{Configuration, LinkConfig, Personality};
 use meshband::units::TicksPerSecond;
 use meshband_host::link::setup::Sources;
-use meshband_host::link::{Client, report};
+use meshband_host::link::{Client, report, text};
 use meshband_host::results::Results;
 use meshband_host::{Error, Result, remark, say};
 use std::path::PathBuf;
@@ -90,7 +90,7 @@ pub fn run(args: Args) -> Result<()> {
     files.write(&held, || Ok(report::of_configuration(&held, &identity, !args.volatile, &args.port)))?;
     say!(
         "{}, {} Hz time base, {}",
-        meshband_host::link::text::identity(&identity),
+        text::identity(&identity),
         identity.ticks_per_second,
         report::self_test(identity.self_test)
     )?;

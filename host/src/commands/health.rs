@@ -1,7 +1,7 @@
 //! `meshband health`: the node as a device, and the time of day told to it.
 
 use clap::Args as ClapArgs;
-use meshband_host::link::{Client, health, report};
+use meshband_host::link::{Client, health, report, text};
 use meshband_host::output::show;
 use meshband_host::results::Results;
 use meshband_host::terminal::table;
@@ -34,6 +34,6 @@ pub fn run(args: Args) -> Result<()> {
     files.write(&serde_json::json!({ "identity": node, "health": said }), || {
         Ok(report::of_health(&said, &node, &args.port))
     })?;
-    say!("{}", meshband_host::link::text::identity(&node))?;
+    say!("{}", text::identity(&node))?;
     show(&table(&["quantity", "value"], &health::rows(&said)))
 }

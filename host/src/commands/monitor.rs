@@ -6,7 +6,7 @@
 
 use clap::Args as ClapArgs;
 use meshband_host::link::view::View;
-use meshband_host::link::{Client, Losses, health, report, transport};
+use meshband_host::link::{Client, Losses, health, report, text, transport};
 use meshband_host::monitor::capture::Capture;
 use meshband_host::monitor::link::{Standing, Watched};
 use meshband_host::monitor::panel::Panel;
@@ -112,11 +112,7 @@ fn finish(heard: Heard, source: &str, files: &mut Announced) -> Result<()> {
     }
     files.write(&view.json(losses), || report::of_view(&view, losses, source))?;
     if let Some(identity) = &view.identity {
-        say!(
-            "{}\n{}",
-            meshband_host::link::text::identity(identity),
-            report::self_test(view.self_test.unwrap_or(identity.self_test))
-        )?;
+        say!("{}\n{}", text::identity(identity), report::self_test(view.self_test.unwrap_or(identity.self_test)))?;
     }
     show(&view.text(losses))?;
     fault.map_or(Ok(()), Err)

@@ -1,8 +1,8 @@
 //! `meshband update`: another image for a node, over its link.
 
 use clap::Args as ClapArgs;
-use meshband_host::link::Client;
 use meshband_host::link::update::{self, Progress, UpdateFile};
+use meshband_host::link::{Client, text};
 use meshband_host::{Result, say};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,7 +35,7 @@ pub fn run(args: Args) -> Result<()> {
         client.call(START_PATIENCE)?;
     }
     let before = client.identify()?;
-    say!("{}", meshband_host::link::text::identity(&before))?;
+    say!("{}", text::identity(&before))?;
     let mut told = None;
     let node = update::run(&mut client, &file, |progress| {
         let line = match progress {

@@ -2,7 +2,8 @@
 
 use super::Losses;
 use super::alarms::Alarms;
-use super::view::{View, status_notes};
+use super::text::{identity, status_notes};
+use super::view::View;
 use super::words::words;
 use crate::report::facts::Facts;
 use meshband::node::State;
@@ -78,7 +79,7 @@ pub fn facts(view: &View, source: &str) -> Facts {
         ));
     }
     if let Some(node) = &view.identity {
-        facts.push(("node".into(), super::text::identity(node)));
+        facts.push(("node".into(), identity(node)));
     }
     facts
 }

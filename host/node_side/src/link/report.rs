@@ -1,7 +1,8 @@
 //! What a node said, and how it is configured, as reports for people.
 
 use super::Losses;
-use super::view::{View, quality_text};
+use super::text::{band_rows, identity, quality_text};
+use super::view::View;
 use super::words::words;
 use crate::Result;
 use crate::report::Report;
@@ -53,7 +54,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
     }
     if let Some(node) = node {
         let test = view.self_test.unwrap_or(node.self_test);
-        report = report.figure("Node", super::text::identity(node)).figure("Self-test", self_test(test));
+        report = report.figure("Node", identity(node)).figure("Self-test", self_test(test));
     }
     report = match &view.status {
         Some(status) => {
@@ -68,7 +69,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
             .table(
                 &format!("{} turns, {:.3} Hz per line.", spectrum.turns, spectrum.tag.resolution_hz),
                 &["harmonic", "Hz", "m/s2", "strongest sideband, Hz", "m/s2"],
-                &super::view::band_rows(spectrum),
+                &band_rows(spectrum),
             );
     }
     if let Some(i) = &view.indicators {
@@ -131,7 +132,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
 /// The report of `meshband health`.
 pub fn of_health(health: &Health, node: &Identification, source: &str) -> Report {
     Report::new("Device", &format!("The node at {source} as a device"))
-        .figure("Node", super::text::identity(node))
+        .figure("Node", identity(node))
         .section("Health")
         .table("As the node gave it.", &["quantity", "value"], &super::health::rows(health))
 }
@@ -139,7 +140,7 @@ pub fn of_health(health: &Health, node: &Identification, source: &str) -> Report
 /// The report of `meshband configure`.
 pub fn of_configuration(config: &Configuration, node: &Identification, stored: bool, source: &str) -> Report {
     Report::new("Configuration", &format!("In force on the node at {source}"))
-        .figure("Node", super::text::identity(node))
+        .figure("Node", identity(node))
         .figure("Time base", format!("{} Hz", node.ticks_per_second))
         .figure("Self-test", self_test(node.self_test))
         .figure("Stored", if stored { "yes" } else { "no: until the next power-up" })

@@ -1,14 +1,16 @@
-//! What is known of a node as text and as JSON, alarms included.
+//! What is known of a node in words, alarms included, and as JSON.
 //!
-//! Beside [`view`](super::view), which knows nothing of words: alarms are read from a view.
+//! [`view`](super::view) keeps what is known, [`alarms`](super::alarms) reads it; both are put in words here.
 
 use super::Losses;
 use super::alarms::Alarms;
-use super::view::{View, band_rows, capture_text, departure_line, quality_text, second_line, status_notes};
+use super::view::{View, departures};
 use super::words::words;
 use crate::terminal::table;
-use meshband::message::{Identification, Indicators, Spectrum, Status};
+use meshband::levels::Departure;
+use meshband::message::{Bound, ChannelValues, Identification, Indicators, Quality, Spectrum, Status};
 use meshband::update::{RunningImage, Slot};
+use meshband::waveform::CapturePhase;
 
 impl View {
     /// For `--json`: the same whether heard live or replayed.
@@ -147,4 +149,85 @@ fn image(image: &RunningImage) -> String {
     let given_up = image.given_up.map(|[major, minor, patch]| format!(", {major}.{minor}.{patch} given up"));
     let (standing, started) = (words(&image.standing), words(&image.started));
     format!(", slot {:?} {standing}{}, started by {started}", image.slot, given_up.unwrap_or_default())
+}
+
+/// What is to be known about the figures of a status.
+pub fn status_notes(s: &Status) -> Vec<&'static str> {
+    let all = [
+        (s.law_clamped, "speed outside the law's domain"),
+        (s.law_provisional, "law provisional"),
+        (s.limited, "rate limited by the board"),
+        (s.safe_rate, "no speed: safe maximum rate"),
+        (s.bound == Bound::AnalogueFilter, "the analogue filter passes less than the law asks"),
+        (s.bound == Bound::Sensor, "the sensor passes less than the law asks"),
+    ];
+    all.into_iter().filter_map(|(set, note)| set.then_some(note)).collect()
+}
+
+/// Values of the second sensor; empty without one.
+pub fn second_line(second: Option<&ChannelValues>) -> String {
+    let Some(s) = second else { return String::new() };
+    format!(
+        "second sensor RMS {:.4} m/s2   peak {:.4} m/s2   crest {:.2}   kurtosis {:.2}   velocity {:.3} mm/s   ({})\n",
+        s.rms,
+        s.peak,
+        s.crest,
+        s.kurtosis,
+        1e3 * s.velocity_rms,
+        quality_text(&s.quality)
+    )
+}
+
+/// What is expected and how far from it the values are; empty without a table of levels or outside it.
+pub fn departure_line(values: &Indicators) -> String {
+    let part = |(name, d): (&str, Departure)| format!("{name} {:+.1} dB (+- {:.1})", d.departure_db, d.uncertainty_db);
+    let parts: Vec<String> = departures(values).map(part).collect();
+    if parts.is_empty() { String::new() } else { format!("against the expected levels: {}\n", parts.join("   ")) }
+}
+
+/// What a value rests on, in words.
+pub fn quality_text(quality: &Quality) -> String {
+    let mut text = match quality.turns {
+        0 => format!("{:.2} s by the clock: no speed", quality.duration_s),
+        turns => format!("{turns} whole turns in {:.2} s", quality.duration_s),
+    };
+    let faults = [
+        (quality.overload, "clipped"),
+        (quality.gap, "samples missing"),
+        (quality.settling, "filters settling"),
+        (quality.stuck, "signal does not move"),
+    ];
+    for (is, fault) in faults {
+        if is {
+            text += &format!("; {fault}");
+        }
+    }
+    text
+}
+
+/// What is to be said of waveforms.
+pub fn capture_text(phase: CapturePhase) -> Option<&'static str> {
+    match phase {
+        CapturePhase::Off | CapturePhase::Watching => None,
+        CapturePhase::Collecting | CapturePhase::Sealing => Some("a waveform is being taken"),
+        CapturePhase::Held => Some("a WAVEFORM IS HELD: `meshband capture` fetches it"),
+    }
+}
+
+/// Per mesh harmonic: its line and the strongest sideband.
+pub fn band_rows(spectrum: &Spectrum) -> Vec<Vec<String>> {
+    spectrum
+        .bands
+        .iter()
+        .map(|band| {
+            let strongest = band.sidebands.iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
+            vec![
+                band.harmonic.to_string(),
+                format!("{:.3}", band.line.frequency_hz),
+                format!("{:.5}", band.line.amplitude),
+                strongest.map_or(String::new(), |l| format!("{:.3}", l.frequency_hz)),
+                strongest.map_or(String::new(), |l| format!("{:.5}", l.amplitude)),
+            ]
+        })
+        .collect()
 }
