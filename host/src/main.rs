@@ -26,6 +26,8 @@ enum Command {
     Check(commands::check::Args),
     /// The library of effects: names, keys, signatures, pictures.
     Effects(commands::effects::Args),
+    /// A run of a record as a file of another format (wav, csv, mat, uff58, npy, mf4, parquet).
+    Export(commands::export::Args),
     /// A node as a device: supply, temperature, bias, clock, time of day.
     Health(commands::health::Args),
     /// Measurement files (mat, HDF5, TDMS, csv, wav, FLAC, npy, uff58) into a record folder, with their tach or a
@@ -72,6 +74,7 @@ fn run(command: Command) -> Result<()> {
         Command::Capture(args) => commands::capture::run(args),
         Command::Check(args) => commands::check::run(args),
         Command::Effects(args) => commands::effects::run(args),
+        Command::Export(args) => commands::export::run(args),
         Command::Health(args) => commands::health::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Law(args) => commands::law::run(args),

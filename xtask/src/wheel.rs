@@ -13,6 +13,8 @@ use std::process::Command;
 const OLDEST: (u32, u32) = (3, 10);
 /// What the tests need beside the wheel.
 const TEST_NEEDS: [&str; 8] = ["numpy", "scipy", "pytest", "nbclient", "nbformat", "ipykernel", "matplotlib", "pandas"];
+/// Libraries whose files the import must read as they do: newest that install, so that a change of theirs is seen.
+const FORMATS: [&str; 8] = ["h5py", "mat73", "npTDMS", "pyuff", "soundfile", "lvm_read", "asammdf", "pyarrow"];
 
 /// `cargo xtask wheel`: builds and tests; says "skipped" where it cannot.
 pub fn run_task() -> Outcome {
@@ -77,7 +79,7 @@ fn python() -> Option<PathBuf> {
 /// An environment with what building and testing need, and without any former wheel. What it holds is noted in it:
 /// asking pip again for what is there takes a minute on a slow disk.
 fn fresh_environment(python: &Path, environment: &Path, own: &Path) -> Outcome {
-    let needs = [&["maturin>=1.7,<2"][..], &TEST_NEEDS[..]].concat();
+    let needs = [&["maturin>=1.7,<2"][..], &TEST_NEEDS[..], &FORMATS[..]].concat();
     let (note, held) = (environment.join("holds.txt"), format!("{}\n{}\n", python.display(), needs.join("\n")));
     if !own.is_file() || std::fs::read_to_string(&note).is_ok_and(|noted| noted != held) {
         capture(Command::new(python).args(["-m", "venv", "--clear"]).arg(environment))?;

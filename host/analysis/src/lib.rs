@@ -9,5 +9,6 @@ pub mod observation;
 
 use meshband_common::{Error, Result, budget, report, terminal, text};
 use meshband_mechanics::{dynamics, effects, lanes, machine, stiffness};
-use meshband_record::record;
+use meshband_record::{data_quality, record};
 use meshband_signal::{pulses, spectral};
+use meshband_train as train;

@@ -5,7 +5,7 @@ use crate::outcome::Outcome;
 use crate::record::Record;
 use crate::work;
 use meshband_host::import::tach::{Shaft, TachOptions};
-use meshband_host::import::{self, ImportOptions, TachChoice, Unit};
+use meshband_host::import::{self, ImportOptions, Reading, TachChoice, Unit};
 use meshband_host::{Error, Result};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -20,8 +20,11 @@ pub struct Choices {
     teeth: Option<(u32, u32)>,
     mesh_hz: Option<f64>,
     mesh_range_hz: Option<(f64, f64)>,
-    unit: String,
+    unit: Option<String>,
+    override_unit: bool,
     volt_per_g: Option<f64>,
+    columns: Vec<String>,
+    skip: Vec<String>,
     channel_names: Option<Vec<String>>,
     full_scale: Option<f64>,
     source_full_scale: Vec<f64>,
@@ -56,12 +59,11 @@ pub fn import_files(
 }
 
 fn options(c: Choices) -> Result<ImportOptions> {
-    let unit = match c.unit.as_str() {
-        "m/s2" => Unit::MetrePerSecondSquared,
-        "g" => Unit::Gravity,
-        "V" => Unit::Volt(c.volt_per_g),
-        "unknown" => Unit::Unknown,
-        other => return Err(Error::invalid("unit", format!("'{other}' is none of m/s2, g, V, unknown"))),
+    let sensitivity = c.volt_per_g.map(|volt_per_g| Unit::Volt(Some(volt_per_g)));
+    let unit = match c.unit.as_deref().map(Unit::parse).transpose().map_err(|what| Error::invalid("unit", what))? {
+        Some(Unit::Volt(_)) => Some(Unit::Volt(c.volt_per_g)),
+        None => sensitivity,
+        other => other,
     };
     let tach = match (c.tach.is_empty(), c.no_tach) {
         (false, true) => return Err(Error::invalid("no_tach", "a tachometer is named by `tach`")),
@@ -82,7 +84,9 @@ fn options(c: Choices) -> Result<ImportOptions> {
         teeth: c.teeth.map(Into::into),
         mesh_guess_hz: c.mesh_hz,
         mesh_range_hz: c.mesh_range_hz.map(Into::into),
-        units: vec![unit],
+        units: unit.into_iter().collect(),
+        override_unit: c.override_unit,
+        reading: Reading { columns: c.columns, skip: c.skip, ..Reading::default() },
         channel_names: c.channel_names,
         full_scale: c.full_scale,
         source_full_scale: c.source_full_scale,

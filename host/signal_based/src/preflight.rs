@@ -76,7 +76,10 @@ impl Preflight {
 
     fn kinematic(&mut self, record: &Record) {
         let missing = &mut self.for_kinematic;
-        if record.declaration.teeth().is_none() && !record.declaration.has_no_gears() {
+        let declaration = &record.declaration;
+        if declaration.has_train() && declaration.teeth().is_none() {
+            missing.push("one pair of gears (this record declares several stages: see `analyse`)".into());
+        } else if declaration.teeth().is_none() && !declaration.has_no_gears() {
             missing.push("tooth counts ([pair] teeth, `import --teeth`)".into());
         }
         let with_edges = record.runs.iter().filter(|run| run.edges_s.len() >= 3).count();

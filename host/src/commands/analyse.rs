@@ -27,6 +27,11 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let mut files = args.results.announce(&mut args.results.outputs([args.record.as_path()]))?;
     let record = Record::read(&args.record)?;
+    if let Some(train) = record.declaration.train()? {
+        let outcome = analysis::train::record(&record, &train, Choice { run: args.run, channel: args.channel })?;
+        files.write(&outcome, || analysis::train_view::report(&outcome))?;
+        return show(&analysis::train_view::text(&outcome));
+    }
     let outcome = analysis::record(&record, Choice { run: args.run, channel: args.channel })?;
     files.write(&outcome, || report::report(&outcome, &facts::about(&record)))?;
     show(&view::text(&outcome))

@@ -4,17 +4,21 @@ mod page;
 mod tach;
 
 use clap::{Args as ClapArgs, ValueEnum};
+use meshband_host::import::tach::{Shaft, TachOptions};
 use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachChoice, Unit};
 use meshband_host::machine::Machine;
+use meshband_host::machine::bearing::Bearing;
 use meshband_host::output::{Content, show};
 use meshband_host::results::Results;
+use meshband_host::train::Train;
 use meshband_host::{Error, Result, say, terminal};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `meshband import`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// MATLAB, HDF5, TDMS, csv, csv.gz, wav, FLAC, npy or uff58 files; of equal length: channels of one run.
+    /// MATLAB, HDF5, TDMS, LabVIEW, csv and other text, wav, FLAC, npy or uff58 files; of equal length: channels of
+    /// one run.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Folder of the new record.
@@ -32,15 +36,29 @@ pub struct Args {
     /// No column is time: the first one is a channel, too.
     #[arg(long)]
     no_time: bool,
+    /// Unit of a time column that states none, as s, ms, us, ns or min.
+    #[arg(long, value_name = "UNIT", conflicts_with = "no_time")]
+    time_unit: Option<String>,
+    /// Columns to read, by name or number (from 1, time included), separated by commas; all otherwise. Time and
+    /// tachometer stay.
+    #[arg(long, value_delimiter = ',')]
+    columns: Vec<String>,
+    /// Columns to leave out, by name or number, separated by commas.
+    #[arg(long, value_delimiter = ',')]
+    skip: Vec<String>,
     /// Tooth counts of pinion and gear, as 23,46.
     #[arg(long, value_delimiter = ',')]
     teeth: Option<Vec<u32>>,
     /// Mesh frequency as far as known, Hz (within 3 %); searched for otherwise. FROM,TO: it changes within that range.
     #[arg(long, value_delimiter = ',', num_args = 1)]
     mesh: Vec<f64>,
-    /// Unit of the source; one for all channels, or one for each, separated by commas.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "m/s2")]
-    unit: Vec<SourceUnit>,
+    /// Unit of channels whose file states none (m/s2, g, mg, V, N m and so on, or unknown); one, or one for each,
+    /// separated by commas.
+    #[arg(long, value_delimiter = ',')]
+    unit: Vec<String>,
+    /// Take --unit although a file states another one.
+    #[arg(long, requires = "unit")]
+    override_unit: bool,
     /// Sensitivity, V per g: turns volts into m/s2; one for all channels, or one for each, separated by commas.
     #[arg(long, value_delimiter = ',')]
     volt_per_g: Vec<f64>,
@@ -67,9 +85,17 @@ pub struct Args {
     /// The rig has one shaft and no gears.
     #[arg(long, conflicts_with_all = ["teeth", "machine"])]
     no_gears: bool,
+    /// Bearing by designation, on the pinion's shaft or on SHAFT: `6205`, `gear=6203`; once for each. By dimensions
+    /// or orders: `[[bearing]]` in record.toml.
+    #[arg(long = "bearing", value_name = "[SHAFT=]DESIGNATION")]
+    bearings: Vec<String>,
     /// No tachometer was recorded; the shaft turns at this constant speed, rpm.
     #[arg(long, value_name = "RPM", conflicts_with_all = ["no_tach", "tach"])]
     speed: Option<f64>,
+    /// Train file (tables `stage`): the record then declares all stages, and its `tach` says shaft and pulses of the
+    /// tachometer.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["teeth", "machine", "no_gears"])]
+    train: Option<PathBuf>,
     /// Machine file: the record then declares the whole machine, its tooth counts included.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
@@ -97,41 +123,43 @@ enum Decimal {
     Comma,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SourceUnit {
-    /// m/s2
-    #[value(name = "m/s2")]
-    Acceleration,
-    /// multiples of standard gravity
-    #[value(name = "g")]
-    Gravity,
-    /// volts
-    #[value(name = "V")]
-    Volt,
-    /// the source states none
-    #[value(name = "unknown")]
-    Unknown,
+/// A bearing from `[SHAFT=]DESIGNATION`.
+fn bearing(text: &str) -> Bearing {
+    let (shaft, designation) = text.split_once('=').unwrap_or(("pinion", text));
+    let (shaft, designation) = (shaft.trim().to_owned(), designation.trim().to_owned());
+    Bearing { name: designation.clone(), shaft, designation: Some(designation), ..Bearing::default() }
 }
 
 /// Imports the files, writes the record, prints what was found.
 pub fn run(args: Args) -> Result<()> {
     let machine = args.machine.as_deref().map(Machine::read).transpose()?;
-    let teeth = import::teeth(machine.as_ref(), given_teeth(args.teeth.as_deref())?)?;
+    let train = args.train.as_deref().map(Train::read).transpose()?;
+    let given = train.as_ref().and_then(|train| train.declaration.as_pair());
+    let teeth = import::teeth(machine.as_ref(), given.or(given_teeth(args.teeth.as_deref())?))?;
     let (mesh_guess_hz, mesh_range_hz) = mesh(&args.mesh)?;
-    let measured = args.tach.options()?;
+    let measured = match &train {
+        Some(train) => train_tach(train, args.tach.options()?, !args.no_tach && args.speed.is_none())?,
+        None => args.tach.options()?,
+    };
     let name = args.output.file_name().map_or_else(|| "import".into(), |name| name.to_string_lossy().into_owned());
     let options = ImportOptions {
         title: args.title.unwrap_or(name),
         reading: Reading {
             decimal_comma: args.decimal.map(|decimal| decimal == Decimal::Comma),
             no_time: args.no_time,
+            time_unit_s: args.time_unit.as_deref().map(time_unit).transpose()?,
+            columns: args.columns,
+            skip: args.skip,
+            ..Reading::default()
         },
         rate_hz: args.rate,
         override_rate: args.override_rate,
         teeth,
+        train,
         mesh_guess_hz,
         mesh_range_hz,
         units: units(&args.unit, &args.volt_per_g)?,
+        override_unit: args.override_unit,
         channel_names: args.channel_names,
         full_scale: args.full_scale,
         source_full_scale: args.source_full_scale.as_deref().map_or(Ok(Vec::new()), full_scales)?,
@@ -139,6 +167,7 @@ pub fn run(args: Args) -> Result<()> {
         torques_n_m: args.torque,
         loads: args.load,
         no_gears: args.no_gears,
+        bearings: args.bearings.iter().map(|text| bearing(text)).collect(),
         machine,
         files_are_runs: args.runs,
         tach: match measured {
@@ -151,7 +180,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     let mut read = args.files.clone();
     read.extend(args.tach.files());
-    read.extend(args.machine.iter().cloned());
+    read.extend(args.machine.iter().chain(&args.train).cloned());
     read.extend(args.source_full_scale.iter().map(PathBuf::from).filter(|path| path.is_file()));
     let mut outputs = args.results.outputs(read.iter().map(PathBuf::as_path));
     let folder = outputs.folder(&args.output, Content::Record)?;
@@ -160,6 +189,18 @@ pub fn run(args: Args) -> Result<()> {
     record.write_to(folder)?;
     files.write(&summary, || page::page(&options.title, &record, &summary))?;
     print(&summary)
+}
+
+/// The tachometer that a train declares, on the channel that `given` names or on the one that looks like it; `given`
+/// itself where none is declared.
+fn train_tach(train: &Train, given: Option<TachOptions>, wanted: bool) -> Result<Option<TachOptions>> {
+    let Some(declared) = train.declaration.tachs.first().filter(|_| wanted) else { return Ok(given) };
+    let ratio = train.shaft_order(declared.shaft).value();
+    let (falling, threshold) = given.as_ref().map_or((None, None), |given| (given.falling, given.threshold));
+    let own = || declared.source.iter().cloned().collect();
+    let sources = given.map_or_else(own, |given| given.sources);
+    let shaft = if declared.shaft == 0 { Shaft::Pinion } else { Shaft::Ratio(ratio) };
+    Ok(Some(TachOptions { sources, pulses: declared.pulses_per_turn, shaft, falling, threshold }))
 }
 
 /// Tooth counts as given.
@@ -195,8 +236,15 @@ fn full_scales(text: &str) -> Result<Vec<f64>> {
     numbers.map_or_else(|| import::read_full_scales(Path::new(text)), Ok)
 }
 
-/// One unit for all channels, or one for each: as many as units or sensitivities are given.
-fn units(units: &[SourceUnit], volt_per_g: &[f64]) -> Result<Vec<Unit>> {
+/// Seconds of a unit of time.
+fn time_unit(text: &str) -> Result<f64> {
+    let unit = import::units::measure(text).filter(|unit| unit.quantity == import::units::Quantity::Time);
+    let refuse = || Error::invalid("--time-unit", format!("'{text}' is no unit of time such as s, ms, us, ns or min"));
+    unit.map(|unit| unit.factor).ok_or_else(refuse)
+}
+
+/// One unit for all channels, or one for each: as many as units or sensitivities are given; none where none is said.
+fn units(units: &[String], volt_per_g: &[f64]) -> Result<Vec<Unit>> {
     let count = units.len().max(volt_per_g.len());
     for (name, given) in [("--unit", units.len()), ("--volt-per-g", volt_per_g.len())] {
         if given > 1 && given != count {
@@ -206,13 +254,18 @@ fn units(units: &[SourceUnit], volt_per_g: &[f64]) -> Result<Vec<Unit>> {
             ));
         }
     }
-    let unit = |c: usize| match units[c % units.len()] {
-        SourceUnit::Acceleration => Unit::MetrePerSecondSquared,
-        SourceUnit::Gravity => Unit::Gravity,
-        SourceUnit::Volt => Unit::Volt(volt_per_g.get(c % volt_per_g.len().max(1)).copied()),
-        SourceUnit::Unknown => Unit::Unknown,
+    let sensitivity = |c: usize| volt_per_g.get(c % volt_per_g.len().max(1)).copied();
+    if let Some(other) = sensitivity(0).filter(|volt_per_g| !(volt_per_g.is_finite() && *volt_per_g > 0.0)) {
+        return Err(Error::invalid("--volt-per-g", format!("{other} is not a positive number")));
+    }
+    let unit = |c: usize| match units.get(c % units.len().max(1)) {
+        None => Ok(Unit::Volt(sensitivity(c))),
+        Some(text) => match Unit::parse(text).map_err(|what| Error::invalid("--unit", what))? {
+            Unit::Volt(_) => Ok(Unit::Volt(sensitivity(c))),
+            other => Ok(other),
+        },
     };
-    Ok((0..count).map(unit).collect())
+    (0..count).map(unit).collect()
 }
 
 /// Name and value of every quality figure of a run's tach.

@@ -14,7 +14,7 @@ use meshband_host::results::{Force, Results};
 use meshband_host::speed::Speed;
 use meshband_host::stiffness::report::Report as Stiffness;
 use meshband_host::terminal::{Progress, table};
-use meshband_host::{Error, Result, remark, say};
+use meshband_host::{Error, Result, budget, remark, say, train};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::io::{IsTerminal, Write};
@@ -100,8 +100,11 @@ enum BearingKind {
 
 #[derive(ClapArgs)]
 struct Check {
-    /// Machine file, or a record folder.
+    /// Machine file, train file (tables `stage`), or a record folder.
     machine: PathBuf,
+    /// Of a train: turns of its input that a record would hold, by which lines are told apart.
+    #[arg(long, value_name = "N", default_value_t = 1000.0)]
+    turns: f64,
     #[command(flatten)]
     results: Results,
 }
@@ -293,6 +296,17 @@ struct Explained {
 
 fn check(args: &Check) -> Result<()> {
     let mut files = args.results.announce(&mut args.results.outputs([args.machine.as_path()]))?;
+    let file = if args.machine.is_dir() { args.machine.join("record.toml") } else { args.machine.clone() };
+    let declaration = budget::read_text(&file)?;
+    if train::page::declares_train(&declaration) {
+        let train = train::page::read(&file.display().to_string(), &declaration)?;
+        if !(args.turns.is_finite() && args.turns >= 1.0) {
+            return Err(Error::invalid("--turns", format!("{} is no number of turns", args.turns)));
+        }
+        let explained = train::page::explain(&train, args.turns)?;
+        files.write(&explained, || Ok(train::page::report(&explained, &train)))?;
+        return show(&train::page::text(&explained));
+    }
     let machine = Machine::read(&args.machine)?;
     let explained = explain(&machine)?;
     files.write(&explained, || report(&explained, &machine))?;

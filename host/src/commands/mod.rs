@@ -11,6 +11,7 @@ pub mod close;
 pub mod commission;
 pub mod configure;
 pub mod effects;
+pub mod export;
 pub mod health;
 pub mod import;
 pub mod installation;

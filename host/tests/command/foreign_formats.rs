@@ -39,6 +39,12 @@ fn ref_files_of_independent_writers_are_read_to_the_last_bit() {
     assert_holds("ascii.uff", &[(0, 1.0), (1, 1.0)]);
     assert_holds("pcm24.flac", &[(0, 0.125), (1, 0.125)]);
     assert_holds("float.wav", &[(0, 1.0), (1, 1.0)]);
+    for name in ["plain.mf4", "packed.mf4", "table.parquet", "table.feather"] {
+        assert_holds(name, &[(0, 1.0), (1, 1.0)]);
+        let columns = read(&fixture(name)).expect(name);
+        assert_eq!(columns.names, ["a0", "a1"], "{name}");
+        assert!(columns.units.iter().all(|unit| unit.as_deref() == Some("g")), "{name}: {:?}", columns.units);
+    }
 }
 
 /// A deterministic sequence of numbers.
@@ -51,7 +57,9 @@ fn draw(state: &mut u64) -> u64 {
 fn fault_damaged_files_are_refused_or_read_and_never_panic() {
     let folder = folder("formats-damaged");
     let mut refusals = 0;
-    for name in ["float.tdms", "scaled.tdms", "plain.h5", "v73.mat", "binary.uff", "pcm24.flac"] {
+    let compressed = ["packed.mf4", "plain.mf4", "table.parquet", "table.feather"];
+    let plain = ["float.tdms", "scaled.tdms", "plain.h5", "v73.mat", "binary.uff", "pcm24.flac"];
+    for name in plain.into_iter().chain(compressed) {
         let whole = std::fs::read(fixture(name)).expect("a fixture");
         let mut state = 11;
         for trial in 0..60 {

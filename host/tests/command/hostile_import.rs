@@ -113,7 +113,7 @@ fn regress_a_time_column_with_a_gap_is_refused_with_its_place() {
     let folder = folder("time-gap");
     for (header, options) in [("", vec!["--rate", "1000"]), ("time,a\n", vec!["--rate", "1000"]), ("", vec![])] {
         let gap = write(&folder, "gap.csv", timed(header, 7).as_bytes());
-        refused_import(&folder, &gap, &options, &["gap.csv", "7 samples are missing", "value 101"]);
+        refused_import(&folder, &gap, &options, &["gap.csv", "7 samples are missing", "value 100"]);
     }
     let whole = imported(&folder, &write(&folder, "whole.csv", timed("", 0).as_bytes()), &[]);
     assert_eq!((&whole["sample_rate_hz"], whole["channels"].as_array().map(Vec::len)), (&1000.0.into(), Some(1)));
@@ -263,7 +263,7 @@ fn fault_names_and_cells_of_any_length_stay_on_one_line() {
     let summary = imported(&folder, &write(&folder, "named.mat", &mat_file(&[signal])), &["--rate", "1000"]);
     assert!(summary["channels"][0].as_str().expect("a name").len() < 100);
     let quote = format!("1,2\n\"{}\n", "3,4\n".repeat(5000));
-    refused_import(&folder, &write(&folder, "quote.csv", quote.as_bytes()), &["--rate", "1000"], &["quote.csv:2"]);
+    refused_import(&folder, &write(&folder, "quote.csv", quote.as_bytes()), &["--rate", "1000"], &["quote.csv:3"]);
     let cell = format!("1\n{}\n", "x".repeat(100_000));
     refused_import(&folder, &write(&folder, "cell.csv", cell.as_bytes()), &["--rate", "1000"], &["cell.csv:2"]);
 }

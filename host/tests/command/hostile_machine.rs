@@ -243,7 +243,7 @@ fn fault_signals_and_tables_that_are_pipes_are_refused_at_once() {
 fn fault_wrong_options_are_one_line_and_help_stays_whole() {
     refused(&["simulate"], &["required arguments", "--output", "--help"]);
     refused(&["simulate", "m.toml", "-o", "x", "--nonsense"], &["--nonsense"]);
-    refused(&["import", "a.csv", "-o", "x", "--unit", "furlong"], &["furlong", "possible values"]);
+    refused(&["import", "a.csv", "-o", "x", "--unit", "furlong"], &["furlong", "no unit that is known"]);
     refused(&["frobnicate"], &["frobnicate"]);
     refused(&["monitor", "--replay", "x", "--patience", "1e-300"], &["--patience"]);
     refused(&["simulate", "m.toml", "-o", "x", "--speed", &"9".repeat(100_000)], &["--speed"]);

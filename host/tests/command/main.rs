@@ -11,6 +11,7 @@ mod commission;
 mod diagnose;
 mod emulated_line;
 mod field;
+mod first_contact;
 mod foreign_formats;
 mod health;
 mod hostile_import;
@@ -27,7 +28,10 @@ mod monitor;
 #[cfg(unix)]
 mod outputs_cli;
 mod outputs_text;
+mod recording_judged;
 mod reference;
 mod second_sensor;
 mod served;
+mod tdms_forms;
+mod train;
 mod update;

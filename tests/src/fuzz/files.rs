@@ -122,14 +122,19 @@ pub fn record(bytes: &[u8]) -> String {
 }
 
 /// Endings by the first byte of an input; the last is a file of full scales.
-const ENDINGS: [&str; 10] = ["csv", "csv.gz", "txt", "wav", "npy", "mat", "h5", "uff", "tdms", "flac"];
+const ENDINGS: [&str; 14] =
+    ["csv", "csv.gz", "txt", "wav", "npy", "mat", "h5", "uff", "tdms", "flac", "mf4", "parquet", "feather", "lvm"];
 
 /// A sound file of every format: our own short ones, and those of independent writers.
 pub fn import_seeds() -> Vec<Vec<u8>> {
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/fixtures/formats");
     let theirs =
         ["ascii.uff", "binary.uff", "float.tdms", "float.wav", "pcm24.flac", "plain.h5", "scaled.tdms", "v73.mat"];
-    let theirs = theirs.map(|name| (name.to_owned(), std::fs::read(fixtures.join(name)).expect("a fixture")));
+    let tables = ["plain.mf4", "packed.mf4", "table.parquet", "table.feather"];
+    let theirs = theirs
+        .into_iter()
+        .chain(tables)
+        .map(|name| (name.to_owned(), std::fs::read(fixtures.join(name)).expect("a fixture")));
     let own = import_files(600).expect("packed in memory");
     let files = own.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).chain(theirs);
     let mut seeds: Vec<Vec<u8>> = files
@@ -168,7 +173,10 @@ pub fn import(bytes: &[u8]) -> String {
     };
     let decimal_comma = [None, Some(true), Some(false)][usize::from(how % 3)];
     let name = format!("input.{ending}");
-    match read_as(&input_file(&name, content), &Reading { decimal_comma, no_time: how & 0x80 != 0 }) {
+    match read_as(
+        &input_file(&name, content),
+        &Reading { decimal_comma, no_time: how & 0x80 != 0, ..Reading::default() },
+    ) {
         Ok(columns) => {
             assert_eq!(columns.names.len(), columns.channels.len());
             let samples = columns.channels.first().map_or(0, Vec::len);

@@ -6,15 +6,17 @@
 //! It is a quarter denser than the samples lie at the slowest turn: nothing folds, and the kernel (64-tap
 //! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked
 //! at up to 80 % of the Nyquist frequency at the *fastest* turn, where the record holds them throughout. Edges of
-//! several marks per turn are smoothed first ([`whole_turns`]). Limits: what the speed does within a turn, or within
-//! one pulse interval, is smoothed; jitter of a single mark goes into the angle as it is.
+//! several marks per turn are smoothed first ([`whole_turns`]), those of a single mark lose the errors that
+//! neighbours do not share ([`single_mark`]). Limits: what the speed does within a turn, or within one pulse
+//! interval, is smoothed.
 
-use super::whole_turns;
+use super::{single_mark, whole_turns};
 use crate::budget::ANGLES;
 use crate::check::edges::Repair;
 use crate::machine::Hunting;
 use crate::record::{Run, Tach};
 use crate::spectral::{AngleMap, interpolated, resample_by_angle};
+use crate::train::Train;
 use crate::{Error, Result};
 use serde::Serialize;
 
@@ -28,6 +30,9 @@ const PASS_SHARE: f64 = 0.4;
 const FINE: u32 = 8;
 /// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
 const FEWEST_TURNS: f64 = 6.0;
+/// Turns of a train's shaft from which its sidebands are looked at: a quarter is held out, and the rest still tells
+/// them apart.
+const OFTEN: f64 = 24.0;
 
 /// Speed of the pinion over a run, turn by turn, Hz.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -68,23 +73,58 @@ impl Angle {
     /// Edges that cannot be repaired, too few turns, more points than the budget; `place` names the run.
     pub fn of(run: &Run, tach: &Tach, teeth: [u32; 2], place: &str) -> Result<Self> {
         let gear_order = f64::from(teeth[0]) / f64::from(teeth[1]);
-        let repair = Repair::of(&run.edges_s, tach.pulses_per_rev);
+        let ratio = tach.turns_per_pinion_turn(Some(teeth)).unwrap_or(1.0);
+        Self::at_ratio(run, tach, (ratio, teeth), &|_| gear_order, place)
+    }
+
+    /// The angle of a train's input, whichever of its shafts has the tach. The slower shaft is the slowest one that
+    /// turns often enough.
+    ///
+    /// # Errors
+    /// As [`Angle::of`], and a tach behind a belt, whose slip is not known.
+    pub fn of_train(run: &Run, tach: &Tach, train: &Train, place: &str) -> Result<Self> {
+        let exact = |shaft: usize| {
+            if train.exact[shaft] {
+                return Ok(train.shaft_order(shaft).value());
+            }
+            Err(Error::invalid(place, format!("the tach's shaft {shaft} lies behind a belt, whose slip is not known")))
+        };
+        let shaft = tach.train_shaft().filter(|shaft| *shaft < train.shafts.len());
+        let ratio = shaft.map_or(Ok(tach.turns_per_pinion_turn.unwrap_or(1.0)), exact)?;
+        let slower = |turns: f64| {
+            let orders = (0..train.shafts.len()).filter(|s| train.exact[*s]).map(|s| train.shaft_order(s).value());
+            orders.filter(|order| order * turns >= OFTEN).fold(1.0, f64::min)
+        };
+        Self::at_ratio(run, tach, (ratio, [1, 1]), &slower, place)
+    }
+
+    /// The angle from a tach that turns `ratio` times per turn of the grid's shaft.
+    fn at_ratio(
+        run: &Run,
+        tach: &Tach,
+        (ratio, teeth): (f64, [u32; 2]),
+        slower: &dyn Fn(f64) -> f64,
+        place: &str,
+    ) -> Result<Self> {
+        let repair = Repair::of(&run.edges_s);
         if repair.is_beyond() {
             return Err(Error::invalid(place, "tach edges are too irregular to repair; `meshband check` says more"));
         }
         let first = f64::from(run.declaration.first_pulse_index) / f64::from(tach.pulses_per_rev);
-        let edges_s = whole_turns::smoothed(&repair.edges_s, tach.pulses_per_rev);
+        let edges_s = if tach.pulses_per_rev == 1 && tach.source.as_deref() == Some("measured") {
+            single_mark::smoothed(&repair.edges_s)
+        } else {
+            whole_turns::smoothed(&repair.edges_s, tach.pulses_per_rev)
+        };
         let (edges_s, per_rev) = finer(edges_s, tach.pulses_per_rev);
         let of_shaft = AngleMap::new(&edges_s, per_rev, first)
             .ok_or_else(|| Error::invalid(place, "fewer than two tach edges"))?;
-        let map = match tach.turns_per_pinion_turn(Some(teeth)) {
-            Some(ratio) if ratio != 1.0 => of_shaft.geared(1.0 / ratio),
-            _ => of_shaft,
-        };
+        let map = if ratio == 1.0 { of_shaft } else { of_shaft.geared(1.0 / ratio) };
         let margin = KERNEL_REACH / run.sample_rate_hz();
         let (first, last) = map.range();
         let from_turn = (first.max(map.turns_at(margin)) - 1e-9).ceil();
         let turns = (last.min(map.turns_at(run.duration_s() - margin)) + 1e-9 - from_turn).floor().max(0.0);
+        let gear_order = slower(turns);
         if turns * gear_order.min(1.0) < FEWEST_TURNS {
             let what = format!(
                 "{turns} whole turns of the pinion, {:.1} of the slower shaft; at least {FEWEST_TURNS} are needed",

@@ -118,7 +118,8 @@ pub fn averages(samples: &[f64], angle: &Angle, teeth: [u32; 2], ensembles: &mut
     })
 }
 
-fn judged(
+/// An average with its indicators: `samples` are a power of two.
+pub fn judged(
     shaft: &'static str,
     turns: usize,
     whole_hunting_periods: bool,

@@ -7,6 +7,9 @@
 
 use super::angle::Angle;
 use super::skirts::Skirts;
+use crate::train::{Gear, Train, families, lines};
+use realfft::RealFftPlanner;
+use std::sync::Arc;
 
 /// Highest order of each shaft in sidebands of both at once.
 const BOTH: i32 = 2;
@@ -14,13 +17,77 @@ const BOTH: i32 = 2;
 const SLOW: f64 = 0.25;
 /// Power by which the known line must exceed a slow swing's.
 const STRONGER: f64 = 4.0;
+/// Bins on each side of an owned order that are locked to it.
+const LOCKED_BINS: f64 = 1.0;
 
-/// The pair's orders, in orders of the pinion.
+/// Orders that the parts of a train own, per turn of its input.
+#[derive(Debug, Clone, Default)]
+pub struct Owned {
+    /// Shafts and members of sets, whose multiples are owned.
+    pub shafts: Vec<f64>,
+    /// Other orders, ascending.
+    pub orders: Vec<f64>,
+}
+
+impl Owned {
+    /// Of a train, up to `highest` order: what its sound meshes have, the lines of every fault, what motor and driven
+    /// part bring along.
+    pub fn of_train(train: &Train, highest: f64) -> Self {
+        let all = families::all(train, highest);
+        let mut orders: Vec<f64> = all.iter().flat_map(|family| family.lines.iter().map(|line| line.order)).collect();
+        orders.extend(lines::of_sound_meshes(train, highest));
+        orders.extend(lines::table(train).unwrap_or_default().iter().filter(|line| line.exact).map(|line| line.value));
+        orders.sort_by(f64::total_cmp);
+        let exact = (0..train.shafts.len()).filter(|shaft| train.exact[*shaft]);
+        let mut shafts: Vec<f64> = exact.map(|shaft| train.shaft_order(shaft).value()).collect();
+        let is_exact = |gear: &&Gear| train.mesh(gear.stage).is_some_and(|mesh| mesh.exact);
+        let members = train.gears.iter().filter(is_exact).flat_map(|gear| [gear.rate, gear.speed]);
+        shafts.extend(members.map(|speed| speed.magnitude().value()));
+        shafts.retain(|order| *order > 0.0);
+        shafts.sort_by(f64::total_cmp);
+        shafts.dedup_by(|a, b| (*a - *b).abs() < 1e-12);
+        Self { shafts, orders }
+    }
+
+    /// What is locked to any part of the train in samples of `turns` whole turns of its input: the bins about all
+    /// owned orders.
+    pub fn locked_part(&self, samples: &[f64], turns: usize) -> Vec<f64> {
+        let mut planner = RealFftPlanner::new();
+        let forward = planner.plan_fft_forward(samples.len());
+        let (mut input, mut bins) = (samples.to_vec(), forward.make_output_vec());
+        forward.process(&mut input, &mut bins).expect("buffers have the planned lengths");
+        let half = LOCKED_BINS / turns as f64;
+        for (i, bin) in bins.iter_mut().enumerate() {
+            if !self.at(i as f64 / turns as f64, half) {
+                *bin = Default::default();
+            }
+        }
+        let mut locked = vec![0.0; samples.len()];
+        let inverse = planner.plan_fft_inverse(samples.len());
+        inverse.process(&mut bins, &mut locked).expect("buffers have the planned lengths");
+        locked.iter_mut().for_each(|x| *x /= samples.len() as f64);
+        locked
+    }
+
+    /// Whether an owned order lies within `half_width`.
+    pub fn at(&self, order: f64, half_width: f64) -> bool {
+        let after = self.orders.partition_point(|own| *own < order - half_width);
+        self.of_shafts(order, half_width) || self.orders.get(after).is_some_and(|own| *own <= order + half_width)
+    }
+
+    /// Whether a multiple of a shaft's or member's order does.
+    pub fn of_shafts(&self, order: f64, half_width: f64) -> bool {
+        self.shafts.iter().any(|own| distance(order, *own) <= half_width)
+    }
+}
+
+/// The pair's orders, in orders of the pinion; a train's in those of its input.
 #[derive(Debug, Clone)]
 pub struct Explained {
     teeth: f64,
     gear_order: f64,
     highest: f64,
+    train: Option<Arc<Owned>>,
     /// Feet of its lines in the spectrum at hand.
     pub skirts: Skirts,
 }
@@ -28,7 +95,18 @@ pub struct Explained {
 impl Explained {
     /// Of a pair with `pinion_teeth`, up to `highest` order.
     pub fn new(pinion_teeth: u32, angle: &Angle, highest: f64) -> Self {
-        Self { teeth: f64::from(pinion_teeth), gear_order: angle.gear_order, highest, skirts: Skirts::default() }
+        Self {
+            teeth: f64::from(pinion_teeth),
+            gear_order: angle.gear_order,
+            highest,
+            train: None,
+            skirts: Skirts::default(),
+        }
+    }
+
+    /// Of a train.
+    pub fn of_train(owned: &Arc<Owned>, pinion_teeth: u32, angle: &Angle, highest: f64) -> Self {
+        Self { train: Some(owned.clone()), ..Self::new(pinion_teeth, angle, highest) }
     }
 
     /// The same pair with the feet of another spectrum.
@@ -38,6 +116,9 @@ impl Explained {
 
     /// Whether a whole order of a shaft, or of both about the mesh, lies within `half_width` of `order`.
     pub fn at(&self, order: f64, half_width: f64) -> bool {
+        if let Some(owned) = &self.train {
+            return owned.at(order, half_width) || self.skirts.at(order, half_width);
+        }
         distance(order, 1.0) <= half_width
             || distance(order, self.gear_order) <= half_width
             || self.about_mesh(order, half_width)
@@ -46,6 +127,9 @@ impl Explained {
 
     /// Shaft orders and mesh harmonics only, with their feet: what an envelope shows of a sound pair.
     pub fn of_shafts(&self, order: f64, half_width: f64) -> bool {
+        if let Some(owned) = &self.train {
+            return owned.of_shafts(order, half_width) || self.skirts.at(order, half_width);
+        }
         distance(order, 1.0) <= half_width
             || distance(order, self.gear_order) <= half_width
             || self.skirts.at(order, half_width)

@@ -8,6 +8,7 @@
 
 pub mod angle;
 pub mod average;
+pub mod bearing_lines;
 pub mod envelope;
 pub mod explained;
 pub mod families;
@@ -18,11 +19,16 @@ pub mod order_spectrum;
 pub mod report;
 pub mod search;
 pub mod sidebands;
+pub mod single_mark;
 pub mod skirts;
+pub mod train;
+pub mod train_average;
+pub mod train_view;
 pub mod unexplained;
 pub mod view;
 pub mod whole_turns;
 
+use crate::data_quality;
 use crate::machine::Hunting;
 use crate::record::{Record, Run, Tach};
 use crate::{Error, Result};
@@ -125,6 +131,9 @@ pub struct ChannelOutcome {
     pub averages: [Average; 2],
     /// Envelope.
     pub envelope: Envelope,
+    /// Passages of the declared bearings in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bearing_lines: Vec<bearing_lines::BearingLine>,
     /// Orders that the pair does not explain.
     pub unexplained: Unexplained,
     /// Order map, for the picture.
@@ -147,7 +156,11 @@ pub fn record(record: &Record, choice: Choice) -> Result<Outcome> {
     let channels = chosen(choice.channel, acquisition.channels.len(), "channel", record)?;
     let runs = chosen(choice.run, record.runs.len(), "run", record)?;
     let mut notes = notes_of(&tach, acquisition.unit.as_deref());
-    let runs = run_outcomes(record, &runs, &channels, teeth, &tach, &mut notes)?;
+    let passages = bearing_lines::passages(record, f64::from(teeth[0]) / f64::from(teeth[1]))?;
+    let mut runs = run_outcomes(record, &runs, &channels, teeth, &tach, &mut notes)?;
+    for channel in runs.iter_mut().flat_map(|run| &mut run.channels) {
+        channel.bearing_lines = bearing_lines::read(&channel.envelope, &passages);
+    }
     Ok(Outcome {
         schema: 1,
         title: record.declaration.title().to_owned(),
@@ -188,7 +201,9 @@ fn run_outcomes(
             ensembles.iter_mut().for_each(|e| *e = [RunEnsemble::default(); 2]);
         }
         let names = &record.declaration.acquisition.channels;
-        outcomes.push(analysed(run, index, &angle, teeth, channels, names, &mut ensembles));
+        let mut outcome = analysed(run, index, &angle, teeth, channels, names, &mut ensembles);
+        outcome.notes.extend(data_quality::first_lines(&data_quality::of_run(record, run)));
+        outcomes.push(outcome);
     }
     match (outcomes.is_empty(), refused) {
         (true, Some(error)) => Err(error),
@@ -196,7 +211,7 @@ fn run_outcomes(
     }
 }
 
-fn require_tach(record: &Record) -> Result<&Tach> {
+pub(crate) fn require_tach(record: &Record) -> Result<&Tach> {
     record.require_tach().map_err(|error| match error {
         Error::Invalid { place, what } => {
             Error::invalid(place, what + "; `meshband import --teeth` makes a virtual tach from the mesh line")
@@ -205,7 +220,7 @@ fn require_tach(record: &Record) -> Result<&Tach> {
     })
 }
 
-fn chosen(index: Option<usize>, count: usize, what: &str, record: &Record) -> Result<Vec<usize>> {
+pub(crate) fn chosen(index: Option<usize>, count: usize, what: &str, record: &Record) -> Result<Vec<usize>> {
     let refuse = |text: String| Err(Error::invalid(record.folder.display(), text));
     match index {
         _ if count == 0 => refuse(format!("has no {what}")),
@@ -215,7 +230,7 @@ fn chosen(index: Option<usize>, count: usize, what: &str, record: &Record) -> Re
     }
 }
 
-fn notes_of(tach: &Tach, unit: Option<&str>) -> Vec<String> {
+pub(crate) fn notes_of(tach: &Tach, unit: Option<&str>) -> Vec<String> {
     let mut notes = Vec::new();
     if tach.is_virtual() {
         notes.push(
@@ -353,10 +368,11 @@ fn channel(
         unexplained: found,
         order_spectrum,
         envelope,
+        bearing_lines: Vec::new(),
     }
 }
 
-fn variance(samples: &[f64]) -> f64 {
+pub(crate) fn variance(samples: &[f64]) -> f64 {
     let count = samples.len().max(1) as f64;
     let mean = samples.iter().sum::<f64>() / count;
     samples.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count

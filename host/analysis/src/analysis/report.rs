@@ -203,7 +203,8 @@ fn envelope(report: Report, channel: &ChannelOutcome) -> Result<Report> {
     let share = |i: usize| (level.density.frequency(i), 100.0 * amplitude(level, i));
     let first = (0.2 / level.density.bin).ceil() as usize;
     let series = [Series::new("squared envelope", (first..=last).map(share).collect())];
-    let labels = marks(&channel.unexplained.envelope, own.highest_order);
+    let declared = channel.bearing_lines.iter().map(|own| Label { x: own.order, text: own.part.clone() });
+    let labels: Vec<Label> = declared.chain(marks(&channel.unexplained.envelope, own.highest_order)).collect();
     let axes = Axes { x: "order of the pinion", y: "share of the band's power, dB re 1 %" };
     let svg = spectrum(&series, &labels, 1.0, 50.0, axes)?;
     Ok(report.picture(

@@ -47,6 +47,21 @@ impl Skirts {
         Self(intervals)
     }
 
+    /// About zero, the first orders of the shafts of a train and its mesh lines, each to half the slowest shaft's
+    /// order.
+    pub fn of_train(level: &Level, slower: f64, shafts: &[f64], meshes: &[f64]) -> Self {
+        let of_shafts = shafts.iter().flat_map(|own| (1..=SHAFT_ORDERS).map(move |n| n as f64 * own));
+        let foot = |centre: f64| {
+            let foot = level.foot(centre, 0.5 * slower);
+            (centre - foot, centre + foot)
+        };
+        let mut intervals: Vec<(f64, f64)> =
+            std::iter::once(0.0).chain(of_shafts).chain(meshes.iter().copied()).map(foot).collect();
+        intervals.retain(|(from, to)| to > from);
+        intervals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self(intervals)
+    }
+
     /// Whether an order lies in a foot, or within `half_width` of one.
     pub fn at(&self, order: f64, half_width: f64) -> bool {
         let after = self.0.partition_point(|(from, _)| *from <= order + half_width);

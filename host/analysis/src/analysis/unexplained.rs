@@ -62,6 +62,10 @@ pub struct Channel<'a> {
     pub envelope: &'a Envelope,
 }
 
+/// Share of the strongest line below which nothing is listed (-80 dB): what a sensor and a 16-bit converter can hold
+/// apart ends there, and a simulated record without noise has lines below it.
+const NEGLIGIBLE: f64 = 1e-4;
+
 /// Lowest order that is looked at.
 pub fn lowest_order(angle: &Angle) -> f64 {
     LOWEST * angle.slower_order()
@@ -70,9 +74,12 @@ pub fn lowest_order(angle: &Angle) -> f64 {
 /// Groups what the pair does not explain.
 pub fn unexplained(channel: &Channel, angle: &Angle, explained: &Explained, pinion_teeth: u32) -> Unexplained {
     let power = |order: f64| power_near(channel.order_spectrum, order);
+    let strongest = channel.order_spectrum.spectrum.values.iter().copied().fold(0.0, f64::max);
+    let negligible = NEGLIGIBLE * strongest;
     let lines: Vec<Line> = channel
         .lines
         .iter()
+        .filter(|line| line.amplitude >= negligible)
         .filter(|line| !explained.swings(line.order, 0.5 * line.amplitude.powi(2), power))
         .copied()
         .collect();
@@ -88,7 +95,8 @@ pub fn unexplained(channel: &Channel, angle: &Angle, explained: &Explained, pini
     let of_shafts = |order: f64, half: f64| in_its_envelope.of_shafts(order, half);
     let in_envelope: Vec<Line> =
         channel.envelope.lines.iter().filter(|line| !of_shafts(line.order, 1.5 * line.bin)).copied().collect();
-    let in_envelope: Vec<Line> = in_envelope.into_iter().filter(|line| line.order >= lowest_order(angle)).collect();
+    let listed = |line: &Line| line.order >= lowest_order(angle) && line.amplitude >= negligible;
+    let in_envelope: Vec<Line> = in_envelope.into_iter().filter(listed).collect();
     let envelope_orders = Orders { highest: channel.envelope.highest_order, mesh: false, ..orders };
     let spectrum = families::group(&lines, &orders, &|order, half| explained.at(order, half));
     let envelope = families::group(&in_envelope, &envelope_orders, &of_shafts);

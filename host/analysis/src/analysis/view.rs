@@ -163,9 +163,16 @@ pub fn envelope(channel: &ChannelOutcome, run: &RunOutcome) -> String {
         })
         .collect();
     let lines = if lines.is_empty() { "no line over its floor".into() } else { format!("orders {}", lines.join(", ")) };
+    let declared = channel
+        .bearing_lines
+        .iter()
+        .map(|own| format!("{} {:.3} ({:.1} %)", own.part, own.order, 100.0 * own.amplitude));
+    let declared: Vec<String> = declared.collect();
+    let declared =
+        if declared.is_empty() { String::new() } else { format!("; declared bearings: {}", declared.join(", ")) };
     format!(
         "envelope of the rest, {:.0} to {:.0} Hz (excess kurtosis {:.2}, {:.1} standard errors, highest of {} \
-         bands): {lines}",
+         bands): {lines}{declared}",
         e.band.low_hz, e.band.high_hz, e.band.kurtosis, e.band.score, e.bands_tried
     )
 }

@@ -19,7 +19,7 @@ pub fn check(checked: &mut Checked) {
     speeds(checked);
     let (mut repaired, mut beyond, mut words) = (Vec::new(), Vec::new(), Vec::new());
     for r in 0..checked.record.runs.len() {
-        let repair = Repair::of(&checked.record.runs[r].edges_s, checked.record.pulses_per_rev);
+        let repair = Repair::of(&checked.record.runs[r].edges_s);
         if repair.is_beyond() {
             beyond.push(r);
             continue;
@@ -68,13 +68,12 @@ pub(crate) struct Repair {
 }
 
 impl Repair {
-    /// Repairs at least one edge of a shaft with `pulses_per_rev` pulses; what is usual is taken from the intervals
-    /// near by, so that a run-up passes.
-    pub(crate) fn of(edges: &[f64], pulses_per_rev: u32) -> Self {
+    /// Repairs at least one edge; what is usual is taken from the intervals near by, so that a run-up passes.
+    pub(crate) fn of(edges: &[f64]) -> Self {
         if edges.len() < FEWEST {
             return Self { edges_s: edges.to_vec(), added: Vec::new(), removed: Vec::new(), out_of_step: 0 };
         }
-        let pulses = counted(edges, pulses_per_rev > 1);
+        let pulses = counted(edges);
         let put_in = pulses.times_s.iter().zip(&pulses.measured).filter(|(_, measured)| !**measured);
         let added = put_in.map(|(t, _)| *t).collect();
         let out_of_step = pulses.out_of_step();

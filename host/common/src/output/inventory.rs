@@ -35,8 +35,14 @@ pub(super) fn named(text: &str) -> Vec<PathBuf> {
         keys.iter().filter_map(|key| table.get(key)?.as_str().map(PathBuf::from)).collect()
     };
     let tables = document.get("pair").map(|pair| texts(pair, ["pair_stiffness", "total_stiffness"]));
-    let runs = document.get("run").and_then(Value::as_array).into_iter().flatten();
-    runs.flat_map(|run| texts(run, ["signal", "tach"])).chain(tables.into_iter().flatten()).collect()
+    let array = |table: Option<&Value>| table.and_then(Value::as_array).cloned().unwrap_or_default();
+    let of_run = |run: &Value| {
+        let beside = array(run.get("beside"));
+        let beside: Vec<PathBuf> =
+            beside.iter().filter_map(|own| own.get("file")?.as_str().map(PathBuf::from)).collect();
+        [texts(run, ["signal", "tach"]), beside].concat()
+    };
+    array(document.get("run")).iter().flat_map(of_run).chain(tables.into_iter().flatten()).collect()
 }
 
 /// Whether a folder has no entry.

@@ -4,6 +4,8 @@
 //! record carries its machine with it. Reading checks every value and names table and key of all that make
 //! no sense; a non-finite number, an unknown key or a missing one is refused before.
 
+pub mod bearing;
+pub mod bearing_table;
 mod check;
 mod damping;
 pub mod estimate;

@@ -173,8 +173,11 @@ def import_files(
     override_rate: bool = False,
     mesh_hz: float | None = None,
     mesh_range_hz: tuple[float, float] | None = None,
-    unit: str = "m/s2",
+    unit: str | None = None,
+    override_unit: bool = False,
     volt_per_g: float | None = None,
+    columns: Sequence[str] = (),
+    skip: Sequence[str] = (),
     channel_names: Sequence[str] | None = None,
     full_scale: float | None = None,
     source_full_scale: float | Iterable[float] | None = None,
@@ -190,8 +193,8 @@ def import_files(
 ) -> Record:
     """Measurement files (MATLAB, HDF5, TDMS, csv, wav, FLAC, npy, uff58) as a record in memory.
 
-    ``tach`` names the tachometer's channel or file; without it a virtual one comes from the mesh line (needs ``teeth``), or none with
-    ``no_tach``. The keywords are those of ``meshband import``, whose help says more.
+    ``unit`` is for files that state none. ``tach`` names the tachometer's channel or file; without it a virtual one comes from the mesh
+    line (needs ``teeth``), or none with ``no_tach``. The keywords are those of ``meshband import``, whose help says more.
     """
     paths = [files] if isinstance(files, (str, Path)) else list(files)
     choices = {
@@ -202,7 +205,10 @@ def import_files(
         "mesh_hz": mesh_hz,
         "mesh_range_hz": mesh_range_hz,
         "unit": unit,
+        "override_unit": override_unit,
         "volt_per_g": volt_per_g,
+        "columns": list(columns),
+        "skip": list(skip),
         "channel_names": None if channel_names is None else list(channel_names),
         "full_scale": full_scale,
         "source_full_scale": numbers(source_full_scale),

@@ -131,20 +131,25 @@ pub(super) fn declaration(
     acquisition: Acquisition,
     tach: Option<Tach>,
 ) -> Result<(Declaration, PathBuf)> {
-    match &options.machine {
+    let (mut declaration, folder) = match &options.machine {
         Some(machine) => {
             let mut declaration = Declaration::of_machine(machine, acquisition, tach)?;
             declaration.rest.insert("title".into(), options.title.clone().into());
-            Ok((declaration, machine.folder.clone()))
+            (declaration, machine.folder.clone())
         }
         None => {
             let mut declaration = Declaration::of_import(&options.title, options.teeth, acquisition, tach);
             if options.no_gears {
                 declaration.declare_no_gears();
             }
-            Ok((declaration, PathBuf::from(".")))
+            if let Some(train) = &options.train {
+                declaration.rest.extend(train.declaration.tables()?);
+            }
+            (declaration, PathBuf::from("."))
         }
-    }
+    };
+    declaration.declare_bearings(&options.bearings)?;
+    Ok((declaration, folder))
 }
 
 /// Tooth counts: those of the machine, which must not contradict those given.

@@ -1,11 +1,11 @@
 //! FLAC files by the crate `claxon`; samples are integers, scaled to +-1 as those of a WAV file.
 
-use super::Columns;
+use super::signals::{Signal, Signals};
 use crate::budget::VALUES;
 use crate::{Error, Result};
 use std::path::Path;
 
-pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Columns> {
+pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Signals> {
     let refuse = |error: claxon::Error| Error::invalid(path.display(), format!("FLAC data is broken ({error})"));
     let mut reader = claxon::FlacReader::new(bytes).map_err(refuse)?;
     let info = reader.streaminfo();
@@ -25,7 +25,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Columns> {
     if info.samples.is_some_and(|samples| samples != channels[0].len() as u64) {
         return Err(Error::invalid(path.display(), "FLAC data is truncated"));
     }
-    let names = (0..count).map(|c| if count == 1 { stem.to_string() } else { format!("{stem} {c}") }).collect();
-    let remarks = vec!["integer FLAC samples are scaled to +-1 of full scale".to_string()];
-    Ok(Columns { names, channels, rate_hz: Some(f64::from(info.sample_rate)), remarks, largest: Some(1.0) })
+    let named = channels.into_iter().enumerate();
+    let name = |c: usize| if count == 1 { stem.to_string() } else { format!("{stem} {c}") };
+    let signal = |(c, values)| Signal { largest: Some(1.0), ..Signal::unnamed(name(c), values) };
+    Ok(Signals {
+        signals: named.map(signal).collect(),
+        rate_hz: Some(f64::from(info.sample_rate)),
+        remarks: vec!["integer FLAC samples are scaled to +-1 of full scale".to_string()],
+    })
 }

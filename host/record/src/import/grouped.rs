@@ -1,10 +1,13 @@
 //! Files as runs: which channels belong together, and the sampling rate that all of them must share.
 
+use super::signals::Signal;
+use super::units::Quantity;
 use super::{Columns, ImportOptions};
 use crate::{Error, Result, text};
 use std::path::{Path, PathBuf};
 
 /// Channels that become one run.
+#[derive(Clone)]
 pub(super) struct Group {
     /// The files, for messages.
     pub label: String,
@@ -12,6 +15,32 @@ pub(super) struct Group {
     pub names: Vec<String>,
     /// Equally long channels.
     pub channels: Vec<Vec<f64>>,
+    /// Unit of every channel as the files write it.
+    pub units: Vec<Option<String>>,
+    /// What units and names say of every channel.
+    pub quantities: Vec<Option<Quantity>>,
+    /// First sample after the files' own zero, s.
+    pub start_s: Option<f64>,
+    /// Signals of another length, rate or start.
+    pub apart: Vec<Signal>,
+}
+
+impl Group {
+    /// Drops what is known of channels that were taken out since they were called `before`.
+    pub fn follow(&mut self, before: &[String]) {
+        let mut left = self.names.iter().peekable();
+        let kept: Vec<bool> = before.iter().map(|name| left.next_if(|own| *own == name).is_some()).collect();
+        let mut keep = kept.iter();
+        self.units.retain(|_| *keep.next().unwrap_or(&true));
+        let mut keep = kept.iter();
+        self.quantities.retain(|_| *keep.next().unwrap_or(&true));
+    }
+
+    /// Takes the signal that `source` names out of those that stand apart.
+    pub fn take_apart(&mut self, source: &str) -> Option<Signal> {
+        let at = self.apart.iter().position(|signal| signal.is_called(source))?;
+        Some(self.apart.remove(at))
+    }
 }
 
 /// Puts the channels of the files together as one run, or each file's as a run of its own.
@@ -32,9 +61,13 @@ pub(super) fn grouped(files: &[PathBuf], sources: Vec<Columns>, files_are_runs: 
                     );
                     return Err(Error::invalid(file.display(), what));
                 }
+                together(group, files, file, &source)?;
                 group.label.push_str(&format!(", {}", short(file)));
                 group.names.extend(source.names);
                 group.channels.extend(source.channels);
+                group.units.extend(source.units);
+                group.quantities.extend(source.quantities);
+                group.apart.extend(source.apart);
             }
             first => {
                 if let Some(group) = first
@@ -48,11 +81,69 @@ pub(super) fn grouped(files: &[PathBuf], sources: Vec<Columns>, files_are_runs: 
                     );
                     return Err(Error::invalid(file.display(), what));
                 }
-                groups.push(Group { label: short(file), names: source.names, channels: source.channels });
+                let source = match groups.first() {
+                    Some(first) => in_order(first, files, file, source)?,
+                    None => source,
+                };
+                groups.push(Group {
+                    label: short(file),
+                    names: source.names,
+                    channels: source.channels,
+                    units: source.units,
+                    quantities: source.quantities,
+                    start_s: source.start_s,
+                    apart: source.apart,
+                });
             }
         }
     }
     Ok(groups)
+}
+
+/// Share of a sample by which the starts of channels of one run may differ.
+const SAME_START: f64 = 0.5;
+
+/// Refuses a file whose first sample is not that of the channels it would stand beside.
+fn together(group: &Group, files: &[PathBuf], file: &Path, source: &Columns) -> Result<()> {
+    let (Some(own), Some(first), Some(rate)) = (source.start_s, group.start_s, source.rate_hz) else { return Ok(()) };
+    if (own - first).abs() * rate <= SAME_START {
+        return Ok(());
+    }
+    let what = format!(
+        "begins at {own} s, {} at {first} s, {:.1} samples apart; cut both to the same start, or import them as runs \
+         of their own (--runs)",
+        short(&files[0]),
+        (own - first).abs() * rate
+    );
+    Err(Error::invalid(file.display(), what))
+}
+
+/// Channels of a further run in the order of the first one's, where names say it.
+fn in_order(first: &Group, files: &[PathBuf], file: &Path, source: Columns) -> Result<Columns> {
+    if source.names == first.names {
+        return Ok(source);
+    }
+    let order: Vec<Option<usize>> =
+        first.names.iter().map(|name| source.names.iter().position(|own| own == name)).collect();
+    if order.iter().all(Option::is_none) {
+        return Ok(source);
+    }
+    let Some(order) = order.into_iter().collect::<Option<Vec<usize>>>() else {
+        let what = format!(
+            "names its channels {}, {} {}: runs need the same ones; choose them with --columns",
+            source.names.join(", "),
+            short(&files[0]),
+            first.names.join(", ")
+        );
+        return Err(Error::invalid(file.display(), what));
+    };
+    Ok(Columns {
+        names: first.names.clone(),
+        channels: order.iter().map(|&c| source.channels[c].clone()).collect(),
+        units: order.iter().map(|&c| source.units[c].clone()).collect(),
+        quantities: order.iter().map(|&c| source.quantities[c]).collect(),
+        ..source
+    })
 }
 
 /// Rates that agree to this share are the same.

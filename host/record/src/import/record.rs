@@ -1,46 +1,23 @@
 //! Puts imported channels into a record: units, full scale, a measured tach, a virtual one, or none.
 
 use super::grouped::{Group, grouped, rate, short};
+use super::quantities::{self, Unit};
 use super::tach::{self, TachFigures, TachOptions};
 use super::virtual_tach::{Options, Quality, followed, virtual_tach};
 use super::{Columns, Reading, declared, quantisation, read_as};
 use crate::budget::VALUES;
+use crate::data_quality::{self, mesh, pulsed::Pulsed};
 use crate::machine::Machine;
-use crate::record::{Acquisition, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale};
+use crate::machine::bearing::Bearing;
+use crate::record::{
+    Acquisition, Beside, BesideDeclaration, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale,
+};
+use crate::train::Train;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
 use toml::{Table, Value};
-
-/// Standard acceleration of gravity, m/s2.
-const GRAVITY: f64 = 9.80665;
-
-/// Unit of the source.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Unit {
-    /// m/s2.
-    MetrePerSecondSquared,
-    /// Multiples of standard gravity; converted.
-    Gravity,
-    /// Volts; converted where the sensitivity, V per g, is known, otherwise kept and named in the record.
-    Volt(Option<f64>),
-    /// Not stated by the source; kept and named in the record.
-    Unknown,
-}
-
-impl Unit {
-    /// Factor to the record's unit and the name of that unit where it is not m/s2.
-    fn conversion(self) -> (f64, Option<String>) {
-        match self {
-            Unit::MetrePerSecondSquared => (1.0, None),
-            Unit::Gravity => (GRAVITY, None),
-            Unit::Volt(Some(volt_per_g)) => (GRAVITY / volt_per_g, None),
-            Unit::Volt(None) => (1.0, Some("V".into())),
-            Unit::Unknown => (1.0, Some("unknown".into())),
-        }
-    }
-}
 
 /// Where a record's pulses come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,12 +45,16 @@ pub struct ImportOptions {
     pub override_rate: bool,
     /// Tooth counts; required for the virtual tach, checked against a measured one.
     pub teeth: Option<[u32; 2]>,
+    /// The train, where it is one.
+    pub train: Option<Train>,
     /// Mesh frequency as far as known, Hz.
     pub mesh_guess_hz: Option<f64>,
     /// Range that the mesh frequency stays within where it changes much (a run-up), Hz; the speed is then followed.
     pub mesh_range_hz: Option<[f64; 2]>,
-    /// Units of the source: one for all channels, or one for each, which must then come to the same unit in the record.
+    /// Units of the source where it states none: one for all channels, or one for each; empty: none is said.
     pub units: Vec<Unit>,
+    /// The files' own units are wrong: `units` hold against them.
+    pub override_unit: bool,
     /// Channel names instead of those of the files.
     pub channel_names: Option<Vec<String>>,
     /// Full scale in the record's unit; 10 % over the peak where absent.
@@ -89,6 +70,8 @@ pub struct ImportOptions {
     pub loads: Vec<f64>,
     /// The rig has one shaft and no gears.
     pub no_gears: bool,
+    /// The bearings, where they are known.
+    pub bearings: Vec<Bearing>,
     /// The machine, where it is known.
     pub machine: Option<Machine>,
     /// Each file is a run of its own instead of channels of one run.
@@ -108,9 +91,11 @@ impl Default for ImportOptions {
             rate_hz: None,
             override_rate: false,
             teeth: None,
+            train: None,
             mesh_guess_hz: None,
             mesh_range_hz: None,
             units: vec![Unit::MetrePerSecondSquared],
+            override_unit: false,
             channel_names: None,
             full_scale: None,
             source_full_scale: Vec::new(),
@@ -118,6 +103,7 @@ impl Default for ImportOptions {
             torques_n_m: Vec::new(),
             loads: Vec::new(),
             no_gears: false,
+            bearings: Vec::new(),
             machine: None,
             files_are_runs: false,
             tach: TachChoice::None,
@@ -141,6 +127,8 @@ pub struct ImportSummary {
     pub full_scale: f64,
     /// Unit of the record.
     pub unit: String,
+    /// Names of what is kept beside the channels.
+    pub beside: Vec<String>,
     /// Typical level over quantisation noise per channel, the worst of the runs, dB; empty for float samples.
     pub quantisation_snr_db: Vec<f64>,
     /// Virtual tach of each run; empty without.
@@ -160,7 +148,8 @@ pub struct ImportSummary {
 /// Unreadable files, files that do not fit together, a missing rate, clipping at the chosen full scale, no
 /// trustworthy mesh line where a virtual tach is wanted, or a tachometer that cannot be read as one.
 pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, ImportSummary)> {
-    let mut sources = read_all(files, options)?;
+    let reading = reading(options)?;
+    let mut sources = read_all(files, &reading)?;
     declared::shares(files, &mut sources, options)?;
     let mut remarks: Vec<String> = Vec::new();
     let rate_hz = rate(files, &sources, options, &mut remarks)?;
@@ -174,18 +163,33 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     if of_every_column {
         declared::scaled(&mut runs, options)?;
     }
+    let found = super::train::with_channel(options, &runs)?;
+    let options = &found;
+    remarks.extend(super::train::other_tachs(options, &mut runs, rate_hz)?);
+    let before: Vec<Vec<String>> = runs.iter().map(|run| run.names.clone()).collect();
     let measured = match &options.tach {
-        TachChoice::Measured(tach) => tach::measured(tach, &mut runs, rate_hz, options.teeth, &options.reading)?,
+        TachChoice::Measured(tach) => {
+            let tach = by_name(tach, &runs[0]);
+            // A file of its own has columns of its own.
+            let reading = Reading { columns: Vec::new(), skip: Vec::new(), ..reading.clone() };
+            tach::measured(&tach, &mut runs, rate_hz, options.teeth, compared(options), &reading)?
+        }
         TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => {
             remarks.extend(runs.iter().flat_map(overlooked));
             Vec::new()
         }
     };
-    let names = channel_names(&runs[0], options.channel_names.as_deref())?;
+    runs.iter_mut().zip(&before).for_each(|(run, before)| run.follow(before));
     if !of_every_column {
         declared::scaled(&mut runs, options)?;
     }
-    let unit = convert(&mut runs, options)?;
+    let quantities::Sorted { unit, beside, remarks: sorted } = quantities::sort(&mut runs, rate_hz, options)?;
+    remarks.extend(sorted);
+    let names = channel_names(&runs[0], options.channel_names.as_deref())?;
+    for run in &runs {
+        let said = data_quality::first_lines(&data_quality::of_channels(&names, &run.channels, rate_hz));
+        remarks.extend(said.into_iter().map(|text| format!("{}: {text}", run.label)));
+    }
     let full_scale = options
         .full_scale
         .unwrap_or_else(|| runs.iter().map(|run| suggested_full_scale(&run.channels)).fold(0.0, f64::max));
@@ -202,9 +206,12 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         unit: unit.clone(),
         other: Table::new(),
     };
-    let Made { runs: made, tach, quality, figures } = made(&runs, measured, &acquisition, options)?;
+    let Made { runs: made, tach, quality, figures } = made(&runs, measured, beside, &acquisition, options)?;
     if let TachChoice::Measured(tach) = &options.tach {
         remarks.extend(runs.iter().zip(&figures).flat_map(|(run, figures)| tach::remarks(&run.label, tach, figures)));
+    }
+    if options.tach != TachChoice::Virtual && figures.is_empty() {
+        remarks.extend(runs.iter().zip(&made).filter_map(|(run, made)| nominal_mesh(run, made, rate_hz, options)));
     }
     let summary = ImportSummary {
         files: files.to_vec(),
@@ -213,6 +220,7 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         channels: names,
         full_scale,
         unit: unit.unwrap_or_else(|| "m/s2".into()),
+        beside: made[0].declaration.beside.iter().map(|beside| beside.name.clone()).collect(),
         quantisation_snr_db,
         tach: quality,
         measured_tach: figures,
@@ -227,6 +235,33 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
     Ok((Record { folder, declaration, runs: made }, summary))
 }
 
+/// The mesh that a measured tachometer is compared with: the pair's, or the first of a train.
+fn compared(options: &ImportOptions) -> Option<tach::Compared> {
+    if let Some(teeth) = options.teeth {
+        return Some(tach::Compared { teeth, turns: 1.0 });
+    }
+    let train = options.train.as_ref()?;
+    let (teeth, shaft) = super::train::virtual_teeth(train)?;
+    Some(tach::Compared { teeth, turns: train.shaft_order(shaft).value().abs() })
+}
+
+/// What the mesh line says of a speed that was only given.
+fn nominal_mesh(run: &Group, made: &Run, rate_hz: f64, options: &ImportOptions) -> Option<String> {
+    let pulsed = Pulsed {
+        channels: &run.channels,
+        rate_hz,
+        edges_s: &made.edges_s,
+        pulses: 1,
+        ratio: 1.0,
+        shaft: "the pinion".into(),
+        teeth: options.teeth?,
+        nominal: true,
+        sampled_at_hz: None,
+    };
+    let checked = (made.edges_s.len() > 1).then(|| mesh::check(&run.label, &pulsed)).flatten()?;
+    Some(format!("{}: {}", run.label, checked.sentence))
+}
+
 fn check_full_scale(options: &ImportOptions) -> Result<()> {
     match options.full_scale.filter(|x| !(x.is_finite() && *x > 0.0)) {
         Some(full_scale) => Err(Error::invalid("--full-scale", format!("{full_scale} is not a positive number"))),
@@ -234,12 +269,34 @@ fn check_full_scale(options: &ImportOptions) -> Result<()> {
     }
 }
 
-fn read_all(files: &[PathBuf], options: &ImportOptions) -> Result<Vec<Columns>> {
+/// How the files are read: what the user says about them, the rate and the tachometer included.
+fn reading(options: &ImportOptions) -> Result<Reading> {
+    let tach = match &options.tach {
+        TachChoice::Measured(tach) => tach.sources.clone(),
+        TachChoice::Virtual | TachChoice::None | TachChoice::Nominal(_) => Vec::new(),
+    };
+    let chosen = !options.reading.columns.is_empty();
+    if let Some(number) = tach.iter().find(|source| chosen && source.parse::<usize>().is_ok()) {
+        return Err(Error::invalid("--tach", format!("{number}: with --columns the tachometer is called by its name")));
+    }
+    Ok(Reading { rate_hz: options.rate_hz, tach, ..options.reading.clone() })
+}
+
+/// The tachometer by the channel's name without its unit, where it was called with it.
+fn by_name(tach: &tach::TachOptions, run: &Group) -> tach::TachOptions {
+    let bare = |source: &String| match super::units::of_name(source) {
+        Some((name, _)) if !run.names.contains(source) && run.names.contains(&name) => name,
+        _ => source.clone(),
+    };
+    tach::TachOptions { sources: tach.sources.iter().map(bare).collect(), ..tach.clone() }
+}
+
+fn read_all(files: &[PathBuf], reading: &Reading) -> Result<Vec<Columns>> {
     let mut sources: Vec<Columns> = Vec::new();
     let mut values = 0;
     // As many at once as there are processors: the budget is looked at in between.
     for some in files.chunks(rayon::current_num_threads()) {
-        let read: Vec<Result<Columns>> = some.par_iter().map(|file| read_as(file, &options.reading)).collect();
+        let read: Vec<Result<Columns>> = some.par_iter().map(|file| read_as(file, reading)).collect();
         for (file, source) in some.iter().zip(read) {
             let source = source?;
             values += source.channels.iter().map(Vec::len).sum::<usize>();
@@ -266,34 +323,6 @@ fn overlooked(run: &Group) -> Vec<String> {
         .collect()
 }
 
-/// Turns all channels into the record's unit, which is named where it is not m/s2.
-fn convert(runs: &mut [Group], options: &ImportOptions) -> Result<Option<String>> {
-    let conversions: Vec<(f64, Option<String>)> = options.units.iter().map(|unit| unit.conversion()).collect();
-    if conversions.iter().any(|(factor, _)| !(factor.is_finite() && *factor > 0.0)) {
-        return Err(Error::invalid("--volt-per-g", "must be a positive number"));
-    }
-    let channels = runs[0].channels.len();
-    if ![1, channels].contains(&conversions.len()) {
-        let what = format!("names {} units for {channels} channels (without the tachometer)", conversions.len());
-        return Err(Error::invalid("--unit", what));
-    }
-    let unit = conversions[0].1.clone();
-    if conversions.iter().any(|conversion| conversion.1 != unit) {
-        return Err(Error::invalid(
-            "--unit",
-            "a record has one unit; channels without a sensitivity need a record of their own",
-        ));
-    }
-    let all: Vec<(usize, &mut Vec<f64>)> =
-        runs.iter_mut().flat_map(|run| run.channels.iter_mut().enumerate()).collect();
-    all.into_par_iter().for_each(|(c, channel)| {
-        let factor = conversions[c % conversions.len()].0;
-        let mean = if options.remove_mean { channel.iter().sum::<f64>() / channel.len() as f64 } else { 0.0 };
-        channel.iter_mut().for_each(|x| *x = factor * (*x - mean));
-    });
-    Ok(unit)
-}
-
 /// The runs of the record and what their pulses are like.
 struct Made {
     runs: Vec<Run>,
@@ -305,12 +334,13 @@ struct Made {
 fn made(
     runs: &[Group],
     measured: Vec<tach::MeasuredTach>,
+    beside: Vec<Vec<(BesideDeclaration, Beside)>>,
     acquisition: &Acquisition,
     options: &ImportOptions,
 ) -> Result<Made> {
     let (mut made, mut quality, mut figures) = (Vec::new(), Vec::new(), Vec::new());
     let mut measured = measured.into_iter();
-    for (i, run) in runs.iter().enumerate() {
+    for ((i, run), beside) in runs.iter().enumerate().zip(beside) {
         let mut declaration =
             RunDeclaration::numbered(i, options.tach != TachChoice::None, declared::torque(options, i, runs.len())?);
         declaration.other.insert("source".into(), run.label.clone().into());
@@ -331,7 +361,14 @@ fn made(
         } else if let TachChoice::Nominal(speed_hz) = options.tach {
             edges = declared::nominal_edges(speed_hz, run.channels[0].len() as f64 / acquisition.sample_rate_hz)?;
         }
-        made.push(Run::from_signals(declaration, acquisition, &run.channels, edges)?);
+        let mut values = Vec::new();
+        for (k, (own, signal)) in beside.into_iter().enumerate() {
+            declaration.beside.push(BesideDeclaration { file: format!("run{i:02}.beside{k:02}.npy"), ..own });
+            values.push(signal);
+        }
+        let mut run = Run::from_signals(declaration, acquisition, &run.channels, edges)?;
+        run.beside = values;
+        made.push(run);
     }
     let of_runs = quality.iter().map(|q| q.jitter_s).chain(figures.iter().map(|f| f.jitter_s));
     let jitter_s = of_runs.reduce(f64::max).unwrap_or(0.0);
@@ -341,6 +378,7 @@ fn made(
         TachChoice::Virtual => Some(on_pinion("virtual", Some(jitter_s))),
         TachChoice::Nominal(_) => Some(on_pinion("nominal", None)),
     };
+    let tach = tach.map(|tach| super::train::on_shaft(tach, options));
     Ok(Made { runs: made, tach, quality, figures })
 }
 
@@ -400,6 +438,7 @@ fn run_tach(
 ) -> Result<super::virtual_tach::VirtualTach> {
     let teeth = options
         .teeth
+        .or_else(|| options.train.as_ref().and_then(super::train::virtual_teeth).map(|(teeth, _)| teeth))
         .ok_or_else(|| Error::invalid("--teeth", "the virtual tach needs tooth counts; or give --no-tach"))?;
     if let Some(hz) = options.mesh_guess_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(Error::invalid("--mesh", format!("{hz} is not a positive frequency in Hz")));

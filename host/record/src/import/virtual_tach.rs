@@ -7,14 +7,17 @@
 //!    that remains is that of the mesh alone. Speed changes faster than about a third of that shaft's rate are lost.
 //! 3. The phase noise of each candidate follows from the noise between the sidebands; the candidate with the least
 //!    jitter in time wins. Its unwrapped phase / (2 pi harmonic teeth) is the pinion's angle.
+//! 4. All lines that stand out are mixed down anew along that angle. Where their phase still moves, the line has
+//!    slipped: a comb locks to where a wandering frequency dwells, and a filter about that loses it elsewhere.
 //!
-//! Where the speed wanders too far for that, and a rough mesh frequency or its range is given, the frequency is
-//! followed first (`follow`), and the same is done on the signal read at equal angles of that course, with all lines
-//! together (`lines`) instead of the best: each is turned and weakened as it moves through resonances.
+//! Where the speed wanders too far for that (its mesh is then looked for about the guess, or the comb), or a range is
+//! given, the frequency is followed first (`follow`), and the same is done on the signal read at equal angles of that
+//! course, with all lines together (`lines`) instead of the best: each is turned and weakened as it moves through
+//! resonances.
 //!
 //! What it cannot know: which tooth is which, and angle 0 (turn numbers start at an arbitrary angle). The pulses
 //! follow the mesh line, so they are blind to anything that shifts its phase (torque, resonance crossing).
-//! The first and last half window are extrapolated. Cost: about half a second per channel and ten seconds of signal.
+//! The first and last half window are extrapolated. Cost: about a second per channel and ten seconds of signal.
 
 use crate::spectral::{Window, power_density};
 use crate::{Error, Result};
@@ -26,7 +29,7 @@ pub use super::quality::{Options, Quality, VirtualTach};
 
 use super::follow::follow;
 use super::lines::{Line, together};
-use super::mesh_line::{self, Comb};
+use crate::data_quality::comb::{self, Comb};
 
 /// Harmonics tried.
 const HARMONICS: u32 = 5;
@@ -41,6 +44,9 @@ const LEAST_COMB_DB: [f64; 2] = [3.0, 6.0];
 
 /// What a mesh frequency that is known to 3 % may do in a record, share of it, before it needs a range.
 const WANDER: f64 = 0.08;
+/// Most that the phase of all lines may move beside the angle that one of them gave, mesh periods: the filter's lag
+/// at a speed that it passes makes 0.04, a line that has slipped 0.8 and more.
+const MOST_BESIDE: f64 = 0.2;
 
 /// One channel's line at one harmonic, mixed down.
 struct Candidate {
@@ -52,19 +58,42 @@ struct Candidate {
     cycles: Vec<f64>,
 }
 
+/// Pulses of a mesh line about one frequency, or where and why the line has slipped.
+enum Pass {
+    Holds(VirtualTach),
+    Slips { mesh_hz: f64, refusal: Error },
+}
+
 /// Makes pinion pulses from the mesh line of `channels` sampled at `rate_hz`.
 ///
-/// A speed that wanders is followed where a guess is given.
+/// A speed that wanders is followed, about the guess where one is given.
 ///
 /// # Errors
-/// No comb at these teeth, a line too weak to carry a phase, or a record shorter than three filter windows.
+/// No comb at these teeth, or none near the guess, a line too weak to carry a phase or one that slips, or a record
+/// shorter than three filter windows.
 pub fn virtual_tach(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options) -> Result<VirtualTach> {
-    match (steady(place, channels, rate_hz, options, false), options.mesh_guess_hz) {
-        (Err(refusal @ Error::Impossible { .. }), Some(guess_hz)) => {
-            let range_hz = [(1.0 - WANDER) * guess_hz, (1.0 + WANDER) * guess_hz];
-            followed(place, channels, rate_hz, options.teeth, range_hz).map_err(|_| refusal)
+    let about = |mesh_hz: f64, refusal: Error| {
+        let range_hz = [(1.0 - WANDER) * mesh_hz, (1.0 + WANDER) * mesh_hz];
+        followed(place, channels, rate_hz, options.teeth, range_hz).map_err(|_| refusal)
+    };
+    let made = match (steady(place, channels, rate_hz, options, false), options.mesh_guess_hz) {
+        (Ok(Pass::Holds(made)), _) => made,
+        (Ok(Pass::Slips { mesh_hz, refusal }), guess_hz) => about(guess_hz.unwrap_or(mesh_hz), refusal)?,
+        (Err(refusal @ Error::Impossible { .. }), Some(guess_hz)) => about(guess_hz, refusal)?,
+        (Err(refusal), _) => return Err(refusal),
+    };
+    match options.mesh_guess_hz {
+        Some(guess_hz) if (made.quality.mesh_hz / guess_hz - 1.0).abs() > comb::GUESS_TOLERANCE => {
+            let elsewhere = comb::strongest(place, channels, rate_hz, options.teeth);
+            let what = match elsewhere.ok().filter(|(_, db)| *db >= LEAST_COMB_DB[1]) {
+                Some((hz, _)) => format!("the strongest comb is at {hz:.1} Hz; give that with --mesh"),
+                None => "no comb stands out elsewhere; give another --mesh".into(),
+            };
+            let share = 100.0 * comb::GUESS_TOLERANCE;
+            let what = format!("no mesh line within {share:.0} % of {guess_hz} Hz: {what}, or leave it out");
+            Err(Error::impossible(place, what))
         }
-        (made, _) => made,
+        _ => Ok(made),
     }
 }
 
@@ -86,7 +115,10 @@ pub fn followed(
     }
     let course = follow(place, channels, rate_hz, teeth[0], range_hz)?;
     let options = Options { teeth, mesh_guess_hz: Some(course.mesh_hz) };
-    let mut made = steady(place, &course.channels, course.rate_hz, &options, true)?;
+    let mut made = match steady(place, &course.channels, course.rate_hz, &options, true)? {
+        Pass::Holds(made) => made,
+        Pass::Slips { refusal, .. } => return Err(refusal),
+    };
     made.edges_s.iter_mut().for_each(|t| *t = course.time_s(*t));
     let end_s = channels[0].len() as f64 / rate_hz;
     made.edges_s.retain(|t| (0.0..end_s).contains(t));
@@ -101,8 +133,8 @@ pub fn followed(
 }
 
 /// Pulses of a mesh line that keeps within the filter; from all lines together where `fused`.
-fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, fused: bool) -> Result<VirtualTach> {
-    let comb = mesh_line::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
+fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, fused: bool) -> Result<Pass> {
+    let comb = comb::find(place, channels, rate_hz, options.teeth, options.mesh_guess_hz)?;
     let least_comb_db = LEAST_COMB_DB[usize::from(options.mesh_guess_hz.is_none())];
     if comb.excess_db < least_comb_db {
         let what = format!(
@@ -120,16 +152,35 @@ fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, f
         .filter_map(|(channel, harmonic)| geometry.line(channel, harmonic, &channels[channel]))
         .collect();
     if fused {
-        return geometry.fused(place, &lines, &comb);
+        return geometry.fused(place, &lines, &comb).map(Pass::Holds);
     }
     let mut candidates: Vec<Candidate> = lines.iter().filter_map(|line| geometry.candidate(line)).collect();
     candidates.sort_by(|a, b| a.jitter_s.total_cmp(&b.jitter_s));
     let Some(best) = candidates.first() else {
-        let what = format!("no trustworthy mesh line: nothing at {:.2} Hz keeps a steady phase", comb.mesh_hz);
-        return Err(Error::impossible(place, what));
+        let what = format!(
+            "no trustworthy mesh line: nothing at {:.2} Hz keeps a steady phase; --mesh FROM,TO follows a range",
+            comb.mesh_hz
+        );
+        return Ok(Pass::Slips { mesh_hz: comb.mesh_hz, refusal: Error::impossible(place, what) });
     };
     geometry.check_snr(place, best)?;
-    Ok(geometry.pulses(best, candidates.get(1), &comb))
+    let second = candidates.get(1);
+    let beside = geometry.beside(channels, &lines, best).or_else(|| second.map(|second| parted(best, second)));
+    match beside.filter(|beside| *beside > MOST_BESIDE) {
+        Some(beside) => Ok(Pass::Slips { mesh_hz: comb.mesh_hz, refusal: geometry.slipped(place, best, beside) }),
+        None => Ok(Pass::Holds(geometry.pulses(best, second, &comb))),
+    }
+}
+
+/// How far two lines' angles part over the record, mesh periods.
+fn parted(a: &Candidate, b: &Candidate) -> f64 {
+    reach(&a.cycles.iter().zip(&b.cycles).map(|(a, b)| a - b).collect::<Vec<_>>())
+}
+
+/// From the least to the most of the values.
+fn reach(values: &[f64]) -> f64 {
+    let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(*x), m.max(*x)));
+    most - least
 }
 
 /// Filter and time grid shared by all candidates.
@@ -178,7 +229,8 @@ impl Geometry {
         if line_hz > 0.45 * self.rate_hz {
             return None;
         }
-        let baseband = self.mixed_down(signal, line_hz / self.rate_hz);
+        let per_sample = line_hz / self.rate_hz;
+        let baseband = self.mixed_down(signal, |n| per_sample * n as f64);
         // Baseband amplitude is half the line's; noise of density N (one-sided) gives N/2 times the window's
         // noise bandwidth, half of it in quadrature.
         let bandwidth_hz = self.window.iter().map(|w| w * w).sum::<f64>() * self.rate_hz;
@@ -252,13 +304,58 @@ impl Geometry {
         Ok(tach)
     }
 
-    /// Window-weighted mean of `signal exp(-i w t)` at every point.
-    fn mixed_down(&self, signal: &[f64], cycles_per_sample: f64) -> Vec<Complex<f64>> {
-        let mixed: Vec<Complex<f64>> = signal
-            .iter()
-            .enumerate()
-            .map(|(n, x)| Complex::from_polar(*x, -TAU * (cycles_per_sample * n as f64).fract()))
-            .collect();
+    /// How far the phase of all lines that stand out moves beside the angle of `best`, along which they are mixed down
+    /// anew, mesh periods; `None` where they are too weak to say.
+    fn beside(&self, channels: &[Vec<f64>], lines: &[Line], best: &Candidate) -> Option<f64> {
+        let course = self.course(&best.cycles);
+        let least_snr = 10.0_f64.powf(0.1 * LEAST_LINE_SNR_DB);
+        let strong: Vec<&Line> = lines.iter().filter(|line| line.snr() >= least_snr).collect();
+        let along = |line: &&Line| {
+            let harmonic = f64::from(line.harmonic);
+            let baseband = self.mixed_down(&channels[line.channel], |n| harmonic * course[n]);
+            Line::new(line.channel, line.harmonic, baseband, line.noise)
+        };
+        let again: Vec<Line> = strong.par_iter().map(along).collect();
+        together(&again).map(|(beside, _)| reach(&beside))
+    }
+
+    /// Mesh cycles at every sample: straight between the points, beyond them at the mean speed over the nearest window.
+    fn course(&self, cycles: &[f64]) -> Vec<f64> {
+        let last = cycles.len() - 1;
+        let reach = (POINTS_PER_WINDOW as usize).min(last);
+        let slopes = [(cycles[reach] - cycles[0]) / reach as f64, (cycles[last] - cycles[last - reach]) / reach as f64];
+        let at = |n: usize| {
+            let x = (n as f64 - 0.5 * self.window.len() as f64) / self.hop as f64;
+            if x <= 0.0 {
+                return cycles[0] + slopes[0] * x;
+            }
+            if x >= last as f64 {
+                return cycles[last] + slopes[1] * (x - last as f64);
+            }
+            let i = (x as usize).min(last - 1);
+            cycles[i] + (x - i as f64) * (cycles[i + 1] - cycles[i])
+        };
+        (0..self.samples).map(at).collect()
+    }
+
+    /// Why the line of `best` is not trusted.
+    fn slipped(&self, place: &str, best: &Candidate, beside: f64) -> Error {
+        let what = format!(
+            "no trustworthy mesh line: along harmonic {} of {:.2} Hz the phase of all lines moves by {beside:.2} mesh \
+             periods (at most {MOST_BESIDE}): the speed wanders too far for one line; --mesh {:.0},{:.0}, or the \
+             range in which the mesh is, follows it",
+            best.harmonic,
+            self.mesh_hz,
+            (1.0 - WANDER) * self.mesh_hz,
+            (1.0 + WANDER) * self.mesh_hz
+        );
+        Error::impossible(place, what)
+    }
+
+    /// Window-weighted mean of `signal exp(-i phase)` at every point; `cycles` is the phase at a sample.
+    fn mixed_down(&self, signal: &[f64], cycles: impl Fn(usize) -> f64) -> Vec<Complex<f64>> {
+        let mixed: Vec<Complex<f64>> =
+            signal.iter().enumerate().map(|(n, x)| Complex::from_polar(*x, -TAU * cycles(n).fract())).collect();
         (0..self.points())
             .map(|i| {
                 let part = &mixed[i * self.hop..][..self.window.len()];
@@ -351,4 +448,52 @@ fn standard_deviation(values: &[f64]) -> f64 {
     }
     let mean = values.iter().sum::<f64>() / n;
     (values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE_HZ: f64 = 6400.0;
+
+    /// Three mesh harmonics of 20 teeth at a mean of 25 turns/s with sidebands of both shafts and noise; the speed
+    /// swings by a share of it at 0.5 Hz.
+    fn signal(swing: f64) -> Vec<f64> {
+        let mut state = 7_u64;
+        (0..25_600)
+            .map(|n| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                let noise = (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5;
+                let t = f64::from(n) / RATE_HZ;
+                let turns = 25.0 * (t + swing * (1.0 - (PI * t).cos()) / PI);
+                let shafts = 1.0 + 0.2 * (TAU * turns).cos() + 0.1 * (PI * turns).cos();
+                let line = |h: f64| 4.0 / h * (TAU * h * 20.0 * turns + h).cos();
+                shafts * (line(1.0) + line(2.0) + line(3.0)) + noise
+            })
+            .collect()
+    }
+
+    fn mesh_hz(swing: f64, mesh_guess_hz: Option<f64>) -> Result<f64> {
+        let options = Options { teeth: [20, 40], mesh_guess_hz };
+        virtual_tach("x", &[signal(swing)], RATE_HZ, &options).map(|made| made.quality.mesh_hz)
+    }
+
+    #[test]
+    fn fault_a_line_that_slips_where_the_speed_wanders_is_followed_instead() {
+        for swing in [0.0, 0.004, 0.006, 0.01] {
+            for guess in [Some(500.0), None] {
+                let found = mesh_hz(swing, guess).expect("a mesh line");
+                // One turn of a hundred would be 5 Hz.
+                assert!((found - 500.0).abs() < 0.5, "{found} Hz at {swing}, {guess:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn fault_a_guess_without_a_mesh_near_it_is_refused() {
+        for guess in [460.0, 550.0, 700.0, 800.0] {
+            let why = mesh_hz(0.0, Some(guess)).expect_err("no mesh there").to_string();
+            assert!(why.contains("mesh line"), "{guess}: {why}");
+        }
+    }
 }

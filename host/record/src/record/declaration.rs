@@ -4,8 +4,11 @@
 //! through reading and writing unchanged. The machine is read from those others on demand, because an
 //! imported record may know no more of its machine than the tooth counts.
 
+use super::beside::BesideDeclaration;
 use crate::confined::check_name;
+use crate::machine::bearing::Bearing;
 use crate::machine::{Machine, check_lists};
+use crate::train::{self, Train};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -24,7 +27,10 @@ const SHAFT_RATIOS: std::ops::RangeInclusive<f64> = 0.001..=1000.0;
 const JITTER_S: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// Keys of `record.toml` that do not describe the machine.
-const RECORD_KEYS: [&str; 4] = ["acquisition", "tach", "run", "import"];
+const RECORD_KEYS: [&str; 6] = ["acquisition", "tach", "run", "import", "stage", BEARING];
+
+/// Key of the tables of declared bearings.
+const BEARING: &str = "bearing";
 
 /// Keys of `[pair]` that name a file.
 const STIFFNESS_KEYS: [&str; 2] = ["pair_stiffness", "total_stiffness"];
@@ -71,6 +77,9 @@ const GEARS: &str = "gears";
 /// Key of `[[run]]`: load in any one unit of the record's runs.
 pub const LOAD: &str = "load";
 
+/// Key of `[tach]`: its shaft in a train.
+const TRAIN_SHAFT: &str = "train_shaft";
+
 /// `code_bits` of float samples.
 pub const FLOAT_BITS: u32 = 32;
 
@@ -110,6 +119,18 @@ impl Tach {
         }
     }
 
+    /// Shaft of a declared train, with `shaft = "other"` (`train_shaft`): the ratio is then exact.
+    pub fn train_shaft(&self) -> Option<usize> {
+        usize::try_from(self.other.get(TRAIN_SHAFT)?.as_integer()?).ok()
+    }
+
+    /// The same tach on a shaft of a train, with its turns per turn of shaft 0.
+    #[must_use]
+    pub fn on_train_shaft(mut self, shaft: usize, turns: f64) -> Self {
+        self.other.insert(TRAIN_SHAFT.into(), Value::Integer(shaft as i64));
+        Self { shaft: "other".into(), turns_per_pinion_turn: Some(turns), ..self }
+    }
+
     /// Whether the edges were made from the mesh line; tooth index and angle 0 are then unknown.
     pub fn is_virtual(&self) -> bool {
         self.source.as_deref() == Some("virtual")
@@ -130,6 +151,9 @@ pub struct RunDeclaration {
     /// Torque at the pinion's shaft, N m, where known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input_torque_n_m: Option<f64>,
+    /// What was recorded beside the channels.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<BesideDeclaration>,
     /// Unknown keys, kept.
     #[serde(flatten)]
     pub other: Table,
@@ -149,6 +173,7 @@ impl RunDeclaration {
             tach: with_tach.then(|| format!("run{index:02}.tach.csv")),
             first_pulse_index: 0,
             input_torque_n_m,
+            beside: Vec::new(),
             other: Table::new(),
         }
     }
@@ -186,6 +211,32 @@ impl Declaration {
     /// Whether the rig is declared to have no gears.
     pub fn has_no_gears(&self) -> bool {
         self.rest.get("import").and_then(|import| import.get(GEARS)) == Some(&Value::Boolean(false))
+    }
+
+    /// Declares bearings (`[[bearing]]`).
+    ///
+    /// # Errors
+    /// A bearing whose orders cannot be told.
+    pub fn declare_bearings(&mut self, bearings: &[Bearing]) -> Result<()> {
+        for bearing in bearings {
+            bearing.orders()?;
+        }
+        let tables = bearings.iter().map(Value::try_from).collect::<std::result::Result<Vec<Value>, _>>();
+        let tables = tables.map_err(|error| Error::invalid(&self.place, error))?;
+        if !tables.is_empty() {
+            self.rest.insert(BEARING.into(), Value::Array(tables));
+        }
+        Ok(())
+    }
+
+    /// The declared bearings (`[[bearing]]`).
+    ///
+    /// # Errors
+    /// One line with file and key.
+    pub fn bearings(&self) -> Result<Vec<Bearing>> {
+        let Some(tables) = self.rest.get(BEARING) else { return Ok(Vec::new()) };
+        let read: std::result::Result<Vec<Bearing>, _> = tables.clone().try_into();
+        read.map_err(|error| Error::invalid(&self.place, format!("[[bearing]]: {}", error.message())))
     }
 
     /// Reads and checks a `record.toml`.
@@ -254,6 +305,23 @@ impl Declaration {
             [pinion, gear] => Some([pinion.as_integer()?.try_into().ok()?, gear.as_integer()?.try_into().ok()?]),
             _ => None,
         }
+    }
+
+    /// The declared train; none where there is none, or one plain pair, which is a pair's record.
+    ///
+    /// # Errors
+    /// As [`train::Declaration::read`].
+    pub fn train(&self) -> Result<Option<Train>> {
+        if !self.has_train() {
+            return Ok(None);
+        }
+        let declared = train::Declaration::of_table(&self.rest, &self.place)?;
+        if declared.as_pair().is_some() { Ok(None) } else { Train::of(declared).map(Some) }
+    }
+
+    /// Whether stages are declared.
+    pub fn has_train(&self) -> bool {
+        self.rest.contains_key("stage")
     }
 
     /// Whether the whole machine is declared and not only its tooth counts.
@@ -331,6 +399,12 @@ impl Declaration {
                 return refuse("[tach] pulses_per_rev", format!("{} is not within 1 to 10000", tach.pulses_per_rev));
             }
         }
+        let train = self.train()?;
+        if let Some(shaft) = self.tach.as_ref().and_then(Tach::train_shaft)
+            && train.as_ref().is_none_or(|train| shaft >= train.shafts.len())
+        {
+            return refuse("[tach] train_shaft", format!("{shaft} is no shaft of the declared [[stage]]s"));
+        }
         for (key, table) in self.stiffness_tables() {
             check_name(&format!("{} [pair] {key}", self.place), &table)?;
         }
@@ -338,6 +412,13 @@ impl Declaration {
             for (key, name) in [("signal", Some(&run.signal)), ("tach", run.tach.as_ref())] {
                 let place = format!("{} [[run]] {i} {key}", self.place);
                 name.map_or(Ok(()), |name| check_name(&place, name.as_ref()))?;
+            }
+            for (k, beside) in run.beside.iter().enumerate() {
+                let place = format!("{} [[run]] {i} beside {k}", self.place);
+                check_name(&place, beside.file.as_ref())?;
+                if let Some(rate) = beside.sample_rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
+                    return Err(Error::invalid(place, format!("{rate} Hz is not a positive rate")));
+                }
             }
             if let (Some(tach), true) = (&self.tach, run.tach.is_some())
                 && run.first_pulse_index >= tach.pulses_per_rev

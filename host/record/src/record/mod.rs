@@ -7,13 +7,16 @@
 //! tooth counts. Each refusal is one line with file, table and key. A whole record is held in memory as it is stored
 //! (2 or 4 bytes per value).
 
+mod beside;
 mod codes;
 mod declaration;
+pub mod export;
 pub mod facts;
 pub mod npy;
 mod run;
 mod tach;
 
+pub use beside::{Beside, BesideDeclaration};
 pub use codes::{CODE_MAX, encode, suggested_full_scale};
 pub use declaration::{Acquisition, Declaration, FLOAT_BITS, LOAD, RunDeclaration, Tach};
 pub use run::Run;
@@ -98,7 +101,9 @@ impl Record {
         }
         declaration.runs = self.runs.iter().map(|run| run.declaration.clone()).collect();
         let text = declaration.to_toml()?;
+        let beside = declaration.runs.iter().flat_map(|run| run.beside.iter().map(|beside| &beside.file));
         let of_runs = declaration.runs.iter().flat_map(|run| [Some(&run.signal), run.tach.as_ref()]).flatten();
+        let of_runs = of_runs.chain(beside);
         let mut names = BTreeSet::from(["record.toml"]);
         if let Some(name) = tables.iter().map(|t| &t.0).chain(of_runs).find(|name| !names.insert(name.as_str())) {
             return Err(Error::invalid("record.toml", format!("two files of the record are named {name}")));
@@ -110,6 +115,9 @@ impl Record {
             folder.write(&run.declaration.signal, run.npy_bytes())?;
             if let Some(tach) = &run.declaration.tach {
                 folder.write(tach, edges_text(&run.edges_s))?;
+            }
+            for (declaration, values) in run.declaration.beside.iter().zip(&run.beside) {
+                folder.write(&declaration.file, npy::bytes_f32(values, 1))?;
             }
         }
         folder.write("record.toml", text)?;

@@ -80,6 +80,7 @@ pub fn parse_f64(path: &Path, bytes: &[u8]) -> Result<(Vec<f64>, usize)> {
         "i2" => read!(i16),
         "i4" => read!(i32),
         "i8" => read!(i64),
+        "i1" => read!(i8),
         "u1" => read!(u8),
         "u2" => read!(u16),
         _ => return Err(Error::invalid(path.display(), format!("dtype {} is not supported", header.dtype))),

@@ -1,5 +1,6 @@
 //! One run: its samples, its tach edges and the declared conditions.
 
+use super::beside::{self, Beside};
 use super::{CODE_MAX, Declaration, FLOAT_BITS, RunDeclaration, encode, npy, read_edges};
 use crate::budget::SHAFT;
 use crate::confined;
@@ -14,6 +15,8 @@ pub struct Run {
     pub declaration: RunDeclaration,
     /// Tach edge times, s from the first sample, strictly ascending; empty where the run has no tach.
     pub edges_s: Vec<f64>,
+    /// Values of what was recorded beside the channels, in the order of the declaration.
+    pub beside: Vec<Beside>,
     samples: Samples,
     channels: usize,
     full_scale: f64,
@@ -77,9 +80,11 @@ impl Run {
             Some(tach) => read_edges(&confined::inside(folder, tach)?)?,
             None => Vec::new(),
         };
+        let beside = run.beside.iter().map(|beside| beside::read(folder, beside)).collect::<Result<Vec<_>>>()?;
         let result = Self {
             declaration: run.clone(),
             edges_s,
+            beside,
             samples,
             channels,
             full_scale: declaration.acquisition.full_scale_m_s2,
@@ -125,6 +130,7 @@ impl Run {
         Ok(Self {
             declaration: run,
             edges_s,
+            beside: Vec::new(),
             samples,
             channels: signals.len(),
             full_scale: acquisition.full_scale_m_s2,

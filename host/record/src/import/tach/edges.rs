@@ -2,8 +2,8 @@
 //!
 //! The two plateaus are medians: the samples are split half way between the levels, each side's median is its level,
 //! until both stand still (the start is the range without its outermost ten-thousandth, so that one spike does not
-//! decide). A short pulse per turn and a wheel of equal gaps are found alike. An edge counts when the signal has gone
-//! from below a quarter to above three quarters of the way; its instant is where the straight line between two
+//! decide). A short pulse per turn and a wheel of equal gaps are found alike. An edge counts when the signal has
+//! gone from below a quarter to above three quarters of the way; its instant is where the straight line between two
 //! samples meets the threshold, the mean of the first and the last such place where noise makes several.
 //!
 //! Limits: an edge that passes between two samples without any in between is known to half a sample. A sine is no
@@ -23,6 +23,8 @@ const MOST_BETWEEN: f64 = 0.18;
 const WIDEST_PLATEAU: f64 = 0.15;
 /// Most samples half the levels' distance outside them, over the samples of the rarer level.
 const MOST_OUTSIDE: f64 = 0.2;
+/// Share of the levels' distance within which a sample lies on a plateau.
+const ON_PLATEAU: f64 = 0.05;
 /// Samples below which no hint is given, and of which the levels are taken for one.
 const SHORT: usize = 1000;
 const LEVEL_SAMPLES: usize = 100_000;
@@ -46,6 +48,9 @@ pub(super) struct Edges {
     pub levels: Levels,
     /// Seconds from the first sample, ascending.
     pub times_s: Vec<f64>,
+    /// Standard deviation of what sampling alone adds to an edge, s: an edge between two samples is anywhere between
+    /// them.
+    pub sampling_s: f64,
 }
 
 /// Rising or falling edges of `signal`, timed half way between its levels or at `threshold`.
@@ -70,13 +75,17 @@ pub(super) fn edges(
         })?,
         None => plateaus(&sorted).map_err(|why| {
             let what = format!(
-                "channel {} is no tachometer signal: {why}; --threshold LEVEL takes it all the same",
+                "channel {} is no tachometer signal: {why}; if its pulses come faster than one in three samples, \
+                 sample faster or use fewer marks; --threshold LEVEL takes it all the same",
                 text::name(name)
             );
             Error::invalid(place, what)
         })?,
     };
-    let times_s = crossings(signal, &levels, falling).into_iter().map(|at| at / rate_hz).collect::<Vec<_>>();
+    let crossings = crossings(signal, &levels, falling);
+    let sharp = crossings.iter().filter(|at| is_sharp(signal, **at, &levels)).count();
+    let sampling_s = (sharp as f64 / crossings.len().max(1) as f64 / 12.0).sqrt() / rate_hz;
+    let times_s = crossings.into_iter().map(|at| at / rate_hz).collect::<Vec<_>>();
     EDGES.check(place, times_s.len() as f64, "cut the run into parts")?;
     if times_s.len() < 2 {
         let kind = if falling { "falling" } else { "rising" };
@@ -88,8 +97,12 @@ pub(super) fn edges(
         );
         return Err(Error::invalid(place, what));
     }
-    Ok(Edges { levels, times_s })
+    Ok(Edges { levels, times_s, sampling_s })
 }
+
+/// Share of samples between the levels of what is taken for a tachometer without anybody saying so: a voltage on its
+/// way up or down has 1 %, a mesh line with its second harmonic 16 %.
+const HINT_BETWEEN: f64 = 0.08;
 
 /// Edges of a channel that looks like a tachometer's, for a hint; none of one that does not, or is too short to tell.
 pub(super) fn hinted(signal: &[f64]) -> Vec<f64> {
@@ -99,7 +112,11 @@ pub(super) fn hinted(signal: &[f64]) -> Vec<f64> {
     // Every so many samples are enough for levels.
     let mut some: Vec<f64> = signal.iter().step_by(signal.len().div_ceil(LEVEL_SAMPLES)).copied().collect();
     some.sort_unstable_by(f64::total_cmp);
-    plateaus(&some).map_or(Vec::new(), |levels| crossings(signal, &levels, false))
+    let Ok(levels) = plateaus(&some) else { return Vec::new() };
+    let below = |level: f64| some.partition_point(|x| *x < level);
+    let quarter = 0.25 * (levels.high - levels.low);
+    let between = below(levels.high - quarter) - below(levels.low + quarter);
+    if between as f64 > HINT_BETWEEN * some.len() as f64 { Vec::new() } else { crossings(signal, &levels, false) }
 }
 
 /// Medians below and above a threshold.
@@ -155,6 +172,14 @@ fn plateaus(sorted: &[f64]) -> std::result::Result<Levels, String> {
         return Err(format!("{outside} of its samples lie far outside the levels {low:.4} and {high:.4}"));
     }
     Ok(Levels { low, high, threshold })
+}
+
+/// Whether an edge passes between two samples with neither on its way: nothing says where.
+fn is_sharp(signal: &[f64], at: f64, levels: &Levels) -> bool {
+    let i = at.floor() as usize;
+    let margin = ON_PLATEAU * (levels.high - levels.low);
+    let on_plateau = |x: f64| (x - levels.low).abs() < margin || (x - levels.high).abs() < margin;
+    signal[i..].iter().take(2).all(|x| on_plateau(*x))
 }
 
 /// Positions of the edges, in samples.

@@ -1,28 +1,33 @@
 //! A measured tachometer: from its signal or its edges to pulses that a record can hold.
 //!
 //! 1. `source`: which channel or file, and its edges (`edges`).
-//! 2. [`crate::pulses`]: lost and doubled ones, repaired where that is unambiguous.
-//! 3. `wheel`: the places of several marks per turn, learned and taken out.
-//! 4. `mesh`: whether the mesh line agrees, where teeth are known.
+//! 2. Samples per pulse: fewer than three and nothing is believed.
+//! 3. [`crate::pulses`]: lost and doubled ones, by the likeliest reading.
+//! 4. `missing`: marks that the wheel does not have; `wheel`: the places of those it has, learned and taken out.
+//! 5. [`crate::data_quality::mesh`]: whether the mesh line agrees, where teeth are known.
 //!
-//! The jitter of the edges is estimated from what neighbouring edges do not share: differences of the times of orders
-//! two to six remove an ever less smooth course of the speed and keep independent errors; the order that leaves least
-//! is taken. A speed that changes faster than the pulses follow counts as jitter, so with one pulse per turn the
-//! figure is an upper bound.
+//! The jitter of the edges is estimated from what neighbouring edges do not share: differences of the times of
+//! orders two to six remove an ever less smooth course of the speed and keep independent errors; the order that
+//! leaves least is taken. A speed that changes faster than the pulses follow counts as jitter, so with one pulse per
+//! turn the figure is an upper bound.
 
+mod edge_times;
 mod edges;
-mod mesh;
+mod missing;
 mod source;
+mod speed_trace;
 mod wheel;
 
+pub use crate::data_quality::mesh::MeshCheck;
 pub use crate::pulses::Place;
 pub use edges::Levels;
-pub use mesh::MeshCheck;
 pub use wheel::Wheel;
 
 use super::Reading;
 use super::grouped::Group;
 use crate::budget::SHAFT;
+use crate::data_quality::mesh;
+use crate::data_quality::pulsed::Pulsed;
 use crate::pulses::{self, Pulses};
 use crate::record::Tach;
 use crate::{Error, Result};
@@ -33,12 +38,21 @@ use toml::Table;
 const MOST_IRREGULAR: f64 = 0.2;
 /// Samples from one pulse to the next below which a short pulse can fall between two of them.
 const FEWEST_SAMPLES: f64 = 8.0;
+/// Samples from one pulse to the next from which edges are followed: half of that is the limit of sampling.
+const SAMPLES_PER_PULSE: f64 = 3.0;
+/// Share of the intervals that may be shorter: pulses too many.
+const SHORTEST: f64 = 0.1;
+/// Speed up to which an encoder's folding is a matter, turns/s.
+const FASTEST_MACHINE_HZ: f64 = 100.0;
 /// Fewest pulses whose intervals can be compared.
 const FEWEST: usize = 6;
 /// Ratio of speeds below which a shaft given by its ratio is the pinion's or the gear's.
 const SAME_SHAFT: f64 = 1e-9;
 /// Highest order of differences that the jitter is taken from.
 const DIFFERENCES: usize = 6;
+/// Turns of the tach's shaft, and share of the run, that may be without pulses at either end.
+const BARE_TURNS: f64 = 3.0;
+const BARE_SHARE: f64 = 0.05;
 /// Places named in a remark.
 const NAMED: usize = 5;
 
@@ -141,6 +155,15 @@ pub struct TachFigures {
     pub irregular: Vec<Place>,
     /// Whether no pulse can be missing or too many behind those.
     pub count_is_sure: bool,
+    /// Marks that the wheel does not have, counted from the run's first pulse; empty for a whole wheel.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing_marks: Vec<usize>,
+    /// Speed of the tach's shaft at which its pulses would reach half the rate they were sampled at, turns/s; absent
+    /// for edge times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub folds_at_hz: Option<f64>,
+    /// Time before the first pulse and behind the last one, s.
+    pub bare_s: [f64; 2],
     /// The wheel, with several pulses per turn and enough turns.
     pub wheel: Option<Wheel>,
     /// The mesh line beside the pulses, where teeth are known.
@@ -153,6 +176,23 @@ pub(super) struct MeasuredTach {
     pub figures: TachFigures,
 }
 
+/// The mesh that the pulses are compared with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Compared {
+    /// Tooth counts, its driver's first.
+    pub teeth: [u32; 2],
+    /// Turns of its driver per turn of the pinion, or of a train's input.
+    pub turns: f64,
+}
+
+/// Time before the first pulse and behind the last one, s, where nothing is known of the shaft.
+fn bare_s(edges_s: &[f64], length_s: f64) -> [f64; 2] {
+    match edges_s {
+        [first, .., last] => [first.max(0.0), (length_s - last).max(0.0)],
+        _ => [0.0; 2],
+    }
+}
+
 /// Pulses of all runs; takes the tach's channel out of them.
 ///
 /// # Errors
@@ -162,6 +202,7 @@ pub(super) fn measured(
     runs: &mut [Group],
     rate_hz: f64,
     teeth: Option<[u32; 2]>,
+    compared: Option<Compared>,
     reading: &Reading,
 ) -> Result<Vec<MeasuredTach>> {
     if !(1..=10_000).contains(&options.pulses) {
@@ -177,26 +218,40 @@ pub(super) fn measured(
     let found = source::take(options, runs, rate_hz, reading)?;
     let mut made: Vec<MeasuredTach> = Vec::new();
     for (run, found) in runs.iter().zip(found) {
-        let mut tach = one(&run.label, options.pulses, rate_hz, found)?;
+        let mut tach = one(&run.label, options.pulses, found)?;
         let ratio = if shaft == Shaft::Pinion { Some(1.0) } else { teeth.map(|teeth| shaft.ratio(teeth)) };
         let ratio = if let Shaft::Ratio(ratio) = shaft { Some(ratio) } else { ratio };
         let speed = tach.figures.shaft_speed_hz;
         tach.figures.pinion_speed_hz = ratio.map(|ratio| speed.over(ratio));
         if let Some(first) = made.first().filter(|_| options.pulses > 1) {
-            let mark = tach
+            let by_gaps = missing_of(&tach.figures).zip(missing_of(&first.figures));
+            let by_gaps = by_gaps.and_then(|(own, first)| own.mark_of(&first, options.pulses as usize));
+            let mark = by_gaps.or(tach
                 .figures
                 .wheel
                 .as_ref()
                 .zip(first.figures.wheel.as_ref())
-                .and_then(|(own, first)| own.mark_of(first));
+                .and_then(|(own, first)| own.mark_of(first)));
             tach.figures.first_pulse_known = Some(mark.is_some());
             tach.figures.first_pulse_index = mark.map_or(0, |mark| mark as u32);
         }
-        if let Some(teeth) = teeth {
-            let (channels, pulses) = (&run.channels, options.pulses);
-            let checked =
-                mesh::Checked { channels, rate_hz, times_s: &tach.sure_s, pulses, shaft, speed_hz: speed, teeth };
-            tach.figures.mesh = mesh::check(&run.label, &checked);
+        tach.figures.bare_s = bare_s(&tach.edges_s, run.channels[0].len() as f64 / rate_hz);
+        if let Some(Compared { teeth, turns }) = compared {
+            let pulsed = Pulsed {
+                channels: &run.channels,
+                rate_hz,
+                edges_s: &tach.edges_s,
+                pulses: options.pulses,
+                ratio: shaft.ratio(teeth) / turns,
+                shaft: shaft.name(),
+                teeth,
+                nominal: false,
+                sampled_at_hz: tach.sampled_at_hz,
+            };
+            tach.figures.mesh = mesh::check(&run.label, &pulsed);
+            if let Some(fold) = tach.figures.mesh.as_ref().and_then(|mesh| mesh.folded) {
+                return Err(Error::invalid(&run.label, fold.sentence(options.pulses)));
+            }
         }
         made.push(MeasuredTach { edges_s: tach.edges_s, figures: tach.figures });
     }
@@ -239,32 +294,60 @@ impl Speed {
 /// One run's pulses before they are compared with anything.
 struct Single {
     edges_s: Vec<f64>,
-    /// Those whose count is sure.
-    sure_s: Vec<f64>,
+    /// Rate at which the signal was sampled, Hz; absent for edge times.
+    sampled_at_hz: Option<f64>,
     figures: TachFigures,
 }
 
-fn one(label: &str, per_turn: u32, rate_hz: f64, found: source::Found) -> Result<Single> {
+/// The missing marks of a run, where it has any.
+fn missing_of(figures: &TachFigures) -> Option<missing::Missing> {
+    let marks = figures.missing_marks.clone();
+    (!marks.is_empty()).then_some(missing::Missing { marks })
+}
+
+/// Refuses a signal with fewer than three samples per pulse.
+fn check_samples_per_pulse(label: &str, found: &source::Found) -> Result<()> {
+    let Some(rate_hz) = found.sampled_at_hz.filter(|_| found.edges_s.len() >= FEWEST) else { return Ok(()) };
+    let mut apart: Vec<f64> = found.edges_s.windows(2).map(|w| w[1] - w[0]).collect();
+    let at = ((apart.len() - 1) as f64 * SHORTEST) as usize;
+    let samples = rate_hz * *apart.select_nth_unstable_by(at, f64::total_cmp).1;
+    if samples >= SAMPLES_PER_PULSE {
+        return Ok(());
+    }
+    let pulses_hz = rate_hz / samples;
+    let what = format!(
+        "{} has a pulse every {samples:.2} samples, {pulses_hz:.0} per second at {rate_hz} Hz or a fold of more: \
+          its edges cannot be followed; sample it at {:.0} Hz or faster (three samples per pulse), or use fewer marks",
+        found.source,
+        SAMPLES_PER_PULSE * pulses_hz
+    );
+    Err(Error::invalid(label, what))
+}
+
+fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
     let edges = found.edges_s.len();
+    check_samples_per_pulse(label, &found)?;
     let mut pulses = if edges < FEWEST {
         Pulses { times_s: found.edges_s, measured: vec![true; edges], ..Pulses::default() }
     } else {
-        pulses::counted(&found.edges_s, per_turn > 1)
+        pulses::counted(&found.edges_s)
     };
     if !in_step(&pulses, edges) {
         let (out, source) = (pulses.out_of_step(), &found.source);
-        let apart = rate_hz * pulses.median_interval_s();
-        let why = if found.levels.is_some() && apart < FEWEST_SAMPLES {
+        let apart = found.sampled_at_hz.unwrap_or(f64::INFINITY) * pulses.median_interval_s();
+        let why = if apart < FEWEST_SAMPLES {
             format!(
                 "pulses come every {apart:.1} samples, so short ones fall between two: sample faster or use fewer marks"
             )
         } else {
-            "no tachometer's, or a threshold in its noise (--threshold)".into()
+            "no tachometer's, an encoder's above half the sampling rate, or a threshold in its noise (--threshold)"
+                .into()
         };
         let what = format!("{out} of {edges} edges of {source} follow no steady period: {why}");
         return Err(Error::invalid(label, what));
     }
     let marks = per_turn as usize;
+    let missing = missing::find(&pulses, marks).map_err(|what| Error::invalid(label, what))?;
     let sure = pulses.longest_stretch();
     let wheel = wheel::learn(&pulses.times_s[sure.clone()], &pulses.measured[sure.clone()], marks, sure.start);
     if let Some(wheel) = wheel.as_ref().filter(|wheel| wheel.removed) {
@@ -275,6 +358,7 @@ fn one(label: &str, per_turn: u32, rate_hz: f64, found: source::Found) -> Result
     let sure_s = pulses.times_s[sure.clone()].to_vec();
     let speed = speed(&pulses, marks);
     SHAFT.check(label, speed.mean, "check --pulses and the rate")?;
+    let lost = missing.as_ref().map(|missing| missing.lost_besides(&pulses, marks));
     let figures = TachFigures {
         source: found.source,
         levels: found.levels,
@@ -283,15 +367,19 @@ fn one(label: &str, per_turn: u32, rate_hz: f64, found: source::Found) -> Result
         first_pulse_known: None,
         shaft_speed_hz: speed,
         pinion_speed_hz: None,
-        jitter_s: jitter_s(&sure_s, &pulses.measured[sure]),
-        lost: pulses.lost,
+        // At a steady speed the differences do not see what sampling adds.
+        jitter_s: jitter_s(&sure_s, &pulses.measured[sure]).max(found.resolution_s),
+        lost: lost.unwrap_or(pulses.lost),
         doubled: pulses.doubled,
         irregular: pulses.irregular,
         count_is_sure: pulses.breaks.is_empty(),
+        missing_marks: missing.map_or(Vec::new(), |missing| missing.marks),
+        folds_at_hz: found.sampled_at_hz.map(|rate_hz| 0.5 * rate_hz / f64::from(per_turn)),
+        bare_s: [0.0; 2],
         wheel,
         mesh: None,
     };
-    Ok(Single { edges_s: pulses.times_s, sure_s, figures })
+    Ok(Single { edges_s: pulses.times_s, sampled_at_hz: found.sampled_at_hz, figures })
 }
 
 /// Whether few enough of the edges are out of step for a shaft to have made them.
@@ -299,20 +387,25 @@ fn in_step(pulses: &Pulses, edges: usize) -> bool {
     pulses.out_of_step() as f64 <= MOST_IRREGULAR * edges as f64
 }
 
-/// Mean speed, and that of the slowest and the fastest whole turn whose pulses are counted.
+/// Mean speed over the stretches whose pulses are counted, and that of their slowest and fastest whole turn; over
+/// all pulses where nothing is sure.
 fn speed(pulses: &Pulses, marks: usize) -> Speed {
     let times = &pulses.times_s;
-    let n = times.len();
-    let mean = (n - 1) as f64 / marks as f64 / (times[n - 1] - times[0]);
-    let mut breaks = pulses.breaks.iter().copied().peekable();
+    let mut sure = pulses.sure_stretches();
+    if sure.is_empty() {
+        sure.push(0..times.len());
+    }
+    let (mut periods, mut seconds) = (0, 0.0);
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
-    for k in 0..n.saturating_sub(marks) {
-        while breaks.next_if(|at| *at < k).is_some() {}
-        if breaks.peek().is_none_or(|at| *at >= k + marks) {
+    for stretch in sure {
+        periods += stretch.len() - 1;
+        seconds += times[stretch.end - 1] - times[stretch.start];
+        for k in stretch.start..stretch.end.saturating_sub(marks) {
             let turn = 1.0 / (times[k + marks] - times[k]);
             (least, most) = (least.min(turn), most.max(turn));
         }
     }
+    let mean = periods as f64 / marks as f64 / seconds;
     if least > most { Speed { mean, least: mean, most: mean } } else { Speed { mean, least, most } }
 }
 
@@ -340,7 +433,7 @@ fn jitter_s(times_s: &[f64], measured: &[bool]) -> f64 {
 /// Whether a channel looks like a tachometer's: two levels, and edges in step.
 pub(super) fn looks_like_a_tach(signal: &[f64]) -> bool {
     let edges = edges::hinted(signal);
-    edges.len() >= FEWEST && in_step(&pulses::counted(&edges, true), edges.len())
+    edges.len() >= FEWEST && in_step(&pulses::counted(&edges), edges.len())
 }
 
 /// What the user should know of one run's pulses.
@@ -350,8 +443,13 @@ pub(super) fn remarks(label: &str, options: &TachOptions, figures: &TachFigures)
     let odd = if figures.count_is_sure {
         "out of step, left as measured; their count holds"
     } else {
-        "out of step, left as measured; the angle behind may be off by whole pulses"
+        "out of step, left as measured or counted by the best guess; the angle behind may be off by whole pulses, \
+          speeds are of the other stretches"
     };
+    if !figures.missing_marks.is_empty() {
+        let missing = figures.missing_marks.len();
+        say(format!("the wheel is a {}-{missing}: its missing marks are put in at their places", options.pulses));
+    }
     for (places, what) in
         [(&figures.lost, "lost, put in"), (&figures.doubled, "doubled, taken out"), (&figures.irregular, odd)]
     {
@@ -377,8 +475,24 @@ pub(super) fn remarks(label: &str, options: &TachOptions, figures: &TachFigures)
         say("which of the wheel's marks comes first is not known against the first run; angle 0 is another one here"
             .into());
     }
+    for (bare_s, place) in figures.bare_s.iter().zip(["before the first pulse", "behind the last pulse"]) {
+        let run_s = figures.pulses as f64 / f64::from(options.pulses) / figures.shaft_speed_hz.mean;
+        if *bare_s > BARE_TURNS / figures.shaft_speed_hz.mean && *bare_s > BARE_SHARE * run_s {
+            say(format!(
+                "{bare_s:.3} s {place} have no pulses: nothing is known of the shaft there, and no order is taken"
+            ));
+        }
+    }
     if let Some(mesh) = &figures.mesh {
         say(mesh.sentence.clone());
+    }
+    let confirmed = figures.mesh.as_ref().is_some_and(|mesh| !mesh.doubtful && mesh.found_over_implied.is_some());
+    if let Some(folds_at_hz) = figures.folds_at_hz.filter(|hz| !confirmed && *hz < FASTEST_MACHINE_HZ) {
+        say(format!(
+            "{} pulses per turn are sampled so that they fold above {folds_at_hz:.2} turns/s; that the shaft stays \
+              below, its pulses cannot say",
+            options.pulses
+        ));
     }
     remarks
 }

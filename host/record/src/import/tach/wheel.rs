@@ -8,9 +8,9 @@
 //! same problem by Bayesian regression with speed polynomials per turn and the sum of the places fixed; turns of a
 //! wandering speed count alike there.
 //!
-//! How good the places are is measured twice: even and odd turns give them separately, and half the difference is the
-//! error of their mean; so is the scatter of a mark from turn to turn over the root of the turns. The larger counts.
-//! The places are taken out only where they stand above it by more than chance.
+//! How good the places are is measured twice: even and odd turns give them separately, and half the difference is
+//! the error of their mean; so is the scatter of a mark from turn to turn over the root of the turns. The larger
+//! counts. The places are taken out only where they stand above it by more than chance.
 //!
 //! Limits: what is locked to the wheel's shaft (a swing of the speed once per turn, torsional vibration at a whole
 //! order) moves the edges as the marks do, cannot be told from them, and goes with them.
@@ -149,16 +149,18 @@ fn pitches_s(times_s: &[f64], marks: usize) -> Vec<f64> {
     (0..n).map(turn).collect()
 }
 
-/// Mean per mark of the pulses that `counts`, less the mean of all marks; `None` where a mark was never seen.
+/// Mean per mark of the pulses that `counts`, less the mean of all marks; 0 for a mark that is never there, `None`
+/// where none was seen.
 fn means(seen: &[Pulse], marks: usize, counts: impl Fn(&Pulse) -> bool) -> Option<Vec<f64>> {
     let mut sums = vec![(0.0, 0.0); marks];
     for pulse in seen.iter().filter(|pulse| counts(pulse)) {
         sums[pulse.1].0 += pulse.2;
         sums[pulse.1].1 += 1.0;
     }
-    let places: Vec<f64> = sums.iter().map(|(sum, count)| sum / count).collect();
-    let mean = places.iter().sum::<f64>() / marks as f64;
-    mean.is_finite().then(|| places.iter().map(|d| d - mean).collect())
+    let seen: Vec<f64> = sums.iter().filter(|(_, count)| *count > 0.0).map(|(sum, count)| sum / count).collect();
+    let mean = seen.iter().sum::<f64>() / seen.len() as f64;
+    let place = |(sum, count): &(f64, f64)| if *count > 0.0 { sum / count - mean } else { 0.0 };
+    mean.is_finite().then(|| sums.iter().map(place).collect())
 }
 
 fn root_mean_square(values: &[f64]) -> f64 {

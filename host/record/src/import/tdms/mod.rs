@@ -2,13 +2,17 @@
 //!
 //! Source: National Instruments, "TDMS File Format Internal Structure". Read: both byte orders, contiguous and
 //! interleaved raw data, several chunks per segment, objects and indices carried over from earlier segments, the last
-//! segment of a file that was not closed. A linear scale (`NI_Scale[0]`) is applied to integers. Not read, and
-//! refused: DAQmx raw data and other scales (their numbers would be codes). The rate is `1 / wf_increment`, the unit
-//! (`unit_string`) a remark. Strings, times and truth values are passed over.
+//! segment of a file that was not closed, raw data of DAQmx with their scalers. Scales are applied ([`scale`]). Rate
+//! (`1 / wf_increment`), start (`wf_start_time` and `wf_start_offset`) and unit (`unit_string`) are the channel's,
+//! else the group's, else the file's. Strings, times and truth values are passed over.
 //!
 //! Every announced size is held against the bytes that follow before anything is made of it.
 
-use super::Columns;
+mod daqmx;
+mod scale;
+
+use super::signals::{Signal, Signals};
+use super::stamps;
 use crate::budget::VALUES;
 use crate::{Error, Result, text};
 use std::collections::BTreeMap;
@@ -30,15 +34,19 @@ const LONGEST_TEXT: usize = 1 << 20;
 enum Property {
     Number(f64),
     Text(String),
+    /// Seconds since 1904 and parts of 2^-64 s.
+    Time(i64, u64),
     Other,
 }
 
 /// Raw data of one object in one chunk.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 struct Index {
     kind: u32,
     count: usize,
     bytes: usize,
+    /// Where the numbers are in the buffers of DAQmx.
+    raw: Option<daqmx::Layout>,
 }
 
 #[derive(Debug, Default)]
@@ -46,6 +54,8 @@ struct Object {
     index: Option<Index>,
     properties: BTreeMap<String, Property>,
     values: Vec<f64>,
+    /// Raw numbers of DAQmx by their scaler.
+    scalers: BTreeMap<u32, Vec<f64>>,
 }
 
 /// A broken file: `what` says how.
@@ -57,10 +67,10 @@ fn broken<T>(what: impl Into<String>) -> Parsed<T> {
     Err(Broken(what.into()))
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Columns> {
-    let mut file = File { objects: BTreeMap::new(), order: Vec::new(), active: Vec::new(), values: 0 };
+pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Signals> {
+    let mut file = File { objects: BTreeMap::new(), order: Vec::new(), active: Vec::new(), values: 0, cut: false };
     file.segments(bytes).map_err(|Broken(what)| Error::invalid(path.display(), what))?;
-    file.columns(path)
+    file.signals(path)
 }
 
 /// Everything read so far.
@@ -71,6 +81,8 @@ struct File {
     /// Paths with raw data in the segment at hand, in the order of the data.
     active: Vec<String>,
     values: usize,
+    /// Whether the last chunk of a segment was not whole.
+    cut: bool,
 }
 
 impl File {
@@ -116,9 +128,7 @@ impl File {
                 u32::MAX => {}
                 0 if object.index.is_some() => {}
                 0 => return broken("is a damaged TDMS file: an object repeats an index that it never had"),
-                0x1269 | 0x126A => {
-                    return broken("holds DAQmx raw data, which is not read: let the logger write scaled values");
-                }
+                0x1269 | 0x126A => object.index = Some(daqmx::index(&mut meta, length == 0x126A)?),
                 _ => object.index = Some(meta.index()?),
             }
             if length != u32::MAX && !self.active.contains(&path) {
@@ -137,25 +147,27 @@ impl File {
     }
 
     fn raw(&mut self, raw: &[u8], flags: u32) -> Parsed<()> {
-        if flags & DAQMX != 0 {
-            return broken("holds DAQmx raw data, which is not read: let the logger write scaled values");
-        }
-        let indices: Vec<Index> = self.active.iter().filter_map(|path| self.objects.get(path)?.index).collect();
-        let chunk = indices.iter().try_fold(0_usize, |sum, index| sum.checked_add(index.bytes));
-        let Some(chunk) = chunk.filter(|chunk| *chunk > 0) else { return Ok(()) };
-        let chunks = raw.len() / chunk;
-        self.values += indices.iter().map(|index| index.count).sum::<usize>().saturating_mul(chunks);
-        if self.values as f64 > VALUES.most {
-            return broken(format!("holds more than {:.0} values; cut it into parts", VALUES.most));
-        }
         let big_endian = flags & BIG_ENDIAN != 0;
+        let mut indices = Vec::new();
+        for path in &self.active {
+            if let Some(index) = self.objects.get(path).and_then(|object| object.index.clone()) {
+                indices.push((path.clone(), index));
+            }
+        }
+        if flags & DAQMX != 0 || indices.iter().any(|(_, index)| index.raw.is_some()) {
+            return daqmx::read(self, raw, &indices, big_endian);
+        }
+        let chunk = indices.iter().try_fold(0_usize, |sum, (_, index)| sum.checked_add(index.bytes));
+        let Some(chunk) = chunk.filter(|chunk| *chunk > 0) else { return Ok(()) };
+        self.cut |= !raw.len().is_multiple_of(chunk);
+        self.count(indices.iter().map(|(_, index)| index.count).sum::<usize>().saturating_mul(raw.len() / chunk))?;
         for part in raw.chunks_exact(chunk) {
             if flags & INTERLEAVED != 0 {
                 self.interleaved(part, &indices, big_endian)?;
                 continue;
             }
             let mut from = 0;
-            for (path, index) in self.active.iter().zip(&indices) {
+            for (path, index) in &indices {
                 let own = &part[from..from + index.bytes];
                 from += index.bytes;
                 let (Some(object), Some(size)) = (self.objects.get_mut(path), size(index.kind)) else { continue };
@@ -165,14 +177,23 @@ impl File {
         Ok(())
     }
 
-    fn interleaved(&mut self, part: &[u8], indices: &[Index], big_endian: bool) -> Parsed<()> {
-        let sizes: Option<Vec<usize>> = indices.iter().map(|index| size(index.kind)).collect();
-        let Some(sizes) = sizes.filter(|_| indices.windows(2).all(|w| w[0].count == w[1].count)) else {
+    /// Counts values before they are made.
+    fn count(&mut self, more: usize) -> Parsed<()> {
+        self.values = self.values.saturating_add(more);
+        if self.values as f64 > VALUES.most {
+            return broken(format!("holds more than {:.0} values; cut it into parts", VALUES.most));
+        }
+        Ok(())
+    }
+
+    fn interleaved(&mut self, part: &[u8], indices: &[(String, Index)], big_endian: bool) -> Parsed<()> {
+        let sizes: Option<Vec<usize>> = indices.iter().map(|(_, index)| size(index.kind)).collect();
+        let Some(sizes) = sizes.filter(|_| indices.windows(2).all(|w| w[0].1.count == w[1].1.count)) else {
             return broken("is a damaged TDMS file: interleaved channels of unequal length");
         };
         for row in part.chunks_exact(sizes.iter().sum::<usize>().max(1)) {
             let mut from = 0;
-            for ((path, index), size) in self.active.iter().zip(indices).zip(&sizes) {
+            for ((path, index), size) in indices.iter().zip(&sizes) {
                 let value = number(index.kind, &row[from..from + size], big_endian);
                 from += size;
                 if let Some(object) = self.objects.get_mut(path) {
@@ -183,63 +204,87 @@ impl File {
         Ok(())
     }
 
-    /// The longest channels; shorter ones are named in a remark.
-    fn columns(mut self, path: &Path) -> Result<Columns> {
-        let refuse = |what: String| Error::invalid(path.display(), what);
-        let longest = self.objects.values().map(|object| object.values.len()).max().unwrap_or(0);
-        let mut columns =
-            Columns { names: Vec::new(), channels: Vec::new(), rate_hz: None, remarks: Vec::new(), largest: None };
-        for full in &self.order {
-            let Some(object) = self.objects.remove(full) else { continue };
-            let name = text::name(&short(full));
-            if object.values.is_empty() {
-                continue;
-            }
-            if object.values.len() < longest {
-                columns.remarks.push(format!("channel {name} is shorter than others and left out"));
-                continue;
-            }
-            if let Some(Property::Number(increment)) = object.properties.get("wf_increment") {
-                let rate = 1.0 / increment;
-                if !(rate.is_finite() && rate > 0.0) {
-                    return Err(refuse(format!("channel {name}: wf_increment {increment} gives no sampling rate")));
-                }
-                if columns.rate_hz.is_some_and(|other| (other / rate - 1.0).abs() > 1e-6) {
-                    return Err(refuse(format!("channel {name} has another sampling rate than those before")));
-                }
-                columns.rate_hz = Some(rate);
-            }
-            if let Some(Property::Text(unit)) =
-                object.properties.get("unit_string").filter(|u| **u != Property::Text(String::new()))
-            {
-                columns
-                    .remarks
-                    .push(format!("channel {name} is in {} by the file; --unit decides", text::quoted(unit)));
-            }
-            columns.channels.push(object.scaled().map_err(|what| refuse(format!("channel {name}: {what}")))?);
-            columns.names.push(name);
+    /// Every channel with what it, its group or the file says of it.
+    fn signals(mut self, path: &Path) -> Result<Signals> {
+        let mut found = Signals::default();
+        if self.cut {
+            found.remarks.push("the last piece of a segment is not whole and is left out".into());
         }
-        Ok(columns)
+        let of =
+            |objects: &BTreeMap<String, Object>, path: &str| objects.get(path).map(|object| object.properties.clone());
+        let file = of(&self.objects, "/");
+        let groups: std::collections::BTreeSet<String> = self.order.iter().map(|full| group(full)).collect();
+        let mut first_start: Option<(i64, u64)> = None;
+        for full in std::mem::take(&mut self.order) {
+            let folder = group(&full);
+            let group = of(&self.objects, &folder);
+            let Some(object) = self.objects.remove(&full) else { continue };
+            let has_data = !object.values.is_empty() || object.scalers.values().any(|values| !values.is_empty());
+            if !has_data {
+                self.objects.insert(full, object);
+                continue;
+            }
+            let name = text::name(&short(&full));
+            let property = |key: &str| {
+                let sources = [Some(&object.properties), group.as_ref(), file.as_ref()];
+                sources.into_iter().flatten().find_map(|properties| properties.get(key)).cloned()
+            };
+            let number = |key: &str| match property(key) {
+                Some(Property::Number(number)) => Some(number),
+                _ => None,
+            };
+            let rate_hz = match number("wf_increment").filter(|increment| *increment != 0.0) {
+                None => None,
+                Some(increment) if increment.is_finite() && increment > 0.0 => Some(stamps::rate_hz(increment, 1e-7)),
+                Some(increment) => {
+                    let what = format!("channel {name}: wf_increment {increment} gives no sampling rate");
+                    return Err(Error::invalid(path.display(), what));
+                }
+            };
+            let time = match property("wf_start_time") {
+                Some(Property::Time(seconds, parts)) => Some((seconds, parts)),
+                _ => None,
+            };
+            let since = time.map(|(seconds, parts)| {
+                let (first, first_parts) = *first_start.get_or_insert((seconds, parts));
+                seconds.saturating_sub(first) as f64 + (parts as f64 - first_parts as f64) / 2.0_f64.powi(64)
+            });
+            let offset = number("wf_start_offset");
+            let start_s = rate_hz.and(since.or(offset)).map(|_| since.unwrap_or(0.0) + offset.unwrap_or(0.0));
+            let unit = match property("unit_string").or_else(|| property("NI_UnitDescription")) {
+                Some(Property::Text(unit)) if !unit.is_empty() => Some(unit),
+                _ => None,
+            };
+            let in_frequency = property("wf_xname") == Some(Property::Text("Frequency".into()));
+            if in_frequency {
+                found.remarks.push(format!("channel {name} is a spectrum and left out"));
+                continue;
+            }
+            match scale::scaled(object, group.as_ref(), file.as_ref()) {
+                Ok(values) => {
+                    let several = groups.iter().filter(|group| group.len() > 1).count() > 1;
+                    let shown = if several { format!("{}/{name}", short(&folder)) } else { name.clone() };
+                    let signal = Signal { unit, rate_hz, start_s, folder: short(&folder), ..Signal::new(name, values) };
+                    found.signals.push(Signal { name: shown, ..signal });
+                }
+                Err(what) => found.remarks.push(format!("channel {name} {what}; it is left out")),
+            }
+        }
+        if found.signals.is_empty() && !found.remarks.is_empty() {
+            return Err(Error::invalid(
+                path.display(),
+                format!("holds no signal that is read: {}", found.remarks.join("; ")),
+            ));
+        }
+        Ok(found)
     }
 }
 
-impl Object {
-    /// Values with the linear scale that the file states.
-    fn scaled(self) -> std::result::Result<Vec<f64>, String> {
-        let property = |name: &str| self.properties.get(name);
-        let number = |name: &str| match property(name) {
-            Some(Property::Number(value)) => Some(*value),
-            _ => None,
-        };
-        let Some(count) = number("NI_Number_Of_Scales").filter(|count| *count > 0.0) else { return Ok(self.values) };
-        let linear = property("NI_Scale[0]_Scale_Type") == Some(&Property::Text("Linear".into()));
-        let (slope, shift) = (number("NI_Scale[0]_Linear_Slope"), number("NI_Scale[0]_Linear_Y_Intercept"));
-        match (slope, shift) {
-            (Some(slope), Some(shift)) if linear && count == 1.0 => {
-                Ok(self.values.iter().map(|x| slope * x + shift).collect())
-            }
-            _ => Err("has a scale other than one linear one, which is not read".into()),
-        }
+/// Path of the group of an object; of a group or the file itself.
+fn group(path: &str) -> String {
+    match path.rfind("/'") {
+        Some(at) if at > 0 => path[..at].to_owned(),
+        _ => path.to_owned(),
     }
 }
 
@@ -325,10 +370,13 @@ impl<'a> Cursor<'a> {
             (0x20, None) => usize::try_from(self.u64()?).ok(),
             (0x21, None) => Some(count),
             (0x44, None) => count.checked_mul(16),
+            // Complex numbers, single and double.
+            (0x0008_000c, None) => count.checked_mul(8),
+            (0x0010_000d, None) => count.checked_mul(16),
             _ => return broken(format!("holds data of type {kind:#x}, which is not read")),
         };
         match bytes {
-            Some(bytes) => Ok(Index { kind, count, bytes }),
+            Some(bytes) => Ok(Index { kind, count, bytes, raw: None }),
             None => broken("is a damaged TDMS file: it announces more values than a file can hold"),
         }
     }
@@ -341,7 +389,14 @@ impl<'a> Cursor<'a> {
         match kind {
             0x20 => Ok(Property::Text(self.text()?)),
             0x21 => self.take(1).map(|_| Property::Other),
-            0x44 => self.take(16).map(|_| Property::Other),
+            0x44 if self.big_endian => {
+                let seconds = self.u64()?.cast_signed();
+                Ok(Property::Time(seconds, self.u64()?))
+            }
+            0x44 => {
+                let parts = self.u64()?;
+                Ok(Property::Time(self.u64()?.cast_signed(), parts))
+            }
             0 => Ok(Property::Other),
             _ => broken(format!("has a property of type {kind:#x}, which is not read")),
         }

@@ -1,0 +1,107 @@
+//! Gear trains by commands alone: declaration, table, import with the tach on another shaft, analysis,
+//! refusals.
+
+use crate::common::{accepted, folder, refused, text};
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+const RATE_HZ: f64 = 5000.0;
+const SECONDS: f64 = 24.0;
+const TRAIN: &str = "[[stage]]\nkind = \"pair\"\nteeth = [23, 61]\nhelix_angle_deg = 0\n\n[[stage]]\nkind \
+    = \"pair\"\nteeth = [19, 77]\n\n[tach]\nshaft = 1\npulses_per_turn = 2\n";
+
+/// A noise of unit variance that every machine makes alike.
+fn noise(state: &mut u64) -> f64 {
+    let mut sum = -6.0;
+    for _ in 0..12 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        sum += (*state >> 11) as f64 / (1u64 << 53) as f64;
+    }
+    sum
+}
+
+/// A wav of a sensor and a tachometer; the pinion of stage 2 runs out by `runout`.
+fn recorded(folder: &Path, runout: f64) -> PathBuf {
+    let path = folder.join("run.wav");
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: RATE_HZ as u32,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut file = hound::WavWriter::create(&path, spec).expect("a wav");
+    let (middle, mut state) = (23.0 / 61.0, 7);
+    for i in 0..(SECONDS * RATE_HZ) as usize {
+        let t = i as f64 / RATE_HZ;
+        let turns = 25.0 * t + 0.02 * (TAU * 0.2 * t).sin();
+        let mesh = |z: f64, k: f64, a: f64| a * (TAU * k * z * turns + k).cos();
+        let first = mesh(23.0, 1.0, 1.0) + mesh(23.0, 2.0, 0.5) + mesh(23.0, 3.0, 0.2);
+        let z = 19.0 * middle;
+        let second = mesh(z, 1.0, 0.8) + mesh(z, 2.0, 0.4) + mesh(z, 3.0, 0.2);
+        let swell = 1.0 + runout * (TAU * middle * turns).cos();
+        let tach = if (2.0 * middle * turns).fract() < 0.3 { 5.0 } else { 0.0 };
+        file.write_sample((first + swell * second + 0.3 * noise(&mut state)) as f32).expect("written");
+        file.write_sample(tach as f32).expect("written");
+    }
+    file.finalize().expect("a whole file");
+    path
+}
+
+fn imported(name: &str, runout: f64) -> PathBuf {
+    let folder = folder(name);
+    let train = folder.join("train.toml");
+    std::fs::write(&train, TRAIN).expect("written");
+    let record = folder.join("record");
+    accepted(&["import", &text(&recorded(&folder, runout)), "--train", &text(&train), "--float", "-o", &text(&record)]);
+    record
+}
+
+#[test]
+fn claim_the_table_of_a_train_is_exact_and_says_what_cannot_be_told_apart() {
+    let folder = folder("train-table");
+    let file = folder.join("train.toml");
+    std::fs::write(&file, TRAIN).expect("written");
+    let page = folder.join("train.html");
+    let shown = accepted(&["machine", "check", &text(&file), "--report", &text(&page)]);
+    for part in ["437/4697", "gear of stage 1, pinion of stage 2", "mesh of stage 2", "hunting tooth"] {
+        assert!(shown.contains(part), "{part} in {shown}");
+    }
+    let page = std::fs::read_to_string(page).expect("a page");
+    assert_eq!(page.matches("<rect").count(), 4, "a bar per gear");
+    std::fs::write(&file, "[[stage]]\nkind = \"pair\"\nteeth = [23]\n").expect("written");
+    refused(&["machine", "check", &text(&file)], &["[[stage]] 1"]);
+    std::fs::write(&file, TRAIN.replace("shaft = 1", "shaft = 9")).expect("written");
+    refused(&["machine", "check", &text(&file)], &["9 is no shaft", "0 (input) to 2"]);
+}
+
+#[test]
+fn claim_sidebands_of_the_second_stages_pinion_stand_in_its_table() {
+    let record = imported("train-runout", 0.08);
+    let declared = std::fs::read_to_string(record.join("record.toml")).expect("a record");
+    assert!(declared.contains("train_shaft = 1") && declared.contains("[[stage]]"), "{declared}");
+    let analysed = accepted(&["analyse", &text(&record)]);
+    for part in ["stage 2, 1 x", "pinion of stage 2", "1 x mesh of stage 1", "input 2"] {
+        assert!(analysed.contains(part), "{part} in {analysed}");
+    }
+    refused(&["loop", &text(&record)], &["one pair of gears", "`analyse`"]);
+}
+
+#[test]
+fn fault_a_train_whose_tachometer_is_not_in_the_file_is_refused_with_the_remedy() {
+    let folder = folder("train-no-tach");
+    let train = folder.join("train.toml");
+    std::fs::write(&train, TRAIN).expect("written");
+    let wav = folder.join("run.wav");
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 5000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut file = hound::WavWriter::create(&wav, spec).expect("a wav");
+    let mut state = 3;
+    (0..20_000).for_each(|_| file.write_sample(noise(&mut state) as f32).expect("written"));
+    file.finalize().expect("a whole file");
+    let record = text(&folder.join("record"));
+    refused(&["import", &text(&wav), "--train", &text(&train), "-o", &record], &["--tach", "--no-tach"]);
+}
