@@ -144,7 +144,7 @@ fn theory_npy_and_wav_and_uff58() {
         "  1.00000E+00-2.00000E+00  3.00000E+00\n -4.00000D+00  5.00000E-01\n    -1\n"
     );
     let uff = read(&write(folder.path(), "u.uff", text.as_bytes())).unwrap();
-    assert_eq!(uff.names, ["pinion bearing"]);
+    assert_eq!(uff.names, ["pinion bearing 1+X"]);
     assert_eq!(uff.rate_hz, Some(1000.0));
     assert_eq!(uff.channels, vec![vec![1.0, -2.0, 3.0, -4.0, 0.5]]);
     let cut = text.replace(" -4.00000D+00  5.00000E-01\n", "");

@@ -24,6 +24,7 @@ use crate::budget::VALUES;
 use crate::{Error, Result, text};
 use cells::is_header;
 use commas::{Commas, commas};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Lines in which the data are looked for.
@@ -395,18 +396,19 @@ fn separator(content: &str) -> Separator {
     Separator::Sign(sign)
 }
 
-/// Cells of the data, by a line far down.
+/// Cells of the data: those of most lines far down, and of two counts that are as frequent the larger.
 fn width(content: &str, separator: Separator, joined: bool) -> usize {
+    let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
     for line in probes(content) {
         let mut cells = cells_of(line, separator, joined);
         while cells.len() > 1 && cells.last().is_some_and(String::is_empty) {
             cells.pop();
         }
         if head::is_data(&cells) {
-            return cells.len();
+            *counts.entry(cells.len()).or_default() += 1;
         }
     }
-    1
+    counts.into_iter().max_by_key(|(width, count)| (*count, *width)).map_or(1, |(width, _)| width)
 }
 
 /// Number of the last line above the data.
