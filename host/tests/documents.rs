@@ -66,6 +66,15 @@ fn target(page: &Path, link: &str) -> PathBuf {
 }
 
 #[test]
+fn theory_no_page_is_empty() {
+    let empty: Vec<PathBuf> = markdown()
+        .into_iter()
+        .filter(|page| fs::read_to_string(page).is_ok_and(|text| text.trim().is_empty()))
+        .collect();
+    assert!(empty.is_empty(), "empty pages: {empty:?}");
+}
+
+#[test]
 fn theory_every_relative_link_leads_to_a_file() {
     let mut broken = Vec::new();
     for page in markdown() {
