@@ -1,6 +1,7 @@
 //! `meshband export`: a run of a record as a file of another format.
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::Args as ClapArgs;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use meshband_host::output::Outputs;
 use meshband_host::record::export::{Format, content};
 use meshband_host::record::{Record, edges_text};
@@ -12,9 +13,9 @@ use std::path::PathBuf;
 pub struct Args {
     /// Record folder.
     record: PathBuf,
-    /// Format of the file.
-    #[arg(long, value_enum)]
-    to: To,
+    /// Format of the file; wav states no unit, npy neither unit nor rate.
+    #[arg(long, value_parser = formats())]
+    to: Format,
     /// The file.
     #[arg(short, long)]
     output: PathBuf,
@@ -29,22 +30,9 @@ pub struct Args {
     force: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum To {
-    /// 64-bit float; states no unit
-    Wav,
-    /// text with time, names and units
-    Csv,
-    /// MATLAB version 5
-    Mat,
-    /// universal file, dataset 58, binary
-    Uff58,
-    /// NumPy, float64; states neither rate nor unit
-    Npy,
-    /// ASAM MDF 4.10
-    Mf4,
-    /// Apache Parquet
-    Parquet,
+fn formats() -> impl TypedValueParser<Value = Format> {
+    let names = PossibleValuesParser::new(Format::ALL.map(|(name, _)| name));
+    names.try_map(|name| Format::named(&name).ok_or("is no format"))
 }
 
 /// Writes the file.
@@ -65,16 +53,7 @@ pub fn run(args: Args) -> Result<()> {
         }
     };
     let run = record.run(index)?;
-    let format = match args.to {
-        To::Wav => Format::Wav,
-        To::Csv => Format::Csv,
-        To::Mat => Format::Mat,
-        To::Uff58 => Format::Uff58,
-        To::Npy => Format::Npy,
-        To::Mf4 => Format::Mf4,
-        To::Parquet => Format::Parquet,
-    };
-    file.write(content(format, run, &record.declaration.acquisition)?)?;
+    file.write(content(args.to, run, &record.declaration.acquisition)?)?;
     if let Some(edges) = &mut edges {
         if run.edges_s.is_empty() {
             return Err(Error::invalid("--edges", format!("run {index} has no tachometer")));

@@ -95,7 +95,9 @@ pub fn unexplained(channel: &Channel, angle: &Angle, explained: &Explained, pini
     let of_shafts = |order: f64, half: f64| in_its_envelope.of_shafts(order, half);
     let in_envelope: Vec<Line> =
         channel.envelope.lines.iter().filter(|line| !of_shafts(line.order, 1.5 * line.bin)).copied().collect();
-    let listed = |line: &Line| line.order >= lowest_order(angle) && line.amplitude >= negligible;
+    // An envelope's lines are shares of what is left beside the mesh: of next to nothing they say nothing.
+    let left = (channel.rest.iter().map(|x| x * x).sum::<f64>() / channel.rest.len().max(1) as f64).sqrt();
+    let listed = |line: &Line| line.order >= lowest_order(angle) && left >= negligible;
     let in_envelope: Vec<Line> = in_envelope.into_iter().filter(listed).collect();
     let envelope_orders = Orders { highest: channel.envelope.highest_order, mesh: false, ..orders };
     let spectrum = families::group(&lines, &orders, &|order, half| explained.at(order, half));

@@ -104,6 +104,14 @@ pub fn bytes_f32(values: &[f32], channels: usize) -> Vec<u8> {
     bytes(values, channels, "<f4", f32::to_le_bytes)
 }
 
+/// An array file of samples as `<f8`, shape samples x channels.
+///
+/// # Panics
+/// If the values are not a whole number of samples: a programming error of the caller.
+pub fn bytes_f64(values: &[f64], channels: usize) -> Vec<u8> {
+    bytes(values, channels, "<f8", f64::to_le_bytes)
+}
+
 fn bytes<T: npyz::Serialize + Copy, const SIZE: usize>(
     values: &[T],
     channels: usize,

@@ -129,9 +129,13 @@ fn median_line(logs: &[f64], at: usize) -> f64 {
 
 /// The straight line through those that take part, at `at`; `None` where they are too few.
 fn line(logs: &[f64], take_part: &[bool], at: usize) -> Option<f64> {
-    let window = around(at, REACH, logs.len());
+    fitted(logs, around(at, REACH, logs.len()).filter(|i| take_part[*i]), at)
+}
+
+/// The straight line by least squares through the logarithms at `indices`, at `at`; `None` of fewer than four.
+fn fitted(logs: &[f64], indices: impl Iterator<Item = usize>, at: usize) -> Option<f64> {
     let (mut n, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for i in window.filter(|i| take_part[*i]) {
+    for i in indices {
         let (dx, dy) = (i as f64 - at as f64, logs[i] - logs[at]);
         n += 1.0;
         x += dx;
@@ -173,14 +177,7 @@ fn is_believed(logs: &[f64], medians: &[f64]) -> bool {
 /// The straight line through the nearest intervals of a smooth stretch, at `at`.
 fn own_line(logs: &[f64], run: &std::ops::Range<usize>, at: usize) -> f64 {
     let near = around(at - run.start, SMOOTH_REACH, run.len());
-    let own = &logs[run.clone()];
-    let (mut x, mut y, mut xx, mut xy, n) = (0.0, 0.0, 0.0, 0.0, near.len() as f64);
-    for i in near {
-        let dx = i as f64 - (at - run.start) as f64;
-        (x, y, xx, xy) = (x + dx, y + own[i], xx + dx * dx, xy + dx * own[i]);
-    }
-    let determinant = n * xx - x * x;
-    if determinant > 0.0 { (y * xx - x * xy) / determinant } else { logs[at] }
+    fitted(logs, near.map(|i| run.start + i), at).unwrap_or(logs[at])
 }
 
 /// Integral over time of one over the period, at every edge.

@@ -9,7 +9,7 @@
 mod mdf;
 mod table;
 
-use super::{Acquisition, Run};
+use super::{Acquisition, Run, npy};
 use crate::{Error, Result, text};
 use std::fmt::Write;
 
@@ -30,6 +30,24 @@ pub enum Format {
     Mf4,
     /// Apache Parquet.
     Parquet,
+}
+
+impl Format {
+    /// Every format by the name that `--to` takes.
+    pub const ALL: [(&str, Self); 7] = [
+        ("wav", Self::Wav),
+        ("csv", Self::Csv),
+        ("mat", Self::Mat),
+        ("uff58", Self::Uff58),
+        ("npy", Self::Npy),
+        ("mf4", Self::Mf4),
+        ("parquet", Self::Parquet),
+    ];
+
+    /// The format of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(own, _)| *own == name).map(|(_, format)| *format)
+    }
 }
 
 /// Largest file that a format of 32-bit sizes can be, bytes.
@@ -61,7 +79,7 @@ pub fn content(format: Format, run: &Run, acquisition: &Acquisition) -> Result<V
         Format::Csv => Ok(file.csv()),
         Format::Mat => Ok(file.mat(&run.edges_s)),
         Format::Uff58 => Ok(file.uff58()),
-        Format::Npy => Ok(file.npy()),
+        Format::Npy => Ok(npy::bytes_f64(&file.rows().collect::<Vec<_>>(), signals.len())),
         Format::Mf4 => Ok(mdf::content(&file)),
         Format::Parquet => table::content(&file),
     }
@@ -196,23 +214,6 @@ impl File<'_> {
             out.extend(b"\n    -1\n");
         }
         out
-    }
-
-    fn npy(&self) -> Vec<u8> {
-        let mut header = format!(
-            "{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}",
-            self.samples(),
-            self.signals.len()
-        );
-        while (10 + header.len() + 1) % 64 != 0 {
-            header.push(' ');
-        }
-        header.push('\n');
-        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-        bytes.extend((header.len() as u16).to_le_bytes());
-        bytes.extend(header.as_bytes());
-        bytes.extend(self.rows().flat_map(f64::to_le_bytes));
-        bytes
     }
 }
 
