@@ -80,6 +80,11 @@ impl Baseline {
     /// Mean amplitude over the run's speed of the calibrated mesh line nearest to `order`.
     pub fn nearest_mesh(&self, scene: &Scene, run: usize, channel: usize, order: f64) -> f64 {
         let lines = &self.lines[run][channel];
+        if scene.gearing.is_some() {
+            let apart = |line: &&FittedLine| (line.order - order).abs();
+            let nearest = lines.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+            return nearest.map_or(0.0, |line| line.at(State::steady(scene.runs[run].angle.speed.mean_hz)).norm());
+        }
         let k = ((order / scene.mesh_order()).round().max(1.0) as usize).min(lines.len());
         lines
             .get(k.wrapping_sub(1))
@@ -95,6 +100,9 @@ impl Baseline {
 
 /// Orders of the mesh harmonics that every run holds.
 pub fn mesh_orders(scene: &Scene) -> Vec<f64> {
+    if let Some(gearing) = &scene.gearing {
+        return gearing.fitted.clone();
+    }
     let z = scene.mesh_order();
     (1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z).collect()
 }

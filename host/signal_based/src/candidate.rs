@@ -7,6 +7,7 @@
 //! as it has a combination near it.
 
 use super::evidence::{Reading, of_family};
+pub use super::shaft::Shaft;
 use super::spectra::Spectra;
 use crate::analysis::lines::LOBE_BINS;
 
@@ -16,30 +17,23 @@ use crate::analysis::lines::LOBE_BINS;
 pub enum Domain {
     /// Order spectrum of the residual.
     Orders,
-    /// Order spectrum of the squared envelope of an impulsive band.
-    Envelope,
     /// Spectrum over frequency, "orders" being hertz.
     Frequency,
     /// Order spectrum of what folded at the sampling rate.
     Folded,
-    /// Order spectrum of the squared envelope of everything that is locked to neither shaft.
-    WholeEnvelope,
     /// Order spectrum of the course of strength of all turns.
     Strength,
 }
 
 impl Domain {
-    /// Both envelopes.
-    pub const ENVELOPES: [Domain; 2] = [Domain::Envelope, Domain::WholeEnvelope];
-
-    /// Whether lines are those of an envelope.
-    pub fn is_envelope(self) -> bool {
-        Self::ENVELOPES.contains(&self)
+    /// As JSON has it.
+    pub fn word(self) -> &'static str {
+        ["orders", "frequency", "folded", "strength"][self as usize]
     }
 }
 
 /// Orders spoken for, by domain.
-pub type TakenOf = [Taken; 6];
+pub type TakenOf = [Taken; 4];
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,26 +74,8 @@ pub enum Kind {
     Clipping,
     /// Strength or speed of everything swings slowly.
     Swing,
-}
-
-/// A shaft.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Shaft {
-    /// Of the pinion.
-    Pinion,
-    /// Of the gear.
-    Gear,
-}
-
-impl Shaft {
-    /// Both.
-    pub const BOTH: [Shaft; 2] = [Shaft::Pinion, Shaft::Gear];
-
-    /// "pinion" or "gear".
-    pub fn word(self) -> &'static str {
-        ["pinion", "gear"][self as usize]
-    }
+    /// A fault of a train, by its index among the train's families.
+    Train(u16),
 }
 
 /// A family that may be adopted.
@@ -223,7 +199,10 @@ impl OwnLines {
         if moved != 0.0 {
             unmoved.extend(candidate.places.iter().map(|place| place.order));
         }
-        let shaft = candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min);
+        let shaft = match candidate.kind {
+            Kind::Train(_) => median_gap(&candidate.places),
+            _ => candidate.places.iter().map(|place| place.spacing.abs()).fold(f64::INFINITY, f64::min),
+        };
         let first = matches!(candidate.kind, Kind::Modulation(_)).then_some(candidate.base);
         let spread = (candidate.domain == Domain::Strength).then_some([spectra.lowest, spectra.highest]);
         Self { unmoved, room: if candidate.locked { shaft } else { f64::INFINITY }, first, spread }
@@ -256,6 +235,15 @@ impl OwnLines {
         }
         place.order + moved.signum() * away
     }
+}
+
+/// Median distance of neighbouring lines: sidebands of several rates lie unevenly.
+fn median_gap(places: &[Place]) -> f64 {
+    let mut orders: Vec<f64> = places.iter().map(|place| place.order).collect();
+    orders.sort_by(f64::total_cmp);
+    let mut gaps: Vec<f64> = orders.windows(2).map(|w| w[1] - w[0]).collect();
+    gaps.sort_by(f64::total_cmp);
+    gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// Level at which a place is read in spectra: slip smears in proportion, and no line is read more coarsely than its

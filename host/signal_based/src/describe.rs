@@ -4,8 +4,9 @@ use super::accept::{FALSE_ALARM, Verdict};
 use super::baseline::{Baseline, Grids};
 use super::candidate::{Candidate, Domain, Kind};
 use super::errors::{Corrected, Errors};
-use super::families::bearing::Bearing;
+use super::families::bearing::{Bearing, Part};
 use super::families::clipping;
+use super::impacts::Impacts;
 use super::naming;
 use super::outcome::{
     BearingRead, Effect, ErrorTable, Evidence, Judged, Limit, Outcome, Picture, SplitUsed, Unexplained, Value,
@@ -38,6 +39,8 @@ pub struct Parts<'a> {
     pub search: &'a Search,
     /// Further lines of the shafts, let pass or refused.
     pub rest: &'a [Adopted],
+    /// Combs of impacts.
+    pub impacts: &'a [Impacts],
 }
 
 type Judgement<'a> = (&'a Adopted, Worth);
@@ -53,26 +56,40 @@ pub fn outcome(
 ) -> Outcome {
     let scene = parts.scene;
     let adopted: Vec<Adopted> = kept.iter().map(|(a, _)| (*a).clone()).collect();
-    let bearing = search::bearing(&adopted, scene);
+    let bearing = search::bearing(&adopted, scene).filter(|bearing| agrees(bearing, parts.impacts, scene));
     let bases = search::bases(&adopted);
     let read_from = bearing.as_ref().map(|b| (b, bases.as_slice()));
     let is_ghost = |a: &&Adopted| a.candidate.kind == Kind::Ghost;
     let ghosts: Vec<f64> = adopted.iter().filter(is_ghost).map(|a| a.candidate.base).collect();
-    let effects: Vec<Effect> = kept.iter().map(|(a, worth)| effect(parts, a, worth, read_from, &ghosts)).collect();
-    let effects = [effects, clipped(scene)].concat();
-    let mut surrogates: Vec<Judged> = parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict)).collect();
+    let of_impacts = |a: &Adopted| read_from.is_none() && parts.impacts.iter().any(|own| is_of(a, own, scene));
+    let others = kept.iter().filter(|(a, _)| !of_impacts(a));
+    let effects: Vec<Effect> = others.map(|(a, worth)| effect(parts, a, worth, read_from, &ghosts)).collect();
+    let is_read = |own: &Impacts| bearing.is_some() && bases.iter().any(|base| own.explains(*base));
+    let combs: Vec<&Impacts> = parts.impacts.iter().filter(|own| !is_read(own)).collect();
+    let of_combs =
+        combs.iter().map(|own| of_comb(own, kept.iter().filter(|(a, _)| is_of(a, own, scene)).count(), scene));
+    let mut effects = [of_combs.collect(), effects, clipped(scene)].concat();
+    if !scene.has_gears() {
+        effects.iter_mut().for_each(Effect::forget_gears);
+    }
+    let mut surrogates: Vec<Judged> =
+        parts.search.adopted.iter().map(|a| judged(&a.candidate, &a.verdict, scene)).collect();
     for (judged, adopted) in surrogates.iter_mut().zip(&parts.search.adopted) {
         judged.refused = veto(adopted, vetoed);
     }
-    surrogates.extend(parts.search.refused.iter().map(|(c, v)| judged(c, v)));
+    surrogates.extend(parts.search.refused.iter().map(|(c, v)| judged(c, v, scene)));
     surrogates.extend(parts.rest.iter().map(|own| {
-        let row = judged(&own.candidate, &own.verdict);
-        Judged { family: further_orders(&own.candidate), refused: row.refused.clone().or(veto(own, vetoed)), ..row }
+        let row = judged(&own.candidate, &own.verdict, scene);
+        Judged {
+            family: further_orders(&own.candidate, scene),
+            refused: row.refused.clone().or(veto(own, vetoed)),
+            ..row
+        }
     }));
     let [declared, calibrated] = parts.baseline.unknowns;
     Outcome {
         record: scene.title.clone(),
-        headline: headline(&effects, bearing.as_ref(), &errors),
+        headline: headline(&effects, bearing.as_ref(), &errors, scene),
         level: "kinematic",
         to_raise_the_level: preflight.for_dynamic.clone(),
         notes: scene.notes.clone(),
@@ -83,6 +100,7 @@ pub fn outcome(
         speed_functions: parts.baseline.functions(),
         unexplained: unexplained(&errors),
         error: ErrorTable { metric: METRIC.into(), errors },
+        impacts: combs.into_iter().cloned().collect(),
         effects,
         bearing: bearing.map(|b| read(&b, &adopted)),
         slip: None,
@@ -123,14 +141,9 @@ fn clipped(scene: &Scene) -> Vec<Effect> {
 }
 
 /// Name of a family in lists.
-pub fn words(candidate: &Candidate) -> String {
+pub fn words(candidate: &Candidate, scene: &Scene) -> String {
     let base = candidate.base;
-    let of_domain = match candidate.domain {
-        Domain::Envelope => " in the envelope",
-        Domain::WholeEnvelope => " in the whole envelope",
-        _ => "",
-    };
-    let name = match candidate.kind {
+    match candidate.kind {
         Kind::Modulation(shaft) => format!("modulation of the mesh by the {}'s shaft", shaft.word()),
         Kind::ShaftOrders(shaft) => format!("orders of the {}'s shaft", shaft.word()),
         Kind::SingleTooth(shaft) => format!("one tooth of the {}", shaft.word()),
@@ -138,27 +151,27 @@ pub fn words(candidate: &Candidate) -> String {
         Kind::Ghost => format!("ghost order {base:.4}"),
         Kind::Passage => format!("harmonics of order {base:.4}"),
         Kind::ModulatedPassage(shaft) => {
-            format!("harmonics of order {base:.4} modulated by the {}'s shaft", shaft.word())
+            format!("harmonics of order {base:.4} modulated by {}", shaft.phrase())
         }
         Kind::AboutMesh => format!("order {base:.4} about the mesh"),
         Kind::FixedFrequency => format!("line at {base:.3} Hz"),
         Kind::Alias => "folded mesh harmonics".into(),
         Kind::Clipping => "clipping".into(),
         Kind::Swing => "slow swing".into(),
-    };
-    name + of_domain
-}
-
-fn further_orders(candidate: &Candidate) -> String {
-    match candidate.kind {
-        Kind::Pattern(shaft) => format!("further orders of the {}'s shaft", shaft.word()),
-        _ => words(candidate),
+        Kind::Train(own) => scene.gearing.as_ref().map_or_else(String::new, |gearing| gearing.words(own)),
     }
 }
 
-fn judged(candidate: &Candidate, verdict: &Verdict) -> Judged {
+fn further_orders(candidate: &Candidate, scene: &Scene) -> String {
+    match candidate.kind {
+        Kind::Pattern(shaft) => format!("further orders of the {}'s shaft", shaft.word()),
+        _ => words(candidate, scene),
+    }
+}
+
+fn judged(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Judged {
     Judged {
-        family: words(candidate),
+        family: words(candidate, scene),
         base: candidate.base,
         ln_bayes: verdict.ln_bayes,
         refused: verdict.refused.clone(),
@@ -202,13 +215,94 @@ fn effect(
             p_value: verdict.surrogates.false_alarm,
             ln_bayes: verdict.ln_bayes,
             surrogates: Some(verdict.surrogates.clone()),
-            domain: Some(candidate.domain),
+            domain: Some(candidate.domain.word()),
             ..Evidence::default()
         },
         predicts: if worth::predicts_waveform(adopted, worth) { "waveform" } else { "power" },
         remark: naming.remark.map(str::to_owned),
         carries: adopted.carries.iter().map(further).collect(),
         lines: lines.into_iter().take(LINES).map(|(_, line)| line).collect(),
+    }
+}
+
+/// Whether a family of lines is what impacts leave in the signal itself: a base or a frequency at one of their lines.
+fn is_of(adopted: &Adopted, own: &Impacts, scene: &Scene) -> bool {
+    let candidate = &adopted.candidate;
+    let speed_hz = scene.runs.first().map_or(1.0, |run| run.angle.speed.mean_hz);
+    match candidate.kind {
+        Kind::FixedFrequency => own.explains(candidate.base / speed_hz),
+        _ => candidate.is_base() && own.explains(candidate.base),
+    }
+}
+
+/// Whether a comb of squared envelopes is the image of lines about the mesh: what modulates the mesh excites nothing
+/// at random.
+pub fn modulates_the_mesh(adopted: &Adopted, own: &Impacts) -> bool {
+    adopted.candidate.kind == Kind::AboutMesh && own.has_base(adopted.candidate.base)
+}
+
+/// Whether a bearing read from lines is no other than what the impacts are of, at its very base (a sideband of a half
+/// is near any order), and none is declared; a rig without gears has no mesh that
+/// tells a stiffness from impacts.
+fn agrees(bearing: &Bearing, impacts: &[Impacts], scene: &Scene) -> bool {
+    scene.has_gears()
+        || impacts.first().filter(|own| own.bearing.is_none()).is_some_and(|own| {
+            let at = |part: Part| own.has_base(part.order(bearing.elements, bearing.ratio));
+            match own.reading.parts.as_slice() {
+                ["outer ring"] => at(Part::Outer),
+                ["inner ring"] => at(Part::Inner),
+                _ => false,
+            }
+        })
+}
+
+/// A comb of impacts, with the number of families of lines that it explains.
+fn of_comb(own: &Impacts, families: usize, scene: &Scene) -> Effect {
+    let naming = naming::impacts(own, scene);
+    let value =
+        |value: f64, half: f64, unit: &str| Value { value, ci95: [value - half, value + half], unit: unit.into() };
+    let channel = &scene.channels[own.place.1];
+    let [low, high] = own.hz;
+    let over = if own.meaned > 1 { format!("over {} bands ", own.meaned) } else { String::new() };
+    let band = format!("in channel {} {over}from {low:.0} to {high:.0} Hz", channel.index);
+    let parameters = BTreeMap::from([
+        ("band_low".into(), value(low, 0.0, "Hz")),
+        ("band_high".into(), value(high, 0.0, "Hz")),
+        ("depth".into(), value(own.depth, 0.0, "of the band's mean power")),
+        ("order".into(), value(own.reading.base, own.bin / own.comb.harmonics as f64, "of the pinion")),
+    ]);
+    let carries =
+        if families > 0 { vec![format!("{families} families of lines in the signal itself")] } else { Vec::new() };
+    Effect {
+        verdict: naming.verdict.into(),
+        name: naming.name,
+        family: naming.family.into(),
+        shaft: naming.shaft.into(),
+        order_of_pinion: Some(own.reading.base),
+        parameters,
+        evidence: Evidence {
+            held_out_ln_bayes: own.comb.again,
+            p_value: (-own.comb.nats).exp(),
+            ln_bayes: own.comb.nats,
+            domain: Some("envelope"),
+            ..Evidence::default()
+        },
+        predicts: "nothing",
+        remark: Some(format!("{band}; {}", own.reading.remark)),
+        carries,
+        lines: own.lines(),
+        ..Effect::default()
+    }
+}
+
+impl Effect {
+    /// The words of a rig of one shaft.
+    fn forget_gears(&mut self) {
+        for text in [&mut self.name, &mut self.shaft].into_iter().chain(&mut self.remark).chain(&mut self.carries) {
+            *text = naming::without_gears(text);
+        }
+        self.lines.iter_mut().for_each(|(label, _)| *label = naming::without_gears(label));
+        self.parameters.values_mut().for_each(|value| value.unit = naming::without_gears(&value.unit));
     }
 }
 
@@ -286,13 +380,14 @@ fn read(bearing: &Bearing, adopted: &[Adopted]) -> BearingRead {
     }
 }
 
-fn headline(effects: &[Effect], bearing: Option<&Bearing>, errors: &Errors) -> String {
+fn headline(effects: &[Effect], bearing: Option<&Bearing>, errors: &Errors, scene: &Scene) -> String {
     let mut found: Vec<String> = effects.iter().map(|e| format!("{}: {}", e.verdict, e.name)).collect();
     if let Some(b) = bearing {
         let ratio = b.ratio;
         found.push(format!("one bearing on the {}'s shaft, {} elements, ratio {ratio:.3}", b.shaft.word(), b.elements));
     }
     let found = if found.is_empty() { "nothing beyond the mesh".to_owned() } else { found.join("; ") };
+    let found = if scene.has_gears() { found } else { naming::without_gears(&found) };
     let held = errors.held_out;
     format!(
         "{found}; held-out error {:.4} declared, {:.4} calibrated, {:.4} corrected, noise {:.4}",

@@ -39,6 +39,9 @@ pub fn followed_in_run_ups(scene: &Scene, left: &Grids, followed: &Grids) -> Gri
 fn without_mesh(scene: &Scene, run: &SceneRun, samples: &[f64]) -> Vec<f64> {
     let per_turn = run.angle.per_turn[0];
     let length = (per_turn as f64 / scene.gear_order.min(1.0)).round() as usize;
+    if let Some(gearing) = &scene.gearing {
+        return without_lines(&gearing.fitted, per_turn, length, samples);
+    }
     let turn: Vec<Complex64> =
         (0..per_turn).map(|i| Complex64::from_polar(1.0, TAU * i as f64 / per_turn as f64)).collect();
     let mut left = samples.to_vec();
@@ -50,6 +53,30 @@ fn without_mesh(scene: &Scene, run: &SceneRun, samples: &[f64]) -> Vec<f64> {
             let turned: Vec<Complex64> = left.iter().enumerate().map(|(i, x)| phase(i).conj() * *x).collect();
             let slow = averaged(&averaged(&turned, length), length);
             left.iter_mut().zip(&slow).enumerate().for_each(|(i, (x, a))| *x -= 2.0 * (a * phase(i)).re);
+        }
+    }
+    left
+}
+
+/// The same of lines at any order: phases are turned sample by sample, anew every turn.
+fn without_lines(orders: &[f64], per_turn: usize, length: usize, samples: &[f64]) -> Vec<f64> {
+    let mut left = samples.to_vec();
+    for order in orders {
+        let step = Complex64::from_polar(1.0, TAU * order / per_turn as f64);
+        let turning: Vec<Complex64> = (0..samples.len().div_ceil(per_turn))
+            .flat_map(|turn| {
+                let mut phase = Complex64::from_polar(1.0, TAU * (order * turn as f64).fract());
+                (0..per_turn).map(move |_| {
+                    let now = phase;
+                    phase *= step;
+                    now
+                })
+            })
+            .collect();
+        for _ in 0..ROUNDS {
+            let turned: Vec<Complex64> = left.iter().zip(&turning).map(|(x, phase)| phase.conj() * *x).collect();
+            let slow = averaged(&averaged(&turned, length), length);
+            left.iter_mut().zip(&slow).zip(&turning).for_each(|((x, a), phase)| *x -= 2.0 * (a * phase).re);
         }
     }
     left

@@ -1,7 +1,6 @@
 //! The answer as a letter: three sentences and the table of findings, with the lines marked that are theirs and nobody
 //! else's.
 
-use super::candidate::Domain;
 use super::outcome::{Effect, Outcome, Picture};
 use super::view::Table;
 use meshband_common::report::advice;
@@ -128,7 +127,7 @@ pub fn findings(outcome: &Outcome, about: &About) -> Table {
 
 /// Whether a family's lines stand in the plain spectrum over orders.
 fn is_in_the_spectrum(effect: &Effect) -> bool {
-    matches!(effect.evidence.domain, None | Some(Domain::Orders)) && effect.order_of_pinion.is_some()
+    matches!(effect.evidence.domain, None | Some("orders")) && effect.order_of_pinion.is_some()
 }
 
 /// Where the strongest of a family's lines stands, in what calibration leaves.
@@ -186,7 +185,7 @@ mod tests {
     #[test]
     fn ref_a_finding_is_a_clause_with_its_frequency_and_how_sure_its_name_is() {
         let about = About { speed_hz: Some(24.6), ..About::default() };
-        let evidence = Evidence { domain: Some(Domain::Envelope), ..Evidence::default() };
+        let evidence = Evidence { domain: Some("envelope"), ..Evidence::default() };
         let effect = Effect {
             verdict: "named".into(),
             name: "bearing-impacts".into(),

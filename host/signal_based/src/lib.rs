@@ -9,8 +9,9 @@
 //! 4. [`families`], [`search`], [`carry`]: structured families of lines in what is left (in a run-up less mesh lines
 //!    as they move, [`following`]), each scored by its evidence ([`evidence`]) and let pass by one gate ([`accept`]),
 //!    then looked at for a simpler reading ([`soundness`]), what is slow on all turns at once ([`all_turns`]); what
-//!    they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]). A slow swing of the load is looked
-//!    for in the [`strength`] with which all lines mesh.
+//!    they have besides ([`shaft_rest`]); what they speak for ([`spoken_for`]). Impacts that follow no shaft, in
+//!    squared envelopes ([`impacts`]). A slow swing of the load is looked for in the [`strength`] with which all
+//!    lines mesh.
 //! 5. [`errors`], [`worth`]: what the families predict on the turns not used, as a waveform where phases follow a
 //!    shaft, as power where they slip ([`foretold`]), a bearing's base read anew ([`bearing_slip`]); a veto.
 //!    [`named_lines`]: what their lines hold at most.
@@ -38,6 +39,8 @@ pub mod evidence;
 pub mod families;
 pub mod following;
 pub mod foretold;
+pub mod gearing;
+pub mod impacts;
 pub mod jitter;
 pub mod letter;
 pub mod limits;
@@ -58,6 +61,7 @@ pub mod residual;
 pub mod rivals;
 pub mod scene;
 pub mod search;
+pub mod shaft;
 pub mod shaft_rest;
 pub mod sharpness;
 pub mod soundness;
@@ -90,12 +94,19 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     let place = record.folder.join("record.toml");
     let missing = || Error::invalid(place.display(), "has no tooth counts");
     let declaration = &record.declaration;
-    let teeth = if declaration.has_no_gears() { NO_GEARS } else { declaration.teeth().ok_or_else(missing)? };
-    let mut scene = Scene::of(record, record.require_tach()?, teeth)?;
+    let tach = record.require_tach()?;
+    let mut scene = match declaration.train()? {
+        Some(train) => Scene::of_train(record, tach, &train)?,
+        None if declaration.has_no_gears() => Scene::of(record, tach, NO_GEARS)?,
+        None => Scene::of(record, tach, declaration.teeth().ok_or_else(missing)?)?,
+    };
     let baseline = path_angle::fitted(&mut scene);
+    let declared = impacts::declared::of_record(record, &scene)?;
     let fit = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
     let own = mesh_place::spectra(&scene, |split| &split.fit);
     let misplaced = if declaration.has_no_gears() { None } else { mesh_place::finding(&scene, &own) };
+    let mut impacts =
+        if misplaced.is_some() { Vec::new() } else { impacts::find(&scene, &baseline.calibrated, &declared) };
     let mut found = if misplaced.is_some() { search::nothing(&scene, &fit) } else { search::search(&scene, &fit) };
     let rest = carry::carry(&mut found, &scene, &fit);
     let held_out = scene.runs.iter().all(|run| !run.split.held_out.is_empty());
@@ -140,6 +151,9 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     vetoed.extend(vetoed_before.iter().map(|(own, worth)| (own, *worth)));
     let families = shaft_rest::families(&kept, &rest);
     kept.retain(|(own, _)| shaft_rest::is_wanted(own, &rest, &families));
+    let is_image =
+        |own: &impacts::Impacts| kept.iter().chain(&vetoed).any(|(a, _)| describe::modulates_the_mesh(a, own));
+    impacts.retain(|own| own.bearing.is_some() || !is_image(own));
     let adopted: Vec<&Adopted> = kept.iter().map(|(a, _)| *a).collect();
     let predicts = |(own, worth): &&(&Adopted, worth::Worth)| {
         let pays = !shaft_rest::is_among(&rest, own) || worth.gain > 0.0;
@@ -160,6 +174,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
         corrected: &corrected,
         search: &found,
         rest: &rest,
+        impacts: &impacts,
     };
     let mut outcome = describe::outcome(&parts, &families, &vetoed, errors, limits, preflight);
     outcome.slip = motor_slip::law(record, &scene);
@@ -171,5 +186,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
 
 use meshband_analysis::analysis;
 use meshband_common::{Error, Result, budget, terminal, text};
+use meshband_mechanics::machine;
 use meshband_record::record;
 use meshband_signal::spectral;
+use meshband_train as train;

@@ -16,9 +16,9 @@
 
 use super::accept::{self, FEWEST_COPIES, Surrogates};
 use super::baseline::Baseline;
-use super::candidate::{Candidate, Domain, Field, Kind, Place, Shaft, at_level};
+use super::candidate::{Candidate, Field, Kind, Place, Shaft, at_level};
 use super::evidence::Reading;
-use super::families::{Context, alias, clipping, ghost, modulation, passage, shaft_orders, tooth};
+use super::families::{Context, alias, clipping, ghost, modulation, passage, shaft_orders, tooth, train};
 use super::outcome::Limit;
 use super::places;
 use super::residual::Views;
@@ -71,7 +71,7 @@ pub fn limits(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search,
 /// last round.
 pub fn library(context: &Context, ranked: &[(f64, Candidate)]) -> Vec<(String, Candidate)> {
     let mut all = Vec::new();
-    for shaft in Shaft::BOTH {
+    for shaft in Shaft::BOTH.into_iter().filter(|_| context.scene.gearing.is_none()) {
         let word = shaft.word();
         all.push((
             format!("modulation of the mesh by the {word}'s shaft, first sidebands"),
@@ -83,19 +83,24 @@ pub fn library(context: &Context, ranked: &[(f64, Candidate)]) -> Vec<(String, C
             tooth::candidate(context, shaft),
         ));
     }
-    let ghosts = ghost::candidates(context);
+    all.extend(train::typical(context));
+    let ghosts = if context.scene.gearing.is_some() { Vec::new() } else { ghost::candidates(context) };
     if !ghosts.is_empty() {
         all.push(("ghost order".into(), ghosts[ghosts.len() / 3].clone()));
     }
     // Bases of ordinary bearings, on no order of either shaft.
     let alternatives = ranked.iter().find(|(_, c)| c.is_base()).map_or(FEW_BASES, |(_, c)| c.alternatives);
-    let outer = passage::harmonics(context, 3.587, Domain::Orders, passage::ALONE[0]);
+    let outer = passage::harmonics(context, 3.587, passage::ALONE[0]);
     all.push(("harmonics of an order of neither shaft".into(), Candidate { alternatives, ..outer }));
-    for shaft in Shaft::BOTH {
+    for &shaft in context.scene.shafts() {
         let own = context.scene.shaft_order(shaft as usize);
-        let inner = passage::modulated(context, 5.413 * own, shaft, Domain::Orders);
-        let family = format!("harmonics of such an order modulated by the {}'s shaft", shaft.word());
+        let inner = passage::modulated(context, 5.413 * own, shaft);
+        let family = format!("harmonics of such an order modulated by {}", shaft.phrase());
         all.push((family, Candidate { alternatives, ..inner }));
+    }
+    if context.scene.gearing.is_some() {
+        all.retain(|(_, c)| !c.places.is_empty());
+        return all;
     }
     all.extend(
         alias::candidates(context).into_iter().map(|c| ("mesh harmonics folded at the sampling rate".into(), c)),
@@ -134,7 +139,7 @@ fn limited(scene: &Scene) -> Option<Limit> {
 impl Bench<'_> {
     fn limit(&self, family: &str, typical: &Candidate) -> Limit {
         let scene = self.context.scene;
-        let beside_mesh = matches!(typical.kind, Kind::Modulation(_));
+        let beside_mesh = matches!(typical.kind, Kind::Modulation(_) | Kind::Train(_));
         let path = paths(scene, self.baseline, typical, beside_mesh);
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
         // One place: its copies need no second look.

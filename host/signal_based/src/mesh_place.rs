@@ -31,6 +31,12 @@ pub fn spectra(scene: &Scene, stretches: impl Fn(&Split) -> &[Stretch] + Sync) -
 
 /// What is wrong with the place of the mesh, in words; `None` where it stands as declared.
 pub fn finding(scene: &Scene, spectra: &Spectra) -> Option<String> {
+    if let Some(gearing) = &scene.gearing {
+        let stands = |own: &Vec<f64>| of_lines(spectra, own) >= LEAST;
+        return (!gearing.first_lines().iter().any(stands)).then(|| {
+            "no mesh line of any stage stands where the train has it: tach, teeth or channels are wrong".into()
+        });
+    }
     let z = scene.mesh_order();
     let declared = comb(spectra, z);
     let teeth = (-MOST_TEETH..=MOST_TEETH).filter(|d| *d != 0).map(|d| (z + f64::from(d), z + f64::from(d)));
@@ -54,10 +60,14 @@ pub fn finding(scene: &Scene, spectra: &Spectra) -> Option<String> {
 }
 
 fn comb(spectra: &Spectra, order: f64) -> f64 {
+    of_lines(spectra, &(1..=HARMONICS).map(|k| k as f64 * order).collect::<Vec<_>>())
+}
+
+fn of_lines(spectra: &Spectra, orders: &[f64]) -> f64 {
     let mut all = Vec::new();
     for (r, channels) in spectra.levels.iter().enumerate() {
         for c in 0..channels.len() {
-            let readings = (1..=HARMONICS).filter_map(|k| spectra.reading(r, c, 0, k as f64 * order, 1));
+            let readings = orders.iter().filter_map(|order| spectra.reading(r, c, 0, *order, 1));
             all.extend(readings.map(|reading| reading.ln_bayes()));
         }
     }

@@ -57,8 +57,7 @@ pub fn of(scene: &Scene, held: &Spectra, views: [&Views; 2], adopted: &[&Adopted
         let chosen = adopted.iter().filter(over_orders).filter(|own| all || !own.candidate.locked);
         chosen.flat_map(|own| orders(own, views, scene, moved, &spoken_for)).map(|order| order[1]).collect()
     };
-    let z = scene.mesh_order();
-    let mut named: Vec<f64> = (0..=(scene.highest_order / z) as usize).map(|k| k as f64 * z).collect();
+    let mut named = [vec![0.0], scene.mesh_lines()].concat();
     named.extend(lines(0.0, true));
     let copies: Vec<Vec<f64>> = accept::displacements().map(|moved| lines(moved, false)).collect();
     let of_channel = |c: usize| -> NamedLines {

@@ -4,14 +4,13 @@
 use super::candidate::{Kind, Shaft};
 use super::families::bearing::{Bearing, Part};
 use super::families::fixed_frequency::supply_hz;
+use super::impacts::Impacts;
 use super::scene::Scene;
 use super::search::Adopted;
-use super::soundness::{has_its_own_rate, has_sidebands};
+use crate::train::families::What;
 
 /// Orders of its shaft at which a passage of a bearing can lie at all: seven elements and a ratio of 0.32, to 30.
 const PASSAGES: (f64, f64) = (2.38, 20.0);
-/// Harmonics of a base that stand, from which it is impacts where it is seen in an envelope.
-const IMPACTS: usize = 3;
 
 /// Fewest teeth of another stage that a pattern is read as.
 const FEWEST_TEETH: u32 = 10;
@@ -55,7 +54,7 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
     if let Some((bearing, part)) = part {
         let remark =
             "two bases agree on one number of elements and one ratio; whether it is damage is not said by that";
-        let name = format!("bearing of the {}'s shaft: {}", bearing.shaft.word(), part.word());
+        let name = format!("bearing of {}: {}", bearing.shaft.phrase(), part.word());
         return naming("named", name, "non-integer-order", bearing.shaft.word(), Some(remark));
     }
     if let Some(hz) = adopted.either_hz {
@@ -141,8 +140,73 @@ pub fn name(adopted: &Adopted, part: Option<(&Bearing, Part)>, ghosts: &[f64], s
         Kind::Passage | Kind::ModulatedPassage(_) | Kind::AboutMesh => passage(adopted, scene),
         Kind::Alias => naming("named", "aliasing", "mesh-order", "pinion", None),
         Kind::Clipping => naming("named", "clipping", "other", "none", None),
+        Kind::Train(own) => of_train(adopted, own, scene),
         Kind::Swing => naming("ambiguous", "load-fluctuation or speed-fluctuation", "non-stationary", "none", None),
     }
+}
+
+/// A fault of a train by gear and stage; every other seat whose lines say the same is named beside it.
+fn of_train(adopted: &Adopted, own: u16, scene: &Scene) -> Naming {
+    let Some(gearing) = &scene.gearing else { return naming("generic", "", "other", "none", None) };
+    let family = gearing.family(own);
+    let words = |index: u16| match gearing.family(index).what {
+        What::Local if adopted.pulse.is_none() && gearing.is_of_pair(index) => {
+            format!("{}: pitch error over many teeth", gearing.seat_words(index))
+        }
+        _ => gearing.words(index),
+    };
+    let names: Vec<String> = std::iter::once(own).chain(adopted.or_else.iter().copied()).map(words).collect();
+    let shaft = gearing.shaft_of(own).map_or("none", |shaft| shaft.word());
+    let (group, remark) = match family.what {
+        What::Modulation => {
+            ("sideband", "runout, a pitch error and a torque that turns with the gear have the same lines")
+        }
+        What::Local => {
+            ("impulsive", "once per turn; several torques would tell a crack from a pitch error of one tooth")
+        }
+        What::Shaft => ("shaft-order", "several speeds would decide: imbalance grows with their square"),
+    };
+    if names.len() > 1 {
+        let remark = "orders of both coincide, or nearly, in this record: `meshband machine check` lists such lines";
+        return naming("ambiguous", names.join(" or "), group, shaft, Some(remark));
+    }
+    let verdict = if family.what == What::Shaft { "ambiguous" } else { "named" };
+    naming(verdict, names.concat(), group, shaft, Some(remark))
+}
+
+/// Names a comb of impacts. A rig without gears has one shaft, which needs no name.
+pub fn impacts(own: &Impacts, scene: &Scene) -> Naming {
+    let reading = &own.reading;
+    let shaft = reading.shaft.map_or("none", |shaft| Shaft::BOTH[shaft].word());
+    let seat = match (&own.bearing, reading.shaft) {
+        (Some(bearing), _) => format!(" of bearing {}", crate::text::name(bearing)),
+        (None, Some(shaft)) if scene.has_gears() => format!(" of the {}'s shaft", Shaft::BOTH[shaft].word()),
+        _ => String::new(),
+    };
+    let (verdict, name) = match reading.parts.as_slice() {
+        [] => ("generic", format!("unexplained order {:.4}", reading.base)),
+        [part] => ("named", format!("bearing-impacts, {part}{seat}")),
+        parts => ("ambiguous", format!("bearing-impacts, {}{seat}", parts.join(" or "))),
+    };
+    naming(verdict, name, "non-integer-order", shaft, None)
+}
+
+/// A text about a rig of one shaft without the words of gears.
+pub fn without_gears(text: &str) -> String {
+    let words = [
+        ("pinion-pitch-error or pinion-profile-error", "pattern over a turn"),
+        ("pinion-tooth-crack or pinion-pitch-error", "one pulse per turn"),
+        ("the pinion's shaft", "the shaft"),
+        ("pinion-", ""),
+        (" of the pinion", " of the shaft"),
+        ("pinion", "shaft"),
+        ("beyond the mesh", "beyond the shaft's own orders"),
+        ("many teeth, no single one", "no single place of the turn"),
+        ("mesh", "shaft"),
+        ("either shaft", "the shaft"),
+        ("gear", "second shaft"),
+    ];
+    words.iter().fold(text.to_owned(), |text, (own, other)| text.replace(own, other))
 }
 
 /// What a line at a frequency is called.
@@ -189,7 +253,7 @@ fn shafts(base: f64, scene: &Scene) -> Vec<Shaft> {
         let own = base / scene.shaft_order(*shaft as usize);
         (PASSAGES.0..PASSAGES.1).contains(&own)
     };
-    Shaft::BOTH.into_iter().filter(fits).collect()
+    scene.shafts().iter().copied().filter(fits).collect()
 }
 
 fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
@@ -197,27 +261,7 @@ fn passage(adopted: &Adopted, scene: &Scene) -> Naming {
     let family = "non-integer-order";
     let order = format!("unexplained order {:.4}", candidate.base);
     let of_bearings = shafts(candidate.base, scene);
-    let standing = adopted.verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     match candidate.kind {
-        Kind::ModulatedPassage(shaft)
-            if of_bearings.contains(&shaft)
-                && has_its_own_rate(candidate, &adopted.verdict)
-                && has_sidebands(candidate, &adopted.verdict) =>
-        {
-            let word = shaft.word();
-            let name = format!("bearing-impacts, inner ring of the {word}'s shaft");
-            naming("named", name, family, word, Some("modulated by the shaft that it turns with"))
-        }
-        Kind::Passage if adopted.impulsive && standing >= IMPACTS && !of_bearings.is_empty() => {
-            let shaft = if let [one] = of_bearings.as_slice() { one.word() } else { "none" };
-            naming(
-                "named",
-                "bearing-impacts",
-                family,
-                shaft,
-                Some("harmonics in an envelope, not modulated by a shaft"),
-            )
-        }
         Kind::AboutMesh if !of_bearings.is_empty() => {
             let name = format!("bearing-stiffness-modulation or {order}");
             naming("ambiguous", name, family, "none", Some("a second order of the same bearing would decide"))

@@ -43,15 +43,14 @@ pub fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
 /// Share of the held-out power that nonsynchronous families predicted and that was there, by run and channel, with
 /// their spacings moved by a share.
 pub fn nonsynchronous_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
-    let nonsynchronous: Vec<&Adopted> =
-        adopted.iter().copied().filter(|a| !a.candidate.locked && !a.candidate.domain.is_envelope()).collect();
+    let nonsynchronous: Vec<&Adopted> = adopted.iter().copied().filter(|a| !a.candidate.locked).collect();
     let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);
     let lines: Vec<Vec<[f64; 2]>> =
         nonsynchronous.iter().map(|own| orders(own, views, scene, moved, &spoken_for)).collect();
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
-        let mut covered: [Covered; 6] = Default::default();
+        let mut covered: [Covered; 4] = Default::default();
         let mut sum = 0.0;
         for (own, lines) in nonsynchronous.iter().zip(&lines) {
             let domain = own.candidate.domain;

@@ -1,7 +1,6 @@
 //! What the kinematic level says of a record: JSON for machines; `view` and `report` show the same.
 
 use super::accept::Surrogates;
-use super::candidate::Domain;
 use super::errors::Errors;
 use super::split::Split;
 use serde::Serialize;
@@ -34,6 +33,9 @@ pub struct Outcome {
     pub speed_functions: Vec<usize>,
     /// Families found.
     pub effects: Vec<Effect>,
+    /// Combs of impacts: bands, depths, squared envelope spectra.
+    #[serde(skip)]
+    pub impacts: Vec<super::impacts::Impacts>,
     /// Orders read together as a bearing.
     pub bearing: Option<BearingRead>,
     /// Speed against load, where the runs declare loads.
@@ -118,7 +120,7 @@ pub struct Evidence {
     /// Moved copies.
     pub surrogates: Option<Surrogates>,
     /// Spectrum it was read from.
-    pub domain: Option<Domain>,
+    pub domain: Option<&'static str>,
 }
 
 /// One effect.

@@ -29,7 +29,8 @@ const NOISE_WINDOWS: usize = 16;
 /// Fits the model and, where no pulses give the angle of a run-up, the angle with it.
 pub fn fitted(scene: &mut Scene) -> Baseline {
     let mut baseline = Baseline::of(scene);
-    if !scene.runs.iter().any(|run| run.runs_up() && !run.has_pulses) || scene.teeth[0] == 1 {
+    if !scene.runs.iter().any(|run| run.runs_up() && !run.has_pulses) || scene.teeth[0] == 1 || scene.gearing.is_some()
+    {
         return baseline;
     }
     for _ in 0..ROUNDS {

@@ -7,7 +7,7 @@
 //! place, stronger rivals, lines on the pair's own orders) is no reason to leave a place out: it belongs to the
 //! limit.
 
-use super::candidate::{Candidate, Domain, Kind};
+use super::candidate::{Candidate, Kind};
 use super::families::{Context, ghost, passage};
 use super::search::Search;
 use crate::analysis::lines::LOBE_BINS;
@@ -31,12 +31,10 @@ pub fn drawn(context: &Context, found: &Search, typical: &Candidate, random: &mu
             let chosen = (random.random::<f64>() * ghosts.len() as f64) as usize;
             ghosts.into_iter().nth(chosen)
         }
-        Kind::Passage => first_free(context, found, typical, || {
-            passage::harmonics(context, base(), Domain::Orders, passage::ALONE[0])
-        }),
+        Kind::Passage => first_free(context, found, typical, || passage::harmonics(context, base(), passage::ALONE[0])),
         Kind::ModulatedPassage(shaft) => {
             let own = context.scene.shaft_order(shaft as usize);
-            first_free(context, found, typical, || passage::modulated(context, own * base(), shaft, Domain::Orders))
+            first_free(context, found, typical, || passage::modulated(context, own * base(), shaft))
         }
         _ => Some(typical.clone()).filter(|c| !found.knows(c, context.scene)),
     }

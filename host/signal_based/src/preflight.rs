@@ -77,9 +77,7 @@ impl Preflight {
     fn kinematic(&mut self, record: &Record) {
         let missing = &mut self.for_kinematic;
         let declaration = &record.declaration;
-        if declaration.has_train() && declaration.teeth().is_none() {
-            missing.push("one pair of gears (this record declares several stages: see `analyse`)".into());
-        } else if declaration.teeth().is_none() && !declaration.has_no_gears() {
+        if declaration.teeth().is_none() && !declaration.has_no_gears() && !declaration.has_train() {
             missing.push("tooth counts ([pair] teeth, `import --teeth`)".into());
         }
         let with_edges = record.runs.iter().filter(|run| run.edges_s.len() >= 3).count();

@@ -1,18 +1,21 @@
 //! The answer as a page: a letter with the table of findings, spectra with the lines marked, errors in three stages;
 //! evidence and limits behind.
 
+use super::impacts::Impacts;
 use super::letter;
 use super::outcome::{Effect, Outcome, Picture};
 use super::view;
 use crate::Result;
 use meshband_common::report::Report;
 use meshband_common::report::letter::About;
-use meshband_common::report::plot::{Axes, Series, spectrum};
+use meshband_common::report::plot::{Axes, Label, Series, spectrum};
 
 /// Channels drawn on the letter, and in all.
 const DRAWN: [usize; 2] = [1, 8];
 /// Decibels shown.
 const SPAN_DB: f64 = 90.0;
+/// Decibels shown of an envelope's spectrum.
+const ENVELOPE_DB: f64 = 40.0;
 
 /// The page of a record that `about` describes.
 ///
@@ -34,6 +37,9 @@ pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
     let strongest = strongest_first(outcome);
     for picture in strongest.iter().take(DRAWN[0]) {
         page = drawn(page, picture, outcome, about)?;
+    }
+    for own in &outcome.impacts {
+        page = envelope(page, own)?;
     }
     page = errors(page, outcome);
     page = page.appendix("All figures");
@@ -121,6 +127,21 @@ fn drawn(page: Report, picture: &Picture, outcome: &Outcome, about: &About) -> R
         "Run {run}, channel {channel} ({}), all turns. Mesh harmonics are marked, and the strongest lines of the \
          findings that stand in this spectrum; no line has two marks.",
         crate::text::name(&picture.name)
+    );
+    Ok(page.picture(&svg, &caption))
+}
+
+/// The squared envelope spectrum of the band that shows a comb of impacts best.
+fn envelope(page: Report, own: &Impacts) -> Result<Report> {
+    // The picture takes amplitudes.
+    let shown: Vec<(f64, f64)> =
+        own.spectrum.iter().filter(|(_, over)| *over > 0.0).map(|(o, over)| (*o, over.sqrt())).collect();
+    let labels: Vec<Label> = own.lines().into_iter().map(|(text, x)| Label { x, text }).collect();
+    let axes = Axes { x: "order of the pinion", y: "power over its floor, dB" };
+    let svg = spectrum(&[Series::new("squared envelope", shown)], &labels, 1.0, ENVELOPE_DB, axes)?;
+    let caption = format!(
+        "Squared envelope, {:.0} to {:.0} Hz of run {}, channel {} of those searched; harmonics of order {:.4} marked.",
+        own.hz[0], own.hz[1], own.place.0, own.place.1, own.reading.base
     );
     Ok(page.picture(&svg, &caption))
 }

@@ -1,12 +1,9 @@
-//! Spectra of what the calibrated model leaves: over orders, over frequency, of its squared envelopes, and of what is
-//! folded in it.
+//! Spectra of what the calibrated model leaves: over orders, over frequency, and of what is folded in it.
 //!
-//! Five views of the same stretches, and two of all turns, fitted, held out and between: nearly three times as long
+//! Three views of the same stretches, and two of all turns, fitted, held out and between: nearly three times as long
 //! in one piece, so that a slow order stands apart from a mesh line, and a slow swing from a wander. A quarter of the
-//! turns alone would not tell the two; that turns held out take part is the price. The envelope is of what is locked
-//! to neither shaft on each stretch (both averages taken off there), in the band that the analysis finds most
-//! impulsive on the first fitted stretch; the same band serves all stretches, those held out too. The other envelope
-//! is of everything: damage may excite another band than the most impulsive one, which a rig's own knocks may have.
+//! turns alone would not tell the two; that turns held out take part is the price. Squared envelopes are the impacts'
+//! own ([`super::impacts`]).
 
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
@@ -15,9 +12,7 @@ use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
 use super::strength::Strength;
-use crate::analysis::angle::Angle;
-use crate::analysis::average::locked_part;
-use crate::analysis::envelope::{self, Band, not_locked};
+use crate::analysis::envelope::not_locked;
 use crate::analysis::search::{self, Level, Range};
 use crate::spectral::resample_by_angle;
 use rayon::prelude::*;
@@ -34,14 +29,10 @@ const PASS_SHARE: f64 = 0.4;
 /// usual steepness lets through folds.
 const FOLDED: [f64; 2] = [0.62, 0.97];
 
-/// The views, and the bands of the envelopes.
+/// The views.
 pub struct Views {
     /// Over orders.
     pub orders: Spectra,
-    /// Of squared envelopes.
-    pub envelope: Spectra,
-    /// Of squared envelopes of everything.
-    pub whole_envelope: Spectra,
     /// Over frequency.
     pub frequency: Spectra,
     /// Over orders, what lies beyond half the rate and is folded below it.
@@ -50,8 +41,6 @@ pub struct Views {
     pub all_turns: Spectra,
     /// How strongly the gears mesh, all turns.
     pub strength: Strength,
-    /// Band of each run's and channel's envelope.
-    pub bands: Vec<Vec<Band>>,
 }
 
 impl Views {
@@ -64,8 +53,6 @@ impl Views {
     pub fn of(&self, domain: Domain) -> &Spectra {
         match domain {
             Domain::Orders => &self.orders,
-            Domain::Envelope => &self.envelope,
-            Domain::WholeEnvelope => &self.whole_envelope,
             Domain::Frequency => &self.frequency,
             Domain::Folded => &self.folded,
             Domain::Strength => &self.strength.spectra,
@@ -73,8 +60,8 @@ impl Views {
     }
 }
 
-/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves (`left`); bands and all
-/// turns are those of an `earlier` view of the same, if there is one.
+/// Views of the stretches that `stretches` chooses, from what the calibrated model leaves (`left`); all turns are
+/// those of an `earlier` view of the same, if there is one.
 pub fn views(
     scene: &Scene,
     left: &Grids,
@@ -89,26 +76,20 @@ pub fn views(
         earlier.map_or_else(|| Spectra::searched(scene, calibrated, whole), |earlier| earlier.all_turns.clone());
     let of_channel = |r: usize, c: usize| {
         let run = &scene.runs[r];
-        let given = earlier.map(|earlier| earlier.bands[r][c]);
-        let lowest_mesh_hz = scene.mesh_order() * run.angle.speed.slowest_hz;
-        of_channel(run, c, ([&calibrated[r][c], &followed[r][c]], lowest_mesh_hz), stretches(&run.split), given)
+        let lowest_mesh_hz = scene.meshes().into_iter().fold(f64::INFINITY, f64::min) * run.angle.speed.slowest_hz;
+        of_channel(run, c, (&calibrated[r][c], lowest_mesh_hz), stretches(&run.split))
     };
     let all: Vec<Vec<ChannelViews>> = (0..scene.runs.len())
         .map(|r| (0..scene.channels.len()).into_par_iter().map(|c| of_channel(r, c)).collect())
         .collect();
-    let highest = all.iter().flatten().map(|v| v.highest_order).fold(f64::INFINITY, f64::min);
-    let whole_highest = all.iter().flatten().map(|v| v.whole_highest_order).fold(f64::INFINITY, f64::min);
     let slowest = scene.runs.iter().map(|run| run.rate_hz).fold(f64::INFINITY, f64::min);
     let folded = folded_orders(scene);
     let split = |of: fn(&ChannelViews) -> &Vec<Level>| -> Vec<Vec<Vec<Level>>> {
         all.iter().map(|run| run.iter().map(|v| of(v).clone()).collect()).collect()
     };
     Views {
-        envelope: Spectra { levels: split(|v| &v.envelope), lowest: orders.lowest, highest },
-        whole_envelope: Spectra { levels: split(|v| &v.whole_envelope), lowest: orders.lowest, highest: whole_highest },
         frequency: Spectra { levels: split(|v| &v.frequency), lowest: LOWEST_HZ, highest: PASS_SHARE * slowest },
         folded: Spectra { levels: split(|v| &v.folded), lowest: folded[0], highest: folded[1] },
-        bands: all.iter().map(|run| run.iter().map(|v| v.band).collect()).collect(),
         orders,
         all_turns,
         strength: earlier.map_or_else(|| Strength::of(scene, left), |earlier| earlier.strength.clone()),
@@ -116,65 +97,21 @@ pub fn views(
 }
 
 struct ChannelViews {
-    envelope: Vec<Level>,
     frequency: Vec<Level>,
     folded: Vec<Level>,
-    band: Band,
-    highest_order: f64,
-    whole_envelope: Vec<Level>,
-    whole_highest_order: f64,
 }
 
 fn of_channel(
     run: &SceneRun,
     channel: usize,
-    ([calibrated, followed], lowest_mesh_hz): ([&[f64]; 2], f64),
+    (calibrated, lowest_mesh_hz): (&[f64], f64),
     stretches: &[Stretch],
-    given: Option<Band>,
 ) -> ChannelViews {
-    let (samples, signal) = (&run.samples[channel], &run.signals[channel]);
-    let per_turn = run.angle.per_turn[0];
-    let less = |rest: &[f64]| -> Vec<f64> { samples.iter().zip(rest).map(|(x, rest)| x - rest).collect() };
-    let over_time = not_locked(signal, run.rate_hz, &less(calibrated), &run.angle);
-    let frequency = over_frequency(run, &over_time, stretches, lowest_mesh_hz);
-    let folded = folded_levels(run, &over_time, stretches);
-    let mut known = less(followed);
-    for stretch in stretches {
-        let range = stretch.samples(per_turn);
-        let locked = locked_part(&followed[range.clone()], &piece(&run.angle, *stretch));
-        known[range].iter_mut().zip(locked).for_each(|(k, l)| *k += l);
-    }
-    let rest = not_locked(signal, run.rate_hz, &known, &run.angle);
-    let mut band = given;
-    let mut highest_order = f64::INFINITY;
-    let envelopes: Vec<Vec<Level>> = stretches
-        .iter()
-        .map(|stretch| {
-            let angle = piece(&run.angle, *stretch);
-            let own = match band {
-                Some(band) => envelope::in_band(&rest, run.rate_hz, &angle, band),
-                None => envelope::envelope(&rest, run.rate_hz, &angle),
-            };
-            band = Some(own.band);
-            highest_order = own.highest_order;
-            own.levels
-        })
-        .collect();
-    let whole = envelope::whole_band(run.rate_hz, run.angle.speed.fastest_hz);
-    let wholes: Vec<envelope::Envelope> = stretches
-        .iter()
-        .map(|stretch| envelope::in_band(&rest, run.rate_hz, &piece(&run.angle, *stretch), whole))
-        .collect();
-    let whole_highest_order = wholes.iter().map(|own| own.highest_order).fold(f64::INFINITY, f64::min);
-    let none = Band { low_hz: 0.0, high_hz: 0.0, kurtosis: 0.0, score: 0.0 };
+    let known: Vec<f64> = run.samples[channel].iter().zip(calibrated).map(|(x, rest)| x - rest).collect();
+    let over_time = not_locked(&run.signals[channel], run.rate_hz, &known, &run.angle);
     ChannelViews {
-        envelope: mean(envelopes.into_iter()),
-        frequency,
-        folded,
-        band: band.unwrap_or(none),
-        highest_order,
-        whole_envelope: mean(wholes.into_iter().map(|own| own.levels)),
-        whole_highest_order,
+        frequency: over_frequency(run, &over_time, stretches, lowest_mesh_hz),
+        folded: folded_levels(run, &over_time, stretches),
     }
 }
 
@@ -264,9 +201,4 @@ fn over_frequency(run: &SceneRun, rest: &[f64], stretches: &[Stretch], lowest_me
     };
     let levels: Vec<Vec<Level>> = stretches.iter().map(levels).collect();
     if run.runs_up() { without_the_highest(levels, lowest_mesh_hz) } else { mean(levels.into_iter()) }
-}
-
-/// The angle of a stretch alone.
-pub fn piece(angle: &Angle, stretch: Stretch) -> Angle {
-    Angle { from_turn: angle.from_turn + stretch.from as f64, turns: stretch.turns, ..angle.clone() }
 }

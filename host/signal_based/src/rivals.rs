@@ -52,7 +52,7 @@ impl Proposals {
     pub fn of(context: &Context) -> Self {
         let spectra = context.orders;
         let of_run = |(r, channels): (usize, Vec<Vec<Family>>)| {
-            let known = passage::known(context, Domain::Orders, r);
+            let known = passage::known(context, r);
             let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
             let of_channel = |(c, families): (usize, &Vec<Family>)| {
                 let weakest = families.get(passage::FAMILIES - 1).map_or(0.0, |family| family.rms);
@@ -60,7 +60,7 @@ impl Proposals {
             };
             channels.iter().enumerate().map(of_channel).collect()
         };
-        Self { channels: passage::grouped(context, Domain::Orders).into_iter().enumerate().map(of_run).collect() }
+        Self { channels: passage::grouped(context).into_iter().enumerate().map(of_run).collect() }
     }
 
     /// Whether lines of an amplitude (by run, channel and place) make a candidate's base one that is tried.
@@ -71,7 +71,7 @@ impl Proposals {
         amplitude: &dyn Fn(usize, usize, usize) -> f64,
     ) -> bool {
         (0..self.channels.len()).any(|run| {
-            let known = passage::known(context, Domain::Orders, run);
+            let known = passage::known(context, run);
             let half = 1.5 * context.orders.bin(0);
             let free: Vec<usize> = (0..candidate.places.len())
                 .filter(|i| candidate.places[*i].label.ends_with(" o") && !known(candidate.places[*i].order, half))

@@ -6,14 +6,18 @@
 
 use super::at_limit::at_limit;
 use super::basis::State;
+use super::gearing::Gearing;
 use super::jitter;
 use super::phase;
+use super::shaft::Shaft;
 use super::split::Split;
 use crate::analysis::angle::Angle;
+use crate::analysis::explained::Explained;
 use crate::analysis::lines::LOBE_BINS;
 use crate::budget::GRID;
 use crate::record::{Record, Run, Tach};
 use crate::spectral::AngleMap;
+use crate::train::Train;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
@@ -60,8 +64,10 @@ pub struct Scene {
     pub unit: String,
     /// Teeth of pinion and gear.
     pub teeth: [u32; 2],
-    /// Turns of the gear per turn of the pinion.
+    /// Turns of the gear per turn of the pinion; of a train those of its slowest shaft per turn of the input.
     pub gear_order: f64,
+    /// The train, where it is one: orders are then those of its input.
+    pub gearing: Option<Gearing>,
     /// Channels used, those that families are searched on first.
     pub channels: Vec<Channel>,
     /// Channels that families are searched on; the rest are held out.
@@ -93,11 +99,39 @@ impl Scene {
     /// # Errors
     /// No run with enough turns, no channel that moves, more points than the budget.
     pub fn of(record: &Record, tach: &Tach, teeth: [u32; 2]) -> Result<Self> {
+        let angle = |run: &Run, place: &str| Angle::of(run, tach, teeth, place);
+        let scene = Self::seen(record, tach, teeth, f64::from(teeth[0]), &angle)?;
+        Ok(Self { gear_order: f64::from(teeth[0]) / f64::from(teeth[1]), ..scene })
+    }
+
+    /// Of a record with a tach on any shaft of a train.
+    ///
+    /// # Errors
+    /// As [`Scene::of`].
+    pub fn of_train(record: &Record, tach: &Tach, train: &Train) -> Result<Self> {
+        let angle = |run: &Run, place: &str| Angle::of_train(run, tach, train, place);
+        let mesh = Gearing::leading_mesh(train);
+        let teeth = Gearing::leading_teeth(train);
+        let scene = Self::seen(record, tach, teeth, mesh, &angle)?;
+        let slower = scene.runs.iter().map(|run| run.angle.gear_order).fold(0.0, f64::max);
+        let turns = scene.runs.iter().map(|run| run.angle.turns as f64).fold(0.0, f64::max);
+        let gearing = Gearing::of(train, scene.highest_order, slower);
+        let notes = [scene.notes.clone(), gearing.notes(turns)].concat();
+        Ok(Self { gear_order: slower, gearing: Some(gearing), notes, ..scene })
+    }
+
+    fn seen(
+        record: &Record,
+        tach: &Tach,
+        teeth: [u32; 2],
+        mesh: f64,
+        angle: &dyn Fn(&Run, &str) -> Result<Angle>,
+    ) -> Result<Self> {
         let acquisition = &record.declaration.acquisition;
         let (mut runs, mut notes, mut refused) = (Vec::new(), Vec::new(), None);
         let (order, searched) = channels(record, &mut notes)?;
         for (index, run) in record.runs.iter().enumerate() {
-            match Angle::of(run, tach, teeth, &format!("run {index}")) {
+            match angle(run, &format!("run {index}")) {
                 Ok(angle) => runs.push((index, run, angle)),
                 Err(error) => {
                     notes.push(format!("left out: {error}"));
@@ -118,7 +152,7 @@ impl Scene {
             if !tach.is_virtual() && !run.runs_up() {
                 run.settle(highest_order);
             }
-            if run.sharpen(f64::from(teeth[0]), highest_order, tach.is_virtual()) {
+            if run.sharpen(mesh, highest_order, tach.is_virtual()) {
                 notes.push(format!(
                     "run {}: the tach does not follow the speed; the angle is that of the mesh lines",
                     run.index
@@ -132,7 +166,8 @@ impl Scene {
             title: record.declaration.title().to_owned(),
             unit: acquisition.unit.clone().unwrap_or_else(|| "m/s2".into()),
             teeth,
-            gear_order: f64::from(teeth[0]) / f64::from(teeth[1]),
+            gear_order: 1.0,
+            gearing: None,
             channels: order.iter().map(|&index| Channel { index, name: acquisition.channels[index].clone() }).collect(),
             searched,
             highest_order,
@@ -141,14 +176,54 @@ impl Scene {
         })
     }
 
-    /// Teeth of the pinion: the mesh's order.
-    pub fn mesh_order(&self) -> f64 {
-        f64::from(self.teeth[0])
+    /// Whether the rig has gears: a shaft alone is a pair of one tooth.
+    pub fn has_gears(&self) -> bool {
+        self.teeth[0] > 1
     }
 
-    /// Order of a shaft: 0 is the pinion's, 1 the gear's.
+    /// Teeth of the pinion: the mesh's order; of a train that of the mesh that leads.
+    pub fn mesh_order(&self) -> f64 {
+        self.gearing.as_ref().map_or(f64::from(self.teeth[0]), |gearing| gearing.leading)
+    }
+
+    /// Orders of all meshes.
+    pub fn meshes(&self) -> Vec<f64> {
+        self.gearing.as_ref().map_or_else(|| vec![f64::from(self.teeth[0])], |gearing| gearing.meshes.clone())
+    }
+
+    /// Order of a shaft: 0 is the pinion's, 1 the gear's, from 2 on those of a train.
     pub fn shaft_order(&self, shaft: usize) -> f64 {
-        [1.0, self.gear_order][shaft]
+        match (shaft, &self.gearing) {
+            (0, _) => 1.0,
+            (1, _) => self.gear_order,
+            (of_train, Some(gearing)) => gearing.shafts.get(of_train - 2).copied().unwrap_or(1.0),
+            _ => 1.0,
+        }
+    }
+
+    /// The shafts.
+    pub fn shafts(&self) -> &'static [Shaft] {
+        match &self.gearing {
+            Some(gearing) => &Shaft::OF_TRAIN[..gearing.shafts.len().min(Shaft::OF_TRAIN.len())],
+            None => &Shaft::BOTH,
+        }
+    }
+
+    /// Harmonics of the mesh up to the highest order; of a train all lines that its sound meshes have.
+    pub fn mesh_lines(&self) -> Vec<f64> {
+        if let Some(gearing) = &self.gearing {
+            return gearing.sound.clone();
+        }
+        let z = self.mesh_order();
+        (1..=(self.highest_order / z) as usize).map(|k| k as f64 * z).collect()
+    }
+
+    /// What orders the gears explain in a run.
+    pub fn explained(&self, angle: &Angle, highest: f64) -> Explained {
+        match &self.gearing {
+            Some(gearing) => Explained::of_train(&gearing.owned, self.teeth[0], angle, highest),
+            None => Explained::new(self.teeth[0], angle, highest),
+        }
     }
 
     /// Orders between lines that a fit stretch keeps apart: the main lobes' width.

@@ -4,14 +4,11 @@ use super::accept::{self, Verdict};
 use super::all_turns::over_all_turns;
 use super::candidate::{Candidate, Domain, Field, Kind, Place, TakenOf, score};
 use super::families::fixed_frequency::supply_hz;
-use super::families::{self, Context, bearing, passage, swing, tooth};
+use super::families::{self, Context, bearing, passage, swing, tooth, train, train_tooth};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
-use super::soundness::{
-    as_modulation, at_its_own_rate, by_higher_base, higher_base, is_impulsive, is_slow, says_too_little, simpler,
-    unsound,
-};
+use super::soundness::{as_modulation, by_higher_base, higher_base, is_slow, says_too_little, simpler, unsound};
 use super::spoken_for::{mesh_taken, relatives, take_folded, take_frequencies, take_orders};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
@@ -51,12 +48,12 @@ pub struct Adopted {
     pub pulse: Option<tooth::Pulse>,
     /// Further harmonics and sidebands that the gate let pass; their lines are among the candidate's.
     pub carries: Vec<Carries>,
-    /// The base stands in an envelope as well: it is of impacts.
-    pub impulsive: bool,
     /// Frequency at which its few lines may stand as well, Hz: the speed does not move enough to tell.
     pub either_hz: Option<f64>,
     /// What its base moves by on the held-out turns.
     pub slip: Slip,
+    /// Families of a train that say the same as well.
+    pub or_else: Vec<u16>,
 }
 
 /// What a base moves by on the turns not used.
@@ -86,6 +83,7 @@ impl Adopted {
     pub fn explains(&self, candidate: &Candidate, scene: &Scene) -> bool {
         let own = &self.candidate;
         let same_kind = match (own.kind, candidate.kind) {
+            (Kind::Train(a), Kind::Train(b)) => scene.gearing.as_ref().is_some_and(|g| g.covers(a, b)),
             (Kind::SingleTooth(a) | Kind::Pattern(a), Kind::Modulation(b) | Kind::Pattern(b)) => a == b,
             (a @ (Kind::Modulation(_) | Kind::ShaftOrders(_) | Kind::Swing), b) => a == b,
             _ => false,
@@ -131,6 +129,9 @@ pub fn index(domain: Domain) -> usize {
 pub fn nothing(scene: &Scene, views: &Views) -> Search {
     let feet = |(run, channels): (&SceneRun, &Vec<Vec<Level>>)| -> Vec<Skirts> {
         let levels = channels[..scene.searched].iter().filter_map(|levels| levels.first());
+        if let Some(g) = &scene.gearing {
+            return levels.map(|level| Skirts::of_train(level, scene.gear_order, &g.shafts, &g.sound)).collect();
+        }
         levels.map(|level| Skirts::of(level, &run.angle, scene.teeth[0], scene.highest_order)).collect()
     };
     Search {
@@ -165,8 +166,6 @@ pub fn context<'a>(scene: &'a Scene, views: &'a Views, taken: &'a TakenOf, feet:
     Context {
         scene,
         orders: &views.orders,
-        envelope: &views.envelope,
-        whole_envelope: &views.whole_envelope,
         frequency: &views.frequency,
         folded: &views.folded,
         strength: &views.strength.spectra,
@@ -239,8 +238,8 @@ impl Search {
             if let (None, false, Some(why)) =
                 (&verdict.refused, verdict.is_close, says_too_little(&candidate, &verdict))
             {
-                verdict.is_close = !candidate.domain.is_envelope();
-                had_close |= verdict.is_close;
+                verdict.is_close = true;
+                had_close = true;
                 verdict.refused = Some(why);
                 pass_there(&candidate, &mut verdict, accept::agrees_alone);
             }
@@ -274,7 +273,6 @@ impl Search {
             refused.push((candidate, verdict));
         }
         found = found.map(|found| simpler(found, &context, views, &self.taken));
-        found = found.map(|found| at_its_own_rate(found, &ranked, scene, views, &self.taken));
         self.had_close |= had_close;
         for (candidate, verdict) in refused {
             if self.refused.iter().all(|(c, _)| c.kind != candidate.kind) {
@@ -288,15 +286,16 @@ impl Search {
         }
         candidate = placed(&context, candidate, &verdict);
         let pulse = match candidate.kind {
+            Kind::Train(_) => train_tooth::is_single(scene, &candidate),
             Kind::Pattern(shaft) => tooth::is_single(scene, shaft),
             _ => None,
         };
         if let (Kind::Pattern(shaft), Some(_)) = (candidate.kind, pulse) {
             candidate.kind = Kind::SingleTooth(shaft);
         }
-        let impulsive = is_impulsive((&candidate, &verdict), &context, views, &self.taken);
         let either_hz = either_hz(&candidate, &verdict, scene, views);
-        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), impulsive, either_hz, slip: Slip::default() })
+        let or_else = train::rivals(&candidate, &verdict, &context, views, &self.taken);
+        Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), either_hz, slip: Slip::default(), or_else })
     }
 
     /// Whether a candidate is what an adopted family has explained already, or one that was vetoed.
@@ -334,10 +333,12 @@ impl Search {
             }
             self.taken[own].extend((-steps..=steps).map(|i| place.order + f64::from(i) * spectra.bin(0) * LOBE_BINS));
             match candidate.domain {
-                Domain::Orders => take_frequencies(&mut self.taken[2], scene, views, place.order),
+                Domain::Orders => {
+                    take_frequencies(&mut self.taken[index(Domain::Frequency)], scene, views, place.order)
+                }
                 Domain::Frequency => take_orders(&mut self.taken[0], scene, views, place.order),
                 Domain::Folded => take_folded(&mut self.taken, scene, views, place.order),
-                Domain::Envelope | Domain::WholeEnvelope | Domain::Strength => {}
+                Domain::Strength => {}
             }
         }
         self.take_relatives(scene, views, candidate);
@@ -350,6 +351,10 @@ impl Search {
         let z = scene.mesh_order();
         let mesh = (scene.highest_order / z) as i32;
         match candidate.kind {
+            Kind::Train(own) => {
+                let gearing = scene.gearing.as_ref();
+                self.taken[0].extend(gearing.into_iter().flat_map(|gearing| gearing.of_seat(own)));
+            }
             Kind::SingleTooth(shaft) | Kind::Pattern(shaft) => {
                 let own = scene.shaft_order(shaft as usize);
                 self.taken[0].extend((1..=(scene.highest_order / own) as usize).map(|n| n as f64 * own));
@@ -361,8 +366,9 @@ impl Search {
             }
             _ if candidate.is_base() || candidate.kind == Kind::Swing => {
                 let orders: Vec<f64> = relatives(candidate.base, scene).collect();
-                orders.iter().for_each(|&order| take_frequencies(&mut self.taken[2], scene, views, order));
-                Domain::ENVELOPES.iter().for_each(|own| self.taken[index(*own)].extend(orders.iter().copied()));
+                orders.iter().for_each(|&order| {
+                    take_frequencies(&mut self.taken[index(Domain::Frequency)], scene, views, order)
+                });
                 self.taken[0].extend(orders);
             }
             _ => {}

@@ -68,8 +68,8 @@ pub fn part(candidate: Candidate, verdict: Verdict) -> Adopted {
         verdict,
         pulse: None,
         carries: Vec::new(),
-        impulsive: false,
         either_hz: None,
         slip: Slip::default(),
+        or_else: Vec::new(),
     }
 }

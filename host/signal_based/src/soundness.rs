@@ -4,11 +4,10 @@
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Place, Shaft, TakenOf};
 use super::families::fixed_frequency::supply_hz;
-use super::families::{Context, modulation, passage};
+use super::families::{Context, modulation, passage, train};
 use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness::{self, Sharper};
-use std::ops::RangeInclusive;
 
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
@@ -19,9 +18,6 @@ const LEAST_ALONE: f64 = 20.0;
 const SKIRT: f64 = 0.85;
 const LEAST_SLOW: f64 = 60.0;
 const LEAST_SLOW_IN_RUN_UPS: f64 = 15.0;
-/// Orders of its shaft at which the cage of a rolling bearing can turn, the outer ring standing: half of one less a
-/// ratio of 0.36 to 0.12.
-const CAGES: (f64, f64) = (0.32, 0.44);
 /// Share of the evidence of a base's lines that may stand on such skirts.
 const MOSTLY: f64 = 0.5;
 /// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
@@ -30,15 +26,8 @@ const BESIDE_THE_MESH: f64 = 0.5;
 const NEARLY: f64 = 0.85;
 /// Fewest lines that make a higher base where others stand beside them.
 const FEWEST_MULTIPLES: usize = 3;
-/// Two orders of a bearing are the same within this share: it slips.
-const SLIPPING: f64 = 7e-3;
 /// Harmonics of a modulated base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
-/// Multiples of a rate in an envelope that an order of the signal may be, or be a sideband of.
-const RATES: [f64; 2] = [1.0, 2.0];
-/// Orders of the shaft between the two.
-const SIDEBANDS: RangeInclusive<i32> = -2..=2;
-
 /// The same family with a higher base, where multiples of one number have nearly all of its evidence.
 pub fn higher_base(
     candidate: &Candidate,
@@ -96,34 +85,6 @@ pub fn by_higher_base(
     }
 }
 
-/// Whether a base is one of impacts: it stands in the most impulsive band, or in the signal and in an envelope. The
-/// envelope of everything alone says that something is modulated, not that it knocks.
-pub fn is_impulsive(
-    (candidate, verdict): (&Candidate, &Verdict),
-    context: &Context,
-    views: &Views,
-    taken: &TakenOf,
-) -> bool {
-    if !has_its_own_rate(candidate, verdict) {
-        return false;
-    }
-    let passes = |domain: Domain| {
-        let shape = passage::harmonics(context, candidate.base, domain, passage::ALONE[0]);
-        accept::judge(&shape, &views.field(taken, domain, 0..context.scene.searched)).refused.is_none()
-    };
-    match candidate.domain {
-        Domain::Envelope => true,
-        Domain::WholeEnvelope => candidate.is_base() && passes(Domain::Envelope),
-        _ => candidate.is_base() && Domain::ENVELOPES.into_iter().any(passes),
-    }
-}
-
-/// Whether a family of an envelope stands at its own rate or twice it, as knocks do; in the signal a resonance
-/// decides which of their harmonics stand.
-pub fn has_its_own_rate(candidate: &Candidate, verdict: &Verdict) -> bool {
-    !candidate.domain.is_envelope() || standing_harmonics(candidate, verdict).first().is_some_and(|n| *n <= 2)
-}
-
 /// Harmonics of the base that stand themselves, not only by their sidebands.
 pub fn carriers(candidate: &Candidate, verdict: &Verdict) -> usize {
     let standing = candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
@@ -147,6 +108,7 @@ pub fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> 
 pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
     match found.0.kind {
         Kind::Pattern(shaft) => without_the_teeth(found, shaft, context, views, taken),
+        Kind::Train(_) => train::simpler(found, context, views, taken),
         Kind::ModulatedPassage(_) if !has_sidebands(&found.0, &found.1) => {
             without_the_shaft(found, context, views, taken)
         }
@@ -167,7 +129,7 @@ fn without_the_shaft(
     taken: &TakenOf,
 ) -> (Candidate, Verdict) {
     let alternatives = found.0.alternatives;
-    let alone = passage::harmonics(context, found.0.base, found.0.domain, passage::ALONE[0]);
+    let alone = passage::harmonics(context, found.0.base, passage::ALONE[0]);
     let alone = Candidate { alternatives, ..alone };
     let verdict = accept::judge(&alone, &views.field(taken, alone.domain, 0..context.scene.searched));
     if verdict.refused.is_none() { (alone, verdict) } else { found }
@@ -223,36 +185,6 @@ pub fn as_modulation(
     refused.map(|why| format!("hardly more than first sidebands of the mesh: {why}"))
 }
 
-/// Whether an envelope's family can be that of `other`, which a shaft modulates: its rate or twice it lies at that
-/// family's base, or one or two orders of the shaft beside it.
-fn is_beside(rival: &Candidate, other: &Candidate, own: f64) -> bool {
-    let is_at = |m: f64, n: i32| (m * rival.base / (other.base + f64::from(n) * own) - 1.0).abs() < SLIPPING;
-    let is_kin = rival.kind == other.kind && rival.domain.is_envelope();
-    is_kin && RATES.into_iter().any(|m| SIDEBANDS.into_iter().any(|n| is_at(m, n)))
-}
-
-/// A modulated order that is a multiple, or a sideband of a multiple, of a rate in an envelope is that rate's: in the
-/// signal a resonance may lift any of them over the order that it belongs to, and every combination of the two then
-/// stands about the wrong one; knocks are counted in the envelope. `ranked` are all candidates with their strengths.
-pub fn at_its_own_rate(
-    found: (Candidate, Verdict),
-    ranked: &[(f64, Candidate)],
-    scene: &Scene,
-    views: &Views,
-    taken: &TakenOf,
-) -> (Candidate, Verdict) {
-    let (Kind::ModulatedPassage(shaft), Domain::Orders) = (found.0.kind, found.0.domain) else { return found };
-    let own = scene.shaft_order(shaft as usize);
-    let is_elsewhere = |(_, c): &&(f64, Candidate)| (c.base / found.0.base - 1.0).abs() >= SLIPPING;
-    let rivals = ranked.iter().filter(|(_, c)| is_beside(c, &found.0, own));
-    let Some((_, rival)) = rivals.max_by(|a, b| a.0.total_cmp(&b.0)).filter(is_elsewhere) else { return found };
-    let verdict = accept::judge(rival, &views.field(taken, rival.domain, 0..scene.searched));
-    let stands = verdict.refused.is_none()
-        && unsound(rival, &verdict, scene, views).is_none()
-        && says_too_little(rival, &verdict).is_none();
-    if stands { (rival.clone(), verdict) } else { found }
-}
-
 /// Why a family that the gate lets pass is none: one line is no family of harmonics, an order that is sharp over
 /// frequency is none.
 pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<String> {
@@ -263,9 +195,7 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     }
     if candidate.is_base() {
         let harmonics = standing_harmonics(candidate, verdict);
-        // A run-up's envelope rises and falls with the resonances that it crosses.
-        let is_swept = candidate.domain.is_envelope() && scene.runs.iter().any(SceneRun::runs_up);
-        let alone = candidate.kind == Kind::Passage && !is_swept && harmonics.len() == 1;
+        let alone = candidate.kind == Kind::Passage && harmonics.len() == 1;
         if harmonics.len() < 2 && !alone && candidate.kind != Kind::AboutMesh {
             return Some(format!("one harmonic only, {} lines", standing.len()));
         }
@@ -308,12 +238,6 @@ fn is_slow_base(candidate: &Candidate, scene: &Scene) -> bool {
     candidate.is_base() && candidate.base < SKIRT * scene.gear_order.min(1.0)
 }
 
-/// Whether a base can be the cage of a rolling bearing on either shaft.
-fn is_cage(candidate: &Candidate, scene: &Scene) -> bool {
-    let of = |own: f64| (CAGES.0..CAGES.1).contains(&(candidate.base / own));
-    [1.0, scene.gear_order].into_iter().any(of)
-}
-
 /// Whether a family is so slow that parts of the turns do not tell it from the mesh lines: an order of the signal
 /// that is slower than the slower shaft, be it a cage's or not.
 pub fn is_slow(candidate: &Candidate, scene: &Scene) -> bool {
@@ -330,11 +254,15 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
     if scene.teeth[0] == 1 {
         return None;
     }
-    if candidate.is_base() && k >= 1.0 && (candidate.base - k * z).abs() < near {
+    let of_train = scene.gearing.as_ref().is_some_and(|g| g.is_beside(candidate.base, near));
+    if candidate.is_base() && (of_train || k >= 1.0 && (candidate.base - k * z).abs() < near) {
         return Some("beside a mesh harmonic, which swings as the speed wanders".into());
     }
     if matches!(candidate.kind, Kind::Passage | Kind::ModulatedPassage(_)) {
-        let on_skirt = |order: f64| (order - (order / z).round().max(1.0) * z).abs() < near;
+        let on_skirt = |order: f64| match &scene.gearing {
+            Some(gearing) => gearing.is_beside(order, near),
+            None => (order - (order / z).round().max(1.0) * z).abs() < near,
+        };
         let lines = || candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
         let all: f64 = lines().map(|(_, ln)| ln).sum();
         let beside: f64 = lines().filter(|(place, _)| on_skirt(place.order)).map(|(_, ln)| ln).sum();
@@ -345,38 +273,9 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
     if is_slow_base(candidate, scene) && scene.runs.iter().any(SceneRun::runs_up) {
         return Some("slower than the slower shaft, where a run-up's mesh lines are followed and taken off".into());
     }
-    if is_slow_base(candidate, scene) && candidate.domain.is_envelope() && !is_cage(candidate, scene) {
-        return Some("slower than the slower shaft and no cage: the envelope of a swing, if anything".into());
-    }
     let is_slow = candidate.kind == Kind::Swing || is_slow_base(candidate, scene);
     let least = if scene.runs.iter().any(SceneRun::runs_up) { LEAST_SLOW_IN_RUN_UPS } else { LEAST_SLOW };
     (is_slow && verdict.ln_bayes < least).then(|| {
         format!("{:.0} nats of {least:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn modulated(base: f64, domain: Domain) -> Candidate {
-        let kind = Kind::ModulatedPassage(Shaft::Pinion);
-        Candidate { kind, base, domain, places: Vec::new(), locked: false, alternatives: 1.0 }
-    }
-
-    #[test]
-    fn golden_an_order_is_beside_a_rate_of_an_envelope_that_it_is_a_sideband_of_or_of_twice_it() {
-        let is_beside = |rate: f64, order: f64| {
-            let rival = modulated(rate, Domain::WholeEnvelope);
-            is_beside(&rival, &modulated(order, Domain::Orders), 1.0)
-        };
-        for order in [4.9125, 5.9125, 2.9125, 9.825, 8.825, 8.848, 11.825] {
-            assert!(is_beside(4.9125, order), "{order}");
-        }
-        for order in [5.4, 7.4, 12.825, 14.7375] {
-            assert!(!is_beside(4.9125, order), "{order}");
-        }
-        let in_the_signal = modulated(4.9125, Domain::Orders);
-        assert!(!super::is_beside(&in_the_signal, &modulated(8.825, Domain::Orders), 1.0));
-    }
 }

@@ -7,7 +7,6 @@
 use super::evidence::Reading;
 use super::scene::Scene;
 use super::split::Stretch;
-use crate::analysis::explained::Explained;
 use crate::analysis::search::{self, Level, Range};
 use rayon::prelude::*;
 
@@ -62,7 +61,7 @@ impl Spectra {
         let highest = scene.highest_order;
         let of_run = |r: usize| -> Vec<Vec<Level>> {
             let angle = &scene.runs[r].angle;
-            let explained = Explained::new(scene.teeth[0], angle, highest);
+            let explained = scene.explained(angle, highest);
             let known = |order: f64, half: f64| explained.at(order, half);
             let range = Range { lowest, highest, known: &known };
             let of_stretch = |samples: &[f64], s: Stretch| {
@@ -77,7 +76,7 @@ impl Spectra {
                 if is_search && scene.runs[r].runs_up() {
                     evened(all.map(|levels| followed(levels, 2.0 * SKIRT_REACH)))
                 } else {
-                    followed(mean(all), scene.mesh_order())
+                    scene.meshes().into_iter().fold(mean(all), followed)
                 }
             };
             grids[r].iter().map(of_channel).collect()

@@ -8,24 +8,18 @@ use super::residual::Views;
 use super::scene::{Scene, SceneRun};
 use super::sharpness;
 
-/// The mesh itself is spoken for; in an envelope the shafts' orders are.
+/// The mesh itself is spoken for.
 pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     let mut taken: TakenOf = Default::default();
-    let z = scene.mesh_order();
-    taken[0].extend((1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z));
-    for own in [1.0, scene.gear_order] {
-        for domain in Domain::ENVELOPES {
-            taken[domain as usize].extend((1..=(views.of(domain).highest / own) as usize).map(|n| n as f64 * own));
-        }
-    }
-    for k in 1..=(scene.highest_order / z) as usize {
-        let order = k as f64 * z;
+    let lines = scene.mesh_lines();
+    taken[0].extend(lines.iter().copied());
+    for order in lines {
         let is_line = |run: &SceneRun| {
             let swept = run.usual_speeds_hz().map(|hz| order * hz);
             !sharpness::is_smeared(swept, views.frequency.bin(0))
         };
         if scene.runs.iter().any(is_line) {
-            take_frequencies(&mut taken[2], scene, views, order);
+            take_frequencies(&mut taken[Domain::Frequency as usize], scene, views, order);
         }
     }
     taken
@@ -67,7 +61,7 @@ pub fn take_folded(taken: &mut TakenOf, scene: &Scene, views: &Views, order: f64
         let (low, high) = (a.min(b), a.max(b));
         let steps =
             |from: f64, to: f64, bin: f64| (0..=((to - from) / bin) as usize + 1).map(move |i| from + i as f64 * bin);
-        taken[2].extend(steps(low, high, views.frequency.bin(0)));
+        taken[Domain::Frequency as usize].extend(steps(low, high, views.frequency.bin(0)));
         taken[0].extend(steps(low / speed.fastest_hz, high / speed.slowest_hz, views.orders.bin(0)));
     }
 }

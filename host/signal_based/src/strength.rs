@@ -75,7 +75,8 @@ pub struct Strength {
 impl Strength {
     /// Of all turns; `left` is what the calibrated model leaves.
     pub fn of(scene: &Scene, left: &Grids) -> Self {
-        let orders = super::baseline::mesh_orders(scene);
+        let z = scene.mesh_order();
+        let orders: Vec<f64> = (1..=(scene.highest_order / z) as usize).map(|k| k as f64 * z).collect();
         let of_run = |(run, left): (&SceneRun, &Vec<Vec<f64>>)| -> Vec<Option<Course>> {
             if !run.runs_up() {
                 return run.samples.par_iter().map(|samples| course(run, samples, &orders)).collect();

@@ -165,7 +165,7 @@ pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
     // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they
     // outweigh it.
     let is_sure = adopted.candidate.kind == Kind::FixedFrequency && worth.ln_bayes > LEAST_OF_MOST;
-    let predicts = worth.gain > 0.0 || is_sure || adopted.candidate.domain.is_envelope();
+    let predicts = worth.gain > 0.0 || is_sure;
     if adopted.candidate.kind == Kind::Swing {
         // A quarter of the turns cannot tell its power from the mesh lines'; it must be in step there.
         return worth.ln_bayes > LEAST;

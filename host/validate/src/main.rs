@@ -16,6 +16,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Rolling bearings, measured with labels or generated: found, ring named, wrong names, beside a textbook peer.
+    Bearings(commands::bearings::Args),
     /// Known effects put into a measured record: found, rightly named, or not, against the limits that `diagnose`
     /// prints.
     Inject(commands::inject::Args),
@@ -29,6 +31,7 @@ enum Command {
 
 fn main() -> ExitCode {
     program::execute(|cli: Cli| match cli.command {
+        Command::Bearings(args) => commands::bearings::run(args),
         Command::Inject(args) => commands::inject::run(args),
         Command::Levels(args) => commands::levels::run(args),
         Command::Measured(args) => commands::measured::run(args),

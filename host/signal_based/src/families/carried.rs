@@ -31,7 +31,7 @@ pub struct Modulator {
 /// Both shafts, and the other orders found that are slower than the carrier's.
 pub fn modulators(scene: &Scene, others: &[f64], carrier: f64) -> Vec<Modulator> {
     let shaft = |shaft: Shaft| Modulator { order: scene.shaft_order(shaft as usize), word: shaft.word().to_owned() };
-    let mut all = Shaft::BOTH.map(shaft).to_vec();
+    let mut all: Vec<Modulator> = scene.shafts().iter().map(|own| shaft(*own)).collect();
     all.extend(others.iter().map(|&order| Modulator { order, word: format!("order {order:.4}") }));
     all.retain(|modulator| modulator.order < NARROW * carrier);
     all
@@ -86,6 +86,9 @@ fn of_neither_shaft(scene: &Scene, found: &Candidate, mut places: Vec<Place>, al
     let apart = scene.resolution();
     let own = scene.gear_order;
     let of_shaft = |order: f64| {
+        if let Some(gearing) = &scene.gearing {
+            return gearing.owned.at(order, apart);
+        }
         (order - order.round()).abs() <= apart || (order - (order / own).round() * own).abs() <= apart.min(0.2 * own)
     };
     places.retain(|p| p.order > 0.0 && p.order < scene.highest_order && !of_shaft(p.order));

@@ -35,7 +35,7 @@ fn bases(context: &Context, left_out: impl Fn(f64) -> bool) -> Vec<f64> {
     let mut bases: Vec<f64> = Vec::new();
     for channels in &spectra.levels {
         for levels in &channels[..context.scene.searched] {
-            let known = |hz: f64, half: f64| context.taken[2].near(hz, half) || left_out(hz);
+            let known = |hz: f64, half: f64| context.taken[Domain::Frequency as usize].near(hz, half) || left_out(hz);
             let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
             let mut lines = search::lines(levels, &range);
             lines.sort_by(|a, b| a.ln_probability.total_cmp(&b.ln_probability));
@@ -66,14 +66,17 @@ fn shaped(context: &Context, bases: Vec<f64>) -> Vec<Candidate> {
 
 /// Whether a mesh line is swept across a frequency.
 fn is_swept(context: &Context, hz: f64) -> bool {
-    let z = context.scene.mesh_order();
-    context.scene.runs.iter().any(|run| {
-        let speed = run.angle.speed;
-        let k = (hz / z / speed.mean_hz).round().max(1.0);
-        let lobes = LOBE_BINS * context.frequency.bin(0) + BEYOND * k * z * (speed.fastest_hz - speed.slowest_hz);
-        let is_of = |k: f64| (k * z * speed.slowest_hz - lobes..=k * z * speed.fastest_hz + lobes).contains(&hz);
-        [k - 1.0, k, k + 1.0].into_iter().any(is_of)
-    })
+    let meshes = context.scene.meshes();
+    let by = |z: f64| {
+        context.scene.runs.iter().any(|run| {
+            let speed = run.angle.speed;
+            let k = (hz / z / speed.mean_hz).round().max(1.0);
+            let lobes = LOBE_BINS * context.frequency.bin(0) + BEYOND * k * z * (speed.fastest_hz - speed.slowest_hz);
+            let is_of = |k: f64| (k * z * speed.slowest_hz - lobes..=k * z * speed.fastest_hz + lobes).contains(&hz);
+            [k - 1.0, k, k + 1.0].into_iter().any(is_of)
+        })
+    };
+    meshes.into_iter().any(by)
 }
 
 fn place(hz: f64, j: usize) -> Place {

@@ -14,6 +14,8 @@ pub mod passage;
 pub mod shaft_orders;
 pub mod swing;
 pub mod tooth;
+pub mod train;
+pub mod train_tooth;
 
 use super::candidate::{Candidate, TakenOf};
 use super::scene::Scene;
@@ -29,10 +31,6 @@ pub struct Context<'a> {
     pub scene: &'a Scene,
     /// Order spectra of the calibrated residual on the fitted turns.
     pub orders: &'a Spectra,
-    /// Spectra of squared envelopes of what is locked to neither shaft.
-    pub envelope: &'a Spectra,
-    /// The same of everything, not of one band.
-    pub whole_envelope: &'a Spectra,
     /// Spectra over frequency of the same stretches.
     pub frequency: &'a Spectra,
     /// Order spectra of what is folded.
@@ -48,9 +46,11 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// Whether an order lies on a mesh harmonic or beside it.
     pub fn on_mesh(&self, order: f64) -> bool {
-        let z = self.scene.mesh_order();
-        let k = (order / z).round();
-        k >= 1.0 && (order - k * z).abs() <= self.scene.resolution()
+        let is_at = |z: f64| {
+            let k = (order / z).round();
+            k >= 1.0 && (order - k * z).abs() <= self.scene.resolution()
+        };
+        self.scene.meshes().into_iter().any(is_at)
     }
 
     /// Whether an order lies at the foot of a line of the pair.
@@ -81,6 +81,12 @@ impl Context<'_> {
 /// Every candidate of every family.
 pub fn all(context: &Context) -> Vec<Candidate> {
     let mut candidates = Vec::new();
+    if context.scene.gearing.is_some() {
+        candidates.extend(train::candidates(context));
+        candidates.extend(passage::candidates(context));
+        candidates.extend(fixed_frequency::candidates(context));
+        return candidates;
+    }
     candidates.extend(modulation::candidates(context));
     candidates.extend(shaft_orders::candidates(context));
     candidates.extend(tooth::candidates(context));

@@ -2,21 +2,17 @@
 //! mesh.
 //!
 //! Bases are the analysis' ([`families::group`] over [`search::lines`] of every channel searched), from the order
-//! spectrum and from both squared envelopes, and in the order spectrum the strongest lines that stand between two
-//! others one turn of a shaft away (`centres`). Each is then scored as every shape in all three, on all channels at
-//! once: `j o`; `j o +- n o_s` (a ring that turns through the load zone: one family, not five combs); `k z1 +- j o`
-//! with `j o`. Slip smears and moves the lines: places may be missed by a bin, the resolution is chosen, phases are
-//! not predicted. Alternatives: all bases tried, by shape and spectrum.
+//! spectrum, and the strongest lines that stand between two others one turn of a shaft away (`centres`). Each is then
+//! scored as every shape, on all channels at once: `j o`; `j o +- n o_s` (a ring that turns through the load zone:
+//! one family, not five combs); `k z1 +- j o` with `j o`. Slip smears and moves the lines: places may be missed by a
+//! bin, the resolution is chosen, phases are not predicted. Alternatives: all bases tried, by shape. Impacts are
+//! looked for in envelopes ([`crate::impacts`]).
 
 use super::Context;
-use crate::analysis::explained::Explained;
 use crate::analysis::families::{self, Family, Orders};
 use crate::analysis::search::{self, Line, Range};
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};
-use crate::spectra::Spectra;
 
-/// Spectra that have such families.
-const DOMAINS: [Domain; 3] = [Domain::Orders, Domain::Envelope, Domain::WholeEnvelope];
 /// Families of one channel whose bases are tried.
 pub const FAMILIES: usize = 8;
 /// Harmonics of a base alone, nested shapes: knocks have dozens of them about a resonance.
@@ -49,13 +45,8 @@ pub const REFINED: f64 = (2 * FINE_STEPS + 1) as f64;
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let bases = bases(context);
     let shapes = |base: f64| {
-        let mut all = DOMAINS
-            .iter()
-            .flat_map(|domain| ALONE.map(|most| harmonics(context, base, *domain, most)))
-            .collect::<Vec<Candidate>>();
-        for shaft in Shaft::BOTH {
-            all.extend(DOMAINS.map(|domain| modulated(context, base, shaft, domain)));
-        }
+        let mut all = ALONE.map(|most| harmonics(context, base, most)).to_vec();
+        all.extend(context.scene.shafts().iter().map(|&shaft| modulated(context, base, shaft)));
         all.push(about_mesh(context, base));
         all
     };
@@ -77,9 +68,9 @@ pub fn with_base(context: &Context, candidate: &Candidate, base: f64) -> Option<
     let other = match candidate.kind {
         Kind::Passage => {
             let numbers = candidate.places.iter().map(|p| (p.spacing / candidate.base).round() as usize);
-            harmonics(context, base, candidate.domain, numbers.max().unwrap_or(0).max(ALONE[0]))
+            harmonics(context, base, numbers.max().unwrap_or(0).max(ALONE[0]))
         }
-        Kind::ModulatedPassage(shaft) => modulated(context, base, shaft, candidate.domain),
+        Kind::ModulatedPassage(shaft) => modulated(context, base, shaft),
         Kind::AboutMesh => about_mesh(context, base),
         _ => return None,
     };
@@ -89,7 +80,7 @@ pub fn with_base(context: &Context, candidate: &Candidate, base: f64) -> Option<
 /// The family with its base placed as finely as the spectra resolve: least squares of the peaks at its standing
 /// places, by power, twice.
 pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], channels: usize) -> Candidate {
-    let spectra = spectra(context, candidate.domain);
+    let spectra = context.orders;
     let mut base = candidate.base;
     for reach in [PLACING_BINS, 0.5 * PLACING_BINS] {
         let (mut up, mut down) = (0.0, 0.0);
@@ -113,35 +104,30 @@ pub fn placed(context: &Context, candidate: &Candidate, standing: &[bool], chann
 }
 
 fn bases(context: &Context) -> Vec<f64> {
-    let shafts = Shaft::BOTH.map(|shaft| context.scene.shaft_order(shaft as usize));
-    let mut bases = Vec::new();
-    for domain in DOMAINS {
-        let lines = lines(context, domain);
-        let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
-        bases.extend(in_families(context, domain, &lines).into_iter().flatten().flat_map(best));
-        if domain == Domain::Orders {
-            bases.extend(lines.iter().flatten().flat_map(|lines| centres(lines, shafts)));
-        }
-    }
+    let shafts: Vec<f64> = context.scene.shafts().iter().map(|s| context.scene.shaft_order(*s as usize)).collect();
+    let lines = lines(context);
+    let best = |families: Vec<Family>| families.into_iter().take(FAMILIES).map(|family| family.base_order);
+    let mut bases: Vec<f64> = in_families(context, &lines).into_iter().flatten().flat_map(best).collect();
+    bases.extend(lines.iter().flatten().flat_map(|lines| centres(lines, &shafts)));
     let parts: Vec<f64> = bases.iter().flat_map(|b| (1..=MULTIPLES).map(move |m| b / m as f64)).collect();
     distinct(parts, context.orders.lowest.max(2.0 * context.scene.resolution()))
 }
 
 /// Strongest lines that stand between two others one turn of a shaft away on either side, given the orders of the
 /// shafts: where a shaft modulates a family, one of its sidebands or a part of one may group more lines.
-fn centres(lines: &[Line], shafts: [f64; 2]) -> Vec<f64> {
+fn centres(lines: &[Line], shafts: &[f64]) -> Vec<f64> {
     let stands = |order: f64, bin: f64| lines.iter().any(|l| (l.order - order).abs() <= CENTRE_BINS * bin.max(l.bin));
     let is_between = |line: &Line, own: f64| [-own, own].into_iter().all(|side| stands(line.order + side, line.bin));
-    let mut centres: Vec<&Line> = lines.iter().filter(|l| shafts.into_iter().any(|own| is_between(l, own))).collect();
+    let mut centres: Vec<&Line> = lines.iter().filter(|l| shafts.iter().any(|own| is_between(l, *own))).collect();
     centres.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
     centres.into_iter().take(CENTRES).map(|line| line.order).collect()
 }
 
 /// Lines of every run and channel searched.
-fn lines(context: &Context, domain: Domain) -> Vec<Vec<Vec<Line>>> {
-    let spectra = spectra(context, domain);
+fn lines(context: &Context) -> Vec<Vec<Vec<Line>>> {
+    let spectra = context.orders;
     let of_run = |r: usize| {
-        let known = known(context, domain, r);
+        let known = known(context, r);
         let range = Range { lowest: spectra.lowest, highest: spectra.highest, known: &known };
         spectra.levels[r][..context.scene.searched].iter().map(|levels| search::lines(levels, &range)).collect()
     };
@@ -149,22 +135,22 @@ fn lines(context: &Context, domain: Domain) -> Vec<Vec<Vec<Line>>> {
 }
 
 /// Lines of every run and channel searched in families, most powerful first.
-pub fn grouped(context: &Context, domain: Domain) -> Vec<Vec<Vec<Family>>> {
-    in_families(context, domain, &lines(context, domain))
+pub fn grouped(context: &Context) -> Vec<Vec<Vec<Family>>> {
+    in_families(context, &lines(context))
 }
 
-fn in_families(context: &Context, domain: Domain, lines: &[Vec<Vec<Line>>]) -> Vec<Vec<Vec<Family>>> {
+fn in_families(context: &Context, lines: &[Vec<Vec<Line>>]) -> Vec<Vec<Vec<Family>>> {
     let scene = context.scene;
-    let (spectra, mesh) = (spectra(context, domain), domain == Domain::Orders);
+    let spectra = context.orders;
     let orders = Orders {
         teeth: scene.mesh_order(),
         gear_order: scene.gear_order,
         lowest: spectra.lowest,
         highest: spectra.highest,
-        mesh,
+        mesh: true,
     };
     let of_run = |(r, channels): (usize, &Vec<Vec<Line>>)| {
-        let known = known(context, domain, r);
+        let known = known(context, r);
         channels.iter().map(|lines| families::group(lines, &orders, &known)).collect()
     };
     lines.iter().enumerate().map(of_run).collect()
@@ -172,12 +158,11 @@ fn in_families(context: &Context, domain: Domain, lines: &[Vec<Vec<Line>>]) -> V
 
 /// Whether an order of a run, within a half width, carries no base: the pair has lines there, a family found before,
 /// or the foot of either.
-pub fn known<'a>(context: &'a Context, domain: Domain, run: usize) -> impl Fn(f64, f64) -> bool + 'a {
-    let (scene, mesh) = (context.scene, domain == Domain::Orders);
-    let explained = Explained::new(scene.teeth[0], &scene.runs[run].angle, spectra(context, domain).highest);
+pub fn known<'a>(context: &'a Context, run: usize) -> impl Fn(f64, f64) -> bool + 'a {
+    let scene = context.scene;
+    let explained = scene.explained(&scene.runs[run].angle, context.orders.highest);
     move |order: f64, half: f64| {
-        let own = if mesh { explained.at(order, half) } else { explained.of_shafts(order, half) };
-        own || context.taken[domain as usize].near(order, half) || (mesh && context.at_foot(order))
+        explained.at(order, half) || context.taken[0].near(order, half) || context.at_foot(order)
     }
 }
 
@@ -188,37 +173,33 @@ fn distinct(mut bases: Vec<f64>, lowest: f64) -> Vec<f64> {
     bases
 }
 
-fn spectra<'a>(context: &'a Context, domain: Domain) -> &'a Spectra {
-    match domain {
-        Domain::Envelope => context.envelope,
-        Domain::WholeEnvelope => context.whole_envelope,
-        _ => context.orders,
-    }
-}
-
-fn make(context: &Context, kind: Kind, base: f64, domain: Domain, mut places: Vec<Place>) -> Candidate {
-    let spectra = spectra(context, domain);
+fn make(context: &Context, kind: Kind, base: f64, mut places: Vec<Place>) -> Candidate {
+    let spectra = context.orders;
     let fits = |p: &Place| p.order > spectra.lowest && p.order < spectra.highest;
     // On a shaft's order nothing can be told from the shaft.
     let of_shaft = |order: f64| {
+        if let Some(gearing) = &context.scene.gearing {
+            let half = context.scene.beside_a_shaft();
+            let owned = &gearing.owned;
+            return owned.at(order, half);
+        }
         let own = context.scene.gear_order;
         let on_gear = (order / own).round() * own;
         let is_near = (order - on_gear).abs() <= 0.2 * own;
         context.hides(spectra, order.round(), order) || is_near && context.hides(spectra, on_gear, order)
     };
-    let at_foot = |p: &Place| domain == Domain::Orders && context.at_foot(p.order);
-    places.retain(|p| fits(p) && !of_shaft(p.order) && !at_foot(p));
-    Candidate { kind, base, domain, places, locked: false, alternatives: 1.0 }
+    places.retain(|p| fits(p) && !of_shaft(p.order) && !context.at_foot(p.order));
+    Candidate { kind, base, domain: Domain::Orders, places, locked: false, alternatives: 1.0 }
 }
 
 /// `j o` to the number `most`.
-pub fn harmonics(context: &Context, base: f64, domain: Domain, most: usize) -> Candidate {
+pub fn harmonics(context: &Context, base: f64, most: usize) -> Candidate {
     let place = |j: usize| Place { order: j as f64 * base, spacing: j as f64 * base, label: format!("{j} o") };
-    make(context, Kind::Passage, base, domain, (1..=most).map(place).collect())
+    make(context, Kind::Passage, base, (1..=most).map(place).collect())
 }
 
 /// `j o +- n o_s`.
-pub fn modulated(context: &Context, base: f64, shaft: Shaft, domain: Domain) -> Candidate {
+pub fn modulated(context: &Context, base: f64, shaft: Shaft) -> Candidate {
     let own = context.scene.shaft_order(shaft as usize);
     let mut places = Vec::new();
     for j in 1..=HARMONICS.0 {
@@ -231,7 +212,7 @@ pub fn modulated(context: &Context, base: f64, shaft: Shaft, domain: Domain) -> 
             places.push(Place { order, spacing: j as f64 * base, label });
         }
     }
-    make(context, Kind::ModulatedPassage(shaft), base, domain, places)
+    make(context, Kind::ModulatedPassage(shaft), base, places)
 }
 
 /// `k z1 +- j o` and `j o`.
@@ -248,7 +229,7 @@ pub fn about_mesh(context: &Context, base: f64) -> Candidate {
             }
         }
     }
-    make(context, Kind::AboutMesh, base, Domain::Orders, places)
+    make(context, Kind::AboutMesh, base, places)
 }
 
 #[cfg(test)]
@@ -265,12 +246,12 @@ mod tests {
     fn golden_the_strongest_lines_between_two_sidebands_of_one_shaft_are_bases() {
         let gear = 0.37;
         let mut lines = vec![line(6.70, 3.0), line(5.71, 9.0), line(7.70, 8.0), line(13.40, 1.0)];
-        assert_eq!(centres(&lines, [1.0, gear]), [6.70], "the weaker line is the one between");
+        assert_eq!(centres(&lines, &[1.0, gear]), [6.70], "the weaker line is the one between");
         lines.extend([line(13.40 - gear, 0.5), line(13.40 + gear, 0.5)]);
-        assert_eq!(centres(&lines, [1.0, gear]), [6.70, 13.40], "of the gear as well, strongest first");
+        assert_eq!(centres(&lines, &[1.0, gear]), [6.70, 13.40], "of the gear as well, strongest first");
         lines[1].order = 5.70 + 2.0 * BIN;
-        assert_eq!(centres(&lines, [1.0, gear]), [13.40], "a sideband two bins off is none");
+        assert_eq!(centres(&lines, &[1.0, gear]), [13.40], "a sideband two bins off is none");
         lines = (0..12).map(|i| line(20.5 + f64::from(i), 1.0 + f64::from(i))).collect();
-        assert_eq!(centres(&lines, [1.0, gear]), [30.5, 29.5, 28.5, 27.5], "four at most, none at an end");
+        assert_eq!(centres(&lines, &[1.0, gear]), [30.5, 29.5, 28.5, 27.5], "four at most, none at an end");
     }
 }

@@ -7,9 +7,9 @@
 //! one tooth differ in the pulse's shape, which an unknown path hides. Averages are the analysis' ([`average`]).
 
 use super::Context;
+use crate::analysis::angle::Angle;
 use crate::analysis::average;
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};
-use crate::residual::piece;
 use crate::scene::Scene;
 use crate::split::{Split, Stretch};
 use meshband::indicators::RunEnsemble;
@@ -89,6 +89,11 @@ pub fn is_single(scene: &Scene, shaft: Shaft) -> Option<Pulse> {
         Some(held) if (held.tooth + teeth + 1 - fitted.tooth) % teeth > 2 => None,
         _ => Some(fitted),
     }
+}
+
+/// The angle of a stretch alone.
+pub fn piece(angle: &Angle, stretch: Stretch) -> Angle {
+    Angle { from_turn: angle.from_turn + stretch.from as f64, turns: stretch.turns, ..angle.clone() }
 }
 
 fn add_normalised(energy: &mut [f64], difference: &[f32]) {

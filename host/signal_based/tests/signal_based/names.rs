@@ -3,7 +3,7 @@
 use meshband_host::signal_based::accept::{Surrogates, Verdict};
 use meshband_host::signal_based::candidate::{Candidate, Domain, Kind, Place, Score, Shaft};
 use meshband_host::signal_based::families::bearing::{Bearing, Part};
-use meshband_host::signal_based::naming::{Naming, name};
+use meshband_host::signal_based::naming::{Naming, name, without_gears};
 use meshband_host::signal_based::scene::Scene;
 use meshband_host::signal_based::search::{Adopted, Slip};
 use meshband_host::signal_based::worth::{Worth, holds};
@@ -15,6 +15,7 @@ fn scene() -> Scene {
         unit: "m/s2".into(),
         teeth: [20, 50],
         gear_order: 0.4,
+        gearing: None,
         channels: Vec::new(),
         searched: 0,
         runs: Vec::new(),
@@ -44,9 +45,9 @@ fn family(kind: Kind, base: f64, places: &[(f64, f64)]) -> Adopted {
         },
         pulse: None,
         carries: Vec::new(),
-        impulsive: false,
         either_hz: None,
         slip: Slip::default(),
+        or_else: Vec::new(),
     }
 }
 
@@ -130,70 +131,32 @@ fn golden_a_ghost_is_named_where_it_is_strong_and_the_only_one_of_its_shaft() {
 }
 
 #[test]
-fn golden_an_order_of_neither_shaft_is_a_bearing_only_where_more_than_the_order_says_so() {
+fn golden_lines_of_neither_shaft_are_an_order_and_no_bearing() {
     let standing = [(1.0, 2.0), (2.0, 2.0), (3.0, 2.0)];
-    let called = |kind, base, places: &[(f64, f64)], impulsive| {
-        name(&Adopted { impulsive, ..family(kind, base, places) }, None, &[], &scene())
-    };
-    // 3.583 per pinion turn is 8.96 per turn of the gear: a passage on either shaft.
-    let both = called(Kind::Passage, 3.583, &standing, true);
-    assert_called(&both, "named", "bearing-impacts", "non-integer-order", "none");
-    // 1.5 is a passage of the gear's shaft alone (3.75), 14 one of the pinion's alone (35 of the gear).
-    assert_called(
-        &called(Kind::Passage, 1.5, &standing, true),
-        "named",
-        "bearing-impacts",
-        "non-integer-order",
-        "gear",
-    );
-    assert_called(
-        &called(Kind::Passage, 14.0, &standing, true),
-        "named",
-        "bearing-impacts",
-        "non-integer-order",
-        "pinion",
-    );
-    let alone = "unexplained order 3.5830";
-    let two = [(1.0, 2.0), (2.0, 2.0), (3.0, 0.0)];
-    let weak = called(Kind::Passage, 3.583, &two, true);
-    assert_called(&weak, "generic", alone, "non-integer-order", "none");
-    assert!(weak.remark.is_some_and(|r| r.starts_with("one base fits")));
-    assert_called(&called(Kind::Passage, 3.583, &standing, false), "generic", alone, "non-integer-order", "none");
+    let called = |kind, base| name(&family(kind, base, &standing), None, &[], &scene());
+    for kind in [Kind::Passage, Kind::ModulatedPassage(Shaft::Pinion), Kind::ModulatedPassage(Shaft::Gear)] {
+        let own = called(kind, 3.583);
+        assert_called(&own, "generic", "unexplained order 3.5830", "non-integer-order", "none");
+        assert!(own.remark.is_some_and(|r| r.starts_with("one base fits")));
+    }
     // Below every passage of both shafts, and above.
     for base in [0.9, 51.0] {
-        let none = called(Kind::Passage, base, &standing, true);
+        let none = called(Kind::Passage, base);
         assert_called(&none, "generic", &format!("unexplained order {base:.4}"), "non-integer-order", "none");
         assert!(none.remark.is_some_and(|r| r.starts_with("no ordinary bearing")));
-        assert_eq!(called(Kind::AboutMesh, base, &standing, true).verdict, "generic");
+        assert_eq!(called(Kind::AboutMesh, base).verdict, "generic");
     }
-    let about = called(Kind::AboutMesh, 3.583, &standing, false);
-    let words = format!("bearing-stiffness-modulation or {alone}");
-    assert_called(&about, "ambiguous", &words, "non-integer-order", "none");
-    for (shaft, base, named) in
-        [(Shaft::Pinion, 5.4, true), (Shaft::Gear, 5.4, true), (Shaft::Pinion, 1.5, false), (Shaft::Gear, 14.0, false)]
-    {
-        let inner = called(Kind::ModulatedPassage(shaft), base, &standing, false);
-        let words = match named {
-            true => format!("bearing-impacts, inner ring of the {}'s shaft", shaft.word()),
-            false => format!("unexplained order {base:.4}"),
-        };
-        let verdict = if named { "named" } else { "generic" };
-        assert_called(&inner, verdict, &words, "non-integer-order", if named { shaft.word() } else { "none" });
-    }
+    let words = "bearing-stiffness-modulation or unexplained order 3.5830";
+    assert_called(&called(Kind::AboutMesh, 3.583), "ambiguous", words, "non-integer-order", "none");
 }
 
 #[test]
-fn fault_a_modulated_order_of_which_no_sideband_stands_is_no_inner_ring() {
-    let lines = [(5.4, 2.0), (10.8, 2.0), (4.4, 0.0), (6.4, 0.0)];
-    let mut own = family(Kind::ModulatedPassage(Shaft::Pinion), 5.4, &lines);
-    let labels = ["1 o", "2 o", "1 o - 1 pinion", "1 o + 1 pinion"];
-    own.candidate.places.iter_mut().zip(labels).for_each(|(place, label)| place.label = label.into());
-    let bare = name(&own, None, &[], &scene());
-    assert_called(&bare, "generic", "unexplained order 5.4000", "non-integer-order", "none");
-    own.verdict.score.of_places[3] = 2.0;
-    let modulated = name(&own, None, &[], &scene());
-    let words = "bearing-impacts, inner ring of the pinion's shaft";
-    assert_called(&modulated, "named", words, "non-integer-order", "pinion");
+fn golden_a_rig_without_gears_has_no_words_of_gears() {
+    for text in ["pinion-imbalance or coupling-misalignment", "2 mesh - 1 pinion", "one bearing on the pinion's shaft"]
+    {
+        let own = without_gears(text);
+        assert!(!["pinion", "mesh", "gear"].iter().any(|word| own.contains(word)), "{own}");
+    }
 }
 
 #[test]
@@ -213,7 +176,6 @@ fn fault_a_ghost_at_a_whole_order_of_both_shafts_is_neither_shafts_alone() {
 fn theory_an_order_of_a_run_up_that_stands_again_by_itself_is_not_vetoed_and_one_that_does_not_is() {
     let mut own = family(Kind::Passage, 2.389, &[(2.389, 2.0), (4.778, 2.0)]);
     own.candidate.locked = false;
-    own.candidate.domain = Domain::WholeEnvelope;
     let worth = Worth { ln_bayes: -30.0, runs_up: true, ..Worth::default() };
     assert!(!holds(&own, &worth));
     assert!(holds(&own, &Worth { stands_again: true, ..worth }));

@@ -181,9 +181,9 @@ fn claim_of_a_family_of_many_lines_the_surest_are_fitted() {
         verdict: Verdict { score, ln_bayes: 1.0, surrogates, refused: None, is_close: false },
         pulse: None,
         carries: Vec::new(),
-        impulsive: false,
         either_hz: None,
         slip: Slip::default(),
+        or_else: Vec::new(),
     };
     let mut corrected = Corrected::none(&case.scene, &case.baseline);
     let orders = corrected.add(&case.scene, &case.baseline, &case.views[0], &own);

@@ -1,5 +1,6 @@
 //! Subcommands of the validation program: argument structs and printing around library calls.
 
+pub mod bearings;
 pub mod inject;
 pub mod levels;
 pub mod measured;

@@ -1,6 +1,7 @@
 //! `meshband prove`: the loop's proof campaign on generated records.
 
 mod field;
+mod train;
 
 use clap::Args as ClapArgs;
 use meshband_host::output::show;
@@ -21,6 +22,10 @@ pub struct Args {
     /// --power, --levels, --only).
     #[arg(long)]
     field: bool,
+    /// The campaign of gear trains by signal-based inference: trains, operation and faults drawn at random (--null,
+    /// --power, --levels).
+    #[arg(long, conflicts_with_all = ["field", "machines"])]
+    train: bool,
     /// Records with nothing hidden.
     #[arg(long, default_value_t = 0)]
     null: usize,
@@ -80,6 +85,9 @@ enum Motion {
 
 /// Runs what is missing of the campaign and prints its tables.
 pub fn run(args: Args) -> Result<()> {
+    if args.train {
+        return train::run(args);
+    }
     if args.field {
         return field::run(args);
     }

@@ -70,7 +70,7 @@ impl Background {
 
     /// Families found in it, in words.
     pub fn families(&self) -> Vec<String> {
-        self.found.adopted.iter().map(|own| describe::words(&own.candidate)).collect()
+        self.found.adopted.iter().map(|own| describe::words(&own.candidate, &self.scene)).collect()
     }
 
     /// Families with a limit printed here, all that can be injected.
@@ -133,7 +133,7 @@ impl Background {
     pub fn adds_to_nothing(&self, seed: u64) -> Option<String> {
         let (scene, views) = self.surrogates.drawn(&self.scene, seed);
         let next = search::nothing(&scene, &views).next(&scene, &views);
-        next.map(|adopted| describe::words(&adopted.candidate))
+        next.map(|adopted| describe::words(&adopted.candidate, &scene))
     }
 }
 
