@@ -102,6 +102,17 @@ impl Gearing {
         &self.families[usize::from(own)]
     }
 
+    /// Rates of everything that turns or passes.
+    pub fn rates(&self) -> Vec<f64> {
+        let passes = self.train.meshes.iter().filter_map(|mesh| mesh.carrier.as_ref());
+        let passes = passes.map(|own| f64::from(own.planets) * own.speed.magnitude().value());
+        let mut rates: Vec<f64> = self.families.iter().map(|family| family.base).chain(passes).collect();
+        rates.extend(self.shafts.iter().chain(&self.meshes));
+        rates.sort_by(f64::total_cmp);
+        rates.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+        rates
+    }
+
     /// "pinion of stage 2: runout or pitch error".
     pub fn words(&self, own: u16) -> String {
         self.family(own).words(&self.train)

@@ -46,19 +46,26 @@ pub struct Comb {
 /// Lines that are spoken for: whole orders of the shafts and combs found before, with the shafts that modulate them.
 #[derive(Debug, Clone)]
 pub struct Known {
-    /// Orders of the shafts.
+    /// Orders of the shafts that may modulate a comb.
     pub shafts: Vec<f64>,
+    /// Rates of the other parts of a train.
+    pub rates: Vec<f64>,
     /// Base of each comb, and sidebands on each side.
     pub combs: Vec<(f64, i32)>,
 }
 
 impl Known {
+    /// Rates of shafts and parts.
+    pub fn all_rates(&self) -> impl Iterator<Item = &f64> {
+        self.shafts.iter().chain(&self.rates)
+    }
+
     /// Which bins of a spectrum are spoken for.
     fn mask(&self, spectrum: &Spectrum) -> Vec<bool> {
         let mut mask = vec![false; spectrum.over.len()];
         let low = ((LOWEST_ORDER * self.shafts[0].min(1.0) / spectrum.bin) as usize).min(mask.len());
         mask[..low].fill(true);
-        for own in &self.shafts {
+        for own in self.all_rates() {
             cover(&mut mask, spectrum.bin, *own, (KNOWN_BINS, 0.0), &[], 0);
         }
         for (base, sides) in &self.combs {

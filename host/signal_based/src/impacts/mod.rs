@@ -29,6 +29,8 @@ use thresholds::{
 
 /// Multiples of a comb's base that another base, or twice it, may be with sidebands.
 const RELATED: (u32, u32, i32) = (16, 2, 4);
+/// Bins from which multiples of a rate stand apart.
+const APART_BINS: f64 = 12.0;
 /// Bins within which two orders are one.
 const SAME_BINS: f64 = 2.0;
 
@@ -114,7 +116,7 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
     }
     let bands = bands::bank(scene, left);
     let shafts = if scene.has_gears() { vec![1.0, scene.gear_order] } else { vec![1.0] };
-    let mut known = Known { shafts, combs: Vec::new() };
+    let mut known = Known { rates: rates(scene, &bands), shafts, combs: Vec::new() };
     let mut found = declared::find(&bands, &known, declared);
     known.combs.extend(found.iter().map(|own| (own.reading.base, SIDES)));
     let [slowest, fastest] = [f64::min, f64::max].map(|of| known.shafts.iter().copied().fold(1.0, of));
@@ -128,7 +130,8 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
         let comb = Comb { again, ..comb };
         let sides = if reading.modulated_by.is_some() { SIDES } else { 0 };
         known.combs.push((comb.base, sides));
-        let is_shafts_own = readings::is_of_shaft(reading.base, band.parts[0].bin, &known.shafts, 1.0);
+        let rates: Vec<f64> = known.all_rates().copied().collect();
+        let is_shafts_own = readings::is_of_shaft(reading.base, band.parts[0].bin, &rates, 1.0);
         if comb.again < STANDS_AGAIN
             || comb.others < OTHERS
             || is_shafts_own
@@ -142,10 +145,21 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
             reading.parts.clear();
             reading.remark = "a second order beside the one named: another bearing of the rig, or another part".into();
         }
+        if scene.gearing.is_some() {
+            reading.parts.clear();
+            reading.remark = "an order of a train, which any of its shafts may carry".into();
+        }
         found.push(Impacts::of(comb, reading, None, &bands, &known.shafts));
     }
     question_rings(&mut found);
     found
+}
+
+/// Rates of a train's parts whose multiples stand apart in the spectra: those of slower ones are everywhere.
+fn rates(scene: &Scene, bands: &[Band]) -> Vec<f64> {
+    let bin = bands.iter().map(|band| band.parts[0].bin).fold(0.0, f64::max);
+    let all = scene.gearing.iter().flat_map(|gearing| gearing.rates());
+    all.filter(|rate| *rate >= APART_BINS * bin).collect()
 }
 
 /// Where both rings of one bearing stand in their own right, which of them is damaged is not known from heights.
