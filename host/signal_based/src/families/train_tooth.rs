@@ -1,7 +1,7 @@
 //! Whether a pattern of a train's gear is one tooth: the signal folded at the family's own rate, less the mesh and
 //! low orders, on fitted and held-out turns.
 //!
-//! The fold has [`POINTS`] places per period; what other parts of the train leave falls with the number of periods.
+//! The fold has `POINTS` places per period; what other parts of the train leave falls with the number of periods.
 //! Limit: a set's gears are folded at one rate, without windows for single planets.
 
 use super::tooth::Pulse;
