@@ -4,8 +4,8 @@
 //! that are known, that stand as high. The background needs no distribution: other combs and tones in it are its
 //! tail. A line above all of it goes on by the slope that the background's own highest peaks have in their logarithm
 //! ([`super::tail`]). The product of `k` such shares has the survival function of a Gamma variable of order `k`
-//! (Fisher's combination); every choice (band, base, number of harmonics, sidebands, smear) is paid for by Bonferroni. One line
-//! is no comb: without its highest the others have to stand as well.
+//! (Fisher's combination); every choice (band, base, number of harmonics, sidebands, smear) is paid for by Bonferroni.
+//! One line is no comb: without its highest the others have to stand as well.
 
 use super::bands::{Band, Spectrum};
 use super::tail::Background;
