@@ -79,12 +79,47 @@ fn read_parquet(path: &Path, bytes: Vec<u8>) -> Result<Signals> {
 
 fn read_feather(path: &Path, bytes: Vec<u8>) -> Result<Signals> {
     let refuse = |error: ArrowError| broken(path, "Feather", &error);
+    let claimed = claimed_bytes(&bytes).unwrap_or(0.0);
+    VALUES.check(path.display(), claimed / size_of::<f64>() as f64, "save fewer rows in a batch")?;
     let reader = FileReader::try_new(Cursor::new(bytes), None).map_err(refuse)?;
     let mut table = Table::of(path, &reader.schema());
     for batch in reader {
         table.add(&batch.map_err(refuse)?)?;
     }
     Ok(table.signals())
+}
+
+/// Most bytes that the compressed buffers of one batch say they hold: the reader allocates as much before it looks
+/// (arrow-ipc 60.1.0). Nothing where the file's own places do not hold; the reader refuses those.
+fn claimed_bytes(bytes: &[u8]) -> Option<f64> {
+    /// Length of the footer, and the magic behind it.
+    const TRAILER: usize = 10;
+    let end = bytes.len().checked_sub(TRAILER)?;
+    let length = i32::from_le_bytes(bytes.get(end..end + 4)?.try_into().ok()?);
+    let footer = bytes.get(end.checked_sub(usize::try_from(length).ok()?)?..end)?;
+    let footer = arrow_ipc::root_as_footer(footer).ok()?;
+    let blocks = [footer.recordBatches(), footer.dictionaries()].into_iter().flatten().flatten();
+    Some(blocks.filter_map(|block| claimed_by(bytes, block)).fold(0.0, f64::max))
+}
+
+/// The same of the batch of one block.
+fn claimed_by(bytes: &[u8], block: &arrow_ipc::Block) -> Option<f64> {
+    /// Marks a length of the present format; the older one begins with the length.
+    const CONTINUATION: [u8; 4] = [0xff; 4];
+    let start = usize::try_from(block.offset()).ok()?;
+    let body = start.checked_add(usize::try_from(block.metaDataLength()).ok()?)?;
+    let head = bytes.get(start..body)?;
+    let message = head.get(if head.starts_with(&CONTINUATION) { 8 } else { 4 }..)?;
+    let message = arrow_ipc::root_as_message(message).ok()?;
+    let dictionary = message.header_as_dictionary_batch().and_then(|own| own.data());
+    let batch = message.header_as_record_batch().or(dictionary)?;
+    batch.compression()?;
+    let claimed = |buffer: &arrow_ipc::Buffer| -> Option<f64> {
+        let at = body.checked_add(usize::try_from(buffer.offset()).ok()?)?;
+        let prefix = bytes.get(at..at.checked_add(8)?)?.try_into().ok()?;
+        Some(i64::from_le_bytes(prefix).max(0) as f64).filter(|_| buffer.length() > 0)
+    };
+    Some(batch.buffers()?.iter().filter_map(claimed).sum())
 }
 
 fn broken(path: &Path, what: &str, error: &dyn std::fmt::Display) -> Error {
