@@ -2,7 +2,7 @@
 //! higher base says the same.
 
 use super::accept::{self, Verdict};
-use super::candidate::{Candidate, Domain, Kind, Place, Shaft, TakenOf};
+use super::candidate::{Candidate, Domain, Kind, Place, TakenOf};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{Context, modulation, passage, train};
 use super::residual::Views;
@@ -107,8 +107,14 @@ pub fn standing_harmonics(candidate: &Candidate, verdict: &Verdict) -> Vec<u64> 
 /// next to the mesh is a modulation, a modulated order without a sideband is an order.
 pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
     match found.0.kind {
-        Kind::Pattern(shaft) => without_the_teeth(found, shaft, context, views, taken),
-        Kind::Train(_) => train::simpler(found, context, views, taken),
+        Kind::Pattern(shaft) => {
+            let modulations = [1, 2, 3].map(|most| modulation::candidate(context, shaft, most));
+            without_the_teeth(found, modulations, context.scene, views, taken)
+        }
+        Kind::Train(_) => {
+            let modulations = train::modulations(context, &found.0);
+            without_the_teeth(found, modulations, context.scene, views, taken)
+        }
         Kind::ModulatedPassage(_) if !has_sidebands(&found.0, &found.1) => {
             without_the_shaft(found, context, views, taken)
         }
@@ -135,14 +141,14 @@ fn without_the_shaft(
     if verdict.refused.is_none() { (alone, verdict) } else { found }
 }
 
+/// The first modulation that holds most of a pattern's power, where it passes the gate.
 fn without_the_teeth(
     found: (Candidate, Verdict),
-    shaft: Shaft,
-    context: &Context,
+    modulations: impl IntoIterator<Item = Candidate>,
+    scene: &Scene,
     views: &Views,
     taken: &TakenOf,
 ) -> (Candidate, Verdict) {
-    let scene = context.scene;
     let power = |candidate: &Candidate| -> f64 {
         let of = |r: usize, c: usize| -> f64 {
             let line = |p: &Place| views.orders.excess(r, c, 0, p.order, 2).max(0.0);
@@ -152,8 +158,7 @@ fn without_the_teeth(
     };
     let field = views.field(taken, Domain::Orders, 0..scene.searched);
     let whole = power(&found.0);
-    let shapes = [1, 2, 3].map(|most| modulation::candidate(context, shaft, most));
-    let simpler = shapes.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
+    let simpler = modulations.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
     let judged = simpler.map(|shape| (accept::judge(&shape, &field), shape));
     match judged {
         Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),

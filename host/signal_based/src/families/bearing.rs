@@ -9,9 +9,9 @@
 use crate::candidate::Shaft;
 
 /// Rolling elements of ordinary bearings.
-const ELEMENTS: std::ops::RangeInclusive<u32> = 7..=24;
+pub const ELEMENTS: std::ops::RangeInclusive<u32> = 7..=24;
 /// Ratio of element to pitch diameter times the cosine of the contact angle.
-const RATIOS: (f64, f64) = (0.12, 0.36);
+pub const RATIOS: (f64, f64) = (0.12, 0.36);
 /// Relative distance within which a base fits: with twice that, some bearing would fit any two bases.
 const FITS: f64 = 5e-4;
 /// Multiples of the cage's order that a base may be.

@@ -53,6 +53,29 @@ pub struct Pulse {
     pub share: f64,
 }
 
+impl Pulse {
+    /// Of the energy of every tooth pitch; none where nothing stands over the median.
+    pub fn of(energy: &[f64]) -> Option<Self> {
+        let teeth = energy.len();
+        let mut sorted = energy.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let median = *sorted.get(teeth / 2)?;
+        let tooth = (0..teeth).max_by(|&a, &b| energy[a].total_cmp(&energy[b]))?;
+        let above: f64 = energy.iter().map(|e| (e - median).max(0.0)).sum();
+        let near: f64 = [teeth - 1, 0, 1].iter().map(|d| (energy[(tooth + d) % teeth] - median).max(0.0)).sum();
+        (above > 0.0 && median > 0.0).then(|| Self { tooth, over_median: energy[tooth] / median, share: near / above })
+    }
+
+    /// This one, of fitted turns, if it is one tooth of so many, and the same one or its neighbour on those held out.
+    pub fn on_one_tooth(self, teeth: usize, held_out: impl FnOnce() -> Option<Self>) -> Option<Self> {
+        if self.share < ON_ONE_TOOTH || self.over_median < OVER_MEDIAN {
+            return None;
+        }
+        let is_elsewhere = |held: Self| (held.tooth + teeth + 1 - self.tooth) % teeth > 2;
+        (!held_out().is_some_and(is_elsewhere)).then_some(self)
+    }
+}
+
 /// The pulse of a shaft on some stretches, all channels.
 pub fn pulse(scene: &Scene, shaft: Shaft, stretches: impl Fn(&Split) -> &[Stretch]) -> Option<Pulse> {
     let teeth = scene.teeth[shaft as usize] as usize;
@@ -64,31 +87,19 @@ pub fn pulse(scene: &Scene, shaft: Shaft, stretches: impl Fn(&Split) -> &[Stretc
                 let mut ensembles = [RunEnsemble::default(); 2];
                 let part = &samples[stretch.samples(run.angle.per_turn[0])];
                 let averages = average::averages(part, &angle, scene.teeth, &mut ensembles);
-                add_normalised(&mut energy, &averages[shaft as usize].difference);
+                let difference = averages[shaft as usize].difference.iter().map(|x| f64::from(*x));
+                add_normalised(&mut energy, &difference.collect::<Vec<f64>>());
             }
         }
     }
-    let mut sorted = energy.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = *sorted.get(teeth / 2)?;
-    let tooth = (0..teeth).max_by(|&a, &b| energy[a].total_cmp(&energy[b]))?;
-    let above: f64 = energy.iter().map(|e| (e - median).max(0.0)).sum();
-    let near: f64 = [teeth - 1, 0, 1].iter().map(|d| (energy[(tooth + d) % teeth] - median).max(0.0)).sum();
-    (above > 0.0 && median > 0.0).then(|| Pulse { tooth, over_median: energy[tooth] / median, share: near / above })
+    Pulse::of(&energy)
 }
 
 /// Whether the shaft's pattern is one tooth: on the fitted turns, and the same tooth or its neighbour on those held
 /// out.
 pub fn is_single(scene: &Scene, shaft: Shaft) -> Option<Pulse> {
     let fitted = pulse(scene, shaft, |split| &split.fit)?;
-    if fitted.share < ON_ONE_TOOTH || fitted.over_median < OVER_MEDIAN {
-        return None;
-    }
-    let teeth = scene.teeth[shaft as usize] as usize;
-    match pulse(scene, shaft, |split| &split.held_out) {
-        Some(held) if (held.tooth + teeth + 1 - fitted.tooth) % teeth > 2 => None,
-        _ => Some(fitted),
-    }
+    fitted.on_one_tooth(scene.teeth[shaft as usize] as usize, || pulse(scene, shaft, |split| &split.held_out))
 }
 
 /// The angle of a stretch alone.
@@ -96,13 +107,14 @@ pub fn piece(angle: &Angle, stretch: Stretch) -> Angle {
     Angle { from_turn: angle.from_turn + stretch.from as f64, turns: stretch.turns, ..angle.clone() }
 }
 
-fn add_normalised(energy: &mut [f64], difference: &[f32]) {
-    let total: f64 = difference.iter().map(|x| f64::from(*x).powi(2)).sum();
+/// Adds the energy of a difference signal over one turn to that of the pitches, as shares of its whole.
+pub fn add_normalised(energy: &mut [f64], difference: &[f64]) {
+    let total: f64 = difference.iter().map(|x| x * x).sum();
     if total <= 0.0 {
         return;
     }
     let teeth = energy.len();
     for (i, x) in difference.iter().enumerate() {
-        energy[i * teeth / difference.len()] += f64::from(*x).powi(2) / total;
+        energy[i * teeth / difference.len()] += x * x / total;
     }
 }

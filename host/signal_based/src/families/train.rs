@@ -2,11 +2,10 @@
 //! the same lines.
 //!
 //! Unknowns: one complex amplitude per line. What decides between gears: which mesh the sidebands stand about, at
-//! which rate. Where another seat's family holds nearly all of the evidence and scores as well, both are named. A
-//! pattern far out whose power stands next to the mesh is a modulation.
+//! which rate. Where another seat's family holds nearly all of the evidence and scores as well, both are named.
 
 use super::Context;
-use crate::accept::{self, Verdict};
+use crate::accept::Verdict;
 use crate::candidate::{Candidate, Domain, Kind, Place, Taken, TakenOf, score};
 use crate::gearing::Gearing;
 use crate::residual::Views;
@@ -17,8 +16,6 @@ const SHARED: f64 = 0.8;
 const WITHIN: f64 = 10.0;
 /// Bins within which two lines are one here: half a main lobe.
 const ONE_LINE: f64 = 2.0;
-/// Share of a pattern's power in a modulation's lines from which it is that.
-const BESIDE_THE_MESH: f64 = 0.5;
 
 /// Every family of the train.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
@@ -98,34 +95,17 @@ pub fn rivals(candidate: &Candidate, verdict: &Verdict, context: &Context, views
     found.into_iter().map(|(_, other)| other).collect()
 }
 
-/// A tooth's pattern whose power stands in the lines of a modulation of the same gear is that, where it passes the
-/// gate as well.
-pub fn simpler(found: (Candidate, Verdict), context: &Context, views: &Views, taken: &TakenOf) -> (Candidate, Verdict) {
-    let (Kind::Train(own), Some(gearing)) = (found.0.kind, &context.scene.gearing) else { return found };
+/// Modulations of the same gear, of which a tooth's pattern may be one; none for any other family.
+pub fn modulations(context: &Context, found: &Candidate) -> Vec<Candidate> {
+    let (Kind::Train(own), Some(gearing)) = (found.kind, &context.scene.gearing) else { return Vec::new() };
     let family = gearing.family(own);
     if family.what != What::Local {
-        return found;
+        return Vec::new();
     }
-    let scene = context.scene;
-    let power = |candidate: &Candidate| -> f64 {
-        let of = |r: usize, c: usize| -> f64 {
-            let line = |p: &Place| views.orders.excess(r, c, 0, p.order, 2).max(0.0);
-            candidate.places.iter().map(line).sum::<f64>() / views.orders.floor_power(r, c).max(f64::MIN_POSITIVE)
-        };
-        (0..scene.runs.len()).flat_map(|r| (0..scene.searched).map(move |c| (r, c))).map(|(r, c)| of(r, c)).sum()
-    };
-    let whole = power(&found.0);
     let is_modulation = |other: &u16| {
         let other = gearing.family(*other);
         other.seat == family.seat && other.what == What::Modulation
     };
-    let shapes =
-        (0..gearing.families().len() as u16).filter(is_modulation).map(|other| candidate(context, gearing, other));
-    let simpler = shapes.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
-    let judged =
-        simpler.map(|shape| (accept::judge(&shape, &views.field(taken, Domain::Orders, 0..scene.searched)), shape));
-    match judged {
-        Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),
-        _ => found,
-    }
+    let all = 0..gearing.families().len() as u16;
+    all.filter(is_modulation).map(|other| candidate(context, gearing, other)).collect()
 }

@@ -4,7 +4,7 @@
 //! The fold has `POINTS` places per period; what other parts of the train leave falls with the number of periods.
 //! Limit: a set's gears are folded at one rate, without windows for single planets.
 
-use super::tooth::Pulse;
+use super::tooth::{Pulse, add_normalised};
 use crate::candidate::{Candidate, Kind};
 use crate::scene::Scene;
 use crate::split::{Split, Stretch};
@@ -13,10 +13,6 @@ use realfft::RealFftPlanner;
 
 /// Places of a fold.
 const POINTS: usize = 2048;
-/// Share of the energy above the median pitch's that one tooth and its neighbours must hold, and its energy over the
-/// median one's.
-const ON_ONE_TOOTH: f64 = 0.5;
-const OVER_MEDIAN: f64 = 2.5;
 /// Low orders of the rate, and orders beside a mesh harmonic, that are no tooth's.
 const LOW: usize = 2;
 const BESIDE: i64 = 1;
@@ -29,14 +25,7 @@ pub fn is_single(scene: &Scene, candidate: &Candidate) -> Option<Pulse> {
     }
     let pitches = (gearing.mesh_of(own) / candidate.base).round().max(1.0) as usize;
     let of = |stretches: &dyn Fn(&Split) -> Vec<Stretch>| pulse(scene, candidate.base, pitches, stretches);
-    let fitted = of(&|split| split.fit.clone())?;
-    if fitted.share < ON_ONE_TOOTH || fitted.over_median < OVER_MEDIAN {
-        return None;
-    }
-    match of(&|split| split.held_out.clone()) {
-        Some(held) if (held.tooth + pitches + 1 - fitted.tooth) % pitches > 2 => None,
-        _ => Some(fitted),
-    }
+    of(&|split| split.fit.clone())?.on_one_tooth(pitches, || of(&|split| split.held_out.clone()))
 }
 
 fn pulse(scene: &Scene, base: f64, pitches: usize, stretches: &dyn Fn(&Split) -> Vec<Stretch>) -> Option<Pulse> {
@@ -60,13 +49,7 @@ fn pulse(scene: &Scene, base: f64, pitches: usize, stretches: &dyn Fn(&Split) ->
             add_normalised(&mut energy, &difference(&mean, pitches));
         }
     }
-    let mut sorted = energy.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = *sorted.get(pitches / 2)?;
-    let tooth = (0..pitches).max_by(|&a, &b| energy[a].total_cmp(&energy[b]))?;
-    let above: f64 = energy.iter().map(|e| (e - median).max(0.0)).sum();
-    let near: f64 = [pitches - 1, 0, 1].iter().map(|d| (energy[(tooth + d) % pitches] - median).max(0.0)).sum();
-    (above > 0.0 && median > 0.0).then(|| Pulse { tooth, over_median: energy[tooth] / median, share: near / above })
+    Pulse::of(&energy)
 }
 
 /// A fold without low orders, mesh harmonics and what stands beside them.
@@ -84,15 +67,4 @@ fn difference(fold: &[f64], pitches: usize) -> Vec<f64> {
     let mut out = vec![0.0; fold.len()];
     planner.plan_fft_inverse(fold.len()).process(&mut bins, &mut out).expect("buffers have the planned lengths");
     out
-}
-
-fn add_normalised(energy: &mut [f64], difference: &[f64]) {
-    let total: f64 = difference.iter().map(|x| x * x).sum();
-    if total <= 0.0 {
-        return;
-    }
-    let pitches = energy.len();
-    for (i, x) in difference.iter().enumerate() {
-        energy[i * pitches / difference.len()] += x * x / total;
-    }
 }

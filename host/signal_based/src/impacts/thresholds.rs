@@ -66,10 +66,6 @@ pub const MULTIPLE: f64 = 2.0;
 pub const SIDEBANDS: f64 = 8.0;
 /// Power of sidebands over their carriers' from which a shaft modulates the comb as it does a turning ring.
 pub const STRONG: f64 = 0.12;
-/// Fewest and most elements of a bearing.
-pub const ELEMENTS: (f64, f64) = (7.0, 24.0);
-/// Least and largest ratio of diameters.
-pub const RATIOS: (f64, f64) = (0.12, 0.36);
 /// Share of the sum of two passages within which it is a whole number.
 pub const WHOLE: f64 = 0.003;
 /// Least order of an outer ring's passage: seven elements, ratio of diameters 0.36.

@@ -10,6 +10,7 @@
 use super::{Damage, Labelled};
 use crate::import::{self, ImportOptions, TachChoice};
 use crate::machine::bearing::{Bearing, BearingOrders};
+use crate::record::npy;
 use crate::{Error, Result};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -53,7 +54,9 @@ pub fn record(damage: Damage, level: f64, seed: u64, folder: &Path) -> Result<La
     }
     let name = format!("{damage:?}-{seed}");
     let path = folder.join(format!("{name}.npy"));
-    std::fs::write(&path, npy(&channels)).map_err(|error| Error::invalid(path.display(), error))?;
+    let samples: Vec<f64> = (0..count).flat_map(|i| channels.iter().map(move |channel| channel[i])).collect();
+    std::fs::write(&path, npy::bytes_f64(&samples, channels.len()))
+        .map_err(|error| Error::invalid(path.display(), error))?;
     let options = ImportOptions {
         title: name.clone(),
         rate_hz: Some(RATE_HZ),
@@ -159,17 +162,4 @@ fn impacts(
         let wander: f64 = StandardNormal.sample(random);
         next += interval * (1.0 + drawn.jitter * wander).max(0.1);
     }
-}
-
-/// Channels as the columns of a NumPy file.
-fn npy(channels: &[Vec<f64>]) -> Vec<u8> {
-    let rows = channels.first().map_or(0, Vec::len);
-    let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, {}), }}", channels.len());
-    // Magic, version and length are 10 bytes; the whole head is a multiple of 64.
-    let length = (head.len() + 11).next_multiple_of(64) - 10;
-    let mut out = b"\x93NUMPY\x01\x00".to_vec();
-    out.extend((length as u16).to_le_bytes());
-    out.extend(format!("{head:<width$}\n", width = length - 1).bytes());
-    (0..rows).for_each(|i| channels.iter().for_each(|channel| out.extend(channel[i].to_le_bytes())));
-    out
 }
