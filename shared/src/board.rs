@@ -22,12 +22,19 @@ pub struct Timing {
     pub highest_adc: Hertz,
     /// The same with a second sensor, each converter; `None` where there is one converter.
     pub highest_of_two: Option<Hertz>,
+    /// Most tach pulses per second: between two looks at the queue of edges the main loop's longest turn passes.
+    pub highest_pulses: Hertz,
 }
 
 impl Timing {
     /// QEMU's `mps2-an386`: no converter that could be too slow, and no second one.
-    pub const AN386: Self =
-        Self { clock: TicksPerSecond(25_000_000), period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: None };
+    pub const AN386: Self = Self {
+        clock: TicksPerSecond(25_000_000),
+        period_step: 1,
+        highest_adc: Hertz(1.0e7),
+        highest_of_two: None,
+        highest_pulses: Hertz(1.0e6),
+    };
     /// STM32F405: the converter runs on a quarter of the timer's clock and could follow 750 kHz; the highest rate is
     /// what the main loop keeps up with at two cycles per instruction, with margin (`cargo xtask pace`).
     pub const STM32F405: Self = Self {
@@ -35,6 +42,8 @@ impl Timing {
         period_step: 4,
         highest_adc: Hertz(420_000.0),
         highest_of_two: Some(Hertz(210_000.0)),
+        // 256 edges wait at most, the longest turn of the main loop is 16 ms.
+        highest_pulses: Hertz(15_000.0),
     };
 
     /// Of a node that says which board it is and what its clock is; a board not known here is bound by its clock alone.
@@ -52,7 +61,13 @@ impl Timing {
 /// clock.
 impl From<TicksPerSecond> for Timing {
     fn from(clock: TicksPerSecond) -> Self {
-        Self { clock, period_step: 1, highest_adc: Hertz(1.0e7), highest_of_two: Some(Hertz(1.0e7)) }
+        Self {
+            clock,
+            period_step: 1,
+            highest_adc: Hertz(1.0e7),
+            highest_of_two: Some(Hertz(1.0e7)),
+            highest_pulses: Hertz(1.0e7),
+        }
     }
 }
 

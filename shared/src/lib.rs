@@ -37,5 +37,7 @@ pub use dsp::{
 };
 pub use law::{data as law_data, rate_plan};
 pub use link::{frame, message, session, waveform};
-pub use node::{alarm, bandwidth_watch, buffers, capture, events, health, levels, mesh_band, safe_start, self_test};
+pub use node::{
+    alarm, bandwidth_watch, buffers, capture, events, health, levels, mesh_band, safe_start, self_test, watch,
+};
 pub use tach::{angle_filter, turn_marks};

@@ -197,8 +197,13 @@ fn stages(counter: Counter, record: &mut [f32; 4096]) {
         "gear-condition-1024",
         0,
         counter.count(|| {
-            let _ =
-                core::hint::black_box(gear_condition::of_average(average, TEETH as u16, &mut ensemble, work, split));
+            let _ = core::hint::black_box(gear_condition::of_average(
+                average,
+                TEETH as u16,
+                |run| ensemble.add(run),
+                work,
+                split,
+            ));
         }),
     );
     let mut rise = RiseTime::<256>::new(RiseTimeConfig { polarity: Polarity::Either, minimum_height: 1.0 }, 700.0);

@@ -351,7 +351,11 @@ impl Link for Board {
 
 impl Housekeeping for Board {
     fn health(&mut self) -> BoardHealth {
-        BoardHealth { supply_v: self.housekeeping.supply_v(), temperature_c: self.housekeeping.temperature_c() }
+        BoardHealth {
+            supply_v: self.housekeeping.supply_v(),
+            temperature_c: self.housekeeping.temperature_c(),
+            sensor_bias_v: self.housekeeping.sensor_bias_v(),
+        }
     }
 
     fn next_second_pulse(&mut self) -> Option<u32> {

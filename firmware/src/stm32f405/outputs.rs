@@ -45,6 +45,8 @@ pub fn light() -> StatusLight<PinC> {
 pub struct Wanted {
     /// An alarm of the node stands.
     pub alarm: bool,
+    /// The sensor is in order.
+    pub sensor_ok: bool,
     /// The sensor's supply is to be on.
     pub sensor: bool,
     /// Gain of the front end.
@@ -55,6 +57,8 @@ pub struct Wanted {
 pub struct Outputs {
     light: StatusLight<PinC>,
     alarm: AlarmOutput<PinC>,
+    /// The same driver with the sensor's state: energised while it is in order.
+    sensor_ok: AlarmOutput<PinC>,
     supply: SensorSupply<PinC>,
     gain: GainKeeper<Device<'static, PinB>>,
 }
@@ -68,6 +72,7 @@ impl Outputs {
         Self {
             light: light(),
             alarm: AlarmOutput::new(pin(pins::ALARM), ALARM, ALARM_PRACTICE, minimum),
+            sensor_ok: AlarmOutput::new(pin(pins::SENSOR_OK), ALARM, Practice::EnergisedInHealth, minimum),
             supply: SensorSupply::new(pin(pins::SENSOR_SUPPLY), SENSOR, ticks_of_ms(SENSOR_SETTLING_MS, TIMER_HZ)),
             gain: GainKeeper::new(ProgrammableGain::new(amplifier), ticks_of_ms(RETRY_MS, TIMER_HZ)),
         }
@@ -87,6 +92,7 @@ impl Outputs {
         let Ok(()) = if wanted.sensor { self.supply.switch_on(now) } else { self.supply.switch_off() };
         if !matches!(self.supply.poll(now), sensor_supply::State::Settling(_)) {
             let Ok(_) = self.alarm.update(wanted.alarm, now);
+            let Ok(_) = self.sensor_ok.update(!wanted.sensor_ok, now);
         }
         self.gain.follow(wanted.gain, now)
     }

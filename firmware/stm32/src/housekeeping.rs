@@ -1,5 +1,5 @@
-//! Supply and temperature of the chip: ADC1, started by software, of the internal reference and of the temperature
-//! sensor in turn.
+//! Supply and temperature of the chip, and the bias of the sensor behind a divider: ADC1, started by software, of the
+//! internal reference, of the temperature sensor and of PA4 in turn.
 //!
 //! The signals are ADC2's and ADC3's, so that no reading here delays one of theirs. A reading waits for nothing: each
 //! call takes the result of the one before and starts the next. Readings are averaged, because a single one of the
@@ -16,6 +16,10 @@ use crate::pac::adc1;
 pub const TEMPERATURE_CHANNEL: u8 = 16;
 /// Channel of the internal reference, ADC1 only.
 pub const REFERENCE_CHANNEL: u8 = 17;
+/// Channel of the sensor's bias, PA4.
+pub const BIAS_CHANNEL: u8 = 4;
+/// Codes of the converter's full scale.
+const FULL_SCALE: f32 = 4_096.0;
 /// Address of the reference's code; those of the temperature sensor follow.
 pub const FACTORY_CODES: u32 = 0x1fff_7a2a;
 /// Supply at which the factory codes were read, V.
@@ -70,6 +74,7 @@ pub struct Housekeeping {
     channel: u8,
     reference: Option<f32>,
     temperature: Option<f32>,
+    bias: Option<f32>,
 }
 
 impl Housekeeping {
@@ -80,10 +85,12 @@ impl Housekeeping {
         let place = |channel: u8| LONGEST_SAMPLING << (3 * (u32::from(channel) - 10));
         // SAFETY: both channels have their three bits there.
         adc.smpr1().write(|w| unsafe { w.bits(place(TEMPERATURE_CHANNEL) | place(REFERENCE_CHANNEL)) });
+        // SAFETY: as above; a divider of tens of kilohms charges the converter in that time.
+        adc.smpr2().write(|w| unsafe { w.bits(LONGEST_SAMPLING << (3 * u32::from(BIAS_CHANNEL))) });
         adc.sqr1().write(|w| w.l().set(0));
         adc.cr2().write(|w| w.adon().enabled().align().right().cont().single());
         convert(adc, REFERENCE_CHANNEL);
-        Self { calibration, channel: REFERENCE_CHANNEL, reference: None, temperature: None }
+        Self { calibration, channel: REFERENCE_CHANNEL, reference: None, temperature: None, bias: None }
     }
 
     /// Takes a complete reading and starts the next one; nothing while one is under way.
@@ -93,15 +100,24 @@ impl Housekeeping {
         }
         // Reading the result clears its flag.
         let code = f32::from(adc.dr().read().data().bits());
-        let mean = if self.channel == REFERENCE_CHANNEL { &mut self.reference } else { &mut self.temperature };
+        let (mean, next) = match self.channel {
+            REFERENCE_CHANNEL => (&mut self.reference, TEMPERATURE_CHANNEL),
+            TEMPERATURE_CHANNEL => (&mut self.temperature, BIAS_CHANNEL),
+            _ => (&mut self.bias, REFERENCE_CHANNEL),
+        };
         *mean = Some(mean.map_or(code, |mean| mean + SHARE * (code - mean)));
-        self.channel = if self.channel == REFERENCE_CHANNEL { TEMPERATURE_CHANNEL } else { REFERENCE_CHANNEL };
+        self.channel = next;
         convert(adc, self.channel);
     }
 
     /// Supply, V, once read.
     pub fn supply_v(&self) -> Option<f32> {
         self.reference.map(|code| self.calibration.supply_v(code))
+    }
+
+    /// Voltage at the input for the sensor's bias, V, once read.
+    pub fn sensor_bias_v(&self) -> Option<f32> {
+        Some(self.bias? / FULL_SCALE * self.supply_v()?)
     }
 
     /// Temperature of the chip, degrees Celsius, once read.
@@ -111,7 +127,7 @@ impl Housekeeping {
 }
 
 fn convert(adc: &adc1::RegisterBlock, channel: u8) {
-    // SAFETY: both channels exist.
+    // SAFETY: all three channels exist.
     adc.sqr3().write(|w| unsafe { w.sq1().bits(channel) });
     adc.cr2().modify(|_, w| w.swstart().start());
 }

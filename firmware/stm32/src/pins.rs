@@ -6,10 +6,12 @@
 //! | PA1 | signal, ADC3 channel 1 | analogue |
 //! | PA2 | second sensor's signal, ADC2 channel 2 | analogue |
 //! | PA3 | pulse per second, TIM5 channel 4 | pulled down |
+//! | PA4 | bias of the sensor behind a divider, ADC1 channel 4 | analogue |
 //! | PA8 | driver enable of a shared line, high while sending | low: others speak |
 //! | PA9, PA10 | link, USART1 | idle |
 //! | PB12 | select of the amplifier | high: not selected |
 //! | PB13, PB15 | clock and data to the amplifier, SPI2 | low |
+//! | PC6 | output "sensor in order" | low: not energised |
 //! | PC8 | alarm output | low: not energised |
 //! | PC9 | sensor supply | low: off |
 //! | PC12 | light, low is lit | high: dark |
@@ -24,6 +26,8 @@ use crate::pac::{gpioa, gpiob, gpioi};
 pub const DRIVER_ENABLE: u8 = 8;
 /// Pin at port B that selects the amplifier.
 pub const AMPLIFIER_SELECT: u8 = 12;
+/// Pin at port C of the output that says that the sensor is in order.
+pub const SENSOR_OK: u8 = 6;
 /// Pin at port C of the alarm output.
 pub const ALARM: u8 = 8;
 /// Pin at port C of the sensor supply.
@@ -42,12 +46,12 @@ pub fn configure(port_a: &gpioa::RegisterBlock, port_b: &gpiob::RegisterBlock, p
     port_a.pupdr().modify(|_, w| w.pupdr0().pull_up().pupdr3().pull_down().pupdr10().pull_up());
     port_a.set_reset(1 << (DRIVER_ENABLE + 16));
     port_a.moder().modify(|_, w| {
-        let w = w.moder0().alternate().moder1().analog().moder2().analog().moder3().alternate().moder8().output();
-        w.moder9().alternate().moder10().alternate()
+        let w = w.moder0().alternate().moder1().analog().moder2().analog().moder3().alternate().moder4().analog();
+        w.moder8().output().moder9().alternate().moder10().alternate()
     });
     configure_amplifier(port_b);
-    port_c.set_reset(1 << LIGHT | 1 << (ALARM + 16) | 1 << (SENSOR_SUPPLY + 16));
-    port_c.moder().modify(|_, w| w.moder8().output().moder9().output().moder12().output());
+    port_c.set_reset(1 << LIGHT | 1 << (SENSOR_OK + 16) | 1 << (ALARM + 16) | 1 << (SENSOR_SUPPLY + 16));
+    port_c.moder().modify(|_, w| w.moder6().output().moder8().output().moder9().output().moder12().output());
 }
 
 fn configure_amplifier(port: &gpiob::RegisterBlock) {

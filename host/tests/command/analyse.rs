@@ -313,7 +313,8 @@ fn ref_indicators_are_those_of_the_node_on_the_same_average() {
         let (mut work, mut split) = (vec![0.0; average.samples.len()], vec![0.0; average.samples.len()]);
         let mut ensemble = RunEnsemble::default();
         let node =
-            gear_condition::of_average(&average.samples, teeth as u16, &mut ensemble, &mut work, &mut split).unwrap();
+            gear_condition::of_average(&average.samples, teeth as u16, |run| ensemble.add(run), &mut work, &mut split)
+                .unwrap();
         let own = average.indicators;
         assert_eq!(
             [own.rms, own.crest, own.kurtosis, own.fm0, own.fm4, own.m6a, own.na4],

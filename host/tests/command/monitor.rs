@@ -37,6 +37,8 @@ pub fn status() -> Status {
         safe_rate: false,
         block: 0,
         capture: meshband::waveform::CapturePhase::Watching,
+        alerts: 0,
+        sensor: Default::default(),
     }
 }
 

@@ -5,8 +5,8 @@
 //! appended to [`Configuration`] itself, and what is appended means at its first value what was so before:
 //! configurations of older schemas are thus read by the present layout ([`crate::schema`]).
 
-use super::{CaptureConfig, LinkConfig};
-use crate::alarm::{AlarmBand, AlarmHolding};
+use super::{CaptureConfig, CodeRange, LinkConfig, SensorCheck, watch};
+use crate::alarm::{AlarmBand, AlarmHolding, AlarmMode};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
 use crate::levels::{self, LevelPoint, LocalPoint, MAX_LEVELS};
@@ -19,8 +19,9 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without
-/// levels, 4 without link, 5 without capture, 6 without second sensor, 7 without local levels.
-pub const SCHEMA: u16 = 8;
+/// levels, 4 without link, 5 without capture, 6 without second sensor, 7 without local levels, 8 without modes of
+/// alarms, codes of the front end, check of the sensor and velocity's edge.
+pub const SCHEMA: u16 = 9;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -273,6 +274,17 @@ pub struct Configuration {
     pub second: Option<SecondSensor>,
     /// Levels expected over speed of what a local fault changes; empty where none are known.
     pub local_levels: Vec<LocalPoint, MAX_LEVELS>,
+    /// Side and severity of the alarms, in their order; those behind the list's end are upper limits of severity
+    /// danger.
+    pub modes: Vec<AlarmMode, MAX_ALARMS>,
+    /// Codes between which the front end does not clip, of both sensors.
+    pub range: CodeRange,
+    /// What a sensor in order shows.
+    pub sensor_check: SensorCheck,
+    /// The sensor's state stands unseen; kept by the node as `latched` is, a host's value is ignored.
+    pub sensor_latched: bool,
+    /// Lower edge of the velocity's band, 1 to 100 Hz; 0 stands for 10.
+    pub velocity_from: Hertz,
 }
 
 /// The first field found wrong.
@@ -329,6 +341,12 @@ pub enum ConfigurationError {
     HighestOfTwo,
     /// `local_levels`
     LocalLevels,
+    /// `range`, `sensor_check` or `velocity_from`
+    Sensor,
+    /// `modes`: more of them than alarms.
+    Modes,
+    /// `tach.highest` times `tach.pulses_per_turn` is more than this board keeps up with ([`Timing::highest_pulses`]).
+    TachTooManyPulses,
 }
 
 impl ConfigurationError {
@@ -356,8 +374,8 @@ impl ConfigurationError {
             Self::Harmonics => "must be 1 to 6",
             Self::Sidebands => "must be 0 to 4",
             Self::Alarm(_) => {
-                "needs 0 <= from < to, finite raise >= clear, persistence of 1 or more, and the second sensor where \
-                 it watches that"
+                "needs 0 <= from < to, finite raise >= clear (of a low side: raise <= clear), \
+                 persistence of 1 or more, and the second sensor where it watches that"
             }
             Self::Holding => "must be 0 to 3600 s",
             Self::PassBand => "must be 0 for not declared, or 10 Hz up to limits.analogue_stop (sensor: 5 MHz)",
@@ -371,6 +389,15 @@ impl ConfigurationError {
             Self::Capture => "must be 0 for 10 kHz, or 4000 Hz to 100 kHz",
             Self::Second => "needs a sensitivity other than 0, and a band of 0 for not declared, or 10 Hz to 5 MHz",
             Self::OneConverter => "cannot be had: this board samples one channel",
+            Self::Sensor => {
+                "needs highest at least 256 codes above lowest, ordered bands (bias with a divider of 1 to \
+                 100), floor and far_below_db of 0 or more, velocity_from of 0 or 1 to 100 Hz"
+            }
+            Self::Modes => "must not be longer than the list of alarms",
+            Self::TachTooManyPulses => {
+                "times tach.pulses_per_turn must be at most what the board keeps up with, 15000 a \
+                 second on an STM32F405: lower it, or take a coarser wheel or track"
+            }
             Self::HighestOfTwo => "must be lower with a second sensor: what this board keeps up with on two channels",
         }
     }
@@ -402,6 +429,9 @@ impl ConfigurationError {
             Self::Capture => "capture.rate",
             Self::Second | Self::OneConverter => "second",
             Self::HighestOfTwo => "limits.highest_adc",
+            Self::Sensor => "range, sensor_check, velocity_from",
+            Self::Modes => "modes",
+            Self::TachTooManyPulses => "tach.highest",
         }
     }
 }
@@ -448,13 +478,18 @@ impl Default for Configuration {
             capture: CaptureConfig::default(),
             second: None,
             local_levels: Vec::new(),
+            modes: Vec::new(),
+            range: CodeRange::default(),
+            sensor_check: SensorCheck::default(),
+            sensor_latched: false,
+            velocity_from: Hertz(0.0),
         }
     }
 }
 
 impl Configuration {
     /// Upper bound of the postcard form, bytes.
-    pub const MAX_SERIALISED: usize = 1152;
+    pub const MAX_SERIALISED: usize = 1216;
 
     /// Writes the postcard form to the beginning of `room`: how many bytes, or `None` where they do not fit. One copy
     /// of its code in an image.
@@ -487,6 +522,11 @@ impl Configuration {
         if let RatePolicy::Forced { rate } = self.policy {
             self.policy = RatePolicy::Forced { rate: lowered(rate) };
         }
+        let pulses = f32::from(self.tach.pulses_per_turn.max(1));
+        if self.tach.highest.0 * pulses > board.highest_pulses.0 {
+            // Rounded down, so that the product stays below.
+            self.tach.highest = Hertz(board.highest_pulses.0 / pulses * (1.0 - 1e-6));
+        }
     }
 
     /// Checks every field against its range and the board.
@@ -508,6 +548,7 @@ impl Configuration {
         let (lowest, highest) = (tach.lowest.0, tach.highest.0);
         ensure(lowest >= 0.01 && lowest < highest && highest <= 1000.0, E::TachRange)?;
         ensure(highest * f32::from(tach.pulses_per_turn) * 4.0 <= clock_hz as f32, E::TachTooFastForClock)?;
+        ensure(highest * f32::from(tach.pulses_per_turn) <= board.highest_pulses.0, E::TachTooManyPulses)?;
         ensure(is_sensitivity(self.sensor.acceleration_per_code), E::Sensitivity)?;
         let (stop, adc) = (self.limits.analogue_stop.0, self.limits.highest_adc.0);
         ensure((LOWEST_ADC_HZ / 2.0..=5.0e6).contains(&stop), E::AnalogueStop)?;
@@ -521,8 +562,11 @@ impl Configuration {
         ensure(self.mesh.sidebands <= MAX_SIDEBANDS as u8, E::Sidebands)?;
         for (index, alarm) in self.alarms.iter().enumerate() {
             let watches_something = self.second.is_some() || !alarm.watched.is_of_second();
-            ensure(alarm.is_sane() && watches_something, E::Alarm(index as u8))?;
+            let side = AlarmMode::of(&self.modes, index).side;
+            ensure(alarm.is_sane(side) && watches_something, E::Alarm(index as u8))?;
         }
+        ensure(self.modes.len() <= self.alarms.len(), E::Modes)?;
+        ensure(watch::are_sane(self.range, &self.sensor_check, self.velocity_from), E::Sensor)?;
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
         ensure(levels::are_sane(&self.levels), E::Levels)?;

@@ -7,7 +7,9 @@ mod configuration;
 mod link;
 pub mod schema;
 pub mod store;
+mod watch;
 
 pub use capture::{CaptureConfig, CaptureRate};
 pub use configuration::*;
 pub use link::*;
+pub use watch::*;

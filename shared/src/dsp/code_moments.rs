@@ -8,18 +8,11 @@
 //!
 //! Cost (Cortex-M4F): about 24 instructions per code taken.
 
+use crate::config::CodeRange;
 use crate::math;
 
 /// Codes summed in single precision.
 const RUN: usize = 64;
-/// Codes between the rails: all but the lowest one, and but the highest of a 12-bit converter and what lies above it.
-const USABLE: u16 = 0xffef;
-
-/// Whether a code is at either end of the converter's range.
-pub(crate) const fn is_railed(code: u16) -> bool {
-    code.wrapping_sub(1) >= USABLE
-}
-
 /// Sums under way.
 #[derive(Clone, Copy, Debug)]
 pub struct CodeMoments {
@@ -35,6 +28,10 @@ pub struct CodeMoments {
     highest: u16,
     codes: u32,
     railed: u32,
+    /// What is not clipped, in force.
+    range: CodeRange,
+    /// Draws places within a step.
+    draw: u32,
 }
 
 /// What a record of codes comes to, in codes.
@@ -48,7 +45,7 @@ pub struct CodeValues {
     pub peak: f32,
     /// m4 / m2^2; 0 for a constant.
     pub kurtosis: f32,
-    /// Codes at a rail.
+    /// Codes clipped.
     pub railed: u32,
     /// Codes in all.
     pub codes: u32,
@@ -62,9 +59,10 @@ impl CodeValues {
 }
 
 impl CodeMoments {
-    /// Nothing yet; `centre` is the code that the mean is expected at.
-    pub const fn about(centre: u16) -> Self {
-        Self { centre, duration: 0.0, weight: 0.0, sums: [0.0; 4], lowest: u16::MAX, highest: 0, codes: 0, railed: 0 }
+    /// Nothing yet; `centre` is the code that the mean is expected at, `range` what is not clipped, in force.
+    pub const fn about(centre: u16, range: CodeRange) -> Self {
+        let (duration, weight, sums) = (0.0, 0.0, [0.0; 4]);
+        Self { centre, duration, weight, sums, lowest: u16::MAX, highest: 0, codes: 0, railed: 0, range, draw: 1 }
     }
 
     /// Duration of what was added, ticks.
@@ -72,7 +70,8 @@ impl CodeMoments {
         self.duration
     }
 
-    /// Adds codes that were taken with a period, every `step`-th of them (at least 1).
+    /// Adds codes that were taken with a period, of each `step` of them (at least 1) one: which one is drawn, because
+    /// every `step`-th would be a strobe on what repeats with it.
     pub fn add(&mut self, codes: &[u16], period_ticks: u32, step: usize) {
         let step = step.max(1);
         let mut sums = [0.0f64; 4];
@@ -96,11 +95,11 @@ impl CodeMoments {
 
     /// Sums of the powers of one run; notes extremes and rails.
     fn powers(&mut self, run: &[u16], step: usize) -> [f32; 4] {
-        let centre = i32::from(self.centre);
+        let (centre, range) = (i32::from(self.centre), self.range);
         let (mut lowest, mut highest) = (self.lowest, self.highest);
         let (mut first, mut railed) = (0i32, 0u32);
         let mut powers = [0.0f32; 3];
-        for &code in run.iter().step_by(step) {
+        let mut take = |code: u16| {
             // Comparisons, not min and max: those are library calls on the node.
             if code < lowest {
                 lowest = code;
@@ -108,7 +107,7 @@ impl CodeMoments {
             if code > highest {
                 highest = code;
             }
-            railed += u32::from(is_railed(code));
+            railed += u32::from(range.is_beyond(code));
             let offset = i32::from(code) - centre;
             first += offset;
             let x = offset as f32;
@@ -116,8 +115,20 @@ impl CodeMoments {
             powers[0] += square;
             powers[1] += square * x;
             powers[2] += square * square;
+        };
+        let mut draw = self.draw;
+        if step == 1 {
+            run.iter().for_each(|&code| take(code));
+        } else {
+            for group in run.chunks(step) {
+                // Numerical Recipes' generator; its upper bits.
+                draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                if let Some(&code) = group.get(((draw >> 16) as usize * group.len()) >> 16) {
+                    take(code);
+                }
+            }
         }
-        (self.lowest, self.highest) = (lowest, highest);
+        (self.lowest, self.highest, self.draw) = (lowest, highest, draw);
         self.railed = self.railed.saturating_add(railed);
         [first as f32, powers[0], powers[1], powers[2]]
     }
@@ -144,6 +155,7 @@ impl CodeMoments {
 
     /// The next record, about this one's mean.
     pub fn next(&self) -> Self {
-        Self::about(self.values().map_or(self.centre, |values| (values.mean + 0.5) as u16))
+        let centre = self.values().map_or(self.centre, |values| (values.mean + 0.5) as u16);
+        Self { draw: self.draw, ..Self::about(centre, self.range) }
     }
 }

@@ -7,7 +7,7 @@
 //! The regular signal itself is not needed: its power is that of its lines. Cost: two FFTs and two inverse ones,
 //! about 0.35 M instructions for 1024 samples, once per average.
 
-use crate::indicators::{Moments, RunEnsemble, fm0_of};
+use crate::indicators::{Moments, fm0_of};
 use crate::message::GearIndicators;
 use crate::spectrum::{SpectrumError, real_fft};
 use crate::tsa::{self, RegularLines};
@@ -17,15 +17,15 @@ const SHAFT_ORDERS: u16 = 2;
 /// Sidebands on each side that the difference signal lacks.
 const SIDEBANDS: u16 = 1;
 
-/// Indicators of one average of the pinion. `work` and `split` are as long as `average` and overwritten; the ensemble
-/// takes the run in. Time and turns of the result are the caller's to fill.
+/// Indicators of one average of the pinion. `work` and `split` are as long as `average` and overwritten; `na4` gives
+/// the indicator of the residual's moments against an ensemble. Time and turns of the result are the caller's to fill.
 ///
 /// # Errors
 /// Lengths that differ, or no supported power of two.
 pub fn of_average(
     average: &[f32],
     pinion_teeth: u16,
-    ensemble: &mut RunEnsemble,
+    na4: impl FnOnce(&Moments) -> f32,
     work: &mut [f32],
     split: &mut [f32],
 ) -> Result<GearIndicators, SpectrumError> {
@@ -52,7 +52,7 @@ pub fn of_average(
         fm0: fm0.unwrap_or(0.0),
         fm4: difference.kurtosis,
         m6a: difference.sixth,
-        na4: ensemble.add(&residual),
+        na4: na4(&residual),
         ..GearIndicators::default()
     })
 }

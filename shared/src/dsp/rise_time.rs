@@ -15,8 +15,10 @@
 //! rise time.
 //!
 //! Limits: an edge must be shorter than about 0.4 `WINDOW`, and is known when 0.6 of its rise time have passed after
-//! it. Noise makes a slope look steeper and its edge shorter: by up to 3 % at a noise of 0.5 % of the height (RMS)
-//! and 10 samples per edge.
+//! it. Noise makes a slope look steeper and its edge shorter: by up to 3 % at a noise of 0.5 % of the height (RMS) and
+//! 10 samples per edge. Noise is measured on the same samples, by second differences in the quietest quarter of runs of
+//! [`RUN`] ([`RiseTimeResult::noise`]); above [`MOST_NOISE`] of the height there is no result, because what is left
+//! after the shortest have been refused is biased.
 //!
 //! 10-90 % convention: IEEE Std 181. Cost (Cortex-M4F in QEMU): about 140 instructions per sample, amortised O(1),
 //! and some thousands per timed edge, of which a pitch has few: meant for snapshots, not for a continuous stream.
@@ -49,6 +51,18 @@ const ROUNDED: f32 = 1.2;
 const UNRESOLVED: u32 = 4;
 /// Shortest lobe of a resolved edge, spans.
 const SHORTEST_LOBE: u32 = 5;
+
+/// Samples whose second differences are taken together, and the share of such runs that are quieter than the noise
+/// told.
+const RUN: u32 = 32;
+const QUIET: f32 = 0.25;
+/// How fast a quantile is found, relative per value.
+const QUIET_STEP: f32 = 0.15;
+/// Mean square of a second difference of white noise over its variance.
+const SECOND_DIFFERENCE: f32 = 6.0;
+/// Noise over the median height, as told, above which edges are cut short: at a true 1.2 % the median of ten samples
+/// per edge is 10 % off (tests).
+pub const MOST_NOISE: f32 = 0.0105;
 
 /// Direction of the timed edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -92,6 +106,8 @@ pub struct RiseTimeResult {
     pub deviation_samples: f32,
     /// Teeth in the median.
     pub count: u16,
+    /// Noise of the samples over the median height, RMS.
+    pub noise: f32,
 }
 
 impl RiseTimeResult {
@@ -115,6 +131,11 @@ pub enum RiseTimeRefusal {
     TooCoarse {
         /// Samples between 10 and 90 %.
         samples_per_edge: f32,
+    },
+    /// The noise would cut edges short.
+    Noisy {
+        /// Noise over the median height, RMS.
+        noise: f32,
     },
 }
 
@@ -144,6 +165,12 @@ pub struct RiseTime<const WINDOW: usize> {
     best: Option<Edge>,
     pitch_left: f32,
     teeth: [f32; TEETH],
+    /// Median height of the edges, followed by small steps; 0 before the first.
+    height: f32,
+    /// Mean square of the second differences in the quietest quarter of runs, 0 before the first; sum of the run under
+    /// way.
+    quiet: f32,
+    run: (f32, u32),
     counted: u32,
     /// Pitches without an edge.
     empty: u32,
@@ -165,6 +192,9 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
             best: None,
             pitch_left: pitch_samples,
             teeth: [0.0; TEETH],
+            height: 0.0,
+            quiet: 0.0,
+            run: (0.0, 0),
             counted: 0,
             empty: 0,
             too_long: 0,
@@ -197,6 +227,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         self.newest = if self.newest + 1 >= WINDOW { 0 } else { self.newest + 1 };
         self.samples[self.newest] = sample;
         self.held = (self.held + 1).min(WINDOW);
+        self.follow_noise();
         self.lobe.peak_age = self.lobe.peak_age.saturating_add(1);
         self.lobe.length = self.lobe.length.saturating_add(1);
         if let Some(best) = &mut self.best {
@@ -207,6 +238,20 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         }
         self.pitch_left -= 1.0;
         if self.pitch_left > 0.0 { None } else { self.end_pitch() }
+    }
+
+    #[inline]
+    fn follow_noise(&mut self) {
+        if self.held < 3 {
+            return;
+        }
+        let second = self.back(0) - 2.0 * self.back(1) + self.back(2);
+        self.run = (self.run.0 + second * second, self.run.1 + 1);
+        if self.run.1 == RUN {
+            let square = self.run.0 / RUN as f32;
+            self.run = (0.0, 0);
+            self.quiet = quantile_step(self.quiet, square, QUIET);
+        }
     }
 
     fn follow(&mut self) {
@@ -258,6 +303,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         match edge {
             Some(edge) => {
                 self.teeth[self.counted as usize % TEETH] = edge.rise_samples;
+                self.height = quantile_step(self.height, edge.height.abs(), 0.5);
                 self.counted = self.counted.wrapping_add(1);
                 if self.counted.is_multiple_of(ADAPT_EVERY) {
                     self.adapt_span();
@@ -367,14 +413,30 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         let Some(median) = math::median(teeth) else {
             return Err(RiseTimeRefusal::NoEdges);
         };
+        let noise = if self.height > 0.0 { math::sqrt(self.quiet / SECOND_DIFFERENCE) / self.height } else { 0.0 };
         if median < FEWEST_SAMPLES_PER_EDGE {
             return Err(RiseTimeRefusal::TooCoarse { samples_per_edge: median });
+        }
+        if noise > MOST_NOISE {
+            return Err(RiseTimeRefusal::Noisy { noise });
         }
         for rise in teeth.iter_mut() {
             *rise = (*rise - median).abs();
         }
         let deviation = math::median(teeth).unwrap_or(0.0);
-        Ok(RiseTimeResult { samples_per_edge: median, deviation_samples: deviation, count: count as u16 })
+        Ok(RiseTimeResult { samples_per_edge: median, deviation_samples: deviation, count: count as u16, noise })
+    }
+}
+
+/// One more value for a quantile that is followed by small steps, 0 before the first value: it rests where the share
+/// lies below it.
+fn quantile_step(quantile: f32, value: f32, share: f32) -> f32 {
+    if quantile == 0.0 {
+        value
+    } else if value < quantile {
+        quantile * (1.0 - QUIET_STEP * (1.0 - share))
+    } else {
+        quantile * (1.0 + QUIET_STEP * share)
     }
 }
 

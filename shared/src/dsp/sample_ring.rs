@@ -1,6 +1,6 @@
 //! The latest samples of a long time in little memory: blocks with a common exponent, the oldest overwritten.
 //!
-//! Core-coupled memory beside the stack has room for 22 KB. Two seconds at 10 kHz and more therefore get little over
+//! Core-coupled memory beside the stack has room for 21 KB. Two seconds at 10 kHz and more therefore get little over
 //! eight bits a sample: 32 samples share a power of two, each is a signed byte times it. The error is at most 1/127
 //! of the largest of its block and 1/32 of a 16-bit code; against the same samples at 12 bits a loud block is
 //! coarser, a quiet one finer, since decimated samples are finer than the converter's steps. The whole of the
@@ -14,8 +14,8 @@ use crate::math;
 pub const BLOCK: usize = 32;
 /// Bytes of a block: its exponent, then its samples.
 pub const BLOCK_BYTES: usize = BLOCK + 1;
-/// Blocks held: 2 s at 10.9 kHz.
-pub const BLOCKS: usize = 682;
+/// Blocks held: 2 s at 10.24 kHz.
+pub const BLOCKS: usize = 640;
 /// Units of the samples per code of 16 bit.
 pub const UNITS_PER_CODE: f32 = 16.0;
 

@@ -25,7 +25,7 @@
 //! RAM: 12 bytes per point and harmonic, 1.7 KiB for the pitches and their window; flash 3 KiB of window table.
 
 use crate::math;
-use crate::spectrum::{self, Line, read_line};
+use crate::spectrum::{self, Line};
 use crate::window::Window;
 use microfft::Complex32;
 
@@ -378,29 +378,24 @@ impl<const POINTS: usize, const HARMONICS: usize> MeshZoom<POINTS, HARMONICS> {
         band.get((POINTS as i32 / 2 + offset_bins) as usize).map(|&power| math::sqrt(power))
     }
 
-    /// The line nearest to an order offset from a harmonic: highest of the bins within one bin, interpolated.
+    /// The line at an order offset from a harmonic, read where it must lie: the nearest bin, and what the window shows
+    /// there of a line at the place. Places are known in the order domain; a search would climb the skirt of a stronger
+    /// neighbour.
     ///
-    /// `bin` of the result is the offset in bins from the harmonic. With a rectangular window the bin itself is read:
-    /// that window is meant for lines on bins.
+    /// `bin` of the result is the offset in bins from the harmonic. `None` outside the band. Two lines nearer than the
+    /// window's main lobe cannot be told apart ([`MeshZoom::is_one`]).
     pub fn line(&self, harmonic: usize, order_offset: f32) -> Option<Line> {
-        let expected = math::round(order_offset * f32::from(self.config.turns)) as i32;
-        let at = |bin: i32| self.amplitude(harmonic, bin);
-        if self.config.window == Window::Rectangular {
-            return Some(Line { bin: expected as f32, amplitude: at(expected)? });
-        }
-        let mut peak = expected;
-        for bin in [expected - 1, expected + 1] {
-            if at(bin)? > at(peak)? {
-                peak = bin;
-            }
-        }
-        // The skirts of a line carry the droop of the line's place, not of theirs: undo their correction to read the
-        // place.
-        let droop = self.droop(peak as f32);
-        let skirt = |bin: i32| Some(at(bin)? * self.droop(bin as f32) / droop);
-        let line = read_line(&[skirt(peak - 1)?, at(peak)?, skirt(peak + 1)?], 1, self.config.window)?;
-        let bin = line.bin - 1.0 + peak as f32;
-        Some(Line { bin, amplitude: line.amplitude * droop / self.droop(bin) })
+        let place = order_offset * f32::from(self.config.turns);
+        let bin = math::round(place);
+        let amplitude = self.amplitude(harmonic, bin as i32)?;
+        // The bin carries the droop of the line's place, and was corrected for its own.
+        let seen = self.config.window.response(place - bin) * self.droop(place) / self.droop(bin);
+        Some(Line { bin: place, amplitude: amplitude / seen })
+    }
+
+    /// Whether lines so many orders apart are one to a record: nearer than two bins.
+    pub fn is_one(&self, orders_apart: f32) -> bool {
+        orders_apart.abs() * f32::from(self.config.turns) < 2.0 - 1e-3
     }
 
     /// Sidebands +-1..=`COUNT` of one shaft around a harmonic, -`COUNT` first; `shaft_order` is 1 for the pinion and

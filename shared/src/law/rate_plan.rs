@@ -119,6 +119,12 @@ impl RatePlan {
     /// Grants the lowest rate of the timer that is not below the wanted output rate. Undefined or absurd wishes get the
     /// highest rate.
     pub fn grant(&mut self, wanted: Hertz) -> RateGrant {
+        self.grant_up_to(wanted, self.limits.highest_adc)
+    }
+
+    /// As [`RatePlan::grant`], of ADC rates up to `calm` where there is one that the filter allows and the wish leaves:
+    /// a stage less then gives a higher output rate than is asked for.
+    pub fn grant_up_to(&mut self, wanted: Hertz, calm: Hertz) -> RateGrant {
         let floor = self.lowest_adc().0.min(self.limits.highest_adc.0);
         let sane = wanted.0 > 0.0 && wanted.0 <= self.limits.highest_adc.0;
         let target = if sane { wanted.0 } else { self.limits.highest_adc.0 };
@@ -131,11 +137,13 @@ impl RatePlan {
             Some(present) if fits(present) => present,
             _ => (0..MAX_STAGES).find(|&k| target * power_of_two(k) >= floor).unwrap_or(MAX_STAGES),
         };
+        let calmer = target * power_of_two(stages) > calm.0 && stages > 0 && floor <= calm.0;
+        let stages = if calmer { stages - 1 } else { stages };
         self.stages = Some(stages);
         let adc = (target * power_of_two(stages)).max(floor).min(self.limits.highest_adc.0);
         let period = self.longest_period(adc).max(self.shortest_period());
         let granted = self.rate(period);
-        let limited = !sane || adc != target * power_of_two(stages) || granted < adc;
+        let limited = !sane || (!calmer && adc != target * power_of_two(stages)) || granted < adc;
         self.describe(wanted, period, stages, limited)
     }
 

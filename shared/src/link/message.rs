@@ -21,7 +21,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 11;
+pub const WIRE_SCHEMA: u8 = 12;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -229,6 +229,21 @@ pub struct Status {
     pub alarms: AlarmState,
     /// What the node does about waveforms.
     pub capture: CapturePhase,
+    /// Alarms of severity alert, one bit each: they stand in `alarms` as the others do, and do not move the output.
+    pub alerts: u8,
+    /// State of the sensor.
+    pub sensor: SensorStatus,
+}
+
+/// State of the sensor: whether what it gives can be the machine's ([`crate::watch`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SensorStatus {
+    /// What the latest record has against it, [`crate::watch::reason`].
+    pub reasons: u16,
+    /// It is not in order, or was not and that is latched.
+    pub standing: bool,
+    /// Standing and not acknowledged.
+    pub unseen: bool,
 }
 
 /// What bounds the available bandwidth.
@@ -254,7 +269,7 @@ pub struct AlarmState {
     pub standing: u8,
     /// Standing and not acknowledged.
     pub unseen: u8,
-    /// The signal is clipped or does not move.
+    /// The state of the sensor stands: it is not in order, or was not and that is latched.
     pub signal_bad: bool,
 }
 
@@ -296,6 +311,9 @@ pub struct Spectrum {
     pub slowest_hz: f32,
     /// Fastest turn of the record, Hz.
     pub fastest_hz: f32,
+    /// Sidebands of pinion and gear that the record cannot tell apart, a bit for each in the order of a band's lists:
+    /// what is told of one is told of the other, too.
+    pub inseparable: [u8; 2],
 }
 
 /// Where a line of a wideband spectrum may come from.
@@ -375,7 +393,7 @@ pub struct GearIndicators {
     pub fm4: f32,
     /// M6A of the difference signal.
     pub m6a: f32,
-    /// NA4 of the residual signal against all averages since the configuration.
+    /// NA4 of the residual signal against what is expected of it at this speed; not a number where nothing is.
     pub na4: f32,
     /// Sideband energy ratio of the gear shaft at the first mesh harmonic, of the latest mesh-band record.
     pub gear_sideband_energy_ratio: f32,
@@ -416,7 +434,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Whether the value says something of the machine; only such values raise alarms.
+    /// Whether nothing is wrong with the record; what a value of another one may do is [`crate::watch::use_of`]'s.
     pub fn is_good(&self) -> bool {
         !(self.overload || self.gap || self.settling || self.stuck)
     }
@@ -478,6 +496,9 @@ pub struct Indicators {
     pub second: Option<ChannelValues>,
     /// From the expected levels of what a local fault changes, likewise.
     pub local_departures: LocalDepartures,
+    /// Phases of the shaft orders are against a mark of the wheel, the same after every start; otherwise against an
+    /// arbitrary angle of this lock.
+    pub absolute_phase: bool,
 }
 
 impl Indicators {

@@ -90,7 +90,8 @@ impl<A: Arrays> Session<A> {
     pub fn begin(&mut self, identity: Identity) {
         self.node.begin();
         self.node.set_identity(identity);
-        self.test = SelfTestRun::at_start(self.node.clock(), self.node.check_mathematics());
+        let range = self.node.configuration().range;
+        self.test = SelfTestRun::at_start(self.node.clock(), self.node.check_mathematics()).with_range(range);
         self.node.set_self_test(self.test.result());
     }
 
@@ -245,7 +246,8 @@ impl<A: Arrays> Session<A> {
         }
         self.commit |= matches!(request, Request::CommitConfiguration);
         if matches!(request, Request::SelfTest) && !self.test.is_recent(self.node.clock()) {
-            self.test = SelfTestRun::again(self.node.check_mathematics());
+            let range = self.node.configuration().range;
+            self.test = SelfTestRun::again(self.node.check_mathematics()).with_range(range);
             self.node.set_self_test(self.test.result());
         }
         let reply = self.node.on_request(request);

@@ -215,10 +215,10 @@ registers! {
             = |v| v.alarms.raised.into();
         65 Word "standing" [""] "one bit per alarm: raised, or latched" = |v| v.alarms.standing.into();
         66 Word "unseen" [""] "one bit per alarm: standing and not acknowledged" = |v| v.alarms.unseen.into();
-        67 Word "signal_bad" [""] "1: the signal is clipped or does not move" = |v| v.alarms.signal_bad.into();
-        68 Word "any_standing" [""]
-            "1: any alarm stands, that of the signal included where it is watched; as the alarm output"
-            = |v| v.alarm_stands.into();
+        67 Word "signal_bad" [""] "1: the sensor is not in order, or was not and that is \
+            latched" = |v| v.alarms.signal_bad.into();
+        68 Word "any_standing" [""] "1: any alarm stands, that of the signal included where it is watched; as \
+            the alarm output" = |v| v.alarm_stands.into();
     }
     "values" {
         96 Word "age" ["s"] "since the record of the values was complete; 65535: none yet, or older"
@@ -353,12 +353,12 @@ registers! {
         274 Float "fm0" [""] "FM0; 0 without mesh lines" = |v| v.bank.gear.float(|g| g.fm0);
         276 Float "fm4" [""] "FM4" = |v| v.bank.gear.float(|g| g.fm4);
         278 Float "m6a" [""] "M6A" = |v| v.bank.gear.float(|g| g.m6a);
-        280 Float "na4" [""] "NA4 against all averages since the configuration" = |v| v.bank.gear.float(|g| g.na4);
-        282 Float "gear_sideband_energy_ratio" [""] "sideband energy ratio of the gear at the first mesh harmonic"
-            = |v| v.bank.gear.float(|g| g.gear_sideband_energy_ratio);
-        284 Float "pinion_sideband_energy_ratio" [""]
-            "sideband energy ratio of the pinion at the first mesh harmonic, of the latest values"
-            = |v| v.bank.values.float(|i| i.sideband_energy_ratio);
+        280 Float "na4" [""] "NA4 against what is expected of the residual at this speed; not a number where \
+            nothing is" = |v| v.bank.gear.float(|g| g.na4);
+        282 Float "gear_sideband_energy_ratio" [""] "sideband energy ratio of the gear at the first mesh \
+            harmonic" = |v| v.bank.gear.float(|g| g.gear_sideband_energy_ratio);
+        284 Float "pinion_sideband_energy_ratio" [""] "sideband energy ratio of the pinion at the first mesh \
+            harmonic, of the latest values" = |v| v.bank.values.float(|i| i.sideband_energy_ratio);
     }
     "measured bandwidth" {
         304 Word "age" ["s"] "since the timing of the edges was complete; 65535: none yet, or older"
@@ -453,7 +453,12 @@ pub const INPUTS: &[Bit] = &[
     Bit { address: 0, count: 8, name: "standing", meaning: "alarm 1 to 8 is raised, or latched" },
     Bit { address: 8, count: 8, name: "raised", meaning: "the value of alarm 1 to 8 is beyond its limit" },
     Bit { address: 16, count: 8, name: "unseen", meaning: "alarm 1 to 8 stands and is not acknowledged" },
-    Bit { address: 24, count: 1, name: "signal_bad", meaning: "the signal is clipped or does not move" },
+    Bit {
+        address: 24,
+        count: 1,
+        name: "signal_bad",
+        meaning: "the sensor is not in order, or was not and that is latched",
+    },
     Bit { address: 25, count: 1, name: "any_standing", meaning: "any alarm stands; as the alarm output" },
     Bit { address: 26, count: 1, name: "speed_locked", meaning: "the latest status has a locked speed" },
     Bit {

@@ -30,6 +30,10 @@ const PERSISTENCE: u8 = 3;
 /// Fewest teeth for a result.
 const FEWEST_TEETH: u16 = 5;
 
+/// Relative uncertainty of a rise time by noise over height, where the estimator gives a result: two crossings of an
+/// edge whose slope is 0.85 heights per rise time scatter by 1.7, and the median is drawn by as much again.
+const NOISE_TO_RISE: f32 = 3.4;
+
 /// How the verdict changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
@@ -48,6 +52,8 @@ pub struct BandwidthWatch {
     law_hz: f32,
     departed: bool,
     streak: u8,
+    /// Noise of the latest result over its height.
+    noise: f32,
 }
 
 impl Default for BandwidthWatch {
@@ -59,6 +65,7 @@ impl Default for BandwidthWatch {
             law_hz: 0.0,
             departed: false,
             streak: 0,
+            noise: 0.0,
         }
     }
 }
@@ -95,9 +102,10 @@ impl BandwidthWatch {
         self.samples_left == 0
     }
 
-    /// The measurement's result; `None` for too few teeth or edges too short for the rate.
-    pub fn result(&self) -> Option<MeasuredBandwidth> {
+    /// The measurement's result; `None` for too few teeth, edges too short for the rate, or too much noise.
+    pub fn result(&mut self) -> Option<MeasuredBandwidth> {
         let result = self.estimator.result().ok().filter(|result| result.count >= FEWEST_TEETH)?;
+        self.noise = result.noise;
         Some(MeasuredBandwidth {
             rise_s: result.seconds(self.rate_hz),
             deviation_s: result.deviation_samples / self.rate_hz,
@@ -111,7 +119,8 @@ impl BandwidthWatch {
     /// Judges a result against the law's uncertainty; a change of the verdict.
     pub fn judge(&mut self, measured: &MeasuredBandwidth, config: &Configuration) -> Option<Verdict> {
         let departure = math::ln(measured.bandwidth_hz / measured.law_hz).abs();
-        let departs = departure > DEPARTURE + 2.0 * config.law.relative_uncertainty;
+        let uncertainty = math::hypot(config.law.relative_uncertainty, NOISE_TO_RISE * self.noise);
+        let departs = departure > DEPARTURE + 2.0 * uncertainty;
         self.streak = if departs == self.departed { 0 } else { self.streak + 1 };
         if self.streak < PERSISTENCE {
             return None;

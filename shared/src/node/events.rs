@@ -80,23 +80,27 @@ pub enum EventKind {
     CaptureHeld,
     /// A trigger found another waveform begun or held; detail is how many have so far.
     CaptureMissed,
+    /// Tach edges come as of a shaft faster than `tach.highest`: what is told as speed is a fraction of it.
+    TachTooFast,
+    /// The tach is locked and no mesh-band record becomes complete; detail is the seconds since the last one.
+    NoRecords,
 }
 
 /// Bit of a detail that tells the second sensor's input from the first one's.
 pub const OF_SECOND: u32 = 1 << 31;
 
 /// Number of event kinds.
-pub const EVENT_KINDS: usize = EventKind::CaptureMissed as usize + 1;
+pub const EVENT_KINDS: usize = EventKind::NoRecords as usize + 1;
 
 const _: () = assert!(EVENT_KINDS <= MAX_EVENT_COUNTS);
 
 /// Events kept.
-pub const KEPT: usize = 32;
+pub const KEPT: usize = 40;
 /// Events kept of one kind, and new ones of one kind per second: every alarm can speak at once.
 pub const QUOTA: usize = crate::config::MAX_ALARMS;
 
 // There is always a kind with a second entry to give up; places are bits of a word.
-const _: () = assert!(EVENT_KINDS < KEPT && KEPT <= 32);
+const _: () = assert!(EVENT_KINDS < KEPT && KEPT <= 64);
 
 /// One event, possibly repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,7 +124,7 @@ pub struct EventLog {
     kept: Vec<Event, KEPT>,
     counters: [u32; EVENT_KINDS],
     /// Entries not yet reported over the link, by place.
-    unreported: u32,
+    unreported: u64,
     /// Ticks within which equal events are one.
     second: u64,
 }
@@ -150,6 +154,9 @@ impl EventLog {
             entry.count = entry.count.saturating_add(1);
             return;
         }
+        // One line per entry, so that a storm does not fill the probe's buffer either.
+        #[cfg(feature = "defmt")]
+        defmt::info!("{} {=u32}", kind, detail);
         self.make_room(kind);
         let event = Event { kind, detail, first_tick: tick, last_tick: tick, count: 1 };
         if self.kept.push(event).is_ok() {
@@ -193,7 +200,7 @@ impl EventLog {
 
     /// Marks all kept events for the link again.
     pub fn report_all(&mut self) {
-        self.unreported = ((1u64 << self.kept.len()) - 1) as u32;
+        self.unreported = (1 << self.kept.len()) - 1;
     }
 
     /// Oldest event not yet taken for the link.

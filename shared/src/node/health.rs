@@ -33,6 +33,8 @@ pub struct BoardHealth {
     pub supply_v: Option<f32>,
     /// Temperature of the chip, degrees Celsius.
     pub temperature_c: Option<f32>,
+    /// Voltage at the input for a sensor's bias, behind its divider, V.
+    pub sensor_bias_v: Option<f32>,
 }
 
 /// The node as a device.
@@ -56,6 +58,8 @@ pub struct Health {
     pub second_pulse: Option<SecondPulse>,
     /// Time of day; none until a host has told it.
     pub wall_time: Option<WallTime>,
+    /// Bias at the sensor itself, V; none without a divider for it.
+    pub sensor_bias_v: Option<f32>,
 }
 
 /// A change worth an event.
@@ -118,6 +122,12 @@ impl<A: Arrays> Node<A> {
         self.wall_clock.set(self.lifetime().0, told);
     }
 
+    /// Bias at the sensor itself, V.
+    fn sensor_bias_v(&self) -> Option<f32> {
+        let divider = self.config.sensor_check.bias_divider;
+        self.board_health.sensor_bias_v.filter(|_| divider > 0.0).map(|volts| volts * divider)
+    }
+
     /// The node as a device, at the latest tick known.
     pub fn health(&self) -> Health {
         let (now, started) = self.lifetime();
@@ -133,6 +143,7 @@ impl<A: Arrays> Node<A> {
             second_bias_v: bias_v(self.bias_codes[1]),
             second_pulse,
             wall_time: self.wall_clock.at(now, self.clock, second_pulse.as_ref()),
+            sensor_bias_v: self.sensor_bias_v(),
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Blocks come in: continuity of the sample grid, the period they were taken with, and what the filters make of them.
 
-use super::{Block, HOLD_AFTER_TURN, Node, RISE_INTERVAL_S, State, WIDE_PER_SECOND, WideUse};
+use super::{
+    Block, HOLD_AFTER_TURN, NO_RECORDS_S, NO_RECORDS_TURNS, Node, RISE_INTERVAL_S, State, WIDE_PER_SECOND, WideUse,
+};
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::buffers::{Arrays, Buffers};
-use crate::code_moments::is_railed;
 use crate::events::EventKind;
 use crate::mesh_band::{self, MeshPlan};
 use crate::stream::WIDE_POINTS;
@@ -43,6 +44,7 @@ impl<A: Arrays> Node<A> {
         if fresh {
             self.break_capture(CaptureEnd::Commanded);
             self.values.restart(first);
+            self.watch.expect_from(first);
         }
     }
 
@@ -83,13 +85,14 @@ impl<A: Arrays> Node<A> {
         }
     }
 
-    /// Notes codes at the rails and an input that does not move, whose detail gets `mark`; true where any is at a rail.
+    /// Notes clipped codes and an input that does not move, whose detail gets `mark`; true where any is clipped.
     pub(super) fn watch_input(&mut self, codes: &[u16], mark: u32) -> bool {
         // One pass without branches.
         let Some(&first) = codes.first() else { return false };
+        let range = self.config.range.in_force();
         let (mut railed, mut moved) = (0usize, 0u16);
         for &code in codes {
-            railed += usize::from(is_railed(code));
+            railed += usize::from(range.is_beyond(code));
             moved |= code ^ first;
         }
         if railed * 1000 > codes.len() {
@@ -128,6 +131,7 @@ impl<A: Arrays> Node<A> {
                 let mesh_hz = f32::from(self.config.gears.pinion_teeth) * speed.pinion.0;
                 self.bandwidth_watch.begin(rate, law_hz, mesh_hz, self.signal_rms);
                 self.stream.start_wide(first, stages);
+                self.rise_from = first;
                 self.wide_use = WideUse::Edges;
                 return;
             }
@@ -173,6 +177,22 @@ impl<A: Arrays> Node<A> {
         }
     }
 
+    /// A node that measures and completes nothing says so, and is back at settling until a record comes: pulses at
+    /// places of no wheel, or a speed that changes faster than a record can follow.
+    pub(super) fn watch_records(&mut self) {
+        if self.state != State::Measuring || !self.tach_locked {
+            return;
+        }
+        let turns = NO_RECORDS_TURNS * f32::from(mesh_band::record_turns(self.config.gears.pinion_teeth));
+        let patience = NO_RECORDS_S.max(turns / self.present_speed().pinion.0.max(0.01));
+        let since = self.next_tick.saturating_sub(self.records_since);
+        if since as f32 > patience * self.clock.0 as f32 {
+            self.note(EventKind::NoRecords, self.clock.seconds(since) as u32);
+            self.records_since = self.next_tick;
+            (self.no_records, self.state) = (true, State::Settling);
+        }
+    }
+
     /// Resamples complete turns and takes what they complete.
     pub(super) fn follow_turns(&mut self) {
         let chain = &mut self.arrays.buffers_mut().chain;
@@ -181,6 +201,10 @@ impl<A: Arrays> Node<A> {
             self.hold = self.hold.max(HOLD_AFTER_TURN);
         }
         if progress.records > 0 {
+            self.records_since = self.next_tick;
+            if core::mem::take(&mut self.no_records) && self.stream.is_settled() {
+                self.state = State::Measuring;
+            }
             self.finish_mesh();
         }
         let chain = &mut self.arrays.buffers_mut().chain;

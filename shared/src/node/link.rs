@@ -1,14 +1,13 @@
 //! The node and its host: what it says of itself, which message is next, and what it does when asked.
 
 use super::planning::safe_grant;
+use super::watch::{self, Watch};
 use super::{Node, State, value_record};
-use crate::alarm::Alarm;
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::buffers::Arrays;
-use crate::config::{Configuration, ConfigurationError, MAX_ALARMS, SCHEMA};
+use crate::config::{Configuration, ConfigurationError, SCHEMA};
 use crate::events::EventKind;
 use crate::identity::VERSION;
-use crate::indicators::RunEnsemble;
 use crate::levels::{Departures, LocalDepartures};
 use crate::mesh_band;
 use crate::message::{Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status, WIRE_SCHEMA};
@@ -49,6 +48,8 @@ impl<A: Arrays> Node<A> {
             bound,
             alarms: self.alarm_state(),
             capture: self.arrays.capture().phase(),
+            alerts: watch::alerts(&self.config),
+            sensor: self.watch.sensor_status(),
         });
         self.status_due = self.next_tick + u64::from(self.clock.0);
     }
@@ -176,14 +177,13 @@ impl<A: Arrays> Node<A> {
         self.tach_locked = false;
         self.pending = safe_grant(&config, &mut self.plan);
         self.safe_rate = true;
-        self.alarms = [Alarm::default(); MAX_ALARMS];
         (self.volatile, self.latch_changed) = (true, false);
         self.marks = TurnMarks::new(&config.tach);
-        self.ensemble = RunEnsemble::default();
         (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
         (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         self.bandwidth_watch = BandwidthWatch::default();
-        self.config = Configuration { latched: 0, ..config };
+        self.config = Configuration { latched: 0, sensor_latched: false, ..config };
+        self.watch = Watch::new(&self.config, self.next_tick);
         mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);
         self.take_over_wide();
         self.values = value_record(&self.config, self.clock);

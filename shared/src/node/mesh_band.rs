@@ -5,10 +5,11 @@
 //! times the record's mean speed.
 //!
 //! Rate: the upper band, a third of a pitch above the highest harmonic, must stay below [`BAND_SHARE`] of the rate
-//! until a fifth more speed makes the node plan anew. The decimator comes within a few per cent of that, so the grid
-//! of the order domain can be as coarse as the bands allow ([`MeshPlan::samples_per_pitch`]). Where two and a half
-//! turns at that rate do not fit into the buffer (above 69 teeth with five harmonics at worst) the rate is lower and
-//! the harmonics that still have four samples per period are reported.
+//! until a fifth more speed makes the node plan anew. The decimator comes within a few per cent of that, so the grid of
+//! the order domain can be as coarse as the bands allow ([`MeshPlan::samples_per_pitch`]). Where two and a half turns
+//! at that rate do not fit into the buffer (above 69 teeth with five harmonics at worst), or where orders would fold
+//! into the synchronous average, the rate is lower and the harmonics that still have four samples per period are
+//! reported.
 
 use crate::config::{Configuration, MAX_HARMONICS};
 use crate::frame::CRC32;
@@ -77,9 +78,20 @@ impl MeshPlan {
         let mut ratio = adc.0 / lowest;
         let mut decimation = Decimation::up_to(ratio);
         let rate = |decimation: Decimation| adc.0 / decimation.ratio() as f32;
-        while rate(decimation) * TURNS_HELD > CAPACITY as f32 * pinion.0 && decimation != Decimation::MOST {
+        // What the stream carries must fit half the average's points per turn, down to the speed that plans anew; no
+        // harmonic is given up for it where all bands fit into the points, and never the last one.
+        let held = CAPACITY as f32 / TURNS_HELD * pinion.0;
+        let points = average_points(config.gears.pinion_teeth) as f32 * (1.0 - REPLAN_NOW) * pinion.0;
+        loop {
+            let now = rate(decimation);
             ratio = 1.1 * ratio.max(1.0);
-            decimation = Decimation::up_to(ratio);
+            let coarser = Decimation::up_to(ratio);
+            let last = if lowest > points { FEWEST_PER_PERIOD * mesh_hz } else { lowest };
+            let folds = now > points && rate(coarser) >= last;
+            if !(now > held || folds) || decimation == Decimation::MOST {
+                break;
+            }
+            decimation = coarser;
         }
         let per_pitch = rate(decimation) / mesh_hz;
         let harmonics = (per_pitch / FEWEST_PER_PERIOD).min(wanted) as u8;
@@ -129,11 +141,13 @@ pub fn configure(chain: &mut Chain, config: &Configuration, clock: TicksPerSecon
 
 /// One amplitude for the sidebands of both shafts and all harmonics, m/s^2: the geometric mean over the harmonics of
 /// what the sidebands of one have together (root of the sum of squares), so that no harmonic's resonance speaks for
-/// all. Harmonics without sidebands in their band are left out; 0 where none has any.
-pub fn sideband_amplitude(bands: &[MeshBand]) -> f32 {
+/// all. Of two that are one to the record (`inseparable` of [`crate::message::Spectrum`]) the pinion's counts.
+/// Harmonics without sidebands in their band are left out; 0 where none has any.
+pub fn sideband_amplitude(bands: &[MeshBand], inseparable: [u8; 2]) -> f32 {
     let (mut logarithms, mut count) = (0.0, 0.0);
     for band in bands {
-        let all = band.sidebands.iter().chain(&band.gear_sidebands);
+        let of_gear = band.gear_sidebands.iter().enumerate().filter(|(n, _)| inseparable[1] >> n & 1 == 0);
+        let all = band.sidebands.iter().chain(of_gear.map(|(_, line)| line));
         let power: f32 = all.map(|line| line.amplitude * line.amplitude).sum();
         if power > 0.0 {
             logarithms += 0.5 * math::ln(power);
@@ -141,6 +155,24 @@ pub fn sideband_amplitude(bands: &[MeshBand]) -> f32 {
         }
     }
     if count > 0.0 { math::exp(logarithms / count) } else { 0.0 }
+}
+
+/// Sidebands of pinion and gear that are one to the record, a bit for each in the order of their lists: a pair of teeth
+/// near a ratio of small numbers puts an order of one shaft beside another order of the other.
+pub fn inseparable(zoom: &Zoom, config: &Configuration) -> [u8; 2] {
+    let gear_order = f32::from(config.gears.pinion_teeth) / f32::from(config.gears.gear_teeth);
+    let pairs = i16::from(config.mesh.sidebands);
+    let orders = || (-pairs..=pairs).filter(|&k| k != 0).enumerate();
+    let mut bits = [0u8; 2];
+    for (pinion, k) in orders() {
+        for (gear, n) in orders() {
+            if zoom.is_one(f32::from(k) - f32::from(n) * gear_order) {
+                bits[0] |= 1 << pinion;
+                bits[1] |= 1 << gear;
+            }
+        }
+    }
+    bits
 }
 
 /// Harmonics and sidebands of both shafts of the latest record, and the digest of its values. Sidebands outside the

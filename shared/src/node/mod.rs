@@ -16,15 +16,13 @@
 //!
 //! The arrays lie in [`Arrays`]: inside the node on a host, in a static of their own on a board.
 
-use crate::alarm::Alarm;
 use crate::band_velocity::Edges;
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::board::Timing;
 use crate::buffers::{Arrays, Buffers, OwnArrays};
-use crate::config::{Configuration, ConfigurationError, Gain, MAX_ALARMS, Sensor};
+use crate::config::{Configuration, ConfigurationError, Gain, STANDARD_VELOCITY_FROM_HZ, Sensor};
 use crate::events::{EventKind, EventLog};
 use crate::identity::Identity;
-use crate::indicators::RunEnsemble;
 use crate::levels::{Departures, LocalDepartures};
 use crate::mesh_band::MeshPlan;
 use crate::message::{
@@ -58,13 +56,14 @@ pub mod second_pulse;
 pub mod self_test;
 pub mod values;
 pub mod wall_time;
+pub mod watch;
 
-use alarms::alarms_of;
 use health::BoardHealth;
 use planning::safe_grant;
 use second_pulse::PulseClock;
 use values::ValueRecord;
 use wall_time::WallClock;
+use watch::Watch;
 
 /// Relative departure of the wanted rate from the planned one that re-plans at once.
 pub const REPLAN_NOW: f32 = 0.2;
@@ -74,9 +73,11 @@ pub const REPLAN_AT_RECORD: f32 = 0.02;
 const WIDE_PER_SECOND: u32 = 1;
 /// Time between measurements of rise times, s.
 const RISE_INTERVAL_S: u64 = 2;
-/// Band of the velocity, Hz: ISO 20816's.
-const VELOCITY_FROM_HZ: f32 = 10.0;
+/// Upper edge of the velocity's band, Hz: ISO 20816's.
 const VELOCITY_TO_HZ: f32 = 1000.0;
+/// Time without a mesh-band record that is worth an event, s, and records of turns that it lasts at least.
+const NO_RECORDS_S: f32 = 10.0;
+const NO_RECORDS_TURNS: f32 = 4.0;
 /// Blocks after a record, and after a turn, in which no other rate is asked for: a processor that has fallen behind
 /// meanwhile would ask too late by an unknown number of blocks, and the same signal would not give the same samples
 /// twice.
@@ -86,10 +87,10 @@ const HOLD_AFTER_RECORD: u32 = 16;
 const SPARED_PER_SECOND: u32 = 64;
 const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its arrays.
-const STATE_BUDGET: usize = 13 * 1024;
+const STATE_BUDGET: usize = 14 * 1024;
 
 const _: () = assert!(core::mem::size_of::<Node<()>>() <= STATE_BUDGET);
-const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 100 * 1024);
+const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 101 * 1024);
 
 /// One block of samples from the board.
 #[derive(Clone, Copy, Debug)]
@@ -179,6 +180,7 @@ pub struct Node<A = OwnArrays> {
     started: Option<u64>,
     tach: TachTracker,
     tach_locked: bool,
+    tach_too_fast: bool,
     plan: RatePlan,
     /// Rate asked of the board; active from the first block that has its period.
     pending: RateGrant,
@@ -191,6 +193,9 @@ pub struct Node<A = OwnArrays> {
     values: ValueRecord,
     /// Blocks still to pass before another rate may be asked for.
     hold: u32,
+    /// When the last mesh-band record was complete, or measuring began; and whether none has come for too long.
+    records_since: u64,
+    no_records: bool,
     /// A mesh-band record was completed since the last plan.
     record_complete: bool,
     mesh_plan: MeshPlan,
@@ -203,10 +208,13 @@ pub struct Node<A = OwnArrays> {
     spared_until: u64,
     wide_due: u64,
     rise_due: u64,
+    /// When the timing of edges under way began.
+    rise_from: u64,
+    /// Behind the last block with clipped codes.
+    clipped_until: u64,
     signal_rms: f32,
     bandwidth_watch: BandwidthWatch,
     bandwidth: Option<MeasuredBandwidth>,
-    ensemble: RunEnsemble,
     gear: Option<GearIndicators>,
     departures: Departures,
     local_departures: LocalDepartures,
@@ -220,8 +228,9 @@ pub struct Node<A = OwnArrays> {
     wall_clock: WallClock,
     /// Mean codes of both sensors in the latest values.
     bias_codes: [Option<f32>; 2],
-    alarms: [Alarm; MAX_ALARMS],
-    signal_bad: bool,
+    watch: Watch,
+    /// When limits without values are looked for again.
+    blindness_due: u64,
     /// The configuration in force is not the stored one.
     volatile: bool,
     latch_changed: bool,
@@ -279,6 +288,7 @@ impl<A: Arrays> Node<A> {
             time: TickExtender::new(0),
             started: None,
             tach_locked: false,
+            tach_too_fast: false,
             plan,
             pending: grant,
             active: grant,
@@ -289,6 +299,8 @@ impl<A: Arrays> Node<A> {
             marks: TurnMarks::new(&config.tach),
             values: value_record(config, clock),
             hold: 0,
+            records_since: 0,
+            no_records: false,
             record_complete: false,
             mesh_plan: MeshPlan::NONE,
             wide_use: WideUse::Idle,
@@ -298,10 +310,11 @@ impl<A: Arrays> Node<A> {
             spared_until: 0,
             wide_due: 0,
             rise_due: 0,
+            rise_from: 0,
+            clipped_until: 0,
             signal_rms: 0.0,
             bandwidth_watch: BandwidthWatch::default(),
             bandwidth: None,
-            ensemble: RunEnsemble::default(),
             gear: None,
             departures: Departures::NONE,
             local_departures: LocalDepartures::NONE,
@@ -314,8 +327,8 @@ impl<A: Arrays> Node<A> {
             pulse_clock: PulseClock::NONE,
             wall_clock: WallClock::UNKNOWN,
             bias_codes: [None; 2],
-            alarms: alarms_of(config),
-            signal_bad: false,
+            watch: Watch::new(config, 0),
+            blindness_due: 0,
             volatile: false,
             latch_changed: false,
             status_due: 0,
@@ -419,6 +432,10 @@ impl<A: Arrays> Node<A> {
     pub fn on_tach_edge(&mut self, tick: u32) {
         let instant = self.extend(tick);
         self.tach.on_pulse(instant);
+        let was_too_fast = core::mem::replace(&mut self.tach_too_fast, self.tach.is_too_fast());
+        if self.tach_too_fast && !was_too_fast {
+            self.note(EventKind::TachTooFast, 0);
+        }
         let (Buffers { chain, .. }, capture) = self.arrays.parts();
         let values = &mut self.values;
         let mark = |instant: u64| {
@@ -487,6 +504,7 @@ impl<A: Arrays> Node<A> {
         let first = self.extend(block.first_tick);
         self.check_continuity(&block, first, period);
         self.go_on_sealing();
+        self.watch_blindness();
         if self.state == State::Stopped || block.codes.is_empty() {
             return;
         }
@@ -494,6 +512,9 @@ impl<A: Arrays> Node<A> {
         self.totals.samples += block.codes.len() as u64;
         self.follow_period(period, first, block.sequence);
         let railed = self.watch_input(block.codes, 0);
+        if railed {
+            self.clipped_until = self.next_tick;
+        }
         let has_second = self.config.second.is_some() && block.second.len() == block.codes.len();
         let second = if has_second { block.second } else { &[] };
         self.watch_input(second, events::OF_SECOND);
@@ -507,9 +528,11 @@ impl<A: Arrays> Node<A> {
             self.take_chunk(codes);
         }
         self.follow_turns();
-        if self.state == State::Settling && self.stream.is_settled() {
+        if self.state == State::Settling && !self.no_records && self.stream.is_settled() {
             self.state = State::Measuring;
+            self.records_since = self.records_since.max(self.next_tick);
         }
+        self.watch_records();
         self.replan();
         if self.next_tick >= self.status_due {
             self.post_status(block.sequence);
@@ -538,7 +561,13 @@ impl<A: Arrays> Node<A> {
 
 /// The overall values' record for a configuration.
 fn value_record(config: &Configuration, clock: TicksPerSecond) -> ValueRecord {
-    let edges = Edges { from_hz: VELOCITY_FROM_HZ, to_hz: VELOCITY_TO_HZ };
+    let edges = Edges { from_hz: velocity_from_hz(config), to_hz: VELOCITY_TO_HZ };
     let second = config.second.unwrap_or_default();
-    ValueRecord::new(clock, edges, [config.sensor.zero_code, second.zero_code])
+    ValueRecord::new(clock, edges, [config.sensor.zero_code, second.zero_code], config.range.in_force())
+}
+
+/// Lower edge of the velocity's band, Hz.
+fn velocity_from_hz(config: &Configuration) -> f32 {
+    let from = config.velocity_from.0;
+    if from > 0.0 { from } else { STANDARD_VELOCITY_FROM_HZ }
 }

@@ -1,11 +1,13 @@
 //! Which rate comes next: speed, law, rate plan, and what a lost or a new tach means.
 
+use super::values::{EVERY_CODE_TO_HZ, HIGHEST_SPEED_HZ};
 use super::{Node, REPLAN_AT_RECORD, REPLAN_NOW, State};
 use crate::buffers::Arrays;
 use crate::config::Configuration;
 use crate::events::EventKind;
 use crate::rate_plan::{RateGrant, RatePlan, RatePolicy};
 use crate::tach::{Speed, Validity};
+use crate::units::Hertz;
 
 impl<A: Arrays> Node<A> {
     /// Speed, law and plan; called at block borders.
@@ -44,7 +46,9 @@ impl<A: Arrays> Node<A> {
                 let limit = if record_complete { REPLAN_AT_RECORD } else { REPLAN_NOW };
                 if self.safe_rate || departure > limit {
                     self.safe_rate = false;
-                    self.pending = self.plan.grant(wanted);
+                    let fast = speed.pinion.0 > HIGHEST_SPEED_HZ / (1.0 + REPLAN_NOW);
+                    let calm = if fast { Hertz(EVERY_CODE_TO_HZ) } else { self.config.limits.highest_adc };
+                    self.pending = self.plan.grant_up_to(wanted, calm);
                     if self.pending.limited {
                         self.note(EventKind::RateLimited, self.pending.period_ticks);
                     }
@@ -65,7 +69,8 @@ impl<A: Arrays> Node<A> {
         match (self.state, speed.validity) {
             (State::WaitingForTach, Validity::Locked) => {
                 self.state = State::Settling;
-                // The mesh cascade depends on the speed.
+                // The mesh cascade depends on the speed; what came through that of no speed is no average.
+                self.arrays.buffers_mut().chain.average().reset();
                 self.restart_stream(self.next_tick);
             }
             (State::Settling | State::Measuring, Validity::None) => {

@@ -2,13 +2,15 @@
 //! alarms.
 
 use super::values::{OfChannel, Values};
-use super::{HOLD_AFTER_RECORD, Node, SPARED_PER_SECOND, State, VELOCITY_FROM_HZ, WideStep, WideUse};
-use crate::alarm::Watched;
+use super::watch::{Evidence, use_of};
+use super::{HOLD_AFTER_RECORD, Node, SPARED_PER_SECOND, State, WideStep, WideUse, velocity_from_hz};
+use crate::alarm::{Use, Watched};
 use crate::bandwidth_watch::Verdict;
 use crate::buffers::{Arrays, Buffers};
 use crate::config::PassBand;
 use crate::events::EventKind;
 use crate::gear_condition;
+use crate::indicators::Moments;
 use crate::levels::{self, Departure, Departures, ExpectedLevel, LevelPoint, LocalDepartures, LocalPoint};
 use crate::math;
 use crate::mesh_band;
@@ -124,9 +126,12 @@ impl<A: Arrays> Node<A> {
         if believed(&tag).is_none() {
             (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         }
-        let good = quality.is_good();
-        self.departures.rms = self.departure(&tag, rms, |point| point.rms).filter(|_| good);
-        self.departures.velocity_rms = self.departure(&tag, velocity_rms, |point| point.velocity_rms).filter(|_| good);
+        let starting = values.starting;
+        let may = |watched: Watched| use_of(watched, &quality, starting);
+        let told = |watched: Watched| may(watched) != Use::Neither;
+        self.departures.rms = self.departure(&tag, rms, |point| point.rms).filter(|_| told(Watched::Rms));
+        self.departures.velocity_rms =
+            self.departure(&tag, velocity_rms, |point| point.velocity_rms).filter(|_| told(Watched::VelocityRms));
         let indicators = Indicators {
             tag,
             rms,
@@ -138,23 +143,31 @@ impl<A: Arrays> Node<A> {
             bandwidth: self.bandwidth.take(),
             quality,
             velocity_rms,
-            velocity_band_hz: [VELOCITY_FROM_HZ, values.velocity_to_hz],
+            velocity_band_hz: [velocity_from_hz(&self.config), values.velocity_to_hz],
             pinion,
             wheel,
             departures: self.departures,
             second,
             local_departures: self.local_departures,
+            absolute_phase: self.marks.is_absolute(),
         };
         let largest = indicators.largest_departure();
         let dropped = self.indicators.replace(indicators).is_some();
         self.count_dropped(dropped);
-        self.watch_signal(&quality, second.as_ref().map(|second| &second.quality));
-        let speed = believed(&tag);
-        if let Some(second) = second.filter(|second| second.quality.is_good()) {
-            self.watch_second(speed, &second);
+        if !starting {
+            self.watch_sensor(&Evidence {
+                quality,
+                second: second.as_ref().map(|second| second.quality),
+                mean_code: values.first.codes.mean,
+                rms,
+                departure: self.departures.rms.filter(|_| may(Watched::Rms) == Use::Both),
+                turns: believed(&tag).is_some(),
+                bias_v: self.board_health.sensor_bias_v,
+            });
         }
-        if !good {
-            return;
+        let speed = believed(&tag);
+        if let Some(second) = second {
+            self.watch_second(speed, &second, starting);
         }
         let of_the_whole = [
             (Watched::Rms, rms),
@@ -164,17 +177,17 @@ impl<A: Arrays> Node<A> {
             (Watched::VelocityRms, velocity_rms),
         ];
         for (watched, value) in of_the_whole {
-            self.watch(watched, speed, value);
+            self.watch(watched, speed, value, may(watched));
         }
         if let (Some(orders), Some(_)) = (pinion, speed) {
-            self.watch(Watched::OncePerTurn, speed, orders.lines[0].amplitude);
+            self.watch(Watched::OncePerTurn, speed, orders.lines[0].amplitude, may(Watched::Rms));
         }
         if let (Some(largest), Some(_)) = (largest, speed) {
-            self.watch(Watched::Departure, speed, largest);
+            self.watch(Watched::Departure, speed, largest, may(Watched::Rms));
         }
     }
 
-    fn watch_second(&mut self, speed: Option<Hertz>, second: &ChannelValues) {
+    fn watch_second(&mut self, speed: Option<Hertz>, second: &ChannelValues, starting: bool) {
         let values = [
             (Watched::SecondRms, second.rms),
             (Watched::SecondPeak, second.peak),
@@ -183,16 +196,25 @@ impl<A: Arrays> Node<A> {
             (Watched::SecondVelocityRms, second.velocity_rms),
         ];
         for (watched, value) in values {
-            self.watch(watched, speed, value);
+            self.watch(watched, speed, value, use_of(watched, &second.quality, starting));
         }
     }
 
+    /// Whether codes were clipped since a tick.
+    fn clipped_since(&self, tick: u64) -> bool {
+        self.clipped_until > tick
+    }
+
     pub(super) fn finish_edges(&mut self) {
+        // Edges that were cut at their height are shorter than the machine's.
+        if self.clipped_since(self.rise_from) {
+            return;
+        }
         let Some(measured) = self.bandwidth_watch.result() else { return };
         self.bandwidth = Some(measured);
         let ratio = measured.bandwidth_hz / measured.law_hz;
         let tag = self.tag(self.next_tick, self.active.adc, 0, 0.0);
-        self.watch_at_speed(Watched::BandwidthRatio, &tag, ratio);
+        self.watch_at_speed(Watched::BandwidthRatio, &tag, ratio, Use::Both);
         let per_cent = (100.0 * ratio) as u32;
         match self.bandwidth_watch.judge(&measured, &self.config) {
             Some(Verdict::Departs) => self.note(EventKind::BandwidthDeparts, per_cent),
@@ -213,6 +235,7 @@ impl<A: Arrays> Node<A> {
             let gear_order = f32::from(self.config.gears.pinion_teeth) / f32::from(self.config.gears.gear_teeth);
             let energy = |shaft: f32| zoom.sideband_energy_ratio(1, shaft).unwrap_or(0.0);
             let sideband_energy = [energy(1.0), energy(gear_order)];
+            let inseparable = mesh_band::inseparable(zoom, &self.config);
             let of_turn = |ticks: u32| self.clock.rate(ticks).0;
             let (slowest_hz, fastest_hz) = (of_turn(record.longest), of_turn(record.shortest));
             let turns = zoom.config().turns;
@@ -222,12 +245,17 @@ impl<A: Arrays> Node<A> {
                     self.departure(&tag, first.line.amplitude, |point| point.mesh_amplitude);
                 if !self.config.local_levels.is_empty() {
                     self.local_departures.sidebands =
-                        self.local_departure(&tag, mesh_band::sideband_amplitude(&bands), |point| point.sidebands);
+                        self.local_departure(&tag, mesh_band::sideband_amplitude(&bands, inseparable), |point| {
+                            point.sidebands
+                        });
                 }
-                self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude);
-                self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0]);
+                // Clipping takes from the line and makes sidebands of its own.
+                let [line, shape] =
+                    if self.clipped_since(first_tick) { [Use::LowerBound, Use::Neither] } else { [Use::Both; 2] };
+                self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude, line);
+                self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0], shape);
             }
-            let spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz };
+            let spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz, inseparable };
             let dropped = self.spectrum.replace(spectrum).is_some();
             self.count_dropped(dropped);
         }
@@ -235,7 +263,8 @@ impl<A: Arrays> Node<A> {
         self.note_long_work();
     }
 
-    /// Indicators of a complete average. The wideband record serves as work space; one under way begins anew.
+    /// Indicators of a complete average, where all of it is of a locked speed and a mesh cascade made for it. The
+    /// wideband record serves as work space; one under way begins anew.
     pub(super) fn finish_average(&mut self) {
         self.note_long_work();
         let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
@@ -246,9 +275,18 @@ impl<A: Arrays> Node<A> {
         let average = chain.average();
         let points = average.points();
         let (work, split) = wide.split_at_mut(WIDE_POINTS / 2);
-        let result = average.finish().map(|average| {
-            gear_condition::of_average(average, teeth, &mut self.ensemble, &mut work[..points], &mut split[..points])
-        });
+        let of_turns = matches!(self.state, State::Settling | State::Measuring);
+        let Some(speed) = believed(&tag).filter(|_| of_turns) else {
+            average.reset();
+            return;
+        };
+        let na4 = |residual: &Moments| {
+            let of = |point: &LevelPoint| point.residual_rms;
+            na4(residual, levels::departure(&self.config.levels, speed, 0.0, residual.rms(), of))
+        };
+        let result = average
+            .finish()
+            .map(|average| gear_condition::of_average(average, teeth, na4, &mut work[..points], &mut split[..points]));
         average.reset();
         let Some(Ok(indicators)) = result else { return };
         self.gear = Some(GearIndicators {
@@ -261,8 +299,10 @@ impl<A: Arrays> Node<A> {
         });
         self.departures.residual_rms = self.departure(&tag, indicators.residual_rms, |point| point.residual_rms);
         self.local_departures.fm0 = self.local_departure(&tag, indicators.fm0, |point| point.fm0);
-        self.watch_at_speed(Watched::Fm0, &tag, indicators.fm0);
-        self.watch_at_speed(Watched::Fm4, &tag, indicators.fm4);
+        let began = self.next_tick.saturating_sub((turns as f32 / speed.0 * self.clock.0 as f32) as u64);
+        let may = if self.clipped_since(began) { Use::Neither } else { Use::Both };
+        self.watch_at_speed(Watched::Fm0, &tag, indicators.fm0, may);
+        self.watch_at_speed(Watched::Fm4, &tag, indicators.fm4, may);
     }
 
     /// How far a value is from what is expected at the result's speed.
@@ -275,9 +315,9 @@ impl<A: Arrays> Node<A> {
     }
 
     /// Puts a value that needs a speed to its limits.
-    fn watch_at_speed(&mut self, watched: Watched, tag: &Tag, value: f32) {
+    fn watch_at_speed(&mut self, watched: Watched, tag: &Tag, value: f32, may: Use) {
         if let Some(speed) = believed(tag) {
-            self.watch(watched, Some(speed), value);
+            self.watch(watched, Some(speed), value, may);
         }
     }
 
@@ -293,6 +333,15 @@ fn rms_about_mean(record: &[f32]) -> f32 {
     let mean = mean(record);
     let squares = |run: &[f32]| run.iter().fold(0.0f32, |sum, x| sum + (x - mean) * (x - mean));
     math::sqrt(record.chunks(64).map(squares).sum::<f32>() / record.len().max(1) as f32)
+}
+
+/// NA4 of a residual against what is expected of it at this speed: the mean variance of the ensemble is that of the
+/// table of levels, made on the sound machine and kept (NA4* in effect). Not a number where nothing is expected.
+fn na4(residual: &Moments, departure: Option<Departure>) -> f32 {
+    departure.map_or(f32::NAN, |departure| {
+        let ratio = math::ratio_from_decibels(departure.departure_db);
+        residual.kurtosis * ratio * ratio * ratio * ratio
+    })
 }
 
 /// A channel's values by its sensitivity.

@@ -15,7 +15,7 @@
 //! The mathematics hold the processor for longer than a block, and blocks that waited for it arrive faster than they
 //! were sampled: counting begins once none waits. For the same reason a test is not begun anew within [`APART_S`].
 
-use crate::code_moments::is_railed;
+use crate::config::CodeRange;
 use crate::decimate::Cascade;
 use crate::frame::CRC32;
 use crate::message::SelfTest;
@@ -77,6 +77,8 @@ pub struct SelfTestRun {
     /// Ticks since a request began the test.
     age: u64,
     edge: bool,
+    /// Codes that are not at a rail, in force.
+    range: CodeRange,
 }
 
 impl SelfTestRun {
@@ -89,7 +91,13 @@ impl SelfTestRun {
     pub fn again(mathematics: bool) -> Self {
         let failed = if mathematics { 0 } else { MATHEMATICS };
         let result = SelfTest { run: MATHEMATICS, failed };
-        Self { result, settling: 0, stretch: Stretch::NONE, before: None, waiting: WAITING, age: 0, edge: false }
+        let (stretch, range) = (Stretch::NONE, CodeRange::default().in_force());
+        Self { result, settling: 0, stretch, before: None, waiting: WAITING, age: 0, edge: false, range }
+    }
+
+    /// The same with the codes of a front end.
+    pub fn with_range(self, range: CodeRange) -> Self {
+        Self { range: range.in_force(), ..self }
     }
 
     /// Whether the last request's test was begun so recently that this one's is the same.
@@ -138,7 +146,7 @@ impl SelfTestRun {
         }
         self.before = Some((now_tick, block.sequence));
         for &code in block.codes {
-            stretch.railed += u32::from(is_railed(code));
+            stretch.railed += u32::from(self.range.is_beyond(code));
             stretch.lowest = stretch.lowest.min(code);
             stretch.highest = stretch.highest.max(code);
         }

@@ -10,6 +10,7 @@
 
 use crate::band_velocity::{BandVelocity, Edges, VelocityBand};
 use crate::code_moments::{CodeMoments, CodeValues};
+use crate::config::CodeRange;
 use crate::math;
 use crate::message::Quality;
 use crate::units::TicksPerSecond;
@@ -21,15 +22,15 @@ pub const SHORTEST_S: f32 = 1.0;
 const LONGEST_S: f32 = 8.0;
 /// The high-pass has forgotten its start to 0.1 % after this many periods of its edge.
 const SETTLING_PERIODS: f32 = 5.0;
-/// Above this rate not every code enters the moments, samples per second, but at least 50 000 in a second: draws of
-/// the same distribution, so the moments are the same within their scatter; a single peak of few microseconds may be
+/// Above this rate not every code enters the moments, samples per second, but at least 50 000 in a second: draws of the
+/// same distribution, so the moments are the same within their scatter; a single peak of few microseconds may be
 /// missed.
-const EVERY_CODE_TO_HZ: f32 = 300_000.0;
+pub(super) const EVERY_CODE_TO_HZ: f32 = 300_000.0;
 /// Up to this rate every second code enters, above it every eighth, samples per second.
 const SECOND_CODE_TO_HZ: f32 = 400_000.0;
 /// Above that rate and this speed of the pinion, Hz, few codes enter and none the velocity: the mesh bands need the
 /// processor.
-const HIGHEST_SPEED_HZ: f32 = 60.5;
+pub(super) const HIGHEST_SPEED_HZ: f32 = 60.5;
 /// Codes from one that enters to the next there.
 const BEYOND_STEP: usize = 16;
 /// Turn marks of one block; what comes faster is no shaft.
@@ -42,6 +43,8 @@ pub struct Values {
     pub first_tick: u64,
     /// Upper edge of the velocity's band, Hz.
     pub velocity_to_hz: f32,
+    /// The sensor or the filters had not settled after a start: nothing here is the machine's.
+    pub starting: bool,
     /// Of the first sensor.
     pub first: OfChannel,
     /// Of the second one, where its codes came.
@@ -53,7 +56,7 @@ pub struct Values {
 pub struct OfChannel {
     /// Acceleration, in codes.
     pub codes: CodeValues,
-    /// RMS velocity, codes times seconds.
+    /// RMS velocity, codes times seconds; not a number where no code entered it.
     pub velocity_rms: f32,
     /// What both rest on.
     pub quality: Quality,
@@ -70,8 +73,8 @@ struct Channel {
 }
 
 impl Channel {
-    fn new(zero_code: u16) -> Self {
-        let (codes, velocity) = (CodeMoments::about(zero_code), BandVelocity::default());
+    fn new(zero_code: u16, range: CodeRange) -> Self {
+        let (codes, velocity) = (CodeMoments::about(zero_code, range), BandVelocity::default());
         Self { zero_code, codes, velocity, squares: 0.0, outputs_ticks: 0.0 }
     }
 
@@ -95,7 +98,7 @@ impl Channel {
     /// Of the codes since the beginning; `None` where none came.
     fn values(&self, of_record: Quality) -> Option<OfChannel> {
         let codes = self.codes.values()?;
-        let mean_square = if self.outputs_ticks > 0.0 { self.squares / self.outputs_ticks } else { 0.0 };
+        let mean_square = if self.outputs_ticks > 0.0 { self.squares / self.outputs_ticks } else { f64::NAN };
         let quality = Quality { overload: codes.railed > 0, stuck: codes.rms == 0.0, ..of_record };
         Some(OfChannel { codes, velocity_rms: math::sqrt(mean_square as f32), quality })
     }
@@ -120,14 +123,16 @@ pub struct ValueRecord {
     at_mark: bool,
     turns: u16,
     gap: bool,
-    /// Until then the high-pass remembers its start.
+    /// Until then the high-pass remembers its start, or what came before a gap.
     settled_at: u64,
+    /// Until then a start has not settled.
+    started_at: u64,
 }
 
 impl ValueRecord {
-    /// A record that has not begun, for sensors with these codes of zero acceleration.
-    pub fn new(clock: TicksPerSecond, edges: Edges, zero_codes: [u16; 2]) -> Self {
-        let [first, second] = zero_codes.map(Channel::new);
+    /// A record that has not begun, for sensors with these codes of zero acceleration and this range in force.
+    pub fn new(clock: TicksPerSecond, edges: Edges, zero_codes: [u16; 2], range: CodeRange) -> Self {
+        let [first, second] = zero_codes.map(|zero_code| Channel::new(zero_code, range));
         Self {
             clock,
             settling_s: SETTLING_PERIODS / edges.from_hz,
@@ -143,6 +148,7 @@ impl ValueRecord {
             turns: 0,
             gap: false,
             settled_at: 0,
+            started_at: 0,
         }
     }
 
@@ -153,6 +159,7 @@ impl ValueRecord {
             channel.begin();
         }
         self.settled_at = tick + self.ticks(self.settling_s);
+        self.started_at = self.settled_at;
         self.marks.clear();
         self.begin(tick, false);
     }
@@ -249,7 +256,6 @@ impl ValueRecord {
             }
             if self.beyond {
                 channel.add(codes, self.period, BEYOND_STEP);
-                self.gap = true;
                 continue;
             }
             channel.add(codes, self.period, self.step);
@@ -270,7 +276,8 @@ impl ValueRecord {
             let incomplete = self.second.codes.ticks() < self.ticks_so_far();
             let second = self.second.values(Quality { gap: quality.gap || incomplete, ..quality });
             let velocity_to_hz = self.band.upper_hz();
-            complete(Values { first_tick: self.first_tick, velocity_to_hz, first, second });
+            let starting = self.first_tick < self.started_at;
+            complete(Values { first_tick: self.first_tick, velocity_to_hz, starting, first, second });
         }
         self.begin(tick, at_mark);
     }

@@ -6,5 +6,6 @@
 pub mod angle_filter;
 mod tracker;
 pub mod turn_marks;
+pub mod wheel_pitch;
 
 pub use tracker::*;

@@ -9,6 +9,13 @@
 //! constant acceleration start a new track, whatever was tracked before. Two of them at a fraction of the tracked
 //! period may be noise, so while they fit both hypotheses, the speed is flagged instead of changed.
 //!
+//! An edge close behind a pulse is a bounce, a scratch or the second flank of a keyway: when the next pulse shows that
+//! it lay in the first [`BOUNCE`] of the interval it is counted and nothing else; further behind it may be a pulse of a
+//! faster shaft, which is doubt.
+//!
+//! Uneven pitches are learned and taken off the instants before anything else sees them
+//! ([`wheel_pitch`](super::wheel_pitch)).
+//!
 //! A wheel with adjacent missing teeth has the same equidistant positions; its gap is learned from pulses that follow
 //! one wheel-gap and confirmed by the next pulse. Direction is not observable from one track.
 //!
@@ -18,6 +25,7 @@
 //! Cost (Cortex-M4F in QEMU): 660 instructions per pulse.
 //! Prior art: engine decoders (relative gap rejection, re-opening, tooth angle error), RPLL of idsp (test harness).
 
+use super::wheel_pitch::WheelPitch;
 use crate::angle_filter::{AngleFilter, Motion, Pulse, WIDEST_GATE};
 use crate::config::TachWheel;
 use crate::units::{Hertz, TicksPerSecond, TurnFraction};
@@ -32,6 +40,11 @@ const REOPEN_AFTER: u64 = 8;
 const AGREEMENT: f32 = 0.03;
 /// The same against a track whose pulses still come.
 const AGREEMENT_AGAINST: f32 = 0.003;
+
+/// Share of the interval between two pulses in which an edge is no pulse of a faster shaft.
+const BOUNCE: u64 = 3;
+/// Intervals in a row with an edge that may be a faster shaft's pulse, after which it is said.
+const TOO_FAST: u8 = 8;
 
 /// How far a speed can be trusted. Only `Locked` is a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -91,6 +104,12 @@ enum Lock {
 pub struct TachTracker {
     wheel: TachWheel,
     clock: TicksPerSecond,
+    pitch: WheelPitch,
+    /// Newest edge as it came, before any correction, and the latest one too close behind it.
+    edge: u64,
+    split: Option<u64>,
+    /// Intervals in a row that were split as by a faster shaft.
+    splits: u8,
     shortest_gap: u64,
     longest_gap: u64,
     lock: Lock,
@@ -116,6 +135,10 @@ impl TachTracker {
         Self {
             wheel,
             clock,
+            pitch: WheelPitch::new(wheel.pulses_per_turn, wheel.missing),
+            edge: 0,
+            split: None,
+            splits: 0,
             shortest_gap: ticks(wheel.highest.0).max(2) * 9 / 10,
             longest_gap: ticks(wheel.lowest.0) * (1 + u64::from(wheel.missing)) * 3 / 2,
             lock: Lock::Acquiring,
@@ -138,15 +161,25 @@ impl TachTracker {
     /// Takes a pulse at a 64-bit instant. Pulses that go back in time or come faster than the shaft can are rejected.
     pub fn on_pulse(&mut self, instant: u64) {
         if self.raw_count > 0 {
-            let newest = self.raw[4];
-            if instant < newest.saturating_add(self.shortest_gap) {
+            if instant < self.edge.saturating_add(self.shortest_gap) {
                 self.counters.spurious = self.counters.spurious.saturating_add(1);
-                self.doubt();
+                self.split = Some(instant.max(self.edge));
                 return;
             }
-            if instant - newest > self.longest_gap {
+            self.judge_split(instant);
+            if instant - self.edge > self.longest_gap {
                 self.start_acquiring();
+                self.pitch.forget();
             }
+        }
+        self.edge = instant;
+        let instant = self.pitch.correct(instant);
+        if self.raw_count > 0 && instant <= self.raw[4] {
+            // A table that puts pulses in another order is of another wheel.
+            self.counters.spurious = self.counters.spurious.saturating_add(1);
+            self.pitch.forget();
+            self.start_acquiring();
+            return;
         }
         self.raw.rotate_left(1);
         self.raw[4] = instant;
@@ -158,6 +191,22 @@ impl TachTracker {
         if self.lock != Lock::Locked {
             self.try_acquire();
         }
+    }
+
+    /// An interval has ended that an edge had split: by a bounce, or by a pulse of a faster shaft.
+    fn judge_split(&mut self, instant: u64) {
+        let bounce = |split: u64| (split - self.edge).saturating_mul(BOUNCE) < instant - self.edge;
+        if self.split.take().is_some_and(|split| !bounce(split)) {
+            self.splits = self.splits.saturating_add(1);
+            self.doubt();
+        } else {
+            self.splits = 0;
+        }
+    }
+
+    /// Whether edges come as of a shaft that is faster than the wheel's highest rate.
+    pub fn is_too_fast(&self) -> bool {
+        self.splits >= TOO_FAST
     }
 
     fn track(&mut self, instant: u64) {
@@ -312,6 +361,8 @@ impl TachTracker {
         self.lock = match (accepted > 1, similar) {
             (true, _) => Lock::Doubtful { needed: 6 },
             (false, true) => Lock::Doubtful { needed: 2 },
+            // Every other pulse of a shaft beyond the wheel's highest rate agrees with half of its speed.
+            _ if self.splits > 0 => Lock::Doubtful { needed: 2 },
             (false, false) => Lock::Locked,
         };
         self.raw_accepted = 0b1111;
@@ -330,7 +381,7 @@ impl TachTracker {
         }
         let ticks_per_second = self.clock.0 as f32;
         let pinion_per_position = self.wheel.pinion_per_tach / f32::from(self.wheel.pulses_per_turn);
-        let due = 1.0 + f32::from(self.wheel.missing) + self.filter.gate();
+        let due = 1.0 + f32::from(self.wheel.missing) + self.filter.gate() + self.pitch.late();
         let validity = match self.lock {
             _ if age > self.longest_gap => Validity::None,
             Lock::Locked if self.filter.place(age) <= due => Validity::Locked,
@@ -359,6 +410,12 @@ impl TachTracker {
             if instant >= last { self.filter.place(instant - last) } else { self.filter.place_before(last - instant) };
         let part = TurnFraction::from_turns(place / positions as f32);
         TurnFraction((((whole << 32) / positions) as u32).wrapping_add(part.0))
+    }
+
+    /// Position (modulo the wheel) of the first tooth behind the gap; `None` until it is found, and for wheels without
+    /// one.
+    pub fn index(&self) -> Option<u64> {
+        self.index
     }
 
     /// Whether the wheel's gap has been found (always for wheels without one).

@@ -5,14 +5,62 @@
 //! pitch cancel. Elsewhere it is interpolated between pulses by the parabola through the last three: at a relative
 //! change of speed r per position the error is 0.2 r^2 positions.
 //!
-//! Positions are counted in 2^-32 and never rounded anew, so the marks do not drift against the pulses. The angle of
-//! the first mark is arbitrary; a new lock of the tracker starts with another one and is reported as a break.
+//! The ratio of both shafts is one of whole numbers, the simplest fraction that the configured number can stand for
+//! ([`Ratio`]); positions are counted in 2^-32 with the rest of the division carried on, so the marks never drift
+//! against the pulses.
+//!
+//! Where the pinion makes whole turns per turn of a wheel with a gap, or with one pulse, marks lie at the first tooth
+//! behind the gap, or at the pulse: their phase is the same after every start ([`TurnMarks::is_absolute`]). Elsewhere
+//! the angle of the first mark is arbitrary; a new lock of the tracker starts with another one and is reported as a
+//! break, and so is the finding of the gap.
 
 use crate::config::TachWheel;
 use crate::tach::TachTracker;
 
 /// More marks than this in one gap between pulses are left out: no wheel that coarse can place them.
-const MOST_PER_PULSE: u32 = 8;
+const MOST_PER_PULSE: u32 = 64;
+/// Largest relative difference of a fraction from the configured number: two of its last places.
+const SAME: f64 = 2.4e-7;
+/// Largest denominator of a fraction: two stages of a hundred teeth and more.
+const LARGEST_DENOMINATOR: u64 = 20_000;
+
+/// A ratio of whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ratio {
+    /// Turns of the pinion.
+    pub pinion: u64,
+    /// In so many turns of the tach shaft.
+    pub tach: u64,
+}
+
+impl Ratio {
+    /// The simplest fraction that is a number but for its last places, by continued fractions; where there is none, the
+    /// number itself in 2^-22.
+    pub fn of(number: f32) -> Self {
+        let exact = f64::from(number).max(1e-6);
+        let (mut before, mut convergent) = ((0u64, 1u64), (1u64, 0u64));
+        let mut rest = exact;
+        for _ in 0..24 {
+            let whole = rest as u64;
+            let next = |of: u64, before: u64| whole.saturating_mul(of).saturating_add(before);
+            let (p, q) = (next(convergent.0, before.0), next(convergent.1, before.1));
+            if q > LARGEST_DENOMINATOR {
+                break;
+            }
+            (before, convergent) = (convergent, (p, q));
+            if (p as f64 / q as f64 / exact - 1.0).abs() <= SAME && p > 0 {
+                return Self { pinion: p, tach: q };
+            }
+            let part = rest - whole as f64;
+            if part < 1e-12 {
+                break;
+            }
+            rest = 1.0 / part;
+        }
+        // Up to a thousand turns of the pinion fit 32 bits: see `TurnMarks::new`.
+        Self { pinion: ((exact * 4_194_304.0) as u64).clamp(1, u64::from(u32::MAX)), tach: 4_194_304 }
+    }
+}
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Pulse {
@@ -32,8 +80,16 @@ pub enum Continuity {
 /// Generator of turn marks.
 #[derive(Clone, Debug)]
 pub struct TurnMarks {
-    /// Positions per turn of the pinion, 2^-32.
+    /// Positions per turn of the pinion, 2^-32, and the rest of that division.
     step_q32: u64,
+    rest: u64,
+    ratio: Ratio,
+    /// Rests so far, below the ratio's turns of the pinion.
+    carried: u64,
+    /// Positions per turn of the wheel.
+    positions: u64,
+    /// First tooth behind the gap that the marks lie at, once found.
+    aligned: Option<u64>,
     /// Position of the next mark, 2^-32, wrapping with 32 bits of whole positions.
     next_q32: u64,
     /// Newest accepted pulses, newest last.
@@ -45,9 +101,19 @@ pub struct TurnMarks {
 impl TurnMarks {
     /// For a validated wheel.
     pub fn new(wheel: &TachWheel) -> Self {
-        let positions = f64::from(wheel.pulses_per_turn) / f64::from(wheel.pinion_per_tach);
+        let ratio = Ratio::of(wheel.pinion_per_tach);
+        let positions = u64::from(wheel.pulses_per_turn.max(1));
+        // Whole positions and 2^-32 of one in turn: the pinion's turns fit 32 bits.
+        let turns = positions * ratio.tach;
+        let (whole, left) = (turns / ratio.pinion.max(1), turns % ratio.pinion.max(1));
+        let (part, rest) = ((left << 32) / ratio.pinion.max(1), (left << 32) % ratio.pinion.max(1));
         Self {
-            step_q32: ((positions * 4_294_967_296.0) as u64).max(1),
+            step_q32: ((whole << 32) | part).max(1),
+            rest,
+            ratio,
+            carried: 0,
+            positions,
+            aligned: None,
             next_q32: 0,
             pulses: [Pulse::default(); 3],
             count: 0,
@@ -63,23 +129,59 @@ impl TurnMarks {
             self.relocks = relocks;
             self.count = 0;
             self.take(Pulse { instant, position });
+            (self.aligned, self.carried) = (None, 0);
             self.next_q32 = (position << 32).wrapping_add(self.step_q32);
+            self.align(tach.index(), position);
             return Continuity::Broken;
         }
         if self.count == 0 || position == self.pulses[2].position {
             return Continuity::Kept;
         }
         self.take(Pulse { instant, position });
+        if self.align(tach.index(), position) {
+            return Continuity::Broken;
+        }
         for _ in 0..MOST_PER_PULSE {
             let beyond = self.next_q32.wrapping_sub(position << 32) as i64;
             if beyond > 0 {
                 return Continuity::Kept;
             }
             mark(self.instant_at(beyond));
-            self.next_q32 = self.next_q32.wrapping_add(self.step_q32);
+            self.step();
         }
         self.next_q32 = (position << 32).wrapping_add(self.step_q32);
         Continuity::Kept
+    }
+
+    /// Whether marks lie at the same angle of the shaft after every start.
+    pub fn is_absolute(&self) -> bool {
+        self.ratio.tach == 1 && self.count > 0 && (self.positions == 1 || self.aligned.is_some())
+    }
+
+    fn step(&mut self) {
+        self.next_q32 = self.next_q32.wrapping_add(self.step_q32);
+        self.carried += self.rest;
+        if self.carried >= self.ratio.pinion {
+            self.carried -= self.ratio.pinion;
+            self.next_q32 = self.next_q32.wrapping_add(1);
+        }
+    }
+
+    /// Lays the marks at the first tooth behind the gap, where the pinion makes whole turns per turn of the wheel; true
+    /// where they moved.
+    fn align(&mut self, index: Option<u64>, position: u64) -> bool {
+        if index.is_none() || index == self.aligned || self.ratio.tach != 1 {
+            return false;
+        }
+        self.aligned = index;
+        let place = |at: u64| at.checked_rem(self.positions).unwrap_or(0);
+        let to_index = place(index.unwrap_or(0) + self.positions - place(position));
+        // The first mark behind the present position: the pinion's turns divide the wheel's.
+        let ahead = if to_index == 0 { self.positions } else { to_index } << 32;
+        let next = (position << 32).wrapping_add((ahead - 1).checked_rem(self.step_q32).unwrap_or(0) + 1);
+        let moved = next != self.next_q32;
+        (self.next_q32, self.carried) = (next, 0);
+        moved
     }
 
     fn take(&mut self, pulse: Pulse) {

@@ -41,7 +41,7 @@ pub const EXPECTED: [StageHash; STAGES] = [
     StageHash { stage: "window", hash: 0x5745_6861 },
     StageHash { stage: "spectrum", hash: 0xe3ef_d032 },
     StageHash { stage: "order", hash: 0xd728_e2c2 },
-    StageHash { stage: "zoom", hash: 0xcf78_98c8 },
+    StageHash { stage: "zoom", hash: 0x6093_abbd },
     StageHash { stage: "tsa", hash: 0x8739_766f },
     StageHash { stage: "envelope", hash: 0xa80b_c33a },
     StageHash { stage: "rise_time", hash: 0xa6e3_6ebc },

@@ -97,8 +97,8 @@ fn theory_outputs_begin_in_their_safe_state() {
     set(&*port_b, MODER, 0x0000_0280);
     set(&*port_b, OSPEEDR, 0x0000_00c0);
     pins::configure(&port_a, &port_b, &port_c);
-    assert_eq!(word(&*port_c, BSRR), (1 << 12) | (1 << 24) | (1 << 25), "dark, not energised, off");
-    assert_eq!(word(&*port_c, MODER), (0b01 << 24) | (0b01 << 18) | (0b01 << 16));
+    assert_eq!(word(&*port_c, BSRR), (1 << 12) | (1 << 22) | (1 << 24) | (1 << 25), "dark, not energised, off");
+    assert_eq!(word(&*port_c, MODER), (0b01 << 24) | (0b01 << 18) | (0b01 << 16) | (0b01 << 12));
     assert_eq!(word(&*port_b, BSRR), 1 << 12, "not selected");
     assert_eq!(word(&*port_b, MODER), 0x0000_0280 | (0b01 << 24) | (0b10 << 26) | (0b10 << 30));
     assert_eq!(word(&*port_b, AFRH), (5 << 20) | (5 << 28), "PB13, PB15: SPI2");

@@ -164,9 +164,18 @@ fn theory_housekeeping_reads_the_reference_and_the_temperature_in_turn() {
     assert_eq!(keeping.temperature_c(), None);
     set(&*adc1, 0x4c, 1_320);
     keeping.follow(&adc1);
+    assert_eq!(
+        (word(&*adc1, 0x34), word(&*adc1, 0x10)),
+        (4, 7 << 12),
+        "the sensor's bias, with its divider's patience"
+    );
     // 1320 codes at 3.0 V are 1200 at 3.3 V.
     let celsius = keeping.temperature_c().expect("read");
     assert!((celsius - (30.0 + 80.0 * (1_200.1 - 959.0) / 248.0)).abs() < 0.2, "{celsius}");
+    set(&*adc1, 0x4c, 2_048);
+    keeping.follow(&adc1);
+    let volts = keeping.sensor_bias_v().expect("read");
+    assert!((volts - 1.5).abs() < 0.01 && word(&*adc1, 0x34) == 17, "{volts}");
 }
 
 #[test]
@@ -529,7 +538,15 @@ fn theory_pins_of_tach_signal_and_link_and_watchdog() {
     pins::configure(&port_a, &port_b, &port_c);
     assert_eq!(
         word(&*port_a, 0x00),
-        0xa800_0000 | (0b10 << 20) | (0b10 << 18) | (0b01 << 16) | (0b10 << 6) | (0b11 << 4) | (0b11 << 2) | 0b10
+        0xa800_0000
+            | (0b10 << 20)
+            | (0b10 << 18)
+            | (0b01 << 16)
+            | (0b11 << 8)
+            | (0b10 << 6)
+            | (0b11 << 4)
+            | (0b11 << 2)
+            | 0b10
     );
     assert_eq!(word(&*port_a, 0x18), 1 << (8 + 16), "PA8: others speak on a shared line");
     assert_eq!(word(&*port_a, 0x20), (2 << 12) | 2, "PA0, PA3: TIM5");

@@ -1,12 +1,65 @@
 //! Alarm bands, event ring and configuration checks.
 
-use meshband::alarm::{Alarm, AlarmBand, AlarmChange, AlarmHolding, Watched};
+use meshband::alarm::{Alarm, AlarmBand, AlarmChange, AlarmHolding, AlarmMode, Put, Severity, Side, Use, Watched};
 use meshband::config::{Configuration, ConfigurationError, SecondSensor};
 use meshband::events::{EventKind, EventLog, KEPT, QUOTA};
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 
 fn band() -> AlarmBand {
     AlarmBand { watched: Watched::Rms, from: Hertz(5.0), to: Hertz(20.0), raise: 2.0, clear: 1.5, persistence: 3 }
+}
+
+/// A value that may do everything, put to an alarm.
+fn put(
+    alarm: &mut Alarm,
+    band: &AlarmBand,
+    holding: &AlarmHolding,
+    persistence_ticks: u64,
+    [tick, value]: [f64; 2],
+) -> Option<AlarmChange> {
+    let put = Put { tick: tick as u64, value: value as f32, may: Use::Both };
+    alarm.update(band, Side::Above, holding, [persistence_ticks, 1], put)
+}
+
+#[test]
+fn theory_what_may_only_raise_clears_nothing_and_ends_no_row() {
+    let (band, holding, mut alarm) = (band(), AlarmHolding::default(), Alarm::default());
+    let mut put = |value: f32, may| alarm.update(&band, Side::Above, &holding, [0, 1], Put { tick: 0, value, may });
+    assert_eq!([put(3.0, Use::RaiseOnly), put(1.0, Use::RaiseOnly), put(3.0, Use::LowerBound)], [None; 3]);
+    assert_eq!(put(9.0, Use::Neither), None);
+    assert_eq!(put(3.0, Use::RaiseOnly), Some(AlarmChange::Raised), "the third above, the lower bound is no evidence");
+    assert!((0..10).all(|_| put(1.0, Use::RaiseOnly).is_none() && put(1.0, Use::Neither).is_none()));
+    assert_eq!([put(1.0, Use::Both), put(1.0, Use::Both)], [None; 2]);
+    assert_eq!(put(3.0, Use::RaiseOnly), None, "beyond the limit: the row of clear values ends");
+    assert_eq!([put(1.0, Use::Both), put(1.0, Use::Both)], [None; 2]);
+    assert_eq!(put(1.0, Use::Both), Some(AlarmChange::Cleared));
+}
+
+#[test]
+fn theory_a_low_limit_is_raised_below_it_and_never_by_a_lower_bound() {
+    let band = AlarmBand { raise: 1.0, clear: 1.5, persistence: 2, ..band() };
+    assert!(band.is_sane(Side::Below) && !band.is_sane(Side::Above));
+    let (holding, mut alarm) = (AlarmHolding::default(), Alarm::default());
+    let mut put = |value: f32, may| alarm.update(&band, Side::Below, &holding, [0, 1], Put { tick: 0, value, may });
+    assert_eq!([put(0.5, Use::LowerBound), put(0.5, Use::LowerBound)], [None; 2]);
+    assert_eq!([put(0.5, Use::Both), put(0.5, Use::Both)], [None, Some(AlarmChange::Raised)]);
+    assert_eq!([put(1.2, Use::Both), put(1.2, Use::Both)], [None; 2], "inside the hysteresis");
+    assert_eq!([put(2.0, Use::Both), put(2.0, Use::Both)], [None, Some(AlarmChange::Cleared)]);
+}
+
+#[test]
+fn theory_a_rise_is_measured_against_the_value_s_own_mean() {
+    let band = AlarmBand { raise: 1.0, clear: 0.5, persistence: 2, ..band() };
+    let (holding, mut alarm) = (AlarmHolding::default(), Alarm::default());
+    let mut put =
+        |tick, value: f32| alarm.update(&band, Side::Rise, &holding, [0, 600], Put { tick, value, may: Use::Both });
+    // An hour at 5, then slowly up by 0.001 a tick: 0.6 in the mean's time, below the limit.
+    assert!((0..3600).all(|tick| put(tick, 5.0).is_none()));
+    assert!((3600..7200).all(|tick| put(tick, 5.0 + 0.001 * (tick - 3600) as f32).is_none()));
+    assert_eq!([put(7200, 10.0), put(7201, 10.0)], [None, Some(AlarmChange::Raised)]);
+    let cleared =
+        (7202..20_000).find(|&tick| put(tick, 10.0) == Some(AlarmChange::Cleared)).expect("it has become usual");
+    assert!((7900..9900).contains(&cleared), "{cleared}");
 }
 
 #[test]
@@ -28,11 +81,11 @@ fn theory_a_second_sensor_needs_a_second_converter_and_a_rate_that_both_keep() {
 #[test]
 fn theory_alarms_need_persistence_and_clear_below_their_hysteresis() {
     let (band, mut alarm) = (band(), Alarm::default());
-    let mut put = |x| alarm.update(&band, &AlarmHolding::default(), 0, 0, x);
+    let mut put = |x| put(&mut alarm, &band, &AlarmHolding::default(), 0, [0.0, x]);
     let changes: Vec<_> = [2.1, 2.1, 1.9, 2.1, 2.1, 2.1].map(&mut put).into();
     assert_eq!(changes, [None, None, None, None, None, Some(AlarmChange::Raised)]);
     assert!((0..10).all(|_| put(1.7).is_none()), "inside the hysteresis");
-    assert!((0..10).all(|_| put(f32::NAN).is_none()), "undefined");
+    assert!((0..10).all(|_| put(f64::NAN).is_none()), "undefined");
     let changes: Vec<_> = [1.0, 1.0, 1.0].map(put).into();
     assert_eq!(changes, [None, None, Some(AlarmChange::Cleared)]);
 }
@@ -41,15 +94,15 @@ fn theory_alarms_need_persistence_and_clear_below_their_hysteresis() {
 fn theory_an_alarm_waits_for_its_time_too() {
     let band = AlarmBand { persistence: 1, ..band() };
     let mut alarm = Alarm::default();
-    let mut put = |tick, x| alarm.update(&band, &AlarmHolding::default(), 100, tick, x);
-    assert_eq!([put(10, 3.0), put(60, 3.0), put(109, 3.0)], [None; 3]);
-    assert_eq!(put(110, 3.0), Some(AlarmChange::Raised));
+    let mut put = |tick, x| put(&mut alarm, &band, &AlarmHolding::default(), 100, [tick, x]);
+    assert_eq!([put(10.0, 3.0), put(60.0, 3.0), put(109.0, 3.0)], [None; 3]);
+    assert_eq!(put(110.0, 3.0), Some(AlarmChange::Raised));
     assert_eq!(
-        [put(120, 1.0), put(130, 3.0), put(140, 1.0), put(239, 1.0)],
+        [put(120.0, 1.0), put(130.0, 3.0), put(140.0, 1.0), put(239.0, 1.0)],
         [None; 4],
         "one value above starts the time anew"
     );
-    assert_eq!(put(240, 1.0), Some(AlarmChange::Cleared));
+    assert_eq!(put(240.0, 1.0), Some(AlarmChange::Cleared));
 }
 
 #[test]
@@ -58,30 +111,36 @@ fn theory_a_latched_alarm_stands_until_it_is_acknowledged() {
     let holding = AlarmHolding { latching: true, ..AlarmHolding::default() };
     let mut alarm = Alarm::default();
     assert_eq!(alarm.acknowledge(), None);
-    assert_eq!(alarm.update(&band, &holding, 0, 0, 3.0), Some(AlarmChange::Raised));
-    assert_eq!(alarm.update(&band, &holding, 0, 1, 1.0), None);
+    assert_eq!(put(&mut alarm, &band, &holding, 0, [0.0, 3.0]), Some(AlarmChange::Raised));
+    assert_eq!(put(&mut alarm, &band, &holding, 0, [1.0, 1.0]), None);
     assert!(alarm.stands() && alarm.is_unseen() && !alarm.is_raised());
-    assert_eq!(alarm.update(&band, &holding, 0, 2, 3.0), None, "it has stood all the time");
+    assert_eq!(put(&mut alarm, &band, &holding, 0, [2.0, 3.0]), None, "it has stood all the time");
     assert_eq!(alarm.acknowledge(), None, "the value is still beyond its limit");
     assert!(alarm.stands() && !alarm.is_unseen());
-    assert_eq!(alarm.update(&band, &holding, 0, 3, 1.0), Some(AlarmChange::Cleared), "seen, and well again");
-    assert_eq!(alarm.update(&band, &holding, 0, 4, 3.0), Some(AlarmChange::Raised));
-    assert_eq!(alarm.update(&band, &holding, 0, 5, 1.0), None);
+    assert_eq!(put(&mut alarm, &band, &holding, 0, [3.0, 1.0]), Some(AlarmChange::Cleared), "seen, and well again");
+    assert_eq!(put(&mut alarm, &band, &holding, 0, [4.0, 3.0]), Some(AlarmChange::Raised));
+    assert_eq!(put(&mut alarm, &band, &holding, 0, [5.0, 1.0]), None);
     assert_eq!(alarm.acknowledge(), Some(AlarmChange::Cleared));
     assert!(!alarm.stands());
 }
 
 #[test]
-fn theory_bands_apply_inside_their_speeds_and_without_one_the_least_strict() {
+fn theory_bands_apply_inside_their_speeds_and_outside_or_without_one_the_least_strict() {
     let slow = band();
     let fast = AlarmBand { from: Hertz(20.0), to: Hertz(60.0), raise: 5.0, ..slow };
     let other = AlarmBand { watched: Watched::Crest, raise: 9.0, ..slow };
     let all = [slow, fast, other];
-    let applies = |speed: Option<f32>| all.map(|band| band.applies(speed.map(Hertz), &all));
+    let applies = |speed: Option<f32>| [0, 1, 2].map(|n| AlarmBand::applies(n, speed.map(Hertz), &all, &[]));
     assert_eq!(applies(Some(10.0)), [true, false, true]);
-    assert_eq!(applies(Some(30.0)), [false, true, false]);
-    assert_eq!(applies(Some(70.0)), [false; 3]);
+    assert_eq!(applies(Some(30.0)), [false, true, true]);
+    assert_eq!(applies(Some(70.0)), [false, true, true]);
     assert_eq!(applies(None), [false, true, true]);
+    // Of a severity of its own each is the least strict; at the low side that is the lowest.
+    let alert = AlarmMode { severity: Severity::Alert, ..AlarmMode::default() };
+    assert!(AlarmBand::applies(0, None, &all, &[alert]) && AlarmBand::applies(1, None, &all, &[alert]));
+    let low = AlarmMode { side: Side::Below, ..AlarmMode::default() };
+    let lows = [low; 3];
+    assert!(AlarmBand::applies(0, None, &all, &lows) && !AlarmBand::applies(1, None, &all, &lows));
 }
 
 /// A time base of 1000 ticks per second.
@@ -187,8 +246,13 @@ fn fault_a_full_history_keeps_the_newest_of_each_kind_and_reports_each_once() {
 #[test]
 fn fault_each_absurd_field_is_named() {
     type Spoil = fn(&mut Configuration);
-    let cases: [(Spoil, ConfigurationError); 14] = [
-        (|c| c.schema = 9, ConfigurationError::Schema),
+    let cases: [(Spoil, ConfigurationError); 19] = [
+        (|c| c.tach.pulses_per_turn = 1024, ConfigurationError::TachTooManyPulses),
+        (|c| c.modes.push(AlarmMode::default()).expect("room"), ConfigurationError::Modes),
+        (|c| (c.range.lowest, c.range.highest) = (2000, 1000), ConfigurationError::Sensor),
+        (|c| c.sensor_check.bias_v = [8.0, 14.0], ConfigurationError::Sensor),
+        (|c| c.velocity_from = Hertz(0.5), ConfigurationError::Sensor),
+        (|c| c.schema = 99, ConfigurationError::Schema),
         (|c| c.gears.pinion_teeth = 3, ConfigurationError::PinionTeeth),
         (|c| c.gears.gear_teeth = 60_000, ConfigurationError::GearTeeth),
         (|c| c.tach.pulses_per_turn = 0, ConfigurationError::PulsesPerTurn),

@@ -71,6 +71,9 @@ fn theory_the_configuration_fits_its_bound() {
         let local = LocalPoint { speed: Hertz(n as f32), sidebands: level, fm0: level };
         config.local_levels.push(local).expect("room");
     }
+    while config.modes.push(meshband::alarm::AlarmMode::default()).is_ok() {}
+    (config.range.lowest, config.range.highest) = (20_000, 60_000);
+    config.sensor_check.mean = [20_000, 60_000];
     config.second = Some(meshband::config::SecondSensor::default());
     config.limits.highest_adc = Hertz(200_000.0);
     assert_eq!(config.validate(meshband::board::Timing::STM32F405), Ok(()));

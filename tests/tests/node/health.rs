@@ -132,7 +132,7 @@ fn claim_a_node_tells_supply_temperature_and_the_bias_of_both_sensors_in_volts()
     assert_eq!((before.supply_v, before.temperature_c, before.bias_v, before.second_bias_v), (None, None, None, None));
     feed(&mut node, 3.0, [32_760, 20_000]);
     assert_eq!(node.health().bias_v, None, "codes are shares of a supply that nobody has measured");
-    node.set_board_health(BoardHealth { supply_v: Some(3.2), temperature_c: Some(41.5) });
+    node.set_board_health(BoardHealth { supply_v: Some(3.2), temperature_c: Some(41.5), sensor_bias_v: None });
     let Reply::Health(health) = node.on_request(Request::GetHealth) else { panic!("another reply") };
     assert_eq!((health.supply_v, health.temperature_c, health.uptime_s), (Some(3.2), Some(41.5), 2));
     let near = |value: Option<f32>, wanted: f32| (value.expect("known") - wanted).abs() < 1e-3;
@@ -174,7 +174,7 @@ fn fault_times_without_sense_neither_panic_nor_wrap() {
 fn fault_supply_and_temperature_out_of_range_are_said_once_until_they_have_returned() {
     let mut watch = HealthWatch::default();
     let mut say = |supply_v: f32, temperature_c: f32| {
-        watch.follow(BoardHealth { supply_v: Some(supply_v), temperature_c: Some(temperature_c) })
+        watch.follow(BoardHealth { supply_v: Some(supply_v), temperature_c: Some(temperature_c), sensor_bias_v: None })
     };
     assert_eq!(say(3.3, 20.0), [None, None]);
     assert_eq!(say(3.19, 20.0), [Some(HealthChange::Supply(3.19)), None]);

@@ -87,7 +87,8 @@ fn theory_what_is_sent_when_does_not_depend_on_the_line() {
     };
     let (fast, usual) = (run(1.0e7), run(f64::from(BITS_PER_SECOND) / 10.0));
     assert!(fast.len() > 40);
-    assert_eq!(fast, usual);
+    // As text: values that are not made yet are NaN.
+    assert_eq!(format!("{fast:?}"), format!("{usual:?}"));
 }
 
 #[test]

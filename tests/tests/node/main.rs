@@ -1,5 +1,6 @@
 //! What the node computes (`meshband`), on the host: one program, so that its tests share two cores to the end.
 
+mod alarm_campaign;
 mod alarm_events;
 mod alarm_output;
 mod alias;
@@ -11,6 +12,7 @@ mod commissioning;
 mod commissioning_figures;
 mod compact;
 mod decimate;
+mod doubtful_tach;
 mod fault_campaign;
 mod frame;
 mod golden_stages;
@@ -30,9 +32,11 @@ mod node_products;
 mod node_trials;
 mod node_values;
 mod order_chain;
+mod order_products;
 mod order_tsa;
 mod rate_plan;
 mod refusals;
+mod rig;
 mod rise_time;
 mod safe_start;
 mod schema;
@@ -46,5 +50,6 @@ mod strongest_lines;
 mod tach;
 mod update;
 mod values_of_machines;
+mod watch_keeping;
 mod window;
 mod zoom;

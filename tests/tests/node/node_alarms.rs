@@ -1,8 +1,9 @@
 //! The node's alarms through everything that happens to a machine: no tach, bad signals, restarts, people.
 
-use meshband::alarm::{AlarmBand, AlarmHolding, Watched};
-use meshband::config::{Configuration, PassBand};
+use meshband::alarm::{AlarmBand, AlarmHolding, AlarmMode, Severity, Watched};
+use meshband::config::{Configuration, OkOutput, PassBand};
 use meshband::events::EventKind;
+use meshband::health::BoardHealth;
 use meshband::identity::Identity;
 use meshband::message::{Bound, Indicators, Message, Request, Status};
 use meshband::node::Block;
@@ -172,16 +173,86 @@ fn regress_an_alarm_of_the_only_class_stands_without_a_tach_unless_it_was_raised
 }
 
 #[test]
-fn fault_a_clipped_signal_raises_its_own_alarm_and_no_other() {
-    let mut watch = Watch::new(configuration());
-    // The rails are at 65.5 m/s2.
-    watch.run(4.0, 3.0).run(5.0, 90.0);
-    assert_eq!(watch.said(EventKind::AlarmRaised), [0u32; 0]);
+fn fault_a_clipped_signal_raises_its_own_alarm_beside_the_limit_it_exceeds() {
+    let mut config = configuration();
+    config.holding.latching = false;
+    let mut watch = Watch::new(config);
+    // The front end clips at 62 m/s2.
+    watch.run(4.0, 3.0).run(6.0, 90.0);
+    assert_eq!(watch.said(EventKind::AlarmRaised), [0]);
     assert_eq!(watch.said(EventKind::SignalBad), [1]);
-    assert!(watch.stands() && watch.status().alarms.signal_bad && watch.status().alarms.standing == 0);
+    let status = watch.status();
+    assert!(watch.stands() && status.alarms.signal_bad && status.alarms.standing == 1);
+    assert!(status.sensor.standing && status.sensor.reasons == 1);
+    watch.run(6.0, 3.0);
+    assert!(!watch.stands() && !watch.status().sensor.standing);
+    assert_eq!((watch.said(EventKind::SignalGood), watch.said(EventKind::AlarmCleared)), (vec![0], vec![0]));
+}
+
+#[test]
+fn theory_an_alert_is_told_and_leaves_the_output_alone() {
+    let mut config = configuration();
+    config.holding.latching = false;
+    config.alarms.truncate(1);
+    config.modes.push(AlarmMode { severity: Severity::Alert, ..AlarmMode::default() }).expect("room");
+    let mut watch = Watch::new(config);
+    watch.run(6.0, 12.0);
+    assert_eq!(watch.said(EventKind::AlarmRaised), [0]);
+    let status = watch.status();
+    assert_eq!((status.alarms.standing, status.alerts, watch.stands()), (1, 1, false));
+}
+
+#[test]
+fn theory_a_sensor_with_an_output_of_its_own_does_not_move_the_alarm_output() {
+    let mut config = configuration();
+    config.alarms.clear();
+    config.sensor_check.output = OkOutput::Own;
+    let mut watch = Watch::new(config);
     watch.run(4.0, 3.0);
+    assert!(watch.session.node().sensor_is_ok());
+    watch.run(6.0, 90.0);
+    assert!(!watch.session.node().sensor_is_ok() && !watch.stands());
+}
+
+#[test]
+fn theory_the_bias_of_the_sensor_has_a_band() {
+    let mut config = configuration();
+    config.sensor_check.bias_v = [8.0, 14.0];
+    config.sensor_check.bias_divider = 5.0;
+    let mut watch = Watch::new(config);
+    let bias = |volts: f32| BoardHealth { sensor_bias_v: Some(volts / 5.0), ..BoardHealth::default() };
+    watch.session.node_mut().set_board_health(bias(11.0));
+    watch.run(6.0, 3.0);
     assert!(!watch.stands());
-    assert_eq!(watch.said(EventKind::SignalGood), [0]);
+    // A cut cable: the current source goes to its supply.
+    watch.session.node_mut().set_board_health(bias(23.0));
+    watch.run(6.0, 3.0);
+    assert!(watch.stands());
+    assert_eq!(watch.said(EventKind::SignalBad), [u32::from(meshband::watch::reason::BIAS)]);
+    assert_eq!(watch.session.node().health().sensor_bias_v, Some(23.0));
+}
+
+#[test]
+fn fault_a_stopped_node_does_not_pass_for_a_healthy_machine() {
+    let mut watch = Watch::new(configuration());
+    watch.run(4.0, 3.0);
+    watch.ask(Request::Stop);
+    watch.run(40.0, 3.0);
+    assert!(watch.stands(), "its limits have had nothing to judge for half a minute");
+    assert_eq!(watch.said(EventKind::SignalBad), [u32::from(meshband::watch::reason::BLIND)]);
+}
+
+#[test]
+fn fault_a_latched_sensor_survives_a_power_cut() {
+    let mut watch = Watch::new(configuration());
+    watch.run(4.0, 3.0).run(6.0, 90.0).run(6.0, 3.0);
+    let kept = watch.session.node().configuration().clone();
+    assert!(kept.sensor_latched && watch.session.take_commit());
+    let mut again = Watch::new(kept);
+    assert!(again.stands(), "from the first moment on");
+    again.run(6.0, 3.0);
+    again.ask(Request::AcknowledgeAlarms);
+    assert!(!again.stands() && !again.session.node().configuration().sensor_latched);
 }
 
 #[test]

@@ -258,7 +258,7 @@ fn theory_the_mesh_plan_resolves_an_eighth_of_the_shaft_rate_for_all_usual_tooth
             assert!(teeth > 69 || band <= 1.0001 * BAND_SHARE, "{teeth} teeth at {speed} Hz: {band}");
             assert!(2.5 * per_turn <= CAPACITY as f32, "{teeth} teeth at {speed} Hz: {per_turn} per turn");
             assert!(mesh.harmonics >= 1 && per_period >= 4.0, "{teeth} teeth at {speed} Hz: {per_period} per period");
-            if teeth <= 76 {
+            if teeth <= 69 {
                 assert_eq!(mesh.harmonics, 5, "{teeth} teeth at {speed} Hz");
                 assert!(per_period <= 9.6, "{teeth} teeth at {speed} Hz: {per_period}");
             }

@@ -142,7 +142,8 @@ fn ref_indicators_of_a_pure_mesh_tone() {
         (0..1024).map(|i| (2.0 * (TAU * f64::from(teeth) * f64::from(i) / 1024.0).sin()) as f32).collect();
     let (mut work, mut split) = (vec![0.0; 1024], vec![0.0; 1024]);
     let mut ensemble = RunEnsemble::default();
-    let found = of_average(&average, teeth as u16, &mut ensemble, &mut work, &mut split).expect("a power of two");
+    let found =
+        of_average(&average, teeth as u16, |run| ensemble.add(run), &mut work, &mut split).expect("a power of two");
     let near = |value: f32, expected: f64| assert!((f64::from(value) - expected).abs() < 1e-3, "{value} {expected}");
     near(found.rms, 2.0_f64.sqrt());
     near(found.crest, 2.0_f64.sqrt());

@@ -178,7 +178,11 @@ fn theory_noise_of_half_a_percent_costs_at_most_5_percent() {
             for &x in &samples {
                 let _ = estimator.push(x as f32);
             }
-            let result = estimator.result().unwrap();
+            let result = match estimator.result() {
+                // A noise of one per cent lies at the estimator's own limit.
+                Err(RiseTimeRefusal::Noisy { .. }) if noise == 0.1 => continue,
+                result => result.expect("half a per cent is a good measurement"),
+            };
             let error = f64::from(result.samples_per_edge) / samples_per_edge - 1.0;
             let percent = 100.0 * error;
             println!("noise {noise}, {samples_per_edge}: {percent:+.2} % MAD {:.2}", result.deviation_samples);
@@ -187,8 +191,37 @@ fn theory_noise_of_half_a_percent_costs_at_most_5_percent() {
     }
 }
 
-/// A low-pass that passes 0.39 and stops 0.61 of the rate like the node's decimation: windowed sinc, `over` points
-/// per sample.
+#[test]
+fn regress_a15_noise_that_would_cut_edges_short_gives_no_result() {
+    // RMS of the noise in per cent of the height, ten samples per edge, ten teeth as a node takes them, eight draws.
+    for percent in [0.5, 1.0, 1.5, 2.0, 3.0, 5.0] {
+        let mut told = Vec::new();
+        for seed in 0..8 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let (mut samples, pitch) = train(raised_cosine, 10.0 / exact_rise(raised_cosine), 12);
+            for x in &mut samples {
+                *x += 0.1 * percent * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+            }
+            let mut estimator = RiseTime::<256>::new(config(), pitch as f32);
+            estimator.expect(10.0);
+            for &x in &samples {
+                let _ = estimator.push(x as f32);
+            }
+            if let Ok(result) = estimator.result() {
+                told.push(f64::from(result.samples_per_edge) / 10.0);
+                let noise = 100.0 * f64::from(result.noise);
+                assert!((noise / percent - 0.9).abs() < 0.35, "{percent} % is told as {noise} %");
+            }
+        }
+        println!("{percent} %: {told:.3?}");
+        assert!(told.iter().all(|ratio| (ratio - 1.0).abs() < 0.15), "{percent} %: {told:?}");
+        assert!(percent > 0.6 || told.len() == 8, "{percent} % is a good measurement");
+        assert!(percent < 1.4 || told.is_empty(), "{percent} % cuts edges short: {told:?}");
+    }
+}
+
+/// A low-pass that passes 0.39 and stops 0.61 of the rate like the node's decimation: windowed sinc, `over` points per
+/// sample.
 fn low_pass(over: usize) -> Vec<f64> {
     const HALF_SAMPLES: f64 = 13.0;
     let count = HALF_SAMPLES as usize * over;

@@ -130,9 +130,10 @@ fn fault_a_shortened_configuration_of_the_present_schema_is_no_older_one() {
     assert_eq!(Configuration::from_stored(&[&whole[..], &[0]].concat()), None);
 }
 
-/// Bytes at the end of the default configuration that a layout did not have: local levels, the second sensor,
-/// waveforms, the link, the list of levels.
-const APPENDED: [(u16, usize); 5] = [(7, 1), (6, 2), (5, 2 + 5), (4, 2 + 5 + 4), (3, 2 + 5 + 4 + 1)];
+/// Bytes at the end of the default configuration that a layout did not have: modes, range, check of the sensor and
+/// velocity, local levels, the second sensor, waveforms, the link, the list of levels.
+const APPENDED: [(u16, usize); 6] =
+    [(8, 31), (7, 31 + 1), (6, 31 + 2), (5, 31 + 2 + 5), (4, 31 + 2 + 5 + 4), (3, 31 + 2 + 5 + 4 + 1)];
 
 #[test]
 fn regress_a_configuration_of_an_older_layout_has_the_first_value_of_what_was_appended() {

@@ -85,7 +85,7 @@ fn regress_a_failed_item_passes_once_the_fault_is_gone() {
     let mut bench = Bench::new(SelfTestRun::at_start(CLOCK, true));
     let results = bench.blocks(2 * SETTLING_S as u32 * PER_SECOND, |_| 0);
     assert_eq!(results.last(), Some(&SelfTest { run: CHAIN, failed: RAILS | NOISE }), "at its rail for good");
-    assert_eq!(bench.blocks(4 * BLOCKS, |_| 700).last(), Some(&SelfTest { run: CHAIN, failed: NOISE }), "stuck");
+    assert_eq!(bench.blocks(4 * BLOCKS, |_| 7000).last(), Some(&SelfTest { run: CHAIN, failed: NOISE }), "stuck");
     assert_eq!(bench.blocks(4 * BLOCKS, moving).last(), Some(&SelfTest { run: CHAIN, failed: 0 }));
 }
 
@@ -182,10 +182,10 @@ fn regress_a_request_runs_the_self_test_and_its_result_is_reported() {
     // The converter sticks meanwhile: only a new test can tell.
     let begun = Reply::SelfTest(SelfTest { run: MATHEMATICS, failed: 0 });
     assert_eq!(run.request(Request::SelfTest), begun, "what is known at once");
-    run.blocks(2 * BLOCKS, |_| 700);
+    run.blocks(2 * BLOCKS, |_| 7000);
     let failed = SelfTest { run: CHAIN, failed: NOISE };
     assert_eq!(run.request(Request::SelfTest), Reply::SelfTest(failed), "within a second it is the same test");
-    run.blocks(2 * PER_SECOND, |_| 700);
+    run.blocks(2 * PER_SECOND, |_| 7000);
     assert_eq!(run.take_results(), [failed]);
     assert_eq!(
         (run.session.node().self_test(), run.session.node().statistics().count(EventKind::SelfTestFailed)),

@@ -76,6 +76,7 @@ fn error(response: &Periodic, edge: &Edge, samples_per_edge: f64) -> f64 {
     let found = match estimator.result() {
         Ok(result) => result.samples_per_edge,
         Err(RiseTimeRefusal::TooCoarse { samples_per_edge }) => samples_per_edge,
+        Err(RiseTimeRefusal::Noisy { noise }) => panic!("noise of {noise} of the height"),
         Err(RiseTimeRefusal::NoEdges) => panic!("no edges"),
     };
     f64::from(found) / samples_per_edge - 1.0

@@ -115,7 +115,8 @@ fn follow_outputs(runner: &mut Runner<SectorFlash>, board: &mut Board) {
     let node = runner.session().node_mut();
     let FrontEnd { gain: configured, sensor_supply, .. } = node.configuration().front_end;
     let gain = Gain::of_factor(configured.factor()).unwrap_or(Gain::X1);
-    let wanted = Wanted { alarm: node.alarm_stands(), sensor: sensor_supply == SensorSupply::On, gain };
+    let (alarm, sensor_ok) = (node.alarm_stands(), node.sensor_is_ok());
+    let wanted = Wanted { alarm, sensor_ok, sensor: sensor_supply == SensorSupply::On, gain };
     let now = board.now();
     let outcome = board.outputs().follow(wanted, now);
     if board.outputs().has_gain(gain) {

@@ -129,7 +129,7 @@ pub fn judged(
 ) -> Average {
     let (mut work, mut split) = (vec![0.0; samples.len()], vec![0.0; samples.len()]);
     let short = teeth as u16;
-    let node = gear_condition::of_average(&samples, short, ensemble, &mut work, &mut split)
+    let node = gear_condition::of_average(&samples, short, |run| ensemble.add(run), &mut work, &mut split)
         .expect("a power of two of samples that the node's transform takes");
     let regular = RegularLines { teeth: short, shaft_orders: SHAFT_ORDERS, sidebands: 1 };
     difference(&samples, &regular, &mut work, &mut split).expect("the same lengths");

@@ -193,7 +193,7 @@ table{border-collapse:collapse;font-size:.92rem;font-variant-numeric:tabular-num
 caption{text-align:left;color:var(--soft);font-size:.88rem;padding-bottom:.35rem}
 th,td{padding:.32rem .9rem .32rem 0;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
 th{border-bottom:2px solid var(--ink);font-weight:600}
-.n{text-align:right;white-space:nowrap}
+.n{text-align:right}td.n{white-space:nowrap}
 figure{margin:1.2rem 0}
 figure svg{width:100%;height:auto;display:block}
 figcaption{color:var(--soft);font-size:.88rem;max-width:46rem}

@@ -6,8 +6,8 @@ use meshband::config::Configuration;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-/// What a settings file does not hold: the law has a file of its own, the other two are the node's.
-const NOT_SETTINGS: [&str; 3] = ["schema", "law", "latched"];
+/// What a settings file does not hold: the law has a file of its own, the others are the node's.
+const NOT_SETTINGS: [&str; 4] = ["schema", "law", "latched", "sensor_latched"];
 
 /// A setting that differs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -52,7 +52,7 @@ pub fn changes(before: &Configuration, after: &Configuration) -> Vec<Change> {
     let change = |key: &String| Change { key: key.clone(), before: held(&before, key), after: held(&after, key) };
     keys.into_iter()
         .map(change)
-        .filter(|change| change.before != change.after && change.key != "latched")
+        .filter(|change| change.before != change.after && change.key != "latched" && change.key != "sensor_latched")
         .map(brief)
         .collect()
 }

@@ -42,7 +42,7 @@ impl Observations {
             Message::Spectrum(spectrum) if is_locked(&spectrum.tag) => {
                 if let Some(band) = spectrum.bands.first() {
                     self.add(2, spectrum.tag.speed_hz, band.line.amplitude);
-                    self.add(4, spectrum.tag.speed_hz, sideband_amplitude(&spectrum.bands));
+                    self.add(4, spectrum.tag.speed_hz, sideband_amplitude(&spectrum.bands, spectrum.inseparable));
                 }
             }
             _ => {}

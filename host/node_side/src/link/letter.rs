@@ -2,7 +2,7 @@
 
 use super::Losses;
 use super::alarms::Alarms;
-use super::text::{identity, status_notes};
+use super::text::{figure, identity, status_notes};
 use super::view::View;
 use super::words::words;
 use crate::report::facts::Facts;
@@ -28,7 +28,8 @@ fn state(view: &View, source: &str) -> String {
         sentence += &format!(", speed {}", words(&status.validity));
     }
     if let Some(values) = &view.indicators {
-        sentence += &format!(", RMS {:.3} m/s2, velocity {:.2} mm/s RMS", values.rms, 1e3 * values.velocity_rms);
+        let velocity = figure(1e3 * values.velocity_rms, 2);
+        sentence += &format!(", RMS {:.3} m/s2, velocity {velocity} mm/s RMS", values.rms);
     }
     let notes = status_notes(status);
     if !notes.is_empty() {

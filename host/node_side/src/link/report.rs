@@ -1,7 +1,7 @@
 //! What a node said, and how it is configured, as reports for people.
 
 use super::Losses;
-use super::text::{band_rows, identity, quality_text};
+use super::text::{band_rows, figure, identity, quality_text};
 use super::view::View;
 use super::words::words;
 use crate::Result;
@@ -79,7 +79,7 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
             row("crest factor", format!("{:.3}", i.crest)),
             row("kurtosis", format!("{:.3}", i.kurtosis)),
             row("sideband energy ratio", format!("{:.4}", i.sideband_energy_ratio)),
-            row("velocity RMS, mm/s", format!("{:.4}", 1e3 * i.velocity_rms)),
+            row("velocity RMS, mm/s", figure(1e3 * i.velocity_rms, 4)),
             row("all of these from", quality_text(&i.quality)),
         ];
         for (shaft, orders) in [("pinion", &i.pinion), ("gear", &i.wheel)] {
@@ -93,14 +93,14 @@ pub fn of_view(view: &View, losses: Losses, source: &str) -> Result<Report> {
             rows.push(row("second sensor: peak, m/s2", format!("{:.5}", second.peak)));
             rows.push(row("second sensor: crest factor", format!("{:.3}", second.crest)));
             rows.push(row("second sensor: kurtosis", format!("{:.3}", second.kurtosis)));
-            rows.push(row("second sensor: velocity RMS, mm/s", format!("{:.4}", 1e3 * second.velocity_rms)));
+            rows.push(row("second sensor: velocity RMS, mm/s", figure(1e3 * second.velocity_rms, 4)));
             rows.push(row("second sensor: bias, code of 65536", format!("{:.0}", second.mean_code)));
             rows.push(row("second sensor: all of these from", quality_text(&second.quality)));
         }
         if let Some(gear) = &i.gear {
             rows.push(row("FM0", format!("{:.4}", gear.fm0)));
             rows.push(row("FM4", format!("{:.4}", gear.fm4)));
-            rows.push(row("NA4", format!("{:.4}", gear.na4)));
+            rows.push(row("NA4", figure(gear.na4, 4)));
         }
         if let Some(measured) = &i.bandwidth {
             let both = format!("{:.0} against {:.0}", measured.bandwidth_hz, measured.law_hz);

@@ -25,17 +25,18 @@
 //! latching = true
 //! persistence_s = 2.0              # s
 //! watch_signal = true
-//! [pass]
-//! analogue = 40000.0               # Hz, 0 for not declared
-//! [link]                           # from the node's next start on
-//! personality = "Modbus"           # or "Meshband"
-//! address = 17
-//! [capture]                        # waveforms for alarms
-//! keep = "Fixed"                   # or "Law", "Off"
-//! rate = 10000.0                   # Hz
-//! [second]                         # a second accelerometer; second = "None" takes it away
-//! acceleration_per_code = 0.00494  # m/s^2
-//! band = 10000.0                   # Hz, 0 for not declared
+//! velocity_from = 2.0              # Hz, before all tables; 0 for 10
+//! [[modes]]                        # of the alarms, in their order; what is missing is an upper limit of severity
+//! danger side = "Above"                   # or "Below", "Rise" severity = "Danger"              # or "Alert": told and
+//! shown, the output stays [range]                          # codes between which the front end does not clip; 0 for
+//! 2.5 % from either end lowest = 1638 highest = 63897 [sensor_check]                   # when the sensor is in order
+//! bias_v = [8.0, 14.0]             # V at the sensor, by a divider into PA4 bias_divider = 5.7 floor = 0.05
+//! # m/s^2 RMS while the shaft turns output = "Own"                   # or "WithAlarm" [pass] analogue = 40000.0
+//! # Hz, 0 for not declared [link]                           # from the node's next start on personality = "Modbus"
+//! # or "Meshband" address = 17 [capture]                        # waveforms for alarms keep = "Fixed"
+//! # or "Law", "Off" rate = 10000.0                   # Hz [second]                         # a second accelerometer;
+//! second = "None" takes it away acceleration_per_code = 0.00494  # m/s^2 band = 10000.0                   # Hz, 0 for
+//! not declared
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
@@ -43,7 +44,7 @@
 //! ([`Configuration::validate`]). The law comes from a law file, never from here.
 
 use crate::{Error, Result};
-use meshband::alarm::AlarmBand;
+use meshband::alarm::{AlarmBand, AlarmMode};
 use meshband::config::{Configuration, SecondSensor};
 use meshband::levels::{LevelPoint, LocalPoint};
 use meshband::rate_plan::RatePolicy;
@@ -100,9 +101,9 @@ impl Settings {
                 whole[key] = second(&whole[key], new).map_err(|what| refuse(key, what))?;
             }
             match (key.as_str(), whole.get_mut(key), new) {
-                ("schema" | "law" | "latched", ..) | (_, None, _) => {
-                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, front_end, holding, pass, \
-                        levels, local_levels, link, capture, second";
+                ("schema" | "law" | "latched" | "sensor_latched", ..) | (_, None, _) => {
+                    let known = "gears, tach, sensor, limits, policy, mesh, alarms, modes, front_end, holding, range, \
+                        sensor_check, velocity_from, pass, levels, local_levels, link, capture, second";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("second", Some(Value::Null), _) => {}
@@ -110,7 +111,8 @@ impl Settings {
                     read::<RatePolicy>(new).map_err(|what| refuse(key, what))?;
                     *held = new.clone();
                 }
-                ("alarms" | "levels" | "local_levels", Some(held), Value::Array(list)) => {
+                ("velocity_from", Some(held), Value::Number(_)) => *held = new.clone(),
+                ("alarms" | "modes" | "levels" | "local_levels", Some(held), Value::Array(list)) => {
                     for (n, item) in list.iter().enumerate() {
                         check_item(key, item).map_err(|what| refuse(&format!("{key}[{n}]"), what))?;
                     }
@@ -160,6 +162,7 @@ fn second(held: &Value, new: &Value) -> std::result::Result<Value, String> {
 fn check_item(key: &str, item: &Value) -> std::result::Result<(), String> {
     match key {
         "alarms" => read::<AlarmBand>(item).map(drop),
+        "modes" => read::<AlarmMode>(item).map(drop),
         "levels" => read::<LevelPoint>(item).map(drop),
         _ => read::<LocalPoint>(item).map(drop),
     }

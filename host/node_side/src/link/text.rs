@@ -10,6 +10,7 @@ use crate::terminal::table;
 use meshband::levels::Departure;
 use meshband::message::{Bound, ChannelValues, Identification, Indicators, Quality, Spectrum, Status};
 use meshband::update::{RunningImage, Slot};
+use meshband::watch::reason;
 use meshband::waveform::CapturePhase;
 
 impl View {
@@ -36,8 +37,11 @@ impl View {
             );
             if let Some(gear) = &i.gear {
                 out += &format!(
-                    "FM0 {:.3}   FM4 {:.3}   NA4 {:.3}   residual {:.4} m/s2\n",
-                    gear.fm0, gear.fm4, gear.na4, gear.residual_rms
+                    "FM0 {:.3}   FM4 {:.3}   NA4 {}   residual {:.4} m/s2\n",
+                    gear.fm0,
+                    gear.fm4,
+                    figure(gear.na4, 3),
+                    gear.residual_rms
                 );
             }
             out += &overall(i);
@@ -88,7 +92,7 @@ fn status_lines(s: &Status) -> String {
     format!(
         "{}   speed {:.4} Hz +- {:.1e} ({}, {:.2} s old)\nlaw {:.1} Hz of which {:.1} Hz there   requested {:.1} \
          Hz   granted {:.1} Hz   \
-         ADC {:.1} Hz / 2^{}\n{notes}",
+         ADC {:.1} Hz / 2^{}\n{notes}{}",
         words(&s.state),
         s.speed_hz,
         s.speed_uncertainty,
@@ -99,16 +103,22 @@ fn status_lines(s: &Status) -> String {
         s.requested_hz,
         s.granted_hz,
         s.adc_hz,
-        s.stages
+        s.stages,
+        sensor_line(s)
     )
+}
+
+/// A value in so many digits; a dash for one that the node had nothing to make of.
+pub fn figure(value: f32, digits: usize) -> String {
+    if value.is_nan() { "-".to_owned() } else { format!("{value:.digits$}") }
 }
 
 /// Velocity, orders of both shafts, and what all values rest on.
 fn overall(i: &Indicators) -> String {
     let [from, to] = i.velocity_band_hz;
     let mut out = format!(
-        "velocity {:.3} mm/s RMS, {from:.0} Hz to {to:.0} Hz   ({})\n",
-        1e3 * i.velocity_rms,
+        "velocity {} mm/s RMS, {from:.0} Hz to {to:.0} Hz   ({})\n",
+        figure(1e3 * i.velocity_rms, 3),
         quality_text(&i.quality)
     );
     for (shaft, orders) in [("pinion", &i.pinion), ("gear", &i.wheel)] {
@@ -120,6 +130,29 @@ fn overall(i: &Indicators) -> String {
         out += &format!("{shaft} {} ({} turns)\n", lines.join("   "), orders.turns);
     }
     out + &second_line(i.second.as_ref()) + &departure_line(i)
+}
+
+/// Why a sensor is not in order, in words; what was, where nothing is wrong any more.
+pub fn sensor_text(reasons: u16) -> String {
+    let words = [
+        (reason::CLIPPED, "clipped"),
+        (reason::STILL, "does not move"),
+        (reason::SECOND_CLIPPED, "second sensor clipped"),
+        (reason::SECOND_STILL, "second sensor does not move"),
+        (reason::BIAS, "bias out of its band"),
+        (reason::MEAN, "mean out of its band"),
+        (reason::FLOOR, "too quiet for a shaft that turns"),
+        (reason::FAR_BELOW, "far below what is expected"),
+        (reason::BLIND, "nothing to judge limits by"),
+    ];
+    let of: Vec<&str> = words.into_iter().filter(|(bit, _)| reasons & bit != 0).map(|(_, word)| word).collect();
+    if of.is_empty() { "latched".to_owned() } else { of.join(", ") }
+}
+
+/// What the node says of its own sensor, if that is not in order.
+fn sensor_line(status: &Status) -> String {
+    let sensor = status.sensor;
+    if sensor.standing { format!("sensor not in order: {}\n", sensor_text(sensor.reasons)) } else { String::new() }
 }
 
 fn bands(spectrum: &Spectrum) -> String {
@@ -168,12 +201,12 @@ pub fn status_notes(s: &Status) -> Vec<&'static str> {
 pub fn second_line(second: Option<&ChannelValues>) -> String {
     let Some(s) = second else { return String::new() };
     format!(
-        "second sensor RMS {:.4} m/s2   peak {:.4} m/s2   crest {:.2}   kurtosis {:.2}   velocity {:.3} mm/s   ({})\n",
+        "second sensor RMS {:.4} m/s2   peak {:.4} m/s2   crest {:.2}   kurtosis {:.2}   velocity {} mm/s   ({})\n",
         s.rms,
         s.peak,
         s.crest,
         s.kurtosis,
-        1e3 * s.velocity_rms,
+        figure(1e3 * s.velocity_rms, 3),
         quality_text(&s.quality)
     )
 }

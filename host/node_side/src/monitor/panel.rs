@@ -115,7 +115,12 @@ impl Panel {
     }
 
     fn indicators(&mut self, i: &Indicators, now_s: f64) {
-        let mut push = |name, value: f32| self.values.entry(name).or_default().push(f64::from(value), now_s);
+        // What the node had nothing to make of is no value.
+        let mut push = |name, value: f32| {
+            if !value.is_nan() {
+                self.values.entry(name).or_default().push(f64::from(value), now_s);
+            }
+        };
         push("RMS, m/s2", i.rms);
         push("peak, m/s2", i.peak);
         push("crest factor", i.crest);

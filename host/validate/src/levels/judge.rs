@@ -9,7 +9,7 @@
 //! cleared at nine tenths.
 
 use super::hours::{ABSOLUTE, Sample};
-use meshband::alarm::{Alarm, AlarmBand, AlarmHolding, Watched};
+use meshband::alarm::{Alarm, AlarmBand, AlarmHolding, Put, Side, Use, Watched};
 use meshband::units::Hertz;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -121,7 +121,8 @@ fn standing(scales: &Scales, policy: Policy, limit: f32, hour: &[Sample]) -> Vec
     let mut alarms = [Alarm::default(); CLASSES * ABSOLUTE.len()];
     let of = |sample: &Sample| {
         scales.values(policy, sample, |alarm, value| {
-            alarms[alarm].update(&band, &AlarmHolding::default(), 0, 0, value);
+            let put = Put { tick: 0, value, may: Use::Both };
+            alarms[alarm].update(&band, Side::Above, &AlarmHolding::default(), [0, 1], put);
         });
         alarms.iter().any(Alarm::stands)
     };
