@@ -154,6 +154,14 @@ fn candidates(rate_hz: f64, fastest_hz: f64) -> Vec<(f64, f64)> {
     if fits.is_empty() { vec![(0.25 * PASS_SHARE * rate_hz, PASS_SHARE * rate_hz)] } else { fits }
 }
 
+/// RMS of a band of a signal within the grid's turns, in the signal's unit.
+pub fn band_rms(signal: &[f64], rate_hz: f64, angle: &Angle, band: &Band) -> f64 {
+    let bands = Bands::new(signal, rate_hz, angle);
+    let (squared, _) = bands.squared_envelope(band.low_hz, band.high_hz);
+    let inside = bands.within(&squared);
+    (0.5 * inside.iter().sum::<f64>() / inside.len().max(1) as f64).sqrt()
+}
+
 /// The envelope of `rest` ([`not_locked`]).
 pub fn envelope(rest: &[f64], rate_hz: f64, angle: &Angle) -> Envelope {
     let bands = Bands::new(rest, rate_hz, angle);

@@ -354,6 +354,7 @@ fn channel(
         order_spectrum: &order_spectrum,
         lines: &lines,
         envelope: &envelope,
+        band_rms: envelope::band_rms(&signal, rate_hz, angle, &envelope.band),
     };
     let found = unexplained::unexplained(&seen, angle, &explained, teeth[0]);
     let top = angle.highest_order.min(MAP_HARMONICS * f64::from(teeth[0]));

@@ -60,11 +60,15 @@ pub struct Channel<'a> {
     pub lines: &'a [Line],
     /// Its envelope.
     pub envelope: &'a Envelope,
+    /// RMS of the whole signal in the envelope's band.
+    pub band_rms: f64,
 }
 
 /// Share of the strongest line below which nothing is listed (-80 dB): what a sensor and a 16-bit converter can hold
 /// apart ends there, and a simulated record without noise has lines below it.
 const NEGLIGIBLE: f64 = 1e-4;
+/// Share of its band's RMS below which what is left of the envelope's band is the error of taking the mesh off.
+const LEFT_OF_BAND: f64 = 1e-2;
 
 /// Lowest order that is looked at.
 pub fn lowest_order(angle: &Angle) -> f64 {
@@ -95,9 +99,9 @@ pub fn unexplained(channel: &Channel, angle: &Angle, explained: &Explained, pini
     let of_shafts = |order: f64, half: f64| in_its_envelope.of_shafts(order, half);
     let in_envelope: Vec<Line> =
         channel.envelope.lines.iter().filter(|line| !of_shafts(line.order, 1.5 * line.bin)).copied().collect();
-    // An envelope's lines are shares of what is left beside the mesh: of next to nothing they say nothing.
-    let left = (channel.rest.iter().map(|x| x * x).sum::<f64>() / channel.rest.len().max(1) as f64).sqrt();
-    let listed = |line: &Line| line.order >= lowest_order(angle) && left >= negligible;
+    // An envelope's lines are shares of what is left of its band: of what taking the mesh off leaves they say nothing.
+    let left = channel.envelope.rms >= LEFT_OF_BAND * channel.band_rms;
+    let listed = |line: &Line| line.order >= lowest_order(angle) && left;
     let in_envelope: Vec<Line> = in_envelope.into_iter().filter(listed).collect();
     let envelope_orders = Orders { highest: channel.envelope.highest_order, mesh: false, ..orders };
     let spectrum = families::group(&lines, &orders, &|order, half| explained.at(order, half));
