@@ -2,6 +2,9 @@
 
     modbus_map.py MAP.csv tcp HOST PORT ADDRESS
     modbus_map.py MAP.csv rtu PATH ADDRESS
+
+With WRITE=NUMBER in front it writes the command register first; with SAMPLES=COUNT it reads as many samples of the
+waveform, too.
 """
 import csv
 import json
@@ -10,7 +13,8 @@ import sys
 
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
-path, kind, *place = sys.argv[1:]
+options = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
+path, kind, *place = (word for word in sys.argv[1:] if "=" not in word)
 if kind == "tcp":
     client = ModbusTcpClient(place[0], port=int(place[1]), timeout=20, retries=3)
 else:
@@ -45,6 +49,18 @@ def value(row, read):
 
 
 found = {}
+places = {f"{row['group']}/{row['name']}": row for row in rows}
+if "WRITE" in options:
+    reply = client.write_registers(places["command/command"]["address"], [int(options["WRITE"])], device_id=device)
+    found["written"] = f"exception {reply.exception_code}" if reply.isError() else "yes"
+if "SAMPLES" in options:
+    first, count = places["waveform samples/sample_1"]["address"], 2 * int(options["SAMPLES"])
+    read = []
+    for offset in range(0, count, 120):
+        reply = client.read_input_registers(first + offset, count=min(120, count - offset), device_id=device)
+        assert not reply.isError(), reply
+        read += reply.registers
+    found["samples"] = client.convert_from_registers(read, client.DATATYPE.FLOAT32)
 for row in rows:
     number = value(row, words(row))
     found[f"{row['group']}/{row['name']}"] = None if number != number else number

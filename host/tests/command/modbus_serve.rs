@@ -52,10 +52,10 @@ fn python() -> Option<PathBuf> {
     has.is_ok_and(|status| status.success()).then_some(python)
 }
 
-fn alarm(folder: &Path, link: &str) {
+fn alarm(folder: &Path, link: &str, more: &str) {
     let settings = folder.join("set.toml");
     let alarm = "[[alarms]]\nwatched = \"Rms\"\nfrom = 5\nto = 60\nraise = 0.001\nclear = 0.0005\npersistence = 1\n";
-    std::fs::write(&settings, alarm).expect("written");
+    std::fs::write(&settings, format!("{alarm}{more}")).expect("written");
     accepted(&["configure", link, "--settings", &text(&settings)]);
     accepted(&["monitor", link, "--once"]);
 }
@@ -69,19 +69,14 @@ fn claim_pymodbus_reads_a_served_node_by_the_csv_map_alone() {
     };
     let folder = folder("modbus-serve");
     let served = Served::start();
-    alarm(&folder, &served.link);
+    alarm(&folder, &served.link, "");
     let map = folder.join("map.csv");
     let said = accepted(&["modbus", &served.link, "-o", &text(&map), "--force"]);
     assert!(said.contains("01 04 00 68 00 02"), "the example in bytes: {said}");
     let rows = std::fs::read_to_string(&map).expect("written");
     assert!(rows.contains("alarm 1, RMS above 0.001 m/s2 from 5 to 60 Hz: is raised or latched"), "{rows}");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/compare/modbus_map.py");
     let (host, port) = served.tcp.rsplit_once(':').expect("an address");
-    let read = |place: &[&str]| -> Value {
-        let output = Command::new(&python).arg(&script).arg(&map).args(place).output().expect("starts");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_slice(&output.stdout).expect("JSON")
-    };
+    let read = |place: &[&str]| read(&python, &map, place);
     // An alarm stands after its persistence, which the served node counts in its own values; a spectrum takes longer.
     let ready = |values: &Value| values["discrete inputs/standing_1"] == true && values["mesh bands/mesh_1"].is_f64();
     let over_tcp = (0..60).map(|_| read(&["tcp", host, port, "1"])).find(ready).expect("an alarm and a spectrum");
@@ -99,6 +94,44 @@ fn claim_pymodbus_reads_a_served_node_by_the_csv_map_alone() {
             .filter(|(name, value)| name.contains("mesh") && value.as_f64().is_some_and(|x| x > 0.0));
         assert!(lines.count() > 2, "mesh bands: {values}");
     }
+}
+
+/// What the map's reader prints.
+#[cfg(unix)]
+fn read(python: &Path, map: &Path, words: &[&str]) -> Value {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/compare/modbus_map.py");
+    let output = Command::new(python).arg(&script).arg(map).args(words).output().expect("starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+#[test]
+#[cfg(unix)]
+fn claim_pymodbus_acknowledges_and_reads_a_waveform_where_the_settings_permit_it() {
+    let Some(python) = python() else {
+        println!("skipped: no pymodbus (cargo xtask modbus makes its environment)");
+        return;
+    };
+    let folder = folder("modbus-commands");
+    let served = Served::start();
+    let map = folder.join("map.csv");
+    accepted(&["modbus", "-o", &text(&map), "--force"]);
+    let (host, port) = served.tcp.rsplit_once(':').expect("an address");
+    let ask = |more: &[&str]| read(&python, &map, &[&["tcp", host, port, "1"], more].concat());
+    assert_eq!(ask(&["WRITE=1"])["written"], "exception 1", "without permission");
+    alarm(&folder, &served.link, "[modbus]\ncommands = true\n[capture]\nkeep = \"Fixed\"\n");
+    let held = |values: &Value| values["waveform/phase"] == 4 && values["discrete inputs/unseen_1"] == true;
+    let values = (0..60).map(|_| ask(&["SAMPLES=1000"])).find(held).expect("an alarm's waveform");
+    assert_eq!((&values["waveform/trigger"], &values["waveform/number"]), (&1.into(), &1.into()));
+    let samples: Vec<f64> = values["samples"].as_array().expect("samples").iter().filter_map(Value::as_f64).collect();
+    let rms = (samples.iter().map(|x| x * x).sum::<f64>() / 1000.0).sqrt();
+    assert!(samples.len() == 1000 && rms > 0.001, "{rms} of {}", samples.len());
+    let seen = ask(&["WRITE=1"]);
+    assert_eq!((&seen["written"], &seen["discrete inputs/unseen_1"]), (&"yes".into(), &false.into()));
+    assert_eq!(seen["discrete inputs/standing_1"], true, "acknowledged, and still beyond its limit");
+    assert_eq!(ask(&["WRITE=3"])["written"], "yes");
+    assert_ne!(ask(&[])["waveform/phase"], 4, "released");
+    assert_eq!(ask(&["WRITE=9"])["written"], "exception 3");
 }
 
 #[test]

@@ -10,7 +10,7 @@
 use meshband::config::{Configuration, SCHEMA};
 use meshband::message::{OLDEST_READER, WIRE_SCHEMA};
 use meshband::modbus::MAP_VERSION;
-use meshband::modbus::map::{INPUTS, Kind, REGISTERS};
+use meshband::modbus::map::{INPUTS, Kind, REGISTERS, SAMPLE_REGISTERS, SAMPLES};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -308,7 +308,7 @@ fn modbus() -> String {
         "\n## Modbus\n\nRegister map, version {MAP_VERSION}: input registers (function 4; function 3 reads the \
          same), addresses from 0 as they are on the line: manuals that count \
          from 1 or write 3xxxx have one more. `word`: one register; `long` and `float` (IEEE 754 single): two, the \
-         high word first. A float that does not exist is not a number, an age \
+         high word first unless `modbus.low_word_first` is set. A float that does not exist is not a number, an age \
          without a result is 65535, other words are 0 then. Addresses that are not listed are refused.\n"
     );
     let mut group = "";
@@ -324,6 +324,11 @@ fn modbus() -> String {
         };
         text += &format!("|{}|{kind}|`{}`|{}|{}|\n", row.address, row.name, row.unit, row.meaning);
     }
+    text += &format!(
+        "\n### Registers: waveform samples\n\nFrom {SAMPLES} on, {} floats in m/s^2: sample n, the oldest first, at \
+         {SAMPLES} + 2 (n - 1). Not a number where no waveform is held.\n",
+        SAMPLE_REGISTERS / 2
+    );
     text += "\n### Discrete inputs\n\nFunction 2.\n\n|address|name|meaning of 1|\n|---|---|---|\n";
     for input in INPUTS {
         let last = input.address + input.count - 1;

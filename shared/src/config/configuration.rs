@@ -5,7 +5,7 @@
 //! appended to [`Configuration`] itself, and what is appended means at its first value what was so before:
 //! configurations of older schemas are thus read by the present layout ([`crate::schema`]).
 
-use super::{CaptureConfig, CodeRange, LinkConfig, SensorCheck, watch};
+use super::{CaptureConfig, CodeRange, LinkConfig, ModbusOptions, SensorCheck, watch};
 use crate::alarm::{AlarmBand, AlarmHolding, AlarmMode};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 /// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without
 /// levels, 4 without link, 5 without capture, 6 without second sensor, 7 without local levels, 8 without modes of
-/// alarms, codes of the front end, check of the sensor and velocity's edge.
+/// alarms, codes of the front end, check of the sensor, velocity's edge and Modbus' options.
 pub const SCHEMA: u16 = 9;
 
 /// Oldest layout that is still read.
@@ -285,6 +285,8 @@ pub struct Configuration {
     pub sensor_latched: bool,
     /// Lower edge of the velocity's band, 1 to 100 Hz; 0 stands for 10.
     pub velocity_from: Hertz,
+    /// Word order and commands of Modbus, at once in force.
+    pub modbus: ModbusOptions,
 }
 
 /// The first field found wrong.
@@ -483,6 +485,7 @@ impl Default for Configuration {
             sensor_check: SensorCheck::default(),
             sensor_latched: false,
             velocity_from: Hertz(0.0),
+            modbus: ModbusOptions::default(),
         }
     }
 }

@@ -22,8 +22,8 @@ pub enum Personality {
     /// The link of this project.
     #[default]
     Meshband,
-    /// Modbus RTU, read only ([`crate::modbus`]); from the next start on, after the time in which the node still
-    /// listens for its own link.
+    /// Modbus RTU ([`crate::modbus`]); from the next start on, after the time in which the node still listens for its
+    /// own link.
     Modbus,
 }
 
@@ -73,6 +73,15 @@ impl LinkConfig {
             ADDRESSES.contains(&self.address) || (self.personality == Personality::Meshband && self.address == 0);
         addressed && RATES.contains(&self.rate())
     }
+}
+
+/// How a Modbus node answers beyond the standard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModbusOptions {
+    /// A master may write the command register ([`crate::modbus::Command`]); otherwise every write is refused.
+    pub commands: bool,
+    /// Values of two registers have their low word first.
+    pub low_word_first: bool,
 }
 
 /// How characters are sent on the line, as boards set their UART.

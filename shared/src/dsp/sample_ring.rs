@@ -46,8 +46,13 @@ fn unit(sample: f32) -> i32 {
 
 /// Samples of a block, in units of 1/[`UNITS_PER_CODE`] of a code.
 pub fn decode(coded: &Coded) -> [i32; BLOCK] {
+    core::array::from_fn(|place| decode_one(coded, place))
+}
+
+/// One of them; 0 behind the end.
+pub fn decode_one(coded: &Coded, place: usize) -> i32 {
     let exponent = coded[0].min(24);
-    core::array::from_fn(|n| i32::from(coded[n + 1] as i8) << exponent)
+    coded.get(1 + place).map_or(0, |&sample| i32::from(sample as i8) << exponent)
 }
 
 fn half(exponent: u8) -> i32 {

@@ -12,6 +12,7 @@ use crate::frame::{self, Decoder, Incoming, MAX_FRAME, PacketRef};
 use crate::identity::Identity;
 use crate::link::pace::{Pace, Room};
 use crate::message::{Message, Reply, Request};
+use crate::modbus::Command;
 use crate::modbus::station::{Mode, Station};
 use crate::node::{Block, Node};
 use crate::self_test::SelfTestRun;
@@ -205,9 +206,23 @@ impl<A: Arrays> Session<A> {
     /// Once per turn of the main loop, after the bytes that were there, with a tick read behind them: the part of
     /// Modbus that goes by the clock.
     pub fn follow_line(&mut self, now_tick: u32, send: &mut impl FnMut(&[u8])) {
-        if let Some(answer) = self.station.follow(&self.node, now_tick) {
+        if let Some((answer, command)) = self.station.follow(&self.node, now_tick) {
             send(&answer);
+            if let Some(command) = command {
+                self.obey(command);
+            }
         }
+    }
+
+    /// What a Modbus master asked for, as a host asks for it.
+    pub fn obey(&mut self, command: Command) {
+        let held = self.node.held_waveform().map_or(0, |head| head.facts.number);
+        self.node.on_request(match command {
+            Command::Acknowledge => Request::AcknowledgeAlarms,
+            Command::TakeWaveform => Request::TriggerCapture,
+            Command::ReleaseWaveform => Request::ReleaseCapture { number: held },
+        });
+        self.commit |= self.node.take_latch_change();
     }
 
     /// How the board's line is to be set at present.

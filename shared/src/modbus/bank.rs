@@ -6,9 +6,10 @@
 
 use crate::config::MAX_HARMONICS;
 use crate::message::{
-    GearIndicators, Indicators, MeasuredBandwidth, MeshBand, Message, SpectralLine, Spectrum, Status, Tag,
+    GearIndicators, Indicators, MeasuredBandwidth, MeshBand, Message, Peaks, SpectralLine, Spectrum, Status,
 };
 use crate::shaft_lines::ShaftOrders;
+use crate::tach::Validity;
 
 /// What a register of an age shows where there is no result, or one older than it can say.
 pub const NEVER: u16 = u16::MAX;
@@ -80,8 +81,8 @@ fn nearest(sidebands: &[SpectralLine]) -> [f32; 2] {
 /// A mesh-band record.
 #[derive(Clone, Copy, Debug)]
 pub struct Mesh {
-    /// Circumstances.
-    pub tag: Tag,
+    /// Mean rate of the pinion, Hz.
+    pub speed_hz: f32,
     /// Turns of the pinion.
     pub turns: u16,
     /// The first harmonics, as many as there are.
@@ -96,12 +97,46 @@ impl Mesh {
         for (place, band) in harmonics.iter_mut().zip(&spectrum.bands) {
             *place = Harmonic::of(band);
         }
-        Self { tag: spectrum.tag, turns: spectrum.turns, harmonics, count: spectrum.bands.len() as u16 }
+        Self { speed_hz: spectrum.tag.speed_hz, turns: spectrum.turns, harmonics, count: spectrum.bands.len() as u16 }
     }
 
     /// A harmonic, from 0.
     pub fn harmonic(&self, index: usize) -> Harmonic {
         self.harmonics.get(index).copied().unwrap_or(Harmonic::NONE)
+    }
+}
+
+/// Lines kept.
+pub const LINES: usize = 10;
+
+/// The strongest lines of a block of samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Lines {
+    /// Quality of the speed.
+    pub validity: Validity,
+    /// Root mean square of the block without its mean, m/s^2.
+    pub rms: f32,
+    lines: [SpectralLine; LINES],
+    /// How many there were, at most as many as are kept.
+    pub count: u16,
+}
+
+impl Lines {
+    /// Its line where there is none.
+    const NONE: SpectralLine = SpectralLine { frequency_hz: f32::NAN, amplitude: f32::NAN };
+
+    fn of(peaks: &Peaks) -> Self {
+        let mut lines = [Self::NONE; LINES];
+        for (place, line) in lines.iter_mut().zip(&peaks.lines) {
+            *place = *line;
+        }
+        let count = peaks.lines.len().min(LINES) as u16;
+        Self { validity: peaks.tag.validity, rms: peaks.rms, lines, count }
+    }
+
+    /// A line, from 0, the strongest first.
+    pub fn line(&self, index: usize) -> SpectralLine {
+        self.lines.get(index).copied().unwrap_or(Self::NONE)
     }
 }
 
@@ -122,6 +157,8 @@ pub struct Bank {
     pub bandwidth: Kept<MeasuredBandwidth>,
     /// Mesh bands.
     pub mesh: Kept<Mesh>,
+    /// Strongest lines.
+    pub lines: Kept<Lines>,
 }
 
 impl Bank {
@@ -131,12 +168,9 @@ impl Bank {
             Message::Status(status) => self.status.keep(*status, tick),
             Message::Spectrum(spectrum) => self.mesh.keep(Mesh::of(spectrum), tick),
             Message::Indicators(indicators) => self.take_indicators(indicators, tick),
-            // Alarms and counters are read from the node itself; waveforms, lines and events are not for a PLC.
-            Message::Peaks(_)
-            | Message::Snapshot(_)
-            | Message::Event(_)
-            | Message::Statistics(_)
-            | Message::SelfTest(_) => {}
+            Message::Peaks(peaks) => self.lines.keep(Lines::of(peaks), tick),
+            // Alarms, counters and the waveform are read from the node itself; events are not for a PLC.
+            Message::Snapshot(_) | Message::Event(_) | Message::Statistics(_) | Message::SelfTest(_) => {}
         }
     }
 

@@ -29,8 +29,9 @@ const FIXED_US: u64 = 1_750;
 /// Longest time between two looks after which what came between them may still be answered, ms.
 const STALE_MS: u64 = 100;
 
-/// Function codes whose requests are eight bytes long.
-const EIGHT_BYTES_LONG: core::ops::RangeInclusive<u8> = 1..=6;
+/// Function codes of reads, whose requests are eight bytes long. A write is not looked for at the end of a longer run:
+/// by chance nothing is changed.
+const EIGHT_BYTES_LONG: core::ops::RangeInclusive<u8> = 1..=4;
 
 /// A request for this node, with its checksum right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,15 +40,19 @@ pub struct Request {
     pub function: u8,
     /// The first two words behind it.
     pub words: [u16; 2],
+    /// The byte behind those, and the word behind that: length and first value of what function 16 writes.
+    pub written: (u8, u16),
     /// Bytes behind the function code, without the checksum.
     pub length: usize,
 }
 
 impl Request {
-    fn of(function: u8, rest: &[u8]) -> Self {
+    /// Of a function code and what follows it, without the checksum.
+    pub fn of(function: u8, rest: &[u8]) -> Self {
         let word =
             |at: usize| rest.get(at..).and_then(|rest| rest.first_chunk()).map_or(0, |word| u16::from_be_bytes(*word));
-        Self { function, words: [word(0), word(2)], length: rest.len() }
+        let written = (rest.get(4).copied().unwrap_or(0), word(5));
+        Self { function, words: [word(0), word(2)], written, length: rest.len() }
     }
 }
 

@@ -1,9 +1,9 @@
 //! The registers and bits of the map: address, kind, name, unit, meaning, and where the value comes from, in one table.
 //!
-//! A number of two registers has its high word first, as each word has its high byte first; floats are IEEE 754
-//! singles. A float that does not exist (no result yet, none at this speed) is not a number; words and bits are 0
-//! then. Ages are words and not floats, and 65535 where there is no result: a comparison "older than" is then true,
-//! which with a float that is not a number it would not be.
+//! A number of two registers has its high word first, as each word has its high byte first, unless the configuration
+//! asks for the low one first ([`ModbusOptions`]); floats are IEEE 754 singles. A float that does not exist (no result
+//! yet, none at this speed) is not a number; words and bits are 0 then. Ages are words and not floats, and 65535 where
+//! there is no result: a comparison "older than" is then true, which with a float that is not a number it would not be.
 //!
 //! Addresses in a group follow each other without a gap; a group ends below the next one's first address, and what
 //! lies between is refused. Rows are only ever added behind the last of their group ([`super::MAP_VERSION`]).
@@ -14,14 +14,16 @@ use super::MAP_VERSION;
 use super::bank::{Bank, Harmonic, Mesh};
 use super::line::Heard;
 use crate::buffers::Arrays;
-use crate::config::{GearPair, SCHEMA};
+use crate::config::{GearPair, ModbusOptions, SCHEMA};
 use crate::identity::VERSION;
 use crate::levels::{Departure, Departures, LocalDepartures};
-use crate::message::{AlarmState, ChannelValues, Quality, SelfTest, Statistics, Status, Tag};
+use crate::message::{AlarmState, ChannelValues, Quality, SelfTest, SpectralLine, Statistics, Status, Tag};
 use crate::node::health::Health;
 use crate::node::{Node, State};
+use crate::sample_ring::{BLOCK, BLOCKS};
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
+use crate::waveform::{CaptureFacts, CaptureHead, CapturePhase, Trigger};
 
 /// What of a frame's life on the line is told in registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,11 +52,15 @@ pub struct View<'a> {
     alarms: AlarmState,
     alarm_stands: bool,
     statistics: Statistics,
+    capture_phase: CapturePhase,
+    held: Option<&'a CaptureHead>,
+    missed: u32,
+    options: ModbusOptions,
 }
 
 impl<'a> View<'a> {
     /// A node with what was kept of its results.
-    pub fn of<A: Arrays>(node: &Node<A>, bank: &'a Bank, traffic: Traffic) -> Self {
+    pub fn of<A: Arrays>(node: &'a Node<A>, bank: &'a Bank, traffic: Traffic) -> Self {
         let ticks_per_second = node.clock().0;
         let health = node.health();
         Self {
@@ -70,7 +76,31 @@ impl<'a> View<'a> {
             alarms: node.alarm_state(),
             alarm_stands: node.alarm_stands(),
             statistics: node.statistics(),
+            capture_phase: node.capture_phase(),
+            held: node.held_waveform(),
+            missed: node.missed_waveforms(),
+            options: node.configuration().modbus,
         }
+    }
+
+    /// How it is answered beyond the standard.
+    pub fn options(&self) -> ModbusOptions {
+        self.options
+    }
+
+    /// Of the waveform held, or of none.
+    fn waveform(&self) -> &'a CaptureFacts {
+        static NONE: CaptureFacts = CaptureFacts::NONE;
+        self.held.map_or(&NONE, |head| &head.facts)
+    }
+
+    fn waveform_float(&self, of: fn(&CaptureFacts) -> f32) -> f32 {
+        self.held.map_or(f32::NAN, |head| of(&head.facts))
+    }
+
+    fn line(&self, index: usize) -> SpectralLine {
+        let none = SpectralLine { frequency_hz: f32::NAN, amplitude: f32::NAN };
+        self.bank.lines.latest.map_or(none, |lines| lines.line(index))
     }
 
     fn harmonic(&self, index: usize) -> Harmonic {
@@ -288,7 +318,7 @@ registers! {
         178 Word "turns" [""] "of the pinion in the record" = |v| v.bank.mesh.word(|m| m.turns);
         179 Word "harmonics" [""] "harmonics that the rate carries; the values of others are not numbers"
             = |v| v.bank.mesh.word(|m| m.count);
-        180 Float "speed" ["Hz"] "mean rate of the pinion over the record" = |v| v.bank.mesh.float(|m| m.tag.speed_hz);
+        180 Float "speed" ["Hz"] "mean rate of the pinion over the record" = |v| v.bank.mesh.float(|m| m.speed_hz);
         182 Float "mesh_1" ["m/s^2"] "mesh harmonic 1, peak amplitude" = |v| v.harmonic(0).mesh;
         184 Float "mesh_1_pinion_below" ["m/s^2"] "its first sideband of the pinion, below it"
             = |v| v.harmonic(0).pinion[0];
@@ -446,6 +476,86 @@ registers! {
         428 Long "wall_time" ["s"] "since 1970-01-01 00:00:00 UTC; 0 until a host has told it"
             = |v| v.health.wall_time.map_or(0, |time| (time.unix_us / 1_000_000) as u32);
     }
+    "waveform" {
+        448 Word "phase" [""] "0 not kept, 1 watching, 2 collecting, 3 computing its checksum, 4 held: samples can be \
+            read"
+            = |v| phase(v.capture_phase);
+        449 Word "trigger" [""] "what began it: 0 a master or a host, 1 to 8 the alarm of that number"
+            = |v| trigger(v.waveform().trigger);
+        450 Long "number" [""] "of the waveform held, from 1 since the start; 0: none. The samples read are of one \
+            waveform where it is the same before and behind them"
+            = |v| v.waveform().number;
+        452 Long "samples" [""] "of the waveform held" = |v| v.waveform().samples;
+        454 Float "rate" ["Hz"] "samples per second"
+            = |v| v.waveform_float(|f| f.ticks_per_second as f32 / f.period_ticks.max(1) as f32);
+        456 Float "before" ["s"] "from its first sample to its trigger"
+            = |v| v.waveform_float(|f| {
+                f.trigger_tick.saturating_sub(f.first_tick) as f32 / f.ticks_per_second.max(1) as f32
+            });
+        458 Float "speed" ["Hz"] "rate of the pinion at its end; not a number without a speed"
+            = |v| v.waveform_float(|f| if f.validity == Validity::None { f32::NAN } else { f.speed_hz });
+        460 Word "overload" [""] "1: the converter was at its rails: clipped" = |v| v.waveform().overload.into();
+        461 Word "missed" [""] "triggers that found another waveform begun or held, since the start"
+            = |v| v.missed.min(u32::from(u16::MAX)) as u16;
+    }
+    "strongest lines" {
+        480 Word "age" ["s"] "since the spectrum was complete; 65535: none yet, or older"
+            = |v| v.bank.lines.age_s(v.now, v.ticks_per_second);
+        481 Word "number" [""] "how many there were, 0 again behind 65535: changes with each" = |v| v.bank.lines.number;
+        482 Word "count" [""] "lines kept, at most 10" = |v| v.bank.lines.word(|l| l.count);
+        483 Word "speed_validity" [""] "0 none, 1 doubtful, 2 locked"
+            = |v| v.bank.lines.word(|l| l.validity as u16);
+        484 Float "rms" ["m/s^2"] "root mean square of the samples without their mean"
+            = |v| v.bank.lines.float(|l| l.rms);
+        486 Float "line_1_frequency" ["Hz"] "of the strongest line" = |v| v.line(0).frequency_hz;
+        488 Float "line_1_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(0).amplitude;
+        490 Float "line_2_frequency" ["Hz"] "of the line of rank 2" = |v| v.line(1).frequency_hz;
+        492 Float "line_2_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(1).amplitude;
+        494 Float "line_3_frequency" ["Hz"] "of the line of rank 3" = |v| v.line(2).frequency_hz;
+        496 Float "line_3_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(2).amplitude;
+        498 Float "line_4_frequency" ["Hz"] "of the line of rank 4" = |v| v.line(3).frequency_hz;
+        500 Float "line_4_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(3).amplitude;
+        502 Float "line_5_frequency" ["Hz"] "of the line of rank 5" = |v| v.line(4).frequency_hz;
+        504 Float "line_5_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(4).amplitude;
+        506 Float "line_6_frequency" ["Hz"] "of the line of rank 6" = |v| v.line(5).frequency_hz;
+        508 Float "line_6_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(5).amplitude;
+        510 Float "line_7_frequency" ["Hz"] "of the line of rank 7" = |v| v.line(6).frequency_hz;
+        512 Float "line_7_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(6).amplitude;
+        514 Float "line_8_frequency" ["Hz"] "of the line of rank 8" = |v| v.line(7).frequency_hz;
+        516 Float "line_8_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(7).amplitude;
+        518 Float "line_9_frequency" ["Hz"] "of the line of rank 9" = |v| v.line(8).frequency_hz;
+        520 Float "line_9_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(8).amplitude;
+        522 Float "line_10_frequency" ["Hz"] "of the line of rank 10" = |v| v.line(9).frequency_hz;
+        524 Float "line_10_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(9).amplitude;
+    }
+    "command" {
+        1000 Word "command" [""] "written by function 6 or 16 where the configuration permits it: 1 acknowledges all \
+            alarms, 2 takes a waveform, 3 releases the one held; reads as 0" = |_| 0;
+    }
+}
+
+/// The register that takes commands.
+pub const COMMAND: u16 = 1000;
+/// First register of the samples of the waveform held: one float each, m/s^2, the oldest first.
+pub const SAMPLES: u16 = 20_000;
+/// Registers of the samples; those behind the last sample are not a number.
+pub const SAMPLE_REGISTERS: u16 = (2 * BLOCK * BLOCKS) as u16;
+
+fn phase(phase: CapturePhase) -> u16 {
+    match phase {
+        CapturePhase::Off => 0,
+        CapturePhase::Watching => 1,
+        CapturePhase::Collecting => 2,
+        CapturePhase::Sealing => 3,
+        CapturePhase::Held => 4,
+    }
+}
+
+fn trigger(trigger: Trigger) -> u16 {
+    match trigger {
+        Trigger::Request => 0,
+        Trigger::Alarm { index } => 1 + u16::from(index),
+    }
 }
 
 /// Discrete inputs.
@@ -518,10 +628,36 @@ pub fn read(first: u16, count: u16, view: &View<'_>, put: &mut impl FnMut(u16)) 
     (next == end).then_some(())
 }
 
+/// Reads a range of the samples' registers into `put`; `None` where it reaches beyond them.
+pub fn read_samples(
+    first: u16,
+    count: u16,
+    options: ModbusOptions,
+    sample: &impl Fn(u32) -> f32,
+    put: &mut impl FnMut(u16),
+) -> Option<()> {
+    let from = u32::from(first.checked_sub(SAMPLES)?);
+    let range = from..from + u32::from(count);
+    if range.end > u32::from(SAMPLE_REGISTERS) {
+        return None;
+    }
+    for register in range {
+        let [high, low] = halves(sample(register / 2).to_bits(), options);
+        put(if register % 2 == 0 { high } else { low });
+    }
+    Some(())
+}
+
+/// The words of a value of two registers, in their order on the line.
+fn halves(bits: u32, options: ModbusOptions) -> [u16; 2] {
+    let (high, low) = ((bits >> 16) as u16, bits as u16);
+    if options.low_word_first { [low, high] } else { [high, low] }
+}
+
 impl Reader {
-    /// The value, high word first.
+    /// The value, in the order of its words on the line.
     fn words(&self, view: &View<'_>) -> [Option<u16>; 2] {
-        let halves = |bits: u32| [Some((bits >> 16) as u16), Some(bits as u16)];
+        let halves = |bits: u32| halves(bits, view.options).map(Some);
         match self.read {
             Read::Word(read) => [Some(read(view)), None],
             Read::Long(read) => halves(read(view)),

@@ -8,6 +8,7 @@
 //!
 //! Not by watching for the link all the time: at 19 200 bit/s a UART receives nothing of a frame at 921 600 bit/s.
 
+use super::Command;
 use super::bank::Bank;
 use super::line::Line;
 use super::map::{Traffic, View};
@@ -86,8 +87,8 @@ impl Station {
     }
 
     /// Once per turn of the main loop, after the bytes that were there: ends the listening, or gives the answer to a
-    /// request.
-    pub fn follow<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<Answer> {
+    /// request, and what the master asks the node to do.
+    pub fn follow<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<(Answer, Option<Command>)> {
         match self.mode {
             Mode::Meshband => None,
             Mode::Listening { since } => {
@@ -100,15 +101,16 @@ impl Station {
         }
     }
 
-    fn serve<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<Answer> {
+    fn serve<A: Arrays>(&mut self, node: &Node<A>, now: u32) -> Option<(Answer, Option<Command>)> {
         let request = self.line.look(self.link.address, now)?;
         let traffic = Traffic { heard: self.line.heard(), exceptions: self.exceptions };
         let view = View::of(node, &self.bank, traffic);
-        let (answer, exception) = server::answer(self.link.address, &request, &view)?;
-        if exception.is_some() {
+        let sample = |place: u32| node.held_sample(place);
+        let (answer, outcome) = server::answer(self.link.address, &request, &view, &sample)?;
+        if outcome.is_err() {
             self.exceptions = self.exceptions.wrapping_add(1);
         }
         self.line.answered(&answer);
-        Some(answer)
+        Some((answer, outcome.unwrap_or(None)))
     }
 }

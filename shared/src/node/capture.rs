@@ -110,8 +110,17 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
 
     /// What a host is told.
     pub fn report(&self) -> CaptureReport {
-        let head = (self.phase == CapturePhase::Held).then_some(self.head);
-        CaptureReport { phase: self.phase, missed: self.missed, head }
+        CaptureReport { phase: self.phase, missed: self.missed, head: self.held().copied() }
+    }
+
+    /// The waveform held.
+    pub(super) fn held(&self) -> Option<&CaptureHead> {
+        (self.phase == CapturePhase::Held).then_some(&self.head)
+    }
+
+    /// Triggers that found another waveform begun or held.
+    pub(super) fn missed(&self) -> u32 {
+        self.missed
     }
 
     fn takes_samples(&self) -> bool {
@@ -299,6 +308,14 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
             bytes = (offset..end).filter_map(|place| self.byte(place as usize)).collect();
         }
         CapturePart { number, offset, bytes }
+    }
+
+    /// A sample held, m/s^2, by its place from the oldest; not a number where there is none.
+    pub(super) fn sample(&self, place: u32) -> f32 {
+        let (block, place) = (place as usize / BLOCK, place as usize % BLOCK);
+        let ring = self.ring.borrow();
+        let coded = ring.block(block).filter(|_| self.phase == CapturePhase::Held);
+        coded.map_or(f32::NAN, |coded| crate::sample_ring::decode_one(coded, place) as f32 * self.head.facts.scale)
     }
 
     fn byte(&self, place: usize) -> Option<u8> {

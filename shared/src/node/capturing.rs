@@ -7,7 +7,7 @@ use crate::config::Configuration;
 use crate::events::EventKind;
 use crate::frame::CRC32;
 use crate::sample_ring::UNITS_PER_CODE;
-use crate::waveform::{CaptureEnd, CaptureFacts, CapturePart, CaptureReport, Trigger};
+use crate::waveform::{CaptureEnd, CaptureFacts, CaptureHead, CapturePart, CapturePhase, CaptureReport, Trigger};
 
 impl<A: Arrays> Node<A> {
     /// Follows the configuration; what is held stays.
@@ -70,6 +70,26 @@ impl<A: Arrays> Node<A> {
             self.configure_capture();
         }
         self.arrays.capture().report()
+    }
+
+    /// What the node does about waveforms.
+    pub fn capture_phase(&self) -> CapturePhase {
+        self.arrays.capture().phase()
+    }
+
+    /// The waveform that it holds.
+    pub fn held_waveform(&self) -> Option<&CaptureHead> {
+        self.arrays.capture().held()
+    }
+
+    /// Triggers that found another waveform begun or held, since the start.
+    pub fn missed_waveforms(&self) -> u32 {
+        self.arrays.capture().missed()
+    }
+
+    /// A sample of the waveform held, m/s^2, by its place from the oldest; not a number where there is none.
+    pub fn held_sample(&self, place: u32) -> f32 {
+        self.arrays.capture().sample(place)
     }
 
     /// Part of the bytes held.

@@ -24,6 +24,7 @@ mod link_pace;
 mod math;
 mod mesh_decimator;
 mod modbus;
+mod modbus_commands;
 mod modbus_quality;
 mod node_alarms;
 mod node_host;

@@ -5,7 +5,7 @@ use meshband::config::{ADDRESSES, Configuration, ConfigurationError, LineFormat,
 use meshband::frame::{MAX_FRAME, encode};
 use meshband::identity::Identity;
 use meshband::message::Request;
-use meshband::modbus::map::{BITS, INPUTS, REGISTERS};
+use meshband::modbus::map::{BITS, COMMAND, INPUTS, REGISTERS, Register, SAMPLE_REGISTERS, SAMPLES};
 use meshband::modbus::station::LISTENING_S;
 use meshband::modbus::{CRC16, MAP_VERSION};
 use meshband::session::Session;
@@ -118,13 +118,17 @@ fn theory_the_maps_groups_are_dense_and_in_order() {
 #[test]
 fn theory_every_register_is_read_alone_and_no_other_is() {
     let mut bench = Bench::new(link());
-    let known =
-        |address: u16| REGISTERS.iter().any(|row| (row.address..row.address + row.kind.registers()).contains(&address));
-    for address in (0..600).chain([0x7fff, 0x8000, 0xffff]) {
+    let samples = SAMPLES..SAMPLES + SAMPLE_REGISTERS;
+    let known = |address: u16| {
+        let within = |row: &Register| (row.address..row.address + row.kind.registers()).contains(&address);
+        samples.contains(&address) || REGISTERS.iter().any(within)
+    };
+    let edges = [COMMAND - 1, COMMAND, COMMAND + 1, SAMPLES - 1, SAMPLES, samples.end - 1, samples.end, 0xffff];
+    for address in (0..600).chain(edges) {
         let (answer, by_holding) = (bench.read(4, address, 1), bench.read(3, address, 1));
         assert_eq!((by_holding[0], by_holding.len()), (answer[0] - 1, answer.len()));
         // Counters of the requests themselves move.
-        assert!(address >= 352 || by_holding[1..] == answer[1..], "{address}");
+        assert!((352..373).contains(&address) || by_holding[1..] == answer[1..], "{address}");
         match answer[..] {
             [4, 2, _, _] => assert!(known(address), "{address}"),
             [0x84, 2] => assert!(!known(address), "{address}"),

@@ -3,6 +3,7 @@
 //!
 //! ```toml
 //! policy = "Spectrum"              # or [policy.Waveform] multiple = 8.0, or "Critical"
+//! velocity_from = 2.0              # Hz, lower edge of the velocity's band; 0 for 10
 //! [tach]
 //! pulses_per_turn = 60
 //! missing = 2
@@ -25,18 +26,28 @@
 //! latching = true
 //! persistence_s = 2.0              # s
 //! watch_signal = true
-//! velocity_from = 2.0              # Hz, before all tables; 0 for 10
-//! [[modes]]                        # of the alarms, in their order; what is missing is an upper limit of severity
-//! danger side = "Above"                   # or "Below", "Rise" severity = "Danger"              # or "Alert": told and
-//! shown, the output stays [range]                          # codes between which the front end does not clip; 0 for
-//! 2.5 % from either end lowest = 1638 highest = 63897 [sensor_check]                   # when the sensor is in order
-//! bias_v = [8.0, 14.0]             # V at the sensor, by a divider into PA4 bias_divider = 5.7 floor = 0.05
-//! # m/s^2 RMS while the shaft turns output = "Own"                   # or "WithAlarm" [pass] analogue = 40000.0
-//! # Hz, 0 for not declared [link]                           # from the node's next start on personality = "Modbus"
-//! # or "Meshband" address = 17 [capture]                        # waveforms for alarms keep = "Fixed"
-//! # or "Law", "Off" rate = 10000.0                   # Hz [second]                         # a second accelerometer;
-//! second = "None" takes it away acceleration_per_code = 0.00494  # m/s^2 band = 10000.0                   # Hz, 0 for
-//! not declared
+//! [[modes]]                        # of the alarms, in their order; a missing one is an upper limit, a danger
+//! side = "Above"                   # or "Below", "Rise"
+//! severity = "Danger"              # or "Alert": told and shown, the output stays
+//! [range]                          # codes between which the front end does not clip; 0 for 2.5 % from either end
+//! lowest = 1638
+//! highest = 63897
+//! [sensor_check]                   # when the sensor is in order
+//! bias_v = [8.0, 14.0]             # V at the sensor, by a divider into PA4
+//! bias_divider = 5.7
+//! floor = 0.05                     # m/s^2 RMS while the shaft turns
+//! output = "Own"                   # or "WithAlarm"
+//! [pass]
+//! analogue = 40000.0               # Hz, 0 for not declared
+//! [link]                           # from the node's next start on
+//! personality = "Modbus"           # or "Meshband"
+//! address = 17
+//! [capture]                        # waveforms for alarms
+//! keep = "Fixed"                   # or "Law", "Off"
+//! rate = 10000.0                   # Hz
+//! [second]                         # a second accelerometer; second = "None" takes it away
+//! acceleration_per_code = 0.00494  # m/s^2
+//! band = 10000.0                   # Hz, 0 for not declared
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of

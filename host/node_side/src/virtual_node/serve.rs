@@ -16,6 +16,7 @@ use crate::{Error, Result};
 use meshband::config::Configuration;
 use meshband::frame::Packet;
 use meshband::identity::Identity;
+use meshband::modbus::Command;
 use meshband::modbus::bank::Bank;
 use meshband::node::Block;
 use meshband::pipeline::Channels;
@@ -83,6 +84,11 @@ impl<'a> Looped<'a> {
     /// The node with its registers.
     pub fn session(&self) -> (&Session, &Bank) {
         (&self.session, &self.bank)
+    }
+
+    /// What a Modbus master asked for.
+    pub fn obey(&mut self, command: Command) {
+        self.session.obey(command);
     }
 
     /// End of the next block, s since the start.
@@ -189,7 +195,8 @@ pub fn serve(
         peers.admit();
         peers.serve(|piece| node.receive(piece));
         let (session, bank) = node.session();
-        stations.serve(session.node(), bank);
+        let commands = stations.serve(session.node(), bank);
+        commands.into_iter().for_each(|command| node.obey(command));
         let due = origin + Duration::from_secs_f64(node.block_end_s());
         let now = Instant::now();
         if now >= due {

@@ -9,10 +9,11 @@
 use crate::virtual_node::image::TICKS_PER_SECOND;
 use crate::{Error, Result};
 use meshband::config::{LineFormat, LinkConfig, Personality};
+use meshband::modbus::Command;
 use meshband::modbus::bank::Bank;
 use meshband::modbus::line::{Line, Request};
 use meshband::modbus::map::{Traffic, View};
-use meshband::modbus::server::{Answer, answer};
+use meshband::modbus::server::{Answer, Outcome, answer};
 use meshband::node::Node;
 use meshband::units::TicksPerSecond;
 use std::io::{ErrorKind, Read, Write};
@@ -39,6 +40,22 @@ pub struct Stations {
     lines: Vec<rtu::Terminal>,
     exceptions: u16,
     begun: Instant,
+}
+
+/// What requests of one look have brought.
+#[derive(Default)]
+struct Served {
+    refused: u16,
+    commands: Vec<Command>,
+}
+
+impl Served {
+    /// Counts what came of a request; its answer.
+    fn take(&mut self, (answer, outcome): Outcome) -> Answer {
+        self.refused += u16::from(outcome.is_err());
+        self.commands.extend(outcome.unwrap_or(None));
+        answer
+    }
 }
 
 struct Master {
@@ -101,18 +118,20 @@ impl Stations {
         names.map(|name| format!("{name}, address {}", self.address)).collect()
     }
 
-    /// Answers what has been asked.
-    pub fn serve(&mut self, node: &Node, bank: &Bank) {
+    /// Answers what has been asked; what masters ask the node to do.
+    pub fn serve(&mut self, node: &Node, bank: &Bank) -> Vec<Command> {
         #[cfg(unix)]
         let heard = self.lines.first().map(rtu::Terminal::heard).unwrap_or_default();
         #[cfg(not(unix))]
         let heard = Default::default();
         let view = View::of(node, bank, Traffic { heard, exceptions: self.exceptions });
-        let mut refused = 0;
+        let address = self.address;
+        let asked = |request: &Request| answer(address, request, &view, &|place: u32| node.held_sample(place));
+        let mut served = Served::default();
         #[cfg(unix)]
         for line in &mut self.lines {
             let now = (self.begun.elapsed().as_secs_f64() * f64::from(TICKS_PER_SECOND)) as u64 as u32;
-            refused += u16::from(line.serve(self.address, &view, now));
+            line.serve(address, now, &asked, &mut served);
         }
         for listener in &self.listeners {
             while let Ok((stream, _)) = listener.accept() {
@@ -122,33 +141,30 @@ impl Stations {
             }
         }
         for master in &mut self.masters {
-            refused += u16::from(master.serve(self.address, &view));
+            master.serve(&asked, &mut served);
         }
-        self.exceptions = self.exceptions.wrapping_add(refused);
+        self.exceptions = self.exceptions.wrapping_add(served.refused);
         self.masters.retain(|master| !master.gone);
+        served.commands
     }
 }
 
 impl Master {
-    /// Answers all whole requests; whether one was refused.
-    fn serve(&mut self, address: u8, view: &View<'_>) -> bool {
+    /// Answers all whole requests.
+    fn serve(&mut self, asked: &impl Fn(&Request) -> Option<Outcome>, served: &mut Served) {
         let mut buffer = [0; 1024];
         match self.stream.read(&mut buffer) {
             Ok(0) => self.gone = true,
             Ok(count) => self.pending.extend_from_slice(&buffer[..count]),
             Err(error) => self.gone |= !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
         }
-        let mut refused = false;
         while let Some(length) = self.length() {
             let request: Vec<u8> = self.pending.drain(..length).collect();
             let (header, pdu) = request.split_at(HEADER);
-            let Some((answer, exception)) = request_of(pdu).and_then(|request| answer(address, &request, view)) else {
-                continue;
-            };
-            refused |= exception.is_some();
-            self.gone |= self.stream.write_all(&framed(header, &answer)).is_err();
+            let request = pdu.split_first().map(|(&function, rest)| Request::of(function, rest));
+            let Some(outcome) = request.and_then(|request| asked(&request)) else { continue };
+            self.gone |= self.stream.write_all(&framed(header, &served.take(outcome))).is_err();
         }
-        refused
     }
 
     /// Length of the first request, once it is whole; nonsense ends the connection.
@@ -159,12 +175,6 @@ impl Master {
         self.gone |= !sane;
         (sane && self.pending.len() >= length).then_some(length)
     }
-}
-
-fn request_of(pdu: &[u8]) -> Option<Request> {
-    let (&function, rest) = pdu.split_first()?;
-    let word = |at: usize| rest.get(at..at + 2).map_or(0, |word| u16::from_be_bytes([word[0], word[1]]));
-    Some(Request { function, words: [word(0), word(2)], length: rest.len() })
 }
 
 /// An answer of the serial line, address before and checksum behind it, as TCP has it.
@@ -181,7 +191,7 @@ pub fn format(link: &LinkConfig) -> LineFormat {
 
 #[cfg(unix)]
 mod rtu {
-    use super::{Line, LinkConfig, Read, TICKS_PER_SECOND, TicksPerSecond, View, Write, answer, format};
+    use super::{Line, LinkConfig, Outcome, Read, Request, Served, TICKS_PER_SECOND, TicksPerSecond, Write, format};
     use meshband::modbus::line::Heard;
     use serialport::{SerialPort, TTYPort};
     use std::time::Duration;
@@ -212,17 +222,22 @@ mod rtu {
             self.line.heard()
         }
 
-        /// Answers a request that has ended; whether it was refused.
-        pub fn serve(&mut self, address: u8, view: &View<'_>, now: u32) -> bool {
+        /// Answers a request that has ended.
+        pub fn serve(
+            &mut self,
+            address: u8,
+            now: u32,
+            asked: &impl Fn(&Request) -> Option<Outcome>,
+            served: &mut Served,
+        ) {
             let mut buffer = [0; 256];
             let count = self.near.read(&mut buffer).unwrap_or(0);
             buffer[..count].iter().for_each(|&byte| self.line.push(byte));
-            let Some(request) = self.line.look(address, now) else { return false };
-            let Some((answer, exception)) = answer(address, &request, view) else { return false };
+            let Some(outcome) = self.line.look(address, now).and_then(|request| asked(&request)) else { return };
+            let answer = served.take(outcome);
             self.line.answered(&answer);
             // A master that has gone misses its answer.
             let _ = self.near.write_all(&answer);
-            exception.is_some()
         }
     }
 }
