@@ -1,7 +1,7 @@
 //! `meshband modbus`: the register map as a table to import, and an example in bytes.
 
 use clap::Args as ClapArgs;
-use meshband::alarm::AlarmBand;
+use meshband_host::link::alarms::Limit;
 use meshband_host::link::modbus::{Row, example, groups, rows};
 use meshband_host::link::settings::Settings;
 use meshband_host::link::{Client, modbus};
@@ -62,14 +62,14 @@ pub fn run(args: Args) -> Result<()> {
     say!("over TCP the same without the last two bytes, the checksum, behind a header of 6 bytes")
 }
 
-fn alarms(args: &Args) -> Result<Option<Vec<AlarmBand>>> {
+fn alarms(args: &Args) -> Result<Option<Vec<Limit>>> {
     if let Some(path) = &args.settings {
         let mut config = meshband::config::Configuration::default();
         Settings::read(path)?.apply(&mut config)?;
-        return Ok(Some(config.alarms.to_vec()));
+        return Ok(Some(Limit::all(&config)));
     }
     let Some(port) = &args.port else { return Ok(None) };
-    Ok(Some(Client::open(port)?.configuration()?.alarms.to_vec()))
+    Ok(Some(Limit::all(&Client::open(port)?.configuration()?)))
 }
 
 fn csv_of(rows: &[modbus::Row]) -> Result<String> {

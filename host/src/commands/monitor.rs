@@ -5,6 +5,7 @@
 //! after what was heard is written.
 
 use clap::Args as ClapArgs;
+use meshband_host::link::alarms::Limit;
 use meshband_host::link::view::View;
 use meshband_host::link::{Client, Losses, health, report, text, transport};
 use meshband_host::monitor::capture::Capture;
@@ -147,7 +148,7 @@ fn introduce(link: &mut Watched, view: &mut View) -> Result<()> {
     let Some(client) = link.client() else { return Ok(()) };
     view.identity = Some(client.identify()?);
     // A node of another schema is still watched: its alarms then have numbers only.
-    view.bands = client.configuration().map(|config| config.alarms.to_vec()).ok();
+    view.limits = client.configuration().map(|config| Limit::all(&config)).ok();
     Ok(())
 }
 

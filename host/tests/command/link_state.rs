@@ -1,13 +1,13 @@
 //! One state of a link: live, in chunks and over reconnects, and replayed from the capture, everything that is said of
 //! it agrees, and the alarms are those of the node.
 
-use meshband::alarm::{AlarmBand, Watched};
+use meshband::alarm::{AlarmBand, AlarmMode, Severity, Side, Watched};
 use meshband::config::Configuration;
 use meshband::events::{Event, EventKind};
 use meshband::frame::{MAX_FRAME, PacketRef, encode};
 use meshband::message::{AlarmState, Indicators, Message, Reply, Status};
 use meshband::units::Hertz;
-use meshband_host::link::alarms::{Alarms, numbers};
+use meshband_host::link::alarms::{Alarms, Limit, numbers};
 use meshband_host::link::stream::REOPENED;
 use meshband_host::link::transport::{self, Transport};
 use meshband_host::link::view::View;
@@ -269,7 +269,8 @@ fn regress_an_alarm_that_stood_before_the_view_is_shown_from_the_first_status_on
     panel.take(Message::Status(Status { alarms, ..super::monitor::status() }), 0.4);
     let band =
         AlarmBand { watched: Watched::Rms, from: Hertz(5.0), to: Hertz(60.0), raise: 2.0, clear: 1.0, persistence: 3 };
-    panel.view.bands = Some(vec![band]);
+    let mode = AlarmMode::default();
+    panel.view.limits = Some(vec![Limit { band, mode }]);
     panel.take(Message::Indicators(Indicators { rms: 32.157, ..Indicators::default() }), 0.45);
     let shown = first(&panel);
     assert!(shown.contains("ALARM 1: RMS 32.2 m/s2 above 2 m/s2") && !shown.contains("no alarm"), "{shown}");
@@ -278,6 +279,27 @@ fn regress_an_alarm_that_stood_before_the_view_is_shown_from_the_first_status_on
     let page = report::of_view(&panel.view, losses, "x").expect("a page").html();
     let (alarm, first_section) = (page.find("ALARM 1: RMS").expect("in the report"), page.find("<h2>").expect("one"));
     assert!(alarm < first_section, "an alarm is the report's first line");
+}
+
+/// A limit at the low side, one on a rise, an alert: none of them is an alarm "above".
+#[test]
+fn regress_side_and_severity_of_an_alarm_are_said() {
+    let mut view = View::default();
+    let alarms = AlarmState { raised: 3, standing: 7, unseen: 7, signal_bad: false };
+    view.take(Message::Status(Status { alarms, ..super::monitor::status() }));
+    let (from, to) = (Hertz(5.0), Hertz(60.0));
+    let band = |raise: f32| AlarmBand { watched: Watched::Rms, from, to, raise, clear: raise, persistence: 3 };
+    let limit = |raise, side, severity| Limit { band: band(raise), mode: AlarmMode { side, severity } };
+    view.limits = Some(vec![
+        limit(0.5, Side::Below, Severity::Danger),
+        limit(3.0, Side::Rise, Severity::Alert),
+        limit(9.0, Side::Above, Severity::Alert),
+    ]);
+    view.take(Message::Indicators(Indicators { rms: 0.25, ..Indicators::default() }));
+    let lines = Alarms::of(&view).lines();
+    assert!(lines[0].starts_with("ALARM 1: RMS 0.250 m/s2 below 0.5 m/s2"), "{}", lines[0]);
+    assert!(lines[1].starts_with("ALERT 2: RMS 0.250 m/s2 more than 3 m/s2 over its mean of 10 min"), "{}", lines[1]);
+    assert!(lines[2].starts_with("ALERT 3: RMS was above 9 m/s2"), "{}", lines[2]);
 }
 
 #[test]

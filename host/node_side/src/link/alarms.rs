@@ -7,12 +7,56 @@
 
 use super::view::View;
 use super::words::name_and_unit;
-use meshband::alarm::{AlarmBand, Watched};
+use meshband::alarm::{AlarmBand, AlarmMode, RISE_S, Severity, Side, Watched};
+use meshband::config::Configuration;
 use meshband::message::AlarmState;
 use serde::Serialize;
 
 /// Bits of an [`AlarmState`].
 const MOST: u8 = 8;
+
+/// An alarm as it is configured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    /// What is watched, from where to where.
+    pub band: AlarmBand,
+    /// Which side is wrong, and what it asks for.
+    pub mode: AlarmMode,
+}
+
+impl Limit {
+    /// All of a configuration.
+    pub fn all(config: &Configuration) -> Vec<Self> {
+        let alarms = config.alarms.iter().enumerate();
+        alarms.map(|(n, band)| Self { band: *band, mode: AlarmMode::of(&config.modes, n) }).collect()
+    }
+
+    /// Its name in capitals.
+    pub fn call(&self) -> &'static str {
+        call(self.mode.severity)
+    }
+
+    /// Beyond what, as "above 2 m/s2".
+    pub fn beyond(&self) -> String {
+        beyond(self.mode.side, self.band.raise, name_and_unit(self.band.watched).1)
+    }
+}
+
+fn call(severity: Severity) -> &'static str {
+    match severity {
+        Severity::Danger => "ALARM",
+        Severity::Alert => "ALERT",
+    }
+}
+
+fn beyond(side: Side, limit: f32, unit: &str) -> String {
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    match side {
+        Side::Above => format!("above {limit}{unit}"),
+        Side::Below => format!("below {limit}{unit}"),
+        Side::Rise => format!("more than {limit}{unit} over its mean of {:.0} min", RISE_S / 60.0),
+    }
+}
 
 /// All alarms of a node as far as they are known.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -21,7 +65,7 @@ pub struct Alarms {
     pub known: bool,
     /// How many are configured, where the configuration has been read.
     pub configured: Option<usize>,
-    /// The signal is clipped or does not move.
+    /// The sensor is not in order, or was not and nobody has acknowledged that.
     pub signal_bad: bool,
     /// Those that stand, by number.
     pub standing: Vec<Standing>,
@@ -38,8 +82,12 @@ pub struct Standing {
     pub unit: &'static str,
     /// Newest value.
     pub value: Option<f32>,
-    /// Value above which it is raised.
+    /// Value beyond which it is raised.
     pub limit: Option<f32>,
+    /// Which side of the limit is wrong, where the configuration has been read.
+    pub side: Option<Side>,
+    /// What it asks for, likewise.
+    pub severity: Option<Severity>,
     /// The value is beyond the limit now; else it was, and nobody has acknowledged it.
     pub raised: bool,
     /// A person has seen it.
@@ -51,7 +99,7 @@ pub struct Standing {
 impl Alarms {
     /// As a view knows them.
     pub fn of(view: &View) -> Self {
-        let configured = view.bands.as_ref().map(Vec::len);
+        let configured = view.limits.as_ref().map(Vec::len);
         let Some(status) = &view.status else {
             return Self { known: false, configured, signal_bad: false, standing: Vec::new() };
         };
@@ -72,7 +120,7 @@ impl Alarms {
         }
         let mut lines: Vec<String> = self.standing.iter().map(Standing::line).collect();
         if self.signal_bad {
-            lines.push("ALARM of the signal: it is clipped or does not move".into());
+            lines.push("ALARM of the sensor: clipped, still, or its bias or level is not that of a sound one".into());
         }
         if lines.is_empty() {
             lines.push(match self.configured {
@@ -88,19 +136,20 @@ impl Alarms {
 impl Standing {
     /// The alarm as a sentence.
     pub fn line(&self) -> String {
-        let number = self.number;
+        let (call, number) = (call(self.severity.unwrap_or_default()), self.number);
         let Some((what, limit)) = self.what.zip(self.limit) else {
             let state = if self.raised { "raised" } else { "latched" };
-            return format!("ALARM {number}: {state}{}; its limit is not known here{}", self.since(), self.seen());
+            return format!("{call} {number}: {state}{}; its limit is not known here{}", self.since(), self.seen());
         };
+        let beyond = beyond(self.side.unwrap_or_default(), limit, self.unit);
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         let value = self.value.filter(|value| value.is_finite()).map(|value| format!(" {}", figures(value)));
         if self.raised {
             let value = value.map_or(String::new(), |value| format!("{value}{unit}"));
-            format!("ALARM {number}: {what}{value} above {limit}{unit}{}{}", self.since(), self.seen())
+            format!("{call} {number}: {what}{value} {beyond}{}{}", self.since(), self.seen())
         } else {
             let now = value.map_or(String::new(), |value| format!(", now{value}{unit}"));
-            format!("ALARM {number}: {what} was above {limit}{unit}{now}; latched until acknowledged{}", self.since())
+            format!("{call} {number}: {what} was {beyond}{now}; latched until acknowledged{}", self.since())
         }
     }
 
@@ -127,17 +176,19 @@ pub fn numbers(bits: &AlarmState) -> impl Iterator<Item = u8> + use<> {
 
 fn standing(view: &View, bits: &AlarmState, index: u8) -> Standing {
     let set = |bits: u8| bits >> index & 1 != 0;
-    let band: Option<&AlarmBand> = view.bands.as_ref().and_then(|bands| bands.get(usize::from(index)));
-    let (what, unit) = band.map_or((None, ""), |band| {
-        let (name, unit) = name_and_unit(band.watched);
+    let limit = view.limits.as_ref().and_then(|limits| limits.get(usize::from(index)));
+    let (what, unit) = limit.map_or((None, ""), |limit| {
+        let (name, unit) = name_and_unit(limit.band.watched);
         (Some(name), unit)
     });
     Standing {
         number: index + 1,
         what,
         unit,
-        value: band.and_then(|band| value(view, band.watched)),
-        limit: band.map(|band| band.raise),
+        value: limit.and_then(|limit| value(view, limit.band.watched)),
+        limit: limit.map(|limit| limit.band.raise),
+        side: limit.map(|limit| limit.mode.side),
+        severity: limit.map(|limit| limit.mode.severity),
         raised: set(bits.raised),
         acknowledged: !set(bits.unseen),
         for_s: view.raised_for_s(index),

@@ -3,10 +3,10 @@
 //! Made from [`meshband::modbus::map`], the table that a node answers from, so it cannot differ from it. Addresses
 //! count from 0, as they are on the line.
 
+use super::alarms::Limit;
 use super::words::name_and_unit;
-use meshband::alarm::AlarmBand;
 use meshband::modbus::CRC16;
-use meshband::modbus::map::{INPUTS, Kind, REGISTERS};
+use meshband::modbus::map::{INPUTS, Kind, REGISTERS, SAMPLE_REGISTERS, SAMPLES};
 
 /// Function that reads input registers.
 const READ_REGISTERS: u8 = 4;
@@ -37,7 +37,7 @@ pub struct Row {
 }
 
 /// Every value; alarm bits with what they stand for where the node's alarms are known.
-pub fn rows(alarms: Option<&[AlarmBand]>) -> Vec<Row> {
+pub fn rows(alarms: Option<&[Limit]>) -> Vec<Row> {
     let of_register = |register: &meshband::modbus::map::Register| Row {
         function: READ_REGISTERS,
         address: register.address,
@@ -65,11 +65,24 @@ pub fn rows(alarms: Option<&[AlarmBand]>) -> Vec<Row> {
         };
         (0..input.count).map(bit).collect()
     };
-    REGISTERS.iter().map(of_register).chain(INPUTS.iter().flat_map(of_input)).collect()
+    let samples = Row {
+        function: READ_REGISTERS,
+        address: SAMPLES,
+        count: Kind::Float.registers(),
+        kind: "float32",
+        name: "sample_1".into(),
+        unit: "m/s^2".into(),
+        group: "waveform samples".into(),
+        meaning: format!(
+            "first of {} samples of the waveform held, the oldest; sample n is at {SAMPLES} + 2 (n - 1)",
+            SAMPLE_REGISTERS / 2
+        ),
+    };
+    REGISTERS.iter().map(of_register).chain([samples]).chain(INPUTS.iter().flat_map(of_input)).collect()
 }
 
 /// What bit `n` of a kind says.
-fn alarm(alarms: Option<&[AlarmBand]>, n: u16, kind: &str) -> String {
+fn alarm(alarms: Option<&[Limit]>, n: u16, kind: &str) -> String {
     let number = n + 1;
     let state = match kind {
         "standing" => "is raised or latched",
@@ -79,10 +92,10 @@ fn alarm(alarms: Option<&[AlarmBand]>, n: u16, kind: &str) -> String {
     let what = match alarms.map(|alarms| alarms.get(usize::from(n))) {
         None => format!("alarm {number}, [[alarms]] table {number} of the settings"),
         Some(None) => format!("alarm {number}, not configured"),
-        Some(Some(band)) => {
-            let (name, unit) = name_and_unit(band.watched);
-            let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-            format!("alarm {number}, {name} above {}{unit} from {} to {} Hz", band.raise, band.from.0, band.to.0)
+        Some(Some(limit)) => {
+            let (band, call) = (limit.band, limit.call().to_lowercase());
+            let (name, _) = name_and_unit(band.watched);
+            format!("{call} {number}, {name} {} from {} to {} Hz", limit.beyond(), band.from.0, band.to.0)
         }
     };
     format!("{what}: {state}")

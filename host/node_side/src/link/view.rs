@@ -4,7 +4,7 @@
 //! A status decides which alarms stand; an event of a later tick is taken into it until the next one. Time is the
 //! node's own, so a capture that is replayed gives what was seen live.
 
-use meshband::alarm::AlarmBand;
+use super::alarms::Limit;
 use meshband::events::{Event, EventKind};
 use meshband::health::Health;
 use meshband::levels::Departure;
@@ -48,9 +48,9 @@ pub struct View {
     /// Who the node is, where it was asked.
     #[serde(skip)]
     pub identity: Option<Identification>,
-    /// Its alarm bands, where its configuration was read.
+    /// Its alarms' limits, where its configuration was read.
     #[serde(skip)]
-    pub bands: Option<Vec<AlarmBand>>,
+    pub limits: Option<Vec<Limit>>,
     /// Ticks at which alarms were raised, where that was heard.
     #[serde(skip)]
     started_tick: Option<u64>,
@@ -95,7 +95,7 @@ impl View {
     pub fn take_reply(&mut self, reply: Reply) {
         match reply {
             Reply::Identity(identity) => self.identity = Some(identity),
-            Reply::Configuration(config) => self.bands = Some(config.alarms.to_vec()),
+            Reply::Configuration(config) => self.limits = Some(Limit::all(&config)),
             Reply::Health(health) => self.health = Some(health),
             Reply::SelfTest(result) => self.self_test = Some(result),
             Reply::Statistics(statistics) => self.statistics = Some(statistics),
