@@ -27,7 +27,7 @@ pub fn proof(args: &[String]) -> Outcome {
         }
     }
     let program = build()?;
-    let python = python(&["duckdb", "pyarrow", "pytz", "pysparkplug==0.6.1"])?;
+    let python = python(&["duckdb", "pandas<3", "polars", "pyarrow", "pytz", "pysparkplug==0.6.1"])?;
     if !faults {
         checks(&python)?;
     }

@@ -6,7 +6,8 @@ use meshband::alarm::Watched;
 use meshband::board::Timing;
 use meshband::config::{Configuration, LinkConfig, Personality};
 use meshband::units::TicksPerSecond;
-use meshband_host::link::setup::Sources;
+use meshband_host::link::machine_class::MachineClass;
+use meshband_host::link::setup::{Installation, Sources};
 use meshband_host::link::{Client, report, text};
 use meshband_host::results::Results;
 use meshband_host::{Error, Result, remark, say};
@@ -36,6 +37,11 @@ pub struct Args {
     teeth: Option<Vec<u16>>,
     #[command(flatten)]
     installation: InstallationArgs,
+    /// Class of the machine: alert and danger on the velocity's RMS at the zone boundaries of ISO 20816-3, instead of
+    /// the node's upper limits on it: small (below 15 kW), medium-rigid, medium-flexible (to 300 kW), large-rigid,
+    /// large-flexible.
+    #[arg(long, value_name = "CLASS", value_parser = MachineClass::from_name)]
+    machine_class: Option<MachineClass>,
     /// Only until the next power-up: does not store it.
     #[arg(long)]
     volatile: bool,
@@ -49,7 +55,8 @@ pub struct Args {
     /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
     #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio",
         "sensitivity", "volt_per_g",
-        "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json", "report"])]
+        "machine_class", "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json",
+        "report"])]
     acknowledge: bool,
     #[command(flatten)]
     results: Results,
@@ -70,7 +77,8 @@ pub fn run(args: Args) -> Result<()> {
     let mut config = client.configuration()?;
     // The node's own: another configuration begins without alarms.
     config.latched = 0;
-    let installation = args.installation.facts(args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()));
+    let facts = args.installation.facts(args.teeth.as_deref().and_then(|teeth| teeth.try_into().ok()));
+    let installation = Installation { machine_class: args.machine_class, ..facts };
     sources.apply(&mut config, &installation)?;
     config
         .validate(Timing::of(&identity.board, TicksPerSecond(identity.ticks_per_second)))

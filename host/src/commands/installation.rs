@@ -70,6 +70,7 @@ impl InstallationArgs {
             highest_adc_hz: self.highest_adc,
             harmonics: self.harmonics,
             sidebands: self.sidebands,
+            machine_class: None,
         }
     }
 }

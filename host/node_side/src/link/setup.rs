@@ -1,5 +1,6 @@
 //! A node's configuration from a declared machine, a law file, a settings file and what only the installation knows.
 
+use super::machine_class::MachineClass;
 use super::settings::Settings;
 use crate::law::file::LawFile;
 use crate::machine::Machine;
@@ -29,6 +30,8 @@ pub struct Installation {
     pub harmonics: Option<u8>,
     /// Sideband pairs to report per harmonic.
     pub sidebands: Option<u8>,
+    /// Class of the machine, for limits on its velocity.
+    pub machine_class: Option<MachineClass>,
 }
 
 /// Files read and checked, before any node is asked.
@@ -87,7 +90,7 @@ impl Sources {
         set(&mut config.limits.highest_adc, installation.highest_adc_hz.map(Hertz));
         set(&mut config.mesh.harmonics, installation.harmonics);
         set(&mut config.mesh.sidebands, installation.sidebands);
-        Ok(())
+        installation.machine_class.map_or(Ok(()), |class| class.apply(config))
     }
 }
 
