@@ -11,7 +11,7 @@ use crate::journal::entry::{Body, Entry};
 use crate::stop::Stop;
 use clap::Args;
 use meshband::frame::{MAX_FRAME, encode};
-use meshband::message::{AlarmState, Bound, GearIndicators, Indicators, Message, Quality, Status, Tag};
+use meshband::message::{AlarmState, Bound, GearIndicators, Indicators, Message, Quality, SensorStatus, Status, Tag};
 use meshband::node::State;
 use meshband::shaft_lines::{OrderLine, ShaftOrders};
 use meshband::tach::Validity;
@@ -228,6 +228,8 @@ pub fn status(tick: u64, speed_hz: f32) -> Status {
         bound: Bound::AnalogueFilter,
         alarms: AlarmState::default(),
         capture: CapturePhase::default(),
+        alerts: 0,
+        sensor: SensorStatus::default(),
     }
 }
 

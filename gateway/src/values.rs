@@ -301,6 +301,8 @@ mod tests {
             bound: Bound::Sensor,
             alarms: AlarmState::default(),
             capture: Default::default(),
+            alerts: 0,
+            sensor: Default::default(),
         }
     }
 }
