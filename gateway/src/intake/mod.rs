@@ -6,6 +6,7 @@
 pub mod link;
 pub mod port;
 pub mod state;
+pub mod time_base;
 pub mod worker;
 
 use meshband::message::Identification;

@@ -8,6 +8,7 @@
 //! The state is written beside the journal and brought up to date from the journal's own entries at a start, so that
 //! it never contradicts what was written.
 
+use super::time_base::TimeBase;
 use crate::journal::entry::{Body, Entry, decode};
 use meshband::frame::{Frame, Packet};
 use meshband::message::{Identification, Message, Reply};
@@ -30,8 +31,9 @@ pub struct NodeState {
     expected: Option<u16>,
     /// Tick of the newest status.
     status_tick: u64,
-    /// Wall clock at tick zero, microseconds; the smallest seen, as that frame waited least.
-    zero_us: Option<i64>,
+    /// Its ticks as wall clock.
+    #[serde(default)]
+    base: TimeBase,
     /// Sequence and fingerprint of the newest frames.
     recent: VecDeque<(u16, u64)>,
     /// Alarms that stand and that no person has acknowledged, by the newest status.
@@ -79,7 +81,7 @@ impl NodeState {
         if restarted {
             self.boot += 1;
             self.recent.clear();
-            (self.zero_us, self.status_tick) = (None, 0);
+            (self.base, self.status_tick) = (TimeBase::default(), 0);
         }
         self.remember(mark, frame);
         let time_us = self.time(&frame.packet, received_us);
@@ -98,18 +100,16 @@ impl NodeState {
         }
     }
 
-    /// Wall clock of a packet's content: the steadiest relation of ticks to wall clock seen since the node's start.
+    /// Wall clock of a packet's content.
     fn time(&mut self, packet: &Packet, received_us: i64) -> i64 {
         let (Some(tick), 1..) = (tick(packet), self.ticks_per_second) else { return received_us };
-        let since = (tick as f64 / f64::from(self.ticks_per_second) * 1e6) as i64;
-        let zero = self.zero_us.map_or(received_us - since, |zero| zero.min(received_us - since));
-        self.zero_us = Some(zero);
-        zero + since
+        let since_us = (tick as f64 / f64::from(self.ticks_per_second) * 1e6) as i64;
+        self.base.time(since_us, received_us)
     }
 
     /// The wall clock jumped: what was known of it no longer holds.
     pub fn forget_time(&mut self) {
-        self.zero_us = None;
+        self.base = TimeBase::default();
     }
 
     /// Brings the state up to date with an entry that was written after the state.
@@ -215,5 +215,13 @@ mod tests {
             assert_eq!(take(&mut replayed, event(sequence, u32::from(sequence))), Verdict::Repeated);
         }
         assert_eq!(take(&mut lived, event(700, 0)), take(&mut replayed, event(700, 0)));
+    }
+
+    #[test]
+    fn claim_a_state_that_a_former_version_kept_is_read() {
+        let text = "{\"unit\":[1,2,3],\"boot\":3,\"ticks_per_second\":1000,\"expected\":5,\"status_tick\":0,\"zero_us\":17,\
+            \"recent\":[[4,99]],\"alarms\":0}";
+        let state: NodeState = serde_json::from_str(text).expect("reads");
+        assert_eq!((state.boot, state.expected, state.recent.len()), (3, Some(5), 1));
     }
 }
