@@ -8,3 +8,8 @@ pub mod metrics;
 pub mod payload;
 pub mod publisher;
 pub mod session;
+
+#[cfg(test)]
+mod conformance;
+#[cfg(test)]
+mod test_broker;

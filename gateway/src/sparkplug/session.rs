@@ -55,7 +55,8 @@ pub enum Step {
 }
 
 impl Session {
-    /// Connects, with the death certificate as the will, and waits for the broker's word.
+    /// Connects, with the death certificate as the will, waits for the broker's word, and subscribes to commands: a
+    /// host may ask for a rebirth from the first birth on.
     ///
     /// # Errors
     /// Why there is no session, in one line.
@@ -73,6 +74,10 @@ impl Session {
                 Err(_) => return Err(Error::new(place, "does not answer")),
             }
         }
+        for (kind, below) in [("NCMD", ""), ("DCMD", "/+")] {
+            let topic = format!("{NAMESPACE}/{}/{kind}/{edge}{below}", config.group);
+            client.subscribe(topic, QoS::AtLeastOnce).map_err(ended)?;
+        }
         Ok(Self {
             client,
             events,
@@ -87,26 +92,21 @@ impl Session {
         })
     }
 
-    /// Birth of the edge node, and the subscriptions to its commands.
+    /// Birth of the edge node.
     ///
     /// # Errors
     /// When the connection has ended.
     pub fn birth(&mut self) -> Result {
         self.seq = 0;
         let metrics = vec![
-            plain("bdSeq", datatype::UINT64, Value::Long(self.bd_seq.into())),
+            plain("bdSeq", datatype::INT64, Value::Long(self.bd_seq.into())),
             plain("Node Control/Rebirth", datatype::BOOLEAN, Value::Boolean(false)),
             plain("Gateway/Version", datatype::STRING, Value::Text(env!("CARGO_PKG_VERSION").to_owned())),
             plain("Frame/Journal", datatype::UINT64, Value::Long(0)),
             plain("Event/Kind", datatype::STRING, Value::Text(String::new())),
             plain("Event/Detail", datatype::INT64, Value::Long(0)),
         ];
-        self.publish("NBIRTH", None, metrics, QoS::AtMostOnce)?;
-        for (kind, below) in [("NCMD", ""), ("DCMD", "/+")] {
-            let topic = format!("{NAMESPACE}/{}/{kind}/{}{below}", self.group, self.edge);
-            self.client.subscribe(topic, QoS::AtLeastOnce).map_err(ended)?;
-        }
-        Ok(())
+        self.publish("NBIRTH", None, metrics, QoS::AtMostOnce)
     }
 
     /// Birth of a device.
@@ -237,7 +237,7 @@ fn now_ms() -> u64 {
 }
 
 fn death(bd_seq: u8) -> Vec<u8> {
-    let metrics = vec![plain("bdSeq", datatype::UINT64, Value::Long(bd_seq.into()))];
+    let metrics = vec![plain("bdSeq", datatype::INT64, Value::Long(bd_seq.into()))];
     Payload { timestamp: Some(now_ms()), metrics, seq: None }.encode_to_vec()
 }
 

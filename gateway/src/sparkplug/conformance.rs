@@ -1,0 +1,158 @@
+//! What a host application and a conformance kit see of a session: the table in book/src/howto/fleet.md names these
+//! tests.
+
+use super::metrics::Device;
+use super::payload::{Payload, Value, datatype};
+use super::session::Session;
+use super::test_broker::TestBroker;
+use crate::journal::entry::{Body, Entry, Note};
+use prost::Message;
+use rumqttc::{Packet, QoS};
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+type Devices = BTreeMap<String, Device>;
+
+fn entry(node: &str, body: Body) -> Entry {
+    let (node, machine) = (node.to_owned(), "m".to_owned());
+    Entry { node, machine, unit: [1; 3], boot: 1, received_us: i64::MAX / 2, time_us: 1_000_000, body }
+}
+
+fn note(node: &str, kind: Note) -> Entry {
+    entry(node, Body::Note { kind, detail: 7, text: "1.2.3".to_owned() })
+}
+
+fn status(node: &str) -> Entry {
+    let message = meshband::message::Message::Status(crate::synthesise::status(1, 10.0));
+    let mut buffer = [0; meshband::frame::MAX_FRAME];
+    let frame = meshband::frame::encode(&message, 1, &mut buffer).expect("fits");
+    entry(node, Body::Frame(frame[1..frame.len() - 1].to_vec()))
+}
+
+fn begun(broker: &TestBroker, bd_seq: u8) -> Session {
+    Session::begin(&broker.config(), "e", bd_seq).expect("a session")
+}
+
+/// Value and type of a metric.
+fn of(payload: &Payload, name: &str) -> Option<(Option<u32>, Option<Value>)> {
+    let metric = payload.metrics.iter().find(|metric| metric.name.as_deref() == Some(name))?;
+    Some((metric.datatype, metric.value.clone()))
+}
+
+#[test]
+fn claim_bd_seq_is_one_int64_in_will_birth_and_death() {
+    let broker = TestBroker::start();
+    let mut session = begun(&broker, 255);
+    session.birth().expect("born");
+    session.end();
+    let Packet::Connect(connect) = broker.packet() else { panic!("no CONNECT first") };
+    let will = connect.last_will.expect("a will");
+    let (_, _, _, birth) = broker.message();
+    let (kind, _, _, death) = broker.message();
+    assert_eq!((will.topic.as_str(), kind.as_str()), ("spBv1.0/g/NDEATH/e", "NDEATH"));
+    for payload in [Payload::decode(&will.message[..]).expect("a payload"), birth, death] {
+        assert_eq!(of(&payload, "bdSeq"), Some((Some(datatype::INT64), Some(Value::Long(255)))));
+    }
+    assert_eq!(broker.packet(), Packet::Disconnect, "behind the death");
+}
+
+#[test]
+fn claim_will_and_deaths_are_as_short_and_sent_as_they_must_be() {
+    let broker = TestBroker::start();
+    begun(&broker, 0).end();
+    let Packet::Connect(connect) = broker.packet() else { panic!("no CONNECT first") };
+    assert!(connect.clean_session);
+    let will = connect.last_will.expect("a will");
+    assert_eq!((will.qos, will.retain), (QoS::AtLeastOnce, false));
+    let (_, _, publish, death) = broker.message();
+    for payload in [Payload::decode(&will.message[..]).expect("a payload"), death] {
+        assert_eq!((payload.seq, payload.metrics.len()), (None, 1));
+    }
+    assert!(!publish.retain);
+}
+
+#[test]
+fn claim_commands_are_subscribed_to_before_the_birth() {
+    let broker = TestBroker::start();
+    let mut session = begun(&broker, 0);
+    session.birth().expect("born");
+    let mut wanted = Vec::new();
+    loop {
+        match broker.packet() {
+            Packet::Subscribe(subscribe) => wanted.extend(subscribe.filters),
+            Packet::Publish(_) => break,
+            _ => {}
+        }
+    }
+    let wanted: Vec<_> = wanted.into_iter().map(|filter| (filter.path, filter.qos)).collect();
+    let topics = ["spBv1.0/g/NCMD/e", "spBv1.0/g/DCMD/e/+"];
+    assert_eq!(wanted, topics.map(|topic| (topic.to_owned(), QoS::AtLeastOnce)));
+}
+
+#[test]
+fn claim_births_name_type_and_value_every_metric_that_will_come() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::new());
+    session.birth().expect("born");
+    session.entry(0, &note("", Note::ClockJump), &mut devices).expect("sent");
+    session.entry(1, &status("n"), &mut devices).expect("sent");
+    let (mut named, mut aliases) = (BTreeSet::new(), BTreeSet::new());
+    for kind in ["NBIRTH", "NDATA", "DBIRTH", "DDATA"] {
+        let (came, _, publish, payload) = broker.message();
+        assert_eq!((came.as_str(), publish.retain), (kind, false));
+        assert!(payload.timestamp.is_some() && payload.metrics.iter().all(|metric| metric.timestamp.is_some()));
+        for metric in payload.metrics {
+            if kind.ends_with("BIRTH") {
+                assert_eq!(publish.qos, QoS::AtMostOnce);
+                assert!(metric.datatype.is_some() && metric.value.is_some() != metric.is_null.unwrap_or(false));
+                named.insert(metric.name.expect("a name"));
+                aliases.extend(metric.alias);
+            } else if let Some(alias) = metric.alias {
+                assert!(metric.name.is_none() && aliases.contains(&alias));
+            } else {
+                assert!(named.contains(&metric.name.expect("a name")));
+            }
+        }
+    }
+}
+
+#[test]
+fn claim_rebirth_is_offered_as_a_false_boolean_without_an_alias() {
+    let broker = TestBroker::start();
+    let mut session = begun(&broker, 0);
+    session.birth().expect("born");
+    let (_, _, _, birth) = broker.message();
+    assert_eq!(of(&birth, "Node Control/Rebirth"), Some((Some(datatype::BOOLEAN), Some(Value::Boolean(false)))));
+    assert!(birth.metrics.iter().all(|metric| metric.alias.is_none()));
+}
+
+#[test]
+fn claim_sequence_numbers_go_on_by_one_over_all_kinds_and_go_round() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::new());
+    session.birth().expect("born");
+    let kinds = [Note::Connected, Note::Command, Note::Disconnected];
+    for number in 0..240u64 {
+        let node = if number % 5 == 0 { "" } else { "n" };
+        session.entry(number, &note(node, kinds[number as usize % 3]), &mut devices).expect("sent");
+        while session.room() == 0 {
+            session.step(Duration::from_secs(20)).expect("goes on");
+        }
+    }
+    session.birth().expect("born again");
+    let (kind, _, _, first) = broker.message();
+    assert_eq!((kind.as_str(), first.seq), ("NBIRTH", Some(0)));
+    let (mut expected, mut seen) = (1, BTreeSet::new());
+    loop {
+        let (kind, _, _, payload) = broker.message();
+        if kind == "NBIRTH" {
+            assert_eq!(payload.seq, Some(0));
+            break;
+        }
+        assert_eq!(payload.seq, Some(expected % 256), "{kind}");
+        seen.insert(kind);
+        expected += 1;
+    }
+    assert!(expected > 256, "round once");
+    assert_eq!(seen.iter().map(String::as_str).collect::<Vec<_>>(), ["DBIRTH", "DDATA", "DDEATH", "NDATA"]);
+}
