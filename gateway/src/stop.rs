@@ -21,6 +21,12 @@ impl Stop {
         Ok(stop)
     }
 
+    /// Asks to stop.
+    #[cfg(test)]
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
     /// Whether to stop.
     pub fn asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)

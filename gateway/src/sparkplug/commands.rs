@@ -1,6 +1,6 @@
 //! Commands from the broker: `Node Control/Rebirth` of the edge node, and `Command/...` of a device.
 
-use super::metrics::metric;
+use super::metrics::Devices;
 use super::payload::{Metric, Payload, Value};
 use meshband::config::Configuration;
 use meshband::message::Request;
@@ -30,21 +30,25 @@ pub enum Command {
 }
 
 /// Reads a command message; one that asks for several things gives several commands.
-pub fn read(topic: &str, bytes: &[u8], allow_configure: bool) -> Vec<Command> {
+pub fn read(topic: &str, bytes: &[u8], allow_configure: bool, devices: &Devices) -> Vec<Command> {
     let parts: Vec<&str> = topic.split('/').collect();
     let device = parts.get(4).map(|&device| device.to_owned());
     let Ok(payload) = Payload::decode(bytes) else {
         return vec![Command::Refused { device, reason: "no Sparkplug payload".to_owned() }];
     };
-    payload.metrics.iter().filter_map(|wanted| one(device.clone(), wanted, allow_configure)).collect()
+    payload.metrics.iter().filter_map(|wanted| one(device.clone(), wanted, allow_configure, devices)).collect()
 }
 
-fn one(device: Option<String>, wanted: &Metric, allow_configure: bool) -> Option<Command> {
-    let by_alias = || wanted.alias.and_then(metric).map(|(name, ..)| name.to_owned());
-    let name = wanted.name.clone().or_else(by_alias)?;
+fn one(device: Option<String>, wanted: &Metric, allow_configure: bool, devices: &Devices) -> Option<Command> {
     let asked = matches!(wanted.value, Some(Value::Boolean(true)));
     let Some(device) = device else {
-        return (name == "Node Control/Rebirth" && asked).then_some(Command::Rebirth);
+        // The edge node's own metrics have no aliases.
+        return (wanted.name.as_deref() == Some("Node Control/Rebirth") && asked).then_some(Command::Rebirth);
+    };
+    let by_alias = |alias| devices.metric_name(&device, alias).map(str::to_owned);
+    let Some(name) = wanted.name.clone().or_else(|| by_alias(wanted.alias?)) else {
+        let reason = format!("alias {:?} is of no metric of {device}", wanted.alias);
+        return Some(Command::Refused { device: Some(device), reason });
     };
     let requests = match (name.as_str(), &wanted.value) {
         ("Command/Start", _) if asked => vec![Request::Start],
@@ -75,7 +79,12 @@ mod tests {
 
     fn ask(topic: &str, name: &str, value: Value, allow: bool) -> Vec<Command> {
         let metric = Metric { name: Some(name.to_owned()), value: Some(value), ..Metric::default() };
-        read(topic, &Payload { timestamp: None, metrics: vec![metric], seq: None }.encode_to_vec(), allow)
+        read(
+            topic,
+            &Payload { timestamp: None, metrics: vec![metric], seq: None }.encode_to_vec(),
+            allow,
+            &Devices::default(),
+        )
     }
 
     #[test]
@@ -86,7 +95,7 @@ mod tests {
         assert!(refused(&ask(device, "Command/Configure", Value::Text(text.clone()), false)));
         assert!(refused(&ask(device, "Command/Configure", Value::Text("{}".into()), true)));
         assert!(refused(&ask(device, "Speed", Value::Float(1.0), true)));
-        assert!(refused(&read(device, b"\xff\xff", true)));
+        assert!(refused(&read(device, b"\xff\xff", true, &Devices::default())));
         let taken = ask(device, "Command/Configure", Value::Text(text), true);
         assert!(matches!(&taken[..], [Command::Node { requests, .. }] if requests.len() == 2));
         assert_eq!(ask("spBv1.0/g/NCMD/e", "Node Control/Rebirth", Value::Boolean(true), false), [Command::Rebirth]);

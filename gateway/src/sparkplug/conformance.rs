@@ -1,7 +1,7 @@
 //! What a host application and a conformance kit see of a session: the table in book/src/howto/fleet.md names these
 //! tests.
 
-use super::metrics::Device;
+use super::metrics::Devices;
 use super::payload::{Payload, Value, datatype};
 use super::session::Session;
 use super::test_broker::TestBroker;
@@ -10,8 +10,6 @@ use prost::Message;
 use rumqttc::{Packet, QoS};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
-
-type Devices = BTreeMap<String, Device>;
 
 fn entry(node: &str, body: Body) -> Entry {
     let (node, machine) = (node.to_owned(), "m".to_owned());
@@ -92,7 +90,7 @@ fn claim_commands_are_subscribed_to_before_the_birth() {
 #[test]
 fn claim_births_name_type_and_value_every_metric_that_will_come() {
     let broker = TestBroker::start();
-    let (mut session, mut devices) = (begun(&broker, 0), Devices::new());
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
     session.birth().expect("born");
     session.entry(0, &note("", Note::ClockJump), &mut devices).expect("sent");
     session.entry(1, &status("n"), &mut devices).expect("sent");
@@ -129,7 +127,7 @@ fn claim_rebirth_is_offered_as_a_false_boolean_without_an_alias() {
 #[test]
 fn claim_sequence_numbers_go_on_by_one_over_all_kinds_and_go_round() {
     let broker = TestBroker::start();
-    let (mut session, mut devices) = (begun(&broker, 0), Devices::new());
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
     session.birth().expect("born");
     let kinds = [Note::Connected, Note::Command, Note::Disconnected];
     for number in 0..240u64 {
@@ -155,4 +153,29 @@ fn claim_sequence_numbers_go_on_by_one_over_all_kinds_and_go_round() {
     }
     assert!(expected > 256, "round once");
     assert_eq!(seen.iter().map(String::as_str).collect::<Vec<_>>(), ["DBIRTH", "DDATA", "DDEATH", "NDATA"]);
+}
+
+#[test]
+fn claim_aliases_are_unique_over_the_edge_node_and_stay_over_rebirths() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
+    let mut owners: BTreeMap<u64, (String, String)> = BTreeMap::new();
+    // The other way round at the second time, and one more.
+    for nodes in [["a", "b", "c"], ["d", "b", "a"]] {
+        session.birth().expect("born");
+        devices.unborn();
+        for node in nodes {
+            session.entry(0, &status(node), &mut devices).expect("sent");
+            let (_, device, _, birth) =
+                std::iter::repeat_with(|| broker.message()).find(|(kind, ..)| kind == "DBIRTH").expect("a birth");
+            for metric in birth.metrics {
+                let owner = (device.clone().expect("a device"), metric.name.expect("a name"));
+                let former = owners.insert(metric.alias.expect("an alias"), owner.clone());
+                assert!(former.as_ref().is_none_or(|former| *former == owner), "{former:?}, then {owner:?}");
+            }
+            let (kind, _, _, data) = broker.message();
+            let known = |alias| owners.get(&alias).is_some_and(|(owner, _)| owner == node);
+            assert!(kind == "DDATA" && data.metrics.iter().all(|metric| metric.alias.is_some_and(known)));
+        }
+    }
 }

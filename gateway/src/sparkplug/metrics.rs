@@ -1,8 +1,8 @@
 //! A node as a Sparkplug device: which metrics it has, and what an entry of the journal changes of them.
 //!
-//! Aliases are places in one list, the same for every device. Each data message carries `Frame/Journal`, the entry's
-//! number: what a broker delivers twice (a session that broke between message and acknowledgement) has the same
-//! number twice.
+//! A device's metrics are places in one list; its aliases are those places in a block of numbers of its own. Each data
+//! message carries `Frame/Journal`, the entry's number: what a broker delivers twice (a session that broke between
+//! message and acknowledgement) has the same number twice.
 
 use super::payload::{Metric, Quality, Value, datatype, properties};
 use crate::intake::state::unit_text;
@@ -11,8 +11,16 @@ use crate::values::{QUANTITIES, defects, figures};
 use meshband::frame::Packet;
 use meshband::message::{Message, Reply};
 use meshband::tach::Validity;
+use std::collections::BTreeMap;
 
-/// Metrics that are no figures; their aliases come before those of the figures.
+/// Aliases of a device: no two metrics of the edge node have one number.
+const BLOCK: u64 = 256;
+/// Metrics of a device.
+const PLACES: usize = OTHERS.len() + QUANTITIES.len();
+// The next device's aliases begin behind the block.
+const _: () = assert!(PLACES as u64 <= BLOCK);
+
+/// Metrics that are no figures; their places come before those of the figures.
 const OTHERS: [(&str, u32); 21] = [
     ("Frame/Journal", datatype::UINT64),
     ("Frame/Sequence", datatype::INT32),
@@ -37,51 +45,89 @@ const OTHERS: [(&str, u32); 21] = [
     ("Command/Configure", datatype::STRING),
 ];
 
-/// Name, type and unit of a metric by its alias.
-pub fn metric(alias: u64) -> Option<(&'static str, u32, &'static str)> {
-    let place = usize::try_from(alias).ok()?;
+/// Name, type and unit of a metric by its place.
+fn metric(place: usize) -> Option<(&'static str, u32, &'static str)> {
     OTHERS.get(place).map(|(name, kind)| (*name, *kind, "")).or_else(|| {
         let quantity = QUANTITIES.get(place - OTHERS.len())?;
         Some((quantity.metric, datatype::FLOAT, quantity.unit))
     })
 }
 
-fn alias(name: &str) -> u64 {
-    OTHERS.iter().position(|(other, _)| *other == name).map_or(u64::MAX, |place| place as u64)
+/// Place of a metric that is no figure.
+fn place(name: &str) -> usize {
+    OTHERS.iter().position(|(other, _)| *other == name).unwrap_or(PLACES)
+}
+
+/// All devices of the edge node.
+#[derive(Clone, Debug, Default)]
+pub struct Devices(BTreeMap<String, Device>);
+
+impl Devices {
+    /// The devices of the configuration, in its order.
+    pub fn of<'a>(names: impl IntoIterator<Item = &'a str>) -> Self {
+        let mut devices = Self::default();
+        for name in names {
+            devices.device(name);
+        }
+        devices
+    }
+
+    /// A device by its name. A new one has the next block of aliases, for as long as the gateway runs: none is taken
+    /// out, so a rebirth gives every metric the alias it had.
+    pub fn device(&mut self, name: &str) -> &mut Device {
+        let index = self.0.len() as u64;
+        self.0.entry(name.to_owned()).or_insert_with(|| Device::new(index * BLOCK))
+    }
+
+    /// Name of the metric that has this alias, where it is one of this device.
+    pub fn metric_name(&self, device: &str, alias: u64) -> Option<&'static str> {
+        let place = alias.checked_sub(self.0.get(device)?.first)?;
+        metric(usize::try_from(place).ok()?).map(|(name, ..)| name)
+    }
+
+    /// Names of all devices that were born in this session and did not die since.
+    pub fn born(&self) -> Vec<String> {
+        self.0.iter().filter(|(_, device)| device.born).map(|(name, _)| name.clone()).collect()
+    }
+
+    /// A session begins: none was born in it.
+    pub fn unborn(&mut self) {
+        self.0.values_mut().for_each(|device| device.born = false);
+    }
 }
 
 /// A device as the broker last heard of it.
 #[derive(Clone, Debug)]
 pub struct Device {
+    /// Alias of its first metric.
+    first: u64,
     values: Vec<Option<Value>>,
     quality: Quality,
     /// A birth was sent in this session and no death since.
     pub born: bool,
 }
 
-impl Default for Device {
-    fn default() -> Self {
-        let mut values = vec![None; OTHERS.len() + QUANTITIES.len()];
+impl Device {
+    fn new(first: u64) -> Self {
+        let mut values = vec![None; PLACES];
         for (place, (name, _)) in OTHERS.iter().enumerate() {
             if name.starts_with("Command/") {
                 values[place] =
                     Some(if *name == "Command/Configure" { Value::Text(String::new()) } else { Value::Boolean(false) });
             }
         }
-        Self { values, quality: Quality::Stale, born: false }
+        Self { first, values, quality: Quality::Stale, born: false }
     }
-}
 
-impl Device {
     /// All metrics with what is known of them, for a birth.
     pub fn birth(&self, now_ms: u64) -> Vec<Metric> {
         (0..)
             .zip(&self.values)
-            .filter_map(|(alias, value)| {
-                let (name, kind, unit) = metric(alias)?;
+            .filter_map(|(place, value)| {
+                let (name, kind, unit) = metric(place)?;
                 Some(Metric {
                     name: Some(name.to_owned()),
-                    alias: Some(alias),
+                    alias: Some(self.first + place as u64),
                     timestamp: Some(now_ms),
                     datatype: Some(kind),
                     is_historical: None,
@@ -96,8 +142,8 @@ impl Device {
     /// Takes an entry in; gives the metrics it changes, for a data message.
     pub fn take(&mut self, number: u64, entry: &Entry, historical: bool) -> Vec<Metric> {
         let mut changes =
-            vec![(alias("Frame/Journal"), Value::Long(number)), (alias("Frame/Boot"), Value::Int(entry.boot))];
-        let mut set = |name: &str, value: Value| changes.push((alias(name), value));
+            vec![(place("Frame/Journal"), Value::Long(number)), (place("Frame/Boot"), Value::Int(entry.boot))];
+        let mut set = |name: &str, value: Value| changes.push((place(name), value));
         match &entry.body {
             Body::Note { kind, detail, text } => {
                 set("Frame/Kind", Value::Text("note".to_owned()));
@@ -114,12 +160,13 @@ impl Device {
         self.keep(&changes);
         let stamp = u64::try_from(entry.time_us / 1000).ok();
         let quality = if defective(entry) { Quality::Bad } else { self.quality };
-        changes.into_iter().map(|(alias, value)| data(alias, value, stamp, historical, quality)).collect()
+        let metric = |(place, value)| self.data(place, value, stamp, historical, quality);
+        changes.into_iter().map(metric).collect()
     }
 
-    fn frame(&mut self, entry: &Entry, changes: &mut Vec<(u64, Value)>) {
+    fn frame(&mut self, entry: &Entry, changes: &mut Vec<(usize, Value)>) {
         let Some(frame) = entry.frame() else { return };
-        let mut set = |name: &str, value: Value| changes.push((alias(name), value));
+        let mut set = |name: &str, value: Value| changes.push((place(name), value));
         set("Frame/Sequence", Value::Int(frame.sequence.into()));
         let message = match &frame.packet {
             Packet::Message(message) => message,
@@ -147,33 +194,31 @@ impl Device {
             }
             _ => {}
         }
-        let figures =
-            figures(message).into_iter().map(|(place, value)| ((OTHERS.len() + place) as u64, Value::Float(value)));
-        changes.extend(figures);
+        changes.extend(figures(message).into_iter().map(|(place, value)| (OTHERS.len() + place, Value::Float(value))));
     }
 
-    fn keep(&mut self, changes: &[(u64, Value)]) {
-        for (alias, value) in changes {
-            if let Some(place) = self.values.get_mut(*alias as usize) {
-                *place = Some(value.clone());
+    fn keep(&mut self, changes: &[(usize, Value)]) {
+        for (place, value) in changes {
+            if let Some(held) = self.values.get_mut(*place) {
+                *held = Some(value.clone());
             }
         }
     }
-}
 
-/// A metric of a data message.
-fn data(alias: u64, value: Value, stamp: Option<u64>, historical: bool, quality: Quality) -> Metric {
-    let (_, kind, _) = metric(alias).unwrap_or(("", 0, ""));
-    Metric {
-        name: None,
-        alias: Some(alias),
-        timestamp: stamp,
-        datatype: Some(kind),
-        is_historical: historical.then_some(true),
-        is_null: None,
-        // The unit was said at birth; quality changes.
-        properties: (kind == datatype::FLOAT).then(|| properties("", quality)),
-        value: Some(value),
+    /// A metric of a data message.
+    fn data(&self, place: usize, value: Value, stamp: Option<u64>, historical: bool, quality: Quality) -> Metric {
+        let (_, kind, _) = metric(place).unwrap_or(("", 0, ""));
+        Metric {
+            name: None,
+            alias: Some(self.first + place as u64),
+            timestamp: stamp,
+            datatype: Some(kind),
+            is_historical: historical.then_some(true),
+            is_null: None,
+            // The unit was said at birth; quality changes.
+            properties: (kind == datatype::FLOAT).then(|| properties("", quality)),
+            value: Some(value),
+        }
     }
 }
 
@@ -209,8 +254,8 @@ mod tests {
     #[test]
     fn claim_every_metric_has_one_alias_and_one_name() {
         let names: std::collections::BTreeSet<_> = (0..).map_while(metric).map(|(name, ..)| name).collect();
-        assert_eq!(names.len(), OTHERS.len() + QUANTITIES.len());
-        assert_eq!(Device::default().birth(0).len(), names.len());
+        assert_eq!(names.len(), PLACES);
+        assert_eq!(Device::new(0).birth(0).len(), names.len());
     }
 
     /// The entry of a message.
@@ -234,7 +279,7 @@ mod tests {
             let quality = meshband::message::Quality { overload, ..Default::default() };
             entry(&Message::Indicators(Indicators { quality, ..Indicators::default() }))
         };
-        let mut device = Device::default();
+        let mut device = Device::new(0);
         device.take(0, &status(0), false);
         let mut quality_of = |entry: &Entry| {
             let rms =
@@ -247,7 +292,7 @@ mod tests {
 
     #[test]
     fn claim_alarms_are_those_of_the_newest_status() {
-        let mut device = Device::default();
+        let mut device = Device::new(0);
         for (unseen, count) in [(0b101, 2), (0, 0)] {
             let metrics = device.take(1, &status(unseen), false);
             let alarms = metrics.iter().find(|metric| metric.alias == Some(alias_of("Alarm/Unacknowledged")));
@@ -256,6 +301,6 @@ mod tests {
     }
 
     fn alias_of(name: &str) -> u64 {
-        (0..).find(|&alias| metric(alias).is_none_or(|(other, ..)| other == name)).expect("a metric of that name")
+        (0..PLACES).find(|&place| metric(place).is_some_and(|(other, ..)| other == name)).expect("of that name") as u64
     }
 }

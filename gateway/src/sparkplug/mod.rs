@@ -12,4 +12,6 @@ pub mod session;
 #[cfg(test)]
 mod conformance;
 #[cfg(test)]
+mod conformance_host;
+#[cfg(test)]
 mod test_broker;

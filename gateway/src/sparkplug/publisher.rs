@@ -6,7 +6,7 @@
 //! history go on meanwhile.
 
 use super::commands::Command;
-use super::metrics::Device;
+use super::metrics::Devices;
 use super::session::{REFUSED, Session, Step, commands};
 use crate::config::Broker;
 use crate::error::Result;
@@ -56,7 +56,10 @@ pub struct Publisher {
 impl Publisher {
     /// Serves the broker until the gateway stops.
     pub fn run(mut self) {
-        let mut devices = BTreeMap::new();
+        // Blocks of aliases in the configuration's order; what only the journal knows of comes behind.
+        let mut names: Vec<_> = self.nodes.iter().map(|(name, (index, _))| (index, name)).collect();
+        names.sort();
+        let mut devices = Devices::of(names.into_iter().map(|(_, name)| name.as_str()));
         let mut pause = Duration::from_millis(500);
         let mut said = String::new();
         while !self.stop.asked() {
@@ -83,11 +86,12 @@ impl Publisher {
     }
 
     /// One session; `Ok` when the gateway stops.
-    fn serve(&mut self, devices: &mut BTreeMap<String, Device>) -> Result {
+    fn serve(&mut self, devices: &mut Devices) -> Result {
         let mut session = Session::begin(&self.config, &self.edge, self.next_bd_seq()?)?;
         eprintln!("broker {}: connected, {} entries wait", self.config.host, self.waiting());
         self.health.broker_connected.store(1, Ordering::Relaxed);
         self.health.broker_sessions.fetch_add(1, Ordering::Relaxed);
+        devices.unborn();
         self.births(&mut session, devices)?;
         let mut reader = Reader::new(&self.data.join("journal"), self.cursor.next());
         let (mut place, mut missed, mut kept) = (self.cursor.next(), 0, Instant::now());
@@ -121,13 +125,13 @@ impl Publisher {
         Ok(())
     }
 
-    fn births(&self, session: &mut Session, devices: &mut BTreeMap<String, Device>) -> Result {
+    fn births(&self, session: &mut Session, devices: &mut Devices) -> Result {
         session.birth()?;
-        devices.values_mut().for_each(|device| device.born = false);
-        for name in self.nodes.keys().filter(|name| self.health.is_online(name)) {
-            session.device_birth(name, devices.entry(name.clone()).or_default())?;
-        }
-        Ok(())
+        let mut names = devices.born();
+        names.extend(self.nodes.keys().filter(|name| self.health.is_online(name)).cloned());
+        names.sort();
+        names.dedup();
+        names.iter().try_for_each(|name| session.device_birth(name, devices.device(name)))
     }
 
     fn keep(&mut self, place: u64) -> Result {
@@ -150,8 +154,8 @@ impl Publisher {
         Ok(next)
     }
 
-    fn obey(&self, topic: &str, bytes: &[u8], session: &mut Session, devices: &mut BTreeMap<String, Device>) -> Result {
-        for command in commands(topic, bytes, &self.config) {
+    fn obey(&self, topic: &str, bytes: &[u8], session: &mut Session, devices: &mut Devices) -> Result {
+        for command in commands(topic, bytes, &self.config, devices) {
             match command {
                 Command::Rebirth => self.births(session, devices)?,
                 Command::Node { device, requests, name } => {

@@ -5,7 +5,7 @@
 //! births before data and the will with `bdSeq` are as specified.
 
 use super::commands;
-use super::metrics::Device;
+use super::metrics::{Device, Devices};
 use super::payload::{Metric, Payload, Quality, Value, datatype, properties};
 use crate::config::Broker;
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use rumqttc::{
     Client, Connection, ConnectionError, Event, Incoming, LastWill, MqttOptions, Outgoing, QoS, TlsConfiguration,
     Transport,
 };
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{HashMap, VecDeque};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
@@ -122,7 +122,7 @@ impl Session {
     ///
     /// # Errors
     /// When the connection has ended.
-    pub fn entry(&mut self, number: u64, entry: &Entry, devices: &mut BTreeMap<String, Device>) -> Result {
+    pub fn entry(&mut self, number: u64, entry: &Entry, devices: &mut Devices) -> Result {
         self.unnamed.push_back(number);
         self.on_way.push_back((number, false));
         if entry.node.is_empty() {
@@ -134,7 +134,7 @@ impl Session {
             ];
             return self.publish("NDATA", None, metrics, QoS::AtLeastOnce);
         }
-        let device = devices.entry(entry.node.clone()).or_default();
+        let device = devices.device(&entry.node);
         if !device.born {
             self.device_birth(&entry.node, device)?;
         }
@@ -217,8 +217,8 @@ impl Session {
 }
 
 /// Reads a command message of this session.
-pub fn commands(topic: &str, bytes: &[u8], config: &Broker) -> Vec<commands::Command> {
-    commands::read(topic, bytes, config.allow_configure)
+pub fn commands(topic: &str, bytes: &[u8], config: &Broker, devices: &Devices) -> Vec<commands::Command> {
+    commands::read(topic, bytes, config.allow_configure, devices)
 }
 
 fn plain(name: &str, kind: u32, value: Value) -> Metric {
