@@ -144,6 +144,9 @@ class Host:
             metrics = {metric.name or self.names.get(metric.alias): metric.value for metric in held}
             if kind in ("DDATA", "NDATA") and "Frame/Journal" in metrics:
                 self.journals[metrics["Frame/Journal"]] += 1
+            elif kind == "DBIRTH" and metrics.get("Frame/Journal") is not None:
+                # The entry that a node connected comes with its birth; a rebirth repeats the last one's number.
+                self.journals.setdefault(metrics["Frame/Journal"], 1)
             if kind != "DDATA" or len(self.messages) < 20000:
                 self.messages.append((kind, message.topic.device_id, metrics, message.payload))
 

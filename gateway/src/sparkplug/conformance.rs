@@ -3,7 +3,7 @@
 
 use super::metrics::Devices;
 use super::payload::{Payload, Value, datatype};
-use super::session::Session;
+use super::session::{Session, Step};
 use super::test_broker::TestBroker;
 use crate::journal::entry::{Body, Entry, Note};
 use prost::Message;
@@ -178,4 +178,41 @@ fn claim_aliases_are_unique_over_the_edge_node_and_stay_over_rebirths() {
             assert!(kind == "DDATA" && data.metrics.iter().all(|metric| metric.alias.is_some_and(known)));
         }
     }
+}
+
+#[test]
+fn claim_a_connecting_node_is_born_once_and_its_birth_says_what_is_known() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
+    session.birth().expect("born");
+    let entries = [note("n", Note::Connected), status("n"), note("n", Note::Disconnected), note("n", Note::Replaced)];
+    for (number, entry) in (5..).zip(entries.iter().chain([&note("n", Note::Connected), &status("n")])) {
+        session.entry(number, entry, &mut devices).expect("sent");
+    }
+    assert_eq!(broker.kinds(1), ["NBIRTH"]);
+    let (kind, _, _, birth) = broker.message();
+    assert_eq!(kind, "DBIRTH");
+    assert_eq!(of(&birth, "Node/Firmware").and_then(|(_, value)| value), Some(Value::Text("1.2.3".to_owned())));
+    assert_eq!(of(&birth, "Frame/Journal").and_then(|(_, value)| value), Some(Value::Long(5)));
+    let rest = ["DDATA n", "DDATA n", "DDEATH n", "DBIRTH n", "DDATA n", "DDATA n"];
+    assert_eq!(broker.kinds(6), rest);
+}
+
+#[test]
+fn fault_an_entry_that_went_with_a_birth_alone_counts_as_taken_only_with_the_next_acknowledged_one() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
+    session.birth().expect("born");
+    let passed = |session: &mut Session, patience| loop {
+        match session.step(Duration::from_millis(patience)).expect("goes on") {
+            Some(Step::Acknowledged(next)) => return Some(next),
+            Some(_) => {}
+            None => return None,
+        }
+    };
+    let room = session.room();
+    session.entry(3, &note("n", Note::Connected), &mut devices).expect("sent");
+    assert_eq!((passed(&mut session, 100), session.room()), (None, room), "nothing acknowledged, no room taken");
+    session.entry(4, &status("n"), &mut devices).expect("sent");
+    assert_eq!(passed(&mut session, 20_000), Some(5));
 }

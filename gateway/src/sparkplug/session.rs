@@ -39,9 +39,17 @@ pub struct Session {
     unnamed: VecDeque<u64>,
     /// Numbers by packet identifier.
     named: HashMap<u16, u64>,
-    /// Numbers on their way, ascending, and whether each was acknowledged.
-    on_way: VecDeque<(u64, bool)>,
+    /// Numbers on their way, ascending.
+    on_way: VecDeque<OnWay>,
     began_us: i64,
+}
+
+/// An entry that was published.
+struct OnWay {
+    number: u64,
+    acknowledged: bool,
+    /// It went with a birth, which no broker acknowledges: a later entry's acknowledgement says that it arrived.
+    in_birth: bool,
 }
 
 /// What became of a look at the connection.
@@ -123,8 +131,6 @@ impl Session {
     /// # Errors
     /// When the connection has ended.
     pub fn entry(&mut self, number: u64, entry: &Entry, devices: &mut Devices) -> Result {
-        self.unnamed.push_back(number);
-        self.on_way.push_back((number, false));
         if entry.node.is_empty() {
             let Body::Note { kind, detail, .. } = &entry.body else { return Ok(()) };
             let metrics = vec![
@@ -132,28 +138,37 @@ impl Session {
                 plain("Event/Kind", datatype::STRING, Value::Text(format!("{kind:?}"))),
                 plain("Event/Detail", datatype::INT64, Value::Long(*detail as u64)),
             ];
-            return self.publish("NDATA", None, metrics, QoS::AtLeastOnce);
+            return self.data("NDATA", None, number, metrics);
         }
         let device = devices.device(&entry.node);
+        let historical = entry.received_us < self.began_us - 1_000_000;
         if !device.born {
+            if matches!(entry.body, Body::Note { kind: Note::Connected | Note::Replaced, .. }) {
+                // The birth says all that the note says; a second one would look like a defect to a host.
+                device.take(number, entry, historical);
+                self.on_way.push_back(OnWay { number, acknowledged: false, in_birth: true });
+                return self.device_birth(&entry.node, device);
+            }
             self.device_birth(&entry.node, device)?;
         }
-        let historical = entry.received_us < self.began_us - 1_000_000;
         let metrics = device.take(number, entry, historical);
-        self.publish("DDATA", Some(&entry.node), metrics, QoS::AtLeastOnce)?;
-        match &entry.body {
-            Body::Note { kind: Note::Connected | Note::Replaced, .. } => self.device_birth(&entry.node, device),
-            Body::Note { kind: Note::Disconnected, .. } => {
-                device.born = false;
-                self.publish("DDEATH", Some(&entry.node), Vec::new(), QoS::AtMostOnce)
-            }
-            _ => Ok(()),
+        self.data("DDATA", Some(&entry.node), number, metrics)?;
+        if matches!(entry.body, Body::Note { kind: Note::Disconnected, .. }) {
+            device.born = false;
+            self.publish("DDEATH", Some(&entry.node), Vec::new(), QoS::AtMostOnce)?;
         }
+        Ok(())
+    }
+
+    fn data(&mut self, kind: &str, device: Option<&str>, number: u64, metrics: Vec<Metric>) -> Result {
+        self.unnamed.push_back(number);
+        self.on_way.push_back(OnWay { number, acknowledged: false, in_birth: false });
+        self.publish(kind, device, metrics, QoS::AtLeastOnce)
     }
 
     /// Room for data messages.
     pub fn room(&self) -> usize {
-        WINDOW.saturating_sub(self.on_way.len())
+        WINDOW.saturating_sub(self.on_way.iter().filter(|on_way| !on_way.in_birth).count())
     }
 
     /// Looks at the connection, waiting at most so long; `None` when nothing came.
@@ -177,14 +192,13 @@ impl Session {
                 }
             }
             Event::Incoming(Incoming::PubAck(ack)) => {
-                let number = self.named.remove(&ack.pkid);
-                if let Some(place) = self.on_way.iter_mut().find(|(on_way, _)| Some(*on_way) == number) {
-                    place.1 = true;
+                let Some(number) = self.named.remove(&ack.pkid) else { return Step::Other };
+                for on_way in self.on_way.iter_mut().take_while(|on_way| on_way.number <= number) {
+                    on_way.acknowledged |= on_way.in_birth || on_way.number == number;
                 }
                 let mut passed = None;
-                while let Some((number, true)) = self.on_way.front() {
-                    passed = Some(number + 1);
-                    self.on_way.pop_front();
+                while let Some(on_way) = self.on_way.pop_front_if(|on_way| on_way.acknowledged) {
+                    passed = Some(on_way.number + 1);
                 }
                 return passed.map_or(Step::Other, Step::Acknowledged);
             }
