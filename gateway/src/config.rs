@@ -143,7 +143,7 @@ impl Config {
         let (mut names, mut ports) = (BTreeSet::new(), BTreeSet::new());
         for node in &self.nodes {
             named("node.name", &node.name)?;
-            named("node.machine", &node.machine)?;
+            machine_named("node.machine", &node.machine)?;
             if !names.insert(&node.name) {
                 return Err(format!("two nodes are named {}", node.name));
             }
@@ -169,6 +169,27 @@ pub fn named(key: &str, name: &str) -> std::result::Result<(), String> {
     let sound =
         !name.is_empty() && name.len() <= 100 && name.chars().all(allowed) && !name.starts_with(['.', '_', ' ']);
     if sound { Ok(()) } else { Err(format!("{key} {name:?} must be 1 to 100 letters, digits, - _ . or spaces")) }
+}
+
+/// Words that some reader of the history's folders takes for a number, a date, a truth value or nothing.
+const GUESSED: [&str; 12] =
+    ["inf", "infinity", "nan", "null", "none", "true", "false", "epoch", "now", "today", "tomorrow", "yesterday"];
+
+/// A machine is a folder `machine=NAME` of the history, and most readers guess at NAME: one that begins with a letter
+/// and is no such word is text to all of them.
+///
+/// # Errors
+/// What a name may be, and the remedy.
+pub fn machine_named(key: &str, name: &str) -> std::result::Result<(), String> {
+    named(key, name)?;
+    if name.starts_with(char::is_alphabetic) && !GUESSED.contains(&name.to_lowercase().as_str()) {
+        return Ok(());
+    }
+    let better = name.trim_start_matches('-');
+    Err(format!(
+        "{key} {name:?} would be a number, date or null to readers of machine={name}; call it \"mill-{better}\" or the \
+         like, with a letter first"
+    ))
 }
 
 #[cfg(test)]
@@ -197,5 +218,18 @@ mod tests {
         }
         let twice = parse(|t| t.clone() + &t[t.find("[[node").expect("there")..]).expect_err("two of one name");
         assert!(twice.contains("two nodes are named a"), "{twice}");
+    }
+
+    #[test]
+    fn fault_machine_names_that_a_reader_of_the_folders_would_guess_at_are_refused_with_a_remedy() {
+        let guessed = "7 007 -1 0x10 1e3 3D 1_000 2026-02-03 12.5 \u{663} inf -inf Infinity nan NaN null NULL none true \
+            False epoch now today";
+        for name in guessed.split_whitespace() {
+            let error = parse(|t| t.replace("\"m\"", &format!("{name:?}"))).expect_err(name);
+            assert!(error.contains("node.machine") && error.contains(name) && error.contains("mill-"), "{error}");
+        }
+        for name in ["mill-1", "m", "Mühle 3D", "info", "nancy", "truer"] {
+            assert_eq!(parse(|t| t.replace("\"m\"", &format!("{name:?}"))), Ok(()));
+        }
     }
 }

@@ -42,9 +42,9 @@ def open_history(folder, memory="1GB"):
     connection = duckdb.connect()
     connection.sql(f"set memory_limit = '{memory}'; set TimeZone = 'UTC'")
     held = ", ".join("'" + path.replace("'", "''") + "'" for path in files(folder))
-    connection.sql(
-        f"create view history as select * from read_parquet([{held}], hive_partitioning = true, union_by_name = true)"
-    )
+    # Without types a machine named 0x10 would be the number 16, and one named inf a date.
+    kinds = "hive_partitioning = true, hive_types = {'machine': VARCHAR, 'day': DATE}"
+    connection.sql(f"create view history as select * from read_parquet([{held}], {kinds}, union_by_name = true)")
     return connection
 
 

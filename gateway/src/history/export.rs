@@ -9,7 +9,7 @@
 use super::capture::{Entries, survey};
 use super::files;
 use super::rows::Rows;
-use crate::config::named;
+use crate::config::{machine_named, named};
 use crate::error::{Error, Result, at};
 use arrow_array::RecordBatch;
 use clap::Args;
@@ -20,8 +20,11 @@ use std::path::{Path, PathBuf};
 
 /// Rows of a batch: what is in memory.
 const BATCH: usize = 8192;
-/// File in a folder of exports that lists them, one JSON object per line.
-pub const LIST: &str = "exports.jsonl";
+/// File in a folder of exports that lists them, one JSON object per line. Readers of datasets leave out what begins
+/// with `_`.
+pub const LIST: &str = "_exports.jsonl";
+/// What the list was called before; it is renamed.
+pub const FORMER_LIST: &str = "exports.jsonl";
 
 /// What to export.
 #[derive(Args)]
@@ -60,9 +63,8 @@ struct Listed {
 /// For a file that is no capture, one that is there already, a folder in use otherwise, and of the file system.
 pub fn run(args: &ExportArgs) -> Result {
     let place = args.capture.display().to_string();
-    for (key, name) in [("--node", &args.node), ("--machine", &args.machine)] {
-        named(key, name).map_err(|reason| Error::new(&place, reason))?;
-    }
+    let names = named("--node", &args.node).and_then(|()| machine_named("--machine", &args.machine));
+    names.map_err(|reason| Error::new(&place, reason))?;
     let survey = survey(args)?;
     let mut list = List::open(&args.folder)?;
     list.agrees(survey.mark, args)?;
@@ -112,7 +114,10 @@ struct List {
 impl List {
     fn open(folder: &Path) -> Result<Self> {
         at(folder, std::fs::create_dir_all(folder))?;
-        let path = folder.join(LIST);
+        let (path, former) = (folder.join(LIST), folder.join(FORMER_LIST));
+        if former.exists() && !path.exists() {
+            at(&former, std::fs::rename(&former, &path))?;
+        }
         let mut items = at(folder, std::fs::read_dir(folder))?;
         if !path.exists() && items.next().is_some() {
             return Err(Error::new(folder.display(), format!("is not empty and has no {LIST}: a gateway's own?")));
@@ -251,6 +256,25 @@ mod tests {
         compact(&second, 2).expect("merges");
         assert_eq!(days(&folder).iter().map(|(_, rows)| rows).sum::<usize>(), 44);
         assert!(run(&args).is_err());
+        let _ = std::fs::remove_dir_all(&root);
+    }
+
+    #[test]
+    fn claim_readers_of_datasets_leave_the_list_out_and_a_list_of_the_former_name_still_counts() {
+        assert!(LIST.starts_with('_'), "pyarrow, pandas, polars and Spark take {LIST} for data");
+        let root = std::env::temp_dir().join(format!("meshband-export-former-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&root);
+        std::fs::create_dir_all(&root).expect("creates");
+        let (path, folder) = (root.join("a.link"), root.join("history"));
+        std::fs::write(&path, capture()).expect("writes");
+        let args =
+            ExportArgs { capture: path, folder: folder.clone(), node: "n".into(), machine: "m".into(), from: 82_800 };
+        run(&args).expect("exports");
+        std::fs::rename(folder.join(LIST), folder.join(FORMER_LIST)).expect("as it was called before");
+        let again = run(&args).expect_err("it is there").to_string();
+        assert!(again.contains("already"), "{again}");
+        assert!(folder.join(LIST).exists() && !folder.join(FORMER_LIST).exists(), "renamed");
+        assert_eq!(days(&folder).iter().map(|(_, rows)| rows).sum::<usize>(), 22);
         let _ = std::fs::remove_dir_all(&root);
     }
 

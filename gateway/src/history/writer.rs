@@ -5,6 +5,7 @@
 //! between begins the batch anew, after removing what it had written of it ([`super::files::recover`]). What waits
 //! for a batch is in the journal, so a killed gateway loses nothing of it.
 
+use super::export::{FORMER_LIST, LIST};
 use super::rows::Rows;
 use super::{compact, day, files};
 use crate::config::History;
@@ -41,7 +42,7 @@ impl Writer {
     /// Of the file system.
     pub fn open(config: &History, data: &Path, passed: Arc<AtomicU64>, health: Arc<Health>) -> Result<Self> {
         at(&config.folder, std::fs::create_dir_all(&config.folder))?;
-        if config.folder.join(super::export::LIST).exists() {
+        if [LIST, FORMER_LIST].iter().any(|list| config.folder.join(list).exists()) {
             return Err(Error::new(config.folder.display(), "holds exports; a gateway needs a folder of its own"));
         }
         let cursor = Cursor::open(data, "history")?;
