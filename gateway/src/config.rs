@@ -60,6 +60,8 @@ pub struct Broker {
     pub password_file: Option<PathBuf>,
     /// TLS: file with the certificates (PEM) that vouch for the broker.
     pub tls_ca: Option<PathBuf>,
+    /// Sparkplug host without which nothing is published: births wait until its STATE says that it is online.
+    pub primary_host: Option<String>,
     /// Takes `Command/Configure` from the broker.
     #[serde(default)]
     pub allow_configure: bool,
@@ -124,6 +126,7 @@ impl Config {
         named("name", &self.name)?;
         if let Some(broker) = &self.broker {
             named("broker.group", &broker.group)?;
+            broker.primary_host.as_ref().map_or(Ok(()), |host| named("broker.primary_host", host))?;
             if broker.user.is_none() && broker.password_file.is_some() {
                 return Err("broker.password_file without broker.user".into());
             }
@@ -231,5 +234,13 @@ mod tests {
         for name in ["mill-1", "m", "Mühle 3D", "info", "nancy", "truer"] {
             assert_eq!(parse(|t| t.replace("\"m\"", &format!("{name:?}"))), Ok(()));
         }
+    }
+
+    #[test]
+    fn claim_a_primary_host_is_a_name_like_the_others() {
+        let broker = |id: &str| format!("[broker]\nhost = \"h\"\ngroup = \"g\"\nprimary_host = {id:?}\n[history]");
+        assert_eq!(parse(|t| t.replace("[history]", &broker("scada 1"))), Ok(()));
+        let error = parse(|t| t.replace("[history]", &broker("a/+"))).expect_err("a wildcard");
+        assert!(error.contains("broker.primary_host"), "{error}");
     }
 }

@@ -62,6 +62,8 @@ counters! {
     broker_lost: "counter",
     /// 1 while the broker holds a session.
     broker_connected: "gauge",
+    /// 1 while births are out; 0 with a session: the primary host is offline.
+    broker_born: "gauge",
     /// Sessions begun.
     broker_sessions: "counter",
     /// Times the broker refused user name, password or client.

@@ -3,13 +3,14 @@
 //! The place in the journal moves only over what the broker has acknowledged. After a break everything behind it is
 //! published again: in order, nothing lost, and what the broker already had comes a second time with the same
 //! `Frame/Journal`. A broker that refuses the credentials is asked again ever more rarely; the journal and the
-//! history go on meanwhile.
+//! history go on meanwhile. So they do while a configured primary host is offline: nothing is born then.
 
 use super::commands::Command;
 use super::metrics::Devices;
+use super::primary::PrimaryHost;
 use super::session::{REFUSED, Session, Step, commands};
 use crate::config::Broker;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::health::Health;
 use crate::intake::{News, Report};
 use crate::journal::cursor::Cursor;
@@ -28,6 +29,20 @@ const KEEPING: Duration = Duration::from_millis(200);
 
 /// To each node, by name, with its index.
 pub type Nodes = BTreeMap<String, (usize, Sender<Request>)>;
+
+/// What stays known from one session to the next.
+struct Known {
+    devices: Devices,
+    host: Option<PrimaryHost>,
+    /// This session's births were published.
+    born: bool,
+}
+
+/// Why a session ended on purpose.
+enum Over {
+    Stopping,
+    HostOffline,
+}
 
 /// Everything the thread needs.
 pub struct Publisher {
@@ -59,12 +74,14 @@ impl Publisher {
         // Blocks of aliases in the configuration's order; what only the journal knows of comes behind.
         let mut names: Vec<_> = self.nodes.iter().map(|(name, (index, _))| (index, name)).collect();
         names.sort();
-        let mut devices = Devices::of(names.into_iter().map(|(_, name)| name.as_str()));
+        let devices = Devices::of(names.into_iter().map(|(_, name)| name.as_str()));
+        let host = self.config.primary_host.as_deref().map(PrimaryHost::new);
+        let mut known = Known { devices, host, born: false };
         let mut pause = Duration::from_millis(500);
         let mut said = String::new();
         while !self.stop.asked() {
             let connected_before = self.health.broker_sessions.load(Ordering::Relaxed);
-            let reason = match self.serve(&mut devices) {
+            let reason = match self.serve(&mut known) {
                 Ok(()) => break,
                 Err(reason) => reason.to_string(),
             };
@@ -86,30 +103,53 @@ impl Publisher {
     }
 
     /// One session; `Ok` when the gateway stops.
-    fn serve(&mut self, devices: &mut Devices) -> Result {
+    fn serve(&mut self, known: &mut Known) -> Result {
         let mut session = Session::begin(&self.config, &self.edge, self.next_bd_seq()?)?;
         eprintln!("broker {}: connected, {} entries wait", self.config.host, self.waiting());
         self.health.broker_connected.store(1, Ordering::Relaxed);
         self.health.broker_sessions.fetch_add(1, Ordering::Relaxed);
-        devices.unborn();
-        self.births(&mut session, devices)?;
+        known.born = false;
+        known.devices.unborn();
+        match &mut known.host {
+            Some(host) => {
+                host.unheard();
+                session.watch(&host.topic)?;
+            }
+            None => self.births(&mut session, known)?,
+        }
+        let over = self.converse(&mut session, known);
+        self.health.broker_born.store(0, Ordering::Relaxed);
+        let over = over?;
+        session.end();
+        self.health.broker_connected.store(0, Ordering::Relaxed);
+        match over {
+            Over::Stopping => Ok(()),
+            Over::HostOffline => Err(Error::new("primary host", "went offline")),
+        }
+    }
+
+    /// Entries out, acknowledgements and messages in.
+    fn converse(&mut self, session: &mut Session, known: &mut Known) -> Result<Over> {
         let mut reader = Reader::new(&self.data.join("journal"), self.cursor.next());
         let (mut place, mut missed, mut kept) = (self.cursor.next(), 0, Instant::now());
-        while !self.stop.asked() {
-            let entries = reader.take(session.room())?;
+        let mut over = None;
+        while over.is_none() && !self.stop.asked() {
+            let entries = reader.take(if known.born { session.room() } else { 0 })?;
             let idle = entries.is_empty();
             for (number, entry) in entries {
-                session.entry(number, &entry, devices)?;
+                session.entry(number, &entry, &mut known.devices)?;
             }
             if reader.missed() > missed {
                 self.health.broker_lost.fetch_add(reader.missed() - missed, Ordering::Relaxed);
                 missed = reader.missed();
             }
             let mut patience = Duration::from_millis(if idle { 10 } else { 0 });
-            while let Some(step) = session.step(patience)? {
+            while over.is_none()
+                && let Some(step) = session.step(patience)?
+            {
                 match step {
                     Step::Acknowledged(next) => place = next,
-                    Step::Command(topic, bytes) => self.obey(&topic, &bytes, &mut session, devices)?,
+                    Step::Message(topic, bytes) => over = self.hear(&topic, &bytes, session, known)?,
                     Step::Other => {}
                 }
                 patience = Duration::ZERO;
@@ -120,18 +160,30 @@ impl Publisher {
             }
         }
         self.keep(place)?;
-        session.end();
-        self.health.broker_connected.store(0, Ordering::Relaxed);
-        Ok(())
+        Ok(over.unwrap_or(Over::Stopping))
     }
 
-    fn births(&self, session: &mut Session, devices: &mut Devices) -> Result {
+    /// Takes a message: the primary host's state, or a command.
+    fn hear(&self, topic: &str, bytes: &[u8], session: &mut Session, known: &mut Known) -> Result<Option<Over>> {
+        let Some(host) = known.host.as_mut().filter(|host| host.topic == topic) else {
+            return self.obey(topic, bytes, session, known).map(|()| None);
+        };
+        match host.hear(topic, bytes) {
+            Some(true) if !known.born => self.births(session, known).map(|()| None),
+            Some(false) if known.born => Ok(Some(Over::HostOffline)),
+            _ => Ok(None),
+        }
+    }
+
+    fn births(&self, session: &mut Session, known: &mut Known) -> Result {
         session.birth()?;
-        let mut names = devices.born();
+        known.born = true;
+        self.health.broker_born.store(1, Ordering::Relaxed);
+        let mut names = known.devices.born();
         names.extend(self.nodes.keys().filter(|name| self.health.is_online(name)).cloned());
         names.sort();
         names.dedup();
-        names.iter().try_for_each(|name| session.device_birth(name, devices.device(name)))
+        names.iter().try_for_each(|name| session.device_birth(name, known.devices.device(name)))
     }
 
     fn keep(&mut self, place: u64) -> Result {
@@ -154,10 +206,12 @@ impl Publisher {
         Ok(next)
     }
 
-    fn obey(&self, topic: &str, bytes: &[u8], session: &mut Session, devices: &mut Devices) -> Result {
-        for command in commands(topic, bytes, &self.config, devices) {
+    fn obey(&self, topic: &str, bytes: &[u8], session: &mut Session, known: &mut Known) -> Result {
+        for command in commands(topic, bytes, &self.config, &known.devices) {
             match command {
-                Command::Rebirth => self.births(session, devices)?,
+                Command::Rebirth if known.born => self.births(session, known)?,
+                // The births come with the primary host.
+                Command::Rebirth => {}
                 Command::Node { device, requests, name } => {
                     let Some((_, node)) = self.nodes.get(&device).filter(|_| self.health.is_online(&device)) else {
                         self.report(&device, News::Command(format!("{name} refused: the node does not answer")));

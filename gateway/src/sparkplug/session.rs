@@ -23,7 +23,8 @@ use std::time::{Duration, Instant};
 pub const WINDOW: usize = 100;
 /// How long the broker may take to accept a session.
 const ACCEPTANCE: Duration = Duration::from_secs(10);
-const NAMESPACE: &str = "spBv1.0";
+/// First part of all topics.
+pub const NAMESPACE: &str = "spBv1.0";
 /// How a refusal by the broker itself is said, unlike one by the network.
 pub const REFUSED: &str = "refused the session";
 
@@ -54,8 +55,8 @@ struct OnWay {
 
 /// What became of a look at the connection.
 pub enum Step {
-    /// A command message.
-    Command(String, Vec<u8>),
+    /// A message: topic and payload.
+    Message(String, Vec<u8>),
     /// Acknowledged up to, not including, this number.
     Acknowledged(u64),
     /// Something else.
@@ -98,6 +99,14 @@ impl Session {
             on_way: VecDeque::new(),
             began_us: crate::clock::wall_us(),
         })
+    }
+
+    /// Subscribes to one topic more.
+    ///
+    /// # Errors
+    /// When the connection has ended.
+    pub fn watch(&self, topic: &str) -> Result {
+        self.client.subscribe(topic, QoS::AtLeastOnce).map_err(ended)
     }
 
     /// Birth of the edge node.
@@ -203,7 +212,7 @@ impl Session {
                 return passed.map_or(Step::Other, Step::Acknowledged);
             }
             Event::Incoming(Incoming::Publish(publish)) => {
-                return Step::Command(publish.topic, publish.payload.to_vec());
+                return Step::Message(publish.topic, publish.payload.to_vec());
             }
             _ => {}
         }

@@ -42,8 +42,10 @@ impl TestBroker {
         let held = Arc::clone(&shared);
         std::thread::spawn(move || {
             for stream in listener.incoming().map_while(Result::ok) {
-                // A client that goes away in between is the test's own.
-                let _ = serve(stream, &sender, &held);
+                // A client that goes away in between is the test's own; the other end of its stream is ended with it.
+                let _ = stream.try_clone().and_then(|end| {
+                    serve(stream, &sender, &held).and_then(|()| end.shutdown(std::net::Shutdown::Both))
+                });
             }
         });
         Self { port, packets, shared }
