@@ -82,8 +82,15 @@ const SHAFTS: [usize; 2] = [37, 40];
 /// First column of the second sensor.
 const SECOND: usize = 43;
 
-/// The figures of a message, each with its place in [`QUANTITIES`].
+/// The figures of a message, each with its place in [`QUANTITIES`]. One that is no number (NA4 where nothing is
+/// expected) is not there: programs disagree on whether it is the largest value, or equal to itself.
 pub fn figures(message: &Message) -> Vec<(usize, f32)> {
+    let mut figures = all_figures(message);
+    figures.retain(|(_, value)| !value.is_nan());
+    figures
+}
+
+fn all_figures(message: &Message) -> Vec<(usize, f32)> {
     match message {
         Message::Status(s) => {
             let figures = [
@@ -275,6 +282,14 @@ mod tests {
         );
         assert_eq!(of(Quality::default()), None);
         assert_eq!(defects(&Message::Status(status())), None);
+    }
+
+    #[test]
+    fn fault_a_figure_that_is_no_number_is_left_out() {
+        let gear = meshband::message::GearIndicators { na4: f32::NAN, fm4: 3.0, ..Default::default() };
+        let held = figures(&Message::Indicators(Indicators { gear: Some(gear), ..Indicators::default() }));
+        let named = |name| held.iter().find(|(place, _)| QUANTITIES[*place].column == name);
+        assert_eq!((named("na4"), named("fm4").map(|(_, value)| *value)), (None, Some(3.0)));
     }
 
     fn status() -> Status {
