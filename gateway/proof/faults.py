@@ -141,6 +141,54 @@ class Fault(unittest.TestCase):
         kit.until(lambda: host.kinds["DBIRTH"] > births, 30, "born again")
         kit.until(lambda: {"Connected", "Disconnected"} <= self.events(), 20, "both are in the history")
 
+    def test_claim_a_host_with_one_alias_table_sees_one_birth_of_each_node_and_no_alias_twice(self):
+        broker = self.started(kit.Broker(self.folder))
+        kit.until(lambda: "running" in broker.text(), 10, "the broker listens")
+        host = kit.Host(broker.port)
+        self.addCleanup(host.close)
+        first, second = kit.free_ports(1), kit.free_ports(1)
+        self.gateway(kit.configure(self.folder, [first, second], broker))
+        kit.until(lambda: host.kinds["NBIRTH"] > 0, 20, "the edge node is born")
+        # The host's own request for births is over before the nodes are there.
+        for unit, port in ((1, first), (50, second)):
+            self.nodes(1, port, unit)
+        kit.until(lambda: len({device for kind, device, _, _ in host.messages if kind == "DDATA"}) == 2, 30, "data of both")
+        births = [(device, payload) for kind, device, _, payload in list(host.messages) if kind == "DBIRTH"]
+        self.assertEqual(sorted(device for device, _ in births), ["node-00", "node-01"])
+        aliases = [metric.alias for _, payload in births for metric in payload.metrics]
+        self.assertEqual(len(aliases), len(set(aliases)))
+
+    def test_claim_nothing_is_published_while_the_primary_host_is_offline_and_nothing_is_lost(self):
+        broker = self.started(kit.Broker(self.folder))
+        broker.login = 'primary_host = "scada"'
+        kit.until(lambda: "running" in broker.text(), 10, "the broker listens")
+        host = kit.Host(broker.port)
+        self.addCleanup(host.close)
+        state = lambda online, stamp: host.state("scada", online, stamp)
+        state(False, 1000)
+        _, port = self.nodes(1)
+        gateway = self.gateway(kit.configure(self.folder, [port], broker))
+        kit.until(lambda: "Connected" in self.events(), 20, "history without the host")
+        self.assertEqual(dict(host.kinds), {}, "no birth, no data")
+        state(True, 2000)
+        kit.until(lambda: host.kinds["DDATA"] > 5, 20, "born, with data")
+        state(False, 1999)
+        before = host.kinds["DDATA"]
+        kit.until(lambda: host.kinds["DDATA"] > before, 20, "an offline of the past changes nothing")
+        self.assertEqual(host.kinds["NDEATH"], 0)
+        state(False, 2000)
+        kit.until(lambda: host.kinds["NDEATH"] == 1, 20, "dead")
+        births, silent = host.kinds["NBIRTH"], host.kinds["DDATA"]
+        kit.until(lambda: gateway.text().count("connected, ") == 2, 20, "connected again, and waiting")
+        rows = lambda: kit.rows(self.folder, "select count(*) from history")[0][0]
+        waiting = rows()
+        kit.until(lambda: rows() > waiting, 20, "the history goes on")
+        self.assertEqual((host.kinds["NBIRTH"], host.kinds["DDATA"]), (births, silent))
+        state(True, 3000)
+        kit.until(lambda: host.kinds["NBIRTH"] == births + 1, 20, "born again")
+        most = kit.rows(self.folder, "select max(journal) from history")[0][0]
+        kit.until(lambda: set(range(most + 1)) <= set(host.journals), 20, "every entry at the host")
+
     def test_fault_a_node_that_is_not_the_configured_chip_is_refused(self):
         _, port = self.nodes(1, unit=5)
         wanted = "000000096d6573686261" + "6e64"

@@ -177,6 +177,13 @@ class Host:
             include_dtypes=True,
         )
 
+    def state(self, name, online, stamp):
+        """A host application's STATE, retained as it must be."""
+        topic = pysparkplug.Topic(message_type=pysparkplug.MessageType.STATE, sparkplug_host_id=name)
+        payload = pysparkplug.State(timestamp=stamp, online=online)
+        message = pysparkplug.Message(topic=topic, payload=payload, qos=pysparkplug.QoS.AT_LEAST_ONCE, retain=True)
+        self.client.publish(message)
+
     def close(self):
         self.client.disconnect()
 

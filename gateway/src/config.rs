@@ -185,13 +185,13 @@ const GUESSED: [&str; 12] =
 /// What a name may be, and the remedy.
 pub fn machine_named(key: &str, name: &str) -> std::result::Result<(), String> {
     named(key, name)?;
-    if name.starts_with(char::is_alphabetic) && !GUESSED.contains(&name.to_lowercase().as_str()) {
+    if name.starts_with(char::is_alphabetic) && !GUESSED.contains(&name.trim().to_lowercase().as_str()) {
         return Ok(());
     }
     let better = name.trim_start_matches('-');
     Err(format!(
-        "{key} {name:?} would be a number, date or null to readers of machine={name}; call it \"mill-{better}\" or the \
-         like, with a letter first"
+        "{key} {name:?}: other programs may take machine={name} for a number, a date or null; call it \
+         \"mill-{better}\" or the like, with a letter first"
     ))
 }
 

@@ -13,12 +13,11 @@ struct State {
     timestamp: u64,
 }
 
-/// The primary host as it last described itself.
+/// The primary host and what its messages said. A new session does not forget it: the broker repeats the newest one.
 #[derive(Clone, Debug)]
 pub struct PrimaryHost {
     /// Topic of its state.
     pub topic: String,
-    online: bool,
     /// Timestamp of the newest message taken, online or not.
     newest_ms: Option<u64>,
     /// Timestamp of the newest message that said it is online.
@@ -28,12 +27,7 @@ pub struct PrimaryHost {
 impl PrimaryHost {
     /// A host of which nothing was heard.
     pub fn new(id: &str) -> Self {
-        Self { topic: format!("{NAMESPACE}/STATE/{id}"), online: false, newest_ms: None, online_ms: None }
-    }
-
-    /// A session begins: the broker repeats what the host is, and until then it is not online.
-    pub fn unheard(&mut self) {
-        self.online = false;
+        Self { topic: format!("{NAMESPACE}/STATE/{id}"), newest_ms: None, online_ms: None }
     }
 
     /// Takes a message; gives whether the host is online, `None` where the message does not say so.
@@ -47,13 +41,7 @@ impl PrimaryHost {
         if state.online {
             self.online_ms = Some(state.timestamp);
         }
-        self.online = state.online;
         Some(state.online)
-    }
-
-    /// Whether it is online.
-    pub fn is_online(&self) -> bool {
-        self.online
     }
 }
 
@@ -94,16 +82,5 @@ mod tests {
         for topic in ["spBv1.0/STATE/scada2", "spBv1.0/STATE/x/scada", "STATE/scada"] {
             assert_eq!(host.hear(topic, state(true, 1).as_bytes()), None, "{topic}");
         }
-        assert!(!host.is_online());
-    }
-
-    #[test]
-    fn claim_a_new_session_waits_for_the_state_anew_and_still_knows_its_timestamps() {
-        let mut host = PrimaryHost::new("scada");
-        assert_eq!(host.hear("spBv1.0/STATE/scada", state(true, 5).as_bytes()), Some(true));
-        host.unheard();
-        assert!(!host.is_online());
-        assert_eq!(host.hear("spBv1.0/STATE/scada", state(true, 4).as_bytes()), None);
-        assert_eq!(host.hear("spBv1.0/STATE/scada", state(true, 5).as_bytes()), Some(true));
     }
 }

@@ -110,11 +110,8 @@ impl Publisher {
         self.health.broker_sessions.fetch_add(1, Ordering::Relaxed);
         known.born = false;
         known.devices.unborn();
-        match &mut known.host {
-            Some(host) => {
-                host.unheard();
-                session.watch(&host.topic)?;
-            }
+        match &known.host {
+            Some(host) => session.watch(&host.topic)?,
             None => self.births(&mut session, known)?,
         }
         let over = self.converse(&mut session, known);
