@@ -62,7 +62,7 @@ class Readers(unittest.TestCase):
         self.opened("polars")
 
     def test_claim_duckdb_opens_a_folder_of_exports(self):
-        line = f"select count(*), sum(rms), count(distinct machine) from '{self.exports()}/*/*/*.parquet'"
+        line = f"select count(*), sum(rms), count(distinct machine) from '{self.exports()}/**/*.parquet'"
         self.assertEqual(duckdb.sql(line).fetchall(), [(30, sum(range(30)), 2)])
 
     def test_claim_the_lake_takes_no_machine_name_for_a_number_or_a_date(self):
