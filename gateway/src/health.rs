@@ -62,7 +62,7 @@ counters! {
     broker_lost: "counter",
     /// 1 while the broker holds a session.
     broker_connected: "gauge",
-    /// 1 while births are out; 0 with a session: the primary host is offline.
+    /// 1 while births are published; 0 beside a session means that the primary host is offline.
     broker_born: "gauge",
     /// Sessions begun.
     broker_sessions: "counter",

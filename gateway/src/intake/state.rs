@@ -219,8 +219,8 @@ mod tests {
 
     #[test]
     fn claim_a_state_that_a_former_version_kept_is_read() {
-        let text = "{\"unit\":[1,2,3],\"boot\":3,\"ticks_per_second\":1000,\"expected\":5,\"status_tick\":0,\"zero_us\":17,\
-            \"recent\":[[4,99]],\"alarms\":0}";
+        let text = r#"{"unit": [1, 2, 3], "boot": 3, "ticks_per_second": 1000, "expected": 5, "status_tick": 0,
+            "zero_us": 17, "recent": [[4, 99]], "alarms": 0}"#;
         let state: NodeState = serde_json::from_str(text).expect("reads");
         assert_eq!((state.boot, state.expected, state.recent.len()), (3, Some(5), 1));
     }

@@ -11,6 +11,7 @@ use rumqttc::{Packet, QoS};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+/// An entry of just now, however long a test takes.
 fn entry(node: &str, body: Body) -> Entry {
     let (node, machine) = (node.to_owned(), "m".to_owned());
     Entry { node, machine, unit: [1; 3], boot: 1, received_us: i64::MAX / 2, time_us: 1_000_000, body }
@@ -215,4 +216,23 @@ fn fault_an_entry_that_went_with_a_birth_alone_counts_as_taken_only_with_the_nex
     assert_eq!((passed(&mut session, 100), session.room()), (None, room), "nothing acknowledged, no room taken");
     session.entry(4, &status("n"), &mut devices).expect("sent");
     assert_eq!(passed(&mut session, 20_000), Some(5));
+}
+
+#[test]
+fn claim_what_came_before_the_birth_is_historical_also_where_the_birth_waited_in_the_session() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
+    let before = Entry { received_us: crate::clock::wall_us(), ..status("n") };
+    // Longer than what counts as at once.
+    std::thread::sleep(Duration::from_millis(1200));
+    session.birth().expect("born");
+    session.entry(0, &before, &mut devices).expect("sent");
+    session.entry(1, &status("n"), &mut devices).expect("sent");
+    let historical = || loop {
+        let (kind, _, _, payload) = broker.message();
+        if kind == "DDATA" {
+            return payload.metrics.iter().all(|metric| metric.is_historical == Some(true));
+        }
+    };
+    assert_eq!([historical(), historical()], [true, false]);
 }

@@ -23,6 +23,8 @@ use std::time::{Duration, Instant};
 pub const WINDOW: usize = 100;
 /// How long the broker may take to accept a session.
 const ACCEPTANCE: Duration = Duration::from_secs(10);
+/// Time from reception to birth that does not make a value historical, microseconds.
+const AT_ONCE_US: i64 = 1_000_000;
 /// First part of all topics.
 pub const NAMESPACE: &str = "spBv1.0";
 /// How a refusal by the broker itself is said, unlike one by the network.
@@ -42,7 +44,8 @@ pub struct Session {
     named: HashMap<u16, u64>,
     /// Numbers on their way, ascending.
     on_way: VecDeque<OnWay>,
-    began_us: i64,
+    /// Wall clock at the newest birth: what came before it, comes late.
+    born_us: i64,
 }
 
 /// An entry that was published.
@@ -97,7 +100,7 @@ impl Session {
             unnamed: VecDeque::new(),
             named: HashMap::new(),
             on_way: VecDeque::new(),
-            began_us: crate::clock::wall_us(),
+            born_us: crate::clock::wall_us(),
         })
     }
 
@@ -115,6 +118,7 @@ impl Session {
     /// When the connection has ended.
     pub fn birth(&mut self) -> Result {
         self.seq = 0;
+        self.born_us = crate::clock::wall_us();
         let metrics = vec![
             plain("bdSeq", datatype::INT64, Value::Long(self.bd_seq.into())),
             plain("Node Control/Rebirth", datatype::BOOLEAN, Value::Boolean(false)),
@@ -150,7 +154,7 @@ impl Session {
             return self.data("NDATA", None, number, metrics);
         }
         let device = devices.device(&entry.node);
-        let historical = entry.received_us < self.began_us - 1_000_000;
+        let historical = entry.received_us < self.born_us - AT_ONCE_US;
         if !device.born {
             if matches!(entry.body, Body::Note { kind: Note::Connected | Note::Replaced, .. }) {
                 // The birth says all that the note says; a second one would look like a defect to a host.
