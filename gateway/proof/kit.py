@@ -99,6 +99,14 @@ class Broker(Process):
         folder.chmod(0o755)
         super().__init__([program, "-c", config], folder / "mosquitto.log")
 
+    def start(self):
+        """Comes back when it listens: a client that is earlier is refused."""
+        said = lambda: self.text().count(" running") if self.log.exists() else 0
+        before = said()
+        super().start()
+        until(lambda: said() > before, 10, "the broker listens")
+        return self
+
 
 def certificates(folder):
     """A certificate of its own for a broker on 127.0.0.1, signed by itself."""

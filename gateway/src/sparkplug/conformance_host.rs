@@ -40,7 +40,7 @@ impl Running {
         let data = std::env::temp_dir().join(format!("meshband-host-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&data);
         let journal = Journal::open(&data.join("journal"), 0).expect("opens");
-        // The first session is the 255th, the next one is 0.
+        // The first session has the number 255, the next one 0.
         std::fs::write(data.join("bdseq"), "254").expect("writes");
         let (broker, stop) = (TestBroker::start(), Stop::default());
         let (health, (to_a, of_a), (to_b, of_b), (reports, reported)) =
