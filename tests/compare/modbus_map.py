@@ -60,7 +60,8 @@ if "SAMPLES" in options:
         reply = client.read_input_registers(first + offset, count=min(120, count - offset), device_id=device)
         assert not reply.isError(), reply
         read += reply.registers
-    found["samples"] = client.convert_from_registers(read, client.DATATYPE.FLOAT32)
+    samples = client.convert_from_registers(read, client.DATATYPE.FLOAT32)
+    found["samples"] = [None if sample != sample else sample for sample in samples]
 for row in rows:
     number = value(row, words(row))
     found[f"{row['group']}/{row['name']}"] = None if number != number else number

@@ -126,7 +126,7 @@ impl Waveform {
         let facts = &self.facts;
         let cause = match facts.trigger {
             Trigger::Request => "asked for".to_owned(),
-            Trigger::Alarm { index } => format!("by alarm {index}"),
+            Trigger::Alarm { index } => format!("by alarm {}", u16::from(index) + 1),
         };
         let mut text = format!(
             "waveform {}, {cause}: {} samples at {:.1} Hz, {:.3} s of which {:.3} s before the trigger, {} turns at \

@@ -20,8 +20,9 @@ use std::collections::BTreeMap;
 pub const CLEAR_DB: f64 = 12.0;
 /// ... no further below the strongest harmonic than this, dB: windows have skirts there ...
 pub const DEEPEST_DB: f64 = 50.0;
-/// ... and within this many bins of the shaft's order: otherwise it is another machine part's line.
-pub const NEAR_BINS: f64 = 1.0;
+/// ... and within this many bins of the shaft's order: otherwise it is another machine part's line. The node reads
+/// sidebands at their order and nowhere else.
+pub const NEAR_BINS: f64 = 0.5;
 /// Two lines closer than this many bins are one peak: half the main lobe of the window.
 const APART_BINS: f64 = 2.0;
 
