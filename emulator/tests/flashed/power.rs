@@ -4,6 +4,7 @@
 use super::image::image;
 use super::records::{SLOTS, put};
 use super::spoken::Node;
+use meshband::alarm::AlarmHolding;
 use meshband::config::{Configuration, FrontEnd, GearPair, SCHEMA};
 use meshband::events::EventKind;
 use meshband::frame::Packet;
@@ -311,11 +312,12 @@ fn loop_commit_into_a_full_sector_erases_the_other_and_measuring_goes_on() {
 #[test]
 fn loop_configuration_stored_by_the_firmware_before_is_kept() {
     let Some(image) = image("former schema") else { return };
-    let config = Configuration { front_end: FrontEnd::default(), ..with_gear(OLD) };
+    let holding = AlarmHolding { watch_signal: false, ..AlarmHolding::default() };
+    let config = Configuration { front_end: FrontEnd::default(), holding, ..with_gear(OLD) };
     // Schema 1 is the same without the front end and what came after it: three bytes, six of the alarms' holding,
     // eight of the pass band, one of what is latched, one of the empty list of levels, four of the link, five of the
-    // waveforms, all zero.
-    const LATER: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5;
+    // waveforms, one of the second sensor, one of the local levels, 33 of what the ninth layout added, all zero.
+    const LATER: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5 + 1 + 1 + 33;
     let mut bytes = stored(&config);
     assert_eq!((bytes[0], &bytes[bytes.len() - LATER..]), (SCHEMA as u8, &[0; LATER][..]));
     bytes[0] = 1;
