@@ -11,6 +11,7 @@ use meshband::node::State;
 use meshband::self_test::{NOISE, RAILS};
 use meshband::tach::Validity;
 use meshband::units::Hertz;
+use meshband_host::virtual_node::frames::Received;
 use meshband_host::virtual_node::qemu::{Finished, Qemu};
 use meshband_host::virtual_node::simulation;
 use meshband_tests::plant::configuration;
@@ -19,11 +20,26 @@ use meshband_tests::script::{Account, Disturbance, Script, is_right};
 
 const SPEED_HZ: f64 = 15.0;
 
+/// The first message that is another one.
+fn first_difference(found: &[u8], expected: &[u8]) -> String {
+    let [found, expected] = [found, expected].map(Received::decode);
+    let pair = found.messages().zip(expected.messages()).find(|(found, expected)| {
+        // By text: what is no number differs from itself.
+        format!("{found:?}") != format!("{expected:?}")
+    });
+    pair.map_or("equal messages, other bytes\n".into(), |(found, expected)| format!("{found:?}\nfor {expected:?}\n"))
+}
+
 /// Runs a record to its end and compares every byte with the host's node on the same blocks.
 fn run(machine: &Qemu, image: &[u8]) -> (Finished, Account) {
     let finished = machine.run(image).expect("the firmware ends well");
     let followed = simulation::follow(image, &finished.blocks().expect("a whole log")).expect("runs");
-    assert!(finished.link == followed.link, "QEMU and host differ: {}", finished.console);
+    assert!(
+        finished.link == followed.link,
+        "QEMU and host differ: {}{}",
+        first_difference(&finished.link, &followed.link),
+        finished.console
+    );
     assert_eq!(finished.count("edges_lost"), 0, "{}", finished.console);
     let account = Account::of(&finished.link);
     assert_eq!((account.received.refused, account.received.lost), (0, 0));
