@@ -139,7 +139,7 @@ fn fault_a_processor_too_slow_for_the_rate_loses_whole_blocks_and_counts_them() 
     let mut script = Script::new(3);
     let before = script.run(6.0, |_| 5.0, Disturbance::None);
     let fast = script.run(6.0, |_| 25.0, Disturbance::None);
-    let after = script.run(6.0, |_| 5.0, Disturbance::None);
+    let after = script.run(9.0, |_| 5.0, Disturbance::None);
     let (finished, account) = run(&Qemu { icount_shift: 4, ..machine }, &script.image(Some(&config), |header| header));
     let lost = finished.count("lost") + finished.count("missed");
     println!("{lost} of {} blocks lost", finished.count("blocks") + lost);
