@@ -17,7 +17,7 @@
 //! Limits: an edge must be shorter than about 0.4 `WINDOW`, and is known when 0.6 of its rise time have passed after
 //! it. Noise makes a slope look steeper and its edge shorter: by up to 3 % at a noise of 0.5 % of the height (RMS) and
 //! 10 samples per edge. Noise is measured on the same samples, by second differences in the quietest quarter of runs of
-//! [`RUN`] ([`RiseTimeResult::noise`]); above [`MOST_NOISE`] of the height there is no result, because what is left
+//! `RUN` ([`RiseTimeResult::noise`]); above [`MOST_NOISE`] of the height there is no result, because what is left
 //! after the shortest have been refused is biased.
 //!
 //! 10-90 % convention: IEEE Std 181. Cost (Cortex-M4F in QEMU): about 140 instructions per sample, amortised O(1),

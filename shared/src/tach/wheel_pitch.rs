@@ -4,12 +4,12 @@
 //! The angle of pulse k of a turn is measured by time: the gap before the pulse in the middle of a turn's window over
 //! the time of that turn is its pitch, in mean pitches, exact for a constant acceleration. Means over turns give a
 //! table; its sum is the place of each pulse. Once a table is known, and some pulse lies further from its even place
-//! than [`WORTH`] and than the table's own noise, the tracker gets instants from which the error is taken: an even
+//! than `WORTH` and than the table's own noise, the tracker gets instants from which the error is taken: an even
 //! wheel's. Where all is even within that, instants pass as they are.
 //!
-//! A turn that differs from the one before by more than [`STEADY`] has lost or added pulses, or the speed jumped:
+//! A turn that differs from the one before by more than `STEADY` has lost or added pulses, or the speed jumped:
 //! places are then unknown, the table is forgotten and instants pass as they are until it is made anew, which takes
-//! [`TURNS`] turns. The first pulse corrected keeps its instant, so that nothing jumps.
+//! `TURNS` turns. The first pulse corrected keeps its instant, so that nothing jumps.
 //!
 //! Wheels of 2 to [`MOST`] pulses without a gap. Cost (Cortex-M4F): about 60 instructions per pulse, 8 more per pulse
 //! once a turn. Sources: Resor, Trethewey, Maynard, "Compensation for encoder geometry and shaft speed variation", JSV

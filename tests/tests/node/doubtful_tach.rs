@@ -70,7 +70,7 @@ fn regress_a14_an_encoder_that_the_board_cannot_follow_is_refused() {
 #[test]
 fn regress_a6_no_gear_condition_is_made_while_the_tach_is_doubtful() {
     // Two pulses per turn, one a third late: the tracker never agrees.
-    let doubtful = |n: u64| (n as f64 + if n % 2 == 0 { 0.0 } else { 0.33 } + 0.1 * (n % 3) as f64) / 20.0;
+    let doubtful = |n: u64| (n as f64 + if n.is_multiple_of(2) { 0.0 } else { 0.33 } + 0.1 * (n % 3) as f64) / 20.0;
     let mut config = slow_converter();
     config.tach.highest = Hertz(200.0);
     let mut rig = Rig::new(config);

@@ -111,7 +111,10 @@ impl Rig {
 
     /// Forgets what was said so far.
     pub fn forget(&mut self) -> &mut Self {
-        (self.events.clear(), self.indicators.clear(), self.spectra.clear(), self.statuses.clear());
+        self.events.clear();
+        self.indicators.clear();
+        self.spectra.clear();
+        self.statuses.clear();
         self
     }
 }
