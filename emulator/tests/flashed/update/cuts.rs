@@ -151,10 +151,11 @@ fn fault_power_cut_in_the_transfer_leaves_the_former_image() {
         let before = campaign.node.snapshot();
         let next = step(&mut campaign.node, UpdateRequest::Status).next;
         let part = &update.bytes[next as usize..(next as usize + 512).min(update.bytes.len())];
+        let chunk_words = part.len() / 4;
         let chunk = UpdateRequest::Chunk { offset: next, bytes: part.try_into().expect("fits") };
         campaign.node.send(&Request::Update(chunk));
-        // One of the chunk's words.
-        for _ in 0..=campaign.random % 100 {
+        // One of the chunk's words; the last chunk has fewer.
+        for _ in 0..=campaign.random % (chunk_words as u64).min(100) {
             assert!(campaign.run_to_next_work(0.5), "word {word}");
         }
         let share = campaign.share();
