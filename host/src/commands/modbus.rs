@@ -1,7 +1,7 @@
 //! `meshband modbus`: the register map as a table to import, and an example in bytes.
 
 use clap::Args as ClapArgs;
-use meshband_host::link::alarms::Limit;
+use meshband_host::link::limit::Limit;
 use meshband_host::link::modbus::{Row, example, groups, rows};
 use meshband_host::link::settings::Settings;
 use meshband_host::link::{Client, modbus};

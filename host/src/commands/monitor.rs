@@ -5,7 +5,7 @@
 //! after what was heard is written.
 
 use clap::Args as ClapArgs;
-use meshband_host::link::alarms::Limit;
+use meshband_host::link::limit::Limit;
 use meshband_host::link::view::View;
 use meshband_host::link::{Client, Losses, health, report, text, transport};
 use meshband_host::monitor::capture::Capture;

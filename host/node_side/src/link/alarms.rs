@@ -5,58 +5,15 @@
 //! numbered from 1, as the registers of a PLC have them; the settings' list begins with number 1, too. Before the first
 //! status nothing is said of them.
 
+use super::limit::{beyond, call};
 use super::view::View;
 use super::words::name_and_unit;
-use meshband::alarm::{AlarmBand, AlarmMode, RISE_S, Severity, Side, Watched};
-use meshband::config::Configuration;
+use meshband::alarm::{Severity, Side, Watched};
 use meshband::message::AlarmState;
 use serde::Serialize;
 
 /// Bits of an [`AlarmState`].
 const MOST: u8 = 8;
-
-/// An alarm as it is configured.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limit {
-    /// What is watched, from where to where.
-    pub band: AlarmBand,
-    /// Which side is wrong, and what it asks for.
-    pub mode: AlarmMode,
-}
-
-impl Limit {
-    /// All of a configuration.
-    pub fn all(config: &Configuration) -> Vec<Self> {
-        let alarms = config.alarms.iter().enumerate();
-        alarms.map(|(n, band)| Self { band: *band, mode: AlarmMode::of(&config.modes, n) }).collect()
-    }
-
-    /// Its name in capitals.
-    pub fn call(&self) -> &'static str {
-        call(self.mode.severity)
-    }
-
-    /// Beyond what, as "above 2 m/s2".
-    pub fn beyond(&self) -> String {
-        beyond(self.mode.side, self.band.raise, name_and_unit(self.band.watched).1)
-    }
-}
-
-fn call(severity: Severity) -> &'static str {
-    match severity {
-        Severity::Danger => "ALARM",
-        Severity::Alert => "ALERT",
-    }
-}
-
-fn beyond(side: Side, limit: f32, unit: &str) -> String {
-    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    match side {
-        Side::Above => format!("above {limit}{unit}"),
-        Side::Below => format!("below {limit}{unit}"),
-        Side::Rise => format!("more than {limit}{unit} over its mean of {:.0} min", RISE_S / 60.0),
-    }
-}
 
 /// All alarms of a node as far as they are known.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -7,7 +7,7 @@
 //! Limits: the values judge a whole machine in long operation and know nothing of gears. Levels learnt on the machine
 //! itself find a change earlier. ISO 20816-9 (gear units) grades acceptance tests by curves over frequency: not built.
 
-use super::alarms::Limit;
+use super::limit::Limit;
 use crate::{Error, Result};
 use meshband::alarm::{AlarmBand, AlarmMode, Severity, Side, Watched};
 use meshband::config::{Configuration, MAX_ALARMS};

@@ -13,6 +13,7 @@ pub mod capture;
 pub mod client;
 pub mod health;
 pub mod letter;
+pub mod limit;
 pub mod machine_class;
 pub mod modbus;
 pub mod report;

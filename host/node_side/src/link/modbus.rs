@@ -3,7 +3,7 @@
 //! Made from [`meshband::modbus::map`], the table that a node answers from, so it cannot differ from it. Addresses
 //! count from 0, as they are on the line.
 
-use super::alarms::Limit;
+use super::limit::Limit;
 use super::words::name_and_unit;
 use meshband::modbus::CRC16;
 use meshband::modbus::map::{INPUTS, Kind, REGISTERS, SAMPLE_REGISTERS, SAMPLES};

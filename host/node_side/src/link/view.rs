@@ -4,7 +4,7 @@
 //! A status decides which alarms stand; an event of a later tick is taken into it until the next one. Time is the
 //! node's own, so a capture that is replayed gives what was seen live.
 
-use super::alarms::Limit;
+use super::limit::Limit;
 use meshband::events::{Event, EventKind};
 use meshband::health::Health;
 use meshband::levels::Departure;
