@@ -109,7 +109,8 @@ fn is_replaced(limit: &Limit) -> bool {
 }
 
 fn limit(watched: Watched, mm_s: f32) -> AlarmBand {
-    let raise = 1e-3 * mm_s;
+    // Divided: the nearest single to the figure of the standard, as a person would write it.
+    let raise = mm_s / 1000.0;
     let (from, to) = (Hertz(0.0), Hertz(EVERY_SPEED_HZ));
     AlarmBand { watched, from, to, raise, clear: CLEARS_AT * raise, persistence: PERSISTENCE }
 }
