@@ -14,7 +14,7 @@ pub use meshband_model_based as model_based;
 #[cfg(feature = "monitor")]
 pub use meshband_node_side::monitor;
 pub use meshband_node_side::{commissioning, levels, link, virtual_node};
-pub use meshband_record::{data_quality, field, import, predict, record};
+pub use meshband_record::{data_quality, field, import, part, predict, record};
 pub use meshband_signal::{pulses, spectral};
 pub use meshband_signal_based as signal_based;
 pub use meshband_train as train;

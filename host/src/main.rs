@@ -32,7 +32,7 @@ enum Command {
     Health(commands::health::Args),
     /// Measurement files (mat, HDF5, TDMS, csv, wav, FLAC, npy, uff58) into a record folder, with their tach or a
     /// virtual one.
-    Import(commands::import::Args),
+    Import(Box<commands::import::Args>),
     /// Bandwidth law of a machine: the paper's studies, fit, check, constants for the node.
     Law(commands::law::Args),
     /// Expected levels of a sound machine for a node; departure against absolute alarms.
@@ -76,7 +76,7 @@ fn run(command: Command) -> Result<()> {
         Command::Effects(args) => commands::effects::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Health(args) => commands::health::run(args),
-        Command::Import(args) => commands::import::run(args),
+        Command::Import(args) => commands::import::run(*args),
         Command::Law(args) => commands::law::run(args),
         Command::Levels(args) => commands::levels::run(args),
         Command::Machine(args) => commands::machine::run(args),

@@ -20,10 +20,11 @@ pub struct Limit {
 
 const MIB: f64 = 1_048_576.0;
 
-/// One input file, and what a compressed one expands to: 20 minutes of four channels as text.
+/// One input file that is taken whole, and what a compressed one expands to: 20 minutes of four channels as text.
 pub const FILE: Limit = Limit { most: 512.0 * MIB, unit: "bytes" };
-/// Numbers of one measurement file, all channels; 512 MiB in memory.
-pub const VALUES: Limit = Limit { most: 64.0 * MIB, unit: "values" };
+/// Numbers that are taken of measurement files at once, all channels; 960 MiB in memory: eight minutes of four channels
+/// and a tachometer at 51.2 kHz. As float32 they are no more than a [`FILE`].
+pub const VALUES: Limit = Limit { most: 120.0 * MIB, unit: "values" };
 /// Samples times channels of all runs of one simulation; 512 MiB in memory.
 pub const SAMPLES: Limit = Limit { most: 64.0 * MIB, unit: "samples x channels" };
 /// Tach edges of one run.
@@ -60,11 +61,11 @@ fn figure(value: f64) -> String {
     if value.abs() < 1e7 { text::number((10.0 * value).round() / 10.0) } else { format!("{value:.3e}") }
 }
 
-/// Opens a regular file no larger than [`FILE`].
+/// Opens a regular file of any size, for readers that do not take it whole; with its length, bytes.
 ///
 /// # Errors
-/// A missing or unreadable file, a folder, a pipe or a device, and one that is too large.
-pub fn open(path: &Path) -> Result<File> {
+/// A missing or unreadable file, a folder, a pipe or a device.
+pub fn open_any(path: &Path) -> Result<(File, u64)> {
     // Looked at before it is opened: opening a pipe waits for its writer.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
     if metadata.is_dir() {
@@ -73,8 +74,17 @@ pub fn open(path: &Path) -> Result<File> {
     if !metadata.is_file() {
         return Err(Error::invalid(path.display(), "is a pipe or a device, a regular file is needed"));
     }
-    FILE.check(path.display(), metadata.len() as f64, "cut it into parts")?;
-    File::open(path).map_err(Error::file(path))
+    Ok((File::open(path).map_err(Error::file(path))?, metadata.len()))
+}
+
+/// Opens a regular file no larger than [`FILE`].
+///
+/// # Errors
+/// As [`open_any`], and a file that is too large.
+pub fn open(path: &Path) -> Result<File> {
+    let (file, length) = open_any(path)?;
+    FILE.check(path.display(), length as f64, "cut it into parts")?;
+    Ok(file)
 }
 
 /// Content of a regular file.

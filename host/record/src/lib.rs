@@ -3,6 +3,7 @@
 pub mod data_quality;
 pub mod field;
 pub mod import;
+pub mod part;
 pub mod predict;
 pub mod record;
 

@@ -143,7 +143,8 @@ impl Scene {
             return Err(error);
         }
         let points: f64 = runs.iter().map(|(_, _, a)| (a.turns * a.per_turn[0] * order.len()) as f64).sum();
-        GRID.check(record.folder.display(), points, "cut the runs or leave channels out at import")?;
+        let remedy = "take a part with --from and --to, or leave channels out at import";
+        GRID.check(record.folder.display(), points, remedy)?;
         let highest_order = runs.iter().map(|(_, _, a)| a.highest_order).fold(f64::INFINITY, f64::min);
         let mut runs: Vec<SceneRun> =
             runs.into_iter().map(|own| seen(own, !tach.is_virtual(), &order, highest_order)).collect();

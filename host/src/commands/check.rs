@@ -3,6 +3,7 @@
 //! Every record: what its samples and pulses say of themselves. A record that declares a machine and knows its angle
 //! 0: the loop's rules on top, against that machine.
 
+use super::part::PartArgs;
 use clap::Args as ClapArgs;
 use meshband_host::check::Findings;
 use meshband_host::data_quality::{self, Kind, Remark};
@@ -22,6 +23,8 @@ pub struct Args {
     /// Record folder.
     record: PathBuf,
     #[command(flatten)]
+    part: PartArgs,
+    #[command(flatten)]
     results: Results,
 }
 
@@ -37,7 +40,7 @@ struct Outcome {
 /// Writes and prints the findings; a record that the loop would refuse ends with exit code 2.
 pub fn run(args: Args) -> Result<()> {
     let mut files = args.results.announce(&mut args.results.outputs([args.record.as_path()]))?;
-    let record = Record::read(&args.record)?;
+    let record = args.part.read(&args.record)?;
     let outcome = Outcome {
         findings: findings(&record)?,
         recording: record.runs.iter().map(|run| data_quality::of_run(&record, run)).collect(),

@@ -9,6 +9,7 @@ use meshband_host::import::{self, ImportOptions, ImportSummary, Reading, TachCho
 use meshband_host::machine::Machine;
 use meshband_host::machine::bearing::Bearing;
 use meshband_host::output::{Content, show};
+use meshband_host::part::Part;
 use meshband_host::results::Results;
 use meshband_host::train::Train;
 use meshband_host::{Error, Result, say, terminal};
@@ -46,6 +47,12 @@ pub struct Args {
     /// Columns to leave out, by name or number, separated by commas.
     #[arg(long, value_delimiter = ',')]
     skip: Vec<String>,
+    /// Second from which the recording is taken, 0 for its first sample.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Second up to which the recording is taken.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
     /// Tooth counts of pinion and gear, as 23,46.
     #[arg(long, value_delimiter = ',')]
     teeth: Option<Vec<u32>>,
@@ -150,6 +157,7 @@ pub fn run(args: Args) -> Result<()> {
             time_unit_s: args.time_unit.as_deref().map(time_unit).transpose()?,
             columns: args.columns,
             skip: args.skip,
+            part: Part::new(args.from, args.to)?,
             ..Reading::default()
         },
         rate_hz: args.rate,

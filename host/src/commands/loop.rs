@@ -1,6 +1,7 @@
 //! `meshband loop`: what a record's declared machine lacks, and the held-out error as declared, calibrated and
 //! corrected.
 
+use super::part::PartArgs;
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::check::{self, Findings};
 use meshband_host::model_based::Outcome;
@@ -26,6 +27,8 @@ use std::path::PathBuf;
 pub struct Args {
     /// Record folder.
     record: PathBuf,
+    #[command(flatten)]
+    part: PartArgs,
     #[command(flatten)]
     results: Results,
     /// Writes the corrected machine, its effects and its law beside this machine file, and compares a virtual node
@@ -84,7 +87,7 @@ pub fn run(args: Args) -> Result<()> {
     let read = [Some(&args.record), args.apply.as_ref()].into_iter().flatten().map(PathBuf::as_path);
     let mut outputs = args.results.outputs(read);
     let mut written = args.results.announce(&mut outputs)?;
-    let files = Record::read(&args.record)?;
+    let files = args.part.read(&args.record)?;
     let preflight = Preflight::of(&files);
     let place = files.folder.join("record.toml").display().to_string();
     let level = preflight.level(args.level.map(Into::into), &place)?;

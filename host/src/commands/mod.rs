@@ -21,6 +21,7 @@ pub mod machine;
 pub mod modbus;
 pub mod monitor;
 pub mod node;
+mod part;
 pub mod predict;
 
 pub mod simulate;

@@ -9,11 +9,11 @@ use serde_json::Value;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-const RATE_HZ: f64 = 12_800.0;
+pub(crate) const RATE_HZ: f64 = 12_800.0;
 const TEETH: [u32; 2] = [23, 61];
 
 /// A pair that turns at a wandering speed, its housing and its tachometer.
-struct Rig {
+pub(crate) struct Rig {
     speed_hz: f64,
     seconds: f64,
     /// Relative swings of the speed: share and frequency.
@@ -35,7 +35,7 @@ struct Rig {
 }
 
 impl Rig {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             speed_hz: 18.0,
             seconds: 8.0,
@@ -88,7 +88,7 @@ impl Rig {
     }
 
     /// Rising edges within the record.
-    fn edges_s(&self) -> Vec<f64> {
+    pub(crate) fn edges_s(&self) -> Vec<f64> {
         let marks = self.places.len();
         let first = (self.start * marks as f64).floor() as usize;
         let place = |k: usize| (k as f64 + self.places[k % marks]) / marks as f64;
@@ -140,7 +140,7 @@ impl Rig {
     }
 
     /// Housing and tach, in this order.
-    fn channels(&self) -> Vec<Vec<f64>> {
+    pub(crate) fn channels(&self) -> Vec<Vec<f64>> {
         let mut channels = self.housing();
         channels.push(self.tach_v(&self.edges_s()));
         channels
@@ -162,7 +162,7 @@ fn writer(
     hound::WavWriter::create(path, spec).expect("a wav")
 }
 
-fn wav(path: &Path, channels: &[Vec<f64>]) -> String {
+pub(crate) fn wav(path: &Path, channels: &[Vec<f64>]) -> String {
     let mut writer = writer(path, channels.len(), 32, hound::SampleFormat::Float);
     interleaved(channels).into_iter().for_each(|x| writer.write_sample(x as f32).expect("written"));
     writer.finalize().expect("written");
@@ -179,7 +179,7 @@ fn integer_wav(path: &Path, channels: &[Vec<f64>]) -> String {
     text(path)
 }
 
-fn csv(path: &Path, names: &[&str], channels: &[Vec<f64>]) -> String {
+pub(crate) fn csv(path: &Path, names: &[&str], channels: &[Vec<f64>]) -> String {
     let mut rows = format!("time_s,{}\n", names.join(","));
     for n in 0..channels[0].len() {
         let cells: Vec<String> = channels.iter().map(|c| format!("{:.5}", c[n])).collect();
@@ -215,14 +215,14 @@ fn mat(path: &Path, variables: &[(&str, &[f64])]) -> String {
     text(path)
 }
 
-fn edges_file(path: &Path, edges_s: &[f64]) -> String {
+pub(crate) fn edges_file(path: &Path, edges_s: &[f64]) -> String {
     let rows: String = edges_s.iter().map(|t| format!("{t:.9}\n")).collect();
     std::fs::write(path, format!("edge_time_s\n{rows}")).expect("written");
     text(path)
 }
 
 /// Imports and gives summary, record and what was printed.
-fn imported(folder: &Path, files: &[&str], options: &[&str]) -> (Value, Record, String) {
+pub(crate) fn imported(folder: &Path, files: &[&str], options: &[&str]) -> (Value, Record, String) {
     let (out, json) = (text(&folder.join("out")), text(&folder.join("out.json")));
     let mut arguments = vec!["import"];
     arguments.extend(files);
@@ -233,7 +233,7 @@ fn imported(folder: &Path, files: &[&str], options: &[&str]) -> (Value, Record, 
     (summary, Record::read(&folder.join("out")).expect("a record"), printed)
 }
 
-fn refused_import(folder: &Path, file: &str, options: &[&str], expected: &[&str]) {
+pub(crate) fn refused_import(folder: &Path, file: &str, options: &[&str], expected: &[&str]) {
     let out = text(&folder.join("refused"));
     let mut arguments = vec!["import", file, "-o", &out];
     arguments.extend(options);

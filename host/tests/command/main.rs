@@ -17,6 +17,7 @@ mod health;
 mod hostile_import;
 mod hostile_link;
 mod hostile_machine;
+mod import_part;
 mod import_tach;
 mod in_process;
 mod link_cli;

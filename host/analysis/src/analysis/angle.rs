@@ -134,7 +134,13 @@ impl Angle {
         }
         let speed = speed_range(&map, from_turn, turns as usize);
         let per_turn = grid(DENSITY * run.sample_rate_hz() / speed.slowest_hz, teeth);
-        ANGLES.check(place, turns * per_turn[0] as f64, "cut the run into parts")?;
+        let points = turns * per_turn[0] as f64;
+        let share = ANGLES.most / points * run.duration_s();
+        ANGLES.check(
+            place,
+            points,
+            &format!("take a part with --from and --to: {share:.0} s are as much as it allows"),
+        )?;
         Ok(Self {
             map,
             from_turn,

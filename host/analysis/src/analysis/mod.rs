@@ -294,6 +294,9 @@ fn analysed(
 
 fn run_notes(run: &Run, angle: &Angle, teeth: [u32; 2]) -> Vec<String> {
     let mut notes = Vec::new();
+    if let Some(part) = run.declaration.part() {
+        notes.push(format!("part of a longer recording: {}", crate::text::name(part)));
+    }
     if !angle.repaired.is_empty() {
         notes.push(format!("tach edges repaired: {}", angle.repaired));
     }

@@ -32,5 +32,6 @@ pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Signals> {
         signals: named.map(signal).collect(),
         rate_hz: Some(f64::from(info.sample_rate)),
         remarks: vec!["integer FLAC samples are scaled to +-1 of full scale".to_string()],
+        cut: None,
     })
 }

@@ -3,6 +3,7 @@
 use super::signals::Signal;
 use super::units::Quantity;
 use super::{Columns, ImportOptions};
+use crate::part::Cut;
 use crate::{Error, Result, text};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,8 @@ pub(super) struct Group {
     pub start_s: Option<f64>,
     /// Signals of another length, rate or start.
     pub apart: Vec<Signal>,
+    /// Where the channels lie in their recording, where they are a part of it.
+    pub cut: Option<Cut>,
 }
 
 impl Group {
@@ -34,6 +37,19 @@ impl Group {
         self.units.retain(|_| *keep.next().unwrap_or(&true));
         let mut keep = kept.iter();
         self.quantities.retain(|_| *keep.next().unwrap_or(&true));
+    }
+
+    /// Length of the whole recording, s, of which the channels may be a part.
+    pub fn whole_s(&self, rate_hz: f64) -> f64 {
+        self.cut.map_or(self.channels[0].len() as f64 / rate_hz, |cut| cut.whole_s)
+    }
+
+    /// Edges from the recording's first sample as edges from the channels' first.
+    pub fn moved(&self, edges_s: Vec<f64>) -> Vec<f64> {
+        match &self.cut {
+            Some(cut) => cut.moved(edges_s),
+            None => edges_s,
+        }
     }
 
     /// Takes the signal that `source` names out of those that stand apart.
@@ -93,6 +109,7 @@ pub(super) fn grouped(files: &[PathBuf], sources: Vec<Columns>, files_are_runs: 
                     quantities: source.quantities,
                     start_s: source.start_s,
                     apart: source.apart,
+                    cut: source.cut,
                 });
             }
         }

@@ -5,6 +5,7 @@
 //! as [`Columns`] is decided once for all formats. Formats are told apart by content first and by ending second. What
 //! a file does not state is the user's to state; nothing is guessed silently.
 
+mod cut;
 mod declared;
 mod delimited;
 mod flac;
@@ -39,6 +40,7 @@ pub use quantities::Unit;
 pub use record::{ImportOptions, ImportSummary, TachChoice, import};
 pub use signals::Signal;
 
+use crate::part::{Cut, Part};
 use crate::record::npy;
 use crate::{Error, Result, budget};
 use flate2::read::MultiGzDecoder;
@@ -62,6 +64,8 @@ pub struct Reading {
     pub skip: Vec<String>,
     /// Names or numbers of the tachometer's channels, which are no accelerations.
     pub tach: Vec<String>,
+    /// Part of the recording that is taken; all of it where absent.
+    pub part: Option<Part>,
 }
 
 /// Equally long channels of one file, and what stands apart from them.
@@ -83,6 +87,8 @@ pub struct Columns {
     pub largest: Option<f64>,
     /// Signals of another length, rate or start.
     pub apart: Vec<Signal>,
+    /// Where the channels lie in their recording, where they are a part of it.
+    pub cut: Option<Cut>,
     /// What the reader did that the user should know (skipped variables, dropped columns).
     pub remarks: Vec<String>,
 }
@@ -137,18 +143,21 @@ pub fn read_as(path: &Path, reading: &Reading) -> Result<Columns> {
         time_axis::take(path, &mut found, reading)?;
     }
     selection::keep(path, &mut found, reading)?;
-    found.gather(path, reading)?.checked(path)
+    cut::take(path, found.gather(path, reading)?, reading)?.checked(path)
 }
 
 /// The signals of a file of any format.
 fn signals_of(path: &Path, reading: &Reading) -> Result<Signals> {
+    let stem = stem(path);
+    if let Some(found) = wav::of_file(path, &stem, reading.part)? {
+        return Ok(found);
+    }
     let mut bytes = budget::read(path)?;
     if bytes.starts_with(&[0x1f, 0x8b]) {
         // A gzip file may have several members, as parallel compressors and `cat` make them.
         bytes = budget::expand(path, "gzip data", MultiGzDecoder::new(&bytes[..]), 0)?;
     }
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let stem = name.split('.').next().unwrap_or("signal").to_string();
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e) || name.ends_with(&format!("{e}.gz")));
     if hdf5::looks_like(&bytes) {
         return hdf5::read(path, bytes, &stem);
@@ -160,7 +169,7 @@ fn signals_of(path: &Path, reading: &Reading) -> Result<Signals> {
         return numpy(path, &bytes, &stem);
     }
     if wav::looks_like(&bytes) {
-        return wav::read(path, &bytes, &stem);
+        return wav::of_bytes(path, &bytes, &stem, reading.part);
     }
     if bytes.starts_with(b"TDSm") {
         return tdms::read(path, &bytes);
@@ -202,6 +211,12 @@ fn signals_of(path: &Path, reading: &Reading) -> Result<Signals> {
         return Ok(found);
     }
     Err(Error::invalid(path.display(), foreign::NOT_READ))
+}
+
+/// What its signals are called after.
+fn stem(path: &Path) -> String {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    name.split('.').next().unwrap_or("signal").to_string()
 }
 
 /// Channels of a NumPy array, samples x channels; an array with more columns than rows is channels x samples.

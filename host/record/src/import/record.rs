@@ -10,7 +10,7 @@ use crate::data_quality::{self, mesh, pulsed::Pulsed};
 use crate::machine::Machine;
 use crate::machine::bearing::Bearing;
 use crate::record::{
-    Acquisition, Beside, BesideDeclaration, FLOAT_BITS, Record, Run, RunDeclaration, Tach, suggested_full_scale,
+    Acquisition, Beside, BesideDeclaration, FLOAT_BITS, PART, Record, Run, RunDeclaration, Tach, suggested_full_scale,
 };
 use crate::train::Train;
 use crate::{Error, Result};
@@ -158,6 +158,7 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
         remarks.extend(source.remarks.iter().map(|remark| format!("{}: {remark}", short(file))));
     }
     let mut runs = grouped(files, sources, options.files_are_runs)?;
+    remarks.extend(runs.iter().filter_map(|run| Some(format!("{}: {}", run.label, run.cut?.described()))));
     // A table of the acquisition system has a row for the tachometer's channel, too.
     let of_every_column = options.source_full_scale.len() == runs[0].channels.len();
     if of_every_column {
@@ -300,7 +301,11 @@ fn read_all(files: &[PathBuf], reading: &Reading) -> Result<Vec<Columns>> {
         for (file, source) in some.iter().zip(read) {
             let source = source?;
             values += source.channels.iter().map(Vec::len).sum::<usize>();
-            VALUES.check(file.display(), values as f64, "import fewer files at once")?;
+            VALUES.check(
+                file.display(),
+                values as f64,
+                "take a part with --from and --to, or fewer channels with --columns",
+            )?;
             sources.push(source);
         }
     }
@@ -344,6 +349,9 @@ fn made(
         let mut declaration =
             RunDeclaration::numbered(i, options.tach != TachChoice::None, declared::torque(options, i, runs.len())?);
         declaration.other.insert("source".into(), run.label.clone().into());
+        if let Some(cut) = &run.cut {
+            declaration.other.insert(PART.into(), cut.described().into());
+        }
         if let Some(load) = declared::load(options, i, runs.len())? {
             declaration.other.insert(crate::record::LOAD.into(), load.into());
         }

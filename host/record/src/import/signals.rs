@@ -5,6 +5,7 @@
 //! never laid beside them. Where more than one such set could be the vibration, the file is refused with the figures.
 
 use super::{Columns, Reading, units};
+use crate::part::Cut;
 use crate::{Error, Result, text};
 use std::path::Path;
 
@@ -94,6 +95,8 @@ pub(super) struct Signals {
     pub rate_hz: Option<f64>,
     /// What the reader did that the user should know.
     pub remarks: Vec<String>,
+    /// Where they lie in the recording, where the reader took only a part.
+    pub cut: Option<Cut>,
 }
 
 impl Signals {
@@ -177,6 +180,7 @@ impl Signals {
             rate_hz,
             apart,
             remarks: self.remarks,
+            cut: self.cut,
         })
     }
 

@@ -76,6 +76,8 @@ pub struct Acquisition {
 const GEARS: &str = "gears";
 /// Key of `[[run]]`: load in any one unit of the record's runs.
 pub const LOAD: &str = "load";
+/// Key of a `[[run]]` that is part of a longer recording: which one, in words.
+pub const PART: &str = "part";
 
 /// Key of `[tach]`: its shaft in a train.
 const TRAIN_SHAFT: &str = "train_shaft";
@@ -160,6 +162,11 @@ pub struct RunDeclaration {
 }
 
 impl RunDeclaration {
+    /// Which part of a longer recording this is, in words; `None` for a whole one.
+    pub fn part(&self) -> Option<&str> {
+        self.other.get(PART)?.as_str()
+    }
+
     /// Load of the run, in whatever unit its record's runs share, where declared.
     pub fn load(&self) -> Option<f64> {
         let value = self.other.get(LOAD)?;

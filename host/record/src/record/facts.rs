@@ -54,6 +54,9 @@ pub fn facts(record: &Record) -> Facts {
     let runs = record.runs.len();
     let rate = declaration.acquisition.sample_rate_hz;
     add("sampling", format!("{rate} Hz, {runs} run{}, {seconds:.1} s in all", if runs == 1 { "" } else { "s" }));
+    if let Some(part) = declaration.runs.first().and_then(|run| run.part()) {
+        add("part of a longer recording", crate::text::name(part));
+    }
     let names = &declaration.acquisition.channels;
     let shown: Vec<String> = names.iter().take(NAMED).map(|name| crate::text::name(name)).collect();
     let rest = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };

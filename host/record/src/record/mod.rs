@@ -18,12 +18,13 @@ mod tach;
 
 pub use beside::{Beside, BesideDeclaration};
 pub use codes::{CODE_MAX, encode, suggested_full_scale};
-pub use declaration::{Acquisition, Declaration, FLOAT_BITS, LOAD, RunDeclaration, Tach};
+pub use declaration::{Acquisition, Declaration, FLOAT_BITS, LOAD, PART, RunDeclaration, Tach};
 pub use run::Run;
 pub use tach::{edges_text, read_edges};
 
 use crate::confined;
 use crate::output::{Content, OutputFolder, Outputs, is_left_over};
+use crate::part::Part;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -122,6 +123,19 @@ impl Record {
         }
         folder.write("record.toml", text)?;
         folder.commit()
+    }
+
+    /// The same part of every run, for a look at it: what was recorded beside the channels is left out. Turns count on
+    /// from the whole run's first, so that teeth keep their numbers.
+    ///
+    /// # Errors
+    /// A run that ends before the part begins.
+    pub fn part(mut self, part: Part) -> Result<Self> {
+        let folder = self.folder.clone();
+        let cut = |(i, run): (usize, Run)| run.part(&format!("{} run {i}", folder.display()), part);
+        self.runs = self.runs.into_iter().enumerate().map(cut).collect::<Result<_>>()?;
+        self.declaration.runs = self.runs.iter().map(|run| run.declaration.clone()).collect();
+        Ok(self)
     }
 
     /// Run `index`.

@@ -1,9 +1,10 @@
 //! One run: its samples, its tach edges and the declared conditions.
 
 use super::beside::{self, Beside};
-use super::{CODE_MAX, Declaration, FLOAT_BITS, RunDeclaration, encode, npy, read_edges};
+use super::{CODE_MAX, Declaration, FLOAT_BITS, PART, RunDeclaration, encode, npy, read_edges};
 use crate::budget::SHAFT;
 use crate::confined;
+use crate::part::Part;
 use crate::{Error, Result};
 use std::borrow::Cow;
 use std::path::Path;
@@ -136,6 +137,23 @@ impl Run {
             full_scale: acquisition.full_scale_m_s2,
             sample_rate_hz: acquisition.sample_rate_hz,
         })
+    }
+
+    /// A part of it; `place` names the run in errors.
+    pub(super) fn part(mut self, place: &str, part: Part) -> Result<Self> {
+        let (rows, cut) = part.of(place, self.samples(), self.sample_rate_hz)?;
+        let values = rows.start * self.channels..rows.end * self.channels;
+        self.samples = match self.samples {
+            Samples::Codes(codes) => Samples::Codes(codes[values].to_vec()),
+            Samples::Values(floats) => Samples::Values(floats[values].to_vec()),
+        };
+        let before = self.edges_s.partition_point(|edge| *edge < cut.from_s);
+        self.declaration.first_pulse_index += before as u32;
+        self.edges_s = cut.moved(self.edges_s);
+        (self.beside, self.declaration.beside) = (Vec::new(), Vec::new());
+        let whole = self.declaration.part().map_or(String::new(), |whole| format!(" ({whole})"));
+        self.declaration.other.insert(PART.into(), (cut.described() + &whole).into());
+        Ok(self)
     }
 
     /// Interleaved codes, samples x channels; of float samples those that they would have at the declared full scale.

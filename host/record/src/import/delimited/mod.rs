@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path, content: &str, stem: &str, reading: &Reading) ->
         };
     }
     let (head, rows) = rows(path, content, separator, joined)?;
-    let mut found = Signals { signals: Vec::new(), rate_hz: head.rate_hz, remarks: head.remarks };
+    let mut found = Signals { rate_hz: head.rate_hz, remarks: head.remarks, ..Signals::default() };
     found.remarks.extend(rows.remarks);
     if renamed.is_some() {
         found.remarks.push("the first line counts the columns from 0 and is taken for their names, column 0 on".into());

@@ -37,6 +37,11 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// What of a whole recording belongs to the part of it that `run` is.
+    fn of_part(self, run: &Group) -> Self {
+        Self { edges_s: run.moved(self.edges_s), ..self }
+    }
+
     /// Pulses made from a speed over time.
     fn of_speed(source: &str, edges_s: Vec<f64>) -> Self {
         let source = format!("{source}, a speed whose integral is the angle");
@@ -145,7 +150,7 @@ fn of_channel(options: &TachOptions, run: &mut Group, index: usize, rate_hz: f64
 fn of_apart(options: &TachOptions, run: &Group, signal: &Signal, rate_hz: f64) -> Result<Found> {
     let source = format!("signal {}", text::quoted(&signal.name));
     let values = &signal.values;
-    let length_s = run.channels[0].len() as f64 / rate_hz;
+    let length_s = run.whole_s(rate_hz);
     let offset = signal.start_s.unwrap_or(0.0) - run.start_s.unwrap_or(0.0);
     let times = Column { name: signal.name.clone(), values: values.clone() };
     let lasts = Lasts { length_s, start_s: run.start_s };
@@ -155,7 +160,7 @@ fn of_apart(options: &TachOptions, run: &Group, signal: &Signal, rate_hz: f64) -
         return Ok(Found::of_speed(&source, edges_s.iter().map(|edge| edge + offset).collect()));
     }
     if times.ascends() {
-        return of_times(options, &times, &run.label, &source, &lasts, rate_hz);
+        return Ok(of_times(options, &times, &run.label, &source, &lasts, rate_hz)?.of_part(run));
     }
     let Some(own_rate_hz) = signal.rate_hz else {
         let what = format!(
@@ -179,7 +184,7 @@ fn of_apart(options: &TachOptions, run: &Group, signal: &Signal, rate_hz: f64) -
 
 fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, reading: &Reading) -> Result<Found> {
     let source = short(path);
-    let length_s = run.channels[0].len() as f64 / rate_hz;
+    let length_s = run.whole_s(rate_hz);
     let lasts = Lasts { length_s, start_s: run.start_s };
     if crate::budget::read(path)?.starts_with(HEADER) {
         if options.falling.is_some() || options.threshold.is_some() {
@@ -188,11 +193,13 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
         }
         let edges_s = lasts.placed(&path.display().to_string(), read_edges(path)?)?;
         let resolution_s = Column { name: String::new(), values: edges_s.clone() }.rounding();
-        return Ok(Found { source, levels: None, edges_s, sampled_at_hz: None, resolution_s });
+        return Ok(Found { source, levels: None, edges_s, sampled_at_hz: None, resolution_s }.of_part(run));
     }
     if let Some(column) = edge_times::of_text(path)?.filter(Column::ascends) {
-        return of_times(options, &column, &path.display().to_string(), &source, &lasts, rate_hz);
+        return Ok(of_times(options, &column, &path.display().to_string(), &source, &lasts, rate_hz)?.of_part(run));
     }
+    // Whole: edge times are only known by how they fill the recording.
+    let reading = &Reading { part: None, ..reading.clone() };
     let columns = read_as(path, reading).or_else(|_| read_as(path, &Reading { no_time: true, ..reading.clone() }))?;
     let [signal] = columns.channels.as_slice() else {
         let what = format!("holds {} channels; a file for --tach holds the tach alone", columns.channels.len());
@@ -200,7 +207,7 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
     };
     let times = Column { name: columns.names[0].clone(), values: signal.clone() };
     if times.ascends() {
-        return of_times(options, &times, &path.display().to_string(), &source, &lasts, rate_hz);
+        return Ok(of_times(options, &times, &path.display().to_string(), &source, &lasts, rate_hz)?.of_part(run));
     }
     let own_rate_hz = columns.rate_hz.unwrap_or(rate_hz);
     let own_length_s = signal.len() as f64 / own_rate_hz;
@@ -221,7 +228,8 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
         edges_s: found.times_s,
         sampled_at_hz: Some(own_rate_hz),
         resolution_s: found.sampling_s,
-    })
+    }
+    .of_part(run))
 }
 
 /// Edges of a column of times.
