@@ -26,6 +26,8 @@ const KERNEL_REACH: f64 = 32.0;
 const DENSITY: f64 = 1.25;
 /// Share of the sampling rate up to which orders are looked at.
 const PASS_SHARE: f64 = 0.4;
+/// Share of the turns that may be left out for the sake of cheap transforms.
+const SPARED: f64 = 0.015;
 /// Marks per turn from which a spline through them follows any wander.
 const FINE: u32 = 8;
 /// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
@@ -151,6 +153,17 @@ impl Angle {
             highest_order: PASS_SHARE * run.sample_rate_hz() / speed.fastest_hz,
             repaired: if repair.changes() > 0 { repair.words() } else { String::new() },
         })
+    }
+
+    /// The same with at most [`SPARED`] of its turns fewer, the last ones, so that transforms of all its points are
+    /// cheap: whole `hunting` periods, in turns, where that suffices (lines of both shafts then stand on bins), else a
+    /// number without large prime factors.
+    pub fn with_cheap_turns(mut self, hunting: Option<usize>) -> Self {
+        let least = self.turns - (SPARED * self.turns as f64) as usize;
+        let whole = hunting.map(|period| self.turns / period * period).filter(|turns| *turns >= least);
+        let cheap = || (least..=self.turns).rev().find(|turns| has_small_factors(*turns));
+        self.turns = whole.or_else(cheap).unwrap_or(self.turns);
+        self
     }
 
     /// The signal on the grid: `turns x per_turn` samples.

@@ -75,9 +75,12 @@ pub struct Indicators {
 fn mean_turn(samples: &[f64], per_turn: usize, offset: usize) -> (Vec<f64>, usize) {
     let turns = samples.len() / per_turn;
     let mut mean = vec![0.0; per_turn];
-    for (i, x) in samples[..turns * per_turn].iter().enumerate() {
-        mean[(i + offset) % per_turn] += x / turns as f64;
+    // Summed from the first sample on, turned to angle 0 at the end.
+    for turn in samples.chunks_exact(per_turn) {
+        mean.iter_mut().zip(turn).for_each(|(mean, x)| *mean += x);
     }
+    mean.iter_mut().for_each(|mean| *mean /= turns.max(1) as f64);
+    mean.rotate_right(offset);
     (mean, turns)
 }
 
@@ -89,19 +92,23 @@ fn gear_offset(angle: &Angle) -> usize {
 
 /// What repeats with a turn of either shaft, over all of `samples`.
 pub fn locked_part(samples: &[f64], angle: &Angle) -> Vec<f64> {
-    let mut locked = vec![0.0; samples.len()];
+    let mut locked = not_locked_part(samples, angle);
+    locked.iter_mut().zip(samples).for_each(|(rest, x)| *rest = x - *rest);
+    locked
+}
+
+/// The samples without what repeats with a turn of either shaft.
+pub fn not_locked_part(samples: &[f64], angle: &Angle) -> Vec<f64> {
     let mut rest = samples.to_vec();
     for _ in 0..ROUNDS {
-        for (&per_turn, offset) in angle.per_turn.iter().zip([0, gear_offset(angle)]) {
-            let (mean, _) = mean_turn(&rest, per_turn, offset);
-            for (i, (rest, locked)) in rest.iter_mut().zip(&mut locked).enumerate() {
-                let value = mean[(i + offset) % per_turn];
-                *rest -= value;
-                *locked += value;
+        for per_turn in angle.per_turn {
+            let (mean, _) = mean_turn(&rest, per_turn, 0);
+            for turn in rest.chunks_mut(per_turn) {
+                turn.iter_mut().zip(&mean).for_each(|(rest, value)| *rest -= value);
             }
         }
     }
-    locked
+    rest
 }
 
 /// The averages of pinion and gear; `ensembles` of earlier runs take this one in.

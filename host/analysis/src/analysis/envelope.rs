@@ -15,10 +15,8 @@
 
 use super::angle::Angle;
 use super::search::{self, Level, Line};
-use crate::spectral::{Kaiser, resample_by_angle};
+use crate::spectral::{self, Kaiser, resample_by_angle, smooth_length};
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
-use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use serde::Serialize;
 
@@ -28,6 +26,8 @@ const LEAST_WIDTH: f64 = 20.0;
 const STRETCHES: usize = 8;
 /// Highest order of the envelope.
 const HIGHEST_ORDER: f64 = 50.0;
+/// Samples that one thread takes at a time.
+const BLOCK: usize = 1 << 15;
 /// Share of the sampling rate that bands keep below.
 const PASS_SHARE: f64 = 0.45;
 
@@ -67,17 +67,17 @@ pub fn not_locked(signal: &[f64], rate_hz: f64, locked: &[f64], angle: &Angle) -
     let kernel = Kaiser::tabulated();
     let (from, to) = angle.time_range();
     let per_turn = angle.per_turn[0] as f64;
-    (0..signal.len())
-        .into_par_iter()
-        .map(|i| {
-            let time = i as f64 / rate_hz;
-            if time < from || time > to {
-                return 0.0;
-            }
-            let place = (angle.map.turns_at(time) - angle.from_turn) * per_turn;
-            signal[i] - kernel.interpolate(locked, place)
-        })
-        .collect()
+    let mut rest = signal.to_vec();
+    rest.par_chunks_mut(BLOCK).enumerate().for_each(|(block, rest)| {
+        let first_s = (block * BLOCK) as f64 / rate_hz;
+        let turns = angle.map.turns_along(first_s, 1.0 / rate_hz);
+        for ((i, x), turns) in rest.iter_mut().enumerate().zip(turns) {
+            let time = first_s + i as f64 / rate_hz;
+            let inside = (from..=to).contains(&time);
+            *x = if inside { *x - kernel.interpolate(locked, (turns - angle.from_turn) * per_turn) } else { 0.0 };
+        }
+    });
+    rest
 }
 
 /// Fourier transform of a signal, to cut bands from.
@@ -92,8 +92,11 @@ struct Bands {
 
 impl Bands {
     fn new(signal: &[f64], rate_hz: f64, angle: &Angle) -> Self {
-        let (samples, mut input) = (signal.len(), signal.to_vec());
-        let forward = RealFftPlanner::new().plan_fft_forward(samples);
+        // Longer by zeros, for a length whose transform is cheap: finer bins of the same signal.
+        let samples = smooth_length(signal.len());
+        let mut input = signal.to_vec();
+        input.resize(samples, 0.0);
+        let forward = spectral::forward(samples);
         let mut bins = forward.make_output_vec();
         forward.process(&mut input, &mut bins).expect("buffers have the planned lengths");
         let duration = samples as f64 / rate_hz;
@@ -106,13 +109,13 @@ impl Bands {
         let first = (low_hz / self.bin_hz) as usize;
         let last = ((high_hz / self.bin_hz) as usize).min(self.bins.len() - 1);
         let count = last - first + 1;
-        let length = 2 * count;
+        let length = smooth_length(2 * count);
         let mut work = vec![Complex64::default(); length];
         // Shifted so that the band's middle stands at zero.
         for (i, bin) in self.bins[first..=last].iter().enumerate() {
             work[(i + length - count / 2) % length] = *bin * (2.0 / self.samples as f64);
         }
-        FftPlanner::new().plan_fft_inverse(length).process(&mut work);
+        spectral::inverse(length).process(&mut work);
         let rate = self.rate_hz * length as f64 / self.samples as f64;
         (work.iter().map(Complex64::norm_sqr).collect(), rate)
     }

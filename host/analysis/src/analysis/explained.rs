@@ -7,8 +7,8 @@
 
 use super::angle::Angle;
 use super::skirts::Skirts;
+use crate::spectral;
 use crate::train::{Gear, Train, families, lines};
-use realfft::RealFftPlanner;
 use std::sync::Arc;
 
 /// Highest order of each shaft in sidebands of both at once.
@@ -52,8 +52,7 @@ impl Owned {
     /// What is locked to any part of the train in samples of `turns` whole turns of its input: the bins about all
     /// owned orders.
     pub fn locked_part(&self, samples: &[f64], turns: usize) -> Vec<f64> {
-        let mut planner = RealFftPlanner::new();
-        let forward = planner.plan_fft_forward(samples.len());
+        let forward = spectral::forward(samples.len());
         let (mut input, mut bins) = (samples.to_vec(), forward.make_output_vec());
         forward.process(&mut input, &mut bins).expect("buffers have the planned lengths");
         let half = LOCKED_BINS / turns as f64;
@@ -63,7 +62,7 @@ impl Owned {
             }
         }
         let mut locked = vec![0.0; samples.len()];
-        let inverse = planner.plan_fft_inverse(samples.len());
+        let inverse = spectral::backward(samples.len());
         inverse.process(&mut bins, &mut locked).expect("buffers have the planned lengths");
         locked.iter_mut().for_each(|x| *x /= samples.len() as f64);
         locked

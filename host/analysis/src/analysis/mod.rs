@@ -190,7 +190,7 @@ fn run_outcomes(
         let run = &record.runs[index];
         let place = format!("{} run {index}", record.folder.display());
         let angle = match Angle::of(run, tach, teeth, &place) {
-            Ok(angle) => angle,
+            Ok(angle) => angle.with_cheap_turns(Some(Hunting::of(teeth).turns as usize)),
             Err(error) => {
                 notes.push(format!("left out: {error}"));
                 refused.get_or_insert(error);
@@ -341,15 +341,16 @@ fn channel(
 ) -> ChannelOutcome {
     let (signal, rate_hz) = (run.signal_m_s2(index), run.sample_rate_hz());
     let samples = angle.resampled(&signal, rate_hz);
-    let order_spectrum = order_spectrum::order_spectrum(&samples, angle);
-    let locked = average::locked_part(&samples, angle);
-    let residual: Vec<f64> = samples.iter().zip(&locked).map(|(x, l)| x - l).collect();
+    let order_lines = OrderLines::new(&samples, angle.per_turn[0]);
+    let order_spectrum = order_spectrum::order_spectrum(&order_lines, angle);
+    let residual = average::not_locked_part(&samples, angle);
     let mut explained = Explained::new(teeth[0], angle, angle.highest_order);
     let (levels, lines) = unexplained::lines(&residual, angle, &mut explained, teeth[0]);
-    let order_lines = OrderLines::new(&samples, angle.per_turn[0]);
-    let free = explained.skirts.removed(&residual, angle.per_turn[0]);
-    let known: Vec<f64> = samples.iter().zip(&free).map(|(x, f)| x - f).collect();
+    let locked_share = 1.0 - variance(&residual) / variance(&samples).max(f64::MIN_POSITIVE);
+    let mut known = explained.skirts.removed(residual, angle.per_turn[0]);
+    known.iter_mut().zip(&samples).for_each(|(free, x)| *free = x - *free);
     let rest = envelope::not_locked(&signal, rate_hz, &known, angle);
+    drop(known);
     let envelope = envelope::envelope(&rest, rate_hz, angle);
     let seen = unexplained::Channel {
         rest: &rest,
@@ -365,7 +366,7 @@ fn channel(
         channel: index,
         name: crate::text::name(name),
         rms: variance(&samples).sqrt(),
-        locked_share: 1.0 - variance(&residual) / variance(&samples).max(f64::MIN_POSITIVE),
+        locked_share,
         mesh: sidebands::harmonics(&order_lines, &levels[0], angle, teeth[0]),
         averages: average::averages(&samples, angle, teeth, ensembles),
         map: order_map::order_map(&samples, angle, top),

@@ -5,7 +5,7 @@
 
 use super::angle::Angle;
 use super::lines::WINDOW;
-use crate::spectral::amplitude_spectrum;
+use crate::spectral::Windowed;
 
 /// Turns of the slower shaft per stretch, and the least.
 const TURNS: f64 = 16.0;
@@ -35,10 +35,11 @@ pub fn order_map(samples: &[f64], angle: &Angle, highest_order: f64) -> OrderMap
     let length = turns * angle.per_turn[0];
     let hop = (length / 2).max((samples.len() - length) / COLUMNS).max(1);
     let starts: Vec<usize> = (0..=(samples.len() - length) / hop).map(|i| i * hop).collect();
+    let mut windowed = Windowed::new(length, WINDOW);
     let columns: Vec<Vec<f64>> = starts
         .iter()
         .map(|&start| {
-            let spectrum = amplitude_spectrum(&samples[start..start + length], angle.per_turn[0] as f64, WINDOW);
+            let spectrum = windowed.amplitudes(&samples[start..start + length], angle.per_turn[0] as f64);
             cells(&spectrum.values, highest_order / spectrum.bin)
         })
         .collect();

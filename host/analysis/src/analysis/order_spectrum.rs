@@ -1,8 +1,8 @@
 //! The order spectrum of a channel: peak amplitudes over all whole turns, in the record's unit.
 
 use super::angle::Angle;
-use super::lines::WINDOW;
-use crate::spectral::{Spectrum, amplitude_spectrum};
+use super::lines::OrderLines;
+use crate::spectral::Spectrum;
 use serde::Serialize;
 
 /// Width of the window's main lobe at half amplitude, bins.
@@ -30,9 +30,9 @@ pub struct OrderSpectrum {
     pub spectrum: Spectrum,
 }
 
-/// Of the samples on the grid of `angle`.
-pub fn order_spectrum(samples: &[f64], angle: &Angle) -> OrderSpectrum {
-    let mut spectrum = amplitude_spectrum(samples, angle.per_turn[0] as f64, WINDOW);
+/// Of the `lines` of samples on the grid of `angle`.
+pub fn order_spectrum(lines: &OrderLines, angle: &Angle) -> OrderSpectrum {
+    let mut spectrum = lines.spectrum().clone();
     spectrum.values.truncate((angle.highest_order / spectrum.bin) as usize + 1);
     OrderSpectrum {
         window: "Blackman-Harris, 4 terms (equivalent noise bandwidth 2.0 bins)",

@@ -76,16 +76,35 @@ pub struct Range<'a> {
 
 /// Spectra of the samples, finest first. `slower_order` is that of the slower shaft.
 pub fn levels(samples: &[f64], per_turn: usize, slower_order: f64, range: &Range) -> Vec<Level> {
+    let densities = densities(samples, per_turn, slower_order);
+    densities.into_iter().map(|density| density.with_floor(range)).collect()
+}
+
+/// A spectrum of one resolution without its floor, which depends on what is known.
+#[derive(Debug, Clone)]
+pub struct Density {
+    density: Spectrum,
+    averages: usize,
+}
+
+/// Densities of the samples, finest first: what [`levels`] puts floors under.
+pub fn densities(samples: &[f64], per_turn: usize, slower_order: f64) -> Vec<Density> {
     let turns = samples.len() / per_turn;
     let enough = |part: &usize| *part == 1 || (turns / part) as f64 * slower_order >= FEWEST_TURNS;
-    let level = |part: usize| {
+    let density = |part: usize| {
         let segment = turns / part * per_turn;
         let density = power_density(samples, per_turn as f64, segment, WINDOW);
-        let averages = 1 + (samples.len() - segment) / (segment / 2).max(1);
-        let (floor, floor_error) = floor(&density, averages, range);
-        Level { density, averages, floor, floor_error }
+        Density { density, averages: 1 + (samples.len() - segment) / (segment / 2).max(1) }
     };
-    PARTS.into_iter().filter(enough).map(level).collect()
+    PARTS.into_iter().filter(enough).map(density).collect()
+}
+
+impl Density {
+    /// With the floor between what is known.
+    pub fn with_floor(self, range: &Range) -> Level {
+        let (floor, floor_error) = floor(&self.density, self.averages, range);
+        Level { density: self.density, averages: self.averages, floor, floor_error }
+    }
 }
 
 impl Level {
@@ -158,8 +177,9 @@ fn floor(density: &Spectrum, averages: usize, range: &Range) -> (Vec<f64>, f64) 
         .collect();
     let mean_over_median = averages as f64 / gamma(averages).inverse_cdf(0.5);
     let hop = (half / 8).max(1);
+    let mut sides = Sides::default();
     let knots: Vec<f64> = (0..values.len().div_ceil(hop) + 1)
-        .map(|k| mean_over_median * highest_median(values, &free, (k * hop) as f64, 2 * half))
+        .map(|k| mean_over_median * sides.highest_median(values, &free, (k * hop) as f64, 2 * half))
         .collect();
     let between = |i: usize| {
         let (k, u) = (i / hop, (i % hop) as f64 / hop as f64);
@@ -170,21 +190,36 @@ fn floor(density: &Spectrum, averages: usize, range: &Range) -> (Vec<f64>, f64) 
     ((0..values.len()).map(between).collect(), error)
 }
 
-/// Highest of the medians of `reach` free bins to the left, to the right and on both sides of `centre`.
-fn highest_median(values: &[f64], free: &[usize], centre: f64, reach: usize) -> f64 {
-    let middle = free.partition_point(|&i| (i as f64) < centre);
-    let within = |i: &&usize| (**i as f64 - centre).abs() <= reach as f64;
-    // So near to zero that too few lie to the left: the first ones, which a hump there fills.
-    let before = middle.max(FEWEST_BINS.min(free.len()));
-    let left: Vec<f64> = free[..before].iter().rev().take_while(within).map(|&i| values[i]).collect();
-    let right: Vec<f64> = free[middle..].iter().take_while(within).map(|&i| values[i]).collect();
-    let near = reach / 2;
-    let both: Vec<f64> = left.iter().take(near).chain(right.iter().take(near)).copied().collect();
-    let median = |mut part: Vec<f64>| {
-        let middle = part.len() / 2;
-        if part.len() < FEWEST_BINS { 0.0 } else { *part.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    };
-    median(left).max(median(right)).max(median(both))
+/// Buffers of the values on both sides of a bin.
+#[derive(Default)]
+struct Sides {
+    left: Vec<f64>,
+    right: Vec<f64>,
+    both: Vec<f64>,
+}
+
+impl Sides {
+    /// Highest of the medians of `reach` free bins to the left, to the right and on both sides of `centre`.
+    fn highest_median(&mut self, values: &[f64], free: &[usize], centre: f64, reach: usize) -> f64 {
+        let middle = free.partition_point(|&i| (i as f64) < centre);
+        let within = |i: &&usize| (**i as f64 - centre).abs() <= reach as f64;
+        // So near to zero that too few lie to the left: the first ones, which a hump there fills.
+        let before = middle.max(FEWEST_BINS.min(free.len()));
+        let near = reach / 2;
+        self.left.clear();
+        self.left.extend(free[..before].iter().rev().take_while(within).map(|&i| values[i]));
+        self.right.clear();
+        self.right.extend(free[middle..].iter().take_while(within).map(|&i| values[i]));
+        self.both.clear();
+        self.both.extend(self.left.iter().take(near).chain(self.right.iter().take(near)));
+        median(&mut self.left).max(median(&mut self.right)).max(median(&mut self.both))
+    }
+}
+
+/// Median, which puts the values into another order; 0 of too few.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if values.len() < FEWEST_BINS { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 fn gamma(averages: usize) -> Gamma {

@@ -9,7 +9,7 @@
 
 use super::angle::Angle;
 use super::search::Level;
-use realfft::RealFftPlanner;
+use crate::spectral;
 
 /// Sidebands about the mesh that have feet.
 const SIDEBANDS: i32 = 2;
@@ -74,23 +74,22 @@ impl Skirts {
     }
 
     /// The samples without what lies in the feet.
-    pub fn removed(&self, samples: &[f64], per_turn: usize) -> Vec<f64> {
+    pub fn removed(&self, mut samples: Vec<f64>, per_turn: usize) -> Vec<f64> {
         if self.0.is_empty() {
-            return samples.to_vec();
+            return samples;
         }
-        let mut planner = RealFftPlanner::new();
-        let forward = planner.plan_fft_forward(samples.len());
-        let (mut input, mut bins) = (samples.to_vec(), forward.make_output_vec());
-        forward.process(&mut input, &mut bins).expect("buffers have the planned lengths");
+        let forward = spectral::forward(samples.len());
+        let mut bins = forward.make_output_vec();
+        forward.process(&mut samples, &mut bins).expect("buffers have the planned lengths");
         let turns = samples.len() as f64 / per_turn as f64;
         let last = bins.len() - 1;
         for (from, to) in &self.0 {
             let range = ((from.max(0.0) * turns).floor() as usize).min(last)..=((to * turns).ceil() as usize).min(last);
             bins[range].fill(Default::default());
         }
-        let mut out = vec![0.0; samples.len()];
-        planner.plan_fft_inverse(samples.len()).process(&mut bins, &mut out).expect("buffers have the planned lengths");
-        out.iter_mut().for_each(|x| *x /= samples.len() as f64);
-        out
+        spectral::backward(samples.len()).process(&mut bins, &mut samples).expect("buffers have the planned lengths");
+        let scale = 1.0 / samples.len() as f64;
+        samples.iter_mut().for_each(|x| *x *= scale);
+        samples
     }
 }

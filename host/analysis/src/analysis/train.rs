@@ -162,7 +162,10 @@ pub fn record(record: &Record, train: &Train, choice: Choice) -> Result<TrainOut
     for index in chosen(choice.run, record.runs.len(), "run", record)? {
         let run = &record.runs[index];
         match Angle::of_train(run, &tach, train, &format!("{} run {index}", record.folder.display())) {
-            Ok(angle) => runs.push(of_run(run, index, &angle, train, &channels, &acquisition.channels)),
+            Ok(angle) => {
+                let angle = angle.with_cheap_turns(None);
+                runs.push(of_run(run, index, &angle, train, &channels, &acquisition.channels));
+            }
             Err(error) => {
                 notes.push(format!("left out: {error}"));
                 refused.get_or_insert(error);
@@ -208,13 +211,13 @@ fn of_run(run: &Run, index: usize, angle: &Angle, train: &Train, channels: &[usi
 fn of_channel(run: &Run, index: usize, name: &str, angle: &Angle, train: &Train, owned: &Arc<Owned>) -> TrainChannel {
     let (signal, rate_hz) = (run.signal_m_s2(index), run.sample_rate_hz());
     let samples = angle.resampled(&signal, rate_hz);
-    let order_spectrum = order_spectrum::order_spectrum(&samples, angle);
+    let lines = OrderLines::new(&samples, angle.per_turn[0]);
+    let order_spectrum = order_spectrum::order_spectrum(&lines, angle);
     let locked = owned.locked_part(&samples, angle.turns);
     let rest: Vec<f64> = samples.iter().zip(&locked).map(|(x, l)| x - l).collect();
     let leading = train.gears.first().map_or(2, |gear| gear.teeth);
     let mut explained = Explained::of_train(owned, leading, angle, angle.highest_order);
     let (levels, found) = unexplained::lines(&rest, angle, &mut explained, leading);
-    let lines = OrderLines::new(&samples, angle.per_turn[0]);
     let orders = Orders {
         teeth: train.meshes.first().map_or(1.0, |mesh| mesh.order.value()),
         gear_order: angle.gear_order,

@@ -140,15 +140,18 @@ fn power_near(spectrum: &OrderSpectrum, order: f64) -> f64 {
 pub fn lines(residual: &[f64], angle: &Angle, explained: &mut Explained, pinion_teeth: u32) -> (Vec<Level>, Vec<Line>) {
     let highest = angle.highest_order;
     let lowest = lowest_order(angle);
-    let spectra = |explained: &Explained| {
-        let known = |order: f64, half: f64| explained.at(order, half);
-        let range = search::Range { lowest, highest, known: &known };
-        let levels = search::levels(residual, angle.per_turn[0], angle.slower_order(), &range);
-        let lines = search::lines(&levels, &range);
-        (levels, lines)
-    };
-    explained.skirts = Skirts::of(&spectra(explained).0[0], angle, pinion_teeth, highest);
-    spectra(explained)
+    let densities = search::densities(residual, angle.per_turn[0], angle.slower_order());
+    let finest = densities[0].clone().with_floor(&search::Range {
+        lowest,
+        highest,
+        known: &|order, half| explained.at(order, half),
+    });
+    explained.skirts = Skirts::of(&finest, angle, pinion_teeth, highest);
+    let known = |order: f64, half: f64| explained.at(order, half);
+    let range = search::Range { lowest, highest, known: &known };
+    let levels: Vec<Level> = densities.into_iter().map(|density| density.with_floor(&range)).collect();
+    let lines = search::lines(&levels, &range);
+    (levels, lines)
 }
 
 /// The spectrum over frequency, against which lines over orders are held.

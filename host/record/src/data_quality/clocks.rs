@@ -9,9 +9,8 @@ use super::thresholds::{
     CLOCK_BETTER, CLOCK_COHERENCE, COMPARED_LINES, FARTHEST_CLOCK, FRAME_S, LEAST_DRIFT, LEAST_FRAMES,
 };
 use super::{Kind, Remark};
-use crate::spectral::Window;
+use crate::spectral::{self, Window};
 use crate::text;
-use realfft::RealFftPlanner;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
 
@@ -58,7 +57,7 @@ impl Frames {
             return None;
         }
         let weights = Window::Hann.weights(length);
-        let fft = RealFftPlanner::new().plan_fft_forward(length);
+        let fft = spectral::forward(length);
         let mean = signal.iter().sum::<f64>() / signal.len() as f64;
         let spectrum = |m: usize| {
             let frame = &signal[m * hop..m * hop + length];

@@ -13,6 +13,8 @@ use std::f64::consts::TAU;
 
 /// Samples between which the angle is straight.
 const BLOCK: usize = 16;
+/// Blocks after which a phase is computed anew.
+const AFRESH: usize = 64;
 /// Turns of the slower shaft in a frame, shortest frame, s, and fewest frames that say anything.
 const FRAME_TURNS: f64 = 12.0;
 const LEAST_FRAME_S: f64 = 0.2;
@@ -140,16 +142,16 @@ impl Grid {
     /// The channel mixed down at an order of the pinion: Hann-weighted sums, frames half over each other.
     fn mixed(&self, channel: &[f64], order: f64) -> Vec<C> {
         let blocks = self.turns.len() - 1;
+        let mut phasor = C::ONE;
         let sums: Vec<C> = (0..blocks)
             .map(|b| {
                 let samples = &channel[self.from + b * BLOCK..self.from + (b + 1) * BLOCK];
                 let turn = C::cis(-TAU * order * (self.turns[b + 1] - self.turns[b]) / BLOCK as f64);
-                let (mut phasor, mut sum) = (C::cis(-TAU * (order * self.turns[b]).fract()), C::ZERO);
-                for x in samples {
-                    sum += *x * phasor;
-                    phasor *= turn;
+                // The phase goes on from block to block, but for rounding.
+                if b.is_multiple_of(AFRESH) {
+                    phasor = C::cis(-TAU * (order * self.turns[b]).fract());
                 }
-                sum
+                rotated(samples, &mut phasor, turn)
             })
             .collect();
         let weights = Window::Hann.weights(2 * self.half);
@@ -159,6 +161,25 @@ impl Grid {
         };
         (0..self.frames).map(frame).collect()
     }
+}
+
+/// Sum of samples times phasors that turn from one to the next, in lanes that need not wait for each other.
+fn rotated(samples: &[f64], phasor: &mut C, turn: C) -> C {
+    const LANES: usize = 4;
+    let mut phasors = [*phasor; LANES];
+    for lane in 1..LANES {
+        phasors[lane] = phasors[lane - 1] * turn;
+    }
+    let turn = (turn * turn) * (turn * turn);
+    let mut sums = [C::ZERO; LANES];
+    for samples in samples.chunks_exact(LANES) {
+        for lane in 0..LANES {
+            sums[lane] += phasors[lane] * samples[lane];
+            phasors[lane] *= turn;
+        }
+    }
+    *phasor = phasors[0];
+    sums.iter().sum()
 }
 
 /// Mean place of the lines over the implied one, and its error, from the turn of the phase between frames.

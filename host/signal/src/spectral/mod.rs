@@ -6,22 +6,31 @@
 //! (2002), for windows, ENBW and scaling; Welch (1967) for averaging.
 
 mod bessel;
+mod dot;
 mod interpolated;
+mod kaiser;
 mod line;
 mod noise;
 mod order;
+mod plans;
 mod shape;
+mod windowed;
 
 pub use bessel::bessel_i0;
+pub use dot::dot;
 pub use interpolated::{interpolated, through};
+pub use kaiser::Kaiser;
 pub use line::{Line, line_near};
 pub use noise::{noise_power, running_median};
-pub use order::{AngleMap, order_spectrum, resample_by_angle, synchronous_average};
-pub use order::{Kaiser, natural_spline};
+pub use order::{AngleMap, natural_spline, order_spectrum, resample_by_angle, synchronous_average};
+pub use plans::{backward, forward, inverse, smooth_length};
 pub use shape::shaped;
+pub use windowed::Windowed;
 
-use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
+
+/// Weights of a block that are made from one another.
+const WEIGHTS: usize = 256;
 
 /// Cosine-sum windows, periodic form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,9 +64,28 @@ impl Window {
         self.coefficients().iter().enumerate().map(term).sum()
     }
 
-    /// The `n` weights of a block.
+    /// The `n` weights of a block: [`Window::weight`] to a few units in the last place, by sums of angles.
     pub fn weights(self, n: usize) -> Vec<f64> {
-        (0..n).map(|i| self.weight(i as f64 / n as f64)).collect()
+        let angle = |i: usize| TAU * i as f64 / n as f64;
+        let steps: Vec<(f64, f64)> = (0..n.min(WEIGHTS)).map(|i| angle(i).sin_cos()).collect();
+        let mut weights = Vec::with_capacity(n);
+        for first in (0..n).step_by(WEIGHTS) {
+            let (sine, cosine) = angle(first).sin_cos();
+            let count = WEIGHTS.min(n - first);
+            weights.extend(steps[..count].iter().map(|(s, c)| self.weight_of(cosine * c - sine * s)));
+        }
+        weights
+    }
+
+    /// Weight where the cosine of the position's angle is `x`: a sum of Chebyshev polynomials (Clenshaw 1955).
+    fn weight_of(self, x: f64) -> f64 {
+        let c = self.coefficients();
+        let (mut next, mut after) = (0.0, 0.0);
+        for (k, coefficient) in c.iter().enumerate().skip(1).rev() {
+            let signed = if k % 2 == 0 { *coefficient } else { -*coefficient };
+            (next, after) = (signed + 2.0 * x * next - after, next);
+        }
+        c[0] + x * next - after
     }
 
     /// Equivalent noise bandwidth, bins.
@@ -103,19 +131,10 @@ impl Spectrum {
 ///
 /// The mean is removed first, so bin 0 is zero. Cost n log n; an empty signal gives an empty spectrum.
 pub fn amplitude_spectrum(signal: &[f64], rate: f64, window: Window) -> Spectrum {
-    let n = signal.len();
-    if n == 0 {
+    if signal.is_empty() {
         return Spectrum { bin: rate, values: Vec::new() };
     }
-    let weights = window.weights(n);
-    let gain: f64 = weights.iter().sum();
-    let magnitudes = magnitudes(signal, &weights, &mut RealFftPlanner::new());
-    let last = magnitudes.len() - 1;
-    let scale = |(i, m): (usize, f64)| {
-        let alone = i == 0 || (n.is_multiple_of(2) && i == last);
-        m * if alone { 1.0 } else { 2.0 } / gain
-    };
-    Spectrum { bin: rate / n as f64, values: magnitudes.into_iter().enumerate().map(scale).collect() }
+    Windowed::new(signal.len(), window).amplitudes(signal, rate)
 }
 
 /// Welch's power spectral density with half-overlapping segments, unit^2/Hz.
@@ -123,32 +142,48 @@ pub fn amplitude_spectrum(signal: &[f64], rate: f64, window: Window) -> Spectrum
 /// `segment` samples per segment, clamped to the signal; each segment's mean is removed.
 pub fn power_density(signal: &[f64], rate: f64, segment: usize, window: Window) -> Spectrum {
     let n = segment.clamp(1, signal.len().max(1));
-    let weights = window.weights(n);
-    let power: f64 = weights.iter().map(|w| w * w).sum();
-    let mut planner = RealFftPlanner::new();
+    let mut windowed = Windowed::new(n, window);
     let mut sum = vec![0.0; n / 2 + 1];
     let mut count = 0;
     let mut start = 0;
     while start + n <= signal.len() {
-        for (s, m) in sum.iter_mut().zip(magnitudes(&signal[start..start + n], &weights, &mut planner)) {
-            *s += m * m;
+        for (s, bin) in sum.iter_mut().zip(windowed.bins(&signal[start..start + n])) {
+            *s += bin.norm_sqr();
         }
         count += 1;
         start += (n / 2).max(1);
     }
-    let last = sum.len() - 1;
+    let scale = 1.0 / (rate * windowed.power() * f64::from(count.max(1)));
     for (i, s) in sum.iter_mut().enumerate() {
-        let alone = i == 0 || (n.is_multiple_of(2) && i == last);
-        *s *= if alone { 1.0 } else { 2.0 } / (rate * power * f64::from(count.max(1)));
+        *s *= windowed.sides(i) * scale;
     }
     Spectrum { bin: rate / n as f64, values: sum }
 }
 
-fn magnitudes(signal: &[f64], weights: &[f64], planner: &mut RealFftPlanner<f64>) -> Vec<f64> {
-    let mean = signal.iter().sum::<f64>() / signal.len() as f64;
-    let mut input: Vec<f64> = signal.iter().zip(weights).map(|(x, w)| (x - mean) * w).collect();
-    let fft = planner.plan_fft_forward(input.len());
-    let mut output = fft.make_output_vec();
-    fft.process(&mut input, &mut output).expect("buffers have the planned lengths");
-    output.iter().map(|c| c.norm()).collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ref_weights_of_a_block_are_those_of_their_places() {
+        for window in [Window::Rectangular, Window::Hann, Window::BlackmanHarris, Window::FlatTop] {
+            for n in [1, 2, 255, 256, 1000] {
+                let weights = window.weights(n);
+                assert_eq!(weights.len(), n);
+                let worst = |(i, w): (usize, &f64)| (w - window.weight(i as f64 / n as f64)).abs();
+                assert!(weights.iter().enumerate().map(worst).fold(0.0, f64::max) < 1e-14, "{window:?} of {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn ref_turns_along_a_run_are_those_of_each_time() {
+        let edges_s: Vec<f64> = (0..50).map(|i| f64::from(i) + 0.2 * (0.4 * f64::from(i)).sin()).collect();
+        let map = AngleMap::new(&edges_s, 3, 0.5).unwrap();
+        for (i, turns) in map.turns_along(-2.0, 0.013).take(4200).enumerate() {
+            let time_s = -2.0 + i as f64 * 0.013;
+            assert!((turns - map.turns_at(time_s)).abs() < 1e-12, "at {time_s}");
+            assert!((map.time_at(turns) - time_s).abs() < 1e-12, "at {time_s}");
+        }
+    }
 }

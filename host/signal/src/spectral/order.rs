@@ -2,18 +2,16 @@
 //!
 //! The shaft's angle follows from the tach edges by a natural cubic spline of *time over angle* (knots are
 //! equally spaced, so the spline is one tridiagonal solve); the signal is read at equal angles by a
-//! Kaiser-windowed sinc of 64 taps (-100 dB error up to 0.8 of Nyquist). The angle grid must be at least as
+//! Kaiser-windowed sinc ([`Kaiser`], -100 dB error up to 0.8 of Nyquist). The angle grid must be at least as
 //! dense as the samples, or it would alias: [`resample_by_angle`] only ever raises the rate, callers then
 //! look at the orders they want.
 
-use super::bessel_i0;
-use super::{Spectrum, Window, amplitude_spectrum};
-use std::f64::consts::PI;
+use super::{Kaiser, Spectrum, Window, amplitude_spectrum};
 
-/// Taps on each side of the interpolation point.
-const HALF_TAPS: isize = 32;
-/// Kaiser shape for -100 dB.
-const KAISER_BETA: f64 = 10.0;
+/// Newton's steps at most: the curve is straight to a few per cent, and each squares the error.
+const NEWTON_STEPS: usize = 8;
+/// Error of an inverse, of the pulses so far.
+const INVERSE: f64 = 1e-12;
 
 /// Time as a smooth function of shaft angle, from equally spaced tach pulses.
 #[derive(Debug, Clone)]
@@ -53,38 +51,57 @@ impl AngleMap {
     /// Time, s, at which the shaft stands at `turns`; straight on beyond the edges.
     pub fn time_at(&self, turns: f64) -> f64 {
         let position = (turns - self.first_turn) * self.pulses_per_rev;
-        let last = self.times.len() - 1;
-        let i = (position.floor().max(0.0) as usize).min(last - 1);
-        let u = position - i as f64;
+        let i = (position.floor().max(0.0) as usize).min(self.times.len() - 2);
+        self.within(i, position - i as f64).0
+    }
+
+    /// Time `u` pulses after edge `i`, and seconds per pulse there; straight on outside the interval.
+    fn within(&self, i: usize, u: f64) -> (f64, f64) {
         let slope = self.times[i + 1] - self.times[i];
         let (m0, m1) = (self.curvature[i], self.curvature[i + 1]);
         if u < 0.0 {
-            return self.times[i] + u * (slope - (2.0 * m0 + m1) / 6.0);
+            let slope = slope - (2.0 * m0 + m1) / 6.0;
+            return (self.times[i] + u * slope, slope);
         }
         if u > 1.0 {
-            return self.times[i + 1] + (u - 1.0) * (slope + (m0 + 2.0 * m1) / 6.0);
+            let slope = slope + (m0 + 2.0 * m1) / 6.0;
+            return (self.times[i + 1] + (u - 1.0) * slope, slope);
         }
         let v = 1.0 - u;
-        v * self.times[i] + u * self.times[i + 1] + ((v * v * v - v) * m0 + (u * u * u - u) * m1) / 6.0
+        let time = v * self.times[i] + u * self.times[i + 1] + ((v * v * v - v) * m0 + (u * u * u - u) * m1) / 6.0;
+        (time, slope + ((1.0 - 3.0 * v * v) * m0 + (3.0 * u * u - 1.0) * m1) / 6.0)
     }
 
     /// Turns of the shaft at `time_s`: the inverse of [`AngleMap::time_at`], to 1e-12 of a pulse.
     pub fn turns_at(&self, time_s: f64) -> f64 {
-        let last = self.times.len() - 1;
-        let i = self.times.partition_point(|t| *t <= time_s).saturating_sub(1).min(last - 1);
-        let place = |position: f64| self.first_turn + position / self.pulses_per_rev;
-        // Newton's steps on a curve that is straight to a few per cent: each squares the error.
-        let mut position = i as f64 + (time_s - self.times[i]) / (self.times[i + 1] - self.times[i]);
-        for _ in 0..8 {
-            let step = 1e-4;
-            let slope = (self.time_at(place(position + step)) - self.time_at(place(position - step))) / (2.0 * step);
-            let change = (time_s - self.time_at(place(position))) / slope;
-            position += change;
-            if change.abs() < 1e-12 * (1.0 + position.abs()) {
+        self.inverse(self.times.partition_point(|t| *t <= time_s).saturating_sub(1), time_s)
+    }
+
+    /// [`AngleMap::turns_at`] of each of the times `first_s + i * step_s`, in turn.
+    pub fn turns_along(&self, first_s: f64, step_s: f64) -> impl Iterator<Item = f64> {
+        let mut edge = 0;
+        (0..).map(move |i| {
+            let time_s = first_s + f64::from(i) * step_s;
+            while edge + 2 < self.times.len() && self.times[edge + 1] <= time_s {
+                edge += 1;
+            }
+            self.inverse(edge, time_s)
+        })
+    }
+
+    /// Turns at `time_s`, whose last edge before it is `edge`.
+    fn inverse(&self, edge: usize, time_s: f64) -> f64 {
+        let i = edge.min(self.times.len() - 2);
+        let mut u = (time_s - self.times[i]) / (self.times[i + 1] - self.times[i]);
+        for _ in 0..NEWTON_STEPS {
+            let (time, slope) = self.within(i, u);
+            let change = (time_s - time) / slope;
+            u += change;
+            if change.abs() < INVERSE * (1.0 + i as f64) {
                 break;
             }
         }
-        place(position)
+        self.first_turn + (i as f64 + u) / self.pulses_per_rev
     }
 
     /// Shaft speed, Hz, at the middle of each pulse interval.
@@ -163,69 +180,4 @@ fn whole_turns(signal: &[f64], rate_hz: f64, map: &AngleMap) -> Option<(Vec<f64>
     let slowest = map.speeds_hz().into_iter().fold(f64::INFINITY, f64::min);
     let per_turn = ((rate_hz / slowest).ceil() as usize).next_power_of_two();
     Some((resample_by_angle(signal, rate_hz, map, from, turns as usize, per_turn), turns as usize, per_turn))
-}
-
-/// Kaiser window at the taps of a point between samples, tabulated finely over the point's place and read linearly
-/// (error below 1e-9).
-///
-/// One row per place: the taps before the point (nearest first), then those behind it.
-pub struct Kaiser {
-    rows: Vec<[f64; HALF_TAPS as usize]>,
-}
-
-impl Kaiser {
-    /// Places between two samples.
-    const PLACES: usize = 1 << 10;
-
-    /// Tabulates the window.
-    pub fn tabulated() -> Self {
-        let weight = |distance: f64| {
-            let r = (distance / HALF_TAPS as f64).min(1.0);
-            bessel_i0(KAISER_BETA * (1.0 - r * r).sqrt()) / bessel_i0(KAISER_BETA)
-        };
-        let row = |i: usize| std::array::from_fn(|tap| weight(tap as f64 + i as f64 / Self::PLACES as f64));
-        Self { rows: (0..=Self::PLACES).map(row).collect() }
-    }
-
-    /// Sum over the taps on one side of the point, `distance` from the nearest: `(-1)^k x_k w_k / d_k`.
-    fn side<'a>(&self, distance: f64, taps: impl Iterator<Item = &'a f64>) -> f64 {
-        let at = distance * Self::PLACES as f64;
-        let i = (at as usize).min(Self::PLACES - 1);
-        let u = at - i as f64;
-        let (row, next) = (&self.rows[i], &self.rows[i + 1]);
-        let (mut even, mut odd) = (0.0, 0.0);
-        for (k, ((x, w), next)) in taps.zip(row).zip(next).enumerate() {
-            let term = x * (w + u * (next - w)) / (distance + k as f64);
-            if k % 2 == 0 { even += term } else { odd += term }
-        }
-        even - odd
-    }
-
-    /// Value of `signal` at a place between its samples; zero outside.
-    pub fn interpolate(&self, signal: &[f64], position: f64) -> f64 {
-        let centre = position.floor();
-        let u = position - centre;
-        let centre = centre as isize;
-        if u == 0.0 {
-            return usize::try_from(centre).ok().and_then(|i| signal.get(i)).copied().unwrap_or(0.0);
-        }
-        let sine = (PI * u).sin() / PI;
-        // Taps outside the signal are zero.
-        let end = usize::try_from(centre + 1).unwrap_or(0).min(signal.len());
-        let begin = usize::try_from(centre + 1 - HALF_TAPS).unwrap_or(0).min(end);
-        let last = usize::try_from(centre + 1 + HALF_TAPS).unwrap_or(0).min(signal.len());
-        let missing = usize::try_from(centre + 1).map_or(usize::MAX, |next| next.saturating_sub(end));
-        if missing > 0 || centre < 0 {
-            return self.at_edge(signal, centre, u, sine);
-        }
-        sine * (self.side(u, signal[begin..end].iter().rev()) + self.side(1.0 - u, signal[end..last].iter()))
-    }
-
-    /// The same where the nearest samples lie outside.
-    fn at_edge(&self, signal: &[f64], centre: isize, u: f64, sine: f64) -> f64 {
-        let at = |i: isize| usize::try_from(i).ok().and_then(|i| signal.get(i)).unwrap_or(&0.0);
-        let before = (0..HALF_TAPS).map(|k| at(centre - k));
-        let behind = (0..HALF_TAPS).map(|k| at(centre + 1 + k));
-        sine * (self.side(u, before) + self.side(1.0 - u, behind))
-    }
 }
