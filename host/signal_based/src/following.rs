@@ -14,6 +14,7 @@ use super::baseline::Grids;
 use super::scene::{Scene, SceneRun};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 /// Rounds: what is left of a slow change falls with its square.
@@ -21,19 +22,22 @@ const ROUNDS: usize = 2;
 
 /// What a model leaves, less what mesh lines have of it that moves slowly; a rig without gears has no mesh.
 pub fn followed(scene: &Scene, left: &Grids) -> Grids {
-    let of_run = |(run, channels): (&SceneRun, &Vec<Vec<f64>>)| -> Vec<Vec<f64>> {
-        if scene.teeth[0] == 1 {
-            return channels.clone();
-        }
-        channels.par_iter().map(|samples| without_mesh(scene, run, samples)).collect()
-    };
-    scene.runs.iter().zip(left).map(of_run).collect()
+    scene.runs.iter().zip(left).map(|(run, channels)| of_run(scene, run, channels)).collect()
+}
+
+fn of_run(scene: &Scene, run: &SceneRun, channels: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    if scene.teeth[0] == 1 {
+        return channels.to_vec();
+    }
+    channels.par_iter().map(|samples| without_mesh(scene, run, samples)).collect()
 }
 
 /// In run-ups what is left of followed lines, otherwise what the model leaves.
-pub fn followed_in_run_ups(scene: &Scene, left: &Grids, followed: &Grids) -> Grids {
-    let of_run = |r: usize| if scene.runs[r].runs_up() { followed[r].clone() } else { left[r].clone() };
-    (0..scene.runs.len()).map(of_run).collect()
+pub fn followed_in_run_ups<'a>(scene: &Scene, left: &'a Grids) -> Vec<Cow<'a, [Vec<f64>]>> {
+    let one = |(run, channels): (&SceneRun, &'a Vec<Vec<f64>>)| {
+        if run.runs_up() { Cow::Owned(of_run(scene, run, channels)) } else { Cow::Borrowed(&channels[..]) }
+    };
+    scene.runs.iter().zip(left).map(one).collect()
 }
 
 fn without_mesh(scene: &Scene, run: &SceneRun, samples: &[f64]) -> Vec<f64> {
@@ -47,13 +51,9 @@ fn without_mesh(scene: &Scene, run: &SceneRun, samples: &[f64]) -> Vec<f64> {
     let mut left = samples.to_vec();
     let z = scene.teeth[0] as usize;
     for order in (1..).map(|k| k * z).take_while(|order| (*order as f64) < scene.highest_order) {
-        for _ in 0..ROUNDS {
-            // Whole orders: phases repeat with the turn.
-            let phase = |i: usize| turn[order * (i % per_turn) % per_turn];
-            let turned: Vec<Complex64> = left.iter().enumerate().map(|(i, x)| phase(i).conj() * *x).collect();
-            let slow = averaged(&averaged(&turned, length), length);
-            left.iter_mut().zip(&slow).enumerate().for_each(|(i, (x, a))| *x -= 2.0 * (a * phase(i)).re);
-        }
+        // Whole orders: phases repeat with the turn.
+        let phases = std::iter::successors(Some(0), |place| Some((place + order) % per_turn)).map(|place| turn[place]);
+        (0..ROUNDS).for_each(|_| take_off(&mut left, length, phases.clone()));
     }
     left
 }
@@ -63,45 +63,107 @@ fn without_lines(orders: &[f64], per_turn: usize, length: usize, samples: &[f64]
     let mut left = samples.to_vec();
     for order in orders {
         let step = Complex64::from_polar(1.0, TAU * order / per_turn as f64);
-        let turning: Vec<Complex64> = (0..samples.len().div_ceil(per_turn))
-            .flat_map(|turn| {
-                let mut phase = Complex64::from_polar(1.0, TAU * (order * turn as f64).fract());
-                (0..per_turn).map(move |_| {
-                    let now = phase;
-                    phase *= step;
-                    now
-                })
-            })
-            .collect();
-        for _ in 0..ROUNDS {
-            let turned: Vec<Complex64> = left.iter().zip(&turning).map(|(x, phase)| phase.conj() * *x).collect();
-            let slow = averaged(&averaged(&turned, length), length);
-            left.iter_mut().zip(&slow).zip(&turning).for_each(|((x, a), phase)| *x -= 2.0 * (a * phase).re);
-        }
+        let phases = (0..).flat_map(move |turn| {
+            let first = Complex64::from_polar(1.0, TAU * (order * f64::from(turn)).fract());
+            std::iter::successors(Some(first), move |phase| Some(phase * step)).take(per_turn)
+        });
+        (0..ROUNDS).for_each(|_| take_off(&mut left, length, phases.clone()));
     }
     left
 }
 
-/// Moving average over `length` values about each; over those that there are at the ends.
-fn averaged(values: &[Complex64], length: usize) -> Vec<Complex64> {
-    let mut sums = Vec::with_capacity(values.len() + 1);
-    let mut sum = Complex64::default();
-    sums.push(sum);
-    for value in values {
-        sum += value;
-        sums.push(sum);
+/// Takes a line whose phases are given off the samples, as far as its amplitude moves slowly: by two moving averages
+/// over `length` samples, in one pass, so that no more is held than the averages reach over.
+fn take_off(left: &mut [f64], length: usize, phases: impl Iterator<Item = Complex64> + Clone) {
+    let count = left.len();
+    let (mut turning, mut back) = (phases.clone(), phases);
+    let mut once = Moving::new(length, count);
+    let mut twice = Moving::new(length, count);
+    let mut done = 0;
+    for i in 0..count {
+        let Some(phase) = turning.next() else { return };
+        once.push(phase.conj() * left[i]);
+        while let Some(mean) = once.next() {
+            twice.push(mean);
+            while let Some((slow, phase)) = twice.next().and_then(|slow| Some((slow, back.next()?))) {
+                left[done] -= 2.0 * (slow * phase).re;
+                done += 1;
+            }
+        }
     }
-    let (before, after) = (length / 2, length - length / 2);
-    let mean = |i: usize| {
-        let (from, to) = (i.saturating_sub(before), (i + after).min(values.len()));
-        (sums[to] - sums[from]) / (to - from).max(1) as f64
-    };
-    (0..values.len()).map(mean).collect()
+}
+
+/// Moving average over `length` values about each of `count`; over those that there are at the ends.
+struct Moving {
+    /// Sums of all values before each of the latest ones.
+    sums: Vec<Complex64>,
+    before: usize,
+    after: usize,
+    count: usize,
+    taken: usize,
+    given: usize,
+}
+
+impl Moving {
+    fn new(length: usize, count: usize) -> Self {
+        let kept = (length + 2).next_power_of_two();
+        let (before, after) = (length / 2, length - length / 2);
+        Self { sums: vec![Complex64::default(); kept], before, after, count, taken: 0, given: 0 }
+    }
+
+    fn at(&self, values: usize) -> usize {
+        values & (self.sums.len() - 1)
+    }
+
+    fn push(&mut self, value: Complex64) {
+        let sum = self.sums[self.at(self.taken)] + value;
+        self.taken += 1;
+        let at = self.at(self.taken);
+        self.sums[at] = sum;
+    }
+
+    /// The next average, once all its values have come.
+    fn next(&mut self) -> Option<Complex64> {
+        let (from, to) = (self.given.saturating_sub(self.before), (self.given + self.after).min(self.count));
+        if self.given == self.count || to > self.taken {
+            return None;
+        }
+        self.given += 1;
+        Some((self.sums[self.at(to)] - self.sums[self.at(from)]) / (to - from).max(1) as f64)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn averaged(values: &[Complex64], length: usize) -> Vec<Complex64> {
+        let mut moving = Moving::new(length, values.len());
+        let mut means = Vec::new();
+        for value in values {
+            moving.push(*value);
+            means.extend(std::iter::from_fn(|| moving.next()));
+        }
+        means
+    }
+
+    #[test]
+    fn ref_a_pass_is_two_averages_of_all_samples() {
+        let mean = |values: &[Complex64], length: usize, i: usize| {
+            let part = &values[i.saturating_sub(length / 2)..(i + length - length / 2).min(values.len())];
+            part.iter().sum::<Complex64>() / part.len() as f64
+        };
+        let all = |values: &[Complex64]| -> Vec<Complex64> { (0..values.len()).map(|i| mean(values, 30, i)).collect() };
+        let samples: Vec<f64> = (0..200).map(|i| (0.37 * f64::from(i)).sin() + 0.01 * f64::from(i)).collect();
+        let phases = (0..).map(|i| Complex64::cis(TAU * 0.05 * f64::from(i)));
+        let turned: Vec<Complex64> = samples.iter().zip(phases.clone()).map(|(x, phase)| phase.conj() * x).collect();
+        let slow = all(&all(&turned));
+        let mut left = samples.clone();
+        take_off(&mut left, 30, phases.clone());
+        for (((x, left), slow), phase) in samples.iter().zip(&left).zip(&slow).zip(phases) {
+            assert!((x - 2.0 * (slow * phase).re - left).abs() < 1e-12);
+        }
+    }
 
     #[test]
     fn averages_take_whole_orders_off_and_keep_constants() {

@@ -7,7 +7,7 @@
 
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
-use super::following::{followed, followed_in_run_ups};
+use super::following::followed_in_run_ups;
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
@@ -68,8 +68,7 @@ pub fn views(
     stretches: impl Fn(&Split) -> &[Stretch] + Sync,
     earlier: Option<&Views>,
 ) -> Views {
-    let followed = &followed(scene, left);
-    let calibrated = &followed_in_run_ups(scene, left, followed);
+    let calibrated = &followed_in_run_ups(scene, left);
     let orders = Spectra::searched(scene, calibrated, |r| stretches(&scene.runs[r].split).to_vec());
     let whole = |r: usize| vec![Stretch { from: 0, turns: scene.runs[r].angle.turns }];
     let all_turns =

@@ -39,7 +39,7 @@ impl Spectra {
     /// Of samples at equal angles by run and channel, on the stretches that `stretches` chooses.
     pub fn over_orders(
         scene: &Scene,
-        grids: &[Vec<Vec<f64>>],
+        grids: &[impl AsRef<[Vec<f64>]> + Sync],
         stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
     ) -> Self {
         Self::of_grids(scene, grids, stretches, false)
@@ -47,13 +47,17 @@ impl Spectra {
 
     /// The same for a search: in a run-up every stretch counts by its own floor, which follows the skirts at every
     /// order.
-    pub fn searched(scene: &Scene, grids: &[Vec<Vec<f64>>], stretches: impl Fn(usize) -> Vec<Stretch> + Sync) -> Self {
+    pub fn searched(
+        scene: &Scene,
+        grids: &[impl AsRef<[Vec<f64>]> + Sync],
+        stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
+    ) -> Self {
         Self::of_grids(scene, grids, stretches, true)
     }
 
     fn of_grids(
         scene: &Scene,
-        grids: &[Vec<Vec<f64>>],
+        grids: &[impl AsRef<[Vec<f64>]> + Sync],
         stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
         is_search: bool,
     ) -> Self {
@@ -79,7 +83,7 @@ impl Spectra {
                     scene.meshes().into_iter().fold(mean(all), followed)
                 }
             };
-            grids[r].iter().map(of_channel).collect()
+            grids[r].as_ref().iter().map(of_channel).collect()
         };
         let levels = (0..scene.runs.len()).into_par_iter().map(of_run).collect();
         Self { levels, lowest, highest }

@@ -18,10 +18,8 @@ use crate::analysis::envelope::not_locked;
 use crate::baseline::Grids;
 use crate::following::followed;
 use crate::scene::{Scene, SceneRun};
-use crate::spectral::{Window, resample_by_angle, running_median};
+use crate::spectral::{self, Window, resample_by_angle, running_median};
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
-use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
 /// Bins about a line that its floor is the median of: as the running median has them.
@@ -103,7 +101,7 @@ impl Random {
         let known: Vec<f64> = samples.iter().zip(followed).zip(&locked).map(|((x, f), l)| x - f + l).collect();
         let mut rest = not_locked(&run.signals[channel], run.rate_hz, &known, &run.angle);
         let count = rest.len();
-        let forward = RealFftPlanner::new().plan_fft_forward(count);
+        let forward = spectral::forward(count);
         let mut bins = forward.make_output_vec();
         forward.process(&mut rest, &mut bins).expect("buffers have the planned lengths");
         let power: Vec<f64> = bins.iter().map(Complex64::norm_sqr).collect();
@@ -135,18 +133,17 @@ impl Random {
         for (i, (slot, bin)) in work.iter_mut().zip(band).enumerate() {
             *slot = *bin * Window::Hann.weight((i as f64 + 0.5) / band.len() as f64);
         }
-        FftPlanner::new().plan_fft_inverse(length).process(&mut work);
+        spectral::inverse(length).process(&mut work);
         let mut squared: Vec<f64> = work.iter().map(Complex64::norm_sqr).collect();
         let seconds = self.samples as f64 / self.rate_hz;
         let wanted = (2.0 * PER_TURN as f64 * slowest_hz * seconds) as usize;
         if wanted >= length {
             return (squared, length as f64 / seconds);
         }
-        let mut planner = RealFftPlanner::new();
-        let forward = planner.plan_fft_forward(length);
+        let forward = spectral::forward(length);
         let mut bins = forward.make_output_vec();
         forward.process(&mut squared, &mut bins).expect("buffers have the planned lengths");
-        let inverse = planner.plan_fft_inverse(wanted);
+        let inverse = spectral::backward(wanted);
         let mut low = inverse.make_input_vec();
         // Three quarters of the grid's own Nyquist order pass, nothing above: the resampling has room between.
         let pass = 3 * low.len() / 8;
@@ -168,7 +165,7 @@ impl Spectrum {
         let bin = PER_TURN as f64 / count as f64;
         let mut power = Vec::new();
         if !weighted.is_empty() {
-            let forward = RealFftPlanner::new().plan_fft_forward(weighted.len());
+            let forward = spectral::forward(weighted.len());
             let mut bins = forward.make_output_vec();
             forward.process(&mut weighted, &mut bins).expect("buffers have the planned lengths");
             power = bins.iter().take((highest / bin) as usize).map(Complex64::norm_sqr).collect();
