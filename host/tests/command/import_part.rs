@@ -96,6 +96,9 @@ fn fault_a_part_that_is_none_is_refused() {
     refused_import(&folder, &file, &["--no-tach", "--from", "9"], &["a.wav", "lasts 8 s", "holds no signal"]);
     refused_import(&folder, &file, &["--no-tach", "--from", "-1"], &["--from", "from 0 on"]);
     refused_import(&folder, &file, &["--no-tach", "--from", "3", "--to", "3"], &["--to", "does not lie behind 3 s"]);
+    let early: Vec<f64> = rig.edges_s().into_iter().filter(|edge| *edge < 4.0).collect();
+    let edges = edges_file(&folder.join("early.csv"), &early);
+    refused_import(&folder, &file, &["--tach", &edges, "--from", "5"], &["early.csv has 0 edges in 5 s to 8 s of 8 s"]);
     let bare = folder.join("bare.npy");
     let values: Vec<f64> = rig.channels()[0].clone();
     std::fs::write(&bare, meshband_host::record::npy::bytes_f64(&values, 1)).expect("written");

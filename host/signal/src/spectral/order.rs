@@ -80,8 +80,8 @@ impl AngleMap {
     /// [`AngleMap::turns_at`] of each of the times `first_s + i * step_s`, in turn.
     pub fn turns_along(&self, first_s: f64, step_s: f64) -> impl Iterator<Item = f64> {
         let mut edge = 0;
-        (0..).map(move |i| {
-            let time_s = first_s + f64::from(i) * step_s;
+        (0_u64..).map(move |i| {
+            let time_s = first_s + i as f64 * step_s;
             while edge + 2 < self.times.len() && self.times[edge + 1] <= time_s {
                 edge += 1;
             }

@@ -38,8 +38,19 @@ pub(super) struct Found {
 
 impl Found {
     /// What of a whole recording belongs to the part of it that `run` is.
-    fn of_part(self, run: &Group) -> Self {
-        Self { edges_s: run.moved(self.edges_s), ..self }
+    ///
+    /// # Errors
+    /// Fewer than two edges in it.
+    fn of_part(self, run: &Group) -> Result<Self> {
+        let edges_s = run.moved(self.edges_s);
+        match &run.cut {
+            Some(cut) if edges_s.len() < 2 => {
+                let what =
+                    format!("{} has {} edges in {}; take a longer part", self.source, edges_s.len(), cut.described());
+                Err(Error::invalid(&run.label, what))
+            }
+            _ => Ok(Self { edges_s, ..self }),
+        }
     }
 
     /// Pulses made from a speed over time.
@@ -160,7 +171,7 @@ fn of_apart(options: &TachOptions, run: &Group, signal: &Signal, rate_hz: f64) -
         return Ok(Found::of_speed(&source, edges_s.iter().map(|edge| edge + offset).collect()));
     }
     if times.ascends() {
-        return Ok(of_times(options, &times, &run.label, &source, &lasts, rate_hz)?.of_part(run));
+        return of_times(options, &times, &run.label, &source, &lasts, rate_hz)?.of_part(run);
     }
     let Some(own_rate_hz) = signal.rate_hz else {
         let what = format!(
@@ -193,10 +204,10 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
         }
         let edges_s = lasts.placed(&path.display().to_string(), read_edges(path)?)?;
         let resolution_s = Column { name: String::new(), values: edges_s.clone() }.rounding();
-        return Ok(Found { source, levels: None, edges_s, sampled_at_hz: None, resolution_s }.of_part(run));
+        return Found { source, levels: None, edges_s, sampled_at_hz: None, resolution_s }.of_part(run);
     }
     if let Some(column) = edge_times::of_text(path)?.filter(Column::ascends) {
-        return Ok(of_times(options, &column, &path.display().to_string(), &source, &lasts, rate_hz)?.of_part(run));
+        return of_times(options, &column, &path.display().to_string(), &source, &lasts, rate_hz)?.of_part(run);
     }
     // Whole: edge times are only known by how they fill the recording.
     let reading = &Reading { part: None, ..reading.clone() };
@@ -207,7 +218,7 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
     };
     let times = Column { name: columns.names[0].clone(), values: signal.clone() };
     if times.ascends() {
-        return Ok(of_times(options, &times, &path.display().to_string(), &source, &lasts, rate_hz)?.of_part(run));
+        return of_times(options, &times, &path.display().to_string(), &source, &lasts, rate_hz)?.of_part(run);
     }
     let own_rate_hz = columns.rate_hz.unwrap_or(rate_hz);
     let own_length_s = signal.len() as f64 / own_rate_hz;
@@ -222,14 +233,14 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
     let place = path.display().to_string();
     let found =
         edges::edges(&place, &columns.names[0], signal, own_rate_hz, options.falling == Some(true), options.threshold)?;
-    Ok(Found {
+    let found = Found {
         source,
         levels: Some(found.levels),
         edges_s: found.times_s,
         sampled_at_hz: Some(own_rate_hz),
         resolution_s: found.sampling_s,
-    }
-    .of_part(run))
+    };
+    found.of_part(run)
 }
 
 /// Edges of a column of times.
