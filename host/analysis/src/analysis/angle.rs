@@ -155,7 +155,7 @@ impl Angle {
         })
     }
 
-    /// The same with at most [`SPARED`] of its turns fewer, the last ones, so that transforms of all its points are
+    /// The same with at most 1.5 % of its turns fewer, the last ones, so that transforms of all its points are
     /// cheap: whole `hunting` periods, in turns, where that suffices (lines of both shafts then stand on bins), else a
     /// number without large prime factors.
     pub fn with_cheap_turns(mut self, hunting: Option<usize>) -> Self {

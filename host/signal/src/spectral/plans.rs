@@ -1,6 +1,6 @@
 //! Plans of Fourier transforms, kept for the next caller of the same length.
 //!
-//! A plan's tables cost as much as some transforms. They are kept until lengths of [`MOST`] points have come
+//! A plan's tables cost as much as some transforms. They are kept until lengths of `MOST` points have come
 //! together; then all are forgotten and begun anew (plans in use live on).
 
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
