@@ -37,8 +37,8 @@ impl Part {
     /// A recording that ends before the part begins.
     pub fn of(&self, place: impl std::fmt::Display, samples: usize, rate_hz: f64) -> Result<(Range<usize>, Cut)> {
         let whole_s = samples as f64 / rate_hz;
-        let first = (self.from_s * rate_hz - ROUNDING).ceil().max(0.0) as usize;
-        let end = ((self.to_s * rate_hz - ROUNDING).ceil() as usize).min(samples);
+        let first = first_sample(self.from_s, rate_hz);
+        let end = first_sample(self.to_s, rate_hz).min(samples);
         if first + 1 >= end {
             let what = format!("lasts {} s: --from {} --to {} holds no signal", shown(whole_s), self.from_s, self.to_s);
             return Err(Error::invalid(place, what));
@@ -72,6 +72,11 @@ impl Cut {
             .map(|edge| edge - self.from_s)
             .collect()
     }
+}
+
+/// The first sample that does not lie before a second.
+pub fn first_sample(second: f64, rate_hz: f64) -> usize {
+    (second * rate_hz - ROUNDING).ceil().max(0.0) as usize
 }
 
 fn shown(seconds: f64) -> String {

@@ -15,7 +15,7 @@ use crate::budget::ANGLES;
 use crate::check::edges::Repair;
 use crate::machine::Hunting;
 use crate::record::{Run, Tach};
-use crate::spectral::{AngleMap, interpolated, resample_by_angle};
+use crate::spectral::{AngleMap, interpolated, is_smooth, resample_by_angle, smooth_length};
 use crate::train::Train;
 use crate::{Error, Result};
 use serde::Serialize;
@@ -161,7 +161,7 @@ impl Angle {
     pub fn with_cheap_turns(mut self, hunting: Option<usize>) -> Self {
         let least = self.turns - (SPARED * self.turns as f64) as usize;
         let whole = hunting.map(|period| self.turns / period * period).filter(|turns| *turns >= least);
-        let cheap = || (least..=self.turns).rev().find(|turns| has_small_factors(*turns));
+        let cheap = || (least..=self.turns).rev().find(|turns| is_smooth(*turns));
         self.turns = whole.or_else(cheap).unwrap_or(self.turns);
         self
     }
@@ -206,20 +206,8 @@ fn speed_range(map: &AngleMap, from: f64, turns: usize) -> SpeedRange {
 fn grid(least: f64, teeth: [u32; 2]) -> [usize; 2] {
     let divisor = teeth[1] / Hunting::of(teeth).turns;
     let [pinion, gear] = teeth.map(|z| (z / divisor) as usize);
-    let mut step = (least / pinion as f64).ceil().max(1.0) as usize;
-    while !has_small_factors(step) {
-        step += 1;
-    }
+    let step = smooth_length((least / pinion as f64).ceil().max(1.0) as usize);
     [pinion * step, gear * step]
-}
-
-fn has_small_factors(mut n: usize) -> bool {
-    for factor in [2, 3, 5] {
-        while n.is_multiple_of(factor) {
-            n /= factor;
-        }
-    }
-    n == 1
 }
 
 #[cfg(test)]

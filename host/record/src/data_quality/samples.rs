@@ -151,7 +151,7 @@ fn repeated(signal: &[f64], still: &[Range<usize>]) -> Option<(usize, usize, usi
     let top = (0..BLOCK - 1).fold(1_u64, |power, _| power.wrapping_mul(BASE));
     let mut hash = signal[..BLOCK].iter().fold(0_u64, |hash, x| hash.wrapping_mul(BASE).wrapping_add(word(*x)));
     let mut known: HashMap<u64, usize> = HashMap::new();
-    // Which low bits of a hash are known at all: nearly every place is told by this table alone.
+    // Whether any known hash has the same middle bits: nearly every place is told by this table alone.
     let mut seen = vec![false; SEEN];
     let slot = |hash: u64| (hash >> 40) as usize % SEEN;
     let (mut found, mut covered, mut i) = (None, 0, 0);

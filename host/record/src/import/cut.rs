@@ -5,11 +5,9 @@
 //! the part's where they are read.
 
 use super::{Columns, Reading};
+use crate::part::first_sample;
 use crate::{Error, Result};
 use std::path::Path;
-
-/// Share of a sample by which a second may miss it.
-const ROUNDING: f64 = 1e-6;
 
 /// Takes the part that `reading` names out of channels that were read whole.
 ///
@@ -31,8 +29,7 @@ pub(super) fn take(path: &Path, mut columns: Columns, reading: &Reading) -> Resu
     for signal in columns.apart.iter_mut().filter(|signal| signal.rate_hz.is_some()) {
         let rate_hz = signal.rate_hz.unwrap_or(rate_hz);
         let later_s = signal.start_s.unwrap_or(0.0) - columns.start_s.unwrap_or(0.0);
-        let at =
-            |second: f64| (((second - later_s) * rate_hz - ROUNDING).ceil().max(0.0) as usize).min(signal.values.len());
+        let at = |second: f64| first_sample(second - later_s, rate_hz).min(signal.values.len());
         let own = at(cut.from_s)..at(cut.to_s);
         let moved_s = own.start as f64 / rate_hz - cut.from_s;
         signal.values.truncate(own.end);

@@ -23,7 +23,7 @@ pub use kaiser::Kaiser;
 pub use line::{Line, line_near};
 pub use noise::{noise_power, running_median};
 pub use order::{AngleMap, natural_spline, order_spectrum, resample_by_angle, synchronous_average};
-pub use plans::{backward, forward, inverse, smooth_length};
+pub use plans::{backward, forward, inverse, is_smooth, smooth_length};
 pub use shape::shaped;
 pub use windowed::Windowed;
 

@@ -64,7 +64,8 @@ pub fn smooth_length(least: usize) -> usize {
     (least.max(1)..).find(|length| is_smooth(*length)).unwrap_or(least)
 }
 
-fn is_smooth(mut length: usize) -> bool {
+/// Whether a length has no prime factor above 5.
+pub fn is_smooth(mut length: usize) -> bool {
     for factor in [2, 3, 5] {
         while length.is_multiple_of(factor) {
             length /= factor;

@@ -53,8 +53,7 @@ impl Windowed {
     /// If the signal is not of this length.
     pub fn weighted(&self, signal: &[f64]) -> Vec<f64> {
         assert_eq!(signal.len(), self.weights.len(), "a signal of the window's length");
-        let mean = signal.iter().sum::<f64>() / signal.len() as f64;
-        signal.iter().zip(&self.weights).map(|(x, w)| (x - mean) * w).collect()
+        weighed(signal, &self.weights).collect()
     }
 
     /// Weighted transform of a signal less its mean, not scaled.
@@ -62,7 +61,8 @@ impl Windowed {
     /// # Panics
     /// If the signal is not of this length.
     pub fn bins(&mut self, signal: &[f64]) -> &[Complex64] {
-        self.input = self.weighted(signal);
+        assert_eq!(signal.len(), self.weights.len(), "a signal of the window's length");
+        self.input.iter_mut().zip(weighed(signal, &self.weights)).for_each(|(to, x)| *to = x);
         self.plan
             .process_with_scratch(&mut self.input, &mut self.bins, &mut self.scratch)
             .expect("buffers have the planned lengths");
@@ -83,4 +83,10 @@ impl Windowed {
         let scaled = |(i, bin): (usize, &Complex64)| bin.norm_sqr().sqrt() * self.sides(i) / self.gain;
         Spectrum { bin: rate / signal.len() as f64, values: self.bins.iter().enumerate().map(scaled).collect() }
     }
+}
+
+/// A signal less its mean, times weights.
+fn weighed(signal: &[f64], weights: &[f64]) -> impl Iterator<Item = f64> {
+    let mean = signal.iter().sum::<f64>() / signal.len() as f64;
+    signal.iter().zip(weights).map(move |(x, w)| (x - mean) * w)
 }
