@@ -88,8 +88,9 @@ fn run(cli: Cli) -> Result {
         (_, Some(Command::Synthesise(days))) => synthesise::run(&days, &stop),
         (_, Some(Command::Export(capture))) => history::export::run(&capture),
         (_, Some(Command::Compact { folder })) => {
-            for partition in history::files::partitions(&folder)? {
-                let (from, into) = history::compact::compact(&partition, 2)?;
+            let (store, format) = (history::store::Store::open(&folder)?, history::files::Format::history()?);
+            for partition in history::files::partitions(store.root())? {
+                let (from, into) = history::compact::compact(&store, &partition, 2, &format)?;
                 if from > 0 {
                     println!("{}: {from} files into {into}", partition.display());
                 }

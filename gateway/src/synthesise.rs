@@ -5,7 +5,9 @@
 //! ports. One machine in fifty drifts, so that queries have something to find.
 
 use crate::error::{Error, Result};
+use crate::history::files::Format;
 use crate::history::rows::Rows;
+use crate::history::store::Store;
 use crate::history::{compact, day, files};
 use crate::journal::entry::{Body, Entry};
 use crate::stop::Stop;
@@ -73,9 +75,10 @@ pub fn run(args: &SynthesiseArgs, stop: &Stop) -> Result {
         }
     }
     let written = start.elapsed();
-    let partitions = files::partitions(&args.folder)?;
+    let (store, format) = (Store::open(&args.folder)?, Format::history()?);
+    let partitions = files::partitions(store.root())?;
     for partition in &partitions {
-        compact::compact(partition, 2)?;
+        compact::compact(&store, partition, 2, &format)?;
     }
     let bytes: u64 =
         partitions.iter().filter_map(|partition| files::parts(partition).ok()).flatten().map(|part| size(&part)).sum();
@@ -125,7 +128,7 @@ fn write_slice(args: &SynthesiseArgs, machine: u32, slice: u64, number: &mut u64
     if count > 0 {
         let day = day::of((args.from + begin) as i64 * 1_000_000);
         let partition = args.folder.join(format!("machine={name}")).join(format!("day={day}"));
-        files::write(&partition, first, *number - 1, [rows.finish()])?;
+        files::write(&partition, (first, *number - 1), &Format::history()?, [rows.finish()])?;
     }
     Ok(count)
 }

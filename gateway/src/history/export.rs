@@ -77,7 +77,8 @@ pub fn run(args: &ExportArgs) -> Result {
             entries.by_ref().take(*count as usize).try_for_each(|entry| entry.map(drop))?;
             continue;
         };
-        files::write(&partition, listed.first, listed.last, batches(&mut entries, listed.first, *count))?;
+        let rows = batches(&mut entries, listed.first, *count);
+        files::write(&partition, (listed.first, listed.last), &files::Format::history()?, rows)?;
         written += count;
     }
     if written == 0 {
@@ -180,7 +181,8 @@ impl List {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::history::compact::{batches as read, compact};
+    use crate::history::compact::{compact, read};
+    use crate::history::store::Store;
     use meshband::events::{Event, EventKind};
     use meshband::frame::{MAX_FRAME, encode};
     use meshband::message::{Identification, Message, Reply};
@@ -216,7 +218,9 @@ mod tests {
     }
 
     fn days(root: &Path) -> Vec<(String, usize)> {
-        let rows = |part: &files::Part| read(&part.path).map(|batch| batch.expect("reads").num_rows()).sum::<usize>();
+        let rows = |part: &files::Part| {
+            read(&part.path, |_| true).map(|batch| batch.expect("reads").num_rows()).sum::<usize>()
+        };
         let of = |partition: PathBuf| {
             let rows = files::parts(&partition).expect("lists").iter().map(rows).sum();
             (partition.file_name().expect("a day").to_string_lossy().into_owned(), rows)
@@ -253,7 +257,8 @@ mod tests {
         // Another capture's rows stand behind, and merging changes nothing.
         std::fs::write(&args.capture, [b"x".to_vec(), capture()].concat()).expect("writes");
         run(&args).expect("exports");
-        compact(&second, 2).expect("merges");
+        let (store, format) = (Store::open(&folder).expect("opens"), files::Format::history().expect("a format"));
+        compact(&store, &second, 2, &format).expect("merges");
         assert_eq!(days(&folder).iter().map(|(_, rows)| rows).sum::<usize>(), 44);
         assert!(run(&args).is_err());
         let _ = std::fs::remove_dir_all(&root);

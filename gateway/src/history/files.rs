@@ -5,17 +5,68 @@
 //! the writer's place in the journal is of a batch that was not completed, and goes at the next start; a file whose
 //! range lies inside another's of its partition was merged into that one, and goes as well.
 
+use super::cut;
 use super::schema::schema;
 use crate::error::{Error, Result, at};
 use arrow_array::RecordBatch;
+use arrow_schema::{ArrowError, Schema};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
-use parquet::file::properties::WriterProperties;
+use parquet::file::properties::{WriterProperties, WriterPropertiesBuilder};
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Rows of a row group: what a query skips by.
 const GROUP: usize = 64 * 1024;
+/// Level of Zstandard: higher ones cost the gateway several times the processor for a few per cent.
+const ZSTD: i32 = 3;
+
+/// Columns of a kind of file, and how they are stored.
+#[derive(Clone)]
+pub struct Format {
+    /// The columns.
+    pub schema: Arc<Schema>,
+    /// Encodings and statistics.
+    pub properties: WriterProperties,
+}
+
+impl Format {
+    /// Zstandard and bounded row groups; `more` adds to them.
+    ///
+    /// # Errors
+    /// Where the library refuses the level, a defect of this file.
+    pub fn new(
+        schema: Arc<Schema>,
+        more: impl FnOnce(WriterPropertiesBuilder) -> WriterPropertiesBuilder,
+    ) -> Result<Self> {
+        let level = ZstdLevel::try_new(ZSTD).map_err(|reason| Error::new("Parquet", reason))?;
+        let builder = WriterProperties::builder()
+            .set_compression(Compression::ZSTD(level))
+            .set_max_row_group_row_count(Some(GROUP));
+        Ok(Self { schema, properties: more(builder).build() })
+    }
+
+    /// That of the history.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn history() -> Result<Self> {
+        Self::new(schema(), |builder| builder)
+    }
+
+    /// A batch of a former version of the columns in the present ones; what it lacks is null.
+    ///
+    /// # Errors
+    /// Where a column has another type, a defect.
+    pub fn fit(&self, batch: &RecordBatch) -> std::result::Result<RecordBatch, ArrowError> {
+        let column = |name: &str, kind| {
+            batch.column_by_name(name).cloned().unwrap_or_else(|| arrow_array::new_null_array(kind, batch.num_rows()))
+        };
+        let columns = self.schema.fields().iter().map(|field| column(field.name(), field.data_type())).collect();
+        RecordBatch::try_new(Arc::clone(&self.schema), columns)
+    }
+}
 
 /// A finished file.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -34,37 +85,46 @@ pub struct Part {
 /// Of the file system, or of a batch; no file is left then.
 pub fn write(
     partition: &Path,
-    first: u64,
-    last: u64,
+    (first, last): (u64, u64),
+    format: &Format,
     batches: impl IntoIterator<Item = Result<RecordBatch>>,
 ) -> Result<Part> {
     at(partition, std::fs::create_dir_all(partition))?;
     let path = partition.join(format!("part-{first:020}-{last:020}.parquet"));
     let temporary = partition.join(format!(".part-{first:020}.new"));
-    let written = fill(&temporary, batches).and_then(|()| at(&path, std::fs::rename(&temporary, &path)));
+    cut::point();
+    let written = fill(&temporary, format, batches).and_then(|()| {
+        cut::point();
+        at(&path, std::fs::rename(&temporary, &path))
+    });
+    cut::point();
     if let Err(reason) = written {
         let _ = std::fs::remove_file(&temporary);
         return Err(reason);
     }
     // The name itself survives a power cut only when its folder is synced.
-    at(partition, File::open(partition).and_then(|folder| folder.sync_all()))?;
+    sync(partition)?;
     Ok(Part { first, last, path })
 }
 
-fn fill(path: &Path, batches: impl IntoIterator<Item = Result<RecordBatch>>) -> Result {
+fn fill(path: &Path, format: &Format, batches: impl IntoIterator<Item = Result<RecordBatch>>) -> Result {
     let refuse = |reason: parquet::errors::ParquetError| Error::new(path.display(), reason);
     let file = at(path, File::create(path))?;
-    let level = ZstdLevel::try_new(3).map_err(refuse)?;
-    let properties = WriterProperties::builder()
-        .set_compression(Compression::ZSTD(level))
-        .set_max_row_group_row_count(Some(GROUP))
-        .build();
-    let mut writer = ArrowWriter::try_new(file, schema(), Some(properties)).map_err(refuse)?;
+    let properties = Some(format.properties.clone());
+    let mut writer = ArrowWriter::try_new(file, Arc::clone(&format.schema), properties).map_err(refuse)?;
     for batch in batches {
         writer.write(&batch?).map_err(refuse)?;
     }
     let file = writer.into_inner().map_err(refuse)?;
     at(path, file.sync_all())
+}
+
+/// Has a folder's names survive a power cut.
+///
+/// # Errors
+/// Of the file system.
+pub fn sync(folder: &Path) -> Result {
+    at(folder, File::open(folder).and_then(|folder| folder.sync_all()))
 }
 
 /// The files of a partition, by their first entry.
@@ -98,6 +158,11 @@ pub fn partitions(root: &Path) -> Result<Vec<PathBuf>> {
     }
     found.sort();
     Ok(found)
+}
+
+/// The partition of a machine and a first day.
+pub fn partition(root: &Path, machine: &str, day: &str) -> PathBuf {
+    root.join(format!("machine={machine}")).join(format!("day={day}"))
 }
 
 fn folders(above: &Path, prefix: &str) -> Result<Vec<PathBuf>> {

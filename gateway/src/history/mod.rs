@@ -1,14 +1,17 @@
 //! The history: Parquet files, partitioned `machine=NAME/day=YYYY-MM-DD/`.
 //!
 //! [`schema`] are the columns, [`rows`] makes them from entries, [`files`] puts whole files into place and knows
-//! which of them count, [`writer`] is the thread that takes from the journal, [`compact`] merges what is small, and
-//! [`export`] makes files of what [`capture`] reads from a recorded link.
+//! which of them count, [`store`] changes a partition under its readers, [`writer`] is the thread that takes from the
+//! journal, [`compact`] merges what is small, and [`export`] makes files of what [`capture`] reads from a recorded
+//! link.
 
 mod capture;
 pub mod compact;
+mod cut;
 pub mod day;
 pub mod export;
 pub mod files;
 pub mod rows;
 pub mod schema;
+pub mod store;
 pub mod writer;

@@ -6,10 +6,12 @@
 //! for a batch is in the journal, so a killed gateway loses nothing of it.
 
 use super::export::{FORMER_LIST, LIST};
+use super::files::{Format, partition};
 use super::rows::Rows;
+use super::store::Store;
 use super::{compact, day, files};
 use crate::config::History;
-use crate::error::{Error, Result, at};
+use crate::error::{Error, Result};
 use crate::health::Health;
 use crate::journal::cursor::Cursor;
 use crate::journal::entry::Entry;
@@ -27,6 +29,8 @@ pub const BATCH: usize = 20_000;
 /// The thread's state.
 pub struct Writer {
     config: History,
+    store: Store,
+    format: Format,
     journal: PathBuf,
     cursor: Cursor,
     passed: Arc<AtomicU64>,
@@ -41,17 +45,18 @@ impl Writer {
     /// # Errors
     /// Of the file system.
     pub fn open(config: &History, data: &Path, passed: Arc<AtomicU64>, health: Arc<Health>) -> Result<Self> {
-        at(&config.folder, std::fs::create_dir_all(&config.folder))?;
         if [LIST, FORMER_LIST].iter().any(|list| config.folder.join(list).exists()) {
             return Err(Error::new(config.folder.display(), "holds exports; a gateway needs a folder of its own"));
         }
+        let store = Store::open(&config.folder)?;
         let cursor = Cursor::open(data, "history")?;
-        let removed = files::recover(&config.folder, cursor.next())?;
+        let removed = store.recover(cursor.next())?;
         if removed > 0 {
             eprintln!("history: {removed} unfinished or merged files removed");
         }
         passed.store(cursor.next(), Ordering::Relaxed);
-        Ok(Self { config: config.clone(), journal: data.join("journal"), cursor, passed, health, broken: false })
+        let (config, journal, format) = (config.clone(), data.join("journal"), Format::history()?);
+        Ok(Self { config, store, format, journal, cursor, passed, health, broken: false })
     }
 
     /// Number of the next entry.
@@ -98,7 +103,7 @@ impl Writer {
             let Some((last, _)) = entries.last() else { return Ok(()) };
             let (count, last) = (entries.len(), *last);
             if std::mem::replace(&mut self.broken, true) {
-                files::recover(&self.config.folder, self.cursor.next())?;
+                self.store.recover(self.cursor.next())?;
             }
             let partitions = self.write(&entries)?;
             self.cursor.keep(last + 1)?;
@@ -106,7 +111,7 @@ impl Writer {
             self.passed.store(last + 1, Ordering::Relaxed);
             self.health.history_next.store(last + 1, Ordering::Relaxed);
             for partition in partitions {
-                compact::compact(&partition, self.config.compact_files)?;
+                compact::compact(&self.store, &partition, self.config.compact_files, &self.format)?;
             }
             if count < BATCH {
                 return Ok(());
@@ -122,11 +127,11 @@ impl Writer {
         }
         let mut written = Vec::new();
         for ((machine, day), held) in partitions {
-            let partition = self.config.folder.join(format!("machine={machine}")).join(format!("day={day}"));
+            let partition = partition(self.store.root(), machine, &day);
             let (Some((first, _)), Some((last, _))) = (held.first(), held.last()) else { continue };
             let mut rows = Rows::default();
             held.iter().for_each(|(number, entry)| rows.push(*number, entry));
-            files::write(&partition, *first, *last, [rows.finish()])?;
+            files::write(&partition, (*first, *last), &self.format, [rows.finish()])?;
             written.push(partition);
         }
         Ok(written)
@@ -178,6 +183,7 @@ mod tests {
             let writer = open();
             let entries = Reader::new(&writer.journal, writer.next()).take(BATCH).expect("reads");
             writer.write(&entries[..=round % 8]).expect("writes");
+            drop(writer);
             std::fs::write(folder.join("machine=m0/day=1970-01-01/.part-9.new"), "half").expect("writes");
             open().flush().expect("flushes");
             assert_eq!(rows(&folder), written as usize, "round {round}");
