@@ -82,6 +82,58 @@ pub struct History {
     /// Files of a partition from which on they are merged.
     #[serde(default = "sixteen")]
     pub compact_files: usize,
+    /// Rollups and what goes then; without it all raw rows stay and nothing is rolled up.
+    pub rollup: Option<Rollup>,
+}
+
+/// Rollups of a minute, an hour and a day, and how long what they were made of stays.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rollup {
+    /// Their folder; the history's with `-rollup` behind its name where none is given.
+    pub folder: Option<PathBuf>,
+    /// Days that raw rows stay behind their own; without it, for ever.
+    pub raw_days: Option<u32>,
+    /// Days that buckets of a minute stay; without it, for ever. Hours and days stay.
+    pub minute_days: Option<u32>,
+    /// Raw rows of a machine so near an alarm of it stay for ever, s.
+    #[serde(default = "ten_minutes")]
+    pub alarm_seconds: u32,
+}
+
+impl History {
+    /// Folder of the rollups.
+    pub fn rollup_folder(&self) -> PathBuf {
+        let beside = || {
+            let mut name = self.folder.file_name().unwrap_or_default().to_owned();
+            name.push("-rollup");
+            self.folder.with_file_name(name)
+        };
+        self.rollup.as_ref().and_then(|rollup| rollup.folder.clone()).unwrap_or_else(beside)
+    }
+
+    fn check(&self) -> std::result::Result<(), String> {
+        if self.flush_seconds == 0 || self.compact_files < 2 {
+            return Err("history: flush_seconds must be 1 or more, compact_files 2 or more".into());
+        }
+        let Some(rollup) = &self.rollup else { return Ok(()) };
+        if [rollup.raw_days, rollup.minute_days].contains(&Some(0)) {
+            return Err("history.rollup: raw_days and minute_days must be 1 or more; leave them out to keep all".into());
+        }
+        if rollup.alarm_seconds > LONGEST_ALARM_S {
+            return Err(format!("history.rollup: alarm_seconds must be at most {LONGEST_ALARM_S}, a day"));
+        }
+        let folder = self.rollup_folder();
+        if folder.starts_with(&self.folder) || self.folder.starts_with(&folder) {
+            return Err(format!(
+                "history.rollup: folder {} and the history's {} must lie beside each other, or readers of one count \
+                 the other",
+                folder.display(),
+                self.folder.display()
+            ));
+        }
+        Ok(())
+    }
 }
 
 /// The journal's limits.
@@ -109,6 +161,12 @@ fn sixty() -> u64 {
 fn sixteen() -> usize {
     16
 }
+fn ten_minutes() -> u32 {
+    600
+}
+
+/// Most seconds around an alarm: thinning looks at the neighbouring days, and no further.
+const LONGEST_ALARM_S: u32 = 86_400;
 
 impl Config {
     /// Reads and checks a file.
@@ -140,9 +198,7 @@ impl Config {
         if !(0.05..=60.0).contains(&self.journal.sync_seconds) || self.journal.megabytes < 8 {
             return Err("journal: sync_seconds must be 0.05 to 60, megabytes 8 or more".into());
         }
-        if self.history.as_ref().is_some_and(|history| history.flush_seconds == 0 || history.compact_files < 2) {
-            return Err("history: flush_seconds must be 1 or more, compact_files 2 or more".into());
-        }
+        self.history.as_ref().map_or(Ok(()), History::check)?;
         let (mut names, mut ports) = (BTreeSet::new(), BTreeSet::new());
         for node in &self.nodes {
             named("node.name", &node.name)?;
@@ -214,6 +270,10 @@ mod tests {
             ("[history]\nfolder = \"h\"", "", "nothing to do"),
             ("machine = \"m\"", "machine = \"m\"\nunit = \"12\"", "24 hexadecimal"),
             ("[history]", "[journal]\nsync_seconds = nan\n[history]", "sync_seconds"),
+            ("[[node]]", "[history.rollup]\nraw_days = 0\n[[node]]", "leave them out"),
+            ("[[node]]", "[history.rollup]\nalarm_seconds = 86401\n[[node]]", "alarm_seconds"),
+            ("[[node]]", "[history.rollup]\nfolder = \"h/rollup\"\n[[node]]", "beside each other"),
+            ("[[node]]", "[history.rollup]\nhour_days = 3\n[[node]]", "unknown field"),
         ] {
             let error = parse(|t| t.replace(from, to)).expect_err(says);
             assert!(error.contains(says), "{error}");

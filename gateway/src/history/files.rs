@@ -3,7 +3,8 @@
 //! A file is written under a name that no reader takes, synced, then renamed. Its name says which entries it was made
 //! from: `part-FIRST-LAST.parquet`. Two rules follow, and need no manifest: a file whose first entry is not before
 //! the writer's place in the journal is of a batch that was not completed, and goes at the next start; a file whose
-//! range lies inside another's of its partition was merged into that one, and goes as well.
+//! range lies inside another's of its partition was merged into that one, and goes as well. Rollups keep the same
+//! rules with the numbers of their [units](super::ledger).
 
 use super::cut;
 use super::schema::schema;
@@ -158,6 +159,13 @@ pub fn partitions(root: &Path) -> Result<Vec<PathBuf>> {
     }
     found.sort();
     Ok(found)
+}
+
+/// Machine and first day of a partition, by its folders' names.
+pub fn place(partition: &Path) -> Option<(&str, &str)> {
+    let day = partition.file_name()?.to_str()?.strip_prefix("day=")?;
+    let machine = partition.parent()?.file_name()?.to_str()?.strip_prefix("machine=")?;
+    Some((machine, day))
 }
 
 /// The partition of a machine and a first day.

@@ -96,6 +96,26 @@ impl Store {
         }
         self.clear()
     }
+
+    /// Takes a partition away, whole.
+    ///
+    /// # Errors
+    /// Of the file system; the partition then stays, or some of its files where it can only be removed piece by piece.
+    pub fn remove(&self, partition: &Path) -> Result {
+        self.clear()?;
+        cut::point();
+        let moved = self.next.as_ref().is_some_and(|next| std::fs::rename(partition, next).is_ok());
+        if !moved {
+            at(partition, std::fs::remove_dir_all(partition))?;
+        }
+        cut::point();
+        if let Some(above) = partition.parent() {
+            sync(above)?;
+            // The last partition of a machine: its folder is empty, and goes where it is.
+            let _ = std::fs::remove_dir(above);
+        }
+        self.clear()
+    }
 }
 
 fn lock(root: &Path, staging: &Path) -> Result<File> {
@@ -205,6 +225,8 @@ mod tests {
             assert_eq!(held(&partition), (vec![(0, 19), (20, 29)], 30), "{name}");
             assert_eq!(compact(store, &partition, 2, &format).expect("merges"), (2, 1));
             assert_eq!(held(&partition), (vec![(0, 29)], 30), "{name}");
+            store.remove(&partition).expect("removes");
+            assert!(!partition.exists() && !root.join(format!("machine={name}")).exists());
         }
         assert_eq!(std::fs::read_dir(folder.join("history.staging")).expect("lists").count(), 1, "the lock alone");
         let _ = std::fs::remove_dir_all(&folder);

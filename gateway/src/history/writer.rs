@@ -7,9 +7,11 @@
 
 use super::export::{FORMER_LIST, LIST};
 use super::files::{Format, partition};
+use super::rollup::{Done, Keeper};
 use super::rows::Rows;
 use super::store::Store;
 use super::{compact, day, files};
+use crate::clock::wall_us;
 use crate::config::History;
 use crate::error::{Error, Result};
 use crate::health::Health;
@@ -21,16 +23,21 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Most entries of a batch.
 pub const BATCH: usize = 20_000;
+/// Time between passes of the rollups: a day that is over is rolled up within it.
+const PASS: Duration = Duration::from_secs(600);
 
 /// The thread's state.
 pub struct Writer {
     config: History,
     store: Store,
     format: Format,
+    keeper: Option<Keeper>,
+    /// When the rollups were looked at last.
+    passed_at: Option<Instant>,
     journal: PathBuf,
     cursor: Cursor,
     passed: Arc<AtomicU64>,
@@ -55,8 +62,12 @@ impl Writer {
             eprintln!("history: {removed} unfinished or merged files removed");
         }
         passed.store(cursor.next(), Ordering::Relaxed);
+        let keeper = match &config.rollup {
+            Some(rule) => Some(Keeper::open(&config.rollup_folder(), rule)?),
+            None => None,
+        };
         let (config, journal, format) = (config.clone(), data.join("journal"), Format::history()?);
-        Ok(Self { config, store, format, journal, cursor, passed, health, broken: false })
+        Ok(Self { config, store, format, keeper, passed_at: None, journal, cursor, passed, health, broken: false })
     }
 
     /// Number of the next entry.
@@ -72,7 +83,7 @@ impl Writer {
             while stop.asked() && !journal_closed() {
                 std::thread::sleep(Duration::from_millis(5));
             }
-            match self.flush() {
+            match self.flush().and_then(|()| self.roll_up()) {
                 Ok(()) => said.clear(),
                 Err(reason) => {
                     self.health.history_failures.fetch_add(1, Ordering::Relaxed);
@@ -87,6 +98,22 @@ impl Writer {
                 return;
             }
         }
+    }
+
+    /// Rolls up and thins what is due, where that is configured. All that waited is written before, so a day that is
+    /// over is complete.
+    fn roll_up(&mut self) -> Result {
+        let Some(keeper) = &mut self.keeper else { return Ok(()) };
+        if self.passed_at.is_some_and(|at| at.elapsed() < PASS) {
+            return Ok(());
+        }
+        self.passed_at = Some(Instant::now());
+        let done = keeper.pass(&self.store, wall_us())?;
+        if done != Done::default() {
+            let Done { units, thinned, expired } = done;
+            eprintln!("rollup: {units} machine days rolled up, {thinned} thinned, {expired} days of minutes removed");
+        }
+        Ok(())
     }
 
     /// Writes all that waits.
@@ -172,7 +199,7 @@ mod tests {
         let root = std::env::temp_dir().join(format!("meshband-history-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&root);
         let (data, folder) = (root.join("data"), root.join("history"));
-        let config = History { folder: folder.clone(), flush_seconds: 1, compact_files: 4 };
+        let config = History { folder: folder.clone(), flush_seconds: 1, compact_files: 4, rollup: None };
         let mut journal = Journal::open(&data.join("journal"), 0).expect("opens");
         let open = || Writer::open(&config, &data, Arc::default(), Arc::default()).expect("opens");
         let mut written = 0;
