@@ -9,6 +9,9 @@ import duckdb
 
 from . import lake, page, records
 
+#: Times a question is asked while a gateway merges or thins the files it is asked of.
+ATTEMPTS = 3
+
 
 def main(arguments=None):
     parser = argparse.ArgumentParser(prog="meshband-fleet", description=__doc__)
@@ -27,6 +30,9 @@ def main(arguments=None):
     sql = commands.add_parser("sql", help="any query on the view `history`")
     sql.add_argument("history", type=pathlib.Path)
     sql.add_argument("query")
+    trend.add_argument("--level", default="hour", choices=("minute", "hour", "day"))
+    for query in commands.choices.values():
+        query.add_argument("--rollup", type=pathlib.Path, help="folder of rollups; HISTORY-rollup where none is given")
     export = commands.add_parser("export", help="record folders as Parquet, one file each: waveforms and tach edges as lists")
     export.add_argument("folder", type=pathlib.Path)
     export.add_argument("records", nargs="+", type=pathlib.Path)
@@ -40,7 +46,13 @@ def main(arguments=None):
     jobs.add_argument("--spark", action="store_true", help="PySpark in local mode instead of a pool")
     given = parser.parse_args(arguments)
     try:
-        return run(given)
+        for attempt in range(ATTEMPTS):
+            try:
+                return run(given)
+            except duckdb.IOException:
+                # The gateway replaced files between listing and reading.
+                if attempt + 1 == ATTEMPTS:
+                    raise
     except (OSError, ValueError, duckdb.Error) as reason:
         print(f"meshband-fleet: {str(reason).splitlines()[0]}", file=sys.stderr)
         return 2
@@ -48,19 +60,19 @@ def main(arguments=None):
 
 def run(given):
     if given.command == "page":
-        print(page.write(given.history, given.folder))
+        print(page.write(given.history, given.folder, given.rollup))
         return 0
     if given.command == "verdicts":
         return verdicts(given)
     if given.command == "export":
         return export(given)
-    connection = lake.open_history(given.history)
+    connection = lake.open_history(given.history, rollup=given.rollup)
     if given.command == "departures":
         relation = lake.departures(connection, given.quantity)
     elif given.command == "drift":
         relation = lake.drifting(connection, given.quantity)
     elif given.command == "trend":
-        rows = lake.trend(connection, given.node, given.quantity).fetchall()
+        rows = lake.trend(connection, given.node, given.quantity, level=given.level).fetchall()
         for row in rows:
             print("\t".join(str(cell) for cell in row))
         return 0

@@ -35,18 +35,21 @@ def table(head, rows):
 
 
 def curve(points, label):
-    """A line through (seconds, value) as SVG, with the range written beside it."""
+    """A line through (seconds, mean, least, most) as SVG in the band of the extremes, with their range written beside it."""
     if len(points) < 2:
         return f"<p>{html.escape(label)}: {len(points)} point, no trend yet</p>"
     times, values = [p[0] for p in points], [p[1] for p in points]
-    low, high = min(values), max(values)
+    low, high = min(p[2] for p in points), max(p[3] for p in points)
     span, width = (high - low) or 1.0, (times[-1] - times[0]) or 1.0
-    path = " ".join(f"{10 + 980 * (t - times[0]) / width:.1f},{150 - 140 * (v - low) / span:.1f}" for t, v in points)
+    place = lambda t, v: f"{10 + 980 * (t - times[0]) / width:.1f},{150 - 140 * (v - low) / span:.1f}"
+    path = " ".join(place(t, v) for t, v in zip(times, values))
+    band = " ".join([place(p[0], p[3]) for p in points] + [place(p[0], p[2]) for p in reversed(points)])
     return (
         f'<figure><svg viewBox="0 0 1000 160" role="img" aria-label="{html.escape(label)}">'
         f'<rect x="10" y="10" width="980" height="140" fill="none" stroke="#ddd"/>'
+        f'<polygon points="{band}" fill="#cfe0fc"/>'
         f'<polyline points="{path}" fill="none" stroke="#0645ad" stroke-width="2"/></svg>'
-        f"<figcaption>{html.escape(label)}: {low:.4g} to {high:.4g}</figcaption></figure>"
+        f"<figcaption>{html.escape(label)}: {low:.4g} to {high:.4g} (least and largest value)</figcaption></figure>"
     )
 
 
@@ -71,22 +74,42 @@ def node_page(connection, row):
     return "\n".join(parts)
 
 
+#: Points of a curve, about.
+POINTS = 300
+
+
 def commonest(connection, node, quantity):
-    """The speed step with most rows, and means there as (seconds, value): about 300 from the first to the last, of 1 s at least."""
+    """The speed step with most rows, and its points (seconds, mean, least, most): about 300 from the first to the last.
+
+    From the rollups' minutes where they reach back to the first hour, else from their hours; and from the rows they do not have.
+    """
+    column = lake.known(quantity)
+    held = f"""select epoch(time) as instant, floor(speed_hz) + 0.5 as speed, {column} as value, {column} as least, {column} as most, 1 as rows
+        from fresh where node = $1 and {column} is not null and {lake.LOCKED}"""
+    if lake.has_rollup(connection) and f"{column}_min" in lake.columns(connection, "rollup"):
+        held += f""" union all select epoch(start), speed_class_hz, {column}_mean, {column}_min, {column}_max, {column}_count
+            from rollup where node = $1 and level = '{finest(connection, node)}' and {column}_count > 0 and speed_class_hz is not null"""
     rows = connection.execute(f"""
-        with steps as (select floor(speed_hz) + 0.5 as speed, epoch(time) as instant, {lake.known(quantity)} as value
-            from history where node = ? and {quantity} is not null and speed_hz is not null),
-        best as (select speed from steps group by speed order by count(*) desc, speed limit 1),
-        held as (select * from steps join best using (speed)),
-        width as (select greatest(1.0, (max(instant) - min(instant)) / 300) as width from held)
-        select speed, floor(instant / width) * width as mean_at, avg(value) from held, width
-        group by speed, mean_at order by mean_at""", [node]).fetchall()
-    return (rows[0][0], [(instant, value) for _, instant, value in rows]) if rows else (None, [])
+        with held as ({held}),
+        best as (select speed from held group by speed order by sum(rows) desc, speed limit 1),
+        width as (select greatest(1.0, (max(instant) - min(instant)) / {POINTS}) as width from held join best using (speed))
+        select speed, floor(instant / width) * width as mean_at, sum(value * rows) / sum(rows), min(least), max(most)
+        from held join best using (speed), width group by speed, mean_at order by mean_at""", [node]).fetchall()
+    return (rows[0][0], [tuple(point) for _, *point in rows]) if rows else (None, [])
 
 
-def write(history, folder):
+def finest(connection, node):
+    """`minute` where a node's minutes reach back as far as its hours, and a curve shows less than an hour a point; else `hour`."""
+    minutes, hours, last = connection.execute("""
+        select min(start) filter (level = 'minute'), min(start) filter (level = 'hour'), max(start) from rollup where node = ?""", [node]).fetchone()
+    if minutes is None or minutes >= hours + datetime.timedelta(hours=1) or last - hours > datetime.timedelta(hours=POINTS):
+        return "hour"
+    return "minute"
+
+
+def write(history, folder, rollup=None):
     """Writes the pages; gives the overview's path."""
-    connection = lake.open_history(history)
+    connection = lake.open_history(history, rollup=rollup)
     out = pathlib.Path(folder)
     out.mkdir(parents=True, exist_ok=True)
     overview = lake.overview(connection).fetchall()
