@@ -3,6 +3,7 @@
 MESHBAND_GATEWAY names the program; `python -m unittest` in this folder.
 """
 
+import json
 import os
 import pathlib
 import shutil
@@ -85,6 +86,25 @@ class Fault(unittest.TestCase):
         host = kit.Host(broker.port, tls=own / "broker.pem")
         self.addCleanup(host.close)
         kit.until(lambda: 0 in host.journals, 20, "the first entry of all at the broker")
+
+    @unittest.skipUnless(shutil.which("openssl"), "openssl makes the certificates")
+    def test_fault_a_broker_that_asks_for_a_certificate_takes_the_one_its_authority_signed(self):
+        own, strange = kit.authority(self.folder / "own"), kit.authority(self.folder / "strange")
+        broker = self.started(kit.Broker(self.folder, tls=own))
+        for name in ("gateway.pem", "gateway.key"):
+            shutil.copy(strange / name, self.folder / name)
+        broker.login = f'tls_ca = "{own}/ca.pem"\ntls_cert = "{self.folder}/gateway.pem"\ntls_key = "{self.folder}/gateway.key"'
+        _, port = self.nodes(1)
+        gateway = self.gateway(kit.configure(self.folder, [port], broker))
+        kit.until(lambda: "Connected" in self.events(), 20, "history in spite of the broker")
+        kit.until(lambda: any(line.startswith("broker") for line in gateway.text().splitlines()), 20, "the refusal is said")
+        self.assertNotIn("connected, ", gateway.text(), "a certificate of another authority")
+        # The right certificate and key are taken without a restart, and nothing was lost meanwhile.
+        for name in ("gateway.pem", "gateway.key"):
+            shutil.copy(own / name, self.folder / name)
+        host = kit.Host(broker.port, tls=own)
+        self.addCleanup(host.close)
+        kit.until(lambda: 0 in host.journals, 30, "the first entry of all at the broker")
 
     def test_fault_a_full_disk_loses_and_counts_and_goes_on(self):
         mount = self.folder / "small"
@@ -186,6 +206,28 @@ class Fault(unittest.TestCase):
         kit.until(lambda: host.kinds["NBIRTH"] == births + 1, 20, "born again")
         most = kit.rows(self.folder, "select max(journal) from history")[0][0]
         kit.until(lambda: set(range(most + 1)) <= set(host.journals), 20, "every entry at the host")
+
+    def test_claim_days_that_are_over_are_rolled_up_and_thinned_by_rule_and_the_history_goes_on(self):
+        _, port = self.nodes(1)
+        config = kit.configure(self.folder, [port])
+        first = self.gateway(config)
+        query = "select count(*), min(rms), max(rms) from history where rms is not null"
+        kit.until(lambda: "Connected" in self.events() and kit.rows(self.folder, query)[0][0] > 3, 30, "values")
+        first.stop()
+        held = kit.rows(self.folder, query)[0]
+        # As if it had been in January.
+        day = next((self.folder / "history").glob("machine=machine-0/day=*"))
+        day.rename(day.with_name("day=2026-01-01"))
+        config.write_text(config.read_text() + "[history.rollup]\nraw_days = 1\n")
+        second = self.gateway(config, "second")
+        rollup = self.folder / "history-rollup"
+        kit.until(lambda: "1 machine days rolled up, 1 thinned" in second.text(), 30, "said")
+        self.assertEqual(json.loads((rollup / "_units.jsonl").read_text())["day"], "2026-01-01")
+        self.assertFalse((self.folder / "history/machine=machine-0/day=2026-01-01").exists())
+        folder = f"'{rollup}/level=hour/**/*.parquet'"
+        rolled = kit.duckdb.sql(f"select sum(rms_count)::bigint, min(rms_min), max(rms_max) from {folder}").fetchall()[0]
+        self.assertEqual(rolled, held)
+        kit.until(lambda: kit.rows(self.folder, query)[0][0] > 3, 30, "the history goes on")
 
     def test_fault_a_node_that_is_not_the_configured_chip_is_refused(self):
         _, port = self.nodes(1, unit=5)

@@ -70,9 +70,12 @@ class Process:
 
 
 class Broker(Process):
-    """mosquitto on one local port; `password` makes it ask for user `gateway`, `tls` (from [`certificates`]) for TLS."""
+    """mosquitto on one local port; `password` makes it ask for user `gateway`, `tls` (from [`certificates`]) for TLS.
 
-    def __init__(self, folder, password=None, tls=None):
+    `limits` leaves its own limits of what it holds for a subscriber as they are.
+    """
+
+    def __init__(self, folder, password=None, tls=None, limits=False):
         self.port = free_ports(1)
         program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
         if program is None:
@@ -80,10 +83,10 @@ class Broker(Process):
         lines = [
             f"listener {self.port} 127.0.0.1",
             "persistence false",
-            # A reader that is slow for a moment must not lose messages of which the proof then knows nothing.
-            "max_queued_messages 0",
-            "max_inflight_messages 0",
         ]
+        if not limits:
+            # A reader that is slow for a moment must not lose messages of which the proof then knows nothing.
+            lines += ["max_queued_messages 0", "max_inflight_messages 0"]
         if password is None:
             lines.append("allow_anonymous true")
         else:
@@ -94,6 +97,8 @@ class Broker(Process):
         if tls:
             # Behind its listener, which is the last one named.
             lines += [f"certfile {tls}/broker.pem", f"keyfile {tls}/broker.key"]
+            if (tls / "ca.pem").is_file():
+                lines += [f"cafile {tls}/ca.pem", "require_certificate true"]
         config = folder / "mosquitto.conf"
         config.write_text("\n".join(lines) + "\n")
         folder.chmod(0o755)
@@ -120,6 +125,24 @@ def certificates(folder):
     return folder
 
 
+def authority(folder):
+    """An authority, and certificates that it signed: of a broker on 127.0.0.1, which then asks for one, and of two clients."""
+    folder.mkdir()
+    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2"]
+    make = lambda *words: subprocess.run(["openssl", *words], check=True, capture_output=True)
+    make("req", "-x509", *key, "-subj", "/CN=authority", "-keyout", folder / "ca.key", "-out", folder / "ca.pem")
+    extensions = folder / "extensions"
+    extensions.write_text("subjectAltName=IP:127.0.0.1\nbasicConstraints=critical,CA:FALSE\n")
+    for name in ("broker", "gateway", "host"):
+        request, out = folder / f"{name}.csr", folder / f"{name}.pem"
+        make("req", *key[:-2], "-subj", f"/CN={name}", "-keyout", folder / f"{name}.key", "-out", request)
+        signed = ["-CA", folder / "ca.pem", "-CAkey", folder / "ca.key", "-CAcreateserial", "-days", "2", "-extfile", extensions]
+        make("x509", "-req", "-in", request, "-out", out, *signed)
+        # mosquitto gives up its rights before it reads them.
+        (folder / f"{name}.key").chmod(0o644)
+    return folder
+
+
 class Host:
     """An independent Sparkplug host application: counts what it reads with pysparkplug."""
 
@@ -130,7 +153,10 @@ class Host:
         self.names = {}
         self.lock = threading.Lock()
         options = pysparkplug.ClientOptions(reconnection_delay_min=1, reconnection_delay_max=1)
-        if tls:
+        if tls and tls.is_dir():
+            own = {"certfile": str(tls / "host.pem"), "keyfile": str(tls / "host.key")}
+            login["transport_config"] = pysparkplug.TLSConfig(ca_certs=str(tls / "ca.pem"), **own)
+        elif tls:
             login["transport_config"] = pysparkplug.TLSConfig(ca_certs=str(tls))
         self.client = pysparkplug.Client(client_id="host", client_options=options, **login)
         types = ["NBIRTH", "NDATA", "NDEATH", "DBIRTH", "DDATA", "DDEATH"]

@@ -60,6 +60,11 @@ pub struct Broker {
     pub password_file: Option<PathBuf>,
     /// TLS: file with the certificates (PEM) that vouch for the broker.
     pub tls_ca: Option<PathBuf>,
+    /// TLS: file with the gateway's own certificate and those between it and the authority (PEM), where the broker asks
+    /// for one.
+    pub tls_cert: Option<PathBuf>,
+    /// TLS: file with the key of that certificate (PEM).
+    pub tls_key: Option<PathBuf>,
     /// Sparkplug host without which nothing is published: births wait until its STATE says that it is online.
     pub primary_host: Option<String>,
     /// Takes `Command/Configure` from the broker.
@@ -188,6 +193,12 @@ impl Config {
             if broker.user.is_none() && broker.password_file.is_some() {
                 return Err("broker.password_file without broker.user".into());
             }
+            if broker.tls_cert.is_some() != broker.tls_key.is_some() {
+                return Err("broker.tls_cert and broker.tls_key belong together: name both or none".into());
+            }
+            if broker.tls_cert.is_some() && broker.tls_ca.is_none() {
+                return Err("broker.tls_cert without broker.tls_ca: name what vouches for the broker as well".into());
+            }
         }
         if self.broker.is_none() && self.history.is_none() {
             return Err("neither [broker] nor [history]: nothing to do with what the nodes say".into());
@@ -292,6 +303,22 @@ mod tests {
         }
         for name in ["mill-1", "m", "Mühle 3D", "info", "nancy", "none", "today"] {
             assert_eq!(parse(|t| t.replace("\"m\"", &format!("{name:?}"))), Ok(()));
+        }
+    }
+
+    #[test]
+    fn claim_a_certificate_needs_its_key_and_what_vouches_for_the_broker() {
+        let broker = |keys: &str| format!("[broker]\nhost = \"h\"\ngroup = \"g\"\n{keys}\n[history]");
+        let of = |keys: &str| parse(|t| t.replace("[history]", &broker(keys)));
+        let (authority, certificate, key) = ("tls_ca = \"a\"\n", "tls_cert = \"c\"\n", "tls_key = \"k\"\n");
+        assert_eq!(of(&[authority, certificate, key].concat()), Ok(()));
+        for (keys, says) in [
+            ([authority, certificate], "belong together"),
+            ([authority, key], "belong together"),
+            ([certificate, key], "without broker.tls_ca"),
+        ] {
+            let error = of(&keys.concat()).expect_err(says);
+            assert!(error.contains(says), "{error}");
         }
     }
 

@@ -287,12 +287,13 @@ fn options(config: &Broker, edge: &str, bd_seq: u8) -> Result<MqttOptions> {
         options.set_credentials(user, password);
     }
     if let Some(path) = &config.tls_ca {
-        let ca = crate::error::at(path, std::fs::read(path))?;
-        options.set_transport(Transport::tls_with_config(TlsConfiguration::Simple {
-            ca,
-            alpn: None,
-            client_auth: None,
-        }));
+        let read = |path: &std::path::Path| crate::error::at(path, std::fs::read(path));
+        let client_auth = match (&config.tls_cert, &config.tls_key) {
+            (Some(certificate), Some(key)) => Some((read(certificate)?, read(key)?)),
+            _ => None,
+        };
+        let tls = TlsConfiguration::Simple { ca: read(path)?, alpn: None, client_auth };
+        options.set_transport(Transport::tls_with_config(tls));
     }
     Ok(options)
 }
