@@ -9,25 +9,37 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const HELP: &str = "\
-cargo xtask gateway [--full] [--faults]
+cargo xtask gateway [--full] [--faults] [--readers] [--year]
   Builds the gateway, checks it (rustfmt, clippy, unit tests, those of its Python part), then looks at the faults \
   and at the
   proof against mosquitto: virtual nodes, broker and gateway killed.
-  --full    50 nodes for ten minutes, into docs/evidence/gateway-proof.json; without it 8 nodes for 45 s
-  --faults  the faults alone";
+  --full    50 nodes for ten minutes, into docs/evidence/gateway-proof.json, then subscribers for two minutes behind \
+  mosquitto's own
+            limits, into gateway-subscribers.json; without it 8 nodes for 45 s and 20 s
+  --faults  the faults alone
+  --readers the same folders by Spark (with Java), DuckDB, polars, pyarrow and pandas, also while a gateway writes
+  --year    a year of 100 nodes, rolled up and thinned day by day, into docs/evidence/gateway-year.json; 20 minutes";
 
 /// Build, checks, faults, proof.
 pub fn proof(args: &[String]) -> Outcome {
-    let (mut full, mut faults) = (false, false);
+    let (mut full, mut faults, mut readers, mut year) = (false, false, false, false);
     for argument in args {
         match argument.as_str() {
             "--full" => full = true,
             "--faults" => faults = true,
+            "--readers" => readers = true,
+            "--year" => year = true,
             _ => return Err(HELP.into()),
         }
     }
     let program = build()?;
     let python = python(&["duckdb", "pandas<3", "polars", "pyarrow", "pytz", "pysparkplug==0.6.1"])?;
+    if readers {
+        return five_readers(&python, &program);
+    }
+    if year {
+        return a_year(&python, &program);
+    }
     if !faults {
         checks(&python)?;
     }
@@ -50,14 +62,51 @@ pub fn proof(args: &[String]) -> Outcome {
         let mut proof = Command::new(&python);
         proof.arg("prove.py").arg(&program).current_dir(&folder);
         if full {
-            let page = root().join("docs/evidence");
-            std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
-            proof.arg("--json").arg(page.join("gateway-proof.json"));
+            proof.arg("--json").arg(evidence()?.join("gateway-proof.json"));
         } else {
             proof.args(["--nodes", "8", "--seconds", "45", "--broker-kills", "2", "--gateway-kills", "2"]);
         }
         run(&mut proof)
+    })?;
+    timed("subscribers behind mosquitto's own limits", || {
+        let mut subscribers = script(&python, &program, "subscribers.py");
+        if full {
+            subscribers.arg("--json").arg(evidence()?.join("gateway-subscribers.json"));
+        } else {
+            subscribers.args(["--nodes", "8", "--seconds", "20"]);
+        }
+        run(&mut subscribers)
     })
+}
+
+/// Programs of others on the folders of exports, history and rollups; Spark where Java is.
+fn five_readers(python: &Path, program: &Path) -> Outcome {
+    if on_path("java").is_some() {
+        run(Command::new(python).args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "pyspark"]))?;
+    } else {
+        say("java is not installed (Debian: default-jre-headless): Spark is SKIPPED");
+    }
+    timed("one folder, many readers", || run(&mut script(python, program, "readers.py")))
+}
+
+/// Sizes, extremes and times of a year.
+fn a_year(python: &Path, program: &Path) -> Outcome {
+    let page = evidence()?.join("gateway-year.json");
+    timed("a year of 100 nodes", || run(script(python, program, "year.py").arg("--json").arg(page)))
+}
+
+/// A script of the proof with the package beside it.
+fn script(python: &Path, program: &Path, name: &str) -> Command {
+    let mut script = Command::new(python);
+    script.arg(name).arg(program).current_dir(root().join("gateway/proof"));
+    script.env("PYTHONPATH", root().join("gateway/python"));
+    script
+}
+
+fn evidence() -> Outcome<PathBuf> {
+    let folder = root().join("docs/evidence");
+    std::fs::create_dir_all(&folder).map_err(|reason| format!("{}: {reason}", folder.display()))?;
+    Ok(folder)
 }
 
 /// What needs neither broker nor nodes.
@@ -85,8 +134,7 @@ pub fn spark(args: &[String]) -> Outcome {
     }
     run(&mut crate::shell::cargo(&["build", "--quiet", "--release", "--bin", "meshband"]))?;
     let python = python(&["duckdb", "pyarrow", "pytz", "pandas<3", "pyspark"])?;
-    let page = root().join("docs/evidence");
-    std::fs::create_dir_all(&page).map_err(|reason| format!("{}: {reason}", page.display()))?;
+    let page = evidence()?;
     let mut job = Command::new(python);
     job.arg(root().join("gateway/proof/spark_proof.py"))
         .arg(root().join("target/release/meshband"))

@@ -48,7 +48,8 @@ cargo xtask TASK
   wheel        the Python package: wheel, clean environment, its tests and notebooks (skipped without Python)
   modbus       the released image as a Modbus station, read by pymodbus (skipped without Python)
   screenshots  pictures of the reports and of the live view, into book/src/pictures (names of pictures may follow)
-  gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed)
+  gateway      the gateway against a real broker: faults, kills, every frame once (--full: ten minutes, committed;
+               --readers: one folder, five programs; --year: a year of 100 nodes)
   fleet-spark  `meshband loop` over generated records by PySpark, a pool and one by one, compared; committed
   fuzz         every target of tests/src/fuzz under libFuzzer for MESHBAND_FUZZ_SECONDS each (600), into \
   target/fuzzing.md;
