@@ -214,8 +214,9 @@ impl Config {
         for node in &self.nodes {
             named("node.name", &node.name)?;
             machine_named("node.machine", &node.machine)?;
-            if !names.insert(&node.name) {
-                return Err(format!("two nodes are named {}", node.name));
+            // Host applications may not tell cases apart.
+            if !names.insert(node.name.to_lowercase()) {
+                return Err(format!("two nodes are named {}, in whatever case; give one another name", node.name));
             }
             if !ports.insert(&node.port) {
                 return Err(format!("two nodes have the port {}", node.port));
@@ -291,6 +292,9 @@ mod tests {
         }
         let twice = parse(|t| t.clone() + &t[t.find("[[node").expect("there")..]).expect_err("two of one name");
         assert!(twice.contains("two nodes are named a"), "{twice}");
+        let other_case = |t: String| t.clone() + &t[t.find("[[node").expect("there")..].replace("\"a\"", "\"A\"");
+        let twice = parse(other_case).expect_err("two of one name but for the case");
+        assert!(twice.contains("two nodes are named A"), "{twice}");
     }
 
     #[test]

@@ -34,6 +34,8 @@ pub struct Done {
     pub thinned: usize,
     /// Days of minutes removed.
     pub expired: usize,
+    /// There is more to do.
+    pub unfinished: bool,
 }
 
 /// The rollups of one history.
@@ -60,13 +62,17 @@ impl Keeper {
         Ok(Self { rule: rule.clone(), ledger, store, format: levels::format()? })
     }
 
-    /// Rolls up, thins and removes what is due at an instant.
+    /// Rolls up, thins and removes what is due at an instant, a machine's day after the other as long as `goes_on`; one
+    /// day at least, so that passes come to an end.
     ///
     /// # Errors
     /// Of the file system; what was done until then counts.
-    pub fn pass(&mut self, history: &Store, now_us: i64) -> Result<Done> {
+    pub fn pass(&mut self, history: &Store, now_us: i64, goes_on: impl Fn() -> bool) -> Result<Done> {
         let mut done = Done::default();
         for partition in files::partitions(history.root())? {
+            if done != Done::default() && !goes_on() {
+                return Ok(Done { unfinished: true, ..done });
+            }
             let Some((machine, day)) = files::place(&partition) else { continue };
             let Some(begin) = day::begin(day).filter(|_| machine != GATEWAY) else { continue };
             let age_us = now_us - (begin + DAY_US);

@@ -29,6 +29,9 @@ use std::time::{Duration, Instant};
 pub const BATCH: usize = 20_000;
 /// Time between passes of the rollups: a day that is over is rolled up within it.
 const PASS: Duration = Duration::from_secs(600);
+/// A pass goes on no longer than this behind a machine's day; entries wait in the journal meanwhile, and a history of
+/// years that is rolled up for the first time takes many passes.
+const PASS_SHARE: Duration = Duration::from_secs(10);
 
 /// The thread's state.
 pub struct Writer {
@@ -83,7 +86,7 @@ impl Writer {
             while stop.asked() && !journal_closed() {
                 std::thread::sleep(Duration::from_millis(5));
             }
-            match self.flush().and_then(|()| self.roll_up()) {
+            match self.flush().and_then(|()| self.roll_up(&stop)) {
                 Ok(()) => said.clear(),
                 Err(reason) => {
                     self.health.history_failures.fetch_add(1, Ordering::Relaxed);
@@ -102,16 +105,21 @@ impl Writer {
 
     /// Rolls up and thins what is due, where that is configured. All that waited is written before, so a day that is
     /// over is complete.
-    fn roll_up(&mut self) -> Result {
+    fn roll_up(&mut self, stop: &Stop) -> Result {
         let Some(keeper) = &mut self.keeper else { return Ok(()) };
         if self.passed_at.is_some_and(|at| at.elapsed() < PASS) {
             return Ok(());
         }
-        self.passed_at = Some(Instant::now());
-        let done = keeper.pass(&self.store, wall_us())?;
-        if done != Done::default() {
-            let Done { units, thinned, expired } = done;
+        let begun = Instant::now();
+        self.passed_at = Some(begun);
+        let Done { units, thinned, expired, unfinished } =
+            keeper.pass(&self.store, wall_us(), || begun.elapsed() < PASS_SHARE && !stop.asked())?;
+        if units + thinned + expired > 0 {
             eprintln!("rollup: {units} machine days rolled up, {thinned} thinned, {expired} days of minutes removed");
+        }
+        if unfinished {
+            // Behind the next files at once.
+            self.passed_at = None;
         }
         Ok(())
     }

@@ -236,3 +236,75 @@ fn claim_what_came_before_the_birth_is_historical_also_where_the_birth_waited_in
     };
     assert_eq!([historical(), historical()], [true, false]);
 }
+
+#[test]
+fn claim_topics_timestamps_and_properties_have_the_form_that_is_asked_for() {
+    let broker = TestBroker::start();
+    let (mut session, mut devices) = (begun(&broker, 0), Devices::default());
+    let begin_ms = crate::clock::wall_us() / 1000;
+    session.birth().expect("born");
+    let entries = [note("", Note::ClockJump), note("n", Note::Connected), status("n"), note("n", Note::Disconnected)];
+    for (number, entry) in (0..).zip(&entries) {
+        session.entry(number, entry, &mut devices).expect("sent");
+    }
+    for topic in ["NBIRTH/e", "NDATA/e", "DBIRTH/e/n", "DDATA/e/n", "DDATA/e/n", "DDEATH/e/n"] {
+        let (kind, _, publish, payload) = broker.message();
+        assert_eq!(publish.topic, format!("spBv1.0/g/{topic}"));
+        assert!(!publish.retain && (publish.qos == QoS::AtLeastOnce) == kind.ends_with("DATA"), "{topic}");
+        // Milliseconds, UTC: of just now.
+        let sent_ms = payload.timestamp.expect("when it was sent") as i64;
+        assert!((begin_ms..=crate::clock::wall_us() / 1000).contains(&sent_ms), "{topic}");
+        for metric in payload.metrics {
+            let stamp_ms = metric.timestamp.expect("of every metric");
+            // The entries are of a second behind 1970; births and the edge node's own metrics are of now.
+            assert!(stamp_ms == 1000 || stamp_ms as i64 >= begin_ms, "{topic}: {stamp_ms}");
+            let kinds = [3, 4, 7, 8, 9, 11, 12, 17];
+            assert!(metric.datatype.is_some_and(|kind| kinds.contains(&kind)), "{:?}", metric.datatype);
+            let Some(properties) = metric.properties else { continue };
+            assert_eq!(properties.keys.len(), properties.values.len());
+            for (key, value) in properties.keys.iter().zip(&properties.values) {
+                match key.as_str() {
+                    "Quality" => {
+                        assert_eq!((value.kind, &value.text), (Some(datatype::INT32), &None));
+                        assert!(value.int.is_some_and(|code| [0, 192, 500].contains(&code)), "{value:?}");
+                    }
+                    "engUnit" => {
+                        assert_eq!((value.kind, value.int), (Some(datatype::STRING), None));
+                        assert!(value.text.as_ref().is_some_and(|unit| !unit.is_empty()));
+                    }
+                    other => panic!("an unknown property {other}"),
+                }
+            }
+        }
+    }
+}
+
+/// The table, and the sources that its tests are in.
+const TABLE: &str = include_str!("../../../book/src/reference/sparkplug.md");
+const SOURCES: [&str; 5] = [
+    include_str!("conformance.rs"),
+    include_str!("conformance_host.rs"),
+    include_str!("metrics.rs"),
+    include_str!("primary.rs"),
+    include_str!("../config.rs"),
+];
+
+#[test]
+fn claim_every_statement_of_the_specification_stands_once_in_the_table_and_its_test_is_there() {
+    let rows: Vec<(&str, &str)> = TABLE.lines().filter_map(|line| line.strip_prefix("| ")?.split_once(" | ")).collect();
+    let named = || rows.iter().flat_map(|(ids, _)| ids.split(", "));
+    let holds = |row: &str, id: &str| match row.strip_suffix("\\*") {
+        Some(begin) => id.starts_with(begin),
+        None => id == row,
+    };
+    for id in include_str!("statements.txt").lines() {
+        assert_eq!(named().filter(|row| holds(row, id)).count(), 1, "{id}");
+    }
+    for (ids, proof) in &rows {
+        for test in proof.split('`').skip(1).step_by(2).filter(|word| word.starts_with("claim_")) {
+            let begin = test.trim_end_matches("...");
+            let found = SOURCES.iter().any(|source| source.contains(&format!("fn {begin}")));
+            assert!(found, "{ids}: no test {test}");
+        }
+    }
+}

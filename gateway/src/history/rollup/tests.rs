@@ -80,7 +80,7 @@ impl Fleet {
     fn pass(&self, hours: i64) -> Done {
         let store = Store::open(&self.history()).expect("opens");
         let mut keeper = Keeper::open(&self.rollup(), &RULE).expect("opens");
-        keeper.pass(&store, (BEGIN_S + hours * HOUR_S) * SECOND_US).expect("passes")
+        keeper.pass(&store, (BEGIN_S + hours * HOUR_S) * SECOND_US, || true).expect("passes")
     }
 
     fn raw(&self) -> Vec<u64> {
@@ -122,6 +122,10 @@ impl Fleet {
     }
 }
 
+fn done(units: usize, thinned: usize, expired: usize) -> Done {
+    Done { units, thinned, expired, unfinished: false }
+}
+
 impl Drop for Fleet {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.root);
@@ -150,7 +154,7 @@ fn theory_buckets_have_extremes_numbers_and_what_happened_by_speed_class() {
             alarm(HOUR_S + 1),
         ],
     );
-    assert_eq!(fleet.pass(25), Done { units: 1, thinned: 0, expired: 0 });
+    assert_eq!(fleet.pass(25), done(1, 0, 0));
     let class = Some(125);
     let minutes = [
         ((0, class), [2.0, 7.0, 0.0, 0.5, 2.0, 2.0]),
@@ -183,12 +187,12 @@ fn claim_raw_rows_go_by_rule_and_stay_around_alarms_also_across_midnight() {
     fleet.write("2026-03-02", &[good(day, 5.0), alarm(day + 300), good(day + 900, 6.0), good(day + 901, 7.0)]);
     fleet.write("2026-03-03", &[good(2 * day, 8.0)]);
     assert_eq!(fleet.pass(24), Done::default(), "within the grace");
-    assert_eq!(fleet.pass(25), Done { units: 1, thinned: 0, expired: 0 });
-    assert_eq!(fleet.pass(49), Done { units: 1, thinned: 1, expired: 0 });
+    assert_eq!(fleet.pass(25), done(1, 0, 0));
+    assert_eq!(fleet.pass(49), done(1, 1, 0));
     assert_eq!(fleet.raw(), [2, 3, 4, 5, 6, 7, 8]);
-    assert_eq!(fleet.pass(73), Done { units: 1, thinned: 1, expired: 1 }, "minutes of the first day are over");
+    assert_eq!(fleet.pass(73), done(1, 1, 1), "minutes of the first day are over");
     assert_eq!(fleet.raw(), [2, 3, 4, 5, 6, 8]);
-    assert_eq!(fleet.pass(97), Done { units: 0, thinned: 1, expired: 1 });
+    assert_eq!(fleet.pass(97), done(0, 1, 1));
     assert_eq!(fleet.raw(), [2, 3, 4, 5, 6], "a day without an alarm is gone");
     assert!(!files::partition(&fleet.history(), "m", "2026-03-03").exists());
     assert_eq!(fleet.pass(98), Done::default(), "nothing is done twice");
@@ -274,4 +278,21 @@ fn fault_a_kill_at_any_step_loses_and_doubles_nothing() {
         cuts += 1;
     }
     assert!(cuts > 30, "{cuts} kills");
+}
+
+#[test]
+fn claim_a_pass_ends_behind_a_machines_day_and_the_next_one_goes_on() {
+    let mut fleet = Fleet::new("share");
+    three_days(&mut fleet);
+    let store = Store::open(&fleet.history()).expect("opens");
+    let mut keeper = Keeper::open(&fleet.rollup(), &RULE).expect("opens");
+    let now_us = (BEGIN_S + 97 * HOUR_S) * SECOND_US;
+    let mut passes = vec![keeper.pass(&store, now_us, || false).expect("passes")];
+    while passes.last().is_some_and(|done| done.unfinished) {
+        assert!(passes.len() < 10, "{passes:?}");
+        passes.push(keeper.pass(&store, now_us, || false).expect("passes"));
+    }
+    let work: Vec<(usize, usize)> = passes.iter().map(|done| (done.units, done.thinned)).collect();
+    assert_eq!(work, [(1, 1), (1, 1), (1, 1)]);
+    assert_eq!(fleet.raw(), [1, 2, 3, 4]);
 }
