@@ -47,10 +47,10 @@ class Process:
     def kill(self):
         """SIGKILL: no chance to put anything in order."""
         self.running.kill()
-        self.running.wait(10)
+        self.running.wait(300)
 
-    def stop(self, patience=30):
-        """SIGTERM, and the exit code."""
+    def stop(self, patience=120):
+        """SIGTERM, and the exit code; a machine that is busy otherwise takes its time."""
         if self.running and self.running.poll() is None:
             self.running.send_signal(signal.SIGTERM)
         return self.running.wait(patience) if self.running else None
@@ -109,7 +109,7 @@ class Broker(Process):
         said = lambda: self.text().count(" running") if self.log.exists() else 0
         before = said()
         super().start()
-        until(lambda: said() > before, 10, "the broker listens")
+        until(lambda: said() > before, 60, "the broker listens")
         return self
 
 
@@ -248,6 +248,25 @@ def rows(folder, query):
         f"create view history as select * from read_parquet('{pattern}', hive_partitioning = true, union_by_name = true)"
     )
     return connection.sql(query).fetchall()
+
+
+def settled(folder, quiet=15, patience=600):
+    """Waits until broker and history have taken what there is, and nothing came for a while."""
+    places = lambda: [int((folder / f"data/{name}.cursor").read_text()) for name in ("broker", "history")]
+    before, since, end = places(), time.monotonic(), time.monotonic() + patience
+    while time.monotonic() < end and time.monotonic() < since + quiet:
+        time.sleep(1)
+        if (now := places()) != before or now[0] != now[1]:
+            before, since = now, time.monotonic()
+
+
+def stop_all(processes):
+    """Ends every one of them, also where one does not end."""
+    for process in processes:
+        try:
+            process.stop()
+        except subprocess.TimeoutExpired:
+            process.kill()
 
 
 def until(condition, patience, what):

@@ -73,14 +73,13 @@ def run(arguments, folder):
         [subscriber.away() for subscriber in away]
         time.sleep(arguments.seconds * AWAY)
         [subscriber.back() for subscriber in away]
-        time.sleep(arguments.seconds * (1 - AWAY) / 2 + 6)
+        nodes.wait(600)
+        kit.settled(folder)
         code = gateway.stop()
-        nodes.wait(60)
         drain(subscribers)
     finally:
         [subscriber.away() for subscriber in subscribers]
-        for process in (gateway, nodes, broker):
-            process.stop()
+        kit.stop_all((gateway, nodes, broker))
     return count(arguments, folder, subscribers, code)
 
 
