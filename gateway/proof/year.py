@@ -37,7 +37,7 @@ EXTREMES = """
     with raw as (select machine, node, date_trunc('day', time) as start, min({q}) as least, max({q}) as most, count({q}) as rows
         from history where day > (select max(day) from history) - {days} group by all having count({q}) > 0),
     rolled as (select machine, node, start, min({q}_min) as least, max({q}_max) as most, sum({q}_count) as rows
-        from rollup where level = '{level}' and {q}_count > 0 group by machine, node, start)
+        from rollup_{level} where {q}_count > 0 group by machine, node, start)
     select count(*), count(*) filter (rolled.least is distinct from raw.least or rolled.most is distinct from raw.most
         or rolled.rows is distinct from raw.rows)
     from raw left join (select machine, node, date_trunc('day', start) as start, min(least) as least, max(most) as most, sum(rows) as rows

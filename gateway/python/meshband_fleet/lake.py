@@ -1,7 +1,8 @@
 """The Parquet history and its rollups as DuckDB views, and the questions asked of them most.
 
-`history` are the raw rows, `rollup` the buckets of all levels, `fresh` the raw rows that no rollup has yet: rollups and fresh rows
-together have everything once, also when most raw rows are gone. `history` leaves out files whose range of entries lies inside
+`history` are the raw rows, `rollup_minute`, `rollup_hour` and `rollup_day` the buckets, `fresh` the raw rows that no rollup has yet:
+buckets of a level and fresh rows have everything once, also when most raw rows are gone. A view's files are opened by each question,
+so there is one of each level. `history` leaves out files whose range of entries lies inside
 another's of the same partition: where a gateway cannot exchange a partition in one step, both are there for a moment.
 """
 
@@ -21,6 +22,7 @@ ATTEMPTS = 5
 #: Without types a machine named 0x10 would be the number 16, and one named inf a date.
 KINDS = "hive_partitioning = true, hive_types = {'machine': VARCHAR, 'day': DATE}, union_by_name = true"
 ROLLUP_KINDS = KINDS.replace("{", "{'level': VARCHAR, ")
+LEVELS = ("minute", "hour", "day")
 
 #: Columns of the history that are figures of a machine's condition.
 QUANTITIES = (
@@ -87,7 +89,7 @@ def listed(paths):
 
 
 def open_history(folder, memory="1GB", rollup=None):
-    """A connection with the views `history`, `rollup` and `fresh`; `memory` bounds what DuckDB takes.
+    """A connection with the views `history`, `fresh` and `rollup_LEVEL`; `memory` bounds what DuckDB takes.
 
     `rollup` is the rollups' folder, by default the one beside the history.
     """
@@ -104,7 +106,9 @@ def open_history(folder, memory="1GB", rollup=None):
     if not buckets:
         connection.sql("create view fresh as select * from history")
         return connection
-    connection.sql(f"create view rollup as select * from read_parquet({listed(buckets)}, {ROLLUP_KINDS})")
+    for level in LEVELS:
+        if held_by := [path for path in buckets if f"/level={level}/" in path]:
+            connection.sql(f"create view rollup_{level} as select * from read_parquet({listed(held_by)}, {ROLLUP_KINDS})")
     connection.sql("create table units (machine varchar, day date, last ubigint)")
     connection.executemany("insert into units values (?, ?, ?)", [[*key, last] for key, last in held.items()])
     fresh = [path for machine, day, _, last, path in raw if last > held.get((machine, day), -1)]
@@ -126,8 +130,10 @@ def consistent(rollup):
     return held, [path for *_, last, path in buckets if last <= newest]
 
 
-def has_rollup(connection):
-    return bool(connection.sql("select 1 from duckdb_views() where view_name = 'rollup'").fetchall())
+def has_rollup(connection, level="day", quantity=None):
+    """Whether there are buckets of a level, and a figure's columns in them."""
+    there = connection.sql(f"select 1 from duckdb_views() where view_name = 'rollup_{level}'").fetchall()
+    return bool(there) and (quantity is None or f"{quantity}_min" in columns(connection, f"rollup_{level}"))
 
 
 def known(quantity):
@@ -159,9 +165,9 @@ def buckets(connection, quantity, level="hour"):
     held = f"""select machine, node, date_trunc('{level}', time) as start, floor(speed_hz / {SPEED_STEP_HZ}) * {SPEED_STEP_HZ}
             + {SPEED_STEP_HZ / 2} as speed, min({column}) as least, max({column}) as most, avg({column}) as value, count({column}) as rows
         from fresh where {column} is not null and {LOCKED} group by all"""
-    if has_rollup(connection) and f"{column}_min" in columns(connection, "rollup"):
+    if has_rollup(connection, level, column):
         held += f""" union all select machine, node, start, speed_class_hz, {column}_min, {column}_max, {column}_mean, {column}_count
-            from rollup where level = '{level}' and {column}_count > 0 and speed_class_hz is not null"""
+            from rollup_{level} where {column}_count > 0 and speed_class_hz is not null"""
     return f"""(select machine, node, start, speed, min(least) as least, max(most) as most, sum(value * rows) / sum(rows) as value,
             sum(rows)::bigint as rows from ({held}) group by all)"""
 
@@ -197,8 +203,8 @@ def trend(connection, node, quantity="rms", speed_step=SPEED_STEP_HZ, level="hou
 
     `level` is `minute`, `hour` or `day`; of minutes a gateway keeps the last ones alone.
     """
-    if level not in ("minute", "hour", "day"):
-        raise ValueError(f"{level!r} is no level; one of: minute, hour, day")
+    if level not in LEVELS:
+        raise ValueError(f"{level!r} is no level; one of: {', '.join(LEVELS)}")
     return connection.execute(f"""
         select start, {wider(speed_step)} as step, sum(value * rows) / sum(rows) as value, sum(rows)::bigint as rows,
             min(least) as least, max(most) as most
@@ -238,7 +244,7 @@ def overview(connection):
         velocity = "arg_max(velocity_rms, journal) filter (velocity_rms is not null)"
     rolled = ""
     if has_rollup(connection):
-        rolled = "union all select machine, node, max(start), sum(frames), sum(lost), sum(alarms) from rollup where level = 'day' group by all"
+        rolled = "union all select machine, node, max(start), sum(frames), sum(lost), sum(alarms) from rollup_day group by all"
     return connection.sql(f"""
         with newest as (
             select machine, node, arg_max(unit, journal) as unit, max(received) as seen,

@@ -86,9 +86,10 @@ def commonest(connection, node, quantity):
     column = lake.known(quantity)
     held = f"""select epoch(time) as instant, floor(speed_hz) + 0.5 as speed, {column} as value, {column} as least, {column} as most, 1 as rows
         from fresh where node = $1 and {column} is not null and {lake.LOCKED}"""
-    if lake.has_rollup(connection) and f"{column}_min" in lake.columns(connection, "rollup"):
+    level = finest(connection, node) if lake.has_rollup(connection) else "hour"
+    if lake.has_rollup(connection, level, column):
         held += f""" union all select epoch(start), speed_class_hz, {column}_mean, {column}_min, {column}_max, {column}_count
-            from rollup where node = $1 and level = '{finest(connection, node)}' and {column}_count > 0 and speed_class_hz is not null"""
+            from rollup_{level} where node = $1 and {column}_count > 0 and speed_class_hz is not null"""
     rows = connection.execute(f"""
         with held as ({held}),
         best as (select speed from held group by speed order by sum(rows) desc, speed limit 1),
@@ -99,12 +100,13 @@ def commonest(connection, node, quantity):
 
 
 def finest(connection, node):
-    """`minute` where a node's minutes reach back as far as its hours, and a curve shows less than an hour a point; else `hour`."""
-    minutes, hours, last = connection.execute("""
-        select min(start) filter (level = 'minute'), min(start) filter (level = 'hour'), max(start) from rollup where node = ?""", [node]).fetchone()
-    if minutes is None or minutes >= hours + datetime.timedelta(hours=1) or last - hours > datetime.timedelta(hours=POINTS):
+    """`minute` where a node's minutes reach back as far as its days, and a curve shows less than an hour a point; else `hour`."""
+    span = "select min(start), max(start) from rollup_{} where node = ?"
+    days, last = connection.execute(span.format("day"), [node]).fetchall()[0]
+    if days is None or last - days > datetime.timedelta(hours=POINTS) or not lake.has_rollup(connection, "minute"):
         return "hour"
-    return "minute"
+    minutes, _ = connection.execute(span.format("minute"), [node]).fetchall()[0]
+    return "minute" if minutes is not None and minutes < days + datetime.timedelta(days=1) else "hour"
 
 
 def write(history, folder, rollup=None):
