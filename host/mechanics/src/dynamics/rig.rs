@@ -37,6 +37,8 @@ pub struct Rig {
     pub damping: MeshDamping,
     /// Accuracy.
     pub options: Options,
+    /// Time before the first sample, s, in which the transient decays.
+    pub run_in_s: f64,
     /// Told of every part of a run that is done, [`PARTS`] parts per run.
     pub progress: Option<Arc<Progress>>,
     facts: Facts,
@@ -102,7 +104,26 @@ impl Rig {
         let options = Options { tolerance: 1e-9, ..Options::default() };
         let cracked = machine.cracked_pair()?;
         let (motor, load, progress) = (machine.motor, machine.load, None);
-        Ok(Self { system, stiffness, cracked, damping, options, progress, facts, motor, load })
+        let run_in_s = RUN_IN_S;
+        Ok(Self { system, stiffness, cracked, damping, options, run_in_s, progress, facts, motor, load })
+    }
+
+    /// A system that is assembled already, with a mesh damping that is this time, s, times the stiffness.
+    pub fn assembled(system: System, stiffness: PiecewisePolynomial, damping_time_s: f64, facts: Facts) -> Self {
+        let damping = MeshDamping::Time(damping_time_s);
+        let options = Options { tolerance: 1e-9, ..Options::default() };
+        Self {
+            system,
+            stiffness,
+            cracked: None,
+            damping,
+            options,
+            run_in_s: RUN_IN_S,
+            progress: None,
+            facts,
+            motor: None,
+            load: None,
+        }
     }
 
     /// Machine facts at a torque.
@@ -185,7 +206,7 @@ impl Rig {
         let solver = Solver::<N>::new(&system, &force);
         let mut mesh = Mesh::new(&system, &self.stiffness, self.damping, motion, effects, self.facts(torque))
             .with_crack(self.cracked.as_ref());
-        solver.integrate(&mut mesh, &mut state, (-RUN_IN_S, duration_s), &self.options, sink)
+        solver.integrate(&mut mesh, &mut state, (-self.run_in_s, duration_s), &self.options, sink)
     }
 
     /// The system with the slopes of motor and load characteristic about the operating point as damping.
@@ -247,6 +268,32 @@ impl Rig {
         Ok(Sampled { channels, statistics, energy })
     }
 
+    /// Acceleration of both bearing channels, m/s2, at `index / rate_hz` for `count` samples as they are, without a
+    /// filter.
+    ///
+    /// # Errors
+    /// As [`Rig::run`] and [`Rig::sensors`].
+    pub fn points(
+        &self,
+        motion: &Motion,
+        input_torque_n_m: f64,
+        effects: &[Box<dyn Effect>],
+        rate_hz: f64,
+        count: usize,
+    ) -> Result<[Vec<f64>; 2]> {
+        let sensors = self.sensors()?;
+        let mut sampler = Sampler::new(rate_hz, count);
+        let mut channels = [0, 1].map(|_| Vec::with_capacity(count));
+        let duration_s = (count as f64 - 0.5) / rate_hz;
+        self.run(motion, input_torque_n_m, effects, duration_s, |step| {
+            sampler.take(step, &sensors, |channel, _, values| channels[channel].extend_from_slice(values));
+        })?;
+        match channels.iter().any(|c| c.len() != count || c.iter().any(|x| !x.is_finite())) {
+            true => Err(Error::impossible("simulation", "gives values beyond the range of numbers")),
+            false => Ok(channels),
+        }
+    }
+
     /// Any quantities of a run at `index / rate_hz` for `count` samples, through the anti-alias filter as
     /// [`Rig::sampled`].
     ///
@@ -279,7 +326,7 @@ impl Rig {
         let statistics = self.run(motion, input_torque_n_m, effects, duration_s, |step| {
             watch.add(step);
             if let Some(progress) = &self.progress {
-                let share = (step.end_s() + RUN_IN_S) / (duration_s + RUN_IN_S);
+                let share = (step.end_s() + self.run_in_s) / (duration_s + self.run_in_s);
                 let parts = ((PARTS as f64 * share) as u64).min(PARTS);
                 if parts > told {
                     progress.advance(parts - told);

@@ -1,12 +1,13 @@
 //! Coulomb friction of the sliding flanks, reversing at the pitch point.
 //!
-//! Each pair's friction force is a constant share of its mesh force, across the line of action; its moments
-//! about both gears follow the contact point. Signature: mesh harmonics across the line of action,
-//! proportional to torque.
+//! Each pair's friction force is a constant share of its mesh force, across the line of action; its moments about
+//! both gears follow the contact point. A positive coefficient takes energy from a pinion that drives; where the gear
+//! drives the pinion in the same sense the flanks slide the other way, which is a negative one. Signature: mesh
+//! harmonics across the line of action, proportional to torque.
 
 use super::hypothesis::{Hypothesis, Seat, one};
 use super::{Entry, Parameter};
-use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -20,15 +21,14 @@ pub const ENTRY: Entry = Entry {
         name: "coefficient",
         unit: "",
         default: 0.05,
-        range: [0.0, 0.5],
-        meaning: "friction force over normal force",
+        range: [-0.5, 0.5],
+        meaning: "friction force over normal force; negative: flanks that slide the other way",
     }],
     build: |v| Box::new(Friction { coefficient: v.get("coefficient") }),
     hypotheses: &[Hypothesis {
         name: "friction",
         seats: &[Seat::Sliding],
         quantity: "coefficient",
-        never_negative: true,
         carry: |f| Some(one("friction", [("coefficient", f.size)])),
         ..Hypothesis::PLAIN
     }],
@@ -40,6 +40,10 @@ struct Friction {
 }
 
 impl Effect for Friction {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn friction(&self, moment: &Moment, pair: &PairOnPath) -> Option<Series> {
         // Before the pitch point the gear's flank slides ahead. The middle of the step is never a knot.
         let ahead = pair.position.value(0.5) - moment.facts.pitch_point_base_pitches;
