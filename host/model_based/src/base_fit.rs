@@ -6,7 +6,6 @@
 
 use super::candidate::Template;
 use super::least_squares::{Column, Data, normal};
-use super::waveform::complete;
 use crate::machine::Shafts;
 use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::model::harmonic_balance::{Balanced, Machine, Solution};
@@ -25,6 +24,9 @@ use std::sync::Arc;
 /// Largest error of the prediction, as a share of a line, that is never held against the declared machine: by this
 /// much independent programs differ.
 pub const MODEL_SLACK: f64 = 6e-4;
+/// The same as a share of a whole signal, more than twice what two programs for the same equations leave of each
+/// other's records without noise (4e-4 at most: the check records of the closed loop's tests).
+pub const WHOLE_SLACK: f64 = 1e-3;
 /// Least such error: the bound of the solver and of the smooth pieces that stand for a stiffness table.
 const SOLVER_SLACK: f64 = 1e-5;
 /// Rounding of transforms, as a share of a channel's strongest line.
@@ -96,7 +98,7 @@ pub struct Base {
     /// Stiffness of the declared pair, as the simulator takes it.
     smooth: Arc<PiecewisePolynomial>,
     /// Whether that stands for the table.
-    is_close: bool,
+    pub is_close: bool,
     /// What the table's roughness adds to the signals of the machine as it stands; empty where its pieces stand for it.
     pub roughness: Vec<[Vec<f64>; 2]>,
     /// Error of the prediction as a share of a line, as estimated from what the fit leaves at mesh orders.
@@ -368,24 +370,6 @@ impl Base {
     /// Stiffness of a pair with the parameters moved by `delta`, in few smooth pieces.
     pub fn stiffness(&self, delta: &[f64]) -> PiecewisePolynomial {
         self.smooth.scaled((1.0 + self.change[0]) * (1.0 + delta[0]))
-    }
-
-    /// What the table's roughness adds to what the simulation of its pieces gives (`smooth`, by run): the lines of the
-    /// machine as it stands less those signals. Empty where the pieces stand for the table.
-    pub fn take_roughness(&mut self, smooth: impl FnOnce(&Self) -> Option<Vec<[Vec<f64>; 2]>>) {
-        self.roughness = Vec::new();
-        if self.is_close {
-            return;
-        }
-        let Some(smooth) = smooth(self) else { return };
-        let of = |(run, smooth): (&RunState, [Vec<f64>; 2])| {
-            let mut rough = complete(&self.analyser, run);
-            for (rough, smooth) in rough.iter_mut().zip(&smooth) {
-                rough.iter_mut().zip(smooth).for_each(|(x, y)| *x -= y);
-            }
-            rough
-        };
-        self.roughness = self.runs.par_iter().zip(smooth).map(of).collect();
     }
 
     /// Takes what a simulation of the machine at its present parameters gives for its prediction.

@@ -135,6 +135,9 @@ impl Default for Candidate {
     }
 }
 
+/// Largest distance over which friction turns, base pitches: beyond half the path nothing of its law is left.
+const LARGEST_TRANSITION: f64 = 0.8;
+
 /// A shape that enters a candidate not in proportion, improved by search once the candidate is among the best.
 #[derive(Debug, Clone, Copy)]
 #[allow(missing_docs, reason = "named by the line above each")]
@@ -149,6 +152,8 @@ pub enum Tuning {
     Echo { delay_s: f64 },
     /// How the loss of a cracked tooth grows along its path.
     Growth { growth: f64, bow: f64 },
+    /// Square of the distance, base pitches, over which friction turns at the pitch point: the response goes with it.
+    Transition { square: f64 },
     /// Share of the path of contact that tip relief covers at each end, and the exponent of its shape.
     Relief { share: f64, exponent: i32 },
 }
@@ -161,6 +166,7 @@ impl Tuning {
             Self::Mode { f0, zeta, .. } => [f0, zeta],
             Self::Delay { delay_s } | Self::Echo { delay_s } => [delay_s, 0.0],
             Self::Growth { growth, bow } => [growth, bow],
+            Self::Transition { square } => [square.sqrt(), 0.0],
             Self::Order { .. } => [0.0; 2],
         }
     }
@@ -175,6 +181,7 @@ impl Candidate {
             (Some(Tuning::Relief { share, .. }), _) => vec![(share, 1e-3)],
             (Some(Tuning::Echo { delay_s }), _) => vec![(delay_s, 1e-7)],
             (Some(Tuning::Growth { growth, bow }), _) => vec![(growth, 0.01), (bow, 0.01)],
+            (Some(Tuning::Transition { square }), _) => vec![(square, 1e-3)],
             (Some(Tuning::Order { .. }), Some(order)) => vec![(order, 3e-5)],
             _ => Vec::new(),
         }
@@ -190,6 +197,7 @@ impl Candidate {
             (Some(Tuning::Growth { growth, bow }), [g, b]) => {
                 (*growth, *bow) = (g.clamp(-3.9, 3.9), b.clamp(-1.9, 1.9));
             }
+            (Some(Tuning::Transition { square }), [s]) => *square = s.clamp(0.0, LARGEST_TRANSITION.powi(2)),
             (Some(Tuning::Order { .. }), [order]) => other.order = Some(*order),
             _ => {}
         }

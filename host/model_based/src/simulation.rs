@@ -4,9 +4,10 @@
 //! ([`crate::effects::hypothesis`]), so that what is compared is what `loop --apply` writes. Cost: an integration of
 //! every run ([`crate::model::integrated`]).
 
-use super::base_fit::{Base, TOLERANCES};
+use super::base_fit::{Base, RunState, TOLERANCES};
 use super::candidate::{Candidate, Tuning};
 use super::start::Start;
+use super::waveform::complete;
 use crate::dynamics::Effect;
 use crate::effects::hypothesis::Fitted;
 use crate::effects::of_table;
@@ -86,10 +87,23 @@ pub fn bins(base: &Base, signals: &[[Vec<f64>; 2]]) -> Vec<[Bins; 2]> {
     signals.par_iter().map(|run| run.each_ref().map(of)).collect()
 }
 
-/// Finds what the table's roughness adds, from the lines of the machine as it stands and what the simulation of the
-/// table's pieces gives.
+/// Finds what the table's roughness adds to the signals: the lines of the machine as it stands less what the simulation
+/// of the table's pieces gives. Nothing where the pieces stand for the table.
 pub fn find_roughness(base: &mut Base) {
-    base.take_roughness(|base| signals(base, &[0.0; TOLERANCES.len()], &[], &(0..base.runs.len()).collect::<Vec<_>>()));
+    base.roughness = Vec::new();
+    if base.is_close {
+        return;
+    }
+    let runs: Vec<usize> = (0..base.runs.len()).collect();
+    let Some(smooth) = signals(base, &[0.0; TOLERANCES.len()], &[], &runs) else { return };
+    let of = |(run, smooth): (&RunState, [Vec<f64>; 2])| {
+        let mut rough = complete(&base.analyser, run);
+        for (rough, smooth) in rough.iter_mut().zip(&smooth) {
+            rough.iter_mut().zip(smooth).for_each(|(x, y)| *x -= y);
+        }
+        rough
+    };
+    base.roughness = base.runs.par_iter().zip(smooth).map(of).collect();
 }
 
 /// Signals of `runs`, the others empty, of the machine of `base` with its parameters moved by `delta` and with all of

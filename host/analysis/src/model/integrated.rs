@@ -25,8 +25,11 @@ use std::f64::consts::TAU;
 
 /// Time before the first sample in time constants of the slowest decay: the transient is 6e-6 of itself then.
 const RUN_IN_TIME_CONSTANTS: f64 = 12.0;
-/// Bounds of that time, s: a machine with hardly any damping is not waited for.
+/// Bounds of that time, s, before a whole run: a machine with hardly any damping is not waited for.
 const RUN_IN_S: [f64; 2] = [0.35, 3.0];
+/// The same before a period that stands for all: what is left of a slow swing does not go on but jumps at the period's
+/// end, and so becomes lines of the mesh.
+const RUN_IN_TO_PERIOD_S: [f64; 2] = [0.35, 10.0];
 
 /// Where and how one run is taken.
 #[derive(Debug, Clone, Copy)]
@@ -71,18 +74,33 @@ const TOLERANCES: [f64; 5] = [TABLE_TOLERANCE, 1e-5, 1e-4, 3e-4, 1e-3];
 /// Deviation from a table's rows up to which its pieces stand for it.
 const CLOSE: f64 = 1e-5;
 
+/// Most pieces where the table itself is what matters, as for a record that is generated: rows that are smooth but for
+/// a few kinks fit into them.
+const MOST_EXACT_PIECES: usize = 128;
+
 /// A stiffness table as few smooth pieces, as near to its rows as that allows, and whether that is near enough to
 /// stand for it.
 pub fn smooth(curve: &PairCurve) -> (PiecewisePolynomial, bool) {
+    pieces(curve, MOST_PIECES)
+}
+
+/// The same with as many pieces as the rows ask for: several times the cost of a run where these are many.
+pub fn exact(curve: &PairCurve) -> PiecewisePolynomial {
+    pieces(curve, MOST_EXACT_PIECES).0
+}
+
+fn pieces(curve: &PairCurve, most: usize) -> (PiecewisePolynomial, bool) {
     let table = Table { position: curve.u.clone(), stiffness_n_per_m: curve.k.clone() };
     let mut fits = TOLERANCES.into_iter().map(|tolerance| (table.fit(tolerance), tolerance <= CLOSE));
-    let few = |(fit, _): &(PiecewisePolynomial, bool)| fit.knots().len() <= MOST_PIECES + 1;
+    let few = |(fit, _): &(PiecewisePolynomial, bool)| fit.knots().len() <= most + 1;
     fits.find(few).unwrap_or_else(|| (table.fit(TOLERANCES[TOLERANCES.len() - 1]), false))
 }
 
 /// A machine ready to be integrated at any point.
 pub struct Integrated {
     rig: Rig,
+    /// The same, waited for longer.
+    steady: Rig,
 }
 
 /// What a run's signals are to be corrected by before its measuring chain, m/s2, by channel; empty for nothing.
@@ -91,10 +109,13 @@ pub type Beyond<'a> = &'a [Vec<f64>];
 impl Integrated {
     /// Of `machine`; `stiffness`: its pair's, as [`smooth`] gives it.
     pub fn new(machine: &Machine, stiffness: PiecewisePolynomial) -> Self {
-        let mut rig = Rig::assembled(system(machine), stiffness, machine.tau_s, machine.facts(0.0));
-        let [least, most] = RUN_IN_S;
-        rig.run_in_s = (RUN_IN_TIME_CONSTANTS / Poles::of(machine).slowest_decay_per_s).clamp(least, most);
-        Self { rig }
+        let decayed_s = RUN_IN_TIME_CONSTANTS / Poles::of(machine).slowest_decay_per_s;
+        let [rig, steady] = [RUN_IN_S, RUN_IN_TO_PERIOD_S].map(|[least, most]| {
+            let mut rig = Rig::assembled(system(machine), stiffness.clone(), machine.tau_s, machine.facts(0.0));
+            rig.run_in_s = decayed_s.clamp(least, most);
+            rig
+        });
+        Self { rig, steady }
     }
 
     /// Length of what of the motion repeats itself under `run`, s.
@@ -123,7 +144,7 @@ impl Integrated {
             return self.rig.accelerations(&motion, torque, run.effects, rate_hz, samples).map(|run| run.0);
         };
         let count = recurring::points(period_s, rate_hz);
-        let fine = self.rig.points(&motion, torque, run.effects, count as f64 / period_s, count)?;
+        let fine = self.steady.points(&motion, torque, run.effects, count as f64 / period_s, count)?;
         Ok(fine.map(|period| recurring::sampled(period, period_s, rate_hz, samples)))
     }
 

@@ -1,8 +1,9 @@
 //! A motion that repeats itself, as the acquisition would have sampled it.
 //!
 //! One period on a fine grid is all that is integrated. Its lines pass the anti-alias filter's response, and the
-//! record's samples are read from the filtered period by local polynomials of degree 7: at 16 points per sample of
-//! the record their error is below 1e-7. What the filter lets through above half the rate folds as it does in a
+//! record's samples are read from the filtered period by local polynomials of degree 7: at 64 points per sample of
+//! the record their error is below 1e-9, and what folds on that grid of a stiffness with kinks is 3e-6 of the signal
+//! (5e-5 at 16 points). What the filter lets through above half the rate folds as it does in a
 //! record. Cost: two transforms of the period and 8 products per sample.
 
 use crate::dynamics::decimate::{Decimator, OVERSAMPLING};
@@ -14,25 +15,32 @@ const POINTS: usize = 8;
 /// Cells of the table of the filter's response, up to the rate.
 const CELLS: usize = 2048;
 
-/// Points of a period on the fine grid: at least as fine as the filter's own input.
+/// Points of a period on the fine grid for one of the filter's own input.
+const FINER: usize = 4;
+
+/// Points of a period on the fine grid.
 pub fn points(period_s: f64, rate_hz: f64) -> usize {
-    ((period_s * rate_hz * OVERSAMPLING as f64).ceil() as usize).max(4 * POINTS)
+    ((period_s * rate_hz * (FINER * OVERSAMPLING) as f64).ceil() as usize).max(4 * POINTS)
 }
 
-/// Response of the acquisition's filter at `cycles` per sample of the record, by straight lines between the cells of
-/// a table.
+/// Response of the acquisition's filter at `cycles` per sample of the record, by cubics through the cells of a table:
+/// within 1e-9, where straight lines miss it by 8e-6 on its slope.
 fn response(cycles: f64) -> f64 {
     static TABLE: OnceLock<Vec<f64>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
         let filter = Decimator::new();
-        (0..=CELLS + 1).map(|i| filter.response(i as f64 / CELLS as f64)).collect()
+        (0..CELLS + 3).map(|i| filter.response((i as f64 - 1.0) / CELLS as f64)).collect()
     });
     let x = cycles * CELLS as f64;
     if x >= CELLS as f64 {
         return 0.0;
     }
-    let i = x as usize;
-    table[i] + (x - i as f64) * (table[i + 1] - table[i])
+    let (i, f) = (x as usize, x.fract());
+    // The table begins one cell below zero.
+    let [a, b, c, d] = [table[i], table[i + 1], table[i + 2], table[i + 3]];
+    -f * (f - 1.0) * (f - 2.0) / 6.0 * a + (f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0 * b
+        - (f + 1.0) * f * (f - 2.0) / 2.0 * c
+        + (f + 1.0) * f * (f - 1.0) / 6.0 * d
 }
 
 /// Samples at `index / rate_hz` of a signal of which `period`, from time 0 on, repeats itself.
