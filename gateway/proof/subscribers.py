@@ -70,15 +70,18 @@ def run(arguments, folder):
     away = [subscriber for subscriber in subscribers if subscriber.name.startswith("away")]
     try:
         time.sleep(arguments.seconds * (1 - AWAY) / 2)
-        [subscriber.away() for subscriber in away]
+        for subscriber in away:
+            subscriber.away()
         time.sleep(arguments.seconds * AWAY)
-        [subscriber.back() for subscriber in away]
+        for subscriber in away:
+            subscriber.back()
         nodes.wait(600)
         kit.settled(folder)
         code = gateway.stop()
         drain(subscribers)
     finally:
-        [subscriber.away() for subscriber in subscribers]
+        for subscriber in subscribers:
+            subscriber.away()
         kit.stop_all((gateway, nodes, broker))
     return count(arguments, folder, subscribers, code)
 

@@ -71,7 +71,7 @@ pub fn run(args: &ExportArgs) -> Result {
     let mut entries = Entries::open(args, &survey.identity)?;
     let (mut written, mut there) = (0, 0);
     for (day, count) in &survey.days {
-        let partition = args.folder.join(format!("machine={}", args.machine)).join(format!("day={day}"));
+        let partition = files::partition(&args.folder, &args.machine, day);
         let Some(listed) = list.claim(survey.mark, args, day, *count, &partition)? else {
             there += 1;
             entries.by_ref().take(*count as usize).try_for_each(|entry| entry.map(drop))?;
