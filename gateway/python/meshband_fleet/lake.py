@@ -13,6 +13,7 @@ import re
 import duckdb
 
 PART = re.compile(r"part-(\d+)-(\d+)\.parquet$")
+QUOTED = re.compile(r"'(?:[^']|'')*'")
 #: The gateway's list of what is rolled up, in the rollups' folder.
 LEDGER = "_units.jsonl"
 #: Width of the rollups' speed classes, Hz.
@@ -88,35 +89,70 @@ def listed(paths):
     return "[" + ", ".join("'" + path.replace("'", "''") + "'" for path in paths) + "]"
 
 
+class History:
+    """A DuckDB connection whose views are made when a question first names them.
+
+    A view opens the footers of all its files: a question pays for those it names alone. `sql` and `execute` are DuckDB's,
+    `views` the names; `connection` has the views that were named so far, and all after `everything`.
+    """
+
+    def __init__(self, connection, made):
+        self.connection, self.waiting, self.views = connection, made, frozenset(made)
+
+    def named(self, text):
+        # A file's path may have a view's name in it.
+        text = QUOTED.sub("", text)
+        for name in [name for name in self.waiting if re.search(rf"\b{name}\b", text, re.IGNORECASE)]:
+            if name in self.waiting:
+                query = self.waiting.pop(name)
+                self.named(query)
+                self.connection.sql(query)
+        return self
+
+    def everything(self):
+        return self.named(" ".join(self.waiting)).connection
+
+    def sql(self, query):
+        return self.named(query).connection.sql(query)
+
+    def execute(self, query, parameters=None):
+        return self.named(query).connection.execute(query, parameters)
+
+
 def open_history(folder, memory="1GB", rollup=None):
-    """A connection with the views `history`, `fresh` and `rollup_LEVEL`; `memory` bounds what DuckDB takes.
+    """A `History` with the views `history`, `fresh` and `rollup_LEVEL`; `memory` bounds what DuckDB takes.
 
     `rollup` is the rollups' folder, by default the one beside the history.
     """
     rollup = rollup or beside(folder)
     connection = duckdb.connect()
-    connection.sql(f"set memory_limit = '{memory}'; set TimeZone = 'UTC'")
+    # A question opens a view's files once to know their columns and once to read them: the footers are kept.
+    connection.sql(f"set memory_limit = '{memory}'; set TimeZone = 'UTC'; set parquet_metadata_cache = true")
     held, buckets = consistent(rollup) if rollup else ({}, [])
     raw = parts(folder)
-    if raw or not buckets:
-        connection.sql(f"create view history as select * from read_parquet({listed(files(folder))}, {KINDS})")
-    else:
-        columns = {**dict.fromkeys(QUANTITIES, "float"), **COLUMNS}
-        connection.sql("create table history (" + ", ".join(f"{name} {kind}" for name, kind in columns.items()) + ")")
+    made = {"history": raw_view(folder, raw or not buckets)}
     if not buckets:
-        connection.sql("create view fresh as select * from history")
-        return connection
+        made["fresh"] = "create view fresh as select * from history"
+        return History(connection, made)
     for level in LEVELS:
         if held_by := [path for path in buckets if f"/level={level}/" in path]:
-            connection.sql(f"create view rollup_{level} as select * from read_parquet({listed(held_by)}, {ROLLUP_KINDS})")
+            made[f"rollup_{level}"] = f"create view rollup_{level} as select * from read_parquet({listed(held_by)}, {ROLLUP_KINDS})"
     connection.sql("create table units (machine varchar, day date, last ubigint)")
-    connection.executemany("insert into units values (?, ?, ?)", [[*key, last] for key, last in held.items()])
+    rows = [[machine for machine, _ in held], [day for _, day in held], list(held.values())]
+    connection.execute("insert into units select unnest(?::varchar[]), unnest(?::date[]), unnest(?::ubigint[])", rows)
     fresh = [path for machine, day, _, last, path in raw if last > held.get((machine, day), -1)]
     rows = f"read_parquet({listed(fresh)}, {KINDS})" if fresh else "(select * from history where false)"
-    connection.sql(
-        f"""create view fresh as select rows.* from {rows} rows left join units using (machine, day)
-            where units.last is null or rows.journal > units.last""")
-    return connection
+    made["fresh"] = f"""create view fresh as select rows.* from {rows} rows left join units using (machine, day)
+        where units.last is null or rows.journal > units.last"""
+    return History(connection, made)
+
+
+def raw_view(folder, there):
+    """Makes `history`: of its files, or empty where all raw rows are gone."""
+    if there:
+        return f"create view history as select * from read_parquet({listed(files(folder))}, {KINDS})"
+    columns = {**dict.fromkeys(QUANTITIES, "float"), **COLUMNS}
+    return "create table history (" + ", ".join(f"{name} {kind}" for name, kind in columns.items()) + ")"
 
 
 def consistent(rollup):
@@ -132,8 +168,8 @@ def consistent(rollup):
 
 def has_rollup(connection, level="day", quantity=None):
     """Whether there are buckets of a level, and a figure's columns in them."""
-    there = connection.sql(f"select 1 from duckdb_views() where view_name = 'rollup_{level}'").fetchall()
-    return bool(there) and (quantity is None or f"{quantity}_min" in columns(connection, f"rollup_{level}"))
+    name = f"rollup_{level}"
+    return name in connection.views and (quantity is None or f"{quantity}_min" in columns(connection, name))
 
 
 def known(quantity):

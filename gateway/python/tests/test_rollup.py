@@ -103,6 +103,15 @@ class Rollup(unittest.TestCase):
         self.assertIn("1 nodes", index.read_text())
         self.assertIn("polyline", (self.folder / "page" / page.file_name("n")).read_text())
 
+    def test_cost_a_question_opens_the_files_that_it_names_and_no_others(self):
+        roll(self.history, self.rollup, 0, 99)
+        connection = lake.open_history(self.history)
+        lake.trend(connection, "n", level="day").fetchall()
+        self.assertEqual(set(connection.waiting), {"history", "rollup_minute", "rollup_hour"})
+        views = "select count(*) from duckdb_views() where not internal"
+        self.assertEqual(connection.connection.sql(views).fetchall(), [(2,)])
+        self.assertEqual(connection.everything().sql(views).fetchall(), [(5,)])
+
     def test_fault_steps_that_would_divide_a_class_are_refused(self):
         with self.assertRaisesRegex(ValueError, "multiple of 1.0 Hz"):
             lake.trend(lake.open_history(self.history), "n", speed_step=0.5)
