@@ -11,7 +11,7 @@ use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{Criterion, criterion_group, criterion_main};
 use golden_pair::golden;
 use meshband_host::dynamics::sample::Sampler;
-use meshband_host::dynamics::steady::steady_state;
+use meshband_host::dynamics::steady::{Balance, steady_state};
 use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Mesh, Solver, State};
 use meshband_host::machine::Machine;
@@ -94,7 +94,7 @@ fn dynamics(criterion: &mut Criterion<ThreadTime>) {
     });
     criterion.bench_function("steady_state", |b| {
         b.iter(|| {
-            let steady = steady_state::<8>(&g.system, &mut mesh(), &force, (0.0, g.period), &options);
+            let steady = steady_state::<8>(&g.system, &mut mesh(), &force, (0.0, g.period), Balance::Load, &options);
             black_box(steady.expect("stable").state)
         });
     });

@@ -1,17 +1,19 @@
 //! Synthetic records with known contents, for training and proof of the loop.
 //!
-//! The simulator's own effects, given as on the command line, on the machine integrated in fixed steps
-//! ([`crate::model::fixed_step`]); nothing of the harmonic balance's solution is shared. Noise first, then what the
-//! effects do to the measuring chain, the converter's steps last. Cost: about 0.2 s per run of 2 s. Limits: those of
-//! [`crate::model::fixed_step`], and one pulse per turn.
+//! The simulator's own effects, given as on the command line, on the machine integrated in time
+//! ([`crate::model::integrated`]); nothing of the harmonic balance's solution is shared. Noise first, then what the
+//! effects do to the measuring chain, the converter's steps last. Cost: about 0.2 s per run of 2 s. Limits: constant
+//! speed, and one pulse per turn.
 
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Sampled;
+use crate::dynamics::simulate::angle_turns;
 use crate::dynamics::simulate::run_seed;
 use crate::machine::Hunting;
 use crate::machine::{Pair, Shafts};
-use crate::model::fixed_step::{Point, accelerations, turns};
 use crate::model::harmonic_balance::Machine;
+use crate::model::integrated::{self, Integrated, Point};
+use crate::model::pieces::exact;
 use crate::observation::input::{Record, Run};
 use crate::stiffness::pair_curve::PairCurve;
 use crate::{Result, effects};
@@ -34,6 +36,10 @@ pub struct Scenario {
     pub effects: Vec<String>,
     /// RMS of added noise, m/s2; without noise there are no converter's steps either.
     pub noise_rms: f64,
+    /// Step of the converter, m/s2; 0: float samples.
+    pub step_m_s2: f64,
+    /// Jitter of an edge of the tachometer, s.
+    pub jitter_s: f64,
     /// First-order low-pass colour of the noise: 0 white, towards 1 redder.
     pub noise_colour: f64,
     /// Seed of phases, noise, jitter.
@@ -57,6 +63,8 @@ impl Scenario {
             damping_factor: 1.0,
             effects: Vec::new(),
             noise_rms: 0.3,
+            step_m_s2: STEP_M_S2,
+            jitter_s: JITTER_S,
             noise_colour: 0.0,
             seed,
             speeds_hz: vec![9.1, 13.3, 18.9, 24.2],
@@ -85,11 +93,12 @@ pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenar
     actual.tau_s *= scenario.damping_factor;
     let hidden = scenario.effects.iter().map(|text| effects::parse(text)).collect::<Result<Vec<_>>>()?;
     hidden.iter().try_for_each(|effect| effect.check(&actual.facts(0.0)))?;
+    let integrated = Integrated::new(&actual, exact(&actual_curve));
     let runs: Vec<Run> = points
         .par_iter()
         .enumerate()
-        .map(|(index, &(speed, torque))| run(&actual, scenario, &hidden, index, speed, torque))
-        .collect();
+        .map(|(index, &(speed, torque))| run((&actual, &integrated), scenario, &hidden, index, speed, torque))
+        .collect::<Result<_>>()?;
     Ok(Record {
         title: format!("generated-{}", scenario.seed),
         pair: pair.clone(),
@@ -99,19 +108,19 @@ pub fn record(pair: &Pair, shafts: &Shafts, curve: &PairCurve, scenario: &Scenar
         unit: "m/s2".into(),
         top_hz: None,
         pulses_per_rev: 1,
-        jitter_s: JITTER_S,
+        jitter_s: scenario.jitter_s,
         runs,
     })
 }
 
 fn run(
-    machine: &Machine,
+    (machine, integrated): (&Machine, &Integrated),
     scenario: &Scenario,
     hidden: &[Box<dyn Effect>],
     index: usize,
     speed: f64,
     torque: f64,
-) -> Run {
+) -> Result<Run> {
     let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed.wrapping_mul(1009).wrapping_add(index as u64));
     // Any turn of the hunting period, from a stream of its own.
     let mut other = ChaCha8Rng::seed_from_u64(scenario.seed.wrapping_mul(2003).wrapping_add(index as u64));
@@ -122,7 +131,8 @@ fn run(
         torque_n_m: torque,
     };
     let samples = (scenario.duration_s * RATE_HZ) as usize;
-    let mut channels = accelerations(machine, hidden, at, samples, RATE_HZ);
+    let taken = integrated::Run { effects: hidden, at };
+    let mut channels = integrated.accelerations(&taken, samples, RATE_HZ)?;
     let colour = scenario.noise_colour;
     for channel in &mut channels {
         let mut state = 0.0;
@@ -132,33 +142,34 @@ fn run(
             *x += scenario.noise_rms * state;
         }
     }
-    let angle: Vec<f64> = (0..samples).map(|i| turns(hidden, at, i as f64 / RATE_HZ)).collect();
+    let angle = taken.turns(samples, RATE_HZ);
     let (seed, facts) = (run_seed(scenario.seed, index), machine.facts(torque));
     for effect in hidden {
         effect.measure(&mut Sampled { channels: &mut channels, rate_hz: RATE_HZ, seed, turns: &angle, facts: &facts });
     }
-    if scenario.noise_rms > 0.0 {
-        channels.iter_mut().flatten().for_each(|x| *x = (*x / STEP_M_S2).round() * STEP_M_S2);
+    if scenario.noise_rms > 0.0 && scenario.step_m_s2 > 0.0 {
+        channels.iter_mut().flatten().for_each(|x| *x = (*x / scenario.step_m_s2).round() * scenario.step_m_s2);
     }
     let name = format!("run{index:02}.npy");
-    let edges_s = edges(hidden, at, scenario.duration_s, &mut rng);
-    Run { name, channels, edges_s, first_pulse_index: 0, input_torque_n_m: torque, clipped_share: 0.0 }
+    let edges_s = edges(hidden, at, scenario, &mut rng);
+    Ok(Run { name, channels, edges_s, first_pulse_index: 0, input_torque_n_m: torque, clipped_share: 0.0 })
 }
 
 /// Times at which the pinion's angle passes whole turns, with jitter.
-fn edges(hidden: &[Box<dyn Effect>], at: Point, duration_s: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
-    let first = turns(hidden, at, 0.0).ceil();
+fn edges(hidden: &[Box<dyn Effect>], at: Point, scenario: &Scenario, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let turns = |t: f64| angle_turns(&at.motion(), hidden, t);
+    let first = turns(0.0).ceil();
     (0..)
         .map(|i| {
             let target = first + f64::from(i);
             let begin = (target - at.start_rad / TAU) / at.speed_hz;
             // Fixed point: the departure's rate is a small share of the speed.
-            (0..30).fold(begin, |t, _| t - (turns(hidden, at, t) - target) / at.speed_hz)
+            (0..30).fold(begin, |t, _| t - (turns(t) - target) / at.speed_hz)
         })
-        .take_while(|t| *t < duration_s)
+        .take_while(|t| *t < scenario.duration_s)
         .map(|t| {
             let jitter: f64 = StandardNormal.sample(rng);
-            (t + JITTER_S * jitter).max(0.0)
+            (t + scenario.jitter_s * jitter).max(0.0)
         })
         .collect()
 }

@@ -8,7 +8,7 @@ pub mod model;
 pub mod observation;
 
 use meshband_common::{Error, Result, budget, report, terminal, text};
-use meshband_mechanics::{dynamics, effects, lanes, machine, stiffness};
+use meshband_mechanics::{dynamics, effects, machine, piecewise, stiffness};
 use meshband_record::{data_quality, record};
 use meshband_signal::{pulses, spectral};
 use meshband_train as train;

@@ -12,8 +12,8 @@ use super::crack::{CrackedTooth, OnlyPairs};
 use super::edges::{Edge, Polarity, Step, steepest_edge};
 use crate::dynamics::assembly::{Damping, Model};
 use crate::dynamics::excitation::{Moment, PairOnPath};
-use crate::dynamics::steady::steady_state;
-use crate::dynamics::{Coordinate, Effect, Facts, Mesh, Motion, Rig, Series, Solver, State, Statistics};
+use crate::dynamics::steady::{Balance, steady_state};
+use crate::dynamics::{Effect, Facts, Mesh, Motion, Rig, Series, Solver, State, Statistics};
 use crate::machine::{EngagementKind, Geometry, Machine, Side};
 use crate::piecewise::{PiecewisePolynomial, horner};
 use crate::stiffness::PAPER_WIDTH_RAD;
@@ -195,11 +195,9 @@ impl Bench {
         let motion = Motion::Constant { speed_hz: shaft_hz, turns_at_zero: 0.0 };
         let mut force = &rig.system.torque * torque;
         let mesh = || Mesh::new(&rig.system, &rig.stiffness, rig.damping, &motion, effects, rig.facts(torque));
-        let steady = steady_state::<N>(&rig.system, &mut mesh(), &force, (0.0, period_s), &rig.options)?;
+        let steady = steady_state::<N>(&rig.system, &mut mesh(), &force, (0.0, period_s), Balance::Load, &rig.options)?;
         // The steady state's small load correction belongs to the motion.
-        if let Some(load) = rig.system.index(Coordinate::Load) {
-            force[load] += steady.load_correction_n_m;
-        }
+        force += &steady.correction;
         let sensor = rig.sensors()?[0];
         let solver = Solver::<N>::new(&rig.system, &force);
         let mut state = steady.state;

@@ -9,7 +9,6 @@
 use super::candidate::{Candidate, Claim};
 use super::probability::Probability;
 use super::refusal::{Refusal, Refusals};
-use std::collections::BTreeMap;
 
 /// Penalty per real unknown, in units of chi-square: near the logarithm of the number of values of a record (BIC: 10
 /// at 22 000).
@@ -24,12 +23,9 @@ const LEAST_SELECT_GAIN: f64 = 6.0;
 const LEAST_SELECT_SHARE: f64 = 0.4;
 /// Largest share of its gain that a term may still gain with other values on the selection runs.
 const LARGEST_APART: f64 = 0.35;
-/// A further term must gain this share of the largest gain so far: a template right to a few percent in amplitude
-/// leaves a thousandth of the power.
-const LEAST_SHARE: f64 = 0.001;
-/// The same of the largest gain of its own family, whose lines it shares, and next to a plain description: of an
-/// effect that the library lacks these leave more, which must not get the name of another.
-const LEAST_SHARE_OF_ITS_OWN: f64 = 0.01;
+/// Share of the largest gain so far that a further term must gain next to a plain description: of an effect that the
+/// library lacks this leaves more, which must not get the name of another.
+const LEAST_SHARE: f64 = 0.01;
 /// Score by which a plain description must beat a name that passes (twice the logarithm of a likelihood ratio of 10
 /// beyond the penalties).
 const NAME_MARGIN: f64 = 4.6;
@@ -48,8 +44,6 @@ const FORM_SHARE: f64 = 0.01;
 /// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the
 /// penalties, the record is then 11 times as likely with the name.
 const LEAST_OVER_NEXT: f64 = 2.4;
-/// The same as a share of a name's gain: form error of the templates, which no longer is noise where gains are huge.
-const RIVAL_SHARE: f64 = 5e-5;
 /// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared
 /// parameters that move the same lines.
 const LEAST_MESH_GAIN: f64 = 400.0;
@@ -81,8 +75,6 @@ pub struct Figures {
     pub select_promise: f64,
     /// What values of its own for the selection runs would gain on top.
     pub apart_gain: f64,
-    /// Family, whose members share lines.
-    pub family: &'static str,
     /// Number of templates.
     pub templates: usize,
     /// Whether every run has a phase of its own.
@@ -96,8 +88,8 @@ pub struct Figures {
 #[derive(Debug, Clone, Default)]
 pub struct Adopted {
     terms: Vec<Candidate>,
-    /// Largest gain of every family adopted.
-    largest_gain: BTreeMap<&'static str, f64>,
+    /// Largest gain of a term adopted.
+    largest_gain: f64,
     /// What was refused.
     pub refusals: Refusals,
 }
@@ -131,12 +123,8 @@ impl Adopted {
             return Err(Refusal::NotPredicted(f.select_gain));
         }
         let plain = self.terms.iter().any(|t| t.claim == Claim::Generic);
-        let too_little = self.largest_gain.iter().find(|(family, largest)| {
-            let own = plain || **family == f.family;
-            f.gain <= if own { LEAST_SHARE_OF_ITS_OWN } else { LEAST_SHARE } * **largest
-        });
-        if let Some((_, largest)) = too_little {
-            return Err(Refusal::FormError(f.gain / largest));
+        if plain && f.gain <= LEAST_SHARE * self.largest_gain {
+            return Err(Refusal::FormError(f.gain / self.largest_gain));
         }
         Ok(())
     }
@@ -147,8 +135,7 @@ impl Adopted {
     /// As [`Adopted::weigh`].
     pub fn adopt(&mut self, candidate: Candidate, figures: &Figures) -> Result<(), Refusal> {
         self.weigh(figures)?;
-        let largest = self.largest_gain.entry(figures.family).or_default();
-        *largest = largest.max(figures.gain);
+        self.largest_gain = self.largest_gain.max(figures.gain);
         self.terms.push(candidate);
         Ok(())
     }
@@ -314,8 +301,8 @@ pub fn naming(f: &NameFigures) -> Naming {
 }
 
 /// Whether an explanation whose penalised log likelihood is `below` (nats) a name's cannot be told from it.
-pub fn is_rival(below: f64, gain: f64) -> bool {
-    below < LEAST_OVER_NEXT.max(RIVAL_SHARE * gain)
+pub fn is_rival(below: f64) -> bool {
+    below < LEAST_OVER_NEXT
 }
 
 /// Whether a residual's power is much beyond its noise.

@@ -9,17 +9,28 @@ use super::least_squares::{Column, Data, normal};
 use crate::machine::Shafts;
 use crate::model::forward::{ForwardModel, Line, Operating};
 use crate::model::harmonic_balance::{Balanced, Machine, Solution};
+use crate::model::pieces::smooth;
 use crate::observation::angle::Angle;
 use crate::observation::input::Record;
 use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE};
+use crate::piecewise::PiecewisePolynomial;
 use crate::spectral::noise_power;
 use nalgebra::{DMatrix, SymmetricEigen};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64 as C;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
-/// Relative model error per line that is never held against the declared machine.
+/// Largest error of the prediction, as a share of a line, that is never held against the declared machine: by this
+/// much independent programs differ.
 pub const MODEL_SLACK: f64 = 6e-4;
+/// The same as a share of a whole signal, more than twice what two programs for the same equations leave of each
+/// other's records without noise (4e-4 at most: the check records of the closed loop's tests).
+pub const WHOLE_SLACK: f64 = 1e-3;
+/// Least such error: the bound of the solver and of the smooth pieces that stand for a stiffness table.
+const SOLVER_SLACK: f64 = 1e-5;
+/// Rounding of transforms, as a share of a channel's strongest line.
+const ROUNDING: f64 = 1e-7;
 /// Share of a bin's own residual treated as model-form error of whatever explains it.
 const FORM_SLACK: f64 = 0.03;
 
@@ -84,8 +95,18 @@ pub struct Base {
     pub analyser: Analyser,
     /// Machine at the adopted parameters.
     pub machine: Machine,
+    /// Stiffness of the declared pair, as the simulator takes it.
+    smooth: Arc<PiecewisePolynomial>,
+    /// Whether that stands for the table.
+    pub is_close: bool,
+    /// What the table's roughness adds to the signals of the machine as it stands; empty where its pieces stand for it.
+    pub roughness: Vec<[Vec<f64>; 2]>,
+    /// Error of the prediction as a share of a line, as estimated from what the fit leaves at mesh orders.
+    pub discrepancy: f64,
     /// Runs.
     pub runs: Vec<RunState>,
+    /// Simulated signals of every run with everything found so far; empty where nothing was simulated yet.
+    pub signals: Vec<[Vec<f64>; 2]>,
     /// Tachometer pulses per turn of the pinion.
     pub pulses_per_rev: u32,
     /// Relative changes adopted so far, by [`TOLERANCES`].
@@ -110,8 +131,7 @@ fn changed(machine: &Machine, change: &[f64]) -> (Machine, f64) {
     }
     s.inertia_pinion_kg_m2 *= f(8);
     s.inertia_gear_kg_m2 *= f(9);
-    m.curve.k.iter_mut().for_each(|k| *k *= f(0));
-    m.tabulate();
+    m.stiffen(f(0));
     (m, f(14))
 }
 
@@ -141,7 +161,25 @@ impl Base {
             .unzip();
         let change = vec![0.0; TOLERANCES.len()];
         let (pulses_per_rev, nuisances, priors) = (record.pulses_per_rev, Vec::new(), Vec::new());
-        let mut base = Self { analyser, machine, runs, pulses_per_rev, change, nuisances, priors };
+        let (smooth, is_close) = smooth(&record.curve);
+        let smooth = Arc::new(smooth);
+        let signals = Vec::new();
+        let discrepancy = MODEL_SLACK;
+        let roughness = Vec::new();
+        let mut base = Self {
+            analyser,
+            machine,
+            smooth,
+            is_close,
+            roughness,
+            discrepancy,
+            runs,
+            signals,
+            pulses_per_rev,
+            change,
+            nuisances,
+            priors,
+        };
         base.linearise(&balanced);
         base
     }
@@ -221,6 +259,7 @@ impl Base {
             .map(|r| {
                 [0, 1].map(|c| {
                     let noise = noise_power(&quiet[r][c]);
+                    let rounding = self.rounding(r, c);
                     (0..noise.len())
                         .map(|b| {
                             if b < lowest {
@@ -230,7 +269,7 @@ impl Base {
                             let near = b.saturating_sub(2)..(b + 3).min(noise.len());
                             let form = raw[r][c][near].iter().map(|x| x.norm_sqr()).fold(0.0, f64::max);
                             let model = self.runs[r].model[c][b].norm_sqr();
-                            let slack = MODEL_SLACK * MODEL_SLACK * model + FORM_SLACK * FORM_SLACK * form;
+                            let slack = self.discrepancy.powi(2) * model + FORM_SLACK * FORM_SLACK * form + rounding;
                             2.0 / ((noise[b] + slack) * OVERDISPERSION)
                         })
                         .collect()
@@ -244,7 +283,32 @@ impl Base {
     pub fn unexplainable(&self, run: usize, channel: usize, residual: &[C]) -> Vec<f64> {
         let model = &self.runs[run].model[channel];
         let noise = noise_power(residual);
-        noise.iter().zip(model).map(|(noise, model)| noise + MODEL_SLACK * MODEL_SLACK * model.norm_sqr()).collect()
+        let slack = self.discrepancy.powi(2);
+        noise.iter().zip(model).map(|(noise, model)| noise + slack * model.norm_sqr()).collect()
+    }
+
+    /// Power that rounding leaves in a bin.
+    fn rounding(&self, run: usize, channel: usize) -> f64 {
+        let strongest = self.runs[run].measured[channel].iter().map(|x| x.norm_sqr()).fold(0.0, f64::max);
+        ROUNDING * ROUNDING * strongest
+    }
+
+    /// Estimates the error of the prediction from what the fit leaves, beyond the local noise, at the machine's own
+    /// lines of `runs`: no less than the solver's, no more than by what independent programs differ. What is more is
+    /// a matter of effects.
+    pub fn estimate_discrepancy(&mut self, rest: &[[Bins; 2]], runs: &[usize]) {
+        let (mut left, mut whole) = (0.0, f64::MIN_POSITIVE);
+        for &r in runs {
+            for (rest, model) in rest[r].iter().zip(&self.runs[r].model) {
+                for ((x, noise), model) in rest.iter().zip(noise_power(rest)).zip(model) {
+                    if model.norm_sqr() * SOLVER_SLACK > noise {
+                        left += x.norm_sqr() - noise;
+                        whole += model.norm_sqr();
+                    }
+                }
+            }
+        }
+        self.discrepancy = (left / whole).max(0.0).sqrt().clamp(SOLVER_SLACK, MODEL_SLACK);
     }
 
     /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into
@@ -296,6 +360,22 @@ impl Base {
         groups
     }
 
+    /// The machine with its parameters moved by `delta`, and the factor on declared torques that goes with it.
+    pub fn moved(&self, delta: &[f64]) -> (Machine, f64) {
+        let (machine, factor) = changed(&self.machine, delta);
+        (machine, factor * (1.0 + self.change[14]))
+    }
+
+    /// Stiffness of a pair with the parameters moved by `delta`, in few smooth pieces.
+    pub fn stiffness(&self, delta: &[f64]) -> PiecewisePolynomial {
+        self.smooth.scaled((1.0 + self.change[0]) * (1.0 + delta[0]))
+    }
+
+    /// Takes what a simulation of the machine at its present parameters gives for its prediction.
+    pub fn take_prediction(&mut self, simulated: Vec<[Bins; 2]>) {
+        self.runs.iter_mut().zip(simulated).for_each(|(run, bins)| run.model = bins);
+    }
+
     /// Nuisance columns with their priors.
     pub fn columns(&self) -> Vec<Column<'_>> {
         self.nuisances.iter().zip(&self.priors).map(|(template, &prior)| Column { template, prior }).collect()
@@ -331,7 +411,21 @@ impl Base {
         };
         let runs = self.runs.iter().zip(runs).map(of_run).collect();
         let (analyser, pulses_per_rev) = (self.analyser.clone(), self.pulses_per_rev);
-        Self { analyser, machine, runs, pulses_per_rev, change, nuisances: Vec::new(), priors: Vec::new() }
+        let smooth = Arc::clone(&self.smooth);
+        Self {
+            analyser,
+            machine,
+            smooth,
+            is_close: self.is_close,
+            roughness: Vec::new(),
+            discrepancy: self.discrepancy,
+            runs,
+            signals: Vec::new(),
+            pulses_per_rev,
+            change,
+            nuisances: Vec::new(),
+            priors: Vec::new(),
+        }
     }
 
     /// What such a machine leaves of the record.

@@ -9,13 +9,13 @@
 //! calibrated machine and stationary Gaussian noise is what is asked for and no part of them; no probability is below
 //! `1 / (N + 1)`; a record that is distorted as a whole (clipped, a moving speed) has none.
 
-use super::base_fit::Base;
+use super::base_fit::{Base, TOLERANCES};
 use super::calibrate::calibrate;
 use super::judge::Split;
 use super::least_squares::Data;
-use super::library::Bench;
 use super::options::Options;
 use super::search::{Memory, search};
+use super::simulation::signals;
 use super::waveform::complete;
 use crate::observation::input::{Record, Run};
 use crate::spectral::{noise_power, shaped};
@@ -47,7 +47,7 @@ pub fn best_scores(
         let mut base = Base::new(&null);
         calibrate(&mut base, &split.seen());
         let mut memory = Memory::default();
-        search(&Bench::new(&base), split, options, 1, &mut memory, &|_| {});
+        search(&mut base, split, options, 1, &mut memory, &|_| {});
         memory.first_score
     };
     (0..options.null_records).map(of).collect()
@@ -67,7 +67,9 @@ struct Quiet<'a> {
 
 impl<'a> Quiet<'a> {
     fn new(record: &'a Record, base: &'a Base, left: &Data) -> Self {
-        let vibration = base.runs.par_iter().map(|run| complete(&base.analyser, run)).collect();
+        let runs: Vec<usize> = (0..base.runs.len()).collect();
+        let vibration = signals(base, &[0.0; TOLERANCES.len()], &[], &runs)
+            .unwrap_or_else(|| base.runs.par_iter().map(|run| complete(&base.analyser, run)).collect());
         let noise = left.residual.iter().map(|channels| [0, 1].map(|c| smoothed(&noise_power(&channels[c])))).collect();
         Self { record, base, vibration, noise, jitter_s: jitter_s(record, base) }
     }

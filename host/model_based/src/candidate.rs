@@ -95,6 +95,8 @@ pub struct Candidate {
     pub seat: Option<Seat>,
     /// The tooth it sits on.
     pub tooth: Option<u32>,
+    /// The channel whose path it changes; none: the machine, or both.
+    pub channel: Option<usize>,
     /// Whether the templates already give the simulated response at the fitted strength.
     pub bent: bool,
     /// Orders of the pinion at which the templates' quadrature pairs stand: what they turn with when a run starts
@@ -125,12 +127,16 @@ impl Default for Candidate {
             hypothesis: None,
             seat: None,
             tooth: None,
+            channel: None,
             bent: false,
             pair_orders: Vec::new(),
             start: Start::Counted,
         }
     }
 }
+
+/// Largest distance over which friction turns, base pitches: beyond half the path nothing of its law is left.
+const LARGEST_TRANSITION: f64 = 0.8;
 
 /// A shape that enters a candidate not in proportion, improved by search once the candidate is among the best.
 #[derive(Debug, Clone, Copy)]
@@ -140,11 +146,67 @@ pub enum Tuning {
     Mode { channel: usize, f0: f64, zeta: f64 },
     /// Index of the seat of an excitation at an order of neither shaft, whose order is to be found more finely.
     Order { seat: usize },
+    /// Delay of a channel, s.
+    Delay { delay_s: f64 },
+    /// Delay of a second path, s.
+    Echo { delay_s: f64 },
+    /// How the loss of a cracked tooth grows along its path.
+    Growth { growth: f64, bow: f64 },
+    /// Square of the distance, base pitches, over which friction turns at the pitch point: the response goes with it.
+    Transition { square: f64 },
     /// Share of the path of contact that tip relief covers at each end, and the exponent of its shape.
     Relief { share: f64, exponent: i32 },
 }
 
+impl Tuning {
+    /// The shape as the simulator's effects are told it: share and exponent, or frequency and damping ratio.
+    pub fn shape(self) -> [f64; 2] {
+        match self {
+            Self::Relief { share, exponent } => [share, f64::from(exponent)],
+            Self::Mode { f0, zeta, .. } => [f0, zeta],
+            Self::Delay { delay_s } | Self::Echo { delay_s } => [delay_s, 0.0],
+            Self::Growth { growth, bow } => [growth, bow],
+            Self::Transition { square } => [square.sqrt(), 0.0],
+            Self::Order { .. } => [0.0; 2],
+        }
+    }
+}
+
 impl Candidate {
+    /// Numbers of its shape that are refined by simulation, each with the step of a difference that is well within
+    /// the linear range.
+    pub fn shape(&self) -> Vec<(f64, f64)> {
+        match (self.tuning, self.order) {
+            (Some(Tuning::Mode { f0, zeta, .. }), _) => vec![(f0.ln(), 0.02 * zeta), (zeta.ln(), 0.01)],
+            (Some(Tuning::Relief { share, .. }), _) => vec![(share, 1e-3)],
+            (Some(Tuning::Echo { delay_s }), _) => vec![(delay_s, 1e-7)],
+            (Some(Tuning::Growth { growth, bow }), _) => vec![(growth, 0.01), (bow, 0.01)],
+            (Some(Tuning::Transition { square }), _) => vec![(square, 1e-3)],
+            (Some(Tuning::Order { .. }), Some(order)) => vec![(order, 3e-5)],
+            _ => Vec::new(),
+        }
+    }
+
+    /// The same with other numbers of its shape.
+    pub fn with_shape(&self, values: &[f64]) -> Self {
+        let mut other = self.clone();
+        match (other.tuning.as_mut(), values) {
+            (Some(Tuning::Mode { f0, zeta, .. }), [f, z]) => (*f0, *zeta) = (f.exp(), z.exp()),
+            (Some(Tuning::Relief { share, .. }), [s]) => *share = s.clamp(0.01, 0.5),
+            (Some(Tuning::Echo { delay_s }), [d]) => *delay_s = *d,
+            (Some(Tuning::Growth { growth, bow }), [g, b]) => {
+                (*growth, *bow) = (g.clamp(-3.9, 3.9), b.clamp(-1.9, 1.9));
+            }
+            (Some(Tuning::Transition { square }), [s]) => *square = s.clamp(0.0, LARGEST_TRANSITION.powi(2)),
+            (Some(Tuning::Order { .. }), [order]) => other.order = Some(*order),
+            _ => {}
+        }
+        if let Some(Tuning::Mode { f0, .. }) = other.tuning {
+            other.frequency_hz = Some(f0);
+        }
+        other
+    }
+
     /// Whether its response is simulated at the strength found.
     pub fn bends(&self) -> bool {
         self.hypothesis.is_some_and(|h| h.bends)

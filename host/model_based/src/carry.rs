@@ -58,9 +58,8 @@ fn parts(hypothesis: &Hypothesis, effect: &Effect, term: Option<&Term>) -> Vec<[
 /// Shape in the terms of the seat: what a search found, or the delay (s) that the name of its share states.
 fn shape(label: &str, term: Option<&Term>) -> [f64; 2] {
     match term.and_then(|t| t.tuning) {
-        Some(Tuning::Relief { share, exponent }) => [share, f64::from(exponent)],
-        Some(Tuning::Mode { f0, zeta, .. }) => [f0, zeta],
-        Some(Tuning::Order { .. }) | None => {
+        Some(own) if !matches!(own, Tuning::Order { .. }) => own.shape(),
+        _ => {
             let delay = label.rsplit_once("_of_").and_then(|(_, text)| text.strip_suffix("_us")?.parse::<f64>().ok());
             [1e-6 * delay.unwrap_or(0.0), 0.0]
         }

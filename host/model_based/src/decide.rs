@@ -30,7 +30,7 @@ use super::options::Options;
 use super::outcome::{Effect, Outcome};
 use super::remainder::{power_and_noise, remainder};
 use super::rivals::rivals;
-use super::search::{Found, Memory, Search, search};
+use super::search::{Found, Memory, search};
 use super::start::Start;
 use super::tables::{predicted, report};
 use super::tach_delay;
@@ -235,19 +235,7 @@ fn explain(
 ) -> Explained {
     let seen = split.seen();
     let mut memory = Memory { tried, ..Memory::default() };
-    let mut found = loop {
-        let bench = Bench::new(&base);
-        match search(&bench, split, options, rounds, &mut memory, say) {
-            Search::Done(found) => break *found,
-            Search::Recentre(change) => {
-                say("declared parameters moved with the effect: centring again");
-                drop(bench);
-                let change = base.within_reach(&change);
-                base.adopt(&change);
-                memory.attempt += 1;
-            }
-        }
-    };
+    let mut found = search(&mut base, split, options, rounds, &mut memory, say);
     confirm(&base, &found.data, split, &mut found.accepted);
     let terms: Vec<&Candidate> = found.accepted.iter().collect();
     let rest = corrected(&base, &found.data, &joint(&base, &found.data, &seen, &terms).x, &terms).residual;

@@ -73,7 +73,6 @@ impl Judged {
             select_gain: self.select_gain,
             select_promise: self.select_promise,
             apart_gain: self.apart_gain,
-            family: self.candidate.family,
             templates: self.candidate.templates.len(),
             phase_free: self.candidate.phase_free,
             chance: self.chance(tests),

@@ -308,7 +308,14 @@ fn same_at(bench: &Bench<'_>, candidate: &Candidate) -> Option<Candidate> {
     match candidate.tuning {
         Some(Tuning::Relief { share, exponent }) => return Some(mesh::relief(bench, share, exponent)),
         Some(Tuning::Mode { channel, f0, zeta }) => return Some(path::mode(bench, channel, f0, zeta)),
-        Some(Tuning::Order { .. }) | None => {}
+        Some(
+            Tuning::Order { .. }
+            | Tuning::Delay { .. }
+            | Tuning::Echo { .. }
+            | Tuning::Growth { .. }
+            | Tuning::Transition { .. },
+        )
+        | None => {}
     }
     if let Some(tooth) = candidate.tooth {
         let both = bench.teeth.at(bench, candidate.body(), tooth, &Start::Counted);

@@ -66,8 +66,8 @@ pub struct HeldOut {
     pub run: usize,
     /// NRMSE with parameters and effects, shaft-synchronous part and whole signal.
     pub corrected: [f64; 2],
-    /// Noise, and twice what the tachometer's declared jitter and the uncertainty of the declared parameters do, of
-    /// the same.
+    /// Noise, the equations' own error, and twice what the tachometer's declared jitter and the uncertainty of the
+    /// declared parameters do, of the same.
     pub floor: [f64; 2],
 }
 

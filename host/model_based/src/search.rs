@@ -4,7 +4,7 @@
 //! next to a newer one, is the gate's to decide ([`accept`]).
 
 use super::accept::{self, Adopted};
-use super::base_fit::{Base, TOLERANCES};
+use super::base_fit::Base;
 use super::candidate::{Candidate, Claim};
 use super::combs::combs;
 use super::detect;
@@ -16,22 +16,21 @@ use super::library::finite::Company;
 use super::lookahead::{Next, is_table};
 use super::one_start::one_start;
 use super::options::Options;
+use super::refinement::refine;
 use super::refusal::Refusals;
 use super::remainder::power_and_noise;
+use super::simulation::find_roughness;
 use super::start::Start;
 use super::strength::{STRONG_SCORE, Strengths, at_their_strength, may_win, refuted, tune};
-use super::together::{together, unknowns};
+use super::together::unknowns;
 use crate::observation::spectrum::Bins;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Most times that the declared parameters are centred again with effects in the fit.
-const MOST_CENTRED: usize = 2;
-/// Second-order error of a move of the declared parameters from which it pays to centre again.
-const LEAST_DEPARTURE: f64 = 3.0;
-/// Share of the power beyond noise that a strong term leaves from which another strong effect is looked for before
-/// parameters move.
-const MUCH: f64 = 0.2;
+/// Most times that the machine is linearised anew about the parameters found with the same terms.
+const MOST_CENTRED: usize = 3;
+/// Share of the power left before, above which that no longer pays.
+const STALLED: f64 = 0.8;
 /// Candidates of every round that a term's name is later compared with.
 const MOST_RIVALS: usize = 60;
 /// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may
@@ -55,69 +54,153 @@ pub struct Found {
     pub data: Data,
 }
 
-/// What a search came to.
-pub enum Search {
-    /// Its end.
-    Done(Box<Found>),
-    /// An effect took the declared parameters along before it was known: they move by this much with it in the fit.
-    Recentre(Vec<f64>),
-}
-
-/// What a search that begins again, on moved parameters, keeps.
+/// What searches of one record share.
 #[derive(Default)]
 pub struct Memory {
-    /// Times that it began again.
-    pub attempt: usize,
-    /// Scores given by all attempts: trials of the record's search.
+    /// Scores given by all of them: trials of the record's search.
     pub tried: usize,
-    /// Best score of the first round of the first attempt, nats; 0 where nothing was scored.
+    /// Best score of the first round of the first, nats; 0 where nothing was scored.
     pub first_score: f64,
-    /// Strengths found.
-    pub strengths: Strengths,
+    /// Whether one came before.
+    pub began: bool,
 }
 
-/// Adds effects strongest first.
+/// Adds effects strongest first: each round proposes one by its templates, and the simulator decides on its numbers
+/// next to those of the others.
 pub fn search(
-    bench: &Bench<'_>,
+    base: &mut Base,
     split: &Split,
     options: &Options,
     rounds: usize,
     memory: &mut Memory,
     say: &dyn Fn(&str),
-) -> Search {
-    let base = bench.base;
+) -> Found {
     let seen = split.seen();
-    say("responses of the library");
+    say("machine alone on the simulator");
+    find_roughness(base);
     let mut data = base.data();
-    let raw = data.residual.clone();
-    let mut accepted = Adopted::default();
-    let mut pool: Vec<Candidate> = Vec::new();
-    let mut strongest = None;
+    if let Some(residual) = refine(base, &data, &seen, &mut []) {
+        base.estimate_discrepancy(&residual, &seen);
+        data = Data { weight: base.weights(&residual, &residual), residual };
+    }
+    let mut found = Found { accepted: Adopted::default(), pool: Vec::new(), strongest: None, data };
     let mut turns: Option<Vec<u32>> = None;
     for round in 0..rounds {
+        say("responses of the library");
+        let progress = Round { split, options, seen: &seen, number: round, say };
+        if !progress.propose(&Bench::new(base), &mut found, &mut turns, memory) {
+            break;
+        }
+        say("terms and machine fitted together on the simulator");
+        let Found { accepted, data, .. } = &mut found;
+        for _ in 0..MOST_CENTRED {
+            let before = power_and_noise(base, &left(base, data, &seen, accepted), &seen).0;
+            find_roughness(base);
+            if let Some(residual) = refine(base, data, &seen, accepted.refine()) {
+                data.residual = residual;
+            }
+            let rest = left(base, data, &seen, accepted);
+            base.estimate_discrepancy(&rest, &seen);
+            data.weight = base.weights(&rest, &rest);
+            let (power, noise) = power_and_noise(base, &rest, &seen);
+            if !accept::much_is_there(power, noise) || power > STALLED * before {
+                break;
+            }
+        }
+        accepted.supersede(|term, others| Judge::new(base, data, split, others).judge(term.clone()).score);
+    }
+    memory.began = true;
+    let Found { accepted, data, .. } = &mut found;
+    restart(&Bench::new(base), data, split, accepted.refine());
+    found
+}
+
+/// One round of the search.
+struct Round<'r> {
+    split: &'r Split,
+    options: &'r Options,
+    seen: &'r [usize],
+    number: usize,
+    say: &'r dyn Fn(&str),
+}
+
+impl Round<'_> {
+    /// Adopts the best of all candidates, if one passes the gate; `turns`: starts of the runs, once an effect has
+    /// told them.
+    fn propose(&self, bench: &Bench<'_>, found: &mut Found, turns: &mut Option<Vec<u32>>, memory: &mut Memory) -> bool {
+        let Found { accepted, pool, strongest, data } = found;
+        let base = bench.base;
+        let judged = self.judged(bench, data, accepted, turns.as_deref(), memory);
+        let tests = memory.tried as f64;
+        if self.number == 0 {
+            if !memory.began {
+                memory.first_score = judged.first().map_or(0.0, |j| j.score);
+            }
+            let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
+            *strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
+        }
+        let best = winner(&judged, accepted, tests);
+        let tooth = best.map(|best| &judged[best]).filter(|best| is_table(&best.candidate)).and_then(|table| {
+            let passes = |j: &Judged| is_adoptable(j, accepted, tests);
+            let next = Next::to(bench, data, self.split, &accepted.iter().collect::<Vec<_>>());
+            let tooth = next.tooth_before(table, &judged, passes);
+            memory.tried += next.tried();
+            tooth
+        });
+        let winner = tooth.or_else(|| best.map(|i| (Some(i), judged[i].clone())));
+        note_refused(&judged, accepted, winner.as_ref().map(|(i, w)| (*i, w.candidate.name.as_str())), tests);
+        let rivals = judged.into_iter().filter(|j| j.score > 0.0 && !j.candidate.templates.is_empty());
+        keep_rivals(pool, rivals.take(MOST_RIVALS).map(|j| j.candidate));
+        let Some((_, winner)) = winner else { return false };
+        let (strong, figures) = (winner.gain > STRONG_SCORE, winner.figures(tests));
+        let winner = winner.candidate;
+        if turns.is_none() {
+            *turns = winner.start.turns().map(<[u32]>::to_vec);
+        }
+        if accepted.adopt(winner, &figures).is_err() {
+            return false;
+        }
+        accepted.supersede(|term, others| Judge::new(base, data, self.split, others).judge(term.clone()).score);
+        if strong && let Some(one) = one_start(bench, data, self.seen, accepted.refine()) {
+            (self.say)("teeth of one gear fitted with one start of every run");
+            *turns = Some(one);
+        }
+        true
+    }
+
+    /// All candidates for what the terms leave, best first.
+    fn judged(
+        &self,
+        bench: &Bench<'_>,
+        data: &mut Data,
+        accepted: &mut Adopted,
+        turns: Option<&[u32]>,
+        memory: &mut Memory,
+    ) -> Vec<Judged> {
+        let (base, seen) = (bench.base, self.seen);
         let terms: Vec<&Candidate> = accepted.iter().collect();
-        // Noise from the residual after everything accepted; the form slack stays tied to the raw residual.
-        let fitted = joint(base, &data, &seen, &terms);
-        let rest = corrected(base, &data, &fitted.x, &terms);
-        data.weight = base.weights(&rest.residual, &raw);
+        let fitted = joint(base, data, seen, &terms);
+        let rest = corrected(base, data, &fitted.x, &terms);
+        data.weight = base.weights(&rest.residual, &rest.residual);
         let rest = Data { residual: rest.residual, weight: data.weight.clone() };
-        let mut orders = detect::orders(base, &rest, &seen, 2);
-        orders.extend(combs(base, &rest, &seen, 1));
-        let mut frequencies = detect::frequencies(base, &rest, &seen, 2);
-        frequencies.extend(detect::modulations(base, &rest, &seen, 1));
-        say(&format!("round {}: {} order lines, {} fixed lines", round + 1, orders.len(), frequencies.len()));
-        let judge = Judge::new(base, &data, split, &terms);
+        let mut orders = detect::orders(base, &rest, seen, 2);
+        orders.extend(combs(base, &rest, seen, 1));
+        let mut frequencies = detect::frequencies(base, &rest, seen, 2);
+        frequencies.extend(detect::modulations(base, &rest, seen, 1));
+        let lines = format!("{} order lines, {} fixed lines", orders.len(), frequencies.len());
+        (self.say)(&format!("round {}: {lines}", self.number + 1));
+        let judge = Judge::new(base, data, self.split, &terms);
         let mut judged: Vec<Judged> = Vec::new();
-        bench.candidates(&rest, split, &orders, &frequencies, turns.as_deref(), |mut candidates| {
-            withhold(&mut candidates, &options.withheld);
+        bench.candidates(&rest, self.split, &orders, &frequencies, turns, |mut candidates| {
+            withhold(&mut candidates, &self.options.withheld);
             candidates.retain(|c| accepted.iter().all(|a| !same(a, c)));
-            judged.par_extend(candidates.into_par_iter().map(|c| judge.judge_started(c, turns.as_deref())));
+            judged.par_extend(candidates.into_par_iter().map(|c| judge.judge_started(c, turns)));
             judged.sort_by(|a, b| b.score.total_cmp(&a.score));
             forget_responses(bench, &mut judged);
         });
         tune(bench, &judge, &mut judged);
-        let company = Company::new(&accepted, &unknowns(base, &accepted, &fitted.x));
-        at_their_strength(bench, &judge, &data, &company, &mut memory.strengths, &mut judged);
+        let company = Company::new(accepted, &unknowns(base, accepted, &fitted.x));
+        at_their_strength(bench, &judge, data, &company, &mut Strengths::new(), &mut judged);
         memory.tried += judge.tried();
         // As large as the next one.
         drop(judge);
@@ -129,75 +212,30 @@ pub fn search(
             }
         });
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
-        for j in judged.iter().take(6) {
-            say(&format!(
-                "  {} at {}, {}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
-                j.candidate.name,
-                place(j.candidate.order, j.candidate.frequency_hz),
-                if j.candidate.start == Start::Counted { "as counted" } else { "started by fit" },
-                j.score,
-                j.gain,
-                j.select_gain,
-                j.select_promise,
-                j.apart_gain
-            ));
-        }
-        let tests = memory.tried as f64;
-        if round == 0 {
-            if memory.attempt == 0 {
-                memory.first_score = judged.first().map_or(0.0, |j| j.score);
-            }
-            let significant = judged.iter().filter(|j| accept::significant(&j.figures(tests)).is_ok());
-            strongest = significant.max_by(|a, b| a.score.total_cmp(&b.score)).map(|j| j.candidate.clone());
-        }
-        let best = winner(&judged, &accepted, tests);
-        let tooth = best.map(|best| &judged[best]).filter(|best| is_table(&best.candidate)).and_then(|table| {
-            let passes = |j: &Judged| is_adoptable(j, &accepted, tests);
-            let next = Next::to(bench, &data, split, &accepted.iter().collect::<Vec<_>>());
-            let tooth = next.tooth_before(table, &judged, passes);
-            memory.tried += next.tried();
-            tooth
-        });
-        let winner = tooth.or_else(|| best.map(|i| (Some(i), judged[i].clone())));
-        note_refused(&judged, &mut accepted, winner.as_ref().map(|(i, w)| (*i, w.candidate.name.as_str())), tests);
-        let rivals = judged.into_iter().filter(|j| j.score > 0.0 && !j.candidate.templates.is_empty());
-        keep_rivals(&mut pool, rivals.take(MOST_RIVALS).map(|j| j.candidate));
-        let Some((_, winner)) = winner else { break };
-        let (strong, figures) = (winner.gain > STRONG_SCORE, winner.figures(tests));
-        let winner = winner.candidate;
-        if turns.is_none() {
-            turns = winner.start.turns().map(<[u32]>::to_vec);
-        }
-        if accepted.adopt(winner, &figures).is_err() {
-            break;
-        }
-        accepted.supersede(|term, others| Judge::new(base, &data, split, others).judge(term.clone()).score);
-        if strong && let Some(one) = one_start(bench, &data, &seen, accepted.refine()) {
-            say("teeth of one gear fitted with one start of every run");
-            turns = Some(one);
-        }
-        let joined = strong && together(bench, &mut data, &raw, &seen, accepted.refine());
-        if joined {
-            say("strong terms fitted together on the machine that has all of them");
-        }
-        let terms: Vec<&Candidate> = accepted.iter().collect();
-        let move_to = joint(base, &data, &seen, &terms).x[..TOLERANCES.len()].to_vec();
-        // Next to one of two strong effects the parameters move for the other's sake: both come first.
-        let alone = corrected(base, &data, &joint(base, &data, &seen, &terms).x, &terms);
-        if strong
-            && round + 1 < rounds
-            && beyond_noise(base, &alone.residual, &seen) > MUCH * beyond_noise(base, &raw, &seen)
-        {
-            continue;
-        }
-        if memory.attempt < MOST_CENTRED + usize::from(joined)
-            && base.departure(&data, &seen, &move_to) > LEAST_DEPARTURE
-        {
-            return Search::Recentre(move_to);
-        }
+        judged.iter().take(6).for_each(|j| (self.say)(&described(j)));
+        judged
     }
-    restart(bench, &data, split, accepted.refine());
-    Search::Done(Box::new(Found { accepted, pool, strongest, data }))
+}
+
+/// A candidate's scores, for a line of progress.
+fn described(j: &Judged) -> String {
+    let start = if j.candidate.start == Start::Counted { "as counted" } else { "started by fit" };
+    format!(
+        "  {} at {}, {start}: score {:.1}, gain {:.1}, selection runs {:.1} of {:.1}, apart {:.1}",
+        j.candidate.name,
+        place(j.candidate.order, j.candidate.frequency_hz),
+        j.score,
+        j.gain,
+        j.select_gain,
+        j.select_promise,
+        j.apart_gain
+    )
+}
+
+/// What the accepted terms leave of the runs.
+fn left(base: &Base, data: &Data, seen: &[usize], accepted: &[Candidate]) -> Vec<[Bins; 2]> {
+    let terms: Vec<&Candidate> = accepted.iter().collect();
+    corrected(base, data, &joint(base, data, seen, &terms).x, &terms).residual
 }
 
 /// The candidate to adopt: the best that passes, or a name that passes and comes near enough.
@@ -257,12 +295,6 @@ fn forget_responses(bench: &Bench<'_>, judged: &mut [Judged]) {
             j.candidate.templates = Vec::new();
         }
     }
-}
-
-/// Power of a residual beyond its local noise.
-fn beyond_noise(base: &Base, residual: &[[Bins; 2]], runs: &[usize]) -> f64 {
-    let (power, noise) = power_and_noise(base, residual, runs);
-    power - noise
 }
 
 /// Whether two candidates are the same effect in the same place: a second helping of a term is never a second effect.

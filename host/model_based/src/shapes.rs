@@ -48,7 +48,7 @@ pub fn others(base: &Base, data: &Data, split: &Split, company: &[&Candidate], t
     let like = [1, 2].into_iter().flat_map(|of| {
         let mut peaks = mesh::relief_peaks(&machine, of, gain);
         peaks.retain(|(gain, at)| {
-            accept::is_rival(0.5 * (own - gain), own) && !(of == exponent && (at - share).abs() < SAME)
+            accept::is_rival(0.5 * (own - gain)) && !(of == exponent && (at - share).abs() < SAME)
         });
         let strength = |(_, at): (f64, f64)| judge.judge(mesh::relief(&machine, at, of)).x[0];
         peaks.into_iter().map(strength).collect::<Vec<_>>()

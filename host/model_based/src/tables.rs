@@ -1,7 +1,7 @@
 //! Error tables in three stages (declared, calibrated, corrected), and the assembly of the outcome.
 
 use super::accept::Adopted;
-use super::base_fit::{Base, TOLERANCES};
+use super::base_fit::{Base, TOLERANCES, WHOLE_SLACK};
 use super::candidate::Candidate;
 use super::detect;
 use super::judge::{Split, corrected, joint};
@@ -79,7 +79,8 @@ fn errors(stages: [&[[Bins; 2]]; 3], base: &Base, runs: &[usize]) -> StagedError
 /// Held-out runs one by one. The floor is a run's own local noise, but no more than what the runs seen have at the
 /// same frequency: a run that fails altogether lifts its own. What the declared jitter of the tachometer's edges does
 /// to a prediction, which has no other source for a run's angle and speed, belongs to it, and so does what the fit
-/// leaves open of the declared parameters: at [`STANDARD_ERRORS`] of them.
+/// leaves open of the declared parameters: at [`STANDARD_ERRORS`] of them. The error of the equations themselves
+/// ([`WHOLE_SLACK`]) belongs to it, too: with little noise it is all that is left.
 fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split, covariance: &DMatrix<f64>) -> Vec<HeldOut> {
     let noise = |r: usize| [0, 1].map(|c| noise_power(&after[r][c]));
     let seen: Vec<[Vec<f64>; 2]> = split.seen().into_iter().map(noise).collect();
@@ -98,7 +99,7 @@ fn held_out(after: &[[Bins; 2]], base: &Base, split: &Split, covariance: &DMatri
                     for (sum, counts) in sums.iter_mut().zip([mask[b], true]) {
                         if counts {
                             let open = STANDARD_ERRORS * STANDARD_ERRORS * (timing[c][b] + parameters[c][b]);
-                            let floor = own[c][b].min(others) + open;
+                            let floor = own[c][b].min(others) + open + WHOLE_SLACK * WHOLE_SLACK * whole;
                             *sum = [sum[0] + rest, sum[1] + floor, sum[2] + whole];
                         }
                     }

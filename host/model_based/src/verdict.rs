@@ -147,8 +147,7 @@ pub fn verdicts(
     for (index, (term, own)) in accepted.iter().zip(rivals).enumerate() {
         let left = left_at_lines(base, data, &seen, &terms, index, &all.x);
         let exponents = departure(base, data, &seen, &terms, index, &all.x);
-        let mut near: Vec<&str> =
-            own.nearest.iter().filter(|r| accept::is_rival(r.1, own.judged.gain)).map(|r| r.0.as_str()).collect();
+        let mut near: Vec<&str> = own.nearest.iter().filter(|r| accept::is_rival(r.1)).map(|r| r.0.as_str()).collect();
         if matches!(term.tuning, Some(Tuning::Relief { share, .. }) if share > WIDEST_RELIEF) {
             near.push("another displacement error repeating with every tooth pair");
         }

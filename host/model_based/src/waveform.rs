@@ -53,7 +53,8 @@ pub fn complete(analyser: &Analyser, run: &RunState) -> [Vec<f64>; 2] {
     at_straight_line(analyser, run, &run.own.lines)
 }
 
-fn at_straight_line(analyser: &Analyser, run: &RunState, lines: &[Line]) -> [Vec<f64>; 2] {
+/// Both channels of `lines` at the straight-line angle of a run.
+pub fn at_straight_line(analyser: &Analyser, run: &RunState, lines: &[Line]) -> [Vec<f64>; 2] {
     let (offset, speed) = (run.angle.offset_rad, TAU * run.angle.shaft_hz);
     waveform(analyser, lines, run.angle.shaft_hz, |t| offset + speed * t)
 }

@@ -389,6 +389,9 @@ fn headline(effects: &[Effect], bearing: Option<&Bearing>, errors: &Errors, scen
     let found = if found.is_empty() { "nothing beyond the mesh".to_owned() } else { found.join("; ") };
     let found = if scene.has_gears() { found } else { naming::without_gears(&found) };
     let held = errors.held_out;
+    if held.declared.is_nan() {
+        return format!("{found}; nothing was held out to try it on: too few turns");
+    }
     format!(
         "{found}; held-out error {:.4} declared, {:.4} calibrated, {:.4} corrected, noise {:.4}",
         held.declared, held.calibrated, held.corrected, held.noise_floor
@@ -415,6 +418,9 @@ fn split(scene: &Scene) -> SplitUsed {
 
 fn unexplained(errors: &Errors) -> Vec<Unexplained> {
     let power = errors.held_out_power;
+    if power.noise_floor.is_nan() {
+        return Vec::new();
+    }
     let mut all = vec![Unexplained {
         description: "broadband floor between lines, held-out turns".into(),
         variance_share: power.noise_floor.min(power.corrected),

@@ -26,7 +26,7 @@ use std::sync::Arc;
 const MOST_LINES: usize = 150;
 const LEAST_TRUST: f64 = 0.05;
 
-/// One part in three stages.
+/// One part in three stages; no numbers where no turn belongs to it (JSON: null).
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Stages {
     /// Constant amplitudes of the mesh lines.
@@ -205,12 +205,20 @@ pub fn errors(
     adopted: &[&Adopted],
 ) -> Errors {
     let all = 0..scene.channels.len();
-    let waveform = |stretches: fn(&Split) -> &[Stretch], channels: std::ops::Range<usize>| Stages {
-        declared: mean(&shares(scene, &baseline.declared, stretches), channels.clone()).sqrt(),
-        calibrated: mean(&shares(scene, &baseline.calibrated, stretches), channels.clone()).sqrt(),
-        corrected: mean(&shares(scene, &corrected.residual, stretches), channels.clone()).sqrt(),
-        noise_floor: mean(&floors(scene, own, stretches), channels).sqrt(),
+    let waveform = |stretches: fn(&Split) -> &[Stretch], channels: std::ops::Range<usize>| {
+        let figure = |shares: Vec<Vec<f64>>| {
+            let with_turns = shares.into_iter().zip(&scene.runs).filter(|(_, run)| !stretches(&run.split).is_empty());
+            let with_turns: Vec<Vec<f64>> = with_turns.map(|(shares, _)| shares).collect();
+            if with_turns.is_empty() { f64::NAN } else { mean(&with_turns, channels.clone()).sqrt() }
+        };
+        Stages {
+            declared: figure(shares(scene, &baseline.declared, stretches)),
+            calibrated: figure(shares(scene, &baseline.calibrated, stretches)),
+            corrected: figure(shares(scene, &corrected.residual, stretches)),
+            noise_floor: figure(floors(scene, own, stretches)),
+        }
     };
+    let less = |whole: f64, part: f64| if whole.is_nan() { whole } else { (whole - part).max(0.0) };
     let predicted = nonsynchronous_share(scene, views, adopted, 0.0);
     let controls = nonsynchronous::controls(scene, views, adopted);
     let held = waveform(held_out, all.clone());
@@ -222,7 +230,7 @@ pub fn errors(
             ChannelError {
                 channel: scene.channels[c].index,
                 searched: c < scene.searched,
-                unexplained_share: (square(waveform.corrected) - mean(&predicted, c..c + 1)).max(0.0),
+                unexplained_share: less(square(waveform.corrected), mean(&predicted, c..c + 1)),
                 control: controls[c],
                 named_lines: NamedLines::default(),
                 waveform,
@@ -234,7 +242,7 @@ pub fn errors(
         held_out_power: Stages {
             declared: square(held.declared),
             calibrated: square(held.calibrated),
-            corrected: (square(held.corrected) - mean(&predicted, all)).max(0.0),
+            corrected: less(square(held.corrected), mean(&predicted, all)),
             noise_floor: square(held.noise_floor),
         },
         held_out: held,

@@ -61,19 +61,23 @@ fn strongest_first(outcome: &Outcome) -> Vec<&Picture> {
 fn errors(page: Report, outcome: &Outcome) -> Report {
     let held = outcome.held_out;
     let percent = |error: f64| format!("{:.1} %", 100.0 * error);
-    page.section("How well the record is described")
-        .text(&format!(
-            "On turns that took no part in the fit, {} of the waveform's RMS stays unexplained with the mesh alone, \
+    let page = page.section("How well the record is described");
+    if held.declared.is_nan() {
+        return page
+            .text("No turns were held out of the fit: the record has too few. Nothing here was tried on others.");
+    }
+    page.text(&format!(
+        "On turns that took no part in the fit, {} of the waveform's RMS stays unexplained with the mesh alone, \
              as declared.",
-            percent(held.declared)
-        ))
-        .text(&format!(
-            "With its strengths adjusted to the record {} stay; with the findings above {}; where nothing but noise \
+        percent(held.declared)
+    ))
+    .text(&format!(
+        "With its strengths adjusted to the record {} stay; with the findings above {}; where nothing but noise \
              is left it would be {}.",
-            percent(held.calibrated),
-            percent(held.corrected),
-            percent(held.noise_floor)
-        ))
+        percent(held.calibrated),
+        percent(held.corrected),
+        percent(held.noise_floor)
+    ))
 }
 
 fn details(mut page: Report, outcome: &Outcome) -> Report {

@@ -58,11 +58,16 @@ fn shown((head, rows): Table) -> String {
     if rows.is_empty() { String::new() } else { terminal::table(&head, &rows) }
 }
 
+/// An error; a dash where there is none.
+fn figure(x: f64) -> String {
+    if x.is_nan() { "-".into() } else { format!("{x:.4}") }
+}
+
 /// Errors in three stages.
 pub fn errors(outcome: &Outcome) -> Table {
     let e = &outcome.error.errors;
     let row = |name: &str, s: &super::errors::Stages| {
-        let figures = [s.declared, s.calibrated, s.corrected, s.noise_floor].map(|x| format!("{x:.4}"));
+        let figures = [s.declared, s.calibrated, s.corrected, s.noise_floor].map(figure);
         [vec![name.to_owned()], figures.to_vec()].concat()
     };
     let rows = vec![
@@ -78,9 +83,7 @@ pub fn channels(outcome: &Outcome) -> Table {
     let row = |c: &super::errors::ChannelError| {
         let w = c.waveform;
         let mut row = vec![c.channel.to_string(), if c.searched { "searched" } else { "held out" }.to_owned()];
-        row.extend(
-            [w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(|x| format!("{x:.4}")),
-        );
+        row.extend([w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(figure));
         row.push(format!("{:.4} / {:.4}", c.control[0], c.control[1]));
         let named = c.named_lines;
         row.push(format!("{:.4}", named.outside));

@@ -10,7 +10,7 @@ use meshband_host::model_based::candidate::Claim;
 use meshband_host::model_based::detect::Found;
 use meshband_host::model_based::frame::Frame;
 use meshband_host::model_based::judge::Split;
-use meshband_host::model_based::least_squares::chi_square;
+use meshband_host::model_based::least_squares::{Data, chi_square};
 use meshband_host::model_based::library::{Bench, order};
 use meshband_host::observation::angle::Angle;
 use meshband_host::observation::input::{self, Record};
@@ -111,13 +111,14 @@ fn ref_every_template_is_the_simulators_own_effect() {
     for candidate in candidates {
         let Some(hypothesis) = candidate.hypothesis else { continue };
         let key = (candidate.name.clone(), candidate.order.map(|o| (1e3 * o) as i64), candidate.templates.len());
-        let is_path = candidate.family == "path" || candidate.family == "non-stationary";
+        let is_path = candidate.family == "path" || candidate.family == "non-stationary" && !simulated(hypothesis);
         // Away from its own place a plain force is no effect of the simulator's; what bends is simulated everywhere.
         let is_effect = candidate.claim == Claim::Named || candidate.bends();
         if is_path || candidate.phase_free || !is_effect || !done.insert(key) {
             continue;
         }
-        // A direction of the unknowns in which the response is a few ten-thousandths of the machine's own.
+        // A direction of the unknowns in which the response is a few thousandths of the machine's own: a record that
+        // does not repeat itself folds 5e-5 of a stiffness with kinks.
         let direction: Vec<f64> = (0..candidate.templates.len()).map(|i| (1.0 + i as f64).cos()).collect();
         let bins = base.analyser.bins;
         let response = |x: &[f64]| -> Vec<[Vec<C>; 2]> {
@@ -131,7 +132,7 @@ fn ref_every_template_is_the_simulators_own_effect() {
             (0..record.runs.len()).map(|r| [one(r, 0), one(r, 1)]).collect()
         };
         let whole = power(base.runs.iter().flat_map(|r| r.model.iter().flatten()));
-        let scale = 2e-4 * (whole / power(response(&direction).iter().flatten().flatten())).sqrt();
+        let scale = 2e-3 * (whole / power(response(&direction).iter().flatten().flatten())).sqrt();
         let x: Vec<f64> = direction.iter().map(|d| d * scale).collect();
         let Some(with) = bench.simulated(&[(&candidate, &x)]) else { continue };
         let expected = response(&x);
@@ -184,6 +185,9 @@ fn loop_template_of_every_hidden_effect_explains_it() {
     templates_explain(1);
 }
 
+/// Least change of a record by an effect, as a share of the machine's own signal.
+const LEAST_CHANGE: f64 = 2e-4;
+
 /// What a campaign hides, every `step`-th of it, is explained by the library's candidate of a right name.
 fn templates_explain(step: usize) {
     let (pair, shafts) = (pair_19_48(), shafts());
@@ -198,22 +202,36 @@ fn templates_explain(step: usize) {
     let of_record = |name: &str| hypotheses().any(|h| h.name == name && matches!(h.seats, [Seat::Record]));
     let explained = |h: &&Hidden| h.right_names.first().is_some_and(|name| !of_record(name));
     for hidden in hidden().filter(explained).step_by(step) {
-        let mut random = ChaCha8Rng::seed_from_u64(7);
-        let mut draw = Draw { teeth: pair.teeth, peak_m_s2: [50.0; 2], random: &mut random };
-        scenario.effects = (hidden.draw)(hidden.reference, &mut draw);
-        let with = record(&pair, &shafts, &curve(), &scenario).unwrap();
-        let mut data = base.data();
-        for (r, run) in with.runs.iter().enumerate() {
-            for c in 0..2 {
-                let bins = base.analyser.bins_of(&run.channels[c]);
-                data.residual[r][c] = bins.iter().zip(&base.runs[r].measured[c]).map(|(a, b)| a - b).collect();
-                data.weight[r][c] = (0..bins.len()).map(|b| if b < 8 { 0.0 } else { 1.0 }).collect();
+        let mut changed = |size: f64| {
+            let mut random = ChaCha8Rng::seed_from_u64(7);
+            let mut draw = Draw { teeth: pair.teeth, peak_m_s2: [50.0; 2], random: &mut random };
+            scenario.effects = (hidden.draw)(size, &mut draw);
+            let with = record(&pair, &shafts, &curve(), &scenario).unwrap();
+            let mut data = base.data();
+            for (r, run) in with.runs.iter().enumerate() {
+                for c in 0..2 {
+                    let bins = base.analyser.bins_of(&run.channels[c]);
+                    data.residual[r][c] = bins.iter().zip(&base.runs[r].measured[c]).map(|(a, b)| a - b).collect();
+                    data.weight[r][c] = (0..bins.len()).map(|b| if b < 8 { 0.0 } else { 1.0 }).collect();
+                }
+            }
+            (data, scenario.effects.clone())
+        };
+        // What folds must not hide a weak one.
+        let whole = power(base.runs.iter().flat_map(|r| r.model.iter().flatten()));
+        let share = |data: &Data| (chi_square(data, &all) / whole).sqrt();
+        let (mut data, mut texts) = changed(hidden.reference);
+        let mut size = hidden.reference;
+        for _ in 0..3 {
+            if share(&data) < LEAST_CHANGE {
+                size *= 1.05 * LEAST_CHANGE / share(&data);
+                (data, texts) = changed(size);
             }
         }
         let found = |at: Option<f64>| -> Vec<Found> {
             at.map(|at| Found { at, statistic: 1e3, places: 1.0, modulation: false }).into_iter().collect()
         };
-        let (order, hz) = place(&scenario.effects);
+        let (order, hz) = place(&texts);
         let mut candidates = Vec::new();
         bench.candidates(&data, &split, &found(order), &found(hz), None, |part| candidates.extend(part));
         let mut shares: Vec<(String, f64)> = candidates

@@ -5,11 +5,8 @@ use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::simulate::{Acquisition, simulate};
 use meshband_host::dynamics::{Motion, Rig};
 use meshband_host::effects;
-use meshband_host::effects::catalogue::argument;
 use meshband_host::law::file::LawFile;
 use meshband_host::machine::Machine;
-use meshband_host::model::fixed_step::{self, Point, accelerations, of_runs};
-use meshband_host::model::harmonic_balance;
 use meshband_host::model_based::apply::{Applied, Correction};
 use meshband_host::model_based::candidate::{Parameter, Tuning};
 use meshband_host::model_based::carry::{PHASE_FREE, carry};
@@ -21,7 +18,6 @@ use meshband_host::observation::input;
 use meshband_host::output::Outputs;
 use meshband_host::predict::Predictor;
 use meshband_host::record::{self, Declaration, Record, Run, RunDeclaration, Tach};
-use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 fn vectors() -> PathBuf {
@@ -52,79 +48,6 @@ fn term(name: &str, parameters: Vec<Parameter>, unknowns: Vec<f64>, tuning: Opti
 
 fn rms<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     values.map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// The machine's stiffness table with every tenth row: the Taylor solver stops at every row.
-fn coarse() -> (tempfile::TempDir, Machine, input::Record) {
-    let mut record = input::read(&vectors()).unwrap();
-    let mut machine = Machine::read(&vectors()).unwrap();
-    let rows: Vec<usize> = (0..record.curve.u.len()).step_by(10).collect();
-    let thinned = |list: &[f64]| -> Vec<f64> { rows.iter().map(|&i| list[i]).collect() };
-    (record.curve.u, record.curve.k) = (thinned(&record.curve.u), thinned(&record.curve.k));
-    let folder = tempfile::tempdir().unwrap();
-    let mut text = String::from("position_base_pitches,stiffness_n_per_m\n");
-    record.curve.u.iter().zip(&record.curve.k).for_each(|(u, k)| text += &format!("{u:.9},{k:.9e}\n"));
-    std::fs::write(folder.path().join("coarse.csv"), text).unwrap();
-    machine.pair.pair_stiffness = Some("coarse.csv".into());
-    machine.folder = folder.path().to_path_buf();
-    (folder, machine, record)
-}
-
-#[test]
-fn ref_fixed_steps_do_what_the_taylor_solver_does_with_every_effect_of_the_registry() {
-    let (_folder, machine, declared) = coarse();
-    let model = harmonic_balance::Machine::new(&declared.pair, &declared.shafts, &declared.curve);
-    let rig = Rig::new(&machine, Model::BendingTorsional, Damping::Declared).unwrap();
-    let (samples, rate_hz) = (4096, 51_200.0);
-    // Into the third turn of the pinion: the gear's teeth and phase then differ from the first turn's.
-    let at = Point { start_rad: 2.3 * TAU, speed_hz: 17.3, torque_n_m: 15.0 };
-    let motion = Motion::Constant { speed_hz: at.speed_hz, turns_at_zero: 2.3 };
-    let both = |list: &[Box<dyn meshband_host::dynamics::Effect>]| {
-        let exact = rig.accelerations(&motion, at.torque_n_m, list, rate_hz, samples).unwrap().0;
-        [exact, accelerations(&model, list, at, samples, rate_hz)]
-    };
-    let plain = both(&[]);
-    let mut compared = 0;
-    for entry in effects::REGISTRY {
-        let list = [effects::parse(&argument(entry)).unwrap()];
-        // Contact loss is beyond fixed steps, and folding depends on the steps themselves.
-        if list[0].backlash().is_some() || list[0].unfiltered() > 0.0 {
-            continue;
-        }
-        let [own, other] = both(&list);
-        let change = |a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]| -> Vec<f64> {
-            a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a - b).collect()
-        };
-        let (own, other) = (change(&own, &plain[0]), change(&other, &plain[1]));
-        let difference: Vec<f64> = own.iter().zip(&other).map(|(a, b)| a - b).collect();
-        // What acts on the measuring chain alone changes nothing here.
-        if rms(own.iter()) > 0.0 {
-            let error = rms(difference.iter()) / rms(own.iter());
-            println!("{}: {:.3} % of its own response", entry.name, 100.0 * error);
-            // A jump on the path lies within half a step of its place.
-            let most = if list[0].path_knots(&rig.facts(at.torque_n_m)).is_empty() { 0.02 } else { 0.03 };
-            assert!(error < most, "{}: {error} of its own response", entry.name);
-            compared += 1;
-        }
-    }
-    assert!(compared >= 14, "{compared} effects act on the machine");
-}
-
-#[test]
-fn ref_a_run_in_fixed_steps_has_the_same_bits_whoever_stands_beside_it() {
-    let declared = input::read(&vectors()).unwrap();
-    let model = harmonic_balance::Machine::new(&declared.pair, &declared.shafts, &declared.curve);
-    let words = ["eccentricity:amplitude=3e-5,gear=1", "tooth-crack:loss=0.2,tooth=3", "friction:coefficient=0.05"];
-    // Seven runs: a full group of lanes and one that is not.
-    let effects: Vec<Vec<_>> = (0..7).map(|i| vec![effects::parse(words[i % 3]).unwrap()]).collect();
-    let at = |i: usize| Point { start_rad: i as f64, speed_hz: 12.0 + 3.0 * i as f64, torque_n_m: 8.0 + i as f64 };
-    let runs: Vec<_> = effects.iter().enumerate().map(|(i, effects)| fixed_step::Run { effects, at: at(i) }).collect();
-    let together = of_runs(&model, &runs, 600, 51_200.0);
-    assert_eq!(together.len(), runs.len());
-    for (run, beside) in runs.iter().zip(&together) {
-        assert!(rms(beside[0].iter()) > 0.0);
-        assert_eq!(*beside, of_runs(&model, std::slice::from_ref(run), 600, 51_200.0)[0]);
-    }
 }
 
 #[test]

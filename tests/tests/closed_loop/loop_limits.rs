@@ -74,7 +74,7 @@ fn loop_limits_are_stated_for_what_was_not_found_only_and_written() {
 /// that does not.
 #[test]
 fn loop_next_measurement_names_a_run_that_decides() {
-    let hidden = || vec!["imbalance:moment=0.02,phase=0.7".to_string()];
+    let hidden = || vec!["imbalance:moment=0.017,phase=0.7".to_string()];
     let mut record = made(25, |s| {
         (s.speeds_hz, s.torques_n_m, s.effects) = (vec![14.0, 14.6, 15.2], vec![12.0], hidden());
         s.duration_s = 1.0;

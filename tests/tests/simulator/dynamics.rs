@@ -6,7 +6,7 @@ use golden_pair::{Golden, companion, golden, golden_machine, number, vectors};
 use meshband_host::dynamics::assembly::{Damping, Model, Options as AssemblyOptions};
 use meshband_host::dynamics::energy::Meter;
 use meshband_host::dynamics::mesh::MeshDamping;
-use meshband_host::dynamics::steady::steady_state;
+use meshband_host::dynamics::steady::{Balance, steady_state};
 use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Mesh, Solver, State, System};
 use meshband_host::effects;
@@ -144,12 +144,13 @@ fn theory_steady_state_repeats_and_its_energy_balance_closes() {
     let options = Options { tolerance: 1e-12, ..Default::default() };
     let mut mesh = Mesh::new(&g.system, &g.stiffness, g.damping, &g.motion, &[], g.facts);
     let began = std::time::Instant::now();
-    let steady = steady_state::<8>(&g.system, &mut mesh, &force, (0.0, g.period), &options).expect("stable");
+    let steady =
+        steady_state::<8>(&g.system, &mut mesh, &force, (0.0, g.period), Balance::Load, &options).expect("stable");
     println!(
         "steady state in {:.3} ms, largest multiplier {:.4}, load correction {:.2e} N m",
         began.elapsed().as_secs_f64() * 1e3,
         steady.largest_multiplier(),
-        steady.load_correction_n_m
+        steady.correction.amax()
     );
     assert!(steady.largest_multiplier() < 1.0);
     let mut state = steady.state;

@@ -5,7 +5,7 @@ use super::golden_pair;
 use golden_pair::{Golden, companion, golden, golden_machine, number, vectors};
 use meshband_host::dynamics::assembly::{Damping, Model, Options as AssemblyOptions};
 use meshband_host::dynamics::energy::Meter;
-use meshband_host::dynamics::steady::steady_state;
+use meshband_host::dynamics::steady::{Balance, steady_state};
 use meshband_host::dynamics::taylor::Options;
 use meshband_host::dynamics::{Coordinate, Effect, Mesh, Motion, Rig, Solver, State, System};
 use meshband_host::effects;
@@ -203,9 +203,9 @@ fn repeats(g: &Golden, effects: &[Box<dyn Effect>], period: f64) -> f64 {
     let force = &g.system.torque * g.torque;
     let options = Options { tolerance: 1e-11, ..Default::default() };
     let mut mesh = Mesh::new(&g.system, &g.stiffness, g.damping, &g.motion, effects, g.facts);
-    let steady = steady_state::<8>(&g.system, &mut mesh, &force, (0.0, period), &options).expect("stable");
-    let mut corrected = force.clone();
-    corrected[g.system.index(Coordinate::Load).expect("a load")] += steady.load_correction_n_m;
+    let steady =
+        steady_state::<8>(&g.system, &mut mesh, &force, (0.0, period), Balance::Load, &options).expect("stable");
+    let corrected = &force + &steady.correction;
     let mut state = steady.state;
     let solver = Solver::<8>::new(&g.system, &corrected);
     solver.integrate(&mut mesh, &mut state, (0.0, period), &options, |_| {}).expect("integrates");
@@ -259,7 +259,8 @@ fn theory_a_step_curve_does_its_parametric_work_in_jumps() {
     let force = &g.system.torque * g.torque;
     let options = Options { tolerance: 1e-12, ..Default::default() };
     let mut mesh = Mesh::new(&g.system, &g.stiffness, g.damping, &g.motion, &[], g.facts);
-    let steady = steady_state::<8>(&g.system, &mut mesh, &force, (0.0, g.period), &options).expect("stable");
+    let steady =
+        steady_state::<8>(&g.system, &mut mesh, &force, (0.0, g.period), Balance::Load, &options).expect("stable");
     let mut state = steady.state;
     let solver = Solver::<8>::new(&g.system, &force);
     let mut meter = Meter::new(&g.system, &force);

@@ -11,6 +11,7 @@
 mod beyond;
 
 use super::forward::{ForwardModel, Line, Operating};
+use super::pieces::finer;
 use crate::dynamics::excitation::Facts;
 use crate::machine::{Pair, Shafts};
 use crate::stiffness::pair_curve::PairCurve;
@@ -134,27 +135,35 @@ impl Solution {
     }
 }
 
+/// Harmonics of the mesh that are known.
+const HARMONICS: u32 = 1024;
+
+/// Coefficients of the mesh stiffness of pairs with this one's, from the mean on.
+fn tabulated(curve: &PairCurve) -> Vec<C> {
+    let curve = finer(curve);
+    (0..=HARMONICS).map(|n| curve.transform(f64::from(n))).collect()
+}
+
 impl Machine {
     /// The machine of a declaration with its pair stiffness.
     pub fn new(pair: &Pair, shafts: &Shafts, curve: &PairCurve) -> Self {
         let angle = pair.pressure_angle_deg.to_radians();
         let base_radius_m = pair.teeth.map(|z| 0.5 * pair.module_m * f64::from(z) * angle.cos());
-        let mut machine = Self {
+        Self {
             teeth: pair.teeth,
             base_radius_m,
             pressure_angle_rad: angle,
             curve: curve.clone(),
             tau_s: pair.mesh_damping_s,
             shafts: shafts.clone(),
-            coefficients: Vec::new(),
-        };
-        machine.tabulate();
-        machine
+            coefficients: tabulated(curve),
+        }
     }
 
-    /// Recomputes the stiffness coefficients after a change of the pair curve.
-    pub fn tabulate(&mut self) {
-        self.coefficients = (0..=1024).map(|n| self.curve.transform(f64::from(n))).collect();
+    /// Multiplies the stiffness of every pair.
+    pub fn stiffen(&mut self, factor: f64) {
+        self.curve.k.iter_mut().for_each(|k| *k *= factor);
+        self.coefficients.iter_mut().for_each(|coefficient| *coefficient *= factor);
     }
 
     /// What effects may ask, at a torque.

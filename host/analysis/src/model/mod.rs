@@ -1,11 +1,11 @@
-//! Models that the loop predicts with: lines without stepping through time, and the same equations in fixed steps for
-//! what is strong. The simulator in time is [`crate::dynamics`].
+//! Models that the inference predicts with: lines without stepping through time for what it proposes, and the same
+//! equations on the Taylor solver of [`crate::dynamics`] for what it decides.
 
 #![allow(clippy::needless_range_loop, reason = "indices run over parallel arrays of the two shafts")]
 
-pub mod fixed_step;
 pub mod forward;
 pub mod harmonic_balance;
-mod poles;
-mod stepped_bodies;
-mod stepped_mesh;
+pub mod integrated;
+pub mod pieces;
+pub mod poles;
+mod recurring;

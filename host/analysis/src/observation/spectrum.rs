@@ -6,10 +6,9 @@
 //! restores calibrated chi-square.
 
 use crate::model::forward::Line;
-use rustfft::{
-    Fft, FftPlanner,
-    num_complex::{Complex32, Complex64 as C},
-};
+use crate::spectral;
+use realfft::RealToComplex;
+use rustfft::num_complex::{Complex32, Complex64 as C};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
@@ -126,7 +125,7 @@ pub struct Analyser {
     scale: f64,
     /// Phase factor of the kernel from bin to bin.
     turn_per_bin: C,
-    transform: Arc<dyn Fft<f64>>,
+    transform: Arc<dyn RealToComplex<f64>>,
 }
 
 impl Analyser {
@@ -142,7 +141,7 @@ impl Analyser {
         let sum: f64 = window.iter().sum();
         let bins = ((BAND_HZ.min(0.45 * rate_hz)) * samples as f64 / rate_hz) as usize;
         let turn_per_bin = C::cis(-PI * (samples as f64 - 1.0) / samples as f64);
-        let transform = FftPlanner::new().plan_fft_forward(samples);
+        let transform = spectral::forward(samples);
         Self { samples, rate_hz, bins, window, scale: 2.0 / sum, turn_per_bin, transform }
     }
 
@@ -164,12 +163,12 @@ impl Analyser {
 
     /// Windowed bins of a signal.
     pub fn bins_of(&self, signal: &[f64]) -> Bins {
-        let mut buffer: Vec<C> =
-            signal.iter().zip(&self.window).map(|(x, w)| C::new(x * w * self.scale, 0.0)).collect();
-        self.transform.process(&mut buffer);
-        buffer.truncate(self.bins);
-        buffer.shrink_to_fit();
-        buffer
+        let mut windowed: Vec<f64> = signal.iter().zip(&self.window).map(|(x, w)| x * w * self.scale).collect();
+        let mut bins = self.transform.make_output_vec();
+        self.transform.process(&mut windowed, &mut bins).expect("matching lengths");
+        bins.truncate(self.bins);
+        bins.shrink_to_fit();
+        bins
     }
 
     /// Phase factor of the kernel `distance` bins from the line.

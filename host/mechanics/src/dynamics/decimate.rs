@@ -41,6 +41,13 @@ impl Decimator {
         Self { taps }
     }
 
+    /// Response at `cycles` per output sample.
+    pub fn response(&self, cycles: f64) -> f64 {
+        let step = 2.0 * PI * cycles / OVERSAMPLING as f64;
+        let pairs = (1..=HALF).map(|i| 2.0 * self.taps[HALF + i] * (step * i as f64).cos());
+        self.taps[HALF] + pairs.sum::<f64>()
+    }
+
     /// Input indices `first..end` (0 at the first output sample) needed for `count` outputs.
     pub fn span(&self, count: usize) -> (i64, i64) {
         (-(HALF as i64), ((count - 1) * OVERSAMPLING + HALF + 1) as i64)

@@ -126,6 +126,37 @@ pub struct Sampled<'a> {
     pub facts: &'a Facts,
 }
 
+/// After what the motion of the machine repeats itself, at constant speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recurrence {
+    /// The mesh period.
+    Mesh,
+    /// A turn of body 0 or 1.
+    Turn(usize),
+    /// Nothing shorter than what both bodies' turns share.
+    Never,
+}
+
+impl Recurrence {
+    /// Of a sinusoid at `order` per turn of `body` and a fixed part `frequency_hz` of its rate.
+    pub fn of_order(body: usize, order: f64, frequency_hz: f64) -> Self {
+        match frequency_hz == 0.0 && order == order.round() {
+            true => Self::Turn(body),
+            false => Self::Never,
+        }
+    }
+
+    /// Of two causes together.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Mesh, known) | (known, Self::Mesh) => known,
+            (a, b) if a == b => a,
+            _ => Self::Never,
+        }
+    }
+}
+
 /// One effect. Every method has a neutral default; an effect overrides what it changes.
 pub trait Effect: Send + Sync {
     /// Whether the machine has what the effect sits on.
@@ -134,6 +165,11 @@ pub trait Effect: Send + Sync {
     /// One line that names effect and key.
     fn check(&self, _facts: &Facts) -> Result<()> {
         Ok(())
+    }
+
+    /// After what its part in the motion of the machine repeats itself; the measuring chain has none.
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Never
     }
 
     /// Changes the pinion's angle (turns) over the step: speed fluctuation.

@@ -9,6 +9,7 @@ use super::kinematics::Motion;
 use super::mesh::{Mesh, MeshDamping};
 use super::quantity::Quantity;
 use super::sample::Sampler;
+use super::steady::{Balance, steady_state};
 use super::taylor::{Options, Solver, State, Statistics, Step};
 use crate::machine::{EngagementKind, Geometry, Load, MOST_TORQUE_N_M, Machine, Motor};
 use crate::piecewise::PiecewisePolynomial;
@@ -37,6 +38,8 @@ pub struct Rig {
     pub damping: MeshDamping,
     /// Accuracy.
     pub options: Options,
+    /// Time before the first sample, s, in which the transient decays.
+    pub run_in_s: f64,
     /// Told of every part of a run that is done, [`PARTS`] parts per run.
     pub progress: Option<Arc<Progress>>,
     facts: Facts,
@@ -102,7 +105,26 @@ impl Rig {
         let options = Options { tolerance: 1e-9, ..Options::default() };
         let cracked = machine.cracked_pair()?;
         let (motor, load, progress) = (machine.motor, machine.load, None);
-        Ok(Self { system, stiffness, cracked, damping, options, progress, facts, motor, load })
+        let run_in_s = RUN_IN_S;
+        Ok(Self { system, stiffness, cracked, damping, options, run_in_s, progress, facts, motor, load })
+    }
+
+    /// A system that is assembled already, with a mesh damping that is this time, s, times the stiffness.
+    pub fn assembled(system: System, stiffness: PiecewisePolynomial, damping_time_s: f64, facts: Facts) -> Self {
+        let damping = MeshDamping::Time(damping_time_s);
+        let options = Options { tolerance: 1e-9, ..Options::default() };
+        Self {
+            system,
+            stiffness,
+            cracked: None,
+            damping,
+            options,
+            run_in_s: RUN_IN_S,
+            progress: None,
+            facts,
+            motor: None,
+            load: None,
+        }
     }
 
     /// Machine facts at a torque.
@@ -139,6 +161,24 @@ impl Rig {
         duration_s: f64,
         sink: impl FnMut(&Step),
     ) -> Result<Statistics> {
+        self.check(motion, input_torque_n_m, effects, duration_s)?;
+        match self.system.len() {
+            2 => self.run_n::<2>(motion, input_torque_n_m, effects, duration_s, sink),
+            6 => self.run_n::<6>(motion, input_torque_n_m, effects, duration_s, sink),
+            8 => self.run_n::<8>(motion, input_torque_n_m, effects, duration_s, sink),
+            10 => self.run_n::<10>(motion, input_torque_n_m, effects, duration_s, sink),
+            n => Err(unknown_model(n)),
+        }
+    }
+
+    /// Whether a run makes sense.
+    fn check(
+        &self,
+        motion: &Motion,
+        input_torque_n_m: f64,
+        effects: &[Box<dyn Effect>],
+        duration_s: f64,
+    ) -> Result<()> {
         if !input_torque_n_m.is_finite() {
             return Err(Error::invalid("torque", format!("{input_torque_n_m} N m is not a finite number")));
         }
@@ -160,14 +200,7 @@ impl Rig {
         }
         self.work(motion, duration_s).check()?;
         let facts = self.facts(input_torque_n_m);
-        effects.iter().try_for_each(|effect| effect.check(&facts))?;
-        match self.system.len() {
-            2 => self.run_n::<2>(motion, input_torque_n_m, effects, duration_s, sink),
-            6 => self.run_n::<6>(motion, input_torque_n_m, effects, duration_s, sink),
-            8 => self.run_n::<8>(motion, input_torque_n_m, effects, duration_s, sink),
-            10 => self.run_n::<10>(motion, input_torque_n_m, effects, duration_s, sink),
-            n => Err(Error::invalid("model", format!("{n} coordinates are not a known model"))),
-        }
+        effects.iter().try_for_each(|effect| effect.check(&facts))
     }
 
     fn run_n<const N: usize>(
@@ -185,7 +218,7 @@ impl Rig {
         let solver = Solver::<N>::new(&system, &force);
         let mut mesh = Mesh::new(&system, &self.stiffness, self.damping, motion, effects, self.facts(torque))
             .with_crack(self.cracked.as_ref());
-        solver.integrate(&mut mesh, &mut state, (-RUN_IN_S, duration_s), &self.options, sink)
+        solver.integrate(&mut mesh, &mut state, (-self.run_in_s, duration_s), &self.options, sink)
     }
 
     /// The system with the slopes of motor and load characteristic about the operating point as damping.
@@ -247,6 +280,58 @@ impl Rig {
         Ok(Sampled { channels, statistics, energy })
     }
 
+    /// Acceleration of both bearing channels, m/s2, at `count` points of one period of the periodic motion, as they are
+    /// and free of any transient: effects and mesh must repeat after `period_s`.
+    ///
+    /// # Errors
+    /// As [`Rig::run`], [`Rig::sensors`] and [`steady_state`].
+    pub fn period(
+        &self,
+        motion: &Motion,
+        input_torque_n_m: f64,
+        effects: &[Box<dyn Effect>],
+        (period_s, count): (f64, usize),
+    ) -> Result<[Vec<f64>; 2]> {
+        let sensors = self.sensors()?;
+        self.check(motion, input_torque_n_m, effects, period_s)?;
+        let mut sampler = Sampler::new(count as f64 / period_s, count);
+        let mut channels = [0, 1].map(|_| Vec::with_capacity(count));
+        let sink = |step: &Step| {
+            sampler.take(step, &sensors, |channel, _, values| channels[channel].extend_from_slice(values));
+        };
+        match self.system.len() {
+            6 => self.period_n::<6>(motion, input_torque_n_m, effects, period_s, sink),
+            8 => self.period_n::<8>(motion, input_torque_n_m, effects, period_s, sink),
+            10 => self.period_n::<10>(motion, input_torque_n_m, effects, period_s, sink),
+            n => Err(unknown_model(n)),
+        }?;
+        match channels.iter().any(|c| c.len() != count || c.iter().any(|x| !x.is_finite())) {
+            true => Err(Error::impossible("simulation", "gives values beyond the range of numbers")),
+            false => Ok(channels),
+        }
+    }
+
+    fn period_n<const N: usize>(
+        &self,
+        motion: &Motion,
+        torque: f64,
+        effects: &[Box<dyn Effect>],
+        period_s: f64,
+        sink: impl FnMut(&Step),
+    ) -> Result<Statistics> {
+        let force = &self.system.torque * torque;
+        let system = self.with_characteristics(motion.speed_hz(0.0), torque);
+        let mesh = || {
+            Mesh::new(&system, &self.stiffness, self.damping, motion, effects, self.facts(torque))
+                .with_crack(self.cracked.as_ref())
+        };
+        let span = (0.0, period_s);
+        let steady = steady_state::<N>(&system, &mut mesh(), &force, span, Balance::Inertia, &self.options)?;
+        let solver = Solver::<N>::new(&system, &(force + &steady.correction));
+        let mut state = steady.state;
+        solver.integrate(&mut mesh(), &mut state, span, &self.options, sink)
+    }
+
     /// Any quantities of a run at `index / rate_hz` for `count` samples, through the anti-alias filter as
     /// [`Rig::sampled`].
     ///
@@ -279,7 +364,7 @@ impl Rig {
         let statistics = self.run(motion, input_torque_n_m, effects, duration_s, |step| {
             watch.add(step);
             if let Some(progress) = &self.progress {
-                let share = (step.end_s() + RUN_IN_S) / (duration_s + RUN_IN_S);
+                let share = (step.end_s() + self.run_in_s) / (duration_s + self.run_in_s);
                 let parts = ((PARTS as f64 * share) as u64).min(PARTS);
                 if parts > told {
                     progress.advance(parts - told);
@@ -313,4 +398,8 @@ impl Rig {
         }
         Ok(Recorded { signals: channels, statistics, energy: watch.report() })
     }
+}
+
+fn unknown_model(coordinates: usize) -> Error {
+    Error::invalid("model", format!("{coordinates} coordinates are not a known model"))
 }

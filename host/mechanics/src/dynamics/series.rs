@@ -2,14 +2,16 @@
 //!
 //! A [`Series`] holds coefficients in the normalised time `tau = (t - t0) / h` of a step, so that all of
 //! them are of the size of the quantity itself and the step may be shortened by evaluating at `tau < 1`.
-//! The highest power in use is tracked: angle at constant speed is linear, stiffness of low degree, and
-//! products of short series stay cheap. Sine, cosine and square root follow the usual recurrences
-//! (Griewank and Walther, Evaluating Derivatives, table 13.2). Cost: O(degree^2) per product.
+//! The highest power in use is tracked: angle at constant speed is linear, stiffness of low degree, a shaft's sine
+//! over a short step needs ten powers, and products of short series stay cheap. Sine, cosine and square root follow
+//! the usual recurrences (Griewank and Walther, Evaluating Derivatives, table 13.2). Cost: O(degree^2) per product.
 
 /// Highest power kept in a step.
 pub const ORDER: usize = 48;
 /// Number of coefficients of a full series.
 pub const LENGTH: usize = ORDER + 1;
+/// Share of a series' largest coefficient below which its highest powers are dropped: a thousandth of rounding.
+const NEGLIGIBLE: f64 = 1e-19;
 
 /// A polynomial in the normalised time of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +84,16 @@ impl Series {
         self.coefficients().iter().rev().fold(0.0, |sum, c| sum * tau + c)
     }
 
+    /// Without the highest powers that no sum in double precision would see.
+    fn trimmed(mut self) -> Self {
+        let largest = self.coefficients().iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+        while self.degree > 0 && self.coefficients[self.degree].abs() <= NEGLIGIBLE * largest {
+            self.coefficients[self.degree] = 0.0;
+            self.degree -= 1;
+        }
+        self
+    }
+
     /// Derivative with respect to `tau`.
     pub fn derivative(&self) -> Self {
         let mut d = Self::ZERO;
@@ -133,7 +145,7 @@ impl Series {
                 *c += a * b;
             }
         }
-        p
+        p.trimmed()
     }
 
     /// Sine and cosine of the series (radians).
@@ -152,10 +164,30 @@ impl Series {
             }
             s.coefficients[n] = ds / n as f64;
             c.coefficients[n] = dc / n as f64;
+            (s.degree, c.degree) = (n, n);
+            // Every further power is a sum of as many before it as the angle has.
+            let before = n.saturating_sub(self.degree)..=n;
+            if n > self.degree && before.clone().all(|i| s.coefficients[i].abs() + c.coefficients[i].abs() < NEGLIGIBLE)
+            {
+                break;
+            }
         }
-        s.degree = ORDER;
-        c.degree = ORDER;
-        (s, c)
+        (s.trimmed(), c.trimmed())
+    }
+
+    /// Exponential function of the series.
+    pub fn exp(&self) -> Self {
+        let mut e = Self::constant(self.coefficients[0].exp());
+        if self.degree == 0 {
+            return e;
+        }
+        for n in 1..=ORDER {
+            let sum: f64 =
+                (1..=n.min(self.degree)).map(|j| j as f64 * self.coefficients[j] * e.coefficients[n - j]).sum();
+            e.coefficients[n] = sum / n as f64;
+        }
+        e.degree = ORDER;
+        e.trimmed()
     }
 
     /// Square root; the value at the step's start must be positive.
@@ -169,7 +201,7 @@ impl Series {
             r.coefficients[n] = (self.coefficients[n] - cross) / (2.0 * r.coefficients[0]);
         }
         r.degree = ORDER;
-        r
+        r.trimmed()
     }
 
     /// Quotient; the divisor's value at the step's start must not be zero.
@@ -180,7 +212,7 @@ impl Series {
             q.coefficients[n] = (self.coefficients[n] - known) / divisor.coefficients[0];
         }
         q.degree = if divisor.degree == 0 { self.degree } else { ORDER };
-        q
+        q.trimmed()
     }
 
     /// The polynomial with coefficients `p` (lowest power first) of this series.

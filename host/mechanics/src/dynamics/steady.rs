@@ -14,13 +14,23 @@ use super::taylor::{Column, Options, Solver, State, Statistics};
 use crate::{Error, Result};
 use nalgebra::{Complex, DMatrix, DVector};
 
+/// What keeps the mean speed where friction takes or an effect brings power.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Balance {
+    /// A torque on the load, N m: the speed is constant.
+    Load,
+    /// The inertia of all bodies: the train speeds up or slows down as a whole, as it does in a run that nothing
+    /// holds, and the unknown is the pinion's mean acceleration, rad/s2. For meshes that do not follow that.
+    Inertia,
+}
+
 /// A periodic motion.
 #[derive(Debug, Clone)]
 pub struct SteadyState<const N: usize> {
     /// State at the start of the period.
     pub state: State<N>,
-    /// Load torque added to keep the mean speed, N m.
-    pub load_correction_n_m: f64,
+    /// Generalised force added to keep the mean speed, in coordinates.
+    pub correction: DVector<f64>,
     /// Cost.
     pub statistics: Statistics,
     /// The period map, in units that make its entries comparable.
@@ -50,6 +60,7 @@ pub fn steady_state<const N: usize>(
     mesh: &mut Mesh,
     force: &DVector<f64>,
     (start_s, period_s): (f64, f64),
+    balance: Balance,
     options: &Options,
 ) -> Result<SteadyState<N>> {
     if mesh.is_nonlinear() {
@@ -58,8 +69,9 @@ pub fn steady_state<const N: usize>(
     if !(period_s.is_finite() && period_s > 0.0) {
         return Err(Error::invalid("steady state", format!("a period of {period_s} s is not positive")));
     }
-    let load = system.index(Coordinate::Load).or(system.index(Coordinate::Rotation(1)));
-    let load = load.ok_or_else(|| Error::impossible("steady state", "the model has no gear rotation"))?;
+    let rigid = system.rigid_rotation();
+    let pinned = DVector::from_fn(N, |i, _| rigid[i] * system.mass[i]);
+    let balancing = balancing(system, &pinned, force, balance)?;
     let solver = Solver::<N>::new(system, force);
     // Columns of the size of the static deflection and its natural velocity, so that the map is well scaled.
     let largest = system.stiffness.diagonal().amax();
@@ -68,10 +80,9 @@ pub fn steady_state<const N: usize>(
     let full = |i: usize| system.stiffness[(i, i)] + stiffness * system.mesh[i] * system.mesh[i];
     let rate = (0..N).map(|i| full(i) / system.mass[i]).fold(1.0, f64::max).sqrt();
     let size = |j: usize| if j < N { deflection } else { deflection * rate };
-    let torque = force[load].abs().max(1.0);
     let rest = State { q: [0.0; N], v: [0.0; N] };
     let homogeneous = solver.force_drive(&[0.0; N]);
-    let load_alone = solver.force_drive(&std::array::from_fn(|i| if i == load { torque } else { 0.0 }));
+    let balance_alone = solver.force_drive(&std::array::from_fn(|i| balancing[i]));
     let mut columns: Vec<Column<N>> = (0..2 * N)
         .map(|j| {
             let mut state = rest;
@@ -84,15 +95,14 @@ pub fn steady_state<const N: usize>(
         })
         .collect();
     columns.push(Column { state: rest, drive: solver.full_drive() });
-    columns.push(Column { state: rest, drive: load_alone });
+    columns.push(Column { state: rest, drive: balance_alone });
     let statistics = solver.propagate(mesh, &mut columns, (start_s, start_s + period_s), options)?;
     let end = |j: usize, i: usize| if i < N { columns[j].state.q[i] } else { columns[j].state.v[i - N] };
     let monodromy = DMatrix::from_fn(2 * N, 2 * N, |i, j| end(j, i) / size(i));
-    let rigid = system.rigid_rotation();
     let left = DMatrix::from_fn(2 * N + 1, 2 * N + 1, |i, j| match (i < 2 * N, j < 2 * N) {
         (true, true) => f64::from(u8::from(i == j)) - monodromy[(i, j)],
         (true, false) => -end(2 * N + 1, i) / size(i),
-        (false, true) if j < N => rigid[j] * system.mass[j],
+        (false, true) if j < N => pinned[j],
         _ => 0.0,
     });
     let right = DVector::from_fn(2 * N + 1, |i, _| if i < 2 * N { end(2 * N, i) / size(i) } else { 0.0 });
@@ -102,5 +112,18 @@ pub fn steady_state<const N: usize>(
         q: std::array::from_fn(|i| solution[i] * size(i)),
         v: std::array::from_fn(|i| solution[N + i] * size(N + i)),
     };
-    Ok(SteadyState { state, load_correction_n_m: solution[2 * N] * torque, statistics, monodromy })
+    Ok(SteadyState { state, correction: balancing * solution[2 * N], statistics, monodromy })
+}
+
+/// The unit of the force that keeps the mean speed, about as large as `force`.
+fn balancing(system: &System, inertia: &DVector<f64>, force: &DVector<f64>, balance: Balance) -> Result<DVector<f64>> {
+    let size = force.amax().max(1.0);
+    match balance {
+        Balance::Load => {
+            let load = system.index(Coordinate::Load).or(system.index(Coordinate::Rotation(1)));
+            let load = load.ok_or_else(|| Error::impossible("steady state", "the model has no gear rotation"))?;
+            Ok(DVector::from_fn(force.len(), |i, _| if i == load { size } else { 0.0 }))
+        }
+        Balance::Inertia => Ok(inertia * (size / inertia.amax())),
+    }
 }

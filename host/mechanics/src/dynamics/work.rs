@@ -7,7 +7,7 @@
 
 use super::assembly::System;
 use super::kinematics::Motion;
-use super::rig::{RUN_IN_S, Rig};
+use super::rig::Rig;
 use crate::Result;
 use crate::budget::{EDGES, NATURAL_FREQUENCY, SAMPLES, SHAFT, STEPS};
 use nalgebra::{DMatrix, SymmetricEigen};
@@ -70,10 +70,10 @@ impl Rig {
     /// Cost of `duration_s` of a motion.
     pub fn work(&self, motion: &Motion, duration_s: f64) -> Work {
         let fastest = fastest(&self.system, self.stiffest(), self.damping_time_s());
-        let time_s = RUN_IN_S + duration_s;
+        let time_s = self.run_in_s + duration_s;
         let turns = |t: f64| motion.turns(t, 1e-6).coefficient(0);
-        let travelled = (turns(duration_s) - turns(-RUN_IN_S)).abs();
-        let shaft_hz = motion.fastest_hz((-RUN_IN_S, duration_s));
+        let travelled = (turns(duration_s) - turns(-self.run_in_s)).abs();
+        let shaft_hz = motion.fastest_hz((-self.run_in_s, duration_s));
         let [z1, z2] = self.facts(0.0).teeth.map(f64::from);
         let passages = travelled * z1 * self.stiffness.knots().len() as f64;
         let steps = time_s * fastest / RADIANS_PER_STEP + passages + time_s / self.options.longest_step_s;

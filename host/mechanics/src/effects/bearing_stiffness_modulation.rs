@@ -5,7 +5,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, parameter};
-use crate::dynamics::excitation::{Effect, Moment};
+use crate::dynamics::excitation::{Effect, Moment, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -63,6 +63,10 @@ struct BearingStiffness {
 }
 
 impl Effect for BearingStiffness {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(self.body, self.order, 0.0)
+    }
+
     fn bearing(&self, moment: &Moment, body: usize) -> Option<Series> {
         if body != self.body {
             return None;

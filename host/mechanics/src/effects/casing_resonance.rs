@@ -6,7 +6,7 @@
 
 use super::filter::{mode, pass};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -37,6 +37,10 @@ struct Casing {
 }
 
 impl Effect for Casing {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         let square = |hz: f64| (hz / self.frequency_hz).powi(2);
         let response = |hz: f64| 1.0 + self.gain * square(hz) * mode(hz, self.frequency_hz, self.damping);

@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -51,6 +51,10 @@ struct Clipping {
 }
 
 impl Effect for Clipping {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         for x in sampled.channels[self.channels.clone()].iter_mut().flatten() {
             *x = x.clamp(-self.limit, self.limit);

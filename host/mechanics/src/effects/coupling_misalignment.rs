@@ -5,7 +5,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Site, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, parameter};
-use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use crate::dynamics::excitation::{Effect, Forces, Moment, Place, Recurrence};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -73,6 +73,10 @@ struct CouplingMisalignment {
 }
 
 impl Effect for CouplingMisalignment {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Turn(self.body)
+    }
+
     fn force(&self, moment: &Moment, forces: &mut Forces) {
         let mut angle = moment.angle_rad[self.body].scaled(2.0);
         angle.add_constant(self.phase_rad);

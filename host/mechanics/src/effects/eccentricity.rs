@@ -6,7 +6,7 @@
 
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, Parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -96,6 +96,10 @@ impl Eccentricity {
 }
 
 impl Effect for Eccentricity {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Turn(self.body)
+    }
+
     fn shift(&self, moment: &Moment, position: &mut Series) {
         // A tooth displaced along the line of action carries its contact point with it.
         position.add_scaled(&self.along_line_of_action(moment), 1.0 / moment.facts.base_pitch_m);

@@ -4,7 +4,7 @@
 //! nor jump; what remains of the ends' transients rings for a few time constants of the filter.
 
 use crate::dynamics::excitation::Sampled;
-use realfft::RealFftPlanner;
+use crate::spectral;
 use rustfft::num_complex::Complex64;
 
 /// Longest extension at either end, s.
@@ -34,8 +34,7 @@ pub fn pass(sampled: &mut Sampled, channels: std::ops::Range<usize>, response: i
             signal.push(*signal.last().expect("at least two samples"));
         }
         let total = signal.len();
-        let mut planner = RealFftPlanner::<f64>::new();
-        let forward = planner.plan_fft_forward(total);
+        let forward = spectral::forward(total);
         let mut spectrum = forward.make_output_vec();
         forward.process(&mut signal, &mut spectrum).expect("matching lengths");
         for (i, bin) in spectrum.iter_mut().enumerate() {
@@ -46,7 +45,7 @@ pub fn pass(sampled: &mut Sampled, channels: std::ops::Range<usize>, response: i
         if let Some(last) = spectrum.last_mut() {
             last.im = 0.0;
         }
-        let inverse = planner.plan_fft_inverse(total);
+        let inverse = spectral::backward(total);
         inverse.process(&mut spectrum, &mut signal).expect("matching lengths");
         channel.copy_from_slice(&signal[margin..margin + n]);
     }

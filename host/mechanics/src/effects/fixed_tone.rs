@@ -4,7 +4,7 @@
 
 use super::hypothesis::Hidden;
 use super::{CHANNEL, Entry, parameter, random};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 use std::f64::consts::TAU;
 
 /// Registry entry.
@@ -46,6 +46,10 @@ struct Tone {
 }
 
 impl Effect for Tone {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         let start = rand::RngExt::random::<f64>(&mut random(sampled.seed, 103));
         for channel in &mut sampled.channels[self.channels.clone()] {

@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, Parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -62,6 +62,10 @@ struct Ghost {
 }
 
 impl Effect for Ghost {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(self.body, self.order, 0.0)
+    }
+
     fn pair_error(&self, moment: &Moment, _pair: &PairOnPath, error: &mut Series) {
         let mut phase = moment.angle_rad[self.body].scaled(self.order);
         phase.add_constant(self.phase_rad);

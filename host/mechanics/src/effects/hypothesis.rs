@@ -61,6 +61,8 @@ pub enum Path {
     Mode,
     /// A delay within 200 us.
     Delay,
+    /// The signal once more, later.
+    Echo,
     /// A gain that changes linearly over the run.
     Drift,
     /// A response with the square of the signal.
@@ -90,6 +92,8 @@ pub enum Seat {
     MeshOrders(usize),
     /// Friction of the flanks, reversing at the pitch point.
     Sliding,
+    /// The stiffness of every pair changing linearly over the run.
+    MeshDrift,
     /// The path of a channel.
     Path(Path),
     /// The record as a whole, judged before the library is searched.

@@ -2,7 +2,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Site, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, Parameter};
-use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use crate::dynamics::excitation::{Effect, Forces, Moment, Place, Recurrence};
 use std::f64::consts::FRAC_PI_2;
 
 /// Registry entry.
@@ -65,6 +65,10 @@ struct Imbalance {
 }
 
 impl Effect for Imbalance {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Turn(self.body)
+    }
+
     fn force(&self, moment: &Moment, forces: &mut Forces) {
         let speed = moment.speed_rad_s(self.body);
         let strength = speed.product(&speed).scaled(self.moment_kg_m);

@@ -5,7 +5,7 @@
 
 use super::hypothesis::{Carried, Fitted, HUNTING, Hidden, Hypothesis, Seat, Site, Wave, one};
 use super::{Entry, PHASE, parameter};
-use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use crate::dynamics::excitation::{Effect, Forces, Moment, Place, Recurrence};
 use std::f64::consts::{PI, TAU};
 
 /// Registry entry.
@@ -70,6 +70,10 @@ struct LoadFluctuation {
 }
 
 impl Effect for LoadFluctuation {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(1, self.order, self.frequency_hz)
+    }
+
     fn force(&self, moment: &Moment, forces: &mut Forces) {
         let mut phase = moment.time_s().scaled(TAU * self.frequency_hz);
         phase.add_scaled(&moment.angle_rad[1], self.order);

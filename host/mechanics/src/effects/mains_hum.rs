@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Path, Seat};
 use super::{CHANNEL, Entry, parameter, random};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 use std::f64::consts::TAU;
 
 /// Registry entry.
@@ -69,6 +69,10 @@ struct MainsHum {
 }
 
 impl Effect for MainsHum {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         let start = rand::RngExt::random::<f64>(&mut random(sampled.seed, 102));
         for channel in &mut sampled.channels[self.channels.clone()] {

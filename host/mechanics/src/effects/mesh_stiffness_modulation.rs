@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, PHASE, parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -53,6 +53,10 @@ struct MeshStiffness {
 }
 
 impl Effect for MeshStiffness {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(0, self.order, 0.0)
+    }
+
     fn pair_stiffness(&self, moment: &Moment, _pair: &PairOnPath, stiffness: &mut Series) {
         let mut phase = moment.angle_rad[0].scaled(self.order);
         phase.add_constant(self.phase_rad);

@@ -13,6 +13,7 @@ pub mod catalogue;
 mod clipping;
 mod coupling_misalignment;
 mod eccentricity;
+mod echo;
 mod filter;
 mod fixed_tone;
 mod friction;
@@ -29,6 +30,7 @@ mod quantisation;
 mod sensor_nonlinearity;
 mod sensor_resonance;
 mod speed_fluctuation;
+mod stiffness_drift;
 mod thermal_drift;
 mod tip_relief;
 mod tooth_crack;
@@ -57,6 +59,7 @@ pub const REGISTRY: &[&Entry] = &[
     &tooth_crack::ENTRY,
     &mesh_stiffness_modulation::ENTRY,
     &wobble::ENTRY,
+    &stiffness_drift::ENTRY,
     &friction::ENTRY,
     &backlash::ENTRY,
     &imbalance::ENTRY,
@@ -69,6 +72,7 @@ pub const REGISTRY: &[&Entry] = &[
     &casing_resonance::ENTRY,
     &transfer_path_resonance::ENTRY,
     &transfer_path::ENTRY,
+    &echo::ENTRY,
     &sensor_resonance::ENTRY,
     &sensor_nonlinearity::ENTRY,
     &clipping::ENTRY,

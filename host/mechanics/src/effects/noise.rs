@@ -3,7 +3,7 @@
 //! Signature: a floor, flat (white) or falling with frequency (coloured); independent of speed and torque.
 
 use super::{CHANNEL, Entry, parameter, random};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 use rand_distr::{Distribution, StandardNormal};
 
 /// Registry entry.
@@ -30,6 +30,10 @@ struct Noise {
 }
 
 impl Effect for Noise {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         let mut random = random(sampled.seed, 104);
         let share = (1.0 - self.colour * self.colour).sqrt();

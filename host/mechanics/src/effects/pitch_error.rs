@@ -6,7 +6,7 @@
 use super::hypothesis::{Carried, Draw, Fitted, Hidden, Hypothesis, Seat, Tooth, one};
 use super::{Entry, GEAR, Parameter, check_tooth};
 use crate::Result;
-use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -120,6 +120,10 @@ struct PitchError {
 }
 
 impl Effect for PitchError {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Turn(self.body)
+    }
+
     fn check(&self, facts: &Facts) -> Result<()> {
         check_tooth(ENTRY.name, self.tooth, self.body, facts)
     }

@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat};
 use super::{Entry, Parameter, parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 use std::f64::consts::TAU;
 
@@ -70,6 +70,10 @@ struct ProfileError {
 }
 
 impl Effect for ProfileError {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn pair_error(&self, _moment: &Moment, pair: &PairOnPath, error: &mut Series) {
         for (h, &amplitude) in (1..).zip(&self.amplitudes_m).filter(|(_, a)| **a != 0.0) {
             let mut phase = pair.position.scaled(TAU * f64::from(h));

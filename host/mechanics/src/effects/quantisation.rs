@@ -3,7 +3,7 @@
 //! Signature: a floor of `step / sqrt(12)` RMS, independent of speed and torque while the signal spans many steps.
 
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -24,6 +24,10 @@ struct Quantisation {
 }
 
 impl Effect for Quantisation {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         for x in sampled.channels[self.channels.clone()].iter_mut().flatten() {
             *x = (*x / self.step).round() * self.step;

@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -68,6 +68,10 @@ struct Nonlinearity {
 }
 
 impl Effect for Nonlinearity {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         for x in sampled.channels[self.channels.clone()].iter_mut().flatten() {
             *x += *x * *x * (self.quadratic + self.cubic * *x);

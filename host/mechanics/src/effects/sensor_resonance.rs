@@ -5,7 +5,7 @@
 
 use super::filter::{mode, pass};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -34,6 +34,10 @@ struct Sensor {
 }
 
 impl Effect for Sensor {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         pass(sampled, self.channels.clone(), |hz| mode(hz, self.frequency_hz, self.damping));
     }

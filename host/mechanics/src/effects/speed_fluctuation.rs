@@ -6,6 +6,7 @@
 use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, PHASE, parameter};
 use crate::dynamics::excitation::Effect;
+use crate::dynamics::excitation::Recurrence;
 use crate::dynamics::series::Series;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -67,6 +68,10 @@ struct SpeedFluctuation {
 }
 
 impl Effect for SpeedFluctuation {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(0, self.order, self.frequency_hz)
+    }
+
     fn turns(&self, start_s: f64, length_s: f64, turns: &mut Series) {
         let mut phase = Series::linear(start_s, length_s).scaled(TAU * self.frequency_hz);
         phase.add_scaled(turns, TAU * self.order);

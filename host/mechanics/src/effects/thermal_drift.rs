@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -38,6 +38,10 @@ struct ThermalDrift {
 }
 
 impl Effect for ThermalDrift {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         for channel in &mut sampled.channels[self.channels.clone()] {
             let n = channel.len() as f64;

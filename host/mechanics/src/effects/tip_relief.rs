@@ -6,7 +6,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, one};
 use super::{Entry, parameter};
-use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Facts, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -52,6 +52,10 @@ struct TipRelief {
 }
 
 impl Effect for TipRelief {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn pair_error(&self, moment: &Moment, pair: &PairOnPath, error: &mut Series) {
         let path = moment.facts.path_base_pitches;
         let length = self.share * path;

@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Site, Wave, one};
 use super::{Entry, PHASE, Parameter};
-use crate::dynamics::excitation::{Effect, Forces, Moment, Place};
+use crate::dynamics::excitation::{Effect, Forces, Moment, Place, Recurrence};
 use std::f64::consts::TAU;
 
 /// Registry entry.
@@ -62,6 +62,10 @@ struct TorqueRipple {
 }
 
 impl Effect for TorqueRipple {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::of_order(0, self.order, self.frequency_hz)
+    }
+
     fn force(&self, moment: &Moment, forces: &mut Forces) {
         let mut phase = moment.time_s().scaled(TAU * self.frequency_hz);
         phase.add_scaled(&moment.angle_rad[0], self.order);

@@ -6,7 +6,7 @@
 use super::filter::pass;
 use super::hypothesis::{Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -53,6 +53,10 @@ struct TransferPath {
 }
 
 impl Effect for TransferPath {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         pass(sampled, self.channels.clone(), |hz| {
             let later = Complex64::from_polar(self.gain, -TAU * hz * self.delay_s);

@@ -5,7 +5,7 @@
 use super::filter::{mode, pass};
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Path, Seat, one};
 use super::{CHANNEL, Entry, parameter};
-use crate::dynamics::excitation::{Effect, Sampled};
+use crate::dynamics::excitation::{Effect, Recurrence, Sampled};
 
 /// Registry entry.
 pub const ENTRY: Entry = Entry {
@@ -62,6 +62,10 @@ struct Mode {
 }
 
 impl Effect for Mode {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn measure(&self, sampled: &mut Sampled) {
         let response = |hz: f64| 1.0 + self.gain * mode(hz, self.frequency_hz, self.damping);
         pass(sampled, self.channels.clone(), response);

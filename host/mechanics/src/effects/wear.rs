@@ -4,7 +4,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, one};
 use super::{Entry, parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 
 /// Registry entry.
@@ -47,6 +47,10 @@ struct Wear {
 }
 
 impl Effect for Wear {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Mesh
+    }
+
     fn pair_error(&self, moment: &Moment, pair: &PairOnPath, error: &mut Series) {
         let mut across = pair.position.scaled(2.0 / moment.facts.path_base_pitches);
         across.add_constant(-1.0);

@@ -11,7 +11,7 @@
 
 use super::hypothesis::{Carried, Fitted, Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, GEAR, PHASE, parameter};
-use crate::dynamics::excitation::{Effect, Moment, PairOnPath};
+use crate::dynamics::excitation::{Effect, Moment, PairOnPath, Recurrence};
 use crate::dynamics::series::Series;
 use std::f64::consts::PI;
 
@@ -70,6 +70,10 @@ struct Wobble {
 }
 
 impl Effect for Wobble {
+    fn recurrence(&self) -> Recurrence {
+        Recurrence::Turn(self.body)
+    }
+
     fn pair_stiffness(&self, moment: &Moment, _pair: &PairOnPath, stiffness: &mut Series) {
         let mut angle = moment.angle_rad[self.body];
         angle.add_constant(self.phase_rad);

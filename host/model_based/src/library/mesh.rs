@@ -277,7 +277,8 @@ fn friction(bench: &Responses<'_>, hypothesis: &'static Hypothesis) -> Candidate
         },
     );
     let [real, _] = quadrature(&bench.base.analyser, &bench.angles, &lines[0]);
-    every_pair(hypothesis, machine.teeth, real, [0.0, 1.0])
+    let tuning = Some(Tuning::Transition { square: 0.0 });
+    Candidate { tuning, ..every_pair(hypothesis, machine.teeth, real, [0.0, 1.0]) }
 }
 
 #[cfg(test)]

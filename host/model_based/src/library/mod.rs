@@ -5,6 +5,7 @@
 //! under which names stands with the simulator's effects ([`crate::effects::hypothesis`]); here is the response that
 //! effects with the same seat share.
 
+pub mod drift;
 pub mod finite;
 pub mod mesh;
 pub mod order;
@@ -34,8 +35,10 @@ pub struct Bench<'a> {
     responses: Responses<'a>,
     /// Responses to single teeth.
     pub teeth: ToothFamilies,
-    /// Predicted time signals per run and channel.
+    /// Predicted time signals per run and channel, with everything found so far.
     pub waveforms: Vec<[Vec<f64>; 2]>,
+    /// Their bins.
+    pub prediction: Vec<[Bins; 2]>,
     /// Candidates that do not depend on the residual.
     fixed: Vec<Candidate>,
     /// Declared machine integrated in time, made when first needed.
@@ -55,9 +58,17 @@ impl<'a> Bench<'a> {
     pub fn new(base: &'a Base) -> Self {
         let responses = Responses::new(base);
         let teeth = ToothFamilies::new(base, &responses.angles);
-        let waveforms = base.runs.par_iter().map(|run| steady(&base.analyser, run)).collect();
-        let mut bench = Self { responses, teeth, waveforms, fixed: Vec::new(), plain: OnceLock::new() };
+        let waveforms = match base.signals.is_empty() {
+            true => base.runs.par_iter().map(|run| steady(&base.analyser, run)).collect(),
+            false => base.signals.clone(),
+        };
+        let prediction = match base.signals.is_empty() {
+            true => base.runs.iter().map(|run| run.model.clone()).collect(),
+            false => waveforms.par_iter().map(|w| w.each_ref().map(|w| base.analyser.bins_of(w))).collect(),
+        };
+        let mut bench = Self { responses, teeth, waveforms, prediction, fixed: Vec::new(), plain: OnceLock::new() };
         let mut fixed = mesh::candidates(&bench);
+        fixed.push(drift::candidate(&bench));
         fixed.extend(parameter::candidates(&bench));
         for order in bench.shaft_orders() {
             fixed.extend(order::at_order(&bench, order, 1.0));

@@ -34,10 +34,17 @@ fn path(
 }
 
 /// The effect of the registry that changes a path so, with one real strength.
-fn named(change: Path, family: &'static str, template: Template, exponents: [f64; 2]) -> Candidate {
+fn named(
+    change: Path,
+    channel: Option<usize>,
+    family: &'static str,
+    template: Template,
+    exponents: [f64; 2],
+) -> Candidate {
     let hypothesis = on_path(change);
     let parameters = parameter(hypothesis.quantity, hypothesis.unit);
     Candidate {
+        channel,
         plain: (!hypothesis.plain.is_empty()).then(|| hypothesis.plain.into()),
         hypothesis: Some(hypothesis),
         ..path(hypothesis.name, Claim::Named, family, parameters, vec![template], exponents)
@@ -71,9 +78,9 @@ fn hat(knot: usize, f: f64) -> f64 {
 /// The prediction of one channel behind a filter.
 fn filtered(bench: &Bench<'_>, channel: usize, h: &dyn Fn(f64) -> C) -> Template {
     let duration = bench.base.analyser.duration_s();
-    Template::new(bench.base.runs.iter().map(|run| {
+    Template::new(bench.prediction.iter().map(|run| {
         let mut parts = <[Sparse; 2]>::default();
-        let bins: Bins = run.model[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
+        let bins: Bins = run[channel].iter().enumerate().map(|(b, x)| x * h(b as f64 / duration)).collect();
         parts[channel] = Sparse::of(&bins);
         parts
     }))
@@ -83,8 +90,9 @@ fn filtered(bench: &Bench<'_>, channel: usize, h: &dyn Fn(f64) -> C) -> Template
 pub fn delayed(bench: &Bench<'_>, channel: usize, delay_s: f64) -> Candidate {
     let shifted = filtered(bench, channel, &|f| C::cis(-TAU * f * delay_s) - 1.0);
     let quantity = format!("{}_of_{:.2}_us", on_path(Path::Delay).quantity, 1e6 * delay_s);
-    let found = named(Path::Delay, "path", shifted, [0.0, 1.0]);
-    Candidate { searched: 100.0, parameters: parameter(&quantity, "1"), ..found }
+    let found = named(Path::Delay, Some(channel), "path", shifted, [0.0, 1.0]);
+    let tuning = Some(Tuning::Delay { delay_s });
+    Candidate { searched: 100.0, parameters: parameter(&quantity, "1"), tuning, ..found }
 }
 
 /// All path candidates, per channel.
@@ -114,15 +122,15 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
         ));
         list.push(delayed(bench, channel, best_delay(bench, data, fit, channel)));
         let drift = made(channel, &|i, x| x * (i as f64 / samples - 0.5));
-        list.push(named(Path::Drift, "non-stationary", drift.clone(), [0.0, 1.0]));
+        list.push(named(Path::Drift, Some(channel), "non-stationary", drift.clone(), [0.0, 1.0]));
         let bow = made(channel, &|i, x| x * ((i as f64 / samples - 0.5).powi(2) - 1.0 / 12.0));
         let name = format!("gain of the {who} changing within the runs");
         let two = parameters(&[("linear", "1"), ("quadratic", "1")]);
         list.push(path(&name, Claim::Generic, "non-stationary", two, vec![drift, bow], [0.0, 1.0]));
         let square = made(channel, &|_, x| x * x);
-        list.push(named(Path::Square, "path", square.clone(), [0.0, 2.0]));
+        list.push(named(Path::Square, Some(channel), "path", square.clone(), [0.0, 2.0]));
         let cube = made(channel, &|_, x| x * x * x);
-        list.push(named(Path::Cube, "path", cube.clone(), [0.0, 3.0]));
+        list.push(named(Path::Cube, Some(channel), "path", cube.clone(), [0.0, 3.0]));
         let name = format!("response of the {who} not in proportion to the signal");
         let two = parameters(&[("quadratic", "s2/m"), ("cubic", "s4/m2")]);
         list.push(path(&name, Claim::Generic, "path", two, vec![square, cube], [0.0, 2.0]));
@@ -138,6 +146,7 @@ pub fn candidates(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidat
         list.push(path(&name, Claim::Generic, "path", values, hats, [0.0, 1.0]));
     }
     list.push(folded(bench));
+    list.extend([Some(0), Some(1), None].map(|channel| echo(bench, channel, best_echo(bench, data, fit, channel))));
     list.extend(modes(bench, data, fit));
     list
 }
@@ -166,7 +175,7 @@ fn folded(bench: &Bench<'_>) -> Candidate {
             .collect();
         analyser.templates_of_lines(&lines, run.angle.offset_rad, f, REACH)
     });
-    named(Path::Folding, "path", Template::new(runs), [0.0, 1.0])
+    named(Path::Folding, None, "path", Template::new(runs), [0.0, 1.0])
 }
 
 /// Delay (s, within 200 us) of a channel that explains the residual best.
@@ -176,7 +185,7 @@ fn best_delay(bench: &Bench<'_>, data: &Data, fit: &[usize], channel: usize) -> 
     let bands = 1500;
     let mut table = vec![(0.0, C::ZERO); bands];
     for &r in fit {
-        for (b, x) in bench.base.runs[r].model[channel].iter().enumerate() {
+        for (b, x) in bench.prediction[r][channel].iter().enumerate() {
             let w = data.weight[r][channel][b];
             if x.norm_sqr() * w > 1.0 {
                 let cell = &mut table[(b as f64 / duration / 10.0) as usize % bands];
@@ -201,20 +210,61 @@ fn best_delay(bench: &Bench<'_>, data: &Data, fit: &[usize], channel: usize) -> 
     best(&mut (-50..=50).map(|i| coarse + 0.01e-6 * f64::from(i)).filter(|d| d.abs() > 1e-9))
 }
 
+/// Delays of a second path that are tried, s.
+const ECHOES_S: [f64; 2] = [1.5e-4, 1e-2];
+
+/// A channel, or both, with the signal once more after a delay, s.
+pub fn echo(bench: &Bench<'_>, channel: Option<usize>, delay_s: f64) -> Candidate {
+    let later = |f: f64| C::cis(-TAU * f * delay_s);
+    let [first, second] = [0, 1].map(|c| filtered(bench, c, &later));
+    let template = match channel {
+        Some(0) => first,
+        Some(_) => second,
+        None => first.mixed(1.0, &second, 1.0),
+    };
+    let found = named(Path::Echo, channel, "path", template, [0.0, 1.0]);
+    Candidate { searched: 500.0, tuning: Some(Tuning::Echo { delay_s }), ..found }
+}
+
+/// Delay (s) of the second path that explains the residual best.
+fn best_echo(bench: &Bench<'_>, data: &Data, fit: &[usize], channel: Option<usize>) -> f64 {
+    let duration = bench.base.analyser.duration_s();
+    let mut lines: Vec<(f64, C)> = Vec::new();
+    for (&r, c) in fit.iter().flat_map(|r| [0, 1].map(|c| (r, c))) {
+        if channel.is_some_and(|own| own != c) {
+            continue;
+        }
+        for (b, x) in bench.prediction[r][c].iter().enumerate() {
+            let w = data.weight[r][c][b];
+            if x.norm_sqr() * w > 1.0 {
+                lines.push((b as f64 / duration, x.conj() * data.residual[r][c][b] * w));
+            }
+        }
+    }
+    let product = |d: f64| lines.iter().map(|(f, p)| (C::cis(TAU * f * d) * p).re).sum::<f64>().abs();
+    let step = 0.1 / BAND_HZ;
+    let steps = ((ECHOES_S[1] - ECHOES_S[0]) / step) as usize;
+    let best = |points: Vec<f64>| {
+        let all: Vec<(f64, f64)> = points.into_par_iter().map(|d| (product(d), d)).collect();
+        all.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(1e-3, |(_, d)| d)
+    };
+    let coarse = best((0..=steps).map(|i| ECHOES_S[0] + i as f64 * step).collect());
+    best((-50..=50).map(|i| coarse + 0.02 * f64::from(i) * step).collect())
+}
+
 /// Best parallel mode per channel (and one common to both) over a grid of frequencies and damping ratios.
 fn modes(bench: &Bench<'_>, data: &Data, fit: &[usize]) -> Vec<Candidate> {
     let duration = bench.base.analyser.duration_s();
     let response = |f: f64, f0: f64, zeta: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
     // Bins that carry the model, so that scanning touches only those.
     let active: Vec<[Vec<(usize, C)>; 2]> = bench
-        .base
-        .runs
+        .prediction
         .iter()
         .enumerate()
         .map(|(r, run)| {
             [0, 1].map(|c| {
                 let weight = &data.weight[r][c];
-                run.model[c]
+                run[c]
                     .iter()
                     .enumerate()
                     .filter(|(b, x)| x.norm_sqr() * weight[*b] > 1.0)
@@ -271,10 +321,10 @@ pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate 
     let duration = bench.base.analyser.duration_s();
     let response = |f: f64| C::new(f0 * f0, 0.0) / C::new(f0 * f0 - f * f, 2.0 * zeta * f0 * f);
     let [in_phase, quadrature] = [C::ONE, C::I].map(|factor| {
-        Template::new(bench.base.runs.iter().map(|run| {
+        Template::new(bench.prediction.iter().map(|run| {
             let mut parts = <[Sparse; 2]>::default();
             let path = |(b, x): (usize, &C)| x * factor * response(b as f64 / duration);
-            parts[channel] = Sparse::of(&run.model[channel].iter().enumerate().map(path).collect::<Bins>());
+            parts[channel] = Sparse::of(&run[channel].iter().enumerate().map(path).collect::<Bins>());
             parts
         }))
     });
@@ -290,7 +340,7 @@ pub fn mode(bench: &Bench<'_>, channel: usize, f0: f64, zeta: f64) -> Candidate 
             first: 0,
             complex: true,
         }],
-        ..named(Path::Mode, "path", in_phase, [0.0, 1.0])
+        ..named(Path::Mode, Some(channel), "path", in_phase, [0.0, 1.0])
     }
 }
 

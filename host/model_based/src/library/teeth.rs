@@ -6,7 +6,7 @@
 
 use super::Bench;
 use crate::base_fit::Base;
-use crate::candidate::{Candidate, Claim, Parameter, Template, quadrature};
+use crate::candidate::{Candidate, Claim, Parameter, Template, Tuning, quadrature};
 use crate::effects::hypotheses;
 use crate::effects::hypothesis::{Hypothesis, Seat, Tooth};
 use crate::judge::Split;
@@ -187,6 +187,7 @@ impl Families {
             exponents: self.exponents(),
             hypothesis: Some(single),
             seat: Some(Seat::OneTooth(self.shaft, self.kind)),
+            tuning: (self.kind == Tooth::Softened).then_some(Tuning::Growth { growth: 0.0, bow: 0.0 }),
             tooth: Some(tooth),
             start,
             ..Candidate::default()

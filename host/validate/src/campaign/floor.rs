@@ -7,7 +7,7 @@
 use crate::Result;
 use crate::closed_loop::base_fit::Base;
 use crate::effects::hypothesis::{Draw, Hidden};
-use crate::generate::{STEP_M_S2, Scenario, record};
+use crate::generate::{Scenario, record};
 use crate::observation::input::Record;
 use crate::observation::spectrum::Analyser;
 use crate::spectral::{Window, amplitude_spectrum};
@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 fn density(scenario: &Scenario, rate_hz: f64, hz: f64) -> f64 {
     let c = scenario.noise_colour;
     let shape = (1.0 - c * c) / (1.0 - 2.0 * c * (TAU * hz / rate_hz).cos() + c * c);
-    2.0 * (scenario.noise_rms.powi(2) * shape + STEP_M_S2.powi(2) / 12.0) / rate_hz
+    2.0 * (scenario.noise_rms.powi(2) * shape + scenario.step_m_s2.powi(2) / 12.0) / rate_hz
 }
 
 /// NRMSE of the whole signal that what was put in at random alone would leave on `runs` of a record: noise, the

@@ -9,6 +9,7 @@
 mod floor;
 #[cfg(test)]
 mod generated_records;
+pub mod ladder;
 mod limit;
 mod score;
 mod uniform;

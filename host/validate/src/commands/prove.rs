@@ -8,7 +8,7 @@ use meshband_host::output::show;
 use meshband_host::report::Report;
 use meshband_host::results::Results;
 use meshband_host::{Error, Result};
-use meshband_validate::campaign::{HEAD, Plan, Summary, cells, run as run_plan, summarise};
+use meshband_validate::campaign::{HEAD, Plan, Summary, cells, ladder, run as run_plan, summarise};
 use std::path::PathBuf;
 
 /// Arguments of `meshband prove`.
@@ -46,6 +46,10 @@ pub struct Args {
     /// limits that it states, and at twice it.
     #[arg(long, default_value_t = 0)]
     limits: usize,
+    /// The noise ladder: every effect at one strength on this many machines, with ever less noise (--only, --seconds,
+    /// --seed).
+    #[arg(long, value_name = "MACHINES", default_value_t = 0, conflicts_with = "field")]
+    ladder: usize,
     /// Strengths of that one effect, times its detection floor.
     #[arg(long, value_delimiter = ',', default_value = "2,20,1")]
     levels: Vec<f64>,
@@ -91,6 +95,9 @@ pub fn run(args: Args) -> Result<()> {
     if args.field {
         return field::run(args);
     }
+    if args.ladder > 0 {
+        return climb(args);
+    }
     let mut outputs = args.results.outputs(args.machines.iter().map(PathBuf::as_path));
     let _log = outputs.appended(&args.log)?;
     let mut files = args.results.announce(&mut outputs)?;
@@ -123,6 +130,28 @@ pub fn run(args: Args) -> Result<()> {
         file.write(summary.markdown())?;
     }
     show(&summary.text())
+}
+
+/// Noise of the rungs, m/s2.
+const RUNGS_M_S2: [f64; 4] = [0.1, 0.01, 0.001, 0.0];
+
+/// Climbs the noise ladder; its rungs go to the log, one JSON line each.
+fn climb(args: Args) -> Result<()> {
+    let mut outputs = args.results.outputs(std::iter::empty());
+    let mut log = outputs.optional(Some(&args.log))?;
+    let rungs = ladder::climb(&ladder::Ladder {
+        machines: args.ladder,
+        noise_m_s2: RUNGS_M_S2.to_vec(),
+        only: args.only,
+        duration_s: args.seconds,
+        seed: args.seed,
+        verbose: args.verbose,
+    })?;
+    let lines = rungs.iter().map(|r| serde_json::to_string(r).map_err(|e| Error::invalid("rung", e)));
+    if let Some(file) = &mut log {
+        file.write(lines.collect::<Result<Vec<_>>>()?.join("\n"))?;
+    }
+    show(&ladder::text(&rungs))
 }
 
 fn report(summary: &Summary, records: usize, seed: u64) -> Report {
