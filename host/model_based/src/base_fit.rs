@@ -27,6 +27,9 @@ pub const MODEL_SLACK: f64 = 6e-4;
 /// The same as a share of a whole signal, more than twice what two programs for the same equations leave of each
 /// other's records without noise (4e-4 at most: the check records of the closed loop's tests).
 pub const WHOLE_SLACK: f64 = 1e-3;
+/// Largest error of what the terms found say, as a share of it, that is no matter of further effects: damage and its
+/// idealisation differ by a per cent. A second effect on the same lines that is smaller than this is not looked for.
+const EFFECT_SLACK: f64 = 1e-2;
 /// Least such error: the bound of the solver and of the smooth pieces that stand for a stiffness table.
 const SOLVER_SLACK: f64 = 1e-5;
 /// Rounding of transforms, as a share of a channel's strongest line.
@@ -103,6 +106,8 @@ pub struct Base {
     pub roughness: Vec<[Vec<f64>; 2]>,
     /// Error of the prediction as a share of a line, as estimated from what the fit leaves at mesh orders.
     pub discrepancy: f64,
+    /// Error of what the terms found so far say, as a share of it in every bin, as estimated from what they leave.
+    pub inexact: f64,
     /// Runs.
     pub runs: Vec<RunState>,
     /// Simulated signals of every run with everything found so far; empty where nothing was simulated yet.
@@ -115,6 +120,25 @@ pub struct Base {
     pub nuisances: Vec<Template>,
     /// Prior precision and mean of every nuisance.
     pub priors: Vec<(f64, f64)>,
+}
+
+/// What is left of a power.
+#[derive(Default)]
+struct Share {
+    left: f64,
+    whole: f64,
+}
+
+impl Share {
+    fn add(&mut self, left: f64, whole: f64) {
+        self.left += left;
+        self.whole += whole;
+    }
+
+    /// As a share of the amplitude.
+    fn root(&self) -> f64 {
+        (self.left / self.whole.max(f64::MIN_POSITIVE)).max(0.0).sqrt()
+    }
 }
 
 fn changed(machine: &Machine, change: &[f64]) -> (Machine, f64) {
@@ -173,6 +197,7 @@ impl Base {
             is_close,
             roughness,
             discrepancy,
+            inexact: 0.0,
             runs,
             signals,
             pulses_per_rev,
@@ -268,8 +293,12 @@ impl Base {
                             // Kernel-wide maximum: a line's slack covers its whole main lobe.
                             let near = b.saturating_sub(2)..(b + 3).min(noise.len());
                             let form = raw[r][c][near].iter().map(|x| x.norm_sqr()).fold(0.0, f64::max);
-                            let model = self.runs[r].model[c][b].norm_sqr();
-                            let slack = self.discrepancy.powi(2) * model + FORM_SLACK * FORM_SLACK * form + rounding;
+                            let model = self.runs[r].model[c][b];
+                            let found = (self.runs[r].measured[c][b] - model - quiet[r][c][b]).norm_sqr();
+                            let slack = self.discrepancy.powi(2) * model.norm_sqr()
+                                + self.inexact.powi(2) * found
+                                + FORM_SLACK * FORM_SLACK * form
+                                + rounding;
                             2.0 / ((noise[b] + slack) * OVERDISPERSION)
                         })
                         .collect()
@@ -293,22 +322,28 @@ impl Base {
         ROUNDING * ROUNDING * strongest
     }
 
-    /// Estimates the error of the prediction from what the fit leaves, beyond the local noise, at the machine's own
-    /// lines of `runs`: no less than the solver's, no more than by what independent programs differ. What is more is
-    /// a matter of effects.
+    /// Estimates the error of the prediction from what the fit leaves, `rest`, beyond the local noise: at the machine's
+    /// own lines, no less than the solver's and no more than by what independent programs differ, and where the terms
+    /// found say most. What is more is a matter of effects.
     pub fn estimate_discrepancy(&mut self, rest: &[[Bins; 2]], runs: &[usize]) {
-        let (mut left, mut whole) = (0.0, f64::MIN_POSITIVE);
+        let mut own = Share::default();
+        let mut of_terms = Share::default();
         for &r in runs {
-            for (rest, model) in rest[r].iter().zip(&self.runs[r].model) {
-                for ((x, noise), model) in rest.iter().zip(noise_power(rest)).zip(model) {
-                    if model.norm_sqr() * SOLVER_SLACK > noise {
-                        left += x.norm_sqr() - noise;
-                        whole += model.norm_sqr();
+            for (c, rest) in rest[r].iter().enumerate() {
+                let (measured, model) = (&self.runs[r].measured[c], &self.runs[r].model[c]);
+                for ((b, x), noise) in rest.iter().enumerate().zip(noise_power(rest)) {
+                    let found = (measured[b] - model[b] - x).norm_sqr();
+                    if model[b].norm_sqr() * SOLVER_SLACK > noise {
+                        own.add(x.norm_sqr() - noise, model[b].norm_sqr());
+                    }
+                    if found * EFFECT_SLACK * EFFECT_SLACK > noise {
+                        of_terms.add(x.norm_sqr() - noise, found);
                     }
                 }
             }
         }
-        self.discrepancy = (left / whole).max(0.0).sqrt().clamp(SOLVER_SLACK, MODEL_SLACK);
+        self.discrepancy = own.root().clamp(SOLVER_SLACK, MODEL_SLACK);
+        self.inexact = of_terms.root().min(EFFECT_SLACK);
     }
 
     /// Power that one standard error of a run's angle and one of its speed, by the declared jitter of edges, put into
@@ -419,6 +454,7 @@ impl Base {
             is_close: self.is_close,
             roughness: Vec::new(),
             discrepancy: self.discrepancy,
+            inexact: self.inexact,
             runs,
             signals: Vec::new(),
             pulses_per_rev,
