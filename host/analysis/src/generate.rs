@@ -7,10 +7,8 @@
 
 use crate::dynamics::Effect;
 use crate::dynamics::excitation::Sampled;
-use crate::dynamics::simulate::angle_turns;
-use crate::dynamics::simulate::run_seed;
-use crate::machine::Hunting;
-use crate::machine::{Pair, Shafts};
+use crate::dynamics::simulate::{angle_turns, run_seed};
+use crate::machine::{Hunting, Pair, Shafts};
 use crate::model::harmonic_balance::Machine;
 use crate::model::integrated::{self, Integrated, Point};
 use crate::model::pieces::exact;

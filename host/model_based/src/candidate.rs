@@ -1,7 +1,8 @@
 //! A candidate effect: named templates that are linear in a few physical parameters.
 
 use super::start::Start;
-use crate::effects::hypothesis::{Hypothesis, Seat, Site, Tooth, Wave};
+use crate::dynamics::excitation::Facts;
+use crate::effects::hypothesis::{Fitted, Hypothesis, Seat, Site, Tooth, Wave};
 use crate::model::forward::Line;
 use crate::observation::spectrum::{Analyser, REACH, Sparse};
 use rustfft::num_complex::Complex64 as C;
@@ -184,6 +185,32 @@ impl Candidate {
             (Some(Tuning::Transition { square }), _) => vec![(square, 1e-3)],
             (Some(Tuning::Order { .. }), Some(order)) => vec![(order, 3e-5)],
             _ => Vec::new(),
+        }
+    }
+
+    /// Cosine and sine parts of every parameter at the unknowns `x`.
+    pub fn parts(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        let part = |i: usize| x.get(i).copied().unwrap_or(0.0);
+        self.parameters.iter().map(|p| [part(p.first), if p.complex { part(p.first + 1) } else { 0.0 }]).collect()
+    }
+
+    /// What its hypothesis carries to the simulator's effects, at a size and a phase (rad) and with `parts`.
+    pub fn fitted<'p>(&self, facts: &Facts, (size, phase_rad): (f64, f64), parts: &'p [[f64; 2]]) -> Fitted<'p> {
+        Fitted {
+            teeth: facts.teeth,
+            pressure_angle_rad: facts.pressure_angle_rad,
+            base_pitch_m: facts.base_pitch_m,
+            body: self.body(),
+            order: self.order,
+            frequency_hz: self.frequency_hz,
+            size,
+            phase_rad,
+            tooth: self.tooth,
+            torque_exponent: self.exponents[1],
+            parts,
+            channel: self.channel.map_or(2.0, |channel| channel as f64),
+            channel_share: self.channel.map_or([1.0; 2], |channel| [1.0 - channel as f64, channel as f64]),
+            shape: self.tuning.map_or([0.0; 2], Tuning::shape),
         }
     }
 

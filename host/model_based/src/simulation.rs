@@ -5,11 +5,10 @@
 //! every run ([`crate::model::integrated`]).
 
 use super::base_fit::{Base, RunState, TOLERANCES};
-use super::candidate::{Candidate, Tuning};
+use super::candidate::Candidate;
 use super::start::Start;
 use super::waveform::complete;
 use crate::dynamics::Effect;
-use crate::effects::hypothesis::Fitted;
 use crate::effects::of_table;
 use crate::model::harmonic_balance::Machine;
 use crate::model::integrated::{Integrated, Point, Run};
@@ -35,26 +34,8 @@ fn effects(machine: &Machine, candidate: &Candidate, x: &[f64], turned_rad: f64)
         [a, b, ..] if complex => (a.hypot(*b), b.atan2(*a) + turned_rad),
         _ => (*x.first()?, turned_rad),
     };
-    let part = |i: usize| x.get(i).copied().unwrap_or(0.0);
-    let parts: Vec<[f64; 2]> =
-        candidate.parameters.iter().map(|p| [part(p.first), if p.complex { part(p.first + 1) } else { 0.0 }]).collect();
-    let fitted = Fitted {
-        teeth: facts.teeth,
-        pressure_angle_rad: facts.pressure_angle_rad,
-        base_pitch_m: facts.base_pitch_m,
-        body: candidate.body(),
-        order: candidate.order,
-        frequency_hz: candidate.frequency_hz,
-        size,
-        phase_rad,
-        tooth: candidate.tooth,
-        torque_exponent: candidate.exponents[1],
-        parts: &parts,
-        channel: candidate.channel.map_or(2.0, |channel| channel as f64),
-        channel_share: candidate.channel.map_or([1.0; 2], |channel| [1.0 - channel as f64, channel as f64]),
-        shape: candidate.tuning.map_or([0.0; 2], Tuning::shape),
-    };
-    let carried = (candidate.hypothesis?.carry)(&fitted)?;
+    let parts = candidate.parts(x);
+    let carried = (candidate.hypothesis?.carry)(&candidate.fitted(&facts, (size, phase_rad), &parts))?;
     carried.tables.iter().map(|table| of_table(table).ok()).collect()
 }
 

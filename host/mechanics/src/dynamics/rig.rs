@@ -101,24 +101,18 @@ impl Rig {
         if facts.path_base_pitches < 1.0 {
             return Err(Error::invalid("pair", "contact ratio below 1: no pair carries for part of the mesh cycle"));
         }
-        let damping = MeshDamping::Time(machine.pair.mesh_damping_s);
-        let options = Options { tolerance: 1e-9, ..Options::default() };
-        let cracked = machine.cracked_pair()?;
-        let (motor, load, progress) = (machine.motor, machine.load, None);
-        let run_in_s = RUN_IN_S;
-        Ok(Self { system, stiffness, cracked, damping, options, run_in_s, progress, facts, motor, load })
+        let own = Self::assembled(system, stiffness, machine.pair.mesh_damping_s, facts);
+        Ok(Self { cracked: machine.cracked_pair()?, motor: machine.motor, load: machine.load, ..own })
     }
 
     /// A system that is assembled already, with a mesh damping that is this time, s, times the stiffness.
     pub fn assembled(system: System, stiffness: PiecewisePolynomial, damping_time_s: f64, facts: Facts) -> Self {
-        let damping = MeshDamping::Time(damping_time_s);
-        let options = Options { tolerance: 1e-9, ..Options::default() };
         Self {
             system,
             stiffness,
             cracked: None,
-            damping,
-            options,
+            damping: MeshDamping::Time(damping_time_s),
+            options: Options { tolerance: 1e-9, ..Options::default() },
             run_in_s: RUN_IN_S,
             progress: None,
             facts,

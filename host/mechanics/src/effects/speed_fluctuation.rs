@@ -5,8 +5,7 @@
 
 use super::hypothesis::{Hidden, Hypothesis, Seat, Wave, Where, one};
 use super::{Entry, PHASE, parameter};
-use crate::dynamics::excitation::Effect;
-use crate::dynamics::excitation::Recurrence;
+use crate::dynamics::excitation::{Effect, Recurrence};
 use crate::dynamics::series::Series;
 use std::f64::consts::{FRAC_PI_2, TAU};
 

@@ -336,9 +336,7 @@ fn strength_of(table: &Table) -> Option<(&'static str, f64)> {
 /// for each.
 fn carried(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &Hypothesis, x: &[f64], size: f64) -> Option<Table> {
     let facts = bench.base.machine.facts(0.0);
-    let part = |i: usize| x.get(i).copied().unwrap_or(0.0);
-    let parts: Vec<[f64; 2]> =
-        candidate.parameters.iter().map(|p| [part(p.first), if p.complex { part(p.first + 1) } else { 0.0 }]).collect();
+    let parts = candidate.parts(x);
     let size = match candidate.seat {
         Some(Seat::OneTooth(_, Tooth::Softened)) => first_guess(candidate, &[size])[0],
         _ => size,
@@ -354,27 +352,9 @@ fn carried(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &Hypothesis, x:
         [0.0, _] => 1.0,
         _ => 2.0,
     };
-    let shape = match candidate.tuning {
-        Some(Tuning::Relief { share, exponent }) => [share, f64::from(exponent)],
-        Some(Tuning::Mode { f0, zeta, .. }) => [f0, zeta],
-        _ => [DELAY_S, 0.0],
-    };
-    let carried = (hypothesis.carry)(&Fitted {
-        teeth: facts.teeth,
-        pressure_angle_rad: facts.pressure_angle_rad,
-        base_pitch_m: facts.base_pitch_m,
-        body: candidate.body(),
-        order: candidate.order,
-        frequency_hz: candidate.frequency_hz,
-        size,
-        phase_rad: 0.0,
-        tooth: candidate.tooth,
-        torque_exponent: candidate.exponents[1],
-        parts: &parts,
-        channel,
-        channel_share: powers.map(|p| (p / larger).sqrt()),
-        shape,
-    })?;
+    let channel_share = powers.map(|p| (p / larger).sqrt());
+    let fitted = Fitted { channel, channel_share, ..candidate.fitted(&facts, (size, 0.0), &parts) };
+    let carried = (hypothesis.carry)(&fitted)?;
     let largest = |table: &Table| strength_of(table).map_or(0.0, |(_, value)| value.abs());
     carried.tables.into_iter().max_by(|a, b| largest(a).total_cmp(&largest(b)))
 }
