@@ -162,7 +162,7 @@ pub fn study_report(o: &Outcome) -> Result<Report> {
     let mut report = Report::new(
         "Bandwidth law",
         &format!(
-            "{}: engagement edges at {} Hz and {} N m, and what their bandwidth depends on",
+            "{}: engagement edges at {} Hz and {:.1} N m, and what their bandwidth depends on",
             o.machine, o.shaft_hz, o.torque_n_m
         ),
     )

@@ -53,9 +53,9 @@ pub struct Args {
     /// Second up to which the recording is taken.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: Option<f64>,
-    /// Tooth counts of pinion and gear, as 23,46.
-    #[arg(long, value_delimiter = ',')]
-    teeth: Option<Vec<u32>>,
+    /// Tooth counts of pinion and gear, as 23,46 or 23/46.
+    #[arg(long, value_parser = super::machine::teeth)]
+    teeth: Option<[u32; 2]>,
     /// Mesh frequency as far as known, Hz (within 3 %); searched for otherwise. FROM,TO: it changes within that range.
     #[arg(long, value_delimiter = ',', num_args = 1)]
     mesh: Vec<f64>,
@@ -142,7 +142,7 @@ pub fn run(args: Args) -> Result<()> {
     let machine = args.machine.as_deref().map(Machine::read).transpose()?;
     let train = args.train.as_deref().map(Train::read).transpose()?;
     let given = train.as_ref().and_then(|train| train.declaration.as_pair());
-    let teeth = import::teeth(machine.as_ref(), given.or(given_teeth(args.teeth.as_deref())?))?;
+    let teeth = import::teeth(machine.as_ref(), given.or(args.teeth))?;
     let (mesh_guess_hz, mesh_range_hz) = mesh(&args.mesh)?;
     let measured = match &train {
         Some(train) => train_tach(train, args.tach.options()?, !args.no_tach && args.speed.is_none())?,
@@ -209,23 +209,6 @@ fn train_tach(train: &Train, given: Option<TachOptions>, wanted: bool) -> Result
     let sources = given.map_or_else(own, |given| given.sources);
     let shaft = if declared.shaft == 0 { Shaft::Pinion } else { Shaft::Ratio(ratio) };
     Ok(Some(TachOptions { sources, pulses: declared.pulses_per_turn, shaft, falling, threshold }))
-}
-
-/// Tooth counts as given.
-fn given_teeth(given: Option<&[u32]>) -> Result<Option<[u32; 2]>> {
-    let teeth = match given {
-        None => None,
-        Some(&[pinion, gear]) => Some([pinion, gear]),
-        Some(other) => {
-            return Err(Error::invalid("--teeth", format!("needs two counts as 23,46, not {}", other.len())));
-        }
-    };
-    if let Some(teeth) = teeth
-        && teeth.iter().any(|z| !(5..=1000).contains(z))
-    {
-        return Err(Error::invalid("--teeth", format!("{},{} are not tooth counts (5 to 1000)", teeth[0], teeth[1])));
-    }
-    Ok(teeth)
 }
 
 /// A guess of the mesh frequency, or a range.

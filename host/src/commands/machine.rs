@@ -254,10 +254,10 @@ fn asked<T>(question: &str, option: &str, read: impl Fn(&str) -> std::result::Re
 }
 
 /// Two tooth counts, with a comma, a slash or a blank between them.
-fn teeth(text: &str) -> std::result::Result<[u32; 2], String> {
+pub fn teeth(text: &str) -> std::result::Result<[u32; 2], String> {
     /// Fewest and most teeth.
     const RANGE: std::ops::RangeInclusive<u32> = 5..=1000;
-    let refuse = || format!("'{}' are not two tooth counts from 5 to 1000: as 21,64", meshband_host::text::name(text));
+    let refuse = || format!("'{}' are not two tooth counts from 5 to 1000, as 21,64", meshband_host::text::name(text));
     let parts = text.split([',', '/', ' ']).filter(|part| !part.is_empty());
     let counts: Vec<u32> =
         parts.map(|part| part.parse().map_err(|_| refuse())).collect::<std::result::Result<_, _>>()?;

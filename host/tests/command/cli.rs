@@ -236,3 +236,22 @@ fn fault_predict_refuses_bad_effects_files_in_one_line() {
         refused(&["predict", &record, "-o", &output, "--effects", &file.display().to_string()], expected);
     }
 }
+
+/// Mistakes that a newcomer made, each with what the command must answer.
+#[test]
+fn regress_what_newcomers_mistook_is_answered_with_the_way_on() {
+    let folder = folder("newcomer");
+    let text = |path: &Path| path.to_str().expect("unicode").to_owned();
+    let recording = folder.join("a.wav");
+    std::fs::write(&recording, b"RIFF").expect("written");
+    refused(&["analyse", &text(&recording)], "is a file, not a record");
+    refused(&["diagnose", &text(&folder)], "has no record.toml");
+    refused(&["monitor", "tcp:localhost:1", "--once"], "Connection refused");
+    refused(&["monitor", "localhost:1", "--once"], "Connection refused");
+    let machine = concat!(env!("CARGO_MANIFEST_DIR"), "/../machines/19-48.toml");
+    let out = text(&folder.join("out"));
+    let simulate = ["simulate", machine, "--speed", "20", "-o", &out];
+    refused(&[&simulate[..], &["--effect", "bearing-outer:peak=3"]].concat(), "nearest: bearing-stiffness-modulation");
+    let new = ["machine", "new", "-o", &out, "--teeth", "21,83", "--module", "4", "--width", "40"];
+    refused(&[&new[..], &["--speed", "1485rpm", "--helix", "12"]].concat(), "helical gears are outside the model");
+}

@@ -435,3 +435,34 @@ fn fault_a_file_without_a_readable_row_is_refused_at_its_first_row() {
         refusal(&folder, &file, &["--rate", "12800"], &["unreadable.csv:2", "'0x' is no number"]);
     }
 }
+
+#[test]
+fn regress_sensitivities_and_teeth_are_read_as_they_are_written() {
+    let folder = folder("as-written");
+    let rows = table("time,a,b,key\n", 20_000, |i| {
+        format!("{},{},{},{}", i as f64 / RATE_HZ, sample(0, i), sample(1, i), key(i))
+    });
+    let file = write(&folder, "own.csv", rows);
+    refusal(&folder, &file, &["--volt-per-g", "0.1,0.1"], &["--volt-per-g", "2 values for 3 channels"]);
+    let (summary, _) = imported(&folder, &file, &["--no-tach", "--volt-per-g", "100", "--columns", "a,b"]);
+    assert!(summary["remarks"].to_string().contains("0.001 to 10 V per g"), "{}", summary["remarks"]);
+    let (_, record) = imported(&folder, &file, &["--tach", "key", "--teeth", "23/61", "--unit", "m/s2"]);
+    assert_eq!(record.declaration.teeth(), Some([23, 61]));
+    refusal(&folder, &file, &["--teeth", "23:61"], &["two tooth counts", "as 21,64"]);
+}
+
+#[test]
+fn regress_few_steps_of_the_files_own_numbers_are_said() {
+    let folder = folder("few-steps");
+    // A channel of three steps beside one of many: the record's own codes are finer than the file's.
+    let rows = table("time,a,b\n", 20_000, |i| {
+        format!("{},{},{}", i as f64 / RATE_HZ, sample(0, i), 0.5 * (2.0 * sample(0, i) / 3.5).round())
+    });
+    let file = write(&folder, "own.csv", rows);
+    let (summary, _) = imported(&folder, &file, &["--no-tach", "--unit", "m/s2"]);
+    let remarks = summary["remarks"].to_string();
+    assert!(remarks.contains("channel b") && remarks.contains("steps of the file's own numbers"), "{remarks}");
+    assert!(!remarks.contains("channel a:"), "{remarks}");
+    let figure = |c: usize| summary["quantisation_snr_db"][c].as_f64().expect("a figure");
+    assert!(figure(0) > 60.0 && figure(1) < 25.0, "{} and {}", figure(0), figure(1));
+}

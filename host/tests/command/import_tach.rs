@@ -525,7 +525,7 @@ fn hostile_sources_that_are_no_tachometer_are_refused() {
     refused_import(&folder, &file, &["--tach", "4", "--pulses", "0"], &["--pulses"]);
     refused_import(&folder, &file, &["--tach", "4", "--tach-shaft", "third"], &["--tach-shaft", "'third'"]);
     refused_import(&folder, &file, &["--tach", "4", "--tach-shaft", "1/0"], &["--tach-shaft", "'1/0'"]);
-    refused_import(&folder, &file, &["--tach", "4", "--unit", "g,g"], &["--unit", "2 units for 3 channels"]);
+    refused_import(&folder, &file, &["--tach", "4", "--unit", "g,g"], &["--unit", "2 values for 3 channels"]);
     refused_import(&folder, &file, &["--tach", "4", "--no-tach"], &["--tach"]);
     refused_import(&folder, &file, &["--pulses", "2"], &["--tach"]);
     let alone = wav(&folder.join("alone.wav"), &channels[3..]);

@@ -6,7 +6,7 @@
 use super::escape;
 
 /// Term, as it is written, and what it means.
-pub const TERMS: [(&str, &str); 30] = [
+pub const TERMS: [(&str, &str); 43] = [
     (
         "nats",
         "natural logarithm of how much more likely the record is with the finding than without it; 5 is a factor of \
@@ -17,14 +17,30 @@ pub const TERMS: [(&str, &str); 30] = [
     ("declared", "with the machine as its owner described it, nothing adjusted"),
     ("calibrated", "with the numbers of the machine adjusted to the record, nothing added"),
     ("corrected", "with the findings of this page added"),
-    ("noise floor", "what stays where nothing but noise is left: no model can come below"),
     (
-        "moved copy",
+        "noise floor",
+        "what would stay where nothing but noise is left; an estimate, so that a result may lie some per cent below it",
+    ),
+    ("named", "one cause of the library explains it, and no other does"),
+    ("ambiguous", "two causes explain it alike on this record"),
+    ("generic", "lines that stand, without a cause that can be named"),
+    ("searched", "channel on which findings were looked for; the others check them"),
+    ("SER p/g", "sidebands over their mesh harmonic, at the pinion's and the gear's turns"),
+    ("BPFO", "rate at which rolling elements pass a spot on the outer ring"),
+    ("BPFI", "rate at which rolling elements pass a spot on the inner ring"),
+    ("ball spin", "rate at which a rolling element turns about itself"),
+    ("equivalent noise bandwidth", "width of the filter that a window's line is: noise in a bin grows with it"),
+    ("crest", "peak over RMS: impacts raise it"),
+    ("hunting", "turns after which the same two teeth meet again; `whole`: averaged over whole ones of them"),
+    ("standard errors", "how many times its own random error a figure lies above what noise gives"),
+    ("built as", "how the lines of one row hang together: harmonics, or sidebands of a shaft about them"),
+    (
+        "surrogate",
         "the same search at an order moved by some per cent, where nothing can be: what chance alone \
      gives",
     ),
     (
-        "moved copies",
+        "surrogates",
         "the same search at orders moved by some per cent, where nothing can be: what chance alone \
      gives",
     ),

@@ -12,11 +12,18 @@ pub struct About {
     pub speed_hz: Option<f64>,
     /// Teeth of the pinion, where declared.
     pub pinion_teeth: Option<u32>,
+    /// What orders are multiples of: "pinion", a train's "input", or "shaft" of a machine without gears.
+    pub turns_of: Option<&'static str>,
     /// For the page's foot.
     pub facts: Facts,
 }
 
 impl About {
+    /// What orders are multiples of; the pinion where nothing else is said.
+    pub fn of(&self) -> &'static str {
+        self.turns_of.unwrap_or("pinion")
+    }
+
     /// Frequency of an order at this speed.
     pub fn hz(&self, order: f64) -> Option<f64> {
         Some(order * self.speed_hz?)

@@ -233,12 +233,11 @@ pub fn spectrum(series: &[Series], labels: &[Label], reference: f64, span_db: f6
                 .label(&series.name)
                 .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style.stroke_width(2)));
         }
-        // Labels sit on the highest point near them; where two would collide the later one moves up.
+        // Labels sit on their own line; where two would collide the later one moves up.
         let step = x.end - x.start;
         let mut placed: Vec<(f64, f64)> = Vec::new();
         for label in labels.iter().filter(|l| x.contains(&l.x)) {
-            let near = data.iter().flatten().filter(|p| (p.0 - label.x).abs() < 0.002 * step);
-            let peak = near.map(|p| p.1).fold(low, f64::max);
+            let peak = data.iter().map(|points| height_at(points, label.x)).fold(low, f64::max);
             let mut at = peak + 0.03 * span_db;
             while placed.iter().any(|p| (p.0 - label.x).abs() < 0.045 * step && (p.1 - at).abs() < 0.045 * span_db) {
                 at += 0.045 * span_db;
@@ -262,6 +261,16 @@ pub fn spectrum(series: &[Series], labels: &[Label], reference: f64, span_db: f6
         Ok(())
     })?;
     Ok(hover.onto(svg))
+}
+
+/// Points on each side of a place of a spectrum that are the line there.
+const OWN: usize = 2;
+
+/// Height of the line at a place of ascending points.
+fn height_at(points: &[(f64, f64)], x: f64) -> f64 {
+    let after = points.partition_point(|point| point.0 < x);
+    let own = points.get(after.saturating_sub(OWN + 1)..(after + OWN + 1).min(points.len())).unwrap_or_default();
+    own.iter().map(|point| point.1).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Measured points, a fitted curve, and the residual in a panel below.

@@ -103,7 +103,10 @@ impl Bearing {
         let row = row.transpose().map_err(|own| {
             let own = crate::text::name(own);
             let known = bearing_table::designations();
-            refuse(format!("designation {own} is not in the table ({known}): state dimensions or the four orders"))
+            refuse(format!(
+                "designation {own} is not in the table ({known}): state dimensions or the four orders in a \
+                 [[bearing]] table of record.toml or of the machine file (book: explanation/bearings)"
+            ))
         })?;
         if let Some((_, elements, pitch, element, angle_deg)) = row {
             let angle_deg = self.contact_angle_deg.unwrap_or(*angle_deg);

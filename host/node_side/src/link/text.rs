@@ -13,6 +13,9 @@ use meshband::update::{RunningImage, Slot};
 use meshband::watch::reason;
 use meshband::waveform::CapturePhase;
 
+/// A sideband below this share of its harmonic (-34 dB) is the search's own noise more often than not.
+pub const SIDE_SHARE: f32 = 0.02;
+
 impl View {
     /// For `--json`: the same whether heard live or replayed.
     pub fn json(&self, losses: Losses) -> serde_json::Value {
@@ -254,6 +257,7 @@ pub fn band_rows(spectrum: &Spectrum) -> Vec<Vec<String>> {
         .iter()
         .map(|band| {
             let strongest = band.sidebands.iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
+            let strongest = strongest.filter(|side| side.amplitude >= SIDE_SHARE * band.line.amplitude);
             vec![
                 band.harmonic.to_string(),
                 format!("{:.3}", band.line.frequency_hz),

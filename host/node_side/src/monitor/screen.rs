@@ -7,6 +7,7 @@ use super::capture::Capture;
 use super::link::Standing;
 use super::panel::{Panel, SILENT_S, Trend, VALUES};
 use crate::link::alarms::Alarms;
+use crate::link::text::SIDE_SHARE;
 use crate::link::words::{event, seconds, words};
 use crate::link::{Losses, health};
 use meshband::message::{SpectralLine, Spectrum, Status};
@@ -23,8 +24,6 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 const SPAN_DB: f64 = 60.0;
 /// Signs of a trend, from low to high.
 const STEPS: [&str; 8] = ["▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
-/// A sideband below this share of its harmonic (-34 dB) is the search's own noise more often than not.
-const SIDE_SHARE: f32 = 0.02;
 /// Strongest lines shown where there is room.
 const STRONGEST: usize = 8;
 /// Age from which on a figure is drawn faint, s.

@@ -37,8 +37,10 @@ pub enum Kind {
     Clock,
     /// Lines of the mains.
     Hum,
-    /// The mesh line against pulses and teeth: in doubt, or not everywhere.
+    /// The mesh line against pulses and teeth: not everywhere, or with a remark.
     Mesh,
+    /// Pulses, shaft or teeth look wrong: every order is in doubt.
+    MeshDoubtful,
     /// The mesh line stands where pulses and teeth put it.
     MeshConfirmed,
 }
@@ -81,7 +83,11 @@ pub fn of_run(record: &Record, run: &Run) -> Vec<Remark> {
     let channels: Vec<Vec<f64>> = (0..run.channels()).map(|c| run.signal_m_s2(c)).collect();
     let mut remarks = of_channels(names, &channels, run.sample_rate_hz());
     if let Some(check) = mesh_of(record, run, &channels) {
-        let kind = if check.is_plain() { Kind::MeshConfirmed } else { Kind::Mesh };
+        let kind = match (check.is_plain(), check.doubtful) {
+            (true, _) => Kind::MeshConfirmed,
+            (false, true) => Kind::MeshDoubtful,
+            (false, false) => Kind::Mesh,
+        };
         remarks.push(Remark::new(kind, None, check.sentence));
     }
     remarks

@@ -22,7 +22,7 @@ pub(super) struct Resolution {
     /// Typical level over quantisation noise, dB; minus infinity for a constant.
     pub snr_db: f64,
     /// Typical level: standard deviation of what 98 % of the samples keep to.
-    level: f64,
+    pub level: f64,
     /// Sample that lies farthest from zero.
     peak_at: usize,
     peak: f64,
@@ -39,7 +39,37 @@ pub(super) fn resolution(channel: &[f64], step: f64) -> Resolution {
     };
     let level = (high - low) / RANGE;
     let peak_at = (0..channel.len()).max_by(|&a, &b| channel[a].abs().total_cmp(&channel[b].abs())).unwrap_or(0);
-    Resolution { snr_db: 20.0 * (level / step * 12.0_f64.sqrt()).log10(), level, peak_at, peak: channel[peak_at] }
+    Resolution { snr_db: over_quantisation(level, step), level, peak_at, peak: channel[peak_at] }
+}
+
+/// Values that steps of the file are looked for among, and the share of them that may differ where it has steps.
+const LOOKED_AT: usize = 100_000;
+const DISTINCT_SHARE: f64 = 0.25;
+
+/// The step of the numbers that a file holds; none where hardly any two are alike.
+pub(super) fn source_step(channel: &[f64]) -> Option<f64> {
+    let mut values = channel.get(..LOOKED_AT.min(channel.len()))?.to_vec();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    let few = values.len() > 2 && (values.len() as f64) < DISTINCT_SHARE * channel.len().min(LOOKED_AT) as f64;
+    few.then(|| values.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min))
+}
+
+/// What to say of a channel that used few of the steps of its own file.
+pub(super) fn judge_source(label: &str, name: &str, level: f64, step: f64) -> Option<String> {
+    let snr_db = over_quantisation(level, step);
+    (level > 0.0 && snr_db < POOR_DB).then(|| {
+        format!(
+            "{label}: channel {name}: its typical level takes {:.1} steps of the file's own numbers ({snr_db:.0} dB \
+             over quantisation): a higher gain or a more sensitive sensor measures more of it",
+            level / step
+        )
+    })
+}
+
+/// Typical level over the noise of codes of a step, dB.
+pub(super) fn over_quantisation(level: f64, step: f64) -> f64 {
+    20.0 * (level / step * 12.0_f64.sqrt()).log10()
 }
 
 /// What the user should know of a channel; nothing for a well resolved one.

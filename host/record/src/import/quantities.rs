@@ -111,7 +111,10 @@ pub(super) fn sort(runs: &mut [Group], rate_hz: f64, options: &ImportOptions) ->
     let unit = (main != "m/s2").then(|| main.clone());
     if main == "unknown" && options.units.is_empty() {
         let names = named(&runs[0], &roles, |role| role.symbol == main && may_be_main(role));
-        remarks.push(format!("no unit is stated for {names}: the numbers are kept as they are; --unit says it"));
+        remarks.push(format!(
+            "no unit is stated for {names}: the numbers are kept as they are; --unit says it, and of \
+             volts --volt-per-g (of integers with the recorder's range as --source-full-scale)"
+        ));
     }
     let is_main: Vec<bool> = roles.iter().map(|role| role.symbol == main && may_be_main(role)).collect();
     for (c, role) in roles.iter().enumerate().filter(|(c, _)| !is_main[*c]) {
@@ -127,6 +130,10 @@ pub(super) fn sort(runs: &mut [Group], rate_hz: f64, options: &ImportOptions) ->
             "channel {name} is {what}, kept beside the channels; units for all channels (--unit) put it among them"
         ));
     }
+    let odd = |unit: &&Unit| matches!(unit, Unit::Volt(Some(own)) if !PLAUSIBLE_VOLT_PER_G.contains(own));
+    if let Some(Unit::Volt(Some(own))) = options.units.iter().find(odd) {
+        remarks.push(format!("--volt-per-g {own}: sensors have 0.001 to 10 V per g; 100 mV/g is 0.1"));
+    }
     let mut beside = Vec::new();
     for run in runs.iter_mut() {
         beside.push(taken(run, &roles, &is_main, rate_hz));
@@ -138,6 +145,9 @@ pub(super) fn sort(runs: &mut [Group], rate_hz: f64, options: &ImportOptions) ->
     }
     Ok(Sorted { unit, beside, remarks })
 }
+
+/// Sensitivities that accelerometers have, V per g.
+const PLAUSIBLE_VOLT_PER_G: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
 
 /// Whether a channel may be one of the record's: everything but what only its name keeps out.
 fn may_be_main(role: &Role) -> bool {
@@ -153,11 +163,16 @@ fn roles(run: &Group, options: &ImportOptions) -> Result<Vec<Role>> {
     let count = run.channels.len();
     if options.units.len() > 1 && options.units.len() != count {
         let what = format!(
-            "names {} units for {count} channels (without the tachometer: {})",
+            "names {} values for {count} channels (without the tachometer: {})",
             options.units.len(),
             run.names.join(", ")
         );
-        return Err(Error::invalid("--unit", what));
+        let option = if options.units.iter().all(|unit| matches!(unit, Unit::Volt(Some(_)))) {
+            "--unit or --volt-per-g"
+        } else {
+            "--unit"
+        };
+        return Err(Error::invalid(option, what));
     }
     let listed = options.units.len() > 1 || (count == 1 && options.units.len() == 1);
     let stated: Vec<Option<Measure>> = run

@@ -413,10 +413,16 @@ fn quantisation_snr_db(
     let step = full_scale / crate::record::CODE_MAX;
     let mut worst = vec![f64::INFINITY; names.len()];
     for run in runs {
-        let found: Vec<_> = run.channels.par_iter().map(|channel| quantisation::resolution(channel, step)).collect();
-        for ((found, name), worst) in found.into_iter().zip(names).zip(&mut worst) {
+        let of = |channel: &Vec<f64>| (quantisation::resolution(channel, step), quantisation::source_step(channel));
+        let found: Vec<_> = run.channels.par_iter().map(of).collect();
+        for (((found, own_step), name), worst) in found.into_iter().zip(names).zip(&mut worst) {
             remarks.extend(quantisation::judge(&run.label, name, &found, full_scale, given)?);
             *worst = worst.min(found.snr_db);
+            // The file's own steps where they are coarser than the record's.
+            if let Some(own_step) = own_step.filter(|own| *own > step) {
+                remarks.extend(quantisation::judge_source(&run.label, name, found.level, own_step));
+                *worst = worst.min(quantisation::over_quantisation(found.level, own_step));
+            }
         }
     }
     Ok(worst)

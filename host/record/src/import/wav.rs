@@ -223,7 +223,7 @@ fn samples<R: Read + Seek>(
     }
     let integers = format.kind == PCM;
     if integers {
-        found.remarks.push("integer WAV samples are scaled to +-1 of full scale".into());
+        found.remarks.push("integer WAV samples are scaled to +-1 of full scale (or to --source-full-scale)".into());
     }
     let mut rows = 0..data.rows;
     if let Some(part) = part {

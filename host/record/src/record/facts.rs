@@ -26,7 +26,8 @@ pub fn speed_text([slowest, fastest]: [f64; 2]) -> String {
     format!("{slowest:.2} to {fastest:.2} Hz ({:.0} to {:.0} rpm)", 60.0 * slowest, 60.0 * fastest)
 }
 
-/// Day on which the signal's file was written, where the system tells it.
+/// Day on which the record's signal was written, where the system tells it: that of the import, no file states that of
+/// the recording.
 pub fn day(record: &Record) -> Option<String> {
     let signal = record.folder.join(&record.runs.first()?.declaration.signal);
     let modified = std::fs::metadata(signal).ok()?.modified().ok()?;
@@ -41,13 +42,15 @@ pub fn facts(record: &Record) -> Facts {
     let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
     add("record", crate::text::name(&record.folder.display().to_string()));
     if let Some(day) = day(record) {
-        add("file written", day);
+        add("record written", day);
     }
-    if let Some([pinion, gear]) = declaration.teeth() {
+    if let Some(stages) = stages(record) {
+        add("teeth of the stages", stages);
+    } else if let Some([pinion, gear]) = declaration.teeth() {
         add("teeth, pinion and gear", format!("{pinion} and {gear}"));
     }
     if let Some(speeds) = speeds_hz(record) {
-        add("speed of the pinion", speed_text(speeds));
+        add(&format!("speed of the {}", turns_of(record)), speed_text(speeds));
     }
     add("load", load(record));
     let seconds: f64 = record.runs.iter().map(|run| run.duration_s()).sum();
@@ -64,9 +67,34 @@ pub fn facts(record: &Record) -> Facts {
     add("sensors", format!("{}{rest}, in {unit}", shown.join(", ")));
     if let Some(tach) = &declaration.tach {
         let kind = if tach.is_virtual() { ", computed from the mesh line" } else { "" };
-        add("tachometer", format!("{} per turn of the {}{kind}", tach.pulses_per_rev, crate::text::name(&tach.shaft)));
+        let shaft = match tach.train_shaft() {
+            Some(shaft) => format!("shaft {shaft}"),
+            None => format!("the {}", crate::text::name(&tach.shaft)),
+        };
+        add("tachometer", format!("{} per turn of {shaft}{kind}", tach.pulses_per_rev));
     }
     facts
+}
+
+/// What orders of a record are multiples of.
+fn turns_of(record: &Record) -> &'static str {
+    match (record.declaration.has_train(), record.declaration.teeth()) {
+        (true, None) => "input",
+        (_, Some(_)) => "pinion",
+        (false, None) => "shaft",
+    }
+}
+
+/// Tooth counts of a declared train, stage by stage.
+fn stages(record: &Record) -> Option<String> {
+    let train = record.declaration.train().ok()??;
+    let teeth = |stage: usize| {
+        let own = train.gears.iter().filter(|gear| gear.stage == stage);
+        own.map(|gear| gear.teeth.to_string()).collect::<Vec<_>>().join("/")
+    };
+    let mut stages: Vec<usize> = train.gears.iter().map(|gear| gear.stage).collect();
+    stages.dedup();
+    Some(stages.iter().map(|&stage| teeth(stage)).collect::<Vec<_>>().join(", "))
 }
 
 fn load(record: &Record) -> String {
@@ -86,9 +114,11 @@ pub fn about(record: &Record) -> About {
     let speeds = speeds_hz(record);
     let seconds: f64 = record.runs.iter().map(|run| run.duration_s()).sum();
     let sensors = declaration.acquisition.channels.len();
-    let when = day(record).map_or(String::new(), |day| format!(", recorded {}", day.split('T').next().unwrap_or(&day)));
+    let when =
+        day(record).map_or(String::new(), |day| format!(", record written {}", day.split('T').next().unwrap_or(&day)));
     let teeth = declaration.teeth().map_or(String::new(), |[pinion, gear]| format!(" ({pinion}/{gear} teeth)"));
-    let speed = speeds.map_or(String::new(), |speeds| format!(" with the pinion at {}", speed_text(speeds)));
+    let of = turns_of(record);
+    let speed = speeds.map_or(String::new(), |speeds| format!(" with the {of} at {}", speed_text(speeds)));
     let how = format!(
         "{}{teeth}{when}: {seconds:.1} s from {sensors} sensor{}{speed}.",
         declaration.title(),
@@ -101,6 +131,7 @@ pub fn about(record: &Record) -> About {
         how,
         speed_hz: first.map(|hz| hz / per_pinion),
         pinion_teeth: declaration.teeth().map(|[pinion, _]| pinion),
+        turns_of: Some(of),
         facts: facts(record),
     }
 }

@@ -96,7 +96,10 @@ impl Emulated {
     /// [`Error::Tool`] where image or Unicorn is absent, [`Error::Invalid`] for a configuration that does not fit.
     pub fn power_up(&self, config: Option<&Configuration>) -> Result<Board> {
         if !self.firmware.is_file() {
-            let what = format!("no image at {}: build it with `cargo xtask node-build`", self.firmware.display());
+            let what = format!(
+                "no image at {}: in a checkout `cargo xtask node-build` builds it, elsewhere name one with --firmware",
+                self.firmware.display()
+            );
             return Err(Error::tool("firmware", what));
         }
         let image = flashed::read(&self.firmware)?;

@@ -460,7 +460,15 @@ pub(super) fn remarks(label: &str, options: &TachOptions, figures: &TachFigures)
     }
     if options.pulses > 1 {
         say(match &figures.wheel {
-            None => "too few turns to learn where the wheel's marks are".into(),
+            None => {
+                let turns = figures.pulses as f64 / f64::from(options.pulses);
+                let check = if figures.mesh.is_none() { ", or to check the mesh line" } else { "" };
+                format!(
+                    "{turns:.1} turns are too few to learn where the wheel's marks are{check}; are {} pulses per turn \
+                     right?",
+                    options.pulses
+                )
+            }
             Some(wheel) if wheel.removed => format!(
                 "the wheel's marks are uneven by {:.3} % of the pitch (largest {:.3} %); taken out, {:.3} % remain",
                 wheel.irregularity_percent, wheel.largest_percent, wheel.remaining_percent
