@@ -34,7 +34,7 @@ cargo xtask TASK
   setup        compiler target, QEMU and Unicorn; does nothing where all are present
   demo         sets up, simulates a gear pair, runs the firmware in QEMU on it (or on a given record folder)
   prove        the loop's proof campaign on generated records, resumable, into target/proof
-  prove-field  the same of the kinematic level on generated records of the measured kind, into target/proof/field
+  prove-field  the same of signal-based inference on generated records of the measured kind, into target/proof/field
   blind        the loop's answers on the blind records that have none yet, into docs/evidence/blind
   damage       6600 attacks on the command (damaged inputs, interrupts, full disks, ...), into target/damage.md;
                --cases N --seed S, or --only FAMILY:NUMBER to make one again

@@ -25,7 +25,7 @@ pub fn campaign(args: &[String]) -> Outcome {
     run(&mut command)
 }
 
-/// The campaign of the kinematic level; further arguments go to `meshband prove --field` in place of the counts.
+/// The campaign of signal-based inference; further arguments go to `meshband prove --field` in place of the counts.
 pub fn field(args: &[String]) -> Outcome {
     let [program] = programs(["meshband-validate"])?;
     let docs = root().join("target/proof/field");

@@ -3,8 +3,8 @@
 //! Gears as they are built: 17 to 80 teeth, module 1.5 to 6 mm, face of 6 to 12 modules, steel discs on shafts that
 //! add to their mass; pair stiffness from this geometry by the stiffness model with an engagement ramp. Bearings and
 //! couplings are drawn by the frequencies and damping ratios that they give the bodies, so that a machine is lightly
-//! damped and has modes in the band. Three to five speeds, one or two torques: the loop's dynamic level needs three
-//! speeds.
+//! damped and has modes in the band. Three to five speeds, one or two torques: the loop's model-based inference needs
+//! three speeds.
 
 use crate::Result;
 use crate::generate::Scenario;

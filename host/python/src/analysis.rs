@@ -40,7 +40,8 @@ pub fn check(py: Python<'_>, record: &Record) -> PyResult<Outcome> {
     })
 }
 
-/// The closed loop, as `meshband loop`; `level` is "kinematic", "dynamic" or the highest possible.
+/// The closed loop, as `meshband loop`; `level` is "signal-based" or "model-based" (before:
+/// "kinematic", "dynamic"), or the highest possible.
 #[pyfunction]
 pub fn close_loop(
     py: Python<'_>,
@@ -61,14 +62,16 @@ fn closed(
 ) -> Result<Outcome> {
     let wanted = match level {
         None => None,
-        Some("kinematic") => Some(Level::Kinematic),
-        Some("dynamic") => Some(Level::Dynamic),
-        Some(other) => return Err(Error::invalid("level", format!("'{other}' is neither kinematic nor dynamic"))),
+        Some("signal-based" | "kinematic") => Some(Level::SignalBased),
+        Some("model-based" | "dynamic") => Some(Level::ModelBased),
+        Some(other) => {
+            return Err(Error::invalid("level", format!("'{other}' is neither signal-based nor model-based")));
+        }
     };
     let preflight = Preflight::of(record);
     let place = record.folder.join("record.toml").display().to_string();
     let name = record.folder.file_name().map(|name| name.to_string_lossy().into_owned());
-    if preflight.level(wanted, &place)? == Level::Kinematic {
+    if preflight.level(wanted, &place)? == Level::SignalBased {
         if preflight.lacks_only_speeds() {
             // A machine that is declared wrongly is refused, not passed over.
             input::view(record)?;

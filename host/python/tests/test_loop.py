@@ -34,5 +34,5 @@ def test_golden_kinematic_loop_gives_the_commands_json(folder, command, tmp_path
 
 
 def test_fault_dynamic_level_says_everything_that_is_missing(folder):
-    with pytest.raises(meshband.InvalidInput, match="dynamic level is not possible, missing"):
+    with pytest.raises(meshband.InvalidInput, match="model-based inference is not possible, missing"):
         meshband.Record.read(folder).loop(level="dynamic")

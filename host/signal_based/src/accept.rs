@@ -6,10 +6,10 @@
 //! where no copy finds a place so near) in this very record, where skirts, swings and everything else that no model
 //! foresees raise both alike; beyond the highest of them the tail is exponential with the slope of their upper half,
 //! and the probability so found, times the families of the library, must be below 1 %; and it is three times the
-//! highest (set on generated run-ups, where weaker ones were false). *Held out* (`worth`): the part not used must
-//! gain. A family that stands out of every copy, but not so far, may be adopted last and must then pass this whole
+//! highest (set on generated run-ups, where weaker ones were false). *Held out* (`holdout_test`): the part not used
+//! must gain. A family that stands out of every copy, but not so far, may be adopted last and must then pass this whole
 //! gate on the held-out turns as well: to be the highest of 49 by chance and to pass there are unlikely together.
-//! Limit: 48 moved copies say nothing themselves about one in a hundred; the tail's form is an assumption.
+//! Limit: 48 surrogates say nothing themselves about one in a hundred; the tail's form is an assumption.
 
 use super::candidate::{Candidate, Field, Kind, Score, WIDEST_MOVE, score};
 use serde::Serialize;
@@ -18,7 +18,7 @@ use serde::Serialize;
 const LEAST: f64 = 5.0;
 /// The same of one line alone on turns on which nothing was chosen, which only have to agree.
 const AGREES: f64 = 1.0;
-/// Moved copies.
+/// Surrogates.
 pub const COPIES: usize = 48;
 /// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its
 /// power, and only their ratio means anything.
@@ -35,7 +35,7 @@ pub const FALSE_ALARM: f64 = 0.01;
 /// Least probability stated; smaller ones are this.
 pub const LEAST_CHANCE: f64 = 1e-300;
 
-/// What the moved copies say.
+/// What the surrogates say.
 #[derive(Debug, Clone, Serialize)]
 pub struct Surrogates {
     /// Copies scored.
@@ -53,7 +53,7 @@ pub struct Surrogates {
 }
 
 impl Surrogates {
-    /// From the scores of moved copies and that of the family itself.
+    /// From the scores of surrogates and that of the family itself.
     pub fn of(mut copies: Vec<f64>, own: f64) -> Self {
         copies.retain(|score| score.is_finite());
         copies.sort_by(f64::total_cmp);
@@ -91,12 +91,12 @@ pub struct Verdict {
     pub score: Score,
     /// The same less the logarithm of the alternatives.
     pub ln_bayes: f64,
-    /// What the moved copies say.
+    /// What the surrogates say.
     pub surrogates: Surrogates,
     /// Why it is refused.
     pub refused: Option<String>,
-    /// It stands out of every moved copy, and the highest comes too near it, or it is one line alone that says too
-    /// little: the held-out turns decide (`again::search_on`).
+    /// It stands out of every surrogate, and the highest comes too near it, or it is one line alone that says too
+    /// little: the held-out turns decide (`second_pass::search_marginal`).
     pub is_close: bool,
 }
 
@@ -164,14 +164,16 @@ pub fn judge(candidate: &Candidate, field: &Field) -> Verdict {
     let refused = if ln_bayes <= LEAST {
         Some(format!("evidence {ln_bayes:.1} nats of {LEAST:.0} after {:.0} alternatives", candidate.alternatives))
     } else if surrogates.copies < FEWEST_COPIES {
-        Some(format!("only {} moved copies find a place to compare with", surrogates.copies))
+        Some(format!("only {} surrogates find a place to compare with", surrogates.copies))
     } else if surrogates.as_high > 0 {
-        Some(format!("{} of {} moved copies are as strong", surrogates.as_high, surrogates.copies))
+        Some(format!("{} of {} surrogates are as strong", surrogates.as_high, surrogates.copies))
     } else if own.ln_bayes < OVER_COPIES * surrogates.highest {
         let (own, highest) = (own.ln_bayes, surrogates.highest);
-        Some(format!("{own:.0} nats are not {OVER_COPIES:.0} times the best moved copy's {highest:.0}"))
+        Some(format!(
+            "{own:.0} nats (no alternative counted) are not {OVER_COPIES:.0} times the best surrogate's {highest:.0}"
+        ))
     } else if surrogates.false_alarm > FALSE_ALARM {
-        Some(format!("moved copies come near it: false-alarm rate {:.1e}", surrogates.false_alarm))
+        Some(format!("surrogates come near it: false-alarm rate {:.1e}", surrogates.false_alarm))
     } else {
         None
     };

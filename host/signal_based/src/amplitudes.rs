@@ -9,7 +9,7 @@
 //! and round.
 
 use super::basis::{Basis, FittedLine, State};
-use super::choice::Choice;
+use super::basis_selection::Choice;
 use super::scene::SceneRun;
 use super::split::Stretch;
 use crate::analysis::lines::WINDOW;

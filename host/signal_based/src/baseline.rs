@@ -4,14 +4,14 @@
 //! the speed ([`super::basis::Basis`]); that takes in path resonances crossed in a run-up or a wander, a delay of the
 //! tach (a phase linear in speed) and its angle zero. Which functions, is chosen line by line on the fitted turns
 //! alone ([`Choice`]); where the speed runs up, poles of the path are fitted that all lines and channels share
-//! ([`poles`]). Every function of every line counts as two unknowns.
+//! ([`pole_search`]). Every function of every line counts as two unknowns.
 
 use super::amplitudes::Weighted;
 use super::basis::{FittedLine, State};
-use super::choice::Choice;
-use super::poles;
+use super::basis_selection::Choice;
+use super::pole_search;
 use super::scene::{Scene, SceneRun};
-use super::sweep::Course;
+use super::speed_sweep::Course;
 use rayon::prelude::*;
 
 /// Samples by run and channel.
@@ -122,6 +122,6 @@ fn choice(run: &SceneRun, weighted: &Weighted, orders: &[f64]) -> Choice {
         .flat_map_iter(|samples| orders.iter().map(move |&order| (samples, order)))
         .map(|(samples, order)| choice.sweep.course(order, &weighted.sums(samples, order)))
         .collect();
-    let poles = poles::found(&choice.sweep, &courses);
+    let poles = pole_search::found(&choice.sweep, &courses);
     choice.with_poles(poles)
 }

@@ -4,12 +4,12 @@
 //! straight on beyond them. A path's response is smooth, so a spline of few nodes leaves a fifteenth of the power
 //! that as many straight pieces do (on the course of the test), and unlike a polynomial it does not swing out far
 //! where a stretch was not fitted. A resonance of the path stands at a frequency, not at a speed: its function of the
-//! line's own frequency and how fast that moves ([`super::swept`]) is shared by every line and channel
-//! ([`super::poles`]), only the residue is free. It carries across a gap of speeds what no interpolation can. A speed
-//! that changes takes a torque, which the mesh carries beside the load's: a function of the rate of change. Every
+//! line's own frequency and how fast that moves ([`super::swept_mode`]) is shared by every line and channel
+//! ([`super::pole_search`]), only the residue is free. It carries across a gap of speeds what no interpolation can. A
+//! speed that changes takes a torque, which the mesh carries beside the load's: a function of the rate of change. Every
 //! function of every line is a complex unknown and is counted.
 
-use super::swept::{Pole, resonance};
+use super::swept_mode::{Pole, resonance};
 use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;

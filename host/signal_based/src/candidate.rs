@@ -181,7 +181,7 @@ pub fn moved_order(place: &Place, moved: f64, bin: f64) -> f64 {
     place.order + moved.signum() * (moved.abs() * place.spacing.abs()).max(least)
 }
 
-/// A family's lines where it stands, which no moved copy of it may read: a copy that lands on them is as strong as
+/// A family's lines where it stands, which no surrogate of it may read: a copy that lands on them is as strong as
 /// the family.
 struct OwnLines {
     unmoved: Taken,

@@ -53,7 +53,7 @@ impl Reading {
 
     /// Logarithm of the likelihood ratio of another part's readings against no line, should there be one here: each
     /// of `others` is as likely to be its place; a spectrum there has `length` times the length of one here.
-    pub fn ln_foretold(self, others: &[Self], length: f64) -> f64 {
+    pub fn ln_predictive(self, others: &[Self], length: f64) -> f64 {
         let terms = self.terms();
         let all = ln_sum(terms.into_iter());
         let of = |other: &Self| {
@@ -185,15 +185,15 @@ mod tests {
         // was read before.
         let before = Reading { ratio: 6.0, averages: 2.0 };
         let of = |ratio: f64| [ratio, 0.3, 2.0].map(|ratio| Reading { ratio, averages: 1.0 });
-        let alone = |reading: Reading| before.ln_foretold(&[reading], 0.7);
+        let alone = |reading: Reading| before.ln_predictive(&[reading], 0.7);
         let step = 1e-2;
         let draw = |r: f64| (alone(of(r)[0]) - r).exp() * step;
         let mean = (0..100_000).map(|i| draw(step * (f64::from(i) + 0.5))).sum::<f64>();
         assert!((mean - 1.0).abs() < 1e-2, "{mean}");
         // Of several places that it may have each has its share.
         let shares = of(5.0).map(alone).iter().map(|ln| ln.exp()).sum::<f64>() / 3.0;
-        assert!((before.ln_foretold(&of(5.0), 0.7).exp() / shares - 1.0).abs() < 1e-12);
-        let read = |ratio| before.ln_foretold(&[Reading { ratio, averages: 1.0 }], 0.7);
+        assert!((before.ln_predictive(&of(5.0), 0.7).exp() / shares - 1.0).abs() < 1e-12);
+        let read = |ratio| before.ln_predictive(&[Reading { ratio, averages: 1.0 }], 0.7);
         assert!(read(0.5) < -0.5 && read(5.0) > 1.0, "{} {}", read(0.5), read(5.0));
         // A place that is sure is no surer than that.
         let sure = [1e4, 2e4, 400.0];
@@ -201,7 +201,7 @@ mod tests {
         assert!(sure.iter().all(|ln| (0.99..=1.0).contains(&shares.chance(*ln))));
         // Both parts together say what the prior says of them as one.
         let together = Reading { ratio: 6.0, averages: 3.0 }.ln_bayes();
-        let apart = before.ln_bayes() + before.ln_foretold(&[Reading { ratio: 6.0, averages: 1.0 }], 1.0);
+        let apart = before.ln_bayes() + before.ln_predictive(&[Reading { ratio: 6.0, averages: 1.0 }], 1.0);
         assert!((together - apart).abs() < 1e-9);
     }
 

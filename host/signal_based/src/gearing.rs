@@ -1,4 +1,4 @@
-//! A train as the kinematic level sees it: which orders its sound meshes have, which are owned by any of its parts,
+//! A train as signal-based inference sees it: which orders its sound meshes have, which are owned by any of its parts,
 //! and the families of its faults.
 //!
 //! Worked out once per record, up to its highest order, in orders of the train's input. Parts that turn too seldom in

@@ -14,6 +14,11 @@ const MARKED: usize = 6;
 const HARMONICS: u32 = 6;
 /// Least distance of two marks, share of the picture's width.
 const APART: f64 = 1.0 / 60.0;
+/// Share of the RMS on the held-out turns that stays, and times the noise's, from which the letter says so.
+const MOST_OF_IT: f64 = 0.3;
+const OVER_THE_NOISE: f64 = 2.0;
+/// Height over what lies beside it from which a line is marked, dB.
+const STANDS_DB: f64 = 10.0;
 /// Least distance of a family's line from a mesh harmonic, orders.
 const OF_THE_MESH: f64 = 0.06;
 
@@ -25,11 +30,19 @@ pub fn sentences(outcome: &Outcome, about: &About) -> Vec<String> {
     }
     if outcome.headline.starts_with("abstained") {
         let why = outcome.notes.first().cloned().unwrap_or_default();
-        letter.push(format!("Nothing is concluded from this record: {why}."));
-        letter.push("Next: mend that and measure again; no finding and no absence of one counts until then.".into());
+        let faults: Vec<String> = outcome.effects.iter().map(|effect| plain(&effect.name)).collect();
+        let also = if faults.is_empty() { String::new() } else { format!("; beside it: {}", list(&faults)) };
+        letter.push(format!("Nothing is concluded from this record: {why}{also}."));
+        letter.push(
+            "Next: check the tooth counts and the tachometer's shaft and pulses, import the recording again with what \
+             is right, and measure again only where the recording itself is at fault; no finding and no absence of one \
+             counts until then."
+                .into(),
+        );
         return letter;
     }
     letter.push(found(outcome, about));
+    letter.extend(unexplained(outcome));
     letter.push(next(outcome));
     letter
 }
@@ -38,13 +51,34 @@ fn found(outcome: &Outcome, about: &About) -> String {
     if outcome.effects.is_empty() {
         let odds = odds(outcome.false_alarm);
         return format!(
-            "Nothing was found beyond the lines of a sound pair of gears; the search was set to a chance of {odds} \
-             of a false finding, and what it would have seen is in the table of limits."
+            "Nothing was found beyond the lines of sound gears; the search was set to a chance of {odds} of a false \
+             finding, and what it would have seen stands under \"What would have been found\"."
         );
     }
-    let clauses: Vec<String> = outcome.effects.iter().map(|effect| clause(effect, about)).collect();
+    // What has a name first, then what may be one of several, then lines without a cause.
+    let grade = |effect: &&Effect| match effect.verdict.as_str() {
+        "named" => 0,
+        "ambiguous" => 1,
+        _ => 2,
+    };
+    let mut effects: Vec<&Effect> = outcome.effects.iter().collect();
+    effects.sort_by_key(grade);
+    let clauses: Vec<String> = effects.into_iter().map(|effect| clause(effect, about)).collect();
     let surest = outcome.effects.iter().map(|effect| effect.evidence.p_value).fold(0.0, f64::max);
     format!("Found: {}. The chance that noise alone gives such a finding is {}.", list(&clauses), odds(surest))
+}
+
+/// What stays unexplained, where that is most of the vibration and no noise.
+fn unexplained(outcome: &Outcome) -> Option<String> {
+    let held = outcome.held_out;
+    (held.corrected > MOST_OF_IT && held.corrected > OVER_THE_NOISE * held.noise_floor).then(|| {
+        format!(
+            "{:.0} % of the vibration's RMS stays unexplained, where noise would leave {:.0} %: what makes it has no \
+             name here; `meshband analyse` lists its strongest lines.",
+            100.0 * held.corrected,
+            100.0 * held.noise_floor
+        )
+    })
 }
 
 /// One finding in a clause: what, where on the axis, how sure of the name.
@@ -62,7 +96,7 @@ fn place(effect: &Effect, about: &About) -> Option<String> {
     match (effect.order_of_pinion, effect.frequency_hz) {
         (Some(order), _) => {
             let hz = about.hz(order).map_or(String::new(), |hz| format!(" ({})", hertz(hz)));
-            Some(format!("{order:.3} x the pinion{hz}"))
+            Some(format!("{order:.3} x the {}{hz}", about.of()))
         }
         (None, Some(hz)) => Some(hertz(hz)),
         (None, None) => None,
@@ -75,7 +109,16 @@ fn plain(name: &str) -> String {
 }
 
 fn next(outcome: &Outcome) -> String {
-    let Some(first) = outcome.effects.iter().max_by(|a, b| a.evidence.ln_bayes.total_cmp(&b.evidence.ln_bayes)) else {
+    // What must be done soonest leads; among equals what is named, then what is surest.
+    let rank = |effect: &Effect| {
+        let is_named = effect.verdict == "named";
+        (advice::for_name(&effect.name).urgency, is_named, effect.evidence.ln_bayes)
+    };
+    let less = |a: &&Effect, b: &&Effect| {
+        let (a, b) = (rank(a), rank(b));
+        (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2))
+    };
+    let Some(first) = outcome.effects.iter().max_by(less) else {
         return "Next: keep this record as the reference, and measure again at the usual interval, at this speed and \
          load."
             .into();
@@ -83,7 +126,8 @@ fn next(outcome: &Outcome) -> String {
     let advice = advice::for_name(&first.name);
     let others = outcome.effects.len() - 1;
     let rest = if others > 0 { " (for the other findings see the table)" } else { "" };
-    format!("Next: {}; {}{rest}.", advice.look, advice.when)
+    let of = if others > 0 { format!(", for the {}", plain(&first.name)) } else { String::new() };
+    format!("Next{of}: {}; {}{rest}.", advice.look, advice.when)
 }
 
 /// One row per finding.
@@ -93,12 +137,12 @@ pub fn findings(outcome: &Outcome, about: &About) -> Table {
         let hz = effect.frequency_hz.or_else(|| about.hz(order?));
         let strongest = strongest(outcome, effect);
         let (sensor, strength, over) = match strongest {
-            Some((picture, line)) => (
-                crate::text::name(&picture.name),
-                format!("{:.3}", line.amplitude),
-                format!("{:.0}", line.over_floor_db),
-            ),
-            None => ("all, as an envelope".to_owned(), "-".into(), "-".into()),
+            Some((picture, line)) => {
+                // What the fit says of it, where it does: the picture's line has its neighbours' noise in it.
+                let fitted = effect.parameters.get("strongest_line").map_or(line.amplitude, |own| own.value);
+                (crate::text::name(&picture.name), format!("{fitted:.4}"), format!("{:.0}", line.over_floor_db))
+            }
+            None => in_envelope(outcome, effect).unwrap_or_else(|| ("-".to_owned(), "-".into(), "-".into())),
         };
         let interval = effect.parameters.get("order").map(|p| format!(" ({:.4} to {:.4})", p.ci95[0], p.ci95[1]));
         vec![
@@ -114,7 +158,7 @@ pub fn findings(outcome: &Outcome, about: &About) -> Table {
     };
     let head = vec![
         "finding",
-        "order of the pinion",
+        "order",
         "Hz at this speed",
         "strongest in",
         "strongest line",
@@ -123,6 +167,16 @@ pub fn findings(outcome: &Outcome, about: &About) -> Table {
         "look at",
     ];
     (head, outcome.effects.iter().map(row).collect())
+}
+
+/// Sensor, depth and band of impacts.
+fn in_envelope(outcome: &Outcome, effect: &Effect) -> Option<(String, String, String)> {
+    let value = |name: &str| effect.parameters.get(name).map(|own| own.value);
+    let channel = value("channel")? as usize;
+    let name = outcome.pictures.iter().find(|own| own.place.1 == channel).map(|own| crate::text::name(&own.name));
+    let band = format!("envelope, {:.0} to {:.0} Hz", value("band_low")?, value("band_high")?);
+    let sensor = format!("{} ({band})", name.unwrap_or_else(|| format!("channel {channel}")));
+    Some((sensor, format!("{:.2} of the band's mean power", value("depth")?), "-".into()))
 }
 
 /// Whether a family's lines stand in the plain spectrum over orders.
@@ -146,14 +200,15 @@ pub fn strongest<'a>(outcome: &'a Outcome, effect: &Effect) -> Option<(&'a Pictu
 pub fn marks(outcome: &Outcome, picture: &Picture, pinion_teeth: Option<u32>) -> Vec<Label> {
     let top = picture.spectra[0].last().map_or(0.0, |point| point.0);
     let mut owners = Owners::new((APART * top).max(OF_THE_MESH));
+    let stands = |order: f64| line_at(&picture.spectra[0], order).is_some_and(|line| line.over_floor_db > STANDS_DB);
     for harmonic in 1..=HARMONICS {
         let order = pinion_teeth.map(|teeth| f64::from(harmonic * teeth));
-        if let Some(order) = order.filter(|&order| order < top) {
+        if let Some(order) = order.filter(|&order| order < top && stands(order)) {
             owners.claim(order, format!("{harmonic} x mesh"));
         }
     }
     for effect in outcome.effects.iter().filter(|effect| is_in_the_spectrum(effect)) {
-        for (label, order) in effect.lines.iter().filter(|(_, order)| *order < top).take(MARKED) {
+        for (label, order) in effect.lines.iter().filter(|(_, order)| *order < top && stands(*order)).take(MARKED) {
             owners.claim(*order, marked(label, effect));
         }
     }

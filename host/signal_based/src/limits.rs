@@ -2,11 +2,11 @@
 //! have shown in this record.
 //!
 //! An injected line adds to the projection that the search reads: power `|Z + a|^2` with an unknown phase between
-//! them. So injection and recovery need no second run: at places drawn ([`places`]) and with phases drawn, from a
-//! fixed seed, the readings of this very record are changed as lines of strength `a` would, and everything is asked
-//! that keeps the search from a family: the gate's threshold of its own moved copies there, and that enough of them
+//! them. So injection and recovery need no second run: at places drawn ([`injection_sites`]) and with phases drawn,
+//! from a fixed seed, the readings of this very record are changed as lines of strength `a` would, and everything is
+//! asked that keeps the search from a family: the gate's threshold of its own surrogates there, and that enough of them
 //! find a place; that it is among the candidates judged, and that the order spectrum of a channel proposes its base
-//! ([`super::rivals`]). The strength is a share of the mean amplitude of the neighbouring mesh line, channel by
+//! ([`super::screening`]). The strength is a share of the mean amplitude of the neighbouring mesh line, channel by
 //! channel (what the path passes there), or of the channel's strongest mesh line for orders far from the mesh. In
 //! half, and in nine of ten of the places it is found; where it would be at no strength, the place counts as not
 //! found. A limited channel's strength is the share of its largest value that is cut off. Checked against real
@@ -19,11 +19,11 @@ use super::baseline::Baseline;
 use super::candidate::{Candidate, Field, Kind, Place, Shaft, at_level};
 use super::evidence::Reading;
 use super::families::{Context, alias, clipping, ghost, modulation, passage, shaft_orders, tooth, train};
+use super::injection_sites;
 use super::outcome::Limit;
-use super::places;
-use super::residual::Views;
-use super::rivals::{Proposals, Rivals};
+use super::residual_spectra::Views;
 use super::scene::Scene;
+use super::screening::{Proposals, Rivals};
 use super::search::{Adopted, Search, context};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -31,7 +31,7 @@ use rand_chacha::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 
 /// Strengths tried, from the weakest: steps of an eighth of a factor of two.
-const WEAKEST: f64 = 1e-4;
+pub const WEAKEST: f64 = 1e-4;
 const STEPS: i32 = 128;
 const STEP: f64 = 0.125;
 /// Places drawn of every family.
@@ -146,7 +146,7 @@ impl Bench<'_> {
         let mut fixed = None;
         let mut strengths = Vec::new();
         for _ in 0..PLACES {
-            let Some(place) = places::drawn(&self.context, self.found, typical, &mut random) else { continue };
+            let Some(place) = injection_sites::drawn(&self.context, self.found, typical, &mut random) else { continue };
             let phases: Vec<f64> = (0..PHASES).map(|_| TAU * random.random::<f64>()).collect();
             let needed = if place.base == typical.base {
                 *fixed.get_or_insert_with(|| self.needed(&place))
@@ -159,7 +159,7 @@ impl Bench<'_> {
         row(family, if beside_mesh { "of the neighbouring mesh line" } else { "of the strongest mesh line" }, strengths)
     }
 
-    /// Score from which a candidate is judged and let pass; none where too few moved copies find a place.
+    /// Score from which a candidate is judged and let pass; none where too few surrogates find a place.
     fn needed(&self, candidate: &Candidate) -> Option<f64> {
         let field = self.field(candidate);
         let copies = Surrogates::of(accept::copies(candidate, &field), 0.0);

@@ -14,6 +14,8 @@ const PASSAGES: (f64, f64) = (2.38, 20.0);
 
 /// Fewest teeth of another stage that a pattern is read as.
 const FEWEST_TEETH: u32 = 10;
+/// Share of the strongest line\'s evidence from which another one is strong.
+const STRONG_SHARE: f64 = 0.05;
 /// Evidence in nats, about power over floor, from which a line alone is a ghost order: a path's resonances make the
 /// lines of a random pattern of the pitch differ by a factor of ten to twenty, and above this the next one would
 /// stand as well.
@@ -151,7 +153,8 @@ fn of_train(adopted: &Adopted, own: u16, scene: &Scene) -> Naming {
     let family = gearing.family(own);
     let words = |index: u16| match gearing.family(index).what {
         What::Local if adopted.pulse.is_none() && gearing.is_of_pair(index) => {
-            format!("{}: pitch error over many teeth", gearing.seat_words(index))
+            // No single tooth stands out: many teeth, or one that is too weak to be placed.
+            format!("{}: pitch error or a weak local tooth fault", gearing.seat_words(index))
         }
         _ => gearing.words(index),
     };
@@ -170,7 +173,8 @@ fn of_train(adopted: &Adopted, own: u16, scene: &Scene) -> Naming {
         let remark = "orders of both coincide, or nearly, in this record: `meshband machine check` lists such lines";
         return naming("ambiguous", names.join(" or "), group, shaft, Some(remark));
     }
-    let verdict = if family.what == What::Shaft { "ambiguous" } else { "named" };
+    let is_unplaced = family.what == What::Local && adopted.pulse.is_none() && gearing.is_of_pair(own);
+    let verdict = if family.what == What::Shaft || is_unplaced { "ambiguous" } else { "named" };
     naming(verdict, names.concat(), group, shaft, Some(remark))
 }
 
@@ -214,11 +218,14 @@ fn tone(hz: f64) -> &'static str {
     if supply_hz(hz).is_some() { "mains-hum" } else { "fixed-tone" }
 }
 
-/// Whether all lines of a pattern, at least two, are multiples of a number of teeth that a gear can have.
+/// Whether the strong lines of a pattern, at least two, are multiples of a number of teeth that a gear can have; what
+/// stands of the pattern's others is noise beside a mesh.
 fn has_common_teeth(adopted: &Adopted, own: f64) -> bool {
     let places = adopted.candidate.places.iter().zip(&adopted.verdict.score.of_places);
+    let strongest = adopted.verdict.score.of_places.iter().copied().fold(0.0, f64::max);
+    let is_strong = |ln: f64| ln > 0.0 && ln >= STRONG_SHARE * strongest;
     let numbers: Vec<u32> =
-        places.filter(|(_, ln)| **ln > 0.0).map(|(place, _)| (place.order / own).round() as u32).collect();
+        places.filter(|(_, ln)| is_strong(**ln)).map(|(place, _)| (place.order / own).round() as u32).collect();
     let common = numbers.iter().copied().fold(0, common_divisor);
     numbers.len() >= 2 && common >= FEWEST_TEETH
 }

@@ -1,4 +1,4 @@
-//! What families that follow no shaft predict: the power at their lines on the turns not used, and what moved copies
+//! What families that follow no shaft predict: the power at their lines on the turns not used, and what surrogates
 //! of them would take.
 //!
 //! A line takes its excess over the floor within a few bins, never more than was predicted from the fitted turns, and
@@ -9,7 +9,7 @@
 use super::accept;
 use super::bearing_slip;
 use super::candidate::{Taken, moved_order};
-use super::residual::Views;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::Adopted;
 use super::spectra::Spectra;
@@ -44,9 +44,9 @@ pub fn power(samples: &[f64], per_turn: usize, stretches: &[Stretch]) -> f64 {
 /// their spacings moved by a share.
 pub fn nonsynchronous_share(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted], moved: f64) -> Vec<Vec<f64>> {
     let nonsynchronous: Vec<&Adopted> = adopted.iter().copied().filter(|a| !a.candidate.locked).collect();
-    let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);
+    let excluded = bearing_slip::excluded(adopted, scene, views[1]);
     let lines: Vec<Vec<[f64; 2]>> =
-        nonsynchronous.iter().map(|own| orders(own, views, scene, moved, &spoken_for)).collect();
+        nonsynchronous.iter().map(|own| orders(own, views, scene, moved, &excluded)).collect();
     let explained = |r: usize, c: usize| -> f64 {
         let run = &scene.runs[r];
         let total = power(&run.samples[c], run.angle.per_turn[0], &run.split.held_out);
@@ -91,10 +91,10 @@ fn excess(spectra: &Spectra, (r, c): (usize, usize), level: usize, line: (f64, f
         .sum()
 }
 
-/// Orders of a family's lines that stand on the fitted turns of the channels searched, its own or of a moved copy:
-/// there, and on the turns not used, where the base may have slipped. `spoken_for` are the real families' lines,
+/// Orders of a family's lines that stand on the fitted turns of the channels searched, its own or of a surrogate:
+/// there, and on the turns not used, where the base may have slipped. `excluded` are the real families' lines,
 /// which no copy may slip to.
-pub fn orders(own: &Adopted, views: [&Views; 2], scene: &Scene, moved: f64, spoken_for: &Taken) -> Vec<[f64; 2]> {
+pub fn orders(own: &Adopted, views: [&Views; 2], scene: &Scene, moved: f64, excluded: &Taken) -> Vec<[f64; 2]> {
     if moved == 0.0 {
         return own.standing().map(|place| [place.order, place.order + own.off(place)]).collect();
     }
@@ -109,14 +109,14 @@ pub fn orders(own: &Adopted, views: [&Views; 2], scene: &Scene, moved: f64, spok
         own.candidate.places.iter().map(|p| [moved_order(p, moved, spectra.bin(level)), own.candidate.lever(p)]);
     let lines: Vec<[f64; 2]> = copies.filter(|[order, _]| strength(*order) > 0.0).collect();
     let slip = if bearing_slip::may_slip(own, scene) {
-        bearing_slip::slip(&lines, own, spoken_for, scene, views[1]).share
+        bearing_slip::slip(&lines, own, excluded, scene, views[1]).share
     } else {
         0.0
     };
     lines.into_iter().map(|[order, lever]| [order, order + slip * lever]).collect()
 }
 
-/// What moved copies take, channel by channel: median and largest.
+/// What surrogates take, channel by channel: median and largest.
 pub fn controls(scene: &Scene, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<[f64; 2]> {
     let copies: Vec<Vec<Vec<f64>>> =
         accept::displacements().map(|moved| nonsynchronous_share(scene, views, adopted, moved)).collect();

@@ -1,4 +1,4 @@
-//! What the kinematic level says of a record: JSON for machines; `view` and `report` show the same.
+//! What signal-based inference says of a record: JSON for machines; `view` and `report` show the same.
 
 use super::accept::Surrogates;
 use super::errors::Errors;
@@ -13,9 +13,9 @@ pub struct Outcome {
     pub record: String,
     /// Level, and what was found, in one line.
     pub headline: String,
-    /// "kinematic".
+    /// "signal-based".
     pub level: &'static str,
-    /// What the dynamic level would need.
+    /// What model-based inference would need.
     pub to_raise_the_level: Vec<String>,
     /// What was left out or assumed.
     pub notes: Vec<String>,
@@ -43,7 +43,7 @@ pub struct Outcome {
     pub slip: Option<super::motor_slip::Law>,
     /// Families not found: what would have been.
     pub limits: Vec<Limit>,
-    /// What the moved copies of every family judged say.
+    /// What the surrogates of every family judged say.
     pub surrogates: Vec<Judged>,
     /// The rest.
     pub unexplained: Vec<Unexplained>,
@@ -117,7 +117,7 @@ pub struct Evidence {
     pub ln_bayes: f64,
     /// Not computed: families do not share lines.
     pub bayes_factor_over_next: Option<f64>,
-    /// Moved copies.
+    /// Surrogates.
     pub surrogates: Option<Surrogates>,
     /// Spectrum it was read from.
     pub domain: Option<&'static str>,
@@ -194,7 +194,7 @@ pub struct Judged {
     pub ln_bayes: f64,
     /// Why it was refused; none where it was adopted.
     pub refused: Option<String>,
-    /// Moved copies.
+    /// Surrogates.
     #[serde(flatten)]
     pub surrogates: Surrogates,
 }

@@ -9,8 +9,8 @@
 //! within a half-width or two.
 
 use super::basis::Basis;
-use super::sweep::{Course, Sweep};
-use super::swept::Pole;
+use super::speed_sweep::{Course, Sweep};
+use super::swept_mode::Pole;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;

@@ -1,9 +1,10 @@
 //! At which level the loop can run on a record, and what it lacks for the next: everything at once.
 //!
-//! *Dynamic* needs what the declared machine's forward model takes ([`meshband_analysis::observation::input`]): the
-//! machine with its pair stiffness, two channels on the bodies in acceleration, a tach on the pinion whose angle 0
-//! is the machine's, torques, three speeds. *Kinematic* needs tooth counts, some tach and enough turns. A record
-//! that lacks a machine's table names it here; one that declares it wrongly is refused by who reads it.
+//! *Model-based inference* needs what the declared machine's forward model takes
+//! ([`meshband_analysis::observation::input`]): the machine with its pair stiffness, two channels on the bodies in
+//! acceleration, a tach on the pinion whose angle 0 is the machine's, torques, three speeds. *Signal-based inference*
+//! needs tooth counts, some tach and enough turns. A record that lacks a machine's table names it here; one that
+//! declares it wrongly is refused by who reads it.
 
 use crate::record::Record;
 use crate::{Error, Result};
@@ -11,7 +12,7 @@ use serde::Serialize;
 
 /// How the sentence on missing speeds begins.
 const FEW_SPEEDS: &str = "runs at";
-/// Speeds that the dynamic level needs.
+/// Speeds that model-based inference needs.
 const SPEEDS: usize = 3;
 /// Relative distance of mean speeds that are two.
 const APART: f64 = 0.02;
@@ -23,25 +24,25 @@ const ACCELERATION: [&str; 4] = ["m/s2", "m/s^2", "m/s\u{b2}", "g"];
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
     /// Lines at known orders behind an unknown path.
-    Kinematic,
+    SignalBased,
     /// The declared machine's equations.
-    Dynamic,
+    ModelBased,
 }
 
 /// What is missing for each level.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Preflight {
-    /// For the kinematic level.
-    pub for_kinematic: Vec<String>,
-    /// For the dynamic level, beyond those.
-    pub for_dynamic: Vec<String>,
+    /// For signal-based inference.
+    pub for_signal_based: Vec<String>,
+    /// For model-based inference, beyond those.
+    pub for_model_based: Vec<String>,
 }
 
 impl Preflight {
     /// Looks at a record.
     pub fn of(record: &Record) -> Self {
         let mut preflight = Self::default();
-        preflight.kinematic(record);
+        preflight.signal_based(record);
         preflight.tach(record);
         preflight.machine(record);
         preflight.runs(record);
@@ -54,28 +55,28 @@ impl Preflight {
     /// One line with everything that is missing.
     pub fn level(&self, wanted: Option<Level>, place: &str) -> Result<Level> {
         let list = |missing: &[String]| missing.join("; ");
-        if wanted != Some(Level::Dynamic) && !self.for_kinematic.is_empty() {
-            let what = format!("neither level is possible, missing: {}", list(&self.for_kinematic));
+        if wanted != Some(Level::ModelBased) && !self.for_signal_based.is_empty() {
+            let what = format!("neither inference is possible, missing: {}", list(&self.for_signal_based));
             return Err(Error::invalid(place, what));
         }
         match wanted {
-            Some(Level::Dynamic) if !self.for_dynamic.is_empty() || !self.for_kinematic.is_empty() => {
-                let all = [self.for_kinematic.clone(), self.for_dynamic.clone()].concat();
-                Err(Error::invalid(place, format!("the dynamic level is not possible, missing: {}", list(&all))))
+            Some(Level::ModelBased) if !self.for_model_based.is_empty() || !self.for_signal_based.is_empty() => {
+                let all = [self.for_signal_based.clone(), self.for_model_based.clone()].concat();
+                Err(Error::invalid(place, format!("model-based inference is not possible, missing: {}", list(&all))))
             }
             Some(level) => Ok(level),
-            None if self.for_dynamic.is_empty() => Ok(Level::Dynamic),
-            None => Ok(Level::Kinematic),
+            None if self.for_model_based.is_empty() => Ok(Level::ModelBased),
+            None => Ok(Level::SignalBased),
         }
     }
 
-    /// Whether speeds are all that the dynamic level lacks: the rest is declared, and has to be right.
+    /// Whether speeds are all that model-based inference lacks: the rest is declared, and has to be right.
     pub fn lacks_only_speeds(&self) -> bool {
-        self.for_dynamic.iter().all(|missing| missing.starts_with(FEW_SPEEDS))
+        self.for_model_based.iter().all(|missing| missing.starts_with(FEW_SPEEDS))
     }
 
-    fn kinematic(&mut self, record: &Record) {
-        let missing = &mut self.for_kinematic;
+    fn signal_based(&mut self, record: &Record) {
+        let missing = &mut self.for_signal_based;
         let declaration = &record.declaration;
         if declaration.teeth().is_none() && !declaration.has_no_gears() && !declaration.has_train() {
             missing.push("tooth counts ([pair] teeth, `import --teeth`)".into());
@@ -90,7 +91,7 @@ impl Preflight {
     }
 
     fn tach(&mut self, record: &Record) {
-        let missing = &mut self.for_dynamic;
+        let missing = &mut self.for_model_based;
         let Some(tach) = &record.declaration.tach else { return };
         match tach.source.as_deref() {
             Some("virtual") => missing.push("a real tachometer (this one is virtual, its angle 0 unknown)".into()),
@@ -108,7 +109,7 @@ impl Preflight {
     }
 
     fn machine(&mut self, record: &Record) {
-        let missing = &mut self.for_dynamic;
+        let missing = &mut self.for_model_based;
         if !record.declaration.has_machine() {
             missing.push("the machine: geometry of the [pair], masses and stiffnesses of the [shafts]".into());
         }
@@ -132,7 +133,7 @@ impl Preflight {
     }
 
     fn runs(&mut self, record: &Record) {
-        let missing = &mut self.for_dynamic;
+        let missing = &mut self.for_model_based;
         let unknown: Vec<String> = (0..record.runs.len())
             .filter(|&i| record.declaration.runs.get(i).is_none_or(|run| run.input_torque_n_m.is_none()))
             .map(|i| i.to_string())

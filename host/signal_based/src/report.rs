@@ -39,7 +39,7 @@ pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
         page = drawn(page, picture, outcome, about)?;
     }
     for own in &outcome.impacts {
-        page = envelope(page, own)?;
+        page = envelope(page, own, outcome)?;
     }
     page = errors(page, outcome);
     page = page.appendix("All figures");
@@ -83,7 +83,7 @@ fn errors(page: Report, outcome: &Outcome) -> Report {
 fn details(mut page: Report, outcome: &Outcome) -> Report {
     if !outcome.to_raise_the_level.is_empty() {
         page = page.text(&format!(
-            "This is the kinematic level: lines, not forces. For the dynamic level the record lacks: {}.",
+            "This is signal-based inference: lines, not forces. For model-based inference the record lacks: {}.",
             outcome.to_raise_the_level.join("; ")
         ));
     }
@@ -92,17 +92,23 @@ fn details(mut page: Report, outcome: &Outcome) -> Report {
         .text(&format!("Split: {}. {}.", outcome.split.kind, outcome.error.metric));
     page = table(page, "", view::errors(outcome));
     page = table(page, "Held-out turns, channel by channel.", view::channels(outcome));
-    page = page.section("Families found");
+    if !outcome.effects.is_empty() {
+        page = page.section("Families found");
+    }
     for effect in &outcome.effects {
         page = family(page, effect);
     }
-    page = page.section("Families judged").text(
-        "Logarithm of the Bayes factor after the choice, the highest of the \
-        same search with the spacing moved by 1 to 6 %, and the probability of such a score by chance in the whole \
-        search.",
-    );
+    if !outcome.surrogates.is_empty() {
+        page = page.section("Families judged").text(
+            "Logarithm of the Bayes factor after the choice, the highest of the \
+            same search with the spacing moved by 1 to 6 %, and the probability of such a score by chance in the whole \
+            search.",
+        );
+    }
     page = table(page, "", view::judged(outcome));
-    page = page.section("What would have been found");
+    if !outcome.limits.is_empty() {
+        page = page.section("What would have been found");
+    }
     page = table(
         page,
         "Strength of each line of a family, found in half and in nine of ten places of this record.",
@@ -125,18 +131,22 @@ fn drawn(page: Report, picture: &Picture, outcome: &Outcome, about: &About) -> R
         names.iter().zip(&picture.spectra).map(|(name, points)| Series::new(name, points.clone())).collect();
     let labels = letter::marks(outcome, picture, about.pinion_teeth);
     let y = format!("amplitude, dB re 1 {}", crate::text::name(&outcome.unit));
-    let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
+    let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: &format!("order of the {}", about.of()), y: &y })?;
     let (run, channel) = picture.place;
     let caption = format!(
-        "Run {run}, channel {channel} ({}), all turns. Mesh harmonics are marked, and the strongest lines of the \
-         findings that stand in this spectrum; no line has two marks.",
-        crate::text::name(&picture.name)
+        "Run {run}, channel {channel} ({}), all turns. Marked where they stand here: {}the strongest lines of the \
+         findings; no line has two marks.",
+        crate::text::name(&picture.name),
+        if about.pinion_teeth.is_some() { "mesh harmonics, and " } else { "" }
     );
     Ok(page.picture(&svg, &caption))
 }
 
 /// The squared envelope spectrum of the band that shows a comb of impacts best.
-fn envelope(page: Report, own: &Impacts) -> Result<Report> {
+fn envelope(page: Report, own: &Impacts, outcome: &Outcome) -> Result<Report> {
+    let channel = outcome.split.searched_channels.get(own.place.1).copied().unwrap_or(own.place.1);
+    let name = outcome.pictures.iter().find(|picture| picture.place.1 == channel);
+    let name = name.map_or_else(String::new, |picture| format!(" ({})", crate::text::name(&picture.name)));
     // The picture takes amplitudes.
     let shown: Vec<(f64, f64)> =
         own.spectrum.iter().filter(|(_, over)| *over > 0.0).map(|(o, over)| (*o, over.sqrt())).collect();
@@ -144,8 +154,8 @@ fn envelope(page: Report, own: &Impacts) -> Result<Report> {
     let axes = Axes { x: "order of the pinion", y: "power over its floor, dB" };
     let svg = spectrum(&[Series::new("squared envelope", shown)], &labels, 1.0, ENVELOPE_DB, axes)?;
     let caption = format!(
-        "Squared envelope, {:.0} to {:.0} Hz of run {}, channel {} of those searched; harmonics of order {:.4} marked.",
-        own.hz[0], own.hz[1], own.place.0, own.place.1, own.reading.base
+        "Squared envelope, {:.0} to {:.0} Hz of run {}, channel {channel}{name}; harmonics of order {:.4} marked.",
+        own.hz[0], own.hz[1], own.place.0, own.reading.base
     );
     Ok(page.picture(&svg, &caption))
 }

@@ -1,13 +1,12 @@
-//! What the kinematic level sees of a record: every channel at equal angles, and which turns are whose.
+//! What signal-based inference sees of a record: every channel at equal angles, and which turns are whose.
 //!
 //! The angle and its grid are the analysis' ([`Angle`]). A channel that does not move is left out and said; so is a
 //! run without enough turns. Cost: eight bytes per point at equal angles and channel, a few copies of it while the
 //! loop works ([`GRID`]).
 
-use super::at_limit::at_limit;
 use super::basis::State;
+use super::clipping_detector::at_limit;
 use super::gearing::Gearing;
-use super::jitter;
 use super::phase;
 use super::shaft::Shaft;
 use super::split::Split;
@@ -82,8 +81,6 @@ pub struct Scene {
 
 /// Channels from which every second one is held out.
 const MANY_CHANNELS: usize = 6;
-/// Fastest over slowest turn from which the path turns the mesh lines.
-const RUNS_UP: f64 = 1.1;
 /// Bins beside a shaft's order within which another line is not told from it: the window's lobe is down by 23 dB.
 const BESIDE_BINS: f64 = 2.5;
 /// Shares of the turns between which a speed is usual.
@@ -333,7 +330,7 @@ impl SceneRun {
     /// Whether the speed runs up or down: the path then turns the mesh lines, and no phase can be told from one part
     /// of the run for another.
     pub fn runs_up(&self) -> bool {
-        self.angle.speed.fastest_hz > RUNS_UP * self.angle.speed.slowest_hz
+        self.angle.runs_up()
     }
 
     /// Speeds that the run has in eight turns of ten, Hz.
@@ -352,7 +349,7 @@ impl SceneRun {
 
     /// Takes the tachometer's jitter out of the angle.
     fn settle(&mut self, highest_order: f64) {
-        if let Some(map) = jitter::settled(&self.angle) {
+        if let Some(map) = self.angle.settled_map() {
             self.turn(map, highest_order);
         }
     }

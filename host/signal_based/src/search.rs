@@ -1,15 +1,15 @@
 //! Families one after the other: the strongest that the gate lets pass, then the rest without its lines.
 
 use super::accept::{self, Verdict};
-use super::all_turns::over_all_turns;
 use super::candidate::{Candidate, Domain, Field, Kind, Place, TakenOf, score};
+use super::excluded_lines::{mesh_taken, relatives, take_folded, take_frequencies, take_orders};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{self, Context, bearing, passage, swing, tooth, train, train_tooth};
-use super::residual::Views;
+use super::full_record_check::over_all_turns;
+use super::line_axis::{self, Sharper};
+use super::plausibility::{as_modulation, by_higher_base, higher_base, is_slow, says_too_little, simpler, unsound};
+use super::residual_spectra::Views;
 use super::scene::{Scene, SceneRun};
-use super::sharpness::{self, Sharper};
-use super::soundness::{as_modulation, by_higher_base, higher_base, is_slow, says_too_little, simpler, unsound};
-use super::spoken_for::{mesh_taken, relatives, take_folded, take_frequencies, take_orders};
 use crate::analysis::lines::LOBE_BINS;
 use crate::analysis::search::Level;
 use crate::analysis::skirts::Skirts;
@@ -378,7 +378,7 @@ impl Search {
 
 /// The frequency of a family of few lines that may stand at a frequency as well as at an order.
 fn either_hz(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Views) -> Option<f64> {
-    let (sharper, speed_hz) = sharpness::read(candidate, verdict, scene, views);
+    let (sharper, speed_hz) = line_axis::read(candidate, verdict, scene, views);
     let hz = candidate.base * speed_hz;
     let lines = verdict.score.of_places.iter().filter(|ln| **ln > 0.0).count();
     let is_lone = match candidate.kind {

@@ -1,6 +1,7 @@
 //! The answer in words: level and headline first, then errors, families, limits, what is left.
 
 use super::accept::LEAST_CHANCE;
+use super::limits;
 use super::outcome::{Effect, Outcome};
 use crate::terminal;
 
@@ -12,9 +13,9 @@ pub type Table = (Vec<&'static str>, Vec<Vec<String>>);
 
 /// The whole answer.
 pub fn text(outcome: &Outcome) -> String {
-    let mut out = format!("kinematic level: {}\n", outcome.headline);
+    let mut out = format!("signal-based inference: {}\n", outcome.headline);
     if !outcome.to_raise_the_level.is_empty() {
-        out += &format!("for the dynamic level: {}\n", outcome.to_raise_the_level.join("; "));
+        out += &format!("for model-based inference: {}\n", outcome.to_raise_the_level.join("; "));
     }
     for note in &outcome.notes {
         out += &format!("note: {note}\n");
@@ -82,7 +83,9 @@ pub fn errors(outcome: &Outcome) -> Table {
 pub fn channels(outcome: &Outcome) -> Table {
     let row = |c: &super::errors::ChannelError| {
         let w = c.waveform;
-        let mut row = vec![c.channel.to_string(), if c.searched { "searched" } else { "held out" }.to_owned()];
+        let own = outcome.pictures.iter().find(|picture| picture.place.1 == c.channel);
+        let name = own.map_or_else(String::new, |own| format!(" {}", crate::text::name(&own.name)));
+        let mut row = vec![format!("{}{name}", c.channel), if c.searched { "searched" } else { "held out" }.to_owned()];
         row.extend([w.declared, w.calibrated, w.corrected, w.noise_floor, c.unexplained_share].map(figure));
         row.push(format!("{:.4} / {:.4}", c.control[0], c.control[1]));
         let named = c.named_lines;
@@ -100,9 +103,9 @@ pub fn channels(outcome: &Outcome) -> Table {
             "corrected",
             "noise floor",
             "unexplained share of power",
-            "moved copies take, median / most",
+            "surrogates take, median / most",
             "outside the named lines",
-            "moved lines take, median / most",
+            "surrogates of the lines take, median / most",
         ],
         rows,
     )
@@ -158,16 +161,27 @@ pub fn judged(outcome: &Outcome) -> Table {
         ]
     };
     let rows = outcome.surrogates.iter().map(row).collect();
-    (vec!["family judged", "nats", "best moved copy", "chance", "verdict"], rows)
+    (vec!["family judged", "nats", "best surrogate", "chance", "verdict"], rows)
 }
 
 /// What would have been found.
 pub fn limits(outcome: &Outcome) -> Table {
-    let percent =
-        |x: Option<f64>| x.map_or("lines taken, or not below 6.5 times".into(), |x| format!("{:.3} %", 100.0 * x));
+    let percent = |x: Option<f64>| match x {
+        None => "not tried: a finding has these lines, or even 6.5 times is not seen".into(),
+        Some(x) if x <= limits::WEAKEST => format!("{:.3} % or less", 100.0 * limits::WEAKEST),
+        Some(x) => format!("{:.3} %", 100.0 * x),
+    };
     let row = |l: &super::outcome::Limit| {
         vec![l.family.clone(), percent(l.found_in_half), percent(l.found_in_90_percent), l.unit.clone()]
     };
     let rows = outcome.limits.iter().map(row).collect();
-    (vec!["not found; would have been, from", "in half", "in 90 %", "strength of each line"], rows)
+    (
+        vec![
+            "not found; would have been, from",
+            "in half of all places",
+            "in 90 % of all places",
+            "strength of each line",
+        ],
+        rows,
+    )
 }

@@ -32,7 +32,7 @@ pub fn run(args: Args) -> Result<()> {
     let record = args.part.read(&args.record)?;
     if let Some(train) = record.declaration.train()? {
         let outcome = analysis::train::record(&record, &train, Choice { run: args.run, channel: args.channel })?;
-        files.write(&outcome, || analysis::train_view::report(&outcome))?;
+        files.write(&outcome, || analysis::train_view::report(&outcome, &facts::about(&record)))?;
         return show(&analysis::train_view::text(&outcome));
     }
     let outcome = analysis::record(&record, Choice { run: args.run, channel: args.channel })?;

@@ -35,17 +35,17 @@ pub struct Args {
     /// before and after.
     #[arg(long)]
     apply: Option<PathBuf>,
-    /// Level to run at; the highest that the record allows where none is given.
+    /// Inference to run; the model-based one where the record allows it and none is given.
     #[arg(long, value_enum)]
     level: Option<Level>,
-    /// Leaves out what would have been found of every effect that was not (dynamic level).
+    /// Leaves out what would have been found of every effect that was not (model-based inference).
     #[arg(long)]
     no_limits: bool,
     /// Compares with so many records of the calibrated machine without any effect (parametric bootstrap): this
-    /// record's own probability of a false alarm (dynamic level).
+    /// record's own probability of a false alarm (model-based inference).
     #[arg(long, value_name = "N", default_value_t = 0)]
     null: usize,
-    /// Seed of the split into fit, selection and held-out runs, and of the records of --null (dynamic level).
+    /// Seed of the split into fit, selection and held-out runs, and of the records of --null (model-based inference).
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -54,16 +54,18 @@ pub struct Args {
 #[derive(Clone, Copy, ValueEnum)]
 enum Level {
     /// Tooth counts and a speed reference: lines behind an unknown path.
-    Kinematic,
+    #[value(alias = "kinematic")]
+    SignalBased,
     /// The declared machine's equations.
-    Dynamic,
+    #[value(alias = "dynamic")]
+    ModelBased,
 }
 
 impl From<Level> for preflight::Level {
     fn from(level: Level) -> Self {
         match level {
-            Level::Kinematic => Self::Kinematic,
-            Level::Dynamic => Self::Dynamic,
+            Level::SignalBased => Self::SignalBased,
+            Level::ModelBased => Self::ModelBased,
         }
     }
 }
@@ -97,7 +99,7 @@ pub fn run(args: Args) -> Result<()> {
         Some(_) => return Err(nothing_to_correct(&preflight)),
         None => None,
     };
-    if level == preflight::Level::Kinematic {
+    if level == preflight::Level::SignalBased {
         if preflight.lacks_only_speeds() {
             // A machine that is declared wrongly is refused, not passed over.
             input::view(&files)?;
@@ -105,7 +107,7 @@ pub fn run(args: Args) -> Result<()> {
         if correction.is_some() {
             return Err(nothing_to_correct(&preflight));
         }
-        return run_kinematic(&args, &files, &preflight, &mut written);
+        return run_signal_based(&args, &files, &preflight, &mut written);
     }
     let record = input::view(&files)?;
     refuse_unusable(&record, &mut written)?;
@@ -141,14 +143,14 @@ pub fn run(args: Args) -> Result<()> {
     made.failed.map_or(Ok(()), Err)
 }
 
-/// Why `--apply` is refused at the kinematic level.
+/// Why `--apply` is refused for signal-based inference.
 fn nothing_to_correct(preflight: &Preflight) -> Error {
-    let missing = preflight.for_dynamic.join("; ");
-    Error::invalid("--apply", format!("corrects a machine, which the kinematic level has not; missing: {missing}"))
+    let missing = preflight.for_model_based.join("; ");
+    Error::invalid("--apply", format!("corrects a machine, which signal-based inference has not; missing: {missing}"))
 }
 
-/// The kinematic level: families of lines in what the mesh leaves.
-fn run_kinematic(args: &Args, record: &Record, preflight: &Preflight, written: &mut Announced) -> Result<()> {
+/// Signal-based inference: families of lines in what the mesh leaves.
+fn run_signal_based(args: &Args, record: &Record, preflight: &Preflight, written: &mut Announced) -> Result<()> {
     let mut outcome = signal_based::run(record, preflight)?;
     if let Some(name) = args.record.file_name() {
         outcome.record = name.to_string_lossy().into_owned();

@@ -431,6 +431,6 @@ fn ref_one_channel_in_volts_gives_text_json_and_a_page() {
     near(channel["mesh"][0]["line"]["amplitude"].as_f64().unwrap(), 0.02, 0.02, "first harmonic, V");
     near(channel["unexplained"]["spectrum"][0]["base_order"].as_f64().unwrap(), 4.56, 1e-3, "line");
     let page = std::fs::read_to_string(page).unwrap();
-    assert_eq!(page.matches("<figure>").count(), 8, "findings, spectrum, map, two averages with differences, envelope");
+    assert_eq!(page.matches("<figure>").count(), 9, "findings, spectrum, map, two averages twice, envelope, coherence");
     assert!(page.contains("data:image/png;base64,") && !page.contains("<script"));
 }

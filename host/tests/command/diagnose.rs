@@ -20,15 +20,15 @@ fn theory_the_command_runs_at_the_level_that_the_record_allows_and_writes_its_re
         .expect("written");
     let [json, page] = ["out.json", "out.html"].map(|name| common::text(&folder.join(name)));
     let text = common::accepted(&["loop", &path, "--json", &json, "--report", &page]);
-    assert!(text.starts_with("kinematic level: named: pinion-ghost-order"), "{text}");
+    assert!(text.starts_with("signal-based inference: named: pinion-ghost-order"), "{text}");
     let value: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).expect("read")).expect("JSON");
     for key in ["declared", "calibrated", "corrected", "noise_floor"] {
         assert!(value["held_out"][key].as_f64().is_some(), "{key}");
     }
-    assert_eq!((value["level"].as_str(), value["record"].as_str()), (Some("kinematic"), Some("record")));
+    assert_eq!((value["level"].as_str(), value["record"].as_str()), (Some("signal-based"), Some("record")));
     assert!(value["limits"].as_array().is_some_and(|l| l.len() > 4) && value["split"]["kind"].is_string());
     assert!(std::fs::read_to_string(&page).expect("read").contains("Error in three stages"));
-    common::refused(&["loop", &path, "--level", "dynamic"], &["dynamic level", "torque of run 0", "stiffness"]);
+    common::refused(&["loop", &path, "--level", "dynamic"], &["model-based inference", "torque of run 0", "stiffness"]);
     let mut bare = SMALL.record(&[], &[]);
     bare.declaration.rest.remove("pair");
     bare.declaration.tach = None;

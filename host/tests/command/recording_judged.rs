@@ -195,3 +195,36 @@ fn theory_edge_times_are_read_by_any_name_and_in_any_unit() {
     std::fs::write(&path, edges.iter().map(|t| format!("{:.0}\n", 84e6 * t)).collect::<String>()).expect("written");
     refused(&["import", &file, "-o", &out, "--rate", "12800", "--tach", &text(&path)], &["ticks.csv", "in ticks"]);
 }
+
+/// First sentences of the page of an analysis.
+fn letter(folder: &Path) -> String {
+    let page = folder.join("page.html");
+    accepted(&["analyse", &text(&folder.join("out")), "--report", &text(&page), "--force"]);
+    let page = std::fs::read_to_string(page).expect("a page");
+    page.split("<h2>").next().expect("a head").to_owned()
+}
+
+#[test]
+fn regress_a_letter_names_a_pattern_that_outshines_the_mesh_and_what_is_wrong_with_the_recording() {
+    let folder = folder("judged-letter");
+    // 17 waves about the gear, three times as strong as the mesh.
+    let pattern = |t: f64| 12.0 * (TAU * 17.0 * 0.5 * turns(t)).cos();
+    let own: Vec<f64> = housing(times(12.0), 1).iter().zip(times(12.0)).map(|(x, t)| x + pattern(t)).collect();
+    let tach = wheel(times(12.0), 1, &[]);
+    imported(&folder, &[&array(&folder.join("q.npy"), &[own.clone(), tach.clone()])], &["--tach", "2"]);
+    let said = letter(&folder);
+    assert!(said.contains("17 x the gear") && said.contains("Next, for the gear"), "{said}");
+    assert!(!said.contains("recording is at fault") && !said.contains("Nothing is concluded"), "{said}");
+    let clipped: Vec<f64> = own.iter().map(|x| x.clamp(-9.0, 9.0)).collect();
+    imported(&folder, &[&array(&folder.join("q.npy"), &[clipped, tach.clone()])], &["--tach", "2"]);
+    let said = letter(&folder);
+    assert!(said.contains("recording is at fault: channel 0") && said.contains("is clipped"), "{said}");
+    // 23 teeth are declared where 20 turn.
+    let sound = [housing(times(12.0), 1), tach];
+    imported(&folder, &[&array(&folder.join("q.npy"), &sound)], &["--tach", "2"]);
+    let declared = folder.join("out").join("record.toml");
+    let wrong = std::fs::read_to_string(&declared).expect("a record").replace("teeth = [20, 40]", "teeth = [23, 46]");
+    std::fs::write(&declared, wrong).expect("written");
+    let said = letter(&folder);
+    assert!(said.contains("Nothing is concluded") && said.contains("check the tooth counts"), "{said}");
+}

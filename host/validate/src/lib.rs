@@ -12,4 +12,4 @@ use meshband_host::{Error, Result, budget, remark, terminal};
 use meshband_host::{
     analysis, drawn, dynamics, effects, field, generate, import, machine, observation, record, spectral,
 };
-use meshband_host::{model_based as closed_loop, signal_based as kinematic, train};
+use meshband_host::{model_based, signal_based, train};

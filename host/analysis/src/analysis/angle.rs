@@ -7,10 +7,10 @@
 //! Kaiser-windowed sinc, [`crate::spectral::resample_by_angle`]) is flat to 1e-5 over what is kept. Orders are looked
 //! at up to 80 % of the Nyquist frequency at the *fastest* turn, where the record holds them throughout. Edges of
 //! several marks per turn are smoothed first ([`whole_turns`]), those of a single mark lose the errors that
-//! neighbours do not share ([`single_mark`]). Limits: what the speed does within a turn, or within one pulse
-//! interval, is smoothed.
+//! neighbours do not share ([`single_mark`]); what is left of the jitter goes where the speed is steady ([`jitter`]).
+//! Limits: what the speed does within a turn, or within one pulse interval, is smoothed.
 
-use super::{single_mark, whole_turns};
+use super::{jitter, single_mark, whole_turns};
 use crate::budget::ANGLES;
 use crate::check::edges::Repair;
 use crate::machine::Hunting;
@@ -19,6 +19,7 @@ use crate::spectral::{AngleMap, interpolated, is_smooth, resample_by_angle, smoo
 use crate::train::Train;
 use crate::{Error, Result};
 use serde::Serialize;
+use std::f64::consts::TAU;
 
 /// Samples that the kernel needs on each side.
 const KERNEL_REACH: f64 = 32.0;
@@ -28,6 +29,10 @@ const DENSITY: f64 = 1.25;
 const PASS_SHARE: f64 = 0.4;
 /// Share of the turns that may be left out for the sake of cheap transforms.
 const SPARED: f64 = 0.015;
+/// Phase error of the highest line from which jitter is taken out of the angle: it lowers that line by 0.05 dB.
+const PHASE_RAD: f64 = 0.1;
+/// Fastest over slowest turn from which the speed runs up.
+const RUNS_UP: f64 = 1.1;
 /// Marks per turn from which a spline through them follows any wander.
 const FINE: u32 = 8;
 /// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
@@ -166,6 +171,34 @@ impl Angle {
         self
     }
 
+    /// The same without the jitter of its tachometer ([`jitter`]), where that is phase at the highest order; a virtual
+    /// one has none.
+    pub fn settled(mut self, tach: &Tach) -> Self {
+        let highest_hz = self.highest_order * self.speed.fastest_hz;
+        let matters = tach.jitter_s.is_none_or(|jitter_s| TAU * highest_hz * jitter_s > PHASE_RAD);
+        if matters
+            && !tach.is_virtual()
+            && let Some(map) = self.settled_map()
+        {
+            self.map = map;
+        }
+        self
+    }
+
+    /// The map through smoothed times of whole turns; nothing where the speed moves too fast for it, or runs up.
+    pub fn settled_map(&self) -> Option<AngleMap> {
+        if self.runs_up() {
+            return None;
+        }
+        let times: Vec<f64> = (0..=self.turns).map(|i| self.map.time_at(self.from_turn + i as f64)).collect();
+        AngleMap::new(&jitter::settled(&times)?, jitter::EDGES, self.from_turn)
+    }
+
+    /// Whether the speed runs up or down: it then begins and ends with a kink, which no smoothing may take.
+    pub fn runs_up(&self) -> bool {
+        self.speed.fastest_hz > RUNS_UP * self.speed.slowest_hz
+    }
+
     /// The signal on the grid: `turns x per_turn` samples.
     pub fn resampled(&self, signal: &[f64], rate_hz: f64) -> Vec<f64> {
         resample_by_angle(signal, rate_hz, &self.map, self.from_turn, self.turns, self.per_turn[0])
@@ -213,7 +246,6 @@ fn grid(least: f64, teeth: [u32; 2]) -> [usize; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::TAU;
 
     #[test]
     fn theory_one_mark_per_turn_follows_a_wander_between_its_edges() {

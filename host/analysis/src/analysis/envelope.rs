@@ -14,6 +14,7 @@
 //! band; a run-up moves a band through orders, and carries its resonances along in time as it should.
 
 use super::angle::Angle;
+use super::coherence::Coherence;
 use super::search::{self, Level, Line};
 use crate::spectral::{self, Kaiser, resample_by_angle, smooth_length};
 use rayon::prelude::*;
@@ -26,6 +27,8 @@ const LEAST_WIDTH: f64 = 20.0;
 const STRETCHES: usize = 8;
 /// Highest order of the envelope.
 const HIGHEST_ORDER: f64 = 50.0;
+/// Highest order of the map of coherence.
+const MAP_ORDERS: f64 = 20.0;
 /// Samples that one thread takes at a time.
 const BLOCK: usize = 1 << 15;
 /// Share of the sampling rate that bands keep below.
@@ -104,6 +107,14 @@ impl Bands {
         Self { bins, bin_hz: 1.0 / duration, samples, rate_hz, span: (from / duration, to / duration) }
     }
 
+    /// Squared envelope of a band over its mean, less one, and its sampling rate.
+    fn relative(&self, low_hz: f64, high_hz: f64) -> (Vec<f64>, f64) {
+        let (squared, rate) = self.squared_envelope(low_hz, high_hz);
+        let inside = self.within(&squared);
+        let mean = inside.iter().sum::<f64>() / inside.len().max(1) as f64;
+        (squared.iter().map(|e| if mean > 0.0 { e / mean - 1.0 } else { 0.0 }).collect(), rate)
+    }
+
     /// Squared envelope of a band and its sampling rate.
     fn squared_envelope(&self, low_hz: f64, high_hz: f64) -> (Vec<f64>, f64) {
         let first = (low_hz / self.bin_hz) as usize;
@@ -165,14 +176,15 @@ pub fn band_rms(signal: &[f64], rate_hz: f64, angle: &Angle, band: &Band) -> f64
     (0.5 * inside.iter().sum::<f64>() / inside.len().max(1) as f64).sqrt()
 }
 
-/// The envelope of `rest` ([`not_locked`]).
-pub fn envelope(rest: &[f64], rate_hz: f64, angle: &Angle) -> Envelope {
+/// The envelope of `rest` ([`not_locked`]), and the coherence of all bands.
+pub fn envelope(rest: &[f64], rate_hz: f64, angle: &Angle) -> (Envelope, Coherence) {
     let bands = Bands::new(rest, rate_hz, angle);
     let tried = candidates(rate_hz, angle.speed.fastest_hz);
     let scored: Vec<Band> = tried.par_iter().map(|&(low, high)| bands.scored(low, high)).collect();
     let best = scored.iter().copied().max_by(|a, b| a.score.total_cmp(&b.score));
     let band = best.expect("at least one band is tried");
-    Envelope { bands_tried: tried.len(), ..of_band(&bands, band, angle) }
+    let coherence = Coherence::of(&|low, high| bands.relative(low, high), angle, (PASS_SHARE * rate_hz, MAP_ORDERS));
+    (Envelope { bands_tried: tried.len(), ..of_band(&bands, band, angle) }, coherence)
 }
 
 /// All that a record passes above the slow orders, unscored.

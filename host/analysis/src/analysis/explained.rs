@@ -17,6 +17,8 @@ const BOTH: i32 = 2;
 const SLOW: f64 = 0.25;
 /// Power by which the known line must exceed a slow swing's.
 const STRONGER: f64 = 4.0;
+/// Power of the mirror image of a slow swing's line, of the line's.
+const MIRRORED: f64 = 0.25;
 /// Bins on each side of an owned order that are locked to it.
 const LOCKED_BINS: f64 = 1.0;
 
@@ -146,7 +148,9 @@ impl Explained {
     }
 
     /// Whether a line of mean square `power` is a slow swing of a known line near it: next to a mesh harmonic always,
-    /// next to other whole orders where those are stronger. `known` gives the power near an order.
+    /// next to other whole orders where those are stronger by far, or where its mirror image stands on their other
+    /// side, as modulation has it: a line that sweeps through a resonance leaves little in its own place. `known`
+    /// gives the power near an order.
     pub fn swings(&self, order: f64, power: f64, known: impl Fn(f64) -> f64) -> bool {
         let reach = SLOW * self.gear_order.min(1.0);
         let mesh = (order / self.teeth).round() * self.teeth;
@@ -155,7 +159,12 @@ impl Explained {
         }
         [1.0, self.gear_order].into_iter().any(|shaft| {
             let nearest = (order / shaft).round() * shaft;
-            nearest > 0.0 && (order - nearest).abs() <= reach && known(nearest) > STRONGER * power
+            if nearest <= 0.0 || (order - nearest).abs() > reach {
+                return false;
+            }
+            let own = known(order);
+            let is_mirrored = || known(nearest) > own && known(2.0 * nearest - order) > MIRRORED * own;
+            known(nearest) > STRONGER * power || is_mirrored()
         })
     }
 }
@@ -163,4 +172,24 @@ impl Explained {
 /// Distance to the nearest multiple, from the first on.
 fn distance(order: f64, of: f64) -> f64 {
     (order - (order / of).round().max(1.0) * of).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn theory_a_weaker_line_with_its_mirror_image_about_a_shaft_order_is_a_slow_swing() {
+        let pair = Explained { teeth: 20.0, gear_order: 0.5, highest: 200.0, train: None, skirts: Skirts::default() };
+        let power = |order: f64| match order {
+            o if (o - 88.5).abs() < 1e-9 => 1.0,
+            o if (o - 88.486).abs() < 1e-6 || (o - 88.514).abs() < 1e-6 => 0.3,
+            o if (o - 68.486).abs() < 1e-6 => 0.3,
+            o if (o - 68.5).abs() < 1e-9 => 1.0,
+            _ => 1e-4,
+        };
+        assert!(pair.swings(88.486, 0.5, power) && pair.swings(88.514, 0.5, power));
+        assert!(!pair.swings(68.486, 0.5, power), "on one side only: a line of its own");
+        assert!(!pair.swings(88.7, 0.5, power), "out of reach");
+    }
 }

@@ -9,9 +9,11 @@
 pub mod angle;
 pub mod average;
 pub mod bearing_lines;
+pub mod coherence;
 pub mod envelope;
 pub mod explained;
 pub mod families;
+pub mod jitter;
 pub mod letter;
 pub mod lines;
 pub mod order_map;
@@ -28,12 +30,13 @@ pub mod unexplained;
 pub mod view;
 pub mod whole_turns;
 
-use crate::data_quality;
+use crate::data_quality::{self, Remark};
 use crate::machine::Hunting;
 use crate::record::{Record, Run, Tach};
 use crate::{Error, Result};
 use angle::{Angle, SpeedRange};
 use average::Average;
+use coherence::Coherence;
 use envelope::Envelope;
 use explained::Explained;
 use lines::OrderLines;
@@ -108,6 +111,9 @@ pub struct RunOutcome {
     pub samples_per_turn: usize,
     /// What holds of this run, in sentences.
     pub notes: Vec<String>,
+    /// What the recording says of itself; the first of it stands in the notes too.
+    #[serde(skip)]
+    pub remarks: Vec<Remark>,
     /// The channels.
     pub channels: Vec<ChannelOutcome>,
 }
@@ -131,6 +137,9 @@ pub struct ChannelOutcome {
     pub averages: [Average; 2],
     /// Envelope.
     pub envelope: Envelope,
+    /// How much every band swells at every order, for the picture.
+    #[serde(skip)]
+    pub coherence: Coherence,
     /// Passages of the declared bearings in it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bearing_lines: Vec<bearing_lines::BearingLine>,
@@ -190,7 +199,7 @@ fn run_outcomes(
         let run = &record.runs[index];
         let place = format!("{} run {index}", record.folder.display());
         let angle = match Angle::of(run, tach, teeth, &place) {
-            Ok(angle) => angle.with_cheap_turns(Some(Hunting::of(teeth).turns as usize)),
+            Ok(angle) => angle.with_cheap_turns(Some(Hunting::of(teeth).turns as usize)).settled(tach),
             Err(error) => {
                 notes.push(format!("left out: {error}"));
                 refused.get_or_insert(error);
@@ -202,7 +211,8 @@ fn run_outcomes(
         }
         let names = &record.declaration.acquisition.channels;
         let mut outcome = analysed(run, index, &angle, teeth, channels, names, &mut ensembles);
-        outcome.notes.extend(data_quality::first_lines(&data_quality::of_run(record, run)));
+        outcome.remarks = data_quality::of_run(record, run);
+        outcome.notes.extend(data_quality::first_lines(&outcome.remarks));
         outcomes.push(outcome);
     }
     match (outcomes.is_empty(), refused) {
@@ -288,6 +298,7 @@ fn analysed(
         first_turn: angle.from_turn,
         samples_per_turn: angle.per_turn[0],
         notes,
+        remarks: Vec::new(),
         channels: outcomes,
     }
 }
@@ -351,7 +362,7 @@ fn channel(
     known.iter_mut().zip(&samples).for_each(|(free, x)| *free = x - *free);
     let rest = envelope::not_locked(&signal, rate_hz, &known, angle);
     drop(known);
-    let envelope = envelope::envelope(&rest, rate_hz, angle);
+    let (envelope, coherence) = envelope::envelope(&rest, rate_hz, angle);
     let seen = unexplained::Channel {
         rest: &rest,
         rate_hz,
@@ -373,6 +384,7 @@ fn channel(
         unexplained: found,
         order_spectrum,
         envelope,
+        coherence,
         bearing_lines: Vec::new(),
     }
 }

@@ -53,7 +53,7 @@ pub fn order_map(samples: &[f64], angle: &Angle, highest_order: f64) -> OrderMap
 }
 
 /// The highest of the first `bins` values in each of at most [`ROWS`] cells.
-fn cells(values: &[f64], bins: f64) -> Vec<f64> {
+pub(super) fn cells(values: &[f64], bins: f64) -> Vec<f64> {
     let count = (bins as usize).clamp(1, values.len());
     let rows = count.min(ROWS);
     let part = |row: usize| &values[row * count / rows..((row + 1) * count / rows).max(row * count / rows + 1)];

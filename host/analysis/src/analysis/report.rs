@@ -112,7 +112,7 @@ fn of_channel(
     }
     report = report.text(&capital(&view::envelope(channel, run)));
     if draw {
-        report = envelope(report, channel)?;
+        report = coherence(envelope(report, channel)?, channel)?;
     }
     report = report.text(&capital(&view::unexplained_headline(channel)));
     Ok(match view::families(channel, unit) {
@@ -134,6 +134,12 @@ fn order_spectrum(report: Report, channel: &ChannelOutcome, unit: &str) -> Resul
     let last = ((top / own.bin_orders) as usize).min(own.spectrum.values.len().saturating_sub(1));
     let series = [Series::new("order spectrum", (first..=last).map(points).collect())];
     let mut owners = Owners::new((top / 60.0).max(own.resolution_orders));
+    let strongest = own.strongest.first().filter(|(order, _)| {
+        *order < top && channel.mesh.iter().all(|h| (h.line.order - order).abs() > own.resolution_orders)
+    });
+    if let Some((order, _)) = strongest {
+        owners.claim(*order, format!("{order:.2}"));
+    }
     for harmonic in channel.mesh.iter().filter(|h| h.line.stands && h.line.order < top) {
         owners.claim(harmonic.line.order, format!("{} z", harmonic.number));
     }
@@ -145,7 +151,7 @@ fn order_spectrum(report: Report, channel: &ChannelOutcome, unit: &str) -> Resul
     let svg = spectrum(&series, &labels, 1.0, SPAN_DB, Axes { x: "order of the pinion", y: &y })?;
     let caption = format!(
         "Order spectrum over {} turns: peak amplitude, window {}, a line {:.4} orders wide. Mesh harmonics are \
-         marked k z, what the mesh does not explain by its order.",
+         marked k z, what the mesh does not explain and the strongest line of all by their orders.",
         own.turns, own.window, own.resolution_orders
     );
     Ok(report.picture(&svg, &caption))
@@ -210,6 +216,29 @@ fn envelope(report: Report, channel: &ChannelOutcome) -> Result<Report> {
     Ok(report.picture(
         &svg,
         "Spectrum of the squared envelope of what is locked to neither shaft; marked what the shafts do not explain.",
+    ))
+}
+
+/// The map of coherence, where there is one.
+fn coherence(report: Report, channel: &ChannelOutcome) -> Result<Report> {
+    let map = &channel.coherence;
+    let highest = map.rows.iter().flatten().copied().fold(0.0, f64::max);
+    if highest <= 0.0 {
+        return Ok(report);
+    }
+    let top = map.width_hz * map.rows.len() as f64;
+    let shares: Vec<Vec<f64>> = map.rows.iter().map(|row| row.iter().map(|x| 100.0 * x).collect()).collect();
+    let svg = dense_map(
+        &shares,
+        0.0..map.highest_order,
+        0.0..top,
+        0.0..100.0 * highest,
+        Axes { x: "order of the pinion", y: "frequency of the band, Hz" },
+    )?;
+    Ok(report.picture(
+        &svg,
+        "Cyclic coherence by bands: how much of its mean power, %, the power of each band swells by at each order. \
+         Impacts stand at equal distances in the bands of the resonances that they excite.",
     ))
 }
 

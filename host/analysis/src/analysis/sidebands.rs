@@ -116,7 +116,8 @@ fn pair(
         lower,
         upper,
         level_db: 20.0 * (mean / line.amplitude).log10(),
-        amplitude_index: stand.then(|| (up + down).norm()),
+        // Beyond 1 the carrier is not what is modulated.
+        amplitude_index: stand.then(|| (up + down).norm()).filter(|depth| *depth <= 1.0),
         phase_index: stand.then(|| (up - down).norm()),
         shared: multiple > 0.5 && (multiple - multiple.round()).abs() < 1e-9,
     }

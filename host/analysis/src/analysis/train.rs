@@ -28,13 +28,15 @@ const SIDEBANDS: i64 = 3;
 const CARRIER: i64 = 6;
 /// Power over the floor's expectation that noise exceeds once in a thousand lines.
 const STANDS: f64 = 6.9;
+/// Steps farther than the nearest owner's at which another one is still said.
+const FURTHER_STEPS: f64 = 1.0;
 /// Bins within which a peak is an owner's.
 const OWNED_BINS: f64 = 2.5;
 
 /// What was found.
 #[derive(Debug, Clone, Serialize)]
 pub struct TrainOutcome {
-    /// Version of this schema; docs/analysis.md.
+    /// Version of this schema.
     pub schema: u32,
     /// Title of the record.
     pub title: String,
@@ -163,7 +165,7 @@ pub fn record(record: &Record, train: &Train, choice: Choice) -> Result<TrainOut
         let run = &record.runs[index];
         match Angle::of_train(run, &tach, train, &format!("{} run {index}", record.folder.display())) {
             Ok(angle) => {
-                let angle = angle.with_cheap_turns(None);
+                let angle = angle.with_cheap_turns(None).settled(&tach);
                 runs.push(of_run(run, index, &angle, train, &channels, &acquisition.channels));
             }
             Err(error) => {
@@ -282,38 +284,41 @@ fn strongest(spectrum: &OrderSpectrum, train: &Train) -> Vec<OwnedLine> {
     let table = lines::table(train).unwrap_or_default();
     let faults = crate::train::families::all(train, spectrum.highest_order);
     let of = |(order, amplitude): &(f64, f64)| {
-        let mut owners: Vec<String> = Vec::new();
-        let mut add = |words: String| {
-            if !owners.contains(&words) {
-                owners.push(words);
+        // With the steps away from what it stands beside: the fewest are the likeliest.
+        let mut owners: Vec<(f64, String)> = Vec::new();
+        let mut add = |steps: f64, words: String| {
+            if owners.iter().all(|(_, other)| *other != words) {
+                owners.push((steps, words));
             }
         };
         for mesh in train.meshes.iter().filter(|mesh| mesh.exact) {
             let k = (order / mesh.order.value()).round();
             if k >= 1.0 && (order - k * mesh.order.value()).abs() <= half {
-                add(format!("{k} x mesh of stage {}", mesh.stage + 1));
+                add(0.0, format!("{k} x mesh of stage {}", mesh.stage + 1));
             }
             let one = Train { meshes: vec![mesh.clone()], ..train.clone() };
             let sound = lines::of_sound_meshes(&one, spectrum.highest_order.min(order + 1.0));
             if mesh.carrier.is_some() && sound.iter().any(|own| (own - order).abs() <= half) {
-                add(format!("planets passing the mesh of stage {}", mesh.stage + 1));
+                add(0.0, format!("planets passing the mesh of stage {}", mesh.stage + 1));
             }
         }
-        table.iter().filter(|line| (line.value - order).abs() <= half).for_each(|line| add(line.what.clone()));
+        table.iter().filter(|line| (line.value - order).abs() <= half).for_each(|line| add(0.0, line.what.clone()));
         for shaft in (0..train.shafts.len()).filter(|shaft| train.exact[*shaft]) {
             let own = train.shaft_order(shaft).value();
             let n = (order / own).round();
             if (1.0..20.0).contains(&n) && (order - n * own).abs() <= half {
-                add(format!("{n} x shaft {shaft}"));
+                add(n, format!("{n} x shaft {shaft}"));
             }
         }
         for family in &faults {
             if let Some(line) = family.lines.iter().find(|line| (line.order - order).abs() <= half) {
-                add(line.label.clone());
+                add((line.spacing / family.base).abs().round(), line.label.clone());
             }
         }
-        owners.truncate(4);
-        OwnedLine { order: *order, amplitude: *amplitude, owners }
+        owners.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let fewest = owners.first().map_or(0.0, |own| own.0);
+        owners.retain(|(steps, _)| *steps <= fewest + FURTHER_STEPS);
+        OwnedLine { order: *order, amplitude: *amplitude, owners: owners.into_iter().map(|own| own.1).collect() }
     };
     spectrum.strongest.iter().map(of).collect()
 }

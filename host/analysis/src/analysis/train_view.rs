@@ -3,7 +3,9 @@
 use super::train::{StageHarmonic, TrainChannel, TrainOutcome, TrainRun};
 use crate::Result;
 use crate::report::Report;
-use crate::report::plot::{Axes, Label, Series, lines, spectrum};
+use crate::report::letter::{About, hertz};
+use crate::report::owners::Owners;
+use crate::report::plot::{Axes, Series, lines, spectrum};
 use crate::terminal::table;
 
 /// Harmonics in the table of a stage.
@@ -14,6 +16,9 @@ const UNOWNED: usize = 6;
 /// Decibels shown, and labels put, in a picture.
 const SPAN_DB: f64 = 90.0;
 const LABELLED: usize = 10;
+
+/// Power of a gear's sidebands over their mesh harmonic from which they are named, dB.
+const SIDEBANDS_DB: f64 = -38.0;
 
 type Table = (Vec<&'static str>, Vec<Vec<String>>);
 
@@ -115,7 +120,7 @@ fn unowned(channel: &TrainChannel) -> Vec<String> {
     let one = |family: &super::families::Family| {
         let places: Vec<String> =
             family.members.iter().take(4).map(|m| format!("{} at {:.3}", m.place, m.line.order)).collect();
-        format!("owned by no part: base {:.4}, rms {:.5}: {}", family.base_order, family.rms, places.join(", "))
+        format!("owned by no part: order {:.4}, RMS {:.5}: {}", family.base_order, family.rms, places.join(", "))
     };
     channel.unowned.iter().take(UNOWNED).map(one).collect()
 }
@@ -124,13 +129,12 @@ fn unowned(channel: &TrainChannel) -> Vec<String> {
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn report(outcome: &TrainOutcome) -> Result<Report> {
+pub fn report(outcome: &TrainOutcome, about: &About) -> Result<Report> {
     let subtitle = format!("orders of the input (shaft 0); tach on shaft {}", outcome.tach_shaft);
     let mut page = Report::new(&format!("Analysis of a train: {}", outcome.title), &subtitle)
-        .figure("Shafts", outcome.shafts.len())
-        .figure("Runs", outcome.runs.len())
-        .figure("Unit", &outcome.unit);
-    for note in &outcome.notes {
+        .verdict(sentences(outcome, about))
+        .facts(about.facts.clone());
+    for note in outcome.notes.iter().chain(outcome.runs.iter().flat_map(|run| &run.notes)) {
         page = page.note(note);
     }
     let shafts: Vec<Vec<String>> = outcome
@@ -140,14 +144,61 @@ pub fn report(outcome: &TrainOutcome) -> Result<Report> {
         .map(|(words, order)| vec![words.clone(), format!("{order:.6}")])
         .collect();
     page = page.table("Shafts.", &["shaft", "order"], &shafts);
-    for run in &outcome.runs {
-        for channel in &run.channels {
-            let heading = format!("Run {}, channel {} ({})", run.run, channel.channel, channel.name);
-            page = page.section(&heading).text(&format!("{}; {}", conditions(run), level(channel, &outcome.unit)));
+    let loudest = channels(outcome).max_by(|a, b| a.1.rms.total_cmp(&b.1.rms));
+    if let Some((run, channel)) = loudest {
+        page = headed(page, run, channel, outcome);
+        page = of_channel(page, channel, &outcome.unit)?;
+    }
+    page = page.appendix("Averages, and every other run and channel");
+    for (run, channel) in channels(outcome) {
+        page = headed(page, run, channel, outcome);
+        if loudest.is_none_or(|own| !std::ptr::eq(own.1, channel)) {
             page = of_channel(page, channel, &outcome.unit)?;
         }
+        page = of_averages(page, channel, &outcome.unit)?;
     }
     Ok(page)
+}
+
+fn channels(outcome: &TrainOutcome) -> impl Iterator<Item = (&TrainRun, &TrainChannel)> {
+    outcome.runs.iter().flat_map(|run| run.channels.iter().map(move |channel| (run, channel)))
+}
+
+fn headed(page: Report, run: &TrainRun, channel: &TrainChannel, outcome: &TrainOutcome) -> Report {
+    let heading = format!("Run {}, channel {} ({})", run.run, channel.channel, channel.name);
+    page.section(&heading).text(&format!("{}; {}", conditions(run), level(channel, &outcome.unit)))
+}
+
+/// What was measured, which sidebands and which lines without an owner stand out, what to do next.
+fn sentences(outcome: &TrainOutcome, about: &About) -> Vec<String> {
+    let mut letter: Vec<String> = Some(about.how.clone()).filter(|how| !how.is_empty()).into_iter().collect();
+    let sidebands = channels(outcome).flat_map(|(_, channel)| {
+        let of_stage = |stage: &super::train::StageLines| {
+            let first = stage.harmonics.first().filter(|own| own.line.stands)?;
+            let gear = first.gears.iter().max_by(|a, b| a.level_db.total_cmp(&b.level_db))?;
+            Some((gear.level_db, format!("the {} of stage {}", gear.gear, stage.stage), channel))
+        };
+        channel.stages.iter().filter_map(of_stage).collect::<Vec<_>>()
+    });
+    let strongest = sidebands.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|own| own.0 > SIDEBANDS_DB);
+    letter.push(match &strongest {
+        Some((db, gear, channel)) => format!(
+            "The strongest sidebands about a first mesh harmonic are those of {gear}, {:.0} dB below it, in {}.",
+            -db, channel.name
+        ),
+        None => format!("No sidebands of a gear come within {:.0} dB of their first mesh harmonic.", -SIDEBANDS_DB),
+    });
+    let mut orders: Vec<(f64, f64)> =
+        channels(outcome).flat_map(|(_, channel)| &channel.unowned).map(|own| (own.rms, own.base_order)).collect();
+    orders.sort_by(|a, b| b.0.total_cmp(&a.0));
+    if let Some((_, order)) = orders.first() {
+        let hz = about.hz(*order).map_or(String::new(), |hz| format!(" ({})", hertz(hz)));
+        let more =
+            if orders.len() > 1 { format!(", the strongest of {} such orders", orders.len()) } else { String::new() };
+        letter.push(format!("No part of the train owns {order:.3} x the input{hz}{more}."));
+    }
+    letter.push("Next: `meshband diagnose` says which of this is a finding, and how sure it is.".into());
+    letter
 }
 
 fn of_channel(mut page: Report, channel: &TrainChannel, unit: &str) -> Result<Report> {
@@ -155,16 +206,15 @@ fn of_channel(mut page: Report, channel: &TrainChannel, unit: &str) -> Result<Re
     let first = (0.05 / own.bin_orders).ceil() as usize;
     let points =
         (first..own.spectrum.values.len()).map(|i| (own.spectrum.frequency(i), own.spectrum.values[i])).collect();
-    let labels: Vec<Label> = channel
-        .strongest
-        .iter()
-        .take(LABELLED)
-        .map(|line| Label { x: line.order, text: line.owners.first().cloned().unwrap_or_else(|| "unowned".into()) })
-        .collect();
+    let mut owners = Owners::new(own.highest_order / 60.0);
+    for line in channel.strongest.iter().take(LABELLED) {
+        owners.claim(line.order, line.owners.first().map_or("unowned", String::as_str));
+    }
+    let labels = owners.labels();
     let caption = format!("amplitude, dB re 1 {unit}");
     let axes = Axes { x: "order of the input", y: &caption };
     let drawn = spectrum(&[Series::new("order spectrum", points)], &labels, 1.0, SPAN_DB, axes)?;
-    page = page.picture(&drawn, "Order spectrum; the strongest lines say their owners.");
+    page = page.picture(&drawn, "Order spectrum; the strongest lines say their owners where there is room.");
     for (caption, (head, rows)) in [
         (
             "Mesh harmonics and sidebands of every stage; in brackets what does not stand over the floor.",
@@ -177,6 +227,10 @@ fn of_channel(mut page: Report, channel: &TrainChannel, unit: &str) -> Result<Re
             page = page.table(caption, &head, &rows);
         }
     }
+    Ok(unowned(channel).iter().fold(page, |page, line| page.text(line)))
+}
+
+fn of_averages(mut page: Report, channel: &TrainChannel, unit: &str) -> Result<Report> {
     for average in &channel.averages {
         let count = average.samples.len() as f64;
         let points = average
@@ -188,5 +242,5 @@ fn of_channel(mut page: Report, channel: &TrainChannel, unit: &str) -> Result<Re
         let drawn = lines(&[series], Axes { x: "tooth pitch", y: &format!("average, {unit}") })?;
         page = page.picture(&drawn, &format!("Average of the {}.", average.gear));
     }
-    Ok(unowned(channel).iter().fold(page, |page, line| page.text(line)))
+    Ok(page)
 }

@@ -162,7 +162,10 @@ pub fn envelope(channel: &ChannelOutcome, run: &RunOutcome) -> String {
             format!("{:.3} ({:.1} Hz, {:.1} %)", line.order, hz, 100.0 * line.amplitude)
         })
         .collect();
-    let lines = if lines.is_empty() { "no line over its floor".into() } else { format!("orders {}", lines.join(", ")) };
+    let lines = match lines.as_slice() {
+        [] => "no line over its floor".into(),
+        all => format!("orders (those of the shafts too; amplitude of the band's mean power) {}", all.join(", ")),
+    };
     let declared = channel
         .bearing_lines
         .iter()
@@ -182,15 +185,17 @@ pub fn unexplained_headline(channel: &ChannelOutcome) -> String {
     let u = &channel.unexplained;
     let chance = format!("noise gives any with {:.0} % per spectrum", 100.0 * u.false_alarm);
     match (u.spectrum.len(), u.envelope.len()) {
-        (0, 0) => format!("orders the mesh does not explain: none ({chance})"),
-        (s, e) => format!("orders the mesh does not explain: {s} in the spectrum, {e} in the envelope ({chance})"),
+        (0, 0) => format!("orders that mesh and shafts do not explain: none ({chance})"),
+        (s, e) => {
+            format!("orders that mesh and shafts do not explain: {s} in the spectrum, {e} in the envelope ({chance})")
+        }
     }
 }
 
 /// Families, the spectrum's first; `None` where there is none.
 pub fn families(channel: &ChannelOutcome, unit: &str) -> Option<Table> {
     let head = vec!["order", "RMS", "of", "lines", "built as", "strongest"];
-    let of_envelope = "band's power".to_owned();
+    let of_envelope = "x mean power".to_owned();
     let rows: Vec<Vec<String>> =
         [(&channel.unexplained.spectrum, unit.to_owned()), (&channel.unexplained.envelope, of_envelope)]
             .into_iter()

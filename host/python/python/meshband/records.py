@@ -146,7 +146,7 @@ class Record:
         return Result(_meshband.analyse(self._native, run, channel))
 
     def loop(self, *, seed: int = 1, level: str | None = None, report: bool = True) -> Result:
-        """The closed loop: what the declared machine lacks, or (kinematic level) which families of lines the mesh leaves."""
+        """The closed loop: what the declared machine lacks, or (signal-based inference) which families of lines the mesh leaves."""
         return Result(_meshband.close_loop(self._native, seed, level, report))
 
     def predict(

@@ -1,8 +1,8 @@
 //! Mesh harmonics beyond half the sampling rate, folded: no filter stands before the converter.
 //!
 //! At the instants of sampling a folded harmonic still has the phase `k z1` turns of the pinion; multiplied by twice
-//! the cosine of the sampling frequency's own phase and read at equal angles (`residual`), it stands at its true
-//! order again, while everything else of the record is smeared there. Unknowns: one amplitude per harmonic. What
+//! the cosine of the sampling frequency's own phase and read at equal angles (`residual_spectra`), it stands at its
+//! true order again, while everything else of the record is smeared there. Unknowns: one amplitude per harmonic. What
 //! decides: whole mesh orders in that spectrum and nothing beside them. Orders between 0.62 and 0.97 of the rate over
 //! the speed are looked at, in a run-up each stretch's own. Limit: where the speed hardly moves, a folded line may
 //! stand on an order by chance and be taken for one of neither shaft first; and harmonics that fold beside mesh lines
@@ -10,8 +10,8 @@
 
 use super::{Context, clipping};
 use crate::candidate::{Candidate, Domain, Kind, Place};
+use crate::line_axis;
 use crate::scene::SceneRun;
-use crate::sharpness;
 
 /// All folded harmonics that the spectrum reaches; none where a channel is limited, since that makes harmonics behind
 /// any filter.
@@ -35,7 +35,7 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
 fn meets_the_mesh(context: &Context, k: usize) -> bool {
     let (z, beside) = (context.scene.mesh_order(), context.scene.gear_order.min(1.0));
     let hardly_moves = |run: &&SceneRun| {
-        !sharpness::is_smeared(run.usual_speeds_hz().map(|hz| run.rate_hz / hz), context.folded.bin(0))
+        !line_axis::is_smeared(run.usual_speeds_hz().map(|hz| run.rate_hz / hz), context.folded.bin(0))
     };
     context.scene.runs.iter().filter(hardly_moves).any(|run| {
         let speed = run.angle.speed;

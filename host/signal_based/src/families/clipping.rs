@@ -4,7 +4,7 @@
 //! a channel, or as many single samples of it with hardly one in the last five hundredth of the range before it; a
 //! signal that is not limited has one or two at its extreme, and more and more beside it.
 
-use crate::at_limit::{BEFORE, LEAST, TIMES};
+use crate::clipping_detector::{BEFORE, LEAST, TIMES};
 use crate::scene::Scene;
 
 /// Where a channel may be limited.

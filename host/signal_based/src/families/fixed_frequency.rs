@@ -2,7 +2,7 @@
 //!
 //! Bases are the strongest lines of the residual's spectrum over frequency. What decides: while the speed moves, a
 //! line at a frequency is narrow there and smeared over orders. Where the speed sweeps it over less than four bins
-//! the two cannot be told, which is said (`sharpness`). Harmonics of 50 or 60 Hz read as the supply's; a line near
+//! the two cannot be told, which is said (`line_axis`). Harmonics of 50 or 60 Hz read as the supply's; a line near
 //! them that follows the load would be a motor's.
 
 use super::Context;

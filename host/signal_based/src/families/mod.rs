@@ -1,4 +1,4 @@
-//! The library of the kinematic level: one file per family, each giving candidates for what a record may hold.
+//! The library of signal-based inference: one file per family, each giving candidates for what a record may hold.
 //!
 //! A family states its lines, what it is called, and what decides between it and its neighbours. Adding one takes a
 //! file here and a line in [`all`].

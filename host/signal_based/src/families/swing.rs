@@ -1,11 +1,11 @@
 //! A slow swing of everything: how strongly the gears mesh moves at one order, slower than the slower shaft.
 //!
-//! Looked for in the course of strength ([`Strength`](crate::strength::Strength)), common to all mesh lines of a
-//! channel; bases are its bins, each is paid for. Its lines in the signal, sidebands at that distance on both sides
-//! of every mesh harmonic, are read once it is found. Whether load or speed swings: what a tach follows is no swing
-//! of the angle any more, so what is left is mostly the load, or a swing faster than the tach resolves. Phases follow
-//! neither shaft: power is predicted. In a run-up orders are frequencies over its mean speed. Limit: fewer than eight
-//! swings over the record, ten over a run-up, are a wander's.
+//! Looked for in the course of strength ([`Strength`](crate::mesh_amplitude_demodulation::Strength)), common to all
+//! mesh lines of a channel; bases are its bins, each is paid for. Its lines in the signal, sidebands at that distance
+//! on both sides of every mesh harmonic, are read once it is found. Whether load or speed swings: what a tach follows
+//! is no swing of the angle any more, so what is left is mostly the load, or a swing faster than the tach resolves.
+//! Phases follow neither shaft: power is predicted. In a run-up orders are frequencies over its mean speed. Limit:
+//! fewer than eight swings over the record, ten over a run-up, are a wander's.
 
 use super::Context;
 use crate::candidate::{Candidate, Domain, Kind, Place};

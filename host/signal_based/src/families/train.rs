@@ -8,7 +8,7 @@ use super::Context;
 use crate::accept::Verdict;
 use crate::candidate::{Candidate, Domain, Kind, Place, Taken, TakenOf, score};
 use crate::gearing::Gearing;
-use crate::residual::Views;
+use crate::residual_spectra::Views;
 use crate::train::families::What;
 
 /// Share of the evidence that another seat's lines must hold, and nats by which it may score less, to be named as well.

@@ -16,7 +16,7 @@ use super::thresholds::{DETERMINISTIC, FEWEST_MEANED, FITTED, HELD_OUT, HIGHEST_
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::not_locked;
 use crate::baseline::Grids;
-use crate::following::followed;
+use crate::mesh_line_tracking::followed;
 use crate::scene::{Scene, SceneRun};
 use crate::spectral::{self, Window, resample_by_angle, running_median};
 use rayon::prelude::*;

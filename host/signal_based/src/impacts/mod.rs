@@ -131,7 +131,8 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
         let sides = if reading.modulated_by.is_some() { SIDES } else { 0 };
         known.combs.push((comb.base, sides));
         let rates: Vec<f64> = known.all_rates().copied().collect();
-        let is_shafts_own = readings::is_of_shaft(reading.base, band.parts[0].bin, &rates, 1.0);
+        let is_shafts_own = readings::is_of_shaft(reading.base, band.parts[0].bin, &rates, 1.0)
+            || readings::is_beside_shaft(reading.base, &known.shafts);
         if comb.again < STANDS_AGAIN
             || comb.others < OTHERS
             || is_shafts_own

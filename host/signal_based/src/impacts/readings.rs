@@ -16,8 +16,8 @@
 use super::bands::Band;
 use super::combs::{Comb, Known, Ranked};
 use super::thresholds::{
-    BY_CHANCE, CLEARLY, DEEP, HALF_TURN, LEAST_INNER, LEAST_OUTER, MANY_ELEMENTS, MOST_OUTER, MULTIPLE, NAMED,
-    SIDEBANDS, STRONG, WHOLE,
+    BESIDE_SHARE, BY_CHANCE, CLEARLY, DEEP, HALF_TURN, LEAST_INNER, LEAST_OUTER, MANY_ELEMENTS, MOST_OUTER, MOST_TURNS,
+    MULTIPLE, NAMED, SIDEBANDS, STRONG, WHOLE,
 };
 use crate::families::bearing::{ELEMENTS, RATIOS};
 
@@ -109,15 +109,24 @@ pub fn are_of_one_bearing(one: f64, other: f64, own: f64) -> bool {
 
 /// Whether a base is a whole number of `1 / parts` turns of a shaft: at half turns within the slip of a speed that is
 /// nominal, at quarters within the resolution. Where a tenth of all orders lie so near to parts of a slower shaft's
-/// turn, that says nothing.
+/// turn, that says nothing; nor does it of orders above ten of the shaft, where looseness leaves little.
 pub fn is_of_shaft(base: f64, bin: f64, shafts: &[f64], parts: f64) -> bool {
     let fastest = shafts.iter().copied().fold(0.0, f64::max);
     shafts.iter().any(|own| {
         let (place, spacing) = (parts * base / own, own / parts);
         let share = if parts > 2.0 { 0.0 } else { HALF_TURN * base };
         let within = share.max(BESIDE_BINS * bin);
-        let says = *own == fastest || 2.0 * within <= BY_CHANCE * spacing;
+        let says = (*own == fastest || 2.0 * within <= BY_CHANCE * spacing) && base <= MOST_TURNS * own;
         says && (place - place.round()).abs() * spacing <= within
+    })
+}
+
+/// Whether a base is a shaft's first or second order within what slips: no bearing passes there, and what swells once a
+/// turn at a wandering speed is smeared about it.
+pub fn is_beside_shaft(base: f64, shafts: &[f64]) -> bool {
+    shafts.iter().any(|own| {
+        let turns = (base / own).round();
+        (1.0..=2.0).contains(&turns) && (base / own - turns).abs() <= BESIDE_SHARE * turns
     })
 }
 

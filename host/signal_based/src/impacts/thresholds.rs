@@ -57,6 +57,10 @@ pub const SLIP: f64 = 0.003;
 pub const HALF_TURN: f64 = 0.004;
 /// Share of all orders that may lie so near to a part of a shaft's turn where that is still a finding.
 pub const BY_CHANCE: f64 = 0.1;
+/// Share of a shaft's first or second order within which a comb is the shaft's own, smeared: the slip of bearings.
+pub const BESIDE_SHARE: f64 = 0.02;
+/// Turns of a shaft above which looseness has no lines to speak of (its harmonics fade within ten).
+pub const MOST_TURNS: f64 = 10.0;
 /// Logarithm of power by which another base must stand higher than this one (mean over three harmonics) to be the
 /// base; within it both are in question.
 pub const CLEARLY: f64 = 0.25;

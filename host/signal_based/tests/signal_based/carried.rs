@@ -7,10 +7,10 @@ use meshband_host::record::Record;
 use meshband_host::signal_based::baseline::Baseline;
 use meshband_host::signal_based::candidate::{Candidate, Domain, Kind, Shaft};
 use meshband_host::signal_based::families::{Context, modulation, passage};
-use meshband_host::signal_based::residual::views;
+use meshband_host::signal_based::residual_spectra::views;
 use meshband_host::signal_based::scene::Scene;
 use meshband_host::signal_based::search::{self, Adopted};
-use meshband_host::signal_based::{accept, carry, shaft_rest, view};
+use meshband_host::signal_based::{accept, remaining_shaft_orders, secondary_lines, view};
 
 /// Several benches as runs of one record, each with a load.
 fn with_loads(runs: &[(Bench, f64)], lines: &[Line]) -> Record {
@@ -38,7 +38,7 @@ fn fault_a_passage_modulated_by_a_shaft_is_one_family_with_its_sidebands() {
     let passage = outcome.effects.iter().find(|e| e.order_of_pinion.is_some_and(|o| (o - 3.587).abs() < 0.01));
     let passage = passage.unwrap_or_else(|| panic!("{}", view::text(&outcome)));
     assert!(passage.carries.iter().any(|c| c.contains("by gear")), "{}", view::text(&outcome));
-    // What moved copies of the same lines would take is far less than what these explain.
+    // What surrogates of the same lines would take is far less than what these explain.
     for channel in &outcome.error.errors.per_channel {
         let explained = channel.waveform.corrected.powi(2) - channel.unexplained_share;
         assert!(explained > 0.0 && channel.control[0] < 0.2 * explained, "{channel:?}");
@@ -55,8 +55,8 @@ fn completed(lines: &[Line], shape: impl Fn(&Context) -> Candidate) -> (Vec<Adop
     let field = views.field(&search.taken, Domain::Orders, 0..scene.searched);
     let verdict = accept::judge(&candidate, &field);
     assert!(verdict.refused.is_none(), "{:?}", verdict.refused);
-    search.adopted.push(shaft_rest::part(candidate, verdict));
-    let rest = carry::carry(&mut search, &scene, &views);
+    search.adopted.push(remaining_shaft_orders::part(candidate, verdict));
+    let rest = secondary_lines::carry(&mut search, &scene, &views);
     (rest, search.adopted.remove(0))
 }
 

@@ -5,7 +5,7 @@ use meshband_host::analysis::search::Level;
 use meshband_host::signal_based::accept::{self, COPIES, FALSE_ALARM, FAMILIES, LEAST_CHANCE, Surrogates, Verdict};
 use meshband_host::signal_based::candidate::{Candidate, Domain, Field, Kind, Place, Taken};
 use meshband_host::signal_based::evidence::{Reading, Shares, ln_sum, of_family};
-use meshband_host::signal_based::soundness::says_too_little;
+use meshband_host::signal_based::plausibility::says_too_little;
 use meshband_host::signal_based::spectra::Spectra;
 use meshband_host::spectral::Spectrum;
 
@@ -165,7 +165,7 @@ fn claim_an_order_of_neither_shaft_is_compared_farther_away_where_the_nearest_pl
     let kind = |kind: Kind| accept::judge(&Candidate { kind, ..family(&[20.0], 1.0) }, &field);
     let passage = kind(Kind::Passage);
     assert_eq!((passage.surrogates.copies, &passage.refused), (COPIES, &None));
-    refusal(kind(family(&[20.0], 1.0).kind), "moved copies find a place");
+    refusal(kind(family(&[20.0], 1.0).kind), "surrogates find a place");
 }
 
 fn refusal(verdict: Verdict, part: &str) {
@@ -180,12 +180,9 @@ fn fault_each_reason_for_a_refusal_is_said() {
     let strong = spectra(&[(20.0, 60.0)], 1.0, 45.0);
     refusal(judged(&strong, &family(&lone, 1e300)), "evidence -");
     // Copies beyond the highest order find no place.
-    refusal(judged(&spectra(&[(20.0, 60.0)], 1.0, 20.0), &family(&lone, 1.0)), "only 24 moved copies");
-    refusal(judged(&spectra(&[], 60.0, 45.0), &family(&lone, 1.0)), "48 of 48 moved copies are as strong");
-    refusal(
-        judged(&spectra(&[(20.0, 60.0)], 30.0, 45.0), &family(&lone, 1.0)),
-        "are not 3 times the best moved copy's",
-    );
+    refusal(judged(&spectra(&[(20.0, 60.0)], 1.0, 20.0), &family(&lone, 1.0)), "only 24 surrogates");
+    refusal(judged(&spectra(&[], 60.0, 45.0), &family(&lone, 1.0)), "48 of 48 surrogates are as strong");
+    refusal(judged(&spectra(&[(20.0, 60.0)], 30.0, 45.0), &family(&lone, 1.0)), "are not 3 times the best surrogate's");
 }
 
 #[test]
@@ -201,7 +198,7 @@ fn fault_a_tail_of_copies_that_comes_near_is_a_refusal_although_none_is_as_stron
     let verdict = judged(&spectra(&lines, 0.4, 45.0), &family(&[20.0], 1.0));
     assert!(verdict.surrogates.false_alarm > FALSE_ALARM && verdict.surrogates.as_high == 0, "{verdict:?}");
     assert!(verdict.is_close, "the held-out turns may still let it pass");
-    refusal(verdict, "moved copies come near it: false-alarm rate");
+    refusal(verdict, "surrogates come near it: false-alarm rate");
 }
 
 #[test]

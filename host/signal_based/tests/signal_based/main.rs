@@ -1,4 +1,4 @@
-//! The loop's kinematic level on generated records of the measured kind: what is in them is found and named, what is
+//! Signal-based inference on generated records of the measured kind: what is in them is found and named, what is
 //! not is not.
 
 mod adverse;
@@ -24,7 +24,7 @@ use meshband_host::signal_based::{self, view};
 const SMALL: Bench = Bench { seconds: 6.0, rate_hz: 4096.0, speed_hz: 16.0, channels: 1, ..BENCH };
 
 fn of_record(record: &Record) -> Outcome {
-    signal_based::run(record, &Preflight::of(record)).expect("the kinematic level")
+    signal_based::run(record, &Preflight::of(record)).expect("signal-based inference")
 }
 
 fn loop_of(bench: &Bench, lines: &[Line], impacts: &[Impacts]) -> Outcome {
@@ -186,13 +186,13 @@ fn ref_limits_agree_with_real_injections_into_the_record() {
 fn theory_volts_are_used_as_they_are_and_the_preflight_lists_all_that_is_missing() {
     let record = Bench { unit: Some("V".into()), ..SMALL }.record(&SMALL.modulation(1.0, 0.1, 1), &[]);
     let preflight = Preflight::of(&record);
-    let missing = preflight.for_dynamic.join("; ");
+    let missing = preflight.for_model_based.join("; ");
     for part in
         ["angle 0", "machine", "stiffness", "two channels", "acceleration", "'V'", "torque of run 0", "3 speeds"]
     {
         assert!(missing.contains(part), "{part} not in: {missing}");
     }
     let outcome = of_record(&record);
-    assert_eq!((outcome.unit.as_str(), outcome.level), ("V", "kinematic"));
+    assert_eq!((outcome.unit.as_str(), outcome.level), ("V", "signal-based"));
     assert_eq!(only(&outcome).parameters["strongest_line"].unit, "V");
 }

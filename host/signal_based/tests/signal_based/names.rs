@@ -3,10 +3,10 @@
 use meshband_host::signal_based::accept::{Surrogates, Verdict};
 use meshband_host::signal_based::candidate::{Candidate, Domain, Kind, Place, Score, Shaft};
 use meshband_host::signal_based::families::bearing::{Bearing, Part};
+use meshband_host::signal_based::holdout_test::{HoldoutResult, passes};
 use meshband_host::signal_based::naming::{Naming, name, without_gears};
 use meshband_host::signal_based::scene::Scene;
 use meshband_host::signal_based::search::{Adopted, Slip};
-use meshband_host::signal_based::worth::{Worth, holds};
 
 /// A pair of 20 and 50 teeth without a run: names ask for nothing else.
 fn scene() -> Scene {
@@ -171,24 +171,24 @@ fn fault_a_ghost_at_a_whole_order_of_both_shafts_is_neither_shafts_alone() {
     assert_called(&name(&own, None, &[18.0], &scene()), "ambiguous", &weak, "shaft-order", "none");
 }
 
-/// What the held-out turns say of an order of neither shaft that was foretold too loud for them.
+/// What the held-out turns say of an order of neither shaft that was predicted too loud for them.
 #[test]
 fn theory_an_order_of_a_run_up_that_stands_again_by_itself_is_not_vetoed_and_one_that_does_not_is() {
     let mut own = family(Kind::Passage, 2.389, &[(2.389, 2.0), (4.778, 2.0)]);
     own.candidate.locked = false;
-    let worth = Worth { ln_bayes: -30.0, runs_up: true, ..Worth::default() };
-    assert!(!holds(&own, &worth));
-    assert!(holds(&own, &Worth { stands_again: true, ..worth }));
+    let worth = HoldoutResult { ln_bayes: -30.0, runs_up: true, ..HoldoutResult::default() };
+    assert!(!passes(&own, &worth));
+    assert!(passes(&own, &HoldoutResult { passes_independently: true, ..worth }));
 }
 
 #[test]
 fn theory_a_locked_family_that_a_moved_copy_came_close_to_must_lower_the_error_besides() {
-    let gains = Worth { gain: 1e-3, ln_bayes: 90.0, ln_of_most: 90.0, ..Worth::default() };
-    let loses = Worth { gain: -1e-3, stands_again: true, ..gains };
+    let gains = HoldoutResult { gain: 1e-3, ln_bayes: 90.0, robust_ln_ratio: 90.0, ..HoldoutResult::default() };
+    let loses = HoldoutResult { gain: -1e-3, passes_independently: true, ..gains };
     let mut own = family(Kind::Modulation(Shaft::Gear), 0.4, &[(20.4, 90.0)]);
-    assert!(holds(&own, &gains) && holds(&own, &loses));
+    assert!(passes(&own, &gains) && passes(&own, &loses));
     own.verdict.is_close = true;
-    assert!(holds(&own, &gains) && !holds(&own, &loses));
+    assert!(passes(&own, &gains) && !passes(&own, &loses));
 }
 
 #[test]

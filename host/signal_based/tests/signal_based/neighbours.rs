@@ -4,12 +4,12 @@
 use super::generator::{BENCH, Bench, Impacts, Line};
 use super::{IMPACTS, expect, loop_of, order, tone, view};
 use meshband_host::analysis::search::Level;
-use meshband_host::signal_based::again::search_again;
 use meshband_host::signal_based::baseline::Baseline;
 use meshband_host::signal_based::candidate::{Candidate, Domain, Kind, Place};
-use meshband_host::signal_based::residual::views;
+use meshband_host::signal_based::residual_spectra::views;
 use meshband_host::signal_based::scene::Scene;
 use meshband_host::signal_based::search::{Adopted, nothing, search};
+use meshband_host::signal_based::second_pass::search_after_veto;
 use meshband_host::signal_based::split::{Split, Stretch};
 
 /// A pair whose gear has many whole orders near those of the pinion, in a run-up of short stretches.
@@ -129,7 +129,7 @@ fn fault_a_tone_that_a_vetoed_order_has_spoken_for_is_found_when_the_search_is_m
     found.take(&scene, &fit, order.clone());
     assert!(found.next(&scene, &fit).is_none(), "the order has the tone's frequencies");
     let candidate = order.candidate.clone();
-    assert!(search_again(&mut found, [Vec::new(), vec![order]], &[], &scene, [&fit, &held]));
+    assert!(search_after_veto(&mut found, [Vec::new(), vec![order]], &[], &scene, [&fit, &held]));
     let bases: Vec<f64> = found.adopted.iter().map(|own| own.candidate.base).collect();
     assert!(bases.len() == 1 && (bases[0] - 777.0).abs() < 0.1, "{bases:?}");
     assert!(found.knows(&candidate, &scene), "it is not asked for again");
@@ -148,7 +148,7 @@ fn theory_what_holds_stays_when_the_search_is_made_again_and_what_was_vetoed_doe
     assert_eq!([vetoed.len(), kept.len()], [1, 1]);
     assert!(found.taken[0].near(14.0, 1e-9));
     let base = kept[0].candidate.base;
-    assert!(!search_again(&mut found, [kept, vetoed], &[], &scene, [&fit, &held]));
+    assert!(!search_after_veto(&mut found, [kept, vetoed], &[], &scene, [&fit, &held]));
     assert_eq!(found.adopted.iter().map(|own| own.candidate.base).collect::<Vec<_>>(), [base]);
     assert!(!found.taken[0].near(14.0, 1e-9) && found.taken[0].near(base, 1e-9));
 }

@@ -5,10 +5,10 @@ use super::generator::{BENCH, Bench, Impacts};
 use super::strength::swing;
 use super::{IMPACTS, expect, loop_of, order, tone, view};
 use meshband_host::signal_based::baseline::Baseline;
+use meshband_host::signal_based::mesh_amplitude_demodulation::Strength;
 use meshband_host::signal_based::nonsynchronous::power;
 use meshband_host::signal_based::path_angle;
 use meshband_host::signal_based::scene::Scene;
-use meshband_host::signal_based::strength::Strength;
 use std::f64::consts::TAU;
 
 /// Twice the speed at the end: every mesh line crosses several of the six modes.

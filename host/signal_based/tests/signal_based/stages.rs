@@ -8,17 +8,17 @@ use meshband_host::signal_based::accept::Verdict;
 use meshband_host::signal_based::amplitudes::{Weighted, subtract};
 use meshband_host::signal_based::baseline::{Baseline, Grids, unknowns};
 use meshband_host::signal_based::basis::{Basis, FittedLine, State};
+use meshband_host::signal_based::basis_selection::Choice;
 use meshband_host::signal_based::candidate::{Candidate, Domain, Kind, Place, Score};
-use meshband_host::signal_based::choice::Choice;
 use meshband_host::signal_based::errors::{self, Corrected, Stages};
 use meshband_host::signal_based::evidence::{Reading, Shares};
 use meshband_host::signal_based::nonsynchronous::{controls, nonsynchronous_share};
-use meshband_host::signal_based::residual::{Views, views};
+use meshband_host::signal_based::residual_spectra::{Views, views};
 use meshband_host::signal_based::scene::{Scene, SceneRun};
 use meshband_host::signal_based::search::{Adopted, Slip};
 use meshband_host::signal_based::split::Stretch;
-use meshband_host::signal_based::swept::resonance;
-use meshband_host::signal_based::{mesh_place, search};
+use meshband_host::signal_based::swept_mode::resonance;
+use meshband_host::signal_based::{mesh_order_check, search};
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;
 
@@ -80,7 +80,7 @@ fn ref_errors_are_roots_of_the_shares_of_power_that_each_stage_leaves() {
         all.iter().map(|a| a.candidate.kind).collect::<Vec<_>>()
     );
     let corrected = errors::correct(scene, baseline, &case.views[0], &all);
-    let own = mesh_place::spectra(scene, |split| &split.fit);
+    let own = mesh_order_check::spectra(scene, |split| &split.fit);
     let both = [&case.views[0], &case.views[1]];
     let found = errors::errors(scene, baseline, &corrected, (both, &own), &all);
     let run = &scene.runs[0];

@@ -3,8 +3,8 @@
 use super::generator::{BENCH, Bench, Line};
 use super::{expect, loop_of, view};
 use meshband_host::signal_based::baseline::Baseline;
+use meshband_host::signal_based::mesh_amplitude_demodulation::Strength;
 use meshband_host::signal_based::scene::Scene;
-use meshband_host::signal_based::strength::Strength;
 use std::f64::consts::PI;
 
 const HZ: f64 = 1.9;

@@ -9,11 +9,11 @@ pub mod generated;
 pub mod measured;
 pub mod peer;
 
-use crate::kinematic::outcome::{Effect, Outcome};
-use crate::kinematic::preflight::Preflight;
 use crate::machine::bearing::{Bearing, BearingOrders};
 use crate::record::Record;
-use crate::{Result, kinematic};
+use crate::signal_based::outcome::{Effect, Outcome};
+use crate::signal_based::preflight::Preflight;
+use crate::{Result, signal_based};
 
 /// Share of a passage within which an effect stands at it.
 const AT: f64 = 0.02;
@@ -89,7 +89,7 @@ pub fn look(labelled: &Labelled, declared: bool) -> Result<Score> {
     if declared {
         record.declaration.declare_bearings(std::slice::from_ref(&labelled.bearing))?;
     }
-    let outcome = kinematic::run(&record, &Preflight::of(&record))?;
+    let outcome = signal_based::run(&record, &Preflight::of(&record))?;
     Ok(score(&outcome, labelled.damage, &labelled.bearing.orders()?))
 }
 

@@ -28,7 +28,7 @@ pub fn look(labelled: &Labelled) -> Result<Score> {
     let angle = Angle::of(run, record.require_tach()?, [1, 1], &labelled.name)?;
     let mut best = (0.0, Damage::Sound);
     for channel in 0..record.declaration.acquisition.channels.len() {
-        let own = envelope(&run.signal_m_s2(channel), run.sample_rate_hz(), &angle);
+        let own = envelope(&run.signal_m_s2(channel), run.sample_rate_hz(), &angle).0;
         let Some(level) = own.levels.first() else { continue };
         for damage in [Damage::Outer, Damage::Inner, Damage::Element] {
             let order = damage.order(&orders).unwrap_or(f64::NAN);

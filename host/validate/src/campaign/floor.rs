@@ -5,9 +5,9 @@
 //! the floor. Source: reference recipe, detection theory.
 
 use crate::Result;
-use crate::closed_loop::base_fit::Base;
 use crate::effects::hypothesis::{Draw, Hidden};
 use crate::generate::{Scenario, record};
+use crate::model_based::base_fit::Base;
 use crate::observation::input::Record;
 use crate::observation::spectrum::Analyser;
 use crate::spectral::{Window, amplitude_spectrum};

@@ -1,11 +1,11 @@
 //! Generator and diagnosis agree on records of machines drawn at random.
 
-use crate::closed_loop::base_fit::{Base, TOLERANCES};
-use crate::closed_loop::least_squares::{normal, solve, subtract};
-use crate::closed_loop::tach_delay;
 use crate::drawn::{layout, machine};
 use crate::generate;
 use crate::generate::Scenario;
+use crate::model_based::base_fit::{Base, TOLERANCES};
+use crate::model_based::least_squares::{normal, solve, subtract};
+use crate::model_based::tach_delay;
 use crate::observation::input::Record;
 use meshband_host::check::Kind;
 use rand::RngExt;

@@ -6,11 +6,11 @@
 
 use super::{floor, score};
 use crate::Result;
-use crate::closed_loop::{Options, close_loop};
 use crate::drawn;
 use crate::effects;
 use crate::effects::hypothesis::{Draw, Hidden};
 use crate::generate::{self, Scenario};
+use crate::model_based::{Options, close_loop};
 use crate::terminal::{self, Progress};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

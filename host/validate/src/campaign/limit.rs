@@ -7,10 +7,10 @@
 
 use super::{Item, Made, Scored};
 use crate::Result;
-use crate::closed_loop::Options;
-use crate::closed_loop::limits::Limit;
 use crate::effects;
 use crate::effects::hypothesis::{Draw, Hidden};
+use crate::model_based::Options;
+use crate::model_based::limits::Limit;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

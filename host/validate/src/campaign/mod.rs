@@ -16,12 +16,12 @@ mod uniform;
 
 pub use score::{HEAD, Row, Scored, Summary, cells, summarise};
 
-use crate::closed_loop::base_fit::TOLERANCES;
-use crate::closed_loop::{Options, close_loop};
 use crate::drawn;
 use crate::effects;
 use crate::effects::hypothesis::{Draw, Hidden};
 use crate::generate::{self, Scenario};
+use crate::model_based::base_fit::TOLERANCES;
+use crate::model_based::{Options, close_loop};
 use crate::observation::input::{self, Record};
 use crate::terminal::Progress;
 use crate::{Error, Result};
@@ -290,7 +290,7 @@ impl Made<'_> {
         item: &Item,
         hidden: &[(&'static Hidden, f64)],
         options: &Options,
-    ) -> Result<Option<(Scored, crate::closed_loop::Outcome)>> {
+    ) -> Result<Option<(Scored, crate::model_based::Outcome)>> {
         let Self { declared, scenario, .. } = self;
         let record = generate::record(&declared.pair, &declared.shafts, &declared.curve, scenario)?;
         let outcome = match close_loop(&record, options) {

@@ -1,9 +1,9 @@
 //! Scoring of single records and the campaign's tables.
 
 use super::uniform::Uniform;
-use crate::closed_loop::Outcome;
 use crate::effects;
 use crate::effects::hypothesis::Hidden;
+use crate::model_based::Outcome;
 use crate::terminal;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, ContinuousCDF};
@@ -68,7 +68,7 @@ fn has(name: &str, right: &[&str]) -> bool {
 /// Per hidden effect the best thing said of it, and the number of wrong names.
 pub fn judge(outcome: &Outcome, hidden: &[(&Hidden, f64)]) -> (Vec<String>, usize) {
     let of = |kind: &Hidden| {
-        let any = |test: &dyn Fn(&crate::closed_loop::outcome::Effect) -> bool| outcome.effects.iter().any(test);
+        let any = |test: &dyn Fn(&crate::model_based::outcome::Effect) -> bool| outcome.effects.iter().any(test);
         if any(&|e| e.verdict == "named" && kind.right_names.contains(&e.name.as_str())) {
             "named"
         } else if any(&|e| e.verdict == "ambiguous" && has(&e.name, kind.right_names)) {

@@ -18,10 +18,13 @@ pub struct Args {
     /// random.
     #[arg(long = "machine", conflicts_with = "field")]
     machines: Vec<PathBuf>,
-    /// The campaign of the kinematic level: machines, operation and measuring chains drawn at random (--null,
+    /// The campaign of signal-based inference: machines, operation and measuring chains drawn at random (--null,
     /// --power, --levels, --only).
     #[arg(long)]
     field: bool,
+    /// With --field: so many machines recorded twice, with sharp and with smooth tachometer edges (--seed).
+    #[arg(long, value_name = "PAIRS", default_value_t = 0, requires = "field")]
+    edges: usize,
     /// The campaign of gear trains by signal-based inference: trains, operation and faults drawn at random (--null,
     /// --power, --levels).
     #[arg(long, conflicts_with_all = ["field", "machines"])]
@@ -78,7 +81,7 @@ pub struct Args {
     results: Results,
 }
 
-/// Which records of the campaign at the kinematic level.
+/// Which records of the campaign at signal-based inference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Motion {
     /// Speed that only wanders.
@@ -91,6 +94,9 @@ enum Motion {
 pub fn run(args: Args) -> Result<()> {
     if args.train {
         return train::run(args);
+    }
+    if args.edges > 0 {
+        return field::edges(args);
     }
     if args.field {
         return field::run(args);

@@ -4,10 +4,10 @@ use super::bench::Bench;
 use super::hidden::{ALL, Hidden};
 use super::make::{self, Made};
 use super::score::Scored;
-use crate::kinematic::preflight::Preflight;
-use crate::kinematic::scene::Scene;
-use crate::kinematic::{self, errors};
 use crate::record::Record;
+use crate::signal_based::preflight::Preflight;
+use crate::signal_based::scene::Scene;
+use crate::signal_based::{self, errors};
 use crate::terminal::Progress;
 use crate::{Error, Result};
 use rand::RngExt;
@@ -107,7 +107,7 @@ pub fn read_log(path: &Path) -> Result<Vec<Scored>> {
 }
 
 /// The random stream of a record.
-fn stream(seed: u64, number: u64) -> ChaCha8Rng {
+pub(super) fn stream(seed: u64, number: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(number);
     random
@@ -156,7 +156,7 @@ fn looped(plan: &Plan, item: &Item, scored: &mut Scored) -> Result<()> {
     scored.truth = truth;
     let preflight = Preflight::of(&record);
     let started = Instant::now();
-    let outcome = kinematic::run(&record, &preflight)?;
+    let outcome = signal_based::run(&record, &preflight)?;
     scored.seconds = started.elapsed().as_secs_f64();
     scored.judge(&outcome, item.hidden);
     scored.held_out[4] = true_floor(&record, &noise)?;

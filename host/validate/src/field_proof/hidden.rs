@@ -1,6 +1,6 @@
 //! What a record hides, and which answers are right for it.
 //!
-//! At the kinematic level several effects have the same lines: an answer is right where the effect's name is among
+//! At signal-based inference several effects have the same lines: an answer is right where the effect's name is among
 //! those in question, of the right family where only its family is said. Effects that change mesh harmonics alone
 //! ("unseen") stand behind an unknown path: nothing is the right answer.
 

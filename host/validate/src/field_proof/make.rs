@@ -4,7 +4,7 @@
 //! Two simulations without noise, with the effect and without it; the difference is added in proportion (near the
 //! floor effects are linear in their strength). *Floor*: the strength at which the strongest line of the difference,
 //! over orders (of a tone: over frequency), reaches `6 sqrt(S / T)` in the noise of its channel, as in the campaign
-//! of the dynamic level. Mesh harmonics do not count: what an effect changes in them the unknown path takes in, and
+//! of model-based inference. Mesh harmonics do not count: what an effect changes in them the unknown path takes in, and
 //! an effect may change them most. The tachometer's voltage is written beside the channels and read by `import`.
 
 use super::bench::Bench;

@@ -1,12 +1,12 @@
 //! What the loop said of a record, against what was hidden.
 
 use super::hidden::Hidden;
-use crate::kinematic::outcome::{Effect, Outcome};
+use crate::signal_based::outcome::{Effect, Outcome};
 use crate::terminal;
 use serde::{Deserialize, Serialize};
 
 /// One record.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Scored {
     /// `null-number` or `effect-number`.
     pub id: String,

@@ -8,15 +8,15 @@
 
 use super::effects::{Effect, Phases, injected};
 use super::surrogates::Surrogates;
-use crate::kinematic::baseline::{Baseline, Grids};
-use crate::kinematic::candidate::{Candidate, Kind};
-use crate::kinematic::families::clipping;
-use crate::kinematic::outcome::Limit;
-use crate::kinematic::residual::{self, Views};
-use crate::kinematic::scene::Scene;
-use crate::kinematic::search::{self, Adopted, Search};
-use crate::kinematic::{carry, describe, limits, naming, path_angle, places};
 use crate::record::Record;
+use crate::signal_based::baseline::{Baseline, Grids};
+use crate::signal_based::candidate::{Candidate, Kind};
+use crate::signal_based::families::clipping;
+use crate::signal_based::outcome::Limit;
+use crate::signal_based::residual_spectra::{self, Views};
+use crate::signal_based::scene::Scene;
+use crate::signal_based::search::{self, Adopted, Search};
+use crate::signal_based::{injection_sites, limits, naming, outcome_builder, path_angle, secondary_lines};
 use crate::{Error, Result};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -51,15 +51,15 @@ impl Background {
     /// Of a record.
     ///
     /// # Errors
-    /// A record that the kinematic level refuses.
+    /// A record that signal-based inference refuses.
     pub fn new(record: &Record) -> Result<Self> {
         let place = record.folder.join("record.toml");
         let teeth = record.declaration.teeth().ok_or_else(|| Error::invalid(place.display(), "has no tooth counts"))?;
         let mut scene = Scene::of(record, record.require_tach()?, teeth)?;
         let baseline = path_angle::fitted(&mut scene);
-        let views = residual::views(&scene, &baseline.calibrated, |split| &split.fit, None);
+        let views = residual_spectra::views(&scene, &baseline.calibrated, |split| &split.fit, None);
         let mut found = search::search(&scene, &views);
-        carry::carry(&mut found, &scene, &views);
+        secondary_lines::carry(&mut found, &scene, &views);
         let adopted: Vec<&Adopted> = found.adopted.iter().collect();
         let limits = limits::limits(&scene, &baseline, &views, &found, &adopted);
         let (ranked, _) = found.ranked(&scene, &views);
@@ -70,7 +70,7 @@ impl Background {
 
     /// Families found in it, in words.
     pub fn families(&self) -> Vec<String> {
-        self.found.adopted.iter().map(|own| describe::words(&own.candidate, &self.scene)).collect()
+        self.found.adopted.iter().map(|own| outcome_builder::words(&own.candidate, &self.scene)).collect()
     }
 
     /// Families with a limit printed here, all that can be injected.
@@ -91,7 +91,7 @@ impl Background {
         }
         let (_, typical) = self.injectable.iter().find(|(own, _)| own == family)?;
         let context = search::context(&self.scene, &self.views, &self.found.taken, &self.found.feet);
-        places::drawn(&context, &self.found, typical, random).map(Effect::Family)
+        injection_sites::drawn(&context, &self.found, typical, random).map(Effect::Family)
     }
 
     /// What one more round says with an effect put in.
@@ -110,7 +110,7 @@ impl Background {
                 channels.map(changed).collect()
             })
             .collect();
-        let views = residual::views(&scene, &calibrated, |split| &split.fit, None);
+        let views = residual_spectra::views(&scene, &calibrated, |split| &split.fit, None);
         let next = self.found.next(&scene, &views);
         match effect {
             Effect::Limited(channel, _) => {
@@ -133,7 +133,7 @@ impl Background {
     pub fn adds_to_nothing(&self, seed: u64) -> Option<String> {
         let (scene, views) = self.surrogates.drawn(&self.scene, seed);
         let next = search::nothing(&scene, &views).next(&scene, &views);
-        next.map(|adopted| describe::words(&adopted.candidate, &scene))
+        next.map(|adopted| outcome_builder::words(&adopted.candidate, &scene))
     }
 }
 

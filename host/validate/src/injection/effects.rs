@@ -7,11 +7,11 @@
 //! lines follow their shaft exactly.
 
 use crate::analysis::envelope::not_locked;
-use crate::kinematic::at_limit::at_limit;
-use crate::kinematic::baseline::Baseline;
-use crate::kinematic::candidate::{Candidate, Domain, Kind, Place, Shaft};
-use crate::kinematic::families::clipping::{Side, farthest};
-use crate::kinematic::scene::Scene;
+use crate::signal_based::baseline::Baseline;
+use crate::signal_based::candidate::{Candidate, Domain, Kind, Place, Shaft};
+use crate::signal_based::clipping_detector::at_limit;
+use crate::signal_based::families::clipping::{Side, farthest};
+use crate::signal_based::scene::Scene;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rustfft::num_complex::Complex64;

@@ -76,7 +76,7 @@ pub struct Outcome {
 /// Runs the injections on some records.
 ///
 /// # Errors
-/// A record that the kinematic level refuses.
+/// A record that signal-based inference refuses.
 pub fn run(records: &[Record], options: &Options) -> Result<Outcome> {
     let end = Instant::now() + options.longest;
     let backgrounds: Vec<Background> = records.iter().map(Background::new).collect::<Result<_>>()?;

@@ -8,9 +8,9 @@
 
 use super::noise::Noise;
 use crate::analysis::envelope::not_locked;
-use crate::kinematic::baseline::{Baseline, Grids};
-use crate::kinematic::residual::{self, Views};
-use crate::kinematic::scene::{Scene, SceneRun};
+use crate::signal_based::baseline::{Baseline, Grids};
+use crate::signal_based::residual_spectra::{self, Views};
+use crate::signal_based::scene::{Scene, SceneRun};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -49,7 +49,7 @@ impl Surrogates {
             let left = run.samples.iter().zip(&of.mesh);
             calibrated.push(left.map(|(x, mesh)| x.iter().zip(mesh).map(|(x, m)| x - m).collect()).collect());
         }
-        let views = residual::views(&surrogate, &calibrated, |split| &split.fit, None);
+        let views = residual_spectra::views(&surrogate, &calibrated, |split| &split.fit, None);
         (surrogate, views)
     }
 }

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 pub const SECONDS: f64 = 40.0;
 /// Sampling rate of a record, Hz.
 pub const RATE_HZ: f64 = 10_240.0;
-/// Turns of a gear below which nothing is hidden in it: what the kinematic level does not judge either.
+/// Turns of a gear below which nothing is hidden in it: what signal-based inference does not judge either.
 const OFTEN: f64 = 30.0;
 /// One record in so many runs up.
 const RUNS_UP: u64 = 5;

@@ -2,10 +2,10 @@
 
 use super::bench::Bench;
 use super::signal;
-use crate::kinematic::outcome::Outcome;
-use crate::kinematic::preflight::Preflight;
+use crate::signal_based::outcome::Outcome;
+use crate::signal_based::preflight::Preflight;
 use crate::terminal::{Progress, table};
-use crate::{Error, Result, kinematic};
+use crate::{Error, Result, signal_based};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -140,7 +140,7 @@ fn looked_at(seed: u64, number: u64, level: Option<f64>, scored: &mut Scored) ->
     let (record, truth) = signal::record(&bench, hidden, random.random())?;
     scored.truth = truth;
     let started = Instant::now();
-    let outcome = kinematic::run(&record, &Preflight::of(&record))?;
+    let outcome = signal_based::run(&record, &Preflight::of(&record))?;
     scored.seconds = started.elapsed().as_secs_f64();
     scored.judge(&outcome);
     Ok(())

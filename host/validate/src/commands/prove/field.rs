@@ -1,10 +1,11 @@
-//! `meshband prove --field`: the campaign of the kinematic level on generated records of the measured kind.
+//! `meshband prove --field`: the campaign of signal-based inference on generated records of the measured kind.
 
 use super::{Args, Motion};
 use meshband_host::output::show;
 use meshband_host::report::Report;
 use meshband_host::{Error, Result};
 use meshband_validate::field_proof::campaign::{Plan, run as run_plan};
+use meshband_validate::field_proof::edges;
 use meshband_validate::field_proof::score::{HEAD, Scored, cells, markdown, tables, text};
 use serde_json::json;
 
@@ -40,8 +41,20 @@ pub fn run(args: Args) -> Result<()> {
     show(&text(&scored))
 }
 
+/// Sharp and smooth tachometer edges; the pairs go to the log, one JSON line each.
+pub fn edges(args: Args) -> Result<()> {
+    let mut outputs = args.results.outputs([]);
+    let mut log = outputs.optional(Some(&args.log))?;
+    let pairs = edges::pairs(args.edges, args.seed)?;
+    let lines = pairs.iter().map(|pair| serde_json::to_string(pair).map_err(|e| Error::invalid("pair", e)));
+    if let Some(file) = &mut log {
+        file.write(lines.collect::<Result<Vec<_>>>()?.join("\n") + "\n")?;
+    }
+    show(&edges::text(&pairs, args.seed))
+}
+
 fn report(scored: &[Scored], seed: u64) -> Report {
-    let mut report = Report::new("Proof of the kinematic level", "generated records of the measured kind")
+    let mut report = Report::new("Proof of signal-based inference", "generated records of the measured kind")
         .figure("records", scored.len())
         .figure("seed", seed);
     for (title, rows) in tables(scored) {

@@ -5,9 +5,9 @@ use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Kind, Place, TakenOf};
 use super::families::fixed_frequency::supply_hz;
 use super::families::{Context, modulation, passage, train};
-use super::residual::Views;
+use super::line_axis::{self, Sharper};
+use super::residual_spectra::Views;
 use super::scene::{Scene, SceneRun};
-use super::sharpness::{self, Sharper};
 
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
@@ -211,7 +211,7 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
             return Some("sidebands without the lines between them".into());
         }
     }
-    let reading = sharpness::of(candidate, verdict, scene, views);
+    let reading = line_axis::of(candidate, verdict, scene, views);
     // Where the two cannot be told, only a supply's frequency is likelier than an order.
     let may_be_supply = reading != Sharper::OverOrders && supply_hz(candidate.base).is_some();
     match candidate.domain {

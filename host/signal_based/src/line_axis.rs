@@ -10,7 +10,7 @@
 
 use super::accept::Verdict;
 use super::candidate::{Candidate, Domain};
-use super::residual::Views;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::spectra::Spectra;
 use crate::analysis::search::{self, Level};

@@ -9,8 +9,8 @@
 
 use super::basis::Basis;
 use super::pole_fit;
-use super::sweep::{Course, Sweep};
-use super::swept::Pole;
+use super::speed_sweep::{Course, Sweep};
+use super::swept_mode::Pole;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 
@@ -82,7 +82,7 @@ fn proposed(sweep: &Sweep, courses: &[Course], straight: &Basis, poles: &[Pole])
 #[cfg(test)]
 mod tests {
     use super::super::basis::State;
-    use super::super::swept::resonance;
+    use super::super::swept_mode::resonance;
     use super::*;
 
     #[test]

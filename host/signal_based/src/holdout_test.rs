@@ -4,29 +4,32 @@
 //! held-out turns with its lines taken off against without, at the places fitted, in units of the floor there: about
 //! a third of what the fitted turns said where the family is true (a quarter of the turns is held out), below zero on
 //! average where it is not. Windowed sums, as in the fit: half of the information of a rectangle, none of its
-//! leakage. What slips predicts no phase: its power at the lines that stood is foretold ([`foretold`]), and the share
-//! of the power that they were predicted to have. In a run-up the path turns phases from one part to the other: a
-//! locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there instead, as
-//! the one alternative. A family that is there because it did so (`again::search_on`) must lower the error of the
-//! waveform besides, where it is locked.
+//! leakage. What slips predicts no phase: its power at the lines that stood is predicted ([`predicted_power`]), and
+//! the share of the power that they were predicted to have. In a run-up the path turns phases from one part to the
+//! other: a locked family away from the mesh, or an order of neither shaft, may pass the whole gate again there
+//! instead, as the one alternative. A family that is there because it did so (`second_pass::search_marginal`) must
+//! lower the error of the waveform besides, where it is locked.
 
 use super::accept;
 use super::amplitudes::Weighted;
 use super::baseline::Baseline;
 use super::candidate::{Candidate, Kind, TakenOf, score};
 use super::errors::{Corrected, held_out, mean, shares};
-use super::foretold;
+use super::excluded_lines::mesh_taken;
 use super::nonsynchronous::nonsynchronous_share;
-use super::residual::Views;
+use super::predicted_power;
+use super::residual_spectra::Views;
 use super::scene::{Scene, SceneRun};
 use super::search::Adopted;
-use super::spoken_for::mesh_taken;
 use rayon::prelude::*;
 
 /// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
 const LEAST: f64 = 1.0;
 /// The same where lines may be disturbed: more, since what swings has larger departures both ways than noise.
 const LEAST_OF_MOST: f64 = 5.0;
+
+/// Share of the held-out power that a family may add where a line of it is disturbed.
+const MOST_WORSE: f64 = 0.05;
 
 /// Share of the power that the calibrated model of a run-up may leave of the held-out turns: where it leaves most,
 /// the angle is not the machine's, and power beside the mesh lines is theirs (set on some ten generated run-ups,
@@ -38,27 +41,29 @@ const NEXT_TO_THE_MESH: f64 = 1.5;
 
 /// What a family is worth on the turns not used.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Worth {
+pub struct HoldoutResult {
     /// Fall of the unexplained share of power: waveform where it is locked, power where it slips.
     pub gain: f64,
     /// Logarithm of the likelihood ratio: of its waveform where it is locked, of its lines' power where it slips.
     pub ln_bayes: f64,
     /// Of a locked family, where every line may be disturbed by something else with even chances: a line that a tone
     /// falls on is no case against the rest.
-    pub ln_of_most: f64,
+    pub robust_ln_ratio: f64,
+    /// Of a locked family: lines that hold there, less lines that do not.
+    pub majority: i32,
     /// Whether the speed runs up: a line that does not hold is then the path's doing, which turns all of them.
     pub runs_up: bool,
     /// Of a locked family with lines about the mesh: the calibrated model leaves most of a run-up, so its angle is
     /// not the machine's.
-    pub is_lost: bool,
+    pub angle_unreliable: bool,
     /// In a run-up, of a locked family but for first sidebands of the mesh, and of an order of neither shaft: the
-    /// held-out turns alone let it pass the gate, their own moved copies beside it.
-    pub stands_again: bool,
+    /// held-out turns alone let it pass the gate, their own surrogates beside it.
+    pub passes_independently: bool,
 }
 
 /// What each family is worth on the held-out turns, in the order of adoption; families share no lines, so the order
 /// hardly matters.
-pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<Worth> {
+pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<HoldoutResult> {
     let all = 0..scene.channels.len();
     let nothing: TakenOf = Default::default();
     let mesh = mesh_taken(scene, views[1]);
@@ -68,7 +73,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
-    let is_lost = runs_up && left > MOST_LEFT;
+    let angle_unreliable = runs_up && left > MOST_LEFT;
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
             let is_swing = own.candidate.kind == Kind::Swing;
@@ -76,17 +81,17 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
                 let held = views[0].strength.held_out(scene, 0..scene.searched, own.candidate.base);
                 if held.agrees() { held.ln_bayes } else { held.ln_bayes.min(0.0) }
             } else {
-                foretold::ln_bayes(scene, baseline, views, own)
+                predicted_power::ln_bayes(scene, baseline, views, own)
             };
             if runs_up && !is_swing {
-                // Skirts are foretold as lines are; all places together must speak for the family there, too.
+                // Skirts are predicted as lines are; all places together must speak for the family there, too.
                 let field = views[1].field(&nothing, own.candidate.domain, 0..scene.searched);
                 ln_bayes = ln_bayes.min(score(&own.candidate, &field, 0.0).ln_bayes);
             }
             let gain = mean(&nonsynchronous_share(scene, views, &[own], 0.0), all.clone());
-            // A knock that a resonance swells a hundredfold on the fitted turns is foretold too loud for the others.
-            let stands_again = runs_up && own.candidate.is_base() && passes_again(&own.candidate);
-            return Worth { gain, ln_bayes, runs_up, stands_again, ..Worth::default() };
+            // A knock that a resonance swells a hundredfold on the fitted turns is predicted too loud for the others.
+            let passes_independently = runs_up && own.candidate.is_base() && passes_again(&own.candidate);
+            return HoldoutResult { gain, ln_bayes, runs_up, passes_independently, ..HoldoutResult::default() };
         }
         let before = corrected.residual.clone();
         let orders = corrected.add(scene, baseline, views[0], own);
@@ -99,17 +104,18 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         let places: Vec<(usize, usize)> = places.collect();
         let of_lines: Vec<f64> = places.into_par_iter().flat_map_iter(ln).collect();
         let ln_bayes = of_lines.iter().sum();
-        let ln_of_most = of_lines.iter().map(|ln| ln.max(0.0) + (-ln.abs()).exp().ln_1p() - 2.0_f64.ln()).sum();
+        let robust_ln_ratio = of_lines.iter().map(|ln| ln.max(0.0) + (-ln.abs()).exp().ln_1p() - 2.0_f64.ln()).sum();
+        let majority = of_lines.iter().map(|ln| if *ln > 1.0 { 1 } else { -i32::from(*ln < -1.0) }).sum();
         let gain = share(&before) - share(&corrected.residual);
         if ln_bayes <= LEAST {
             corrected.residual = before;
         }
-        let stands_again = runs_up
+        let passes_independently = runs_up
             && !matches!(own.candidate.kind, Kind::Modulation(_))
             && passes_again(&away_from_the_mesh(&own.candidate, scene.mesh_order()));
         // Low orders of a shaft are no skirts of the mesh.
-        let is_lost = is_lost && !matches!(own.candidate.kind, Kind::ShaftOrders(_));
-        Worth { gain, ln_bayes, ln_of_most, runs_up, is_lost, stands_again }
+        let angle_unreliable = angle_unreliable && !matches!(own.candidate.kind, Kind::ShaftOrders(_));
+        HoldoutResult { gain, ln_bayes, robust_ln_ratio, majority, runs_up, angle_unreliable, passes_independently }
     };
     adopted.iter().map(worth).collect()
 }
@@ -148,19 +154,20 @@ fn ln_likelihood_ratio(
 
 /// Whether a family's fitted amplitudes and phases hold on the turns not used, so that its lines may be taken off
 /// there.
-pub fn predicts_waveform(adopted: &Adopted, worth: &Worth) -> bool {
-    adopted.candidate.locked && !worth.is_lost && worth.ln_bayes > LEAST
+pub fn predicts_waveform(adopted: &Adopted, worth: &HoldoutResult) -> bool {
+    adopted.candidate.locked && !worth.angle_unreliable && worth.ln_bayes > LEAST
 }
 
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the
 /// signal itself.
-pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
+pub fn passes(adopted: &Adopted, worth: &HoldoutResult) -> bool {
     if adopted.candidate.locked {
         if adopted.verdict.is_close && worth.gain <= 0.0 {
             return false;
         }
-        let most = !worth.runs_up && worth.ln_of_most > LEAST_OF_MOST;
-        return predicts_waveform(adopted, worth) || most || worth.stands_again;
+        let most =
+            !worth.runs_up && worth.robust_ln_ratio > LEAST_OF_MOST && worth.majority > 0 && worth.gain > -MOST_WORSE;
+        return predicts_waveform(adopted, worth) || most || worth.passes_independently;
     }
     // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they
     // outweigh it.
@@ -170,5 +177,5 @@ pub fn holds(adopted: &Adopted, worth: &Worth) -> bool {
         // A quarter of the turns cannot tell its power from the mesh lines'; it must be in step there.
         return worth.ln_bayes > LEAST;
     }
-    predicts && worth.ln_bayes > 0.0 || worth.stands_again
+    predicts && worth.ln_bayes > 0.0 || worth.passes_independently
 }

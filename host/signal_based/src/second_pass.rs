@@ -1,7 +1,7 @@
-//! What is asked for once more when a search has ended: families that a moved copy came close to, and all of them
+//! What is asked for once more when a search has ended: families that a surrogate came close to, and all of them
 //! without what the held-out turns veto.
 //!
-//! *On*: what stands out of every moved copy, though not thrice, or is one line alone, passes where the held-out
+//! *On*: what stands out of every surrogate, though not thrice, or is one line alone, passes where the held-out
 //! turns alone let it; last, so that no line is taken from what is surer.
 //! *Again*: a family that the held-out turns veto has spoken for its lines, and what stands close beside it, or was
 //! taken for it (a tone for an order, a tooth's pattern for sidebands), was never asked for. The search is made again
@@ -10,14 +10,14 @@
 //! not asked for either.
 
 use super::candidate::Domain;
-use super::residual::Views;
+use super::excluded_lines::mesh_taken;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::{Adopted, Search};
-use super::spoken_for::mesh_taken;
 
 /// Searches again once the held-out turns have vetoed families; `kept` and `rest`, parts of the shafts that were let
 /// pass, stay as they are. Whether a family is found.
-pub fn search_again(
+pub fn search_after_veto(
     search: &mut Search,
     [kept, vetoed]: [Vec<Adopted>; 2],
     rest: &[&Adopted],
@@ -31,14 +31,14 @@ pub fn search_again(
     kept.into_iter().for_each(|own| search.take(scene, fit, own));
     search.taken[0].extend(orders_of(rest.iter().copied()));
     search.rounds(scene, fit, None);
-    search_on(search, rest, scene, [fit, held]);
+    search_marginal(search, rest, scene, [fit, held]);
     search.adopted.len() > count
 }
 
-/// Searches on with the families that stand out of every moved copy though the highest comes too near
+/// Searches on with the families that stand out of every surrogate though the highest comes too near
 /// ([`super::accept::Verdict::is_close`]) and that the held-out turns alone let pass the gate; last, so that no line
 /// is taken from what is surer. `rest`: parts of the shafts that were let pass.
-pub fn search_on(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, held]: [&Views; 2]) {
+pub fn search_marginal(search: &mut Search, rest: &[&Adopted], scene: &Scene, [fit, held]: [&Views; 2]) {
     let parts = orders_of(search.adopted.iter().chain(rest.iter().copied()));
     let (before, sure) = (search.taken.clone(), search.adopted.len());
     if parts.is_empty() && !search.had_close {

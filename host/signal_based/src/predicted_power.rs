@@ -2,17 +2,17 @@
 //!
 //! The prior is the one that the lines were found with ([`Reading`]): what a place reads on the fitted turns says how
 //! strong its line is, and whether there is one in that run and channel at all. The worth of the family is the
-//! logarithm of the likelihood ratio of the other turns' readings so foretold against a floor without lines, at the
+//! logarithm of the likelihood ratio of the other turns' readings so predicted against a floor without lines, at the
 //! places that stood. Empty places of the family ask for nothing there, and a line weaker than it should be speaks
 //! against it. A shorter stretch shows a line lower by the ratio of the lengths; in a run-up, where the path swells a
 //! line, it is as much higher as the mesh line that swept its frequencies. Limit: a line that stands on one part
 //! alone, as a short disturbance does, is refused however strong it is.
 
 use super::baseline::Baseline;
+use super::basis_selection::carrier;
 use super::candidate::{Domain, Place, own_level};
-use super::choice::carrier;
 use super::evidence::{Reading, Shares, ln_sum};
-use super::residual::Views;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::Adopted;
 use super::spectra::Spectra;
@@ -21,7 +21,7 @@ use super::split::Stretch;
 /// Most that a path is believed to swell a line from one part to the other, of its power.
 const MOST_SWELLED: f64 = 30.0;
 
-/// Logarithm of the likelihood ratio of the second views' readings, foretold from the first; the best level, coarser
+/// Logarithm of the likelihood ratio of the second views' readings, predicted from the first; the best level, coarser
 /// ones too, since slip moves between the two.
 pub fn ln_bayes(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopted) -> f64 {
     let depth = views.map(|view| view.of(own.candidate.domain).depth()).into_iter().min().unwrap_or(0);
@@ -59,11 +59,11 @@ fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopte
     };
     let all = own.candidate.places.iter().flat_map(read).map(|(fitted, ..)| fitted.ln_bayes());
     let shares = Shares::of(&all.collect::<Vec<f64>>());
-    let foretold = |(fitted, near, length): (Reading, Vec<Reading>, f64)| {
+    let predicted = |(fitted, near, length): (Reading, Vec<Reading>, f64)| {
         let chance = shares.chance(fitted.ln_bayes());
-        ln_sum([(1.0 - chance).ln(), chance.ln() + fitted.ln_foretold(&near, length)].into_iter())
+        ln_sum([(1.0 - chance).ln(), chance.ln() + fitted.ln_predictive(&near, length)].into_iter())
     };
-    own.standing().flat_map(read).filter(|(_, near, _)| !near.is_empty()).map(foretold).sum()
+    own.standing().flat_map(read).filter(|(_, near, _)| !near.is_empty()).map(predicted).sum()
 }
 
 /// Power that the path gives a line of this order on the held-out turns of a run-up over that on the fitted ones, by

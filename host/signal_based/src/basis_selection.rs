@@ -7,8 +7,8 @@
 //! over whole turns of the slower shaft, over which its sidebands cancel.
 
 use super::basis::{Basis, FittedLine, State};
-use super::sweep::{Course, Sweep};
-use super::swept::Pole;
+use super::speed_sweep::{Course, Sweep};
+use super::swept_mode::Pole;
 use rustfft::num_complex::Complex64;
 use std::borrow::Borrow;
 use std::sync::Arc;

@@ -1,12 +1,12 @@
 //! Orders and frequencies that are spoken for: the mesh's own, and where a line of one view stands in another.
 //!
-//! Neither a family nor a moved copy of one reads there. A speed that moves spreads an order over frequencies and a
+//! Neither a family nor a surrogate of one reads there. A speed that moves spreads an order over frequencies and a
 //! frequency over orders: all of them are taken.
 
 use super::candidate::{Domain, Taken, TakenOf};
-use super::residual::Views;
+use super::line_axis;
+use super::residual_spectra::Views;
 use super::scene::{Scene, SceneRun};
-use super::sharpness;
 
 /// The mesh itself is spoken for.
 pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
@@ -16,7 +16,7 @@ pub fn mesh_taken(scene: &Scene, views: &Views) -> TakenOf {
     for order in lines {
         let is_line = |run: &SceneRun| {
             let swept = run.usual_speeds_hz().map(|hz| order * hz);
-            !sharpness::is_smeared(swept, views.frequency.bin(0))
+            !line_axis::is_smeared(swept, views.frequency.bin(0))
         };
         if scene.runs.iter().any(is_line) {
             take_frequencies(&mut taken[Domain::Frequency as usize], scene, views, order);

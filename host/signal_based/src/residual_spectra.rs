@@ -7,11 +7,11 @@
 
 use super::baseline::Grids;
 use super::candidate::{Domain, Field, TakenOf};
-use super::following::followed_in_run_ups;
+use super::mesh_amplitude_demodulation::Strength;
+use super::mesh_line_tracking::followed_in_run_ups;
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, evened, follow_everywhere, mean, without_the_highest};
 use super::split::{Split, Stretch};
-use super::strength::Strength;
 use crate::analysis::envelope::not_locked;
 use crate::analysis::search::{self, Level, Range};
 use crate::spectral::resample_by_angle;

@@ -3,7 +3,7 @@
 //!
 //! A shaft's own orders have one place, and only phases differ. A ghost may be any whole order that the search lists;
 //! a passage any base of an ordinary bearing. Left out are places that a family found before has taken or explained:
-//! there the search asks nothing further. What else may keep an effect from being found (moved copies without a
+//! there the search asks nothing further. What else may keep an effect from being found (surrogates without a
 //! place, stronger rivals, lines on the pair's own orders) is no reason to leave a place out: it belongs to the
 //! limit.
 

@@ -12,8 +12,7 @@
 //! which smoothing would turn into swings. Limit: what the speed truly does within some turns shows as modulation
 //! then.
 
-use crate::analysis::angle::Angle;
-use crate::spectral::{AngleMap, interpolated};
+use crate::spectral::interpolated;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -24,7 +23,7 @@ const STRENGTHS: (i32, i32) = (-2, 18);
 const MOST_KEPT: f64 = 0.7;
 /// Edges per turn of the new angle: a spline through one of each turn leaves images of the wander beside the shaft's
 /// sidebands.
-const EDGES: u32 = 8;
+pub const EDGES: u32 = 8;
 /// Fewest turns.
 const FEWEST: usize = 16;
 /// Share of what is taken off that stands at one frequency from which it is a swing: jitter has the logarithm of the
@@ -34,17 +33,16 @@ const LINE: f64 = 0.25;
 const ORDER: usize = 4;
 const DIFFERENCE: [f64; ORDER + 1] = [1.0, -4.0, 6.0, -4.0, 1.0];
 
-/// The map through smoothed times of whole turns; nothing where the speed moves too fast for it.
-pub fn settled(angle: &Angle) -> Option<AngleMap> {
-    let count = angle.turns + 1;
-    if count < FEWEST {
+/// Edges, [`EDGES`] per turn, through the smoothed times of whole turns; nothing where there are few, or where the
+/// speed moves too fast for it.
+pub fn settled(turn_times_s: &[f64]) -> Option<Vec<f64>> {
+    if turn_times_s.len() < FEWEST {
         return None;
     }
-    let times: Vec<f64> = (0..count).map(|i| angle.map.time_at(angle.from_turn + i as f64)).collect();
-    let smooth = smoothed(&times)?;
-    let edges: Vec<f64> =
-        (0..=angle.turns * EDGES as usize).map(|i| interpolated(&smooth, i as f64 / f64::from(EDGES))).collect();
-    edges.windows(2).all(|w| w[1] > w[0]).then(|| AngleMap::new(&edges, EDGES, angle.from_turn)).flatten()
+    let smooth = smoothed(turn_times_s)?;
+    let last = (smooth.len() - 1) * EDGES as usize;
+    let edges: Vec<f64> = (0..=last).map(|i| interpolated(&smooth, i as f64 / f64::from(EDGES))).collect();
+    edges.windows(2).all(|w| w[1] > w[0]).then_some(edges)
 }
 
 /// Smoothed values, by cross-validation; nothing where that keeps most of them.

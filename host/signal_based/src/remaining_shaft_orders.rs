@@ -11,10 +11,10 @@
 use super::accept::Verdict;
 use super::candidate::{Candidate, Domain, Kind, Shaft, Taken};
 use super::families::tooth;
-use super::residual::Views;
+use super::holdout_test::HoldoutResult;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::{Adopted, Search, Slip, context};
-use super::worth::Worth;
 
 /// Whole orders of a shaft that no family has read; none where the shaft has no family.
 pub fn candidate(search: &Search, scene: &Scene, views: &Views, shaft: Shaft) -> Option<Candidate> {
@@ -41,12 +41,12 @@ pub fn is_among(rest: &[Adopted], own: &Adopted) -> bool {
 }
 
 /// The families that have a name, without further lines.
-pub fn families<'a>(kept: &[(&'a Adopted, Worth)], rest: &[Adopted]) -> Vec<(&'a Adopted, Worth)> {
+pub fn families<'a>(kept: &[(&'a Adopted, HoldoutResult)], rest: &[Adopted]) -> Vec<(&'a Adopted, HoldoutResult)> {
     kept.iter().copied().filter(|(own, _)| !is_among(rest, own)).collect()
 }
 
 /// Whether a family has a name, or is further lines of a shaft that has kept one.
-pub fn is_wanted(own: &Adopted, rest: &[Adopted], families: &[(&Adopted, Worth)]) -> bool {
+pub fn is_wanted(own: &Adopted, rest: &[Adopted], families: &[(&Adopted, HoldoutResult)]) -> bool {
     let of_kept = |shaft: &Shaft| is_of(own, *shaft) && families.iter().any(|(family, _)| is_of(family, *shaft));
     !is_among(rest, own) || Shaft::BOTH.iter().any(of_kept)
 }

@@ -4,7 +4,7 @@
 //! sharp resonance is crossed within one, so functions of the speed are meaned over the stretches as the courses are.
 
 use super::basis::{Basis, FittedLine, State};
-use super::swept::Pole;
+use super::swept_mode::Pole;
 use rustfft::num_complex::Complex64;
 
 /// Share beyond a line's swept range within which a pole still acts on it.

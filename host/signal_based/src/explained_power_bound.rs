@@ -9,7 +9,7 @@ use super::accept;
 use super::bearing_slip;
 use super::candidate::Domain;
 use super::nonsynchronous::orders;
-use super::residual::Views;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::Adopted;
 use super::spectra::Spectra;
@@ -26,7 +26,7 @@ pub struct NamedLines {
     pub outside: f64,
     /// Share of the bins that they cover.
     pub covered: f64,
-    /// Share of the power that moved copies of the nonsynchronous families take: median and largest.
+    /// Share of the power that surrogates of the nonsynchronous families take: median and largest.
     pub control: [f64; 2],
 }
 
@@ -52,10 +52,10 @@ fn share(values: &[f64], at: impl Fn(usize) -> bool) -> f64 {
 /// were found on, and of the turns not used.
 pub fn of(scene: &Scene, held: &Spectra, views: [&Views; 2], adopted: &[&Adopted]) -> Vec<NamedLines> {
     let over_orders = |own: &&&Adopted| own.candidate.domain == Domain::Orders;
-    let spoken_for = bearing_slip::spoken_for(adopted, scene, views[1]);
+    let excluded = bearing_slip::excluded(adopted, scene, views[1]);
     let lines = |moved: f64, all: bool| -> Vec<f64> {
         let chosen = adopted.iter().filter(over_orders).filter(|own| all || !own.candidate.locked);
-        chosen.flat_map(|own| orders(own, views, scene, moved, &spoken_for)).map(|order| order[1]).collect()
+        chosen.flat_map(|own| orders(own, views, scene, moved, &excluded)).map(|order| order[1]).collect()
     };
     let mut named = [vec![0.0], scene.mesh_lines()].concat();
     named.extend(lines(0.0, true));

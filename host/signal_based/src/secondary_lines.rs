@@ -1,22 +1,22 @@
 //! What the families found have besides the lines that they were found by; asked once the search has ended, when
 //! bases and spacings are known.
 //!
-//! Three kinds of parts: the shafts' further orders ([`shaft_rest`]), further harmonics of the orders of neither
-//! shaft, and their sidebands ([`carried`]). After the search, because what a family's base explains of other bases
-//! is decided without them. Every part has to pass the gate on its own: the spacing is known, so what is moved for
-//! the null is the part and not what it belongs to. A part that is refused is asked again once others are let pass,
-//! because their lines were among its moved copies; lines once taken are not taken again. A modulator takes the shape
+//! Three kinds of parts: the shafts' further orders ([`remaining_shaft_orders`]), further harmonics of the orders of
+//! neither shaft, and their sidebands ([`carried`]). After the search, because what a family's base explains of other
+//! bases is decided without them. Every part has to pass the gate on its own: the spacing is known, so what is moved
+//! for the null is the part and not what it belongs to. A part that is refused is asked again once others are let pass,
+//! because their lines were among its surrogates; lines once taken are not taken again. A modulator takes the shape
 //! (one, two or four sidebands on each side) that the gate lets pass with most evidence. Cost: a judgement per part
 //! and round.
 
 use super::accept::{self, Verdict};
 use super::candidate::{Candidate, Domain, Place, Shaft, Taken, TakenOf};
+use super::excluded_lines::mesh_taken;
 use super::families::carried::{self, Modulator};
-use super::residual::Views;
+use super::remaining_shaft_orders;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::{Adopted, Carries, Search};
-use super::shaft_rest;
-use super::spoken_for::mesh_taken;
 
 /// Rounds in which parts that were refused are asked again.
 const ROUNDS: usize = 3;
@@ -73,7 +73,9 @@ impl Parts<'_> {
 
     /// Asks for the further orders of a shaft; whether they are let pass now.
     fn orders(&mut self, search: &Search, shaft: Shaft) -> bool {
-        let Some(candidate) = shaft_rest::candidate(search, self.scene, self.views, shaft) else { return false };
+        let Some(candidate) = remaining_shaft_orders::candidate(search, self.scene, self.views, shaft) else {
+            return false;
+        };
         let is_same = |own: &Adopted| own.candidate.kind == candidate.kind;
         if self.rest.iter().any(|own| is_same(own) && own.verdict.refused.is_none()) {
             return false;
@@ -87,7 +89,7 @@ impl Parts<'_> {
             self.take(&candidate, &verdict);
         }
         self.rest.retain(|own| !is_same(own));
-        self.rest.push(shaft_rest::part(candidate, verdict));
+        self.rest.push(remaining_shaft_orders::part(candidate, verdict));
         passed
     }
 
@@ -126,16 +128,16 @@ impl Parts<'_> {
         let shapes = carried::candidates(self.scene, &found.candidate, &carriers, modulator);
         let others = all.iter().filter(|other| other.order != modulator.order);
         let theirs = others.flat_map(|other| carried::candidates(self.scene, &found.candidate, &carriers, other).pop());
-        let mut spoken_for = self.taken.clone();
-        spoken_for[0].extend(not_shared(theirs, shapes.last(), self.scene.resolution()));
-        let judged = shapes.into_iter().map(|shape| (self.judge(&shape, &spoken_for), shape));
+        let mut excluded = self.taken.clone();
+        excluded[0].extend(not_shared(theirs, shapes.last(), self.scene.resolution()));
+        let judged = shapes.into_iter().map(|shape| (self.judge(&shape, &excluded), shape));
         let passed = judged.filter(|(verdict, _)| verdict.refused.is_none());
         passed.max_by(|a, b| a.0.ln_bayes.total_cmp(&b.0.ln_bayes))
     }
 }
 
 /// Orders of other modulators' sidebands that this one's widest shape has not: nothing is read there, neither the
-/// sidebands nor their moved copies, because lines of two modulators close together would make each the other's null.
+/// sidebands nor their surrogates, because lines of two modulators close together would make each the other's null.
 fn not_shared(theirs: impl Iterator<Item = Candidate>, own: Option<&Candidate>, apart: f64) -> Vec<f64> {
     let mut shared = Taken::default();
     shared.extend(own.iter().flat_map(|own| own.places.iter().map(|place| place.order)));

@@ -6,16 +6,16 @@ use super::candidate::{Candidate, Domain, Kind};
 use super::errors::{Corrected, Errors};
 use super::families::bearing::{Bearing, Part};
 use super::families::clipping;
+use super::holdout_test::{self, HoldoutResult};
 use super::impacts::Impacts;
 use super::naming;
 use super::outcome::{
     BearingRead, Effect, ErrorTable, Evidence, Judged, Limit, Outcome, Picture, SplitUsed, Unexplained, Value,
 };
 use super::preflight::Preflight;
-use super::residual::Views;
+use super::residual_spectra::Views;
 use super::scene::Scene;
 use super::search::{self, Adopted, Search};
-use super::worth::{self, Worth};
 use crate::analysis::lines::WINDOW;
 use crate::spectral::amplitude_spectrum;
 use std::collections::BTreeMap;
@@ -43,7 +43,7 @@ pub struct Parts<'a> {
     pub impacts: &'a [Impacts],
 }
 
-type Judgement<'a> = (&'a Adopted, Worth);
+type Judgement<'a> = (&'a Adopted, HoldoutResult);
 
 /// The answer.
 pub fn outcome(
@@ -90,8 +90,8 @@ pub fn outcome(
     Outcome {
         record: scene.title.clone(),
         headline: headline(&effects, bearing.as_ref(), &errors, scene),
-        level: "kinematic",
-        to_raise_the_level: preflight.for_dynamic.clone(),
+        level: "signal-based",
+        to_raise_the_level: preflight.for_model_based.clone(),
         notes: scene.notes.clone(),
         unit: scene.unit.clone(),
         split: split(scene),
@@ -182,7 +182,7 @@ fn judged(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Judged {
 fn effect(
     parts: &Parts,
     adopted: &Adopted,
-    worth: &Worth,
+    worth: &HoldoutResult,
     bearing: Option<(&Bearing, &[f64])>,
     ghosts: &[f64],
 ) -> Effect {
@@ -218,7 +218,7 @@ fn effect(
             domain: Some(candidate.domain.word()),
             ..Evidence::default()
         },
-        predicts: if worth::predicts_waveform(adopted, worth) { "waveform" } else { "power" },
+        predicts: if holdout_test::predicts_waveform(adopted, worth) { "waveform" } else { "power" },
         remark: naming.remark.map(str::to_owned),
         carries: adopted.carries.iter().map(further).collect(),
         lines: lines.into_iter().take(LINES).map(|(_, line)| line).collect(),
@@ -266,6 +266,7 @@ fn of_comb(own: &Impacts, families: usize, scene: &Scene) -> Effect {
     let over = if own.meaned > 1 { format!("over {} bands ", own.meaned) } else { String::new() };
     let band = format!("in channel {} {over}from {low:.0} to {high:.0} Hz", channel.index);
     let parameters = BTreeMap::from([
+        ("channel".into(), value(channel.index as f64, 0.0, "from 0")),
         ("band_low".into(), value(low, 0.0, "Hz")),
         ("band_high".into(), value(high, 0.0, "Hz")),
         ("depth".into(), value(own.depth, 0.0, "of the band's mean power")),
@@ -310,7 +311,7 @@ impl Effect {
 fn further(carries: &search::Carries) -> String {
     let v = &carries.verdict;
     let lines = v.score.of_places.iter().filter(|ln| **ln > 0.0).count();
-    format!("{}: {lines} lines, {:.1} nats, best moved copy {:.1}", carries.words, v.ln_bayes, v.surrogates.highest)
+    format!("{}: {lines} lines, {:.1} nats, best surrogate {:.1}", carries.words, v.ln_bayes, v.surrogates.highest)
 }
 
 /// The strongest line over all channels: amplitude with its interval, and as a share of the mesh line beside it.
