@@ -3,7 +3,7 @@
 //!
 //! What is sampled of a sharp edge is its time to a whole sample: a uniform error that lays skirts about high orders
 //! and lowers their lines. Both records must show the same families and the same mesh lines; what a record shows
-//! beyond what is hidden is counted. Every second pair hides an effect at [`LEVEL`] times its floor. Cost: two
+//! beyond what is hidden is counted. Every second pair hides an effect at twenty times its floor. Cost: two
 //! records, two analyses and two searches per pair, some ten seconds.
 
 use super::bench::Bench;
