@@ -33,6 +33,8 @@ pub struct Gearing {
     pub shafts: Vec<f64>,
     /// Lines of all sound meshes, ascending.
     pub sound: Vec<f64>,
+    /// The same with those that a set's unequal load shares leave: no family is read there.
+    pub uneven: Vec<f64>,
     /// Those of them whose amplitudes are fitted.
     pub fitted: Vec<f64>,
     /// Everything that any part owns.
@@ -59,6 +61,7 @@ impl Gearing {
             owned: Arc::new(Owned::of_train(train, highest)),
             train: train.clone(),
             sound,
+            uneven: lines::of_uneven_meshes(train, highest),
             families,
             seldom,
         }

@@ -52,7 +52,6 @@ pub mod nonsynchronous;
 pub mod outcome;
 pub mod outcome_builder;
 pub mod path_angle;
-pub mod phase;
 pub mod plausibility;
 pub mod pole_fit;
 pub mod pole_search;

@@ -16,11 +16,11 @@
 //! all else does is taken off with the speed.
 
 use super::baseline::Grids;
-use super::phase::{running_power, running_sums};
 use super::scene::{Scene, SceneRun};
 use super::spectra::{Spectra, follow_everywhere};
 use super::split::Stretch;
 use crate::analysis::lines::WINDOW;
+use crate::analysis::mesh_phase::{running_power, running_sums};
 use crate::analysis::search::Level;
 use crate::spectral::{Spectrum, interpolated};
 use nalgebra::{DMatrix, DVector};

@@ -5,14 +5,14 @@
 //! resonances that all lines share, each at its own speed, so what it leaves of all lines together, each turned by
 //! its order times the same angle, is the angle's error and no path. It is taken out and the model fitted anew, in
 //! turns, as long as the model leaves less of the fitted turns (alternating least squares). Read over two turns of
-//! the slower shaft, as [`super::phase`] does, so that shaft's sidebands stay. Cost: a fit of the model per round.
+//! the slower shaft, as `mesh_phase` does, so that shaft's sidebands stay. Cost: a fit of the model per round.
 //! Limit: what turns all lines alike as a smooth function of the speed, a delay, is left to the path, which is free
 //! in it.
 
 use super::baseline::{Baseline, mesh_orders};
 use super::errors::shares;
-use super::phase::{self, Departure};
 use super::scene::Scene;
+use crate::analysis::mesh_phase::{self as phase, Departure};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;

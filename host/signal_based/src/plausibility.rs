@@ -8,6 +8,7 @@ use super::families::{Context, modulation, passage, train};
 use super::line_axis::{self, Sharper};
 use super::residual_spectra::Views;
 use super::scene::{Scene, SceneRun};
+use crate::train::families::What;
 
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
 const LEAST_ALONE: f64 = 20.0;
@@ -26,6 +27,8 @@ const BESIDE_THE_MESH: f64 = 0.5;
 const NEARLY: f64 = 0.85;
 /// Fewest lines that make a higher base where others stand beside them.
 const FEWEST_MULTIPLES: usize = 3;
+/// Fewest lines of one tooth of a train: its push is short, so it has many; two are a coincidence of two combs.
+const FEWEST_OF_TOOTH: usize = 3;
 /// Harmonics of a modulated base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
 /// The same family with a higher base, where multiples of one number have nearly all of its evidence.
@@ -198,6 +201,9 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     if let Some(why) = of_the_wander(candidate, verdict, scene) {
         return Some(why);
     }
+    if is_tooth_of_train(candidate, scene) && standing.len() < FEWEST_OF_TOOTH {
+        return Some(format!("{} lines only, {FEWEST_OF_TOOTH} asked of one tooth", standing.len()));
+    }
     if candidate.is_base() {
         let harmonics = standing_harmonics(candidate, verdict);
         let alone = candidate.kind == Kind::Passage && harmonics.len() == 1;
@@ -223,6 +229,12 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
         }
         _ => None,
     }
+}
+
+/// Whether a family is one tooth's of a train's gear.
+fn is_tooth_of_train(candidate: &Candidate, scene: &Scene) -> bool {
+    let Kind::Train(own) = candidate.kind else { return false };
+    scene.gearing.as_ref().is_some_and(|gearing| gearing.family(own).what == What::Local)
 }
 
 /// Why a family that is sound says too little: one line alone, an order of neither shaft or a frequency of no supply,

@@ -7,12 +7,12 @@
 use super::basis::State;
 use super::clipping_detector::at_limit;
 use super::gearing::Gearing;
-use super::phase;
 use super::shaft::Shaft;
 use super::split::Split;
 use crate::analysis::angle::Angle;
 use crate::analysis::explained::Explained;
 use crate::analysis::lines::LOBE_BINS;
+use crate::analysis::mesh_phase as phase;
 use crate::budget::GRID;
 use crate::record::{Record, Run, Tach};
 use crate::spectral::AngleMap;
@@ -207,10 +207,11 @@ impl Scene {
         }
     }
 
-    /// Harmonics of the mesh up to the highest order; of a train all lines that its sound meshes have.
+    /// Harmonics of the mesh up to the highest order; of a train all lines that its meshes have, what
+    /// unequal load shares leave of a set included.
     pub fn mesh_lines(&self) -> Vec<f64> {
         if let Some(gearing) = &self.gearing {
-            return gearing.sound.clone();
+            return gearing.uneven.clone();
         }
         let z = self.mesh_order();
         (1..=(self.highest_order / z) as usize).map(|k| k as f64 * z).collect()

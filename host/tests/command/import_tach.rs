@@ -450,6 +450,34 @@ fn theory_lost_and_doubled_pulses_are_said_and_repaired() {
     let place = format!("3 pulses lost, put in (after 2 at {:.3} s, {:.3} s)", truth[79], truth[119]);
     assert!(printed.contains(&place), "{place}: {printed}");
     assert!(printed.contains(&format!("1 pulse doubled, taken out (after {:.3} s)", truth[40])), "{printed}");
+    let checked = accepted(&["check", &text(&folder.join("out"))]);
+    assert!(checked.contains("pulses at import: 3 lost and put in, 1 doubled and taken out"), "{checked}");
+}
+
+#[test]
+fn regress_edges_of_one_samples_width_have_a_samples_jitter() {
+    let (folder, rig) = (folder("tach-sharp"), Rig::new());
+    let mut channels = rig.housing();
+    channels.push(rig.tach_v(&rig.edges_s()).iter().map(|v| if *v > 2.5 { 5.0 } else { 0.0 }).collect());
+    let file = wav(&folder.join("run.wav"), &channels);
+    let (summary, _, _) = imported(&folder, &[&file], &["--tach", "3"]);
+    let jitter = summary["measured_tach"][0]["jitter_s"].as_f64().expect("a jitter");
+    // Uniform over a sample: 0.289 of it.
+    assert!((0.15..0.6).contains(&(jitter * RATE_HZ)), "{jitter} s at {RATE_HZ} Hz");
+}
+
+#[test]
+fn theory_a_channel_of_few_steps_is_said_by_import_and_by_check() {
+    let (folder, rig) = (folder("few-steps"), Rig::new());
+    let mut channels = rig.channels();
+    let peak = channels[0].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+    channels[1] = channels[1].iter().map(|x| (x / peak * 8.0).round() * peak / 8.0).collect();
+    let file = wav(&folder.join("run.wav"), &channels);
+    let (_, _, printed) = imported(&folder, &[&file], &["--tach", "3"]);
+    let checked = accepted(&["check", &text(&folder.join("out"))]);
+    for said in [printed, checked] {
+        assert!(said.contains("steps of the file's own numbers"), "{said}");
+    }
 }
 
 #[test]

@@ -168,7 +168,7 @@ fn fault_bad_files_are_refused_with_table_and_key_before_any_node_is_asked() {
         ("a-fraction", "[tach]\nmissing = 1.5\n", vec!["[tach] missing", "whole"]),
         ("no-toml", "[tach]\nmissing = = 2\n", vec!["line 2"]),
         ("a-law", "[law]\nlowest = 1\n", vec!["law"]),
-        ("an-alarm", "[[alarms]]\nwatched = \"Noise\"\n", vec!["alarms[0]", "Noise"]),
+        ("an-alarm", "[[alarms]]\nwatched = \"Noise\"\n", vec!["[[alarms]] 1", "Noise"]),
         ("a-gain-as-number", "[front_end]\ngain = 4\n", vec!["[front_end] gain", "name"]),
         ("no-such-gain", "[front_end]\ngain = \"X3\"\n", vec!["front_end", "X3"]),
         ("a-policy", "policy = \"Fast\"\n", vec!["policy", "Fast"]),

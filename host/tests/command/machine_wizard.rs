@@ -94,6 +94,12 @@ fn claim_the_wizard_writes_what_check_explains() {
     ] {
         assert!(said.contains(part), "{part}: {said}");
     }
+    let swapped = folder.join("swapped.toml").display().to_string();
+    let words =
+        ["machine", "new", "-o", &swapped, "--teeth", "64,21", "--module", "3", "--width", "25", "--power", "5"];
+    let output = meshband(&[&words[..], &["--speed", "24.3", "--quick"]].concat());
+    assert!(output.status.success(), "a pair may speed up");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("64 teeth drive 21: the pair speeds up by 3.05"));
     let output = meshband(&["machine", "new", "-o", &file, "--teeth", "21,64"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("exists"), "checked before anything is asked");
@@ -167,4 +173,16 @@ fn ref_the_key_list_is_what_the_reader_takes_and_the_documentation_shows() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../book/src/reference/machine.md");
     let page = std::fs::read_to_string(page).expect("the page");
     assert!(page.contains(&keys::markdown()), "reference/machine.md: `meshband machine keys --markdown`");
+}
+
+#[test]
+fn regress_a_law_that_predicts_no_single_edge_says_what_it_is_good_for() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("law-average");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let (machine, law) = (machines().join("19-48.toml").display().to_string(), folder.join("law.toml"));
+    let output = meshband(&["law", "fit", &machine, "-o", &law.display().to_string(), "--force"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    for part in ["it is an average: good for sampling rates with that margin", "`meshband law learn`"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
 }

@@ -145,6 +145,19 @@ fn regress_two_viewers_hear_the_same_and_a_third_asks_meanwhile() {
 }
 
 #[test]
+fn regress_a_served_machine_measures_by_its_own_law_and_doubts_are_said() {
+    let folder = folder("served-doubts");
+    let node = Node::start("17-38.toml", &["--duration", "3"]);
+    let said = accepted(&["monitor", &node.port(), "--once"]);
+    assert!(said.contains("MEASURING") && !said.contains("provisional") && !said.contains("law's domain"), "{said}");
+    let settings = folder.join("set.toml");
+    std::fs::write(&settings, "[[alarms]]\nwatched = \"Departure\"\nraise = 1\nclear = 0.5\n").expect("written");
+    let output = crate::common::meshband(&["configure", &node.port(), "--settings", &text(&settings), "--volatile"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("can never be raised without expected levels"), "{said}");
+}
+
+#[test]
 fn regress_an_alarm_that_stands_is_shown_to_whoever_comes_later() {
     let folder = folder("served-alarm");
     let settings = folder.join("set.toml");

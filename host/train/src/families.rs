@@ -3,12 +3,12 @@
 //! | fault | lines |
 //! | --- | --- |
 //! | runout, pitch error of a pair's gear | `k fm +- n f`, its own mesh only |
-//! | one tooth of a pair's gear | the same, far out |
+//! | one tooth of a pair's gear | the same, far out, and `n f` below its mesh |
 //! | runout of sun or planet | `k fm +- n f +- m fc`: the rate against the carrier, past a carrier that turns |
-//! | one tooth of sun, planet or ring | the same, far out, at `f` or at the rate of all contacts alike |
+//! | one tooth of sun, planet or ring | the same, far out, at `f` or at the rate of all contacts alike, and below |
 //! | shaft | `n f`, low |
 //!
-//! Sources: McFadden 1986; Feng and Zuo 2012 (planets). Limit: amplitudes are not foretold, a path is unknown.
+//! Sources: McFadden 1986; Feng and Zuo 2012 (planets). Limit: amplitudes are not predicted, a path is unknown.
 
 use super::kinematics::{Gear, Mesh, Role, Train};
 use super::lines;
@@ -23,6 +23,16 @@ const LOCAL_OF_SET: usize = 8;
 const FAR_OUT: i64 = 30;
 /// Carrier orders on each side of these.
 const CARRIER: i64 = 2;
+/// First multiple of a rate in the comb below the mesh that the push of one bad tooth makes: those below are a shaft's.
+const COMB_FROM: usize = SHAFT_ORDERS + 1;
+/// Most multiples of that comb at a set's gear.
+const COMB_OF_SET: usize = 40;
+/// Orders of its shaft about another gear's mesh harmonics that are that gear's: a runout's, once and twice per turn.
+const OF_NEIGHBOUR: f64 = MODULATIONS[1] as f64 + 0.5;
+/// Harmonics of a motor's, a coupling's or blades' line that are no tooth's.
+const OF_PART: u32 = 4;
+/// Orders that are one.
+const SAME: f64 = 1e-9;
 /// Low orders of a shaft.
 const SHAFT_ORDERS: usize = 4;
 /// Share of the lowest mesh order up to which an order is low.
@@ -108,6 +118,12 @@ pub fn all(train: &Train, highest: f64) -> Vec<Family> {
     for shaft in (0..train.shafts.len()).filter(|s| train.exact[*s]) {
         families.extend([1, SHAFT_ORDERS].map(|most| of_shaft(train, shaft, most)));
     }
+    let parts = lines::of_parts(train);
+    let harmonics = |own: &f64| (1..=OF_PART).map(|n| f64::from(n) * own).collect::<Vec<_>>();
+    let parts: Vec<f64> = parts.iter().flat_map(harmonics).collect();
+    for family in families.iter_mut().filter(|family| family.what == What::Local) {
+        family.lines.retain(|line| parts.iter().all(|own| (line.order - own).abs() > SAME));
+    }
     families.retain(|family| !family.lines.is_empty());
     families
 }
@@ -126,26 +142,68 @@ fn local(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Vec<Family> 
     let family = |rate: f64| {
         let most = if mesh.carrier.is_some() { LOCAL_OF_SET } else { LOCAL };
         let most = most.min((0.5 * mesh.order.value() / rate) as usize).max(1);
-        Family {
-            what: What::Local,
-            seat: Seat::Gear(index),
-            base: rate,
-            lines: beside(mesh, rate, most, highest, gear),
-        }
+        let mut lines = beside(mesh, rate, most, highest, gear);
+        lines.extend(below(mesh, gear, rate, most));
+        lines.retain(|line| line.order <= highest && !is_of_neighbour(train, mesh, index, line.order));
+        lines.sort_by(|a, b| a.order.total_cmp(&b.order));
+        lines.dedup_by(|a, b| (a.order - b.order).abs() < 1e-9);
+        Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines }
     };
     if rate == 0.0 {
         return Vec::new();
     }
     match gear.role {
-        Role::Ring => vec![of_ring(mesh, index, rate, highest)],
+        Role::Ring => vec![of_ring(train, mesh, index, highest)],
         _ if gear.contacts > 1 => vec![family(rate), family(f64::from(gear.contacts) * rate)],
         _ => vec![family(rate)],
     }
 }
 
-/// One tooth of the ring: carrier orders about the mesh, farther out than a sound set's planets pass.
-fn of_ring(mesh: &Mesh, index: usize, rate: f64, highest: f64) -> Family {
+/// The comb below the sidebands of the first mesh harmonic: a push as long as a pitch reaches up to it. Of a gear that
+/// several planets meet in turn, equal planets leave one carrier order at each multiple.
+fn below(mesh: &Mesh, gear: &Gear, rate: f64, most: usize) -> Vec<FaultLine> {
+    let carrier = mesh.carrier.as_ref().filter(|carrier| carrier.speed.sign() != 0);
+    let last = ((mesh.order.value() / rate).round() as usize).saturating_sub(most + 1);
+    let last = if mesh.carrier.is_some() { last.min(COMB_OF_SET) } else { last };
+    let word = gear.role.word();
+    let contacts = (rate / gear.rate.magnitude().value()).round() as i64;
+    let mut lines = Vec::new();
+    for n in COMB_FROM..=last {
+        let order = n as f64 * rate;
+        lines.push(FaultLine { order, spacing: order, label: format!("{n} {word}") });
+        let Some(carrier) = carrier else { continue };
+        let planets = i64::from(carrier.planets);
+        for m in (-CARRIER..=CARRIER).filter(|m| *m != 0) {
+            if gear.role == Role::Sun && (n as i64 * contacts - m).rem_euclid(planets) != 0 {
+                continue;
+            }
+            let order = order + m as f64 * carrier.speed.magnitude().value();
+            let sign = if m < 0 { '-' } else { '+' };
+            lines.push(FaultLine { order, spacing: order, label: format!("{n} {word} {sign} {} carrier", m.abs()) });
+        }
+    }
+    lines
+}
+
+/// Whether an order stands beside a mesh harmonic of another gear on the same shaft, where that gear is the likelier
+/// owner: what is left of two gears' lines tells them apart.
+fn is_of_neighbour(train: &Train, mesh: &Mesh, index: usize, order: f64) -> bool {
+    let Some(shaft) = train.gears[index].shaft else { return false };
+    let near = OF_NEIGHBOUR * train.shaft_order(shaft).value();
+    let is_other = |other: &&Mesh| {
+        other.stage != mesh.stage && other.gears.iter().any(|g| *g != index && train.gears[*g].shaft == Some(shaft))
+    };
+    train.meshes.iter().filter(is_other).any(|other| {
+        let own = other.order.value();
+        (order - (order / own).round().max(1.0) * own).abs() < near
+    })
+}
+
+/// One tooth of the ring: carrier orders about the mesh, farther out than a sound set's planets pass, and the planets'
+/// passing below it.
+fn of_ring(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Family {
     let (own, stage) = (mesh.order.value(), mesh.stage + 1);
+    let rate = train.gears[index].rate.magnitude().value();
     let sound = mesh.carrier.as_ref().map_or(0, lines::passes);
     let last = (sound + FAR_OUT).min((0.5 * own / rate) as i64);
     let mut lines = Vec::new();
@@ -156,7 +214,15 @@ fn of_ring(mesh: &Mesh, index: usize, rate: f64, highest: f64) -> Family {
             lines.push(FaultLine { order: k as f64 * own + spacing, spacing, label });
         }
     }
+    let planets = mesh.carrier.as_ref().map_or(1, |carrier| i64::from(carrier.planets));
+    let passes = (COMB_FROM as i64..((own / rate) as i64 - last)).filter(|n| n % planets == 0);
+    lines.extend(passes.map(|n| {
+        let order = n as f64 * rate;
+        FaultLine { order, spacing: order, label: format!("{n} ring") }
+    }));
     lines.retain(|line| line.order > 0.0 && line.order <= highest);
+    lines.sort_by(|a, b| a.order.total_cmp(&b.order));
+    lines.dedup_by(|a, b| (a.order - b.order).abs() < 1e-9);
     Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines }
 }
 
@@ -248,6 +314,25 @@ mod tests {
         assert!(has(gear[0], 23.0 + 15.0 * own) && !has(gear[0], 23.0));
         let shaft = find(&all, &train, "shaft 1 (gear of stage 1, pinion of stage 2): imbalance or misalignment");
         assert!(has(shaft[0], own));
+    }
+
+    #[test]
+    fn theory_the_push_of_a_tooth_reaches_up_to_its_mesh_and_leaves_what_others_own() {
+        let text = "[[stage]]\nkind = \"pair\"\nteeth = [32, 59]\n[[stage]]\nkind = \"pair\"\nteeth = [17, 32]\n\
+            [[coupling]]\nshaft = 1\nelements = 6\n";
+        let train = train(text);
+        let all = all(&train, 100.0);
+        let (rate, has) = (32.0 / 59.0, |family: &Family, order: f64| {
+            family.lines.iter().any(|line| (line.order - order).abs() < 1e-9)
+        });
+        let gear = find(&all, &train, "gear of stage 1: local tooth fault")[0];
+        let pinion = find(&all, &train, "pinion of stage 2: local tooth fault")[0];
+        for n in [8.0, 13.0, 38.0] {
+            assert!(has(gear, n * rate), "{n}");
+        }
+        assert!(!has(gear, 3.0 * rate), "the shaft's");
+        assert!(!has(gear, 16.0 * rate) && has(pinion, 16.0 * rate), "beside the mesh of stage 2");
+        assert!(!has(gear, 12.0 * rate) && !has(pinion, 12.0 * rate), "the coupling's second harmonic");
     }
 
     #[test]

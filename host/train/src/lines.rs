@@ -117,6 +117,14 @@ pub fn passages(train: &Train, mesh: &Mesh, carrier: &Carrier) -> Result<Vec<(Fr
     Ok(all.into_iter().filter(|(order, _)| *order != Fraction::ZERO).collect())
 }
 
+/// Orders of what a motor, couplings, blades and belts bring along.
+pub fn of_parts(train: &Train) -> Vec<f64> {
+    let mut lines = Vec::new();
+    // Orders beyond 128 bits are refused where the table is printed.
+    let _ = beside(train, &mut lines);
+    lines.into_iter().map(|line| line.value).collect()
+}
+
 /// Lines of motor, couplings, blades, belts.
 fn beside(train: &Train, lines: &mut Vec<Line>) -> Result<()> {
     let declaration = &train.declaration;
@@ -160,6 +168,16 @@ fn beside(train: &Train, lines: &mut Vec<Line>) -> Result<()> {
 /// Orders that a sound train has about its meshes, up to `highest`: harmonics of every mesh; of a set, what the
 /// planets' passing makes of them.
 pub fn of_sound_meshes(train: &Train, highest: f64) -> Vec<f64> {
+    about_meshes(train, highest, |carrier, k, n| n == 0 || phasing::stands(carrier, k, n))
+}
+
+/// The same with every carrier order as far as planets passing are owned: no set shares its load evenly, and then the
+/// lines stand, too, that equal planets cancel.
+pub fn of_uneven_meshes(train: &Train, highest: f64) -> Vec<f64> {
+    about_meshes(train, highest, |_, _, _| true)
+}
+
+fn about_meshes(train: &Train, highest: f64, stands: impl Fn(&Carrier, i64, i64) -> bool) -> Vec<f64> {
     let mut orders = Vec::new();
     for mesh in &train.meshes {
         let own = mesh.order.value();
@@ -171,8 +189,8 @@ pub fn of_sound_meshes(train: &Train, highest: f64) -> Vec<f64> {
         let pass = carrier.speed.magnitude().value();
         let way = (carrier.speed.sign() * carrier.against_ring.sign()) as f64;
         for k in 1..=(highest / own) as i64 {
-            let stands = (-reach..=reach).filter(|n| *n == 0 || phasing::stands(carrier, k, *n));
-            orders.extend(stands.map(|n| k as f64 * own + way * n as f64 * pass));
+            let standing = (-reach..=reach).filter(|n| stands(carrier, k, *n));
+            orders.extend(standing.map(|n| k as f64 * own + way * n as f64 * pass));
         }
     }
     orders.retain(|order| *order > 0.0 && *order <= highest);
@@ -213,5 +231,8 @@ mod tests {
         assert!(has(96.0 * pass) && has(93.0 * pass) && has(95.0 * pass), "harmonic and its standing sidebands");
         assert!(!has(94.0 * pass) && !has(97.0 * pass));
         assert!(!has(60.0 * pass), "farther than planets pass");
+        let uneven = of_uneven_meshes(&set, 60.0);
+        let has = |order: f64| uneven.iter().any(|own| (own - order).abs() < 1e-9);
+        assert!(orders.iter().all(|order| has(*order)) && has(94.0 * pass) && !has(60.0 * pass));
     }
 }

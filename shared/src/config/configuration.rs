@@ -442,7 +442,7 @@ impl core::fmt::Display for ConfigurationError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Law(error) => write!(f, "law {}: {error:?}", self.wanted()),
-            Self::Alarm(index) => write!(f, "alarms[{index}] {}", self.wanted()),
+            Self::Alarm(index) => write!(f, "alarm {} (alarms) {}", index + 1, self.wanted()),
             other => write!(f, "{} {}", other.field(), other.wanted()),
         }
     }

@@ -174,15 +174,18 @@ impl Angle {
     /// The same without the jitter of its tachometer ([`jitter`]), where that is phase at the highest order; a virtual
     /// one has none.
     pub fn settled(mut self, tach: &Tach) -> Self {
-        let highest_hz = self.highest_order * self.speed.fastest_hz;
-        let matters = tach.jitter_s.is_none_or(|jitter_s| TAU * highest_hz * jitter_s > PHASE_RAD);
-        if matters
-            && !tach.is_virtual()
+        if self.is_blurred_by(tach)
             && let Some(map) = self.settled_map()
         {
             self.map = map;
         }
         self
+    }
+
+    /// Whether a tachometer's jitter is phase at the highest order; a virtual one has none, an unknown one may be.
+    pub fn is_blurred_by(&self, tach: &Tach) -> bool {
+        let highest_hz = self.highest_order * self.speed.fastest_hz;
+        !tach.is_virtual() && tach.jitter_s.is_none_or(|jitter_s| TAU * highest_hz * jitter_s > PHASE_RAD)
     }
 
     /// The map through smoothed times of whole turns; nothing where the speed moves too fast for it, or runs up.

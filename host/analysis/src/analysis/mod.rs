@@ -16,6 +16,7 @@ pub mod families;
 pub mod jitter;
 pub mod letter;
 pub mod lines;
+pub mod mesh_phase;
 pub mod order_map;
 pub mod order_spectrum;
 pub mod report;
@@ -199,7 +200,10 @@ fn run_outcomes(
         let run = &record.runs[index];
         let place = format!("{} run {index}", record.folder.display());
         let angle = match Angle::of(run, tach, teeth, &place) {
-            Ok(angle) => angle.with_cheap_turns(Some(Hunting::of(teeth).turns as usize)).settled(tach),
+            Ok(angle) => {
+                let angle = angle.with_cheap_turns(Some(Hunting::of(teeth).turns as usize)).settled(tach);
+                mesh_phase::followed(angle, run, tach, f64::from(teeth[0]))
+            }
             Err(error) => {
                 notes.push(format!("left out: {error}"));
                 refused.get_or_insert(error);

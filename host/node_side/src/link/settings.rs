@@ -125,7 +125,7 @@ impl Settings {
                 ("velocity_from", Some(held), Value::Number(_)) => *held = new.clone(),
                 ("alarms" | "modes" | "levels" | "local_levels", Some(held), Value::Array(list)) => {
                     for (n, item) in list.iter().enumerate() {
-                        check_item(key, item).map_err(|what| refuse(&format!("{key}[{n}]"), what))?;
+                        check_item(key, item).map_err(|what| refuse(&format!("[[{key}]] {}", n + 1), what))?;
                     }
                     *held = new.clone();
                 }

@@ -272,7 +272,7 @@ fn rival(pulsed: &Pulsed<'_>, combs: &Combs, implied_hz: f64) -> Option<(String,
     }
     let turn_hz = implied_hz / f64::from(pulsed.teeth[0]);
     let last = if combs.harmonics(implied_hz, HARMONIC_DB) < SURE_HARMONICS { 4 * pulsed.teeth[0] } else { 0 };
-    for teeth in (5..=last).filter(|teeth| *teeth != pulsed.teeth[0]) {
+    for teeth in (5..=last).filter(|teeth| teeth.abs_diff(pulsed.teeth[0]) > pulsed.passes) {
         let hz = f64::from(teeth) * turn_hz;
         if combs.can_see(hz) {
             let db = combs.score_with(hz, teeth);

@@ -2,7 +2,7 @@
 //!
 //! In: channels with their rate, and pulses and teeth where there are any. Out: remarks, each one sentence with
 //! place, figure and what it means. `samples` (limits, standstill, repeats), `clocks` (channels against each other),
-//! `hum` (mains), `mesh` (the mesh line against the pulses; `comb` finds it, `phase` follows it over all turns,
+//! `hum` (mains), `steps` (of the file's own numbers), `repairs` (of pulses, at import), `mesh` (the mesh line against the pulses; `comb` finds it, `phase` follows it over all turns,
 //! `folding` tries what an encoder above half the sampling rate would mean). `meshband import` says them of what it
 //! reads, `check` and `analyse` of a record. Nothing is refused here, nothing mended.
 
@@ -13,7 +13,9 @@ pub mod hum;
 pub mod mesh;
 mod phase;
 pub mod pulsed;
+pub mod repairs;
 pub mod samples;
+pub mod steps;
 mod thresholds;
 
 use crate::record::{Record, Run};
@@ -37,6 +39,10 @@ pub enum Kind {
     Clock,
     /// Lines of the mains.
     Hum,
+    /// Few of the numbers that the file had were used.
+    FewSteps,
+    /// Pulses that the import put in, took out or left out of step.
+    Pulses,
     /// The mesh line against pulses and teeth: not everywhere, or with a remark.
     Mesh,
     /// Pulses, shaft or teeth look wrong: every order is in doubt.
@@ -82,6 +88,13 @@ pub fn of_run(record: &Record, run: &Run) -> Vec<Remark> {
     let names = &record.declaration.acquisition.channels;
     let channels: Vec<Vec<f64>> = (0..run.channels()).map(|c| run.signal_m_s2(c)).collect();
     let mut remarks = of_channels(names, &channels, run.sample_rate_hz());
+    let few = |(c, signal): (usize, &Vec<f64>)| {
+        let step = steps::of_source(signal)?;
+        let text = steps::judge(&names[c], steps::level(signal), step)?;
+        Some(Remark::new(Kind::FewSteps, Some(c), text))
+    };
+    remarks.extend(channels.iter().enumerate().filter_map(few));
+    remarks.extend(repairs::of(run).map(|text| Remark::new(Kind::Pulses, None, text)));
     if let Some(check) = mesh_of(record, run, &channels) {
         let kind = match (check.is_plain(), check.doubtful) {
             (true, _) => Kind::MeshConfirmed,
@@ -120,6 +133,7 @@ pub fn mesh_of(record: &Record, run: &Run, channels: &[Vec<f64>]) -> Option<mesh
             named => format!("the {named}"),
         },
         teeth,
+        passes: 0,
         nominal: tach.source.as_deref() == Some("nominal"),
         sampled_at_hz: None,
     };

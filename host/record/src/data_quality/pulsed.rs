@@ -16,6 +16,9 @@ pub struct Pulsed<'a> {
     pub shaft: String,
     /// Teeth of pinion and gear.
     pub teeth: [u32; 2],
+    /// Carrier orders on each side of a mesh harmonic at which a planetary set has lines of its own: sidebands that
+    /// stand there are no other number of teeth. 0 for a pair.
+    pub passes: u32,
     /// The speed was only given, no pulse was measured.
     pub nominal: bool,
     /// Rate at which the pulses were sampled, Hz, where they come from a signal.

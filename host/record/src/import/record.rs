@@ -6,7 +6,7 @@ use super::tach::{self, TachFigures, TachOptions};
 use super::virtual_tach::{Options, Quality, followed, virtual_tach};
 use super::{Columns, Reading, declared, quantisation, read_as};
 use crate::budget::VALUES;
-use crate::data_quality::{self, mesh, pulsed::Pulsed};
+use crate::data_quality::{self, mesh, pulsed::Pulsed, steps};
 use crate::machine::Machine;
 use crate::machine::bearing::Bearing;
 use crate::record::{
@@ -239,11 +239,13 @@ pub fn import(files: &[PathBuf], options: &ImportOptions) -> Result<(Record, Imp
 /// The mesh that a measured tachometer is compared with: the pair's, or the first of a train.
 fn compared(options: &ImportOptions) -> Option<tach::Compared> {
     if let Some(teeth) = options.teeth {
-        return Some(tach::Compared { teeth, turns: 1.0 });
+        return Some(tach::Compared { teeth, turns: 1.0, passes: 0 });
     }
     let train = options.train.as_ref()?;
     let (teeth, shaft) = super::train::virtual_teeth(train)?;
-    Some(tach::Compared { teeth, turns: train.shaft_order(shaft).value().abs() })
+    let carrier = train.meshes.first().and_then(|mesh| mesh.carrier.as_ref());
+    let passes = carrier.map_or(0, |carrier| crate::train::lines::passes(carrier) as u32);
+    Some(tach::Compared { teeth, turns: train.shaft_order(shaft).value().abs(), passes })
 }
 
 /// What the mesh line says of a speed that was only given.
@@ -256,6 +258,7 @@ fn nominal_mesh(run: &Group, made: &Run, rate_hz: f64, options: &ImportOptions) 
         ratio: 1.0,
         shaft: "the pinion".into(),
         teeth: options.teeth?,
+        passes: 0,
         nominal: true,
         sampled_at_hz: None,
     };
@@ -413,15 +416,16 @@ fn quantisation_snr_db(
     let step = full_scale / crate::record::CODE_MAX;
     let mut worst = vec![f64::INFINITY; names.len()];
     for run in runs {
-        let of = |channel: &Vec<f64>| (quantisation::resolution(channel, step), quantisation::source_step(channel));
+        let of = |channel: &Vec<f64>| (quantisation::resolution(channel, step), steps::of_source(channel));
         let found: Vec<_> = run.channels.par_iter().map(of).collect();
         for (((found, own_step), name), worst) in found.into_iter().zip(names).zip(&mut worst) {
             remarks.extend(quantisation::judge(&run.label, name, &found, full_scale, given)?);
             *worst = worst.min(found.snr_db);
             // The file's own steps where they are coarser than the record's.
             if let Some(own_step) = own_step.filter(|own| *own > step) {
-                remarks.extend(quantisation::judge_source(&run.label, name, found.level, own_step));
-                *worst = worst.min(quantisation::over_quantisation(found.level, own_step));
+                let few = steps::judge(name, found.level, own_step);
+                remarks.extend(few.map(|what| format!("{}: {what}", run.label)));
+                *worst = worst.min(steps::over_quantisation(found.level, own_step));
             }
         }
     }

@@ -47,6 +47,9 @@ pub struct Scored {
     pub level: f64,
     /// Verdict, name of everything reported.
     pub reported: Vec<[String; 2]>,
+    /// Lines that stand of everything reported, strongest first.
+    #[serde(default)]
+    pub lines: Vec<Vec<String>>,
     /// Whether anything was reported at a gear, a shaft or an order.
     pub found: bool,
     /// Whether the right gear and stage are named, alone or among others.
@@ -62,6 +65,8 @@ pub struct Scored {
 impl Scored {
     fn judge(&mut self, outcome: &Outcome) {
         self.reported = outcome.effects.iter().map(|e| [e.verdict.clone(), e.name.clone()]).collect();
+        let line = |(label, order): &(String, f64)| format!("{label} at {order:.4}");
+        self.lines = outcome.effects.iter().map(|e| e.lines.iter().map(line).collect()).collect();
         self.found = !outcome.effects.is_empty();
         let is_right = |name: &str| !self.seat.is_empty() && name.contains(&self.seat);
         self.right = self.reported.iter().any(|[_, name]| is_right(name));
@@ -117,6 +122,7 @@ fn one(seed: u64, id: String, number: u64, level: Option<f64>) -> Scored {
         seat: String::new(),
         level: level.unwrap_or(0.0),
         reported: Vec::new(),
+        lines: Vec::new(),
         found: false,
         right: false,
         wrong: 0,

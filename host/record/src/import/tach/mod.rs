@@ -183,6 +183,8 @@ pub(super) struct Compared {
     pub teeth: [u32; 2],
     /// Turns of its driver per turn of the pinion, or of a train's input.
     pub turns: f64,
+    /// As [`Pulsed::passes`].
+    pub passes: u32,
 }
 
 /// Time before the first pulse and behind the last one, s, where nothing is known of the shaft.
@@ -236,7 +238,7 @@ pub(super) fn measured(
             tach.figures.first_pulse_index = mark.map_or(0, |mark| mark as u32);
         }
         tach.figures.bare_s = bare_s(&tach.edges_s, run.channels[0].len() as f64 / rate_hz);
-        if let Some(Compared { teeth, turns }) = compared {
+        if let Some(Compared { teeth, turns, passes }) = compared {
             let pulsed = Pulsed {
                 channels: &run.channels,
                 rate_hz,
@@ -245,6 +247,7 @@ pub(super) fn measured(
                 ratio: shaft.ratio(teeth) / turns,
                 shaft: shaft.name(),
                 teeth,
+                passes,
                 nominal: false,
                 sampled_at_hz: tach.sampled_at_hz,
             };

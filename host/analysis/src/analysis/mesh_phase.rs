@@ -9,7 +9,8 @@
 //! all lines alike and slowly is taken for the angle; in a run-up the path turns the lines, so a measured tachometer
 //! is left alone there.
 
-use crate::analysis::angle::Angle;
+use super::angle::Angle;
+use crate::record::{Run, Tach};
 use crate::spectral::{AngleMap, interpolated};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
@@ -33,6 +34,9 @@ const ROUNDS: [(f64, f64); 8] =
     [(1.0, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05)];
 /// Fewest windows.
 const FEWEST: usize = 8;
+/// Most channels whose lines an analysis follows, and rounds of it.
+const FOLLOWED: usize = 4;
+const FOLLOWING: usize = 2;
 /// Samples after which a turning factor is made anew.
 const RENEWED: usize = 1024;
 
@@ -82,6 +86,24 @@ impl Windows {
     }
 }
 
+/// The angle of an analysis with the mesh lines' departure taken out: of one mark per turn whose jitter is phase at the
+/// highest order, what smoothing leaves is more than the lines themselves say. Cost: the channels are resampled once
+/// or twice more.
+pub fn followed(mut angle: Angle, run: &Run, tach: &Tach, mesh_order: f64) -> Angle {
+    if tach.pulses_per_rev > 1 || angle.runs_up() || !angle.is_blurred_by(tach) {
+        return angle;
+    }
+    let moving = (0..run.channels()).filter(|c| run.moves(*c)).take(FOLLOWED);
+    let signals: Vec<Vec<f64>> = moving.map(|c| run.signal_m_s2(c)).collect();
+    for _ in 0..FOLLOWING {
+        let samples: Vec<Vec<f64>> = signals.par_iter().map(|s| angle.resampled(s, run.sample_rate_hz())).collect();
+        let found = departure(&samples, &angle, mesh_order, angle.highest_order);
+        let Some(map) = found.and_then(|departure| departure.taken_out(&angle)) else { break };
+        angle.map = map;
+    }
+    angle
+}
+
 /// What the lines say the angle is off; nothing where they do not get sharper.
 pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_order: f64) -> Option<Departure> {
     let count = ((highest_order / mesh_order) as usize).min(HARMONICS);
@@ -122,7 +144,7 @@ fn windowed(samples: &[f64], per_turn: usize, order: f64, (length, hop): (f64, f
 }
 
 /// Sums of the samples turned back by `cycles` per sample, up to each of them.
-pub(super) fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
+pub fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
     let mut sums = Vec::with_capacity(samples.len() + 1);
     let mut sum = Complex64::default();
     let step = Complex64::from_polar(1.0, -TAU * cycles);
@@ -140,7 +162,7 @@ pub(super) fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
 }
 
 /// Mean square of the values up to `beside` places on either side of each.
-pub(super) fn running_power(values: &[Complex64], beside: usize) -> Vec<f64> {
+pub fn running_power(values: &[Complex64], beside: usize) -> Vec<f64> {
     let mut sums = vec![0.0];
     for value in values {
         sums.push(sums[sums.len() - 1] + value.norm_sqr());
