@@ -272,7 +272,10 @@ fn rival(pulsed: &Pulsed<'_>, combs: &Combs, implied_hz: f64) -> Option<(String,
     }
     let turn_hz = implied_hz / f64::from(pulsed.teeth[0]);
     let last = if combs.harmonics(implied_hz, HARMONIC_DB) < SURE_HARMONICS { 4 * pulsed.teeth[0] } else { 0 };
-    for teeth in (5..=last).filter(|teeth| teeth.abs_diff(pulsed.teeth[0]) > pulsed.passes) {
+    let own_teeth = pulsed.teeth[0];
+    // Beside harmonics of its mesh a planetary set has lines of its own.
+    let is_other = |teeth: &u32| (teeth % own_teeth).min(own_teeth - teeth % own_teeth) > pulsed.passes;
+    for teeth in (5..=last).filter(|teeth| *teeth != own_teeth && (pulsed.passes == 0 || is_other(teeth))) {
         let hz = f64::from(teeth) * turn_hz;
         if combs.can_see(hz) {
             let db = combs.score_with(hz, teeth);

@@ -2,9 +2,10 @@
 //!
 //! In: channels with their rate, and pulses and teeth where there are any. Out: remarks, each one sentence with
 //! place, figure and what it means. `samples` (limits, standstill, repeats), `clocks` (channels against each other),
-//! `hum` (mains), `steps` (of the file's own numbers), `repairs` (of pulses, at import), `mesh` (the mesh line against the pulses; `comb` finds it, `phase` follows it over all turns,
-//! `folding` tries what an encoder above half the sampling rate would mean). `meshband import` says them of what it
-//! reads, `check` and `analyse` of a record. Nothing is refused here, nothing mended.
+//! `hum` (mains), `steps` (of the file's own numbers), `repairs` (of pulses, at import), `mesh` (the mesh line against
+//! the pulses; `comb` finds it, `phase` follows it over all turns, `folding` tries what an encoder above half the
+//! sampling rate would mean). `meshband import` says them of what it reads, `check` and `analyse` of a record. Nothing
+//! is refused here, nothing mended.
 
 pub mod clocks;
 pub(crate) mod comb;
