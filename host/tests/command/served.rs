@@ -151,7 +151,8 @@ fn regress_a_served_machine_measures_by_its_own_law_and_doubts_are_said() {
     let said = accepted(&["monitor", &node.port(), "--once"]);
     assert!(said.contains("law ") && !said.contains("provisional") && !said.contains("law's domain"), "{said}");
     let settings = folder.join("set.toml");
-    std::fs::write(&settings, "[[alarms]]\nwatched = \"Departure\"\nraise = 1\nclear = 0.5\n").expect("written");
+    let alarm = "[[alarms]]\nwatched = \"Departure\"\nfrom = 5\nto = 60\nraise = 1\nclear = 0.5\npersistence = 3\n";
+    std::fs::write(&settings, alarm).expect("written");
     let output = crate::common::meshband(&["configure", &node.port(), "--settings", &text(&settings), "--volatile"]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains("can never be raised without expected levels"), "{said}");
