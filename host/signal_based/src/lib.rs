@@ -1,9 +1,9 @@
 //! The loop on measured records: what tooth counts and a speed reference say, without a machine's equations.
 //!
 //! 1. [`preflight`]: which inference a record allows, and what is missing for the next.
-//! 2. [`scene`], [`crate::analysis::jitter`], [`phase`], [`split`]: every channel at equal angles without the tach's
-//!    jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held out, and every second
-//!    of many channels.
+//! 2. [`scene`], [`crate::analysis::jitter`], [`crate::analysis::mesh_phase`], [`split`]: every channel at equal angles
+//!    without the tach's jitter, those of the mesh lines where the tach does not follow; a quarter of the turns held
+//!    out, and every second of many channels.
 //! 3. [`baseline`]: mesh harmonics behind an unknown path, constant (declared) or moving with the speed (calibrated),
 //!    each line as [`basis_selection`] has it, through the [`pole_search`] of a run-up.
 //! 4. [`families`], [`search`], [`secondary_lines`]: structured families of lines in what is left (in a run-up less
