@@ -36,9 +36,9 @@ const WAVEFORMS: [(&str, CaptureConfig); 3] = [
 const WITH_WAVEFORMS_HZ: [f64; 3] = [210_000.0, 300_000.0, 420_000.0];
 const WITH_WAVEFORMS_CYCLES: f64 = 2.0;
 /// Converter rates tried with two sensors.
-const OF_TWO_HZ: [f64; 3] = [150_000.0, 180_000.0, 209_000.0];
+const TWO_SENSOR_RATES_HZ: [f64; 3] = [150_000.0, 180_000.0, 209_000.0];
 /// Rates that must hold in a row.
-const IN_A_ROW: usize = 3;
+const MIN_HELD_RATES: usize = 3;
 
 fn main() -> ExitCode {
     let Some(image) = std::env::args_os().nth(1).and_then(|path| image::with_loader(path.as_ref()).ok()) else {
@@ -66,7 +66,7 @@ fn main() -> ExitCode {
          free at worst there |"
     );
     println!("| --- | --- | --- | --- | --- |");
-    for (sensors, rates_hz) in [(1, WITH_WAVEFORMS_HZ), (2, OF_TWO_HZ)] {
+    for (sensors, rates_hz) in [(1, WITH_WAVEFORMS_HZ), (2, TWO_SENSOR_RATES_HZ)] {
         for rate_hz in rates_hz {
             println!("{}", row_of_sensors(&image, sensors, rate_hz));
         }
@@ -105,7 +105,7 @@ fn row(image: &Image, cycles: f64) -> String {
             }
             None => held.push((rate_hz, outcomes)),
         }
-        if held.len() == IN_A_ROW {
+        if held.len() == MIN_HELD_RATES {
             break;
         }
     }

@@ -25,7 +25,7 @@ const SPEED_ERROR: f64 = 2e-3;
 /// How far the age of the last status may vary, s.
 const DRIFT_S: f64 = 1.5;
 /// Blocks that may have been sampled and not yet processed when the statistics were asked for.
-const UNDER_WAY: u64 = 8;
+const MAX_PENDING_BLOCKS: u64 = 8;
 /// Questions after a part, and what each may take, s: random bytes may have begun a frame that swallows the first.
 const QUESTIONS: u32 = 3;
 const QUESTION_S: f64 = 0.2;
@@ -244,7 +244,7 @@ impl Soak {
     /// Every block counted once and none lost, as many samples as the blocks hold, no counter back.
     fn counted(&self, asked_at: u64, before: Option<&Statistics>, now: &Statistics) -> Result<(), String> {
         let processed = u64::from(now.blocks);
-        if now.blocks_lost > 0 || processed > self.seen.blocks || processed + UNDER_WAY < asked_at {
+        if now.blocks_lost > 0 || processed > self.seen.blocks || processed + MAX_PENDING_BLOCKS < asked_at {
             let made = self.seen.blocks;
             return Err(format!("{made} blocks were sampled, {processed} processed and {} lost", now.blocks_lost));
         }

@@ -6,7 +6,7 @@
 //! is cleared.
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 
 const EOC: u32 = 1 << 1;
 const STRT: u32 = 1 << 4;
@@ -17,7 +17,7 @@ const ADON: u32 = 1 << 0;
 const DMA: u32 = 1 << 8;
 const DDS: u32 = 1 << 9;
 const EOCS: u32 = 1 << 10;
-const LEFT: u32 = 1 << 11;
+const ALIGN: u32 = 1 << 11;
 const SWSTART: u32 = 1 << 30;
 /// Reference and temperature sensor on, in the common register.
 const TSVREFE: u32 = 1 << 23;
@@ -87,7 +87,7 @@ impl Converters {
 
     /// When the next conversion under way ends.
     pub fn due(&self) -> Time {
-        self.each.iter().map(Adc::due).min().unwrap_or(NEVER)
+        self.each.iter().map(Adc::due).min().unwrap_or(NO_INSTANT)
     }
 
     /// Whether the interrupt, which they share, is asked for.
@@ -174,7 +174,7 @@ impl Adc {
 
     /// When the conversion under way ends.
     pub fn due(&self) -> Time {
-        self.running.map_or(NEVER, |conversion| conversion.end)
+        self.running.map_or(NO_INSTANT, |conversion| conversion.end)
     }
 
     /// The conversion that has ended.
@@ -190,7 +190,7 @@ impl Adc {
             self.sr |= OVR;
             return;
         }
-        self.dr = if self.cr2 & LEFT != 0 { u32::from(code) << 4 } else { code.into() };
+        self.dr = if self.cr2 & ALIGN != 0 { u32::from(code) << 4 } else { code.into() };
         self.sr |= EOC;
         self.request = self.cr2 & DMA != 0;
     }
@@ -247,7 +247,7 @@ impl Adc {
     }
 
     fn control(&mut self, value: u32) -> Access<()> {
-        within(value, ADON | DMA | DDS | EOCS | LEFT | 0x3f00_0000)?;
+        within(value, ADON | DMA | DDS | EOCS | ALIGN | 0x3f00_0000)?;
         if value & DMA != 0 && value & DDS == 0 {
             return Err(Refusal::Forbidden("without DDS the requests end with the stream's first round"));
         }

@@ -12,7 +12,7 @@ use crate::time::Source;
 
 /// First address of what is beside the core.
 pub const SYSTEM: u32 = 0xe000_e000;
-const UNIQUE: u32 = 0x1fff_7a10;
+const UNIQUE_ID: u32 = 0x1fff_7a10;
 const FLASH_SIZE: u32 = 0x1fff_7a22;
 /// What the factory measured of reference and temperature sensor.
 const FACTORY: u32 = 0x1fff_7a2a;
@@ -91,7 +91,7 @@ impl Chip {
     pub fn read(&mut self, address: u32, size: u32) -> Access<u32> {
         match address {
             flash::START..0x0810_0000 => return Ok(self.flash.read_data(address - flash::START, size, &self.cells)),
-            UNIQUE..IDENTITY_END => return self.read_identity(address, size),
+            UNIQUE_ID..IDENTITY_END => return self.read_identity(address, size),
             _ => {}
         }
         let (device, offset) = self.locate(address, size)?;
@@ -121,7 +121,7 @@ impl Chip {
 
     fn read_identity(&self, address: u32, size: u32) -> Access<u32> {
         match address {
-            UNIQUE | 0x1fff_7a14 | 0x1fff_7a18 if size == 4 => Ok(self.unique[((address - UNIQUE) / 4) as usize]),
+            UNIQUE_ID | 0x1fff_7a14 | 0x1fff_7a18 if size == 4 => Ok(self.unique[((address - UNIQUE_ID) / 4) as usize]),
             FLASH_SIZE if size == 2 => Ok(flash::BYTES / 1024),
             FACTORY..IDENTITY_END if size == 2 && address.is_multiple_of(2) => {
                 Ok(self.factory[((address - FACTORY) / 2) as usize].into())

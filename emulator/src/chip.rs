@@ -18,7 +18,7 @@ use crate::memory::Pages;
 use crate::nvic::{Nvic, exception};
 use crate::rcc::{Clocks, Rcc, Resets, cause};
 use crate::spi::Spi;
-use crate::time::{NEVER, Schedule, Source, Time, UNITS_PER_SECOND};
+use crate::time::{NO_INSTANT, Schedule, Source, Time, UNITS_PER_SECOND};
 use crate::timer::{Timer, Update};
 use crate::usart::Usart;
 use crate::watchdog::Watchdog;
@@ -145,7 +145,7 @@ impl Chip {
         let mut cells = Pages::new(flash::BYTES as usize);
         cells.fill(0xff);
         let timer = |bits| Timer::new(bits, clocks.timers);
-        let tach = TachPin { level: false, accepted: false, accept_at: NEVER, reject_at: NEVER };
+        let tach = TachPin { level: false, accepted: false, accept_at: NO_INSTANT, reject_at: NO_INSTANT };
         let mut chip = Self {
             now: 0,
             cells,
@@ -173,7 +173,7 @@ impl Chip {
             spi2: Spi::default(),
             ports: std::array::from_fn(Port::new),
             tach,
-            pulse_accepted: NEVER,
+            pulse_accepted: NO_INSTANT,
             noise: 0x9e37_79b9_7f4a_7c15,
         };
         chip.forget_memory();
@@ -298,8 +298,8 @@ impl Chip {
         self.nvic = Nvic::default();
         self.schedule = Schedule::default();
         self.reset_peripherals(Resets::ALL);
-        (self.tach.accept_at, self.tach.reject_at) = (NEVER, NEVER);
-        self.pulse_accepted = NEVER;
+        (self.tach.accept_at, self.tach.reject_at) = (NO_INSTANT, NO_INSTANT);
+        self.pulse_accepted = NO_INSTANT;
         self.follow_clocks();
         self.follow_inputs();
         self.see_outputs(before);
@@ -322,15 +322,15 @@ impl Chip {
         }
         if apb1 & 1 << 14 != 0 {
             self.spi2.reset();
-            self.schedule.set(Source::Spi, NEVER);
+            self.schedule.set(Source::Spi, NO_INSTANT);
         }
         if apb2 & 1 << 4 != 0 {
             self.usart = Usart::default();
-            self.schedule.set(Source::Sent, NEVER);
+            self.schedule.set(Source::Sent, NO_INSTANT);
         }
         if apb2 & 1 << 8 != 0 {
             self.adc = Converters::default();
-            self.schedule.set(Source::Converter, NEVER);
+            self.schedule.set(Source::Converter, NO_INSTANT);
         }
         self.schedule.set(Source::Dma, self.dma[0].due().min(self.dma[1].due()));
         self.follow_timers();
@@ -380,11 +380,12 @@ impl Chip {
 
     /// Takes up the world's next deeds, after they were changed from outside.
     pub fn follow_inputs(&mut self) {
-        let pin = self.inputs.tach.front().map_or(NEVER, |edge| self.time.at(edge.0));
+        let pin = self.inputs.tach.front().map_or(NO_INSTANT, |edge| self.time.at(edge.0));
         self.schedule.set(Source::Pin, pin);
-        let pulse = self.inputs.second_pulses.front().map_or(NEVER, |&edge| self.time.at(edge));
-        self.schedule.set(Source::SecondPulse, if self.pulse_accepted == NEVER { pulse } else { self.pulse_accepted });
-        let byte = self.inputs.bytes.front().map_or(NEVER, |byte| self.time.at(byte.0));
+        let pulse = self.inputs.second_pulses.front().map_or(NO_INSTANT, |&edge| self.time.at(edge));
+        self.schedule
+            .set(Source::SecondPulse, if self.pulse_accepted == NO_INSTANT { pulse } else { self.pulse_accepted });
+        let byte = self.inputs.bytes.front().map_or(NO_INSTANT, |byte| self.time.at(byte.0));
         self.schedule.set(Source::Received, byte);
     }
 
@@ -553,7 +554,12 @@ impl Chip {
         let at = self.now + TRANSFER_CYCLES * self.clocks.core;
         for (controller, stream, channel, asks) in self.requests() {
             let stream = &mut self.dma[controller].streams[stream];
-            if asks && stream.is_enabled() && stream.left() > 0 && stream.channel() == channel && stream.due == NEVER {
+            if asks
+                && stream.is_enabled()
+                && stream.left() > 0
+                && stream.channel() == channel
+                && stream.due == NO_INSTANT
+            {
                 stream.due = at;
                 let due = self.schedule.at(Source::Dma).min(at);
                 self.schedule.set(Source::Dma, due);
@@ -565,7 +571,7 @@ impl Chip {
         for controller in [0, 1] {
             for number in 0..8 {
                 if self.dma[controller].streams[number].due <= self.now {
-                    self.dma[controller].streams[number].due = NEVER;
+                    self.dma[controller].streams[number].due = NO_INSTANT;
                     self.transfer(controller, number);
                     let line = [interrupt::DMA1, interrupt::DMA2][controller][number];
                     self.nvic.set_line(line, self.dma[controller].interrupt(number));
@@ -689,11 +695,15 @@ impl Chip {
         tach.level = level;
         if level == tach.accepted {
             // A relapse between two samples is not noticed.
-            tach.reject_at = if tach.accept_at == NEVER { NEVER } else { seen };
-        } else if tach.reject_at <= seen && tach.reject_at != NEVER && tach.accept_at != NEVER && tach.reject_at >= at {
-            tach.reject_at = NEVER;
+            tach.reject_at = if tach.accept_at == NO_INSTANT { NO_INSTANT } else { seen };
+        } else if tach.reject_at <= seen
+            && tach.reject_at != NO_INSTANT
+            && tach.accept_at != NO_INSTANT
+            && tach.reject_at >= at
+        {
+            tach.reject_at = NO_INSTANT;
         } else {
-            tach.reject_at = NEVER;
+            tach.reject_at = NO_INSTANT;
             tach.accept_at = seen + Time::from(samples.saturating_sub(1)) * step;
         }
         self.schedule.set(Source::Filter, tach.accept_at.min(tach.reject_at));
@@ -703,10 +713,10 @@ impl Chip {
     fn on_filter(&mut self, at: Time) {
         let tach = &mut self.tach;
         if tach.reject_at <= at {
-            (tach.reject_at, tach.accept_at) = (NEVER, NEVER);
+            (tach.reject_at, tach.accept_at) = (NO_INSTANT, NO_INSTANT);
             return;
         }
-        tach.accept_at = NEVER;
+        tach.accept_at = NO_INSTANT;
         tach.accepted = tach.level;
         let level = tach.level;
         if self.ports[0].mode(0) == Mode::Alternate(2) && self.tim5.capture_pin(level, at) {
@@ -719,12 +729,12 @@ impl Chip {
 
     /// The pulse per second rises, or its filter has accepted it.
     fn on_second_pulse(&mut self, at: Time) {
-        if self.pulse_accepted == NEVER {
+        if self.pulse_accepted == NO_INSTANT {
             self.inputs.second_pulses.pop_front();
             let (samples, step) = self.tim5.fourth_filter();
             self.pulse_accepted = at.div_ceil(step) * step + Time::from(samples.saturating_sub(1)) * step;
         } else {
-            self.pulse_accepted = NEVER;
+            self.pulse_accepted = NO_INSTANT;
             if self.ports[0].mode(SECOND_PULSE) == Mode::Alternate(2) {
                 self.tim5.capture_fourth(at);
             }

@@ -11,7 +11,7 @@ use crate::flash::{self, DATA_START};
 use crate::frame::{self, Frame};
 use crate::nvic::{Masks, exception, fault};
 use crate::rcc::cause;
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 use crate::unicorn::{Code, EXECUTE, Engine, Handle, READ, Register, WRITE, WRITE_REFUSED};
 use std::ffi::{c_int, c_uint, c_void};
 
@@ -20,7 +20,7 @@ const CODE_BYTES: usize = (DATA_START - flash::START) as usize;
 /// Fractions of a unit in which instructions are charged.
 const FRACTIONS: u64 = 256;
 /// Bits of the status register that tell that a block of conditional instructions is under way.
-const CONDITIONAL: u32 = 0x0600_fc00;
+const CONDITION_BITS: u32 = 0x0600_fc00;
 /// Unicorn's number of a return from an exception.
 const EXCEPTION_RETURN: u32 = 8;
 /// Unicorn's number of a supervisor call.
@@ -221,7 +221,7 @@ impl Cpu {
                 self.start()?;
             }
             let flash = self.chip().flash.due();
-            if flash != NEVER {
+            if flash != NO_INSTANT {
                 // Nothing can be fetched meanwhile.
                 self.chip_mut().advance(flash.min(until));
                 continue;
@@ -237,7 +237,7 @@ impl Cpu {
             }
             if let Some(number) = self.chip().nvic.next(masks) {
                 // Conditional instructions that are under way are ended first, as if one.
-                let conditional = self.engine.get(Register::XPSR) & CONDITIONAL != 0;
+                let conditional = self.engine.get(Register::XPSR) & CONDITION_BITS != 0;
                 self.core_mut().defer = conditional;
                 if !conditional {
                     self.enter(number)?;
@@ -378,11 +378,11 @@ impl Cpu {
             Some(Stop::Block) => self.pc = self.core().block,
             Some(Stop::Exception(EXCEPTION_RETURN)) => self.leave()?,
             Some(Stop::Exception(SUPERVISOR_CALL)) => self.chip_mut().nvic.pend(exception::SV_CALL),
-            Some(Stop::Exception(_)) => self.fault(fault::UNDEFINED, self.pc)?,
+            Some(Stop::Exception(_)) => self.fault(fault::UNDEFINED_INSTRUCTION, self.pc)?,
             Some(Stop::Refused(address, refusal)) => return Err(self.violation(address, describe(&refusal))),
             Some(Stop::Unmapped(address)) => self.unmapped(code, address)?,
             None if code == Code::OK => self.sleeping = true,
-            None if code == Code::INVALID_INSTRUCTION => self.fault(fault::UNDEFINED, self.pc)?,
+            None if code == Code::INVALID_INSTRUCTION => self.fault(fault::UNDEFINED_INSTRUCTION, self.pc)?,
             None => return Err(Error::Engine(format!("stopped with code {} at {:#010x}", code.0, self.pc))),
         }
         Ok(())
@@ -395,7 +395,7 @@ impl Cpu {
             return self.leave();
         }
         if self.unmapped_is_fault {
-            return self.fault(if fetched { fault::FETCH } else { fault::PRECISE }, address);
+            return self.fault(if fetched { fault::FETCH } else { fault::PRECISE_ERROR }, address);
         }
         let what = if fetched { "fetch from where nothing is" } else { "access to where nothing is" };
         Err(self.violation(address, what.into()))
@@ -529,7 +529,7 @@ impl Core {
         }
         let waits = self.chip.nvic.has_pending() || self.chip.nvic.reset_request || self.chip.restart;
         let enough = self.now >= self.until || self.instructions >= self.limit;
-        waits || enough || self.chip.flash.due() != NEVER
+        waits || enough || self.chip.flash.due() != NO_INSTANT
     }
 }
 

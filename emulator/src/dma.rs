@@ -5,7 +5,7 @@
 //! 10.3.13).
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 
 const EN: u32 = 1 << 0;
 const TEIE: u32 = 1 << 2;
@@ -24,13 +24,13 @@ pub mod flag {
     /// FIFO error.
     pub const FIFO: u32 = 1 << 0;
     /// Direct mode error.
-    pub const DIRECT: u32 = 1 << 2;
+    pub const DIRECT_MODE: u32 = 1 << 2;
     /// Transfer error.
     pub const ERROR: u32 = 1 << 3;
     /// Half of the items.
     pub const HALF: u32 = 1 << 4;
     /// All of the items.
-    pub const COMPLETE: u32 = 1 << 5;
+    pub const COMPLETION: u32 = 1 << 5;
 }
 
 /// Which way a stream goes.
@@ -74,7 +74,7 @@ impl Default for Stream {
             flags: 0,
             moved: 0,
             ahead: None,
-            due: NEVER,
+            due: NO_INSTANT,
         }
     }
 }
@@ -126,7 +126,7 @@ impl Stream {
         if self.ndtr > 0 {
             return;
         }
-        self.flags |= flag::COMPLETE;
+        self.flags |= flag::COMPLETION;
         self.moved = 0;
         if self.cr & DBM != 0 {
             self.cr ^= CT;
@@ -136,7 +136,7 @@ impl Stream {
         } else {
             self.cr &= !EN;
             // What the device asked for meanwhile is another stream's.
-            (self.due, self.ahead) = (NEVER, None);
+            (self.due, self.ahead) = (NO_INSTANT, None);
         }
     }
 
@@ -144,11 +144,11 @@ impl Stream {
     pub fn fail(&mut self) {
         self.flags |= flag::ERROR;
         self.cr &= !EN;
-        (self.due, self.ahead) = (NEVER, None);
+        (self.due, self.ahead) = (NO_INSTANT, None);
     }
 
     fn interrupt(&self) -> bool {
-        [(TCIE, flag::COMPLETE), (HTIE, flag::HALF), (TEIE, flag::ERROR)]
+        [(TCIE, flag::COMPLETION), (HTIE, flag::HALF), (TEIE, flag::ERROR)]
             .iter()
             .any(|(enable, flag)| self.cr & enable != 0 && self.flags & flag != 0)
     }
@@ -196,8 +196,8 @@ impl Stream {
             self.cr = value;
             if value & EN == 0 {
                 // The end of a stream stopped by the program is told as a complete transfer (section 10.3.14).
-                self.flags |= flag::COMPLETE;
-                (self.due, self.ahead) = (NEVER, None);
+                self.flags |= flag::COMPLETION;
+                (self.due, self.ahead) = (NO_INSTANT, None);
             }
             return Ok(false);
         }
@@ -259,7 +259,7 @@ impl Dma {
 
     /// When the first item is moved.
     pub fn due(&self) -> Time {
-        self.streams.iter().map(|stream| stream.due).min().unwrap_or(NEVER)
+        self.streams.iter().map(|stream| stream.due).min().unwrap_or(NO_INSTANT)
     }
 
     /// Reads a register.

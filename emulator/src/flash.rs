@@ -5,7 +5,7 @@
 //! in that time leaves a torn word or sector.
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time, UNITS_PER_SECOND};
+use crate::time::{NO_INSTANT, Time, UNITS_PER_SECOND};
 
 /// First address.
 pub const START: u32 = 0x0800_0000;
@@ -20,7 +20,7 @@ const PROGRAM_TIME: Time = UNITS_PER_SECOND * 16 / 1_000_000;
 /// A sector of 128 KiB by words, data sheet: 1 s typical.
 const ERASE_TIME: Time = UNITS_PER_SECOND;
 const SECTOR_OF_ERASE_TIME: u32 = 0x2_0000;
-const ERASED: u8 = 0xff;
+const ERASED_BYTE: u8 = 0xff;
 
 /// Option bytes as the factory leaves them: no protection, brown-out reset off.
 const FACTORY_OPTIONS: u32 = 0x0fff_aaed;
@@ -120,7 +120,7 @@ impl Flash {
 
     /// When it has finished.
     pub fn due(&self) -> Time {
-        self.work.map_or(NEVER, |(_, _, end)| end)
+        self.work.map_or(NO_INSTANT, |(_, _, end)| end)
     }
 
     /// It has finished.
@@ -135,7 +135,7 @@ impl Flash {
             }
             Some((Work::Erase { sector: number }, ..)) => {
                 let (offset, bytes) = sector(number);
-                cells[offset as usize..(offset + bytes) as usize].fill(ERASED);
+                cells[offset as usize..(offset + bytes) as usize].fill(ERASED_BYTE);
                 self.erased += 1;
             }
             None => {}

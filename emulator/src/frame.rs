@@ -6,7 +6,7 @@ use crate::chip::Chip;
 use crate::unicorn::{Engine, Register};
 
 /// Bit of the status register that tells that a word was skipped to align the frame.
-const ALIGNED: u32 = 1 << 9;
+const ALIGNMENT: u32 = 1 << 9;
 /// Bit of the status register: Thumb.
 const THUMB: u32 = 1 << 24;
 /// Floating-point context active, in the control register.
@@ -30,7 +30,7 @@ pub struct Pushed {
     pub whole: bool,
 }
 
-const BASIC: [Register; 6] =
+const BASIC_REGISTERS: [Register; 6] =
     [Register::r(0), Register::r(1), Register::r(2), Register::r(3), Register::r(12), Register::LR];
 
 /// Pushes a frame for a return to `pc`.
@@ -41,8 +41,8 @@ pub fn push(engine: &mut Engine, chip: &mut Chip, pc: u32) -> Pushed {
     let before = engine.get(Register::SP);
     let skipped = chip.nvic.aligns_frames() && before & 4 != 0;
     let sp = before.wrapping_sub(4 * words) & if skipped { !7 } else { !3 };
-    let status = engine.get(Register::XPSR) & !ALIGNED | THUMB | if skipped { ALIGNED } else { 0 };
-    let mut values: Vec<u32> = BASIC.iter().map(|register| engine.get(*register)).collect();
+    let status = engine.get(Register::XPSR) & !ALIGNMENT | THUMB | if skipped { ALIGNMENT } else { 0 };
+    let mut values: Vec<u32> = BASIC_REGISTERS.iter().map(|register| engine.get(*register)).collect();
     values.extend([pc, status]);
     if frame.extended {
         values.extend((0..16).map(|n| engine.get(Register::s(n))));
@@ -63,7 +63,7 @@ pub fn push(engine: &mut Engine, chip: &mut Chip, pc: u32) -> Pushed {
 pub fn pop(engine: &mut Engine, chip: &Chip, frame: Frame) -> Option<u32> {
     let sp = engine.get(Register::SP);
     let word = |n: u32| chip.peek(sp.wrapping_add(4 * n));
-    for (n, register) in (0..).zip(BASIC) {
+    for (n, register) in (0..).zip(BASIC_REGISTERS) {
         engine.set(register, word(n)?);
     }
     let (pc, status) = (word(6)?, word(7)?);
@@ -74,11 +74,11 @@ pub fn pop(engine: &mut Engine, chip: &Chip, frame: Frame) -> Option<u32> {
         engine.set(Register::FPSCR, word(24)?);
     }
     let words = if frame.extended { EXTENDED_WORDS } else { BASIC_WORDS };
-    let skipped = if status & ALIGNED != 0 { 4 } else { 0 };
+    let skipped = if status & ALIGNMENT != 0 { 4 } else { 0 };
     engine.set(Register::SP, sp.wrapping_add(4 * words) | skipped);
     let control = engine.get(Register::CONTROL) & !FPCA;
     engine.set(Register::CONTROL, control | if frame.extended { FPCA } else { 0 });
-    engine.set(Register::XPSR, status & !ALIGNED);
+    engine.set(Register::XPSR, status & !ALIGNMENT);
     Some(pc)
 }
 

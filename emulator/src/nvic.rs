@@ -4,7 +4,7 @@
 //! Priorities of four bits without groups of sub-priorities, tail-chaining by the processor ([`crate::cpu`]).
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 
 /// Numbers of exceptions.
 pub mod exception {
@@ -25,7 +25,7 @@ pub mod exception {
 use exception::{FIRST_INTERRUPT, HARD_FAULT, NMI, PEND_SV, SYS_TICK};
 
 /// Priority of a core that handles nothing.
-const IDLE: i16 = 256;
+const IDLE_PRIORITY: i16 = 256;
 /// Interrupts of an STM32F405, in words.
 const WORDS: usize = 3;
 const VECTOR_KEY: u32 = 0x05fa;
@@ -42,11 +42,11 @@ pub mod fault {
     /// Fetch from where nothing is.
     pub const FETCH: u32 = 1 << 8;
     /// Access to where nothing is, with its address in `BFAR`.
-    pub const PRECISE: u32 = 1 << 9 | 1 << 15;
+    pub const PRECISE_ERROR: u32 = 1 << 9 | 1 << 15;
     /// The exception's frame could not be pushed.
     pub const STACKING: u32 = 1 << 12;
     /// No such instruction.
-    pub const UNDEFINED: u32 = 1 << 16;
+    pub const UNDEFINED_INSTRUCTION: u32 = 1 << 16;
     /// The floating-point unit is not open.
     pub const NO_COPROCESSOR: u32 = 1 << 19;
 }
@@ -154,11 +154,11 @@ impl Nvic {
 
     /// Priority at which the core works, masks included.
     pub fn execution_priority(&self, masks: Masks) -> i16 {
-        let handled = self.active.iter().map(|&number| self.priority_of(number)).min().unwrap_or(IDLE);
+        let handled = self.active.iter().map(|&number| self.priority_of(number)).min().unwrap_or(IDLE_PRIORITY);
         let masked = match masks {
             Masks { faultmask: 1, .. } => -1,
             Masks { primask: 1, .. } => 0,
-            Masks { basepri: 0, .. } => IDLE,
+            Masks { basepri: 0, .. } => IDLE_PRIORITY,
             Masks { basepri, .. } => basepri as i16,
         };
         handled.min(masked)
@@ -243,7 +243,7 @@ impl Nvic {
     pub fn note_fault(&mut self, why: u32, address: u32) {
         self.cfsr |= why;
         self.hfsr |= 1 << 30;
-        if why == fault::PRECISE {
+        if why == fault::PRECISE_ERROR {
             self.bfar = address;
         }
     }
@@ -252,7 +252,7 @@ impl Nvic {
     pub fn tick_due(&self, core: Time) -> Time {
         let tick = &self.tick;
         if tick.control & TICK_ENABLE == 0 || tick.reload == 0 {
-            return NEVER;
+            return NO_INSTANT;
         }
         // From zero it takes one clock to be loaded.
         let left = if tick.count == 0 { Time::from(tick.reload) + 1 } else { tick.count.into() };

@@ -4,10 +4,10 @@
 //! is found by [`Rcc::is_clocked`].
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time, UNITS_PER_SECOND};
+use crate::time::{NO_INSTANT, Time, UNITS_PER_SECOND};
 
 /// Units of a cycle of the internal oscillator, 16 MHz.
-const INTERNAL: Time = 21;
+const INTERNAL_CYCLE: Time = 21;
 /// Units of a cycle of the crystal, 8 MHz.
 const CRYSTAL: Time = 42;
 /// The crystal's start, data sheet: 2 ms.
@@ -125,8 +125,8 @@ impl Rcc {
             apb2enr: 0,
             resets: Resets::default(),
             csr: cause::BROWN_OUT | cause::PIN | cause::POWER,
-            crystal_ready: NEVER,
-            pll_ready: NEVER,
+            crystal_ready: NO_INSTANT,
+            pll_ready: NO_INSTANT,
         }
     }
 
@@ -162,7 +162,7 @@ impl Rcc {
     /// The clocks in force; `None` where they are no whole number of units.
     pub fn clocks(&self) -> Option<Clocks> {
         let core = match self.cfgr >> 2 & 3 {
-            0 => INTERNAL,
+            0 => INTERNAL_CYCLE,
             1 => CRYSTAL,
             _ => self.pll_cycle()?,
         };
@@ -173,7 +173,7 @@ impl Rcc {
     }
 
     fn pll_cycle(&self) -> Option<Time> {
-        let source = if self.pllcfgr & PLL_FROM_CRYSTAL != 0 { CRYSTAL } else { INTERNAL };
+        let source = if self.pllcfgr & PLL_FROM_CRYSTAL != 0 { CRYSTAL } else { INTERNAL_CYCLE };
         let (m, n) = (Time::from(self.pllcfgr & 0x3f), Time::from(self.pllcfgr >> 6 & 0x1ff));
         let p = 2 * (1 + Time::from(self.pllcfgr >> 16 & 3));
         let product = source * m * p;
@@ -188,11 +188,11 @@ impl Rcc {
     /// Something is ready.
     pub fn happen(&mut self, now: Time) {
         if self.crystal_ready <= now {
-            self.crystal_ready = NEVER;
+            self.crystal_ready = NO_INSTANT;
             self.cr |= HSERDY;
         }
         if self.pll_ready <= now {
-            self.pll_ready = NEVER;
+            self.pll_ready = NO_INSTANT;
             self.cr |= PLLRDY;
         }
     }
@@ -201,7 +201,7 @@ impl Rcc {
     pub fn lose_crystal(&mut self) -> bool {
         self.oscillators.crystal = false;
         let (guarded, on_crystal) = (self.cr & CSSON != 0 && self.cr & HSERDY != 0, self.is_on_crystal());
-        self.crystal_ready = NEVER;
+        self.crystal_ready = NO_INSTANT;
         self.cr &= !HSERDY;
         if !guarded {
             return false;
@@ -283,15 +283,15 @@ impl Rcc {
             self.crystal_ready = now + CRYSTAL_START;
         }
         if fallen & HSEON != 0 {
-            self.crystal_ready = NEVER;
+            self.crystal_ready = NO_INSTANT;
             self.cr &= !HSERDY;
         }
         if risen & PLLON != 0 {
             let fed = self.pllcfgr & PLL_FROM_CRYSTAL == 0 || self.cr & HSERDY != 0;
-            self.pll_ready = if self.oscillators.pll && fed { now + PLL_LOCK } else { NEVER };
+            self.pll_ready = if self.oscillators.pll && fed { now + PLL_LOCK } else { NO_INSTANT };
         }
         if fallen & PLLON != 0 {
-            self.pll_ready = NEVER;
+            self.pll_ready = NO_INSTANT;
             self.cr &= !PLLRDY;
         }
         if self.cr & HSION != 0 {

@@ -3,7 +3,7 @@
 //! The bytes are moved by the core. What the pins carry is the chip's to say: it knows their modes and the select pin.
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 
 const CPHA_CPOL: u32 = 0b11;
 const MSTR: u32 = 1 << 2;
@@ -59,7 +59,7 @@ impl Spi {
 
     /// When the byte on the wire ends.
     pub fn due(&self) -> Time {
-        self.shifting.map_or(NEVER, |(_, end)| end)
+        self.shifting.map_or(NO_INSTANT, |(_, end)| end)
     }
 
     fn begin(&mut self, now: Time, apb1: Time) {

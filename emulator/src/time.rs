@@ -11,7 +11,7 @@ pub type Time = u64;
 pub const UNITS_PER_SECOND: u64 = 336_000_000;
 
 /// An instant that does not come.
-pub const NEVER: Time = u64::MAX;
+pub const NO_INSTANT: Time = u64::MAX;
 
 /// What may be due; those named first come first at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,18 +85,18 @@ pub struct Schedule {
 
 impl Default for Schedule {
     fn default() -> Self {
-        Self { due: [NEVER; SOURCES], earliest: NEVER }
+        Self { due: [NO_INSTANT; SOURCES], earliest: NO_INSTANT }
     }
 }
 
 impl Schedule {
-    /// Sets or clears ([`NEVER`]) an instant.
+    /// Sets or clears ([`NO_INSTANT`]) an instant.
     pub fn set(&mut self, source: Source, at: Time) {
         let before = std::mem::replace(&mut self.due[source as usize], at);
         if at < self.earliest {
             self.earliest = at;
         } else if before == self.earliest {
-            self.earliest = self.due.iter().copied().min().unwrap_or(NEVER);
+            self.earliest = self.due.iter().copied().min().unwrap_or(NO_INSTANT);
         }
     }
 
@@ -112,12 +112,12 @@ impl Schedule {
 
     /// Takes the first source that is due at or before `limit`.
     pub fn take(&mut self, limit: Time) -> Option<(Time, Source)> {
-        if self.earliest > limit || self.earliest == NEVER {
+        if self.earliest > limit || self.earliest == NO_INSTANT {
             return None;
         }
         let at = self.earliest;
         let source = ALL.into_iter().find(|source| self.due[*source as usize] == at)?;
-        self.set(source, NEVER);
+        self.set(source, NO_INSTANT);
         Some((at, source))
     }
 }

@@ -4,7 +4,7 @@
 //! Counts are not stepped: a counter knows since when it has counted, and when it will overflow.
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 
 const CEN: u32 = 1 << 0;
 const UDIS: u32 = 1 << 1;
@@ -119,7 +119,7 @@ impl Timer {
 
     /// When the counter overflows by itself.
     pub fn due(&self) -> Time {
-        let Some(since) = self.since else { return NEVER };
+        let Some(since) = self.since else { return NO_INSTANT };
         let left = if self.count <= self.arr_loaded {
             Time::from(self.arr_loaded - self.count) + 1
         } else {

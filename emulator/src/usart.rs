@@ -2,7 +2,7 @@
 //! interrupt at the end of what was sent. RM0090 section 30.
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time};
+use crate::time::{NO_INSTANT, Time};
 
 const ORE: u32 = 1 << 3;
 const RXNE: u32 = 1 << 5;
@@ -85,7 +85,7 @@ impl Usart {
 
     /// When the byte on the wire ends.
     pub fn due(&self) -> Time {
-        self.sending.map_or(NEVER, |(_, end)| end)
+        self.sending.map_or(NO_INSTANT, |(_, end)| end)
     }
 
     /// A byte to send has come.

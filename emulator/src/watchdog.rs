@@ -1,7 +1,7 @@
 //! Independent watchdog: its own oscillator, cannot be stopped. RM0090 section 21.
 
 use crate::error::{Access, Refusal, within};
-use crate::time::{NEVER, Time, UNITS_PER_SECOND};
+use crate::time::{NO_INSTANT, Time, UNITS_PER_SECOND};
 
 const START: u32 = 0xcccc;
 const UNLOCK: u32 = 0x5555;
@@ -31,7 +31,7 @@ impl Default for Watchdog {
             unlocked: false,
             prescaler_settled: 0,
             reload_settled: 0,
-            expires: NEVER,
+            expires: NO_INSTANT,
         }
     }
 }
@@ -71,7 +71,7 @@ impl Watchdog {
     /// # Errors
     /// A register or bit that is not modelled, or what the manual forbids.
     pub fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
-        let runs = self.expires != NEVER;
+        let runs = self.expires != NO_INSTANT;
         match (offset, value) {
             (0x00, UNLOCK) => self.unlocked = true,
             (0x00, START) => {

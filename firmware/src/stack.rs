@@ -34,14 +34,14 @@ pub fn high_water() -> StackUse {
 }
 
 /// Bytes below the stack pointer that [`repaint`] leaves alone.
-const SPARED: u32 = 256;
+const SPARED_BYTES: u32 = 256;
 
 /// Paints anew what is free now, so that [`high_water`] shows the deepest use from here on.
 #[inline(never)]
 pub fn repaint() {
     let mut word = (&raw const _stack_end).cast_mut();
     // The compiler may push registers after the pointer was read: those few words are left alone.
-    let here = cortex_m::register::msp::read().saturating_sub(SPARED) as *mut u32;
+    let here = cortex_m::register::msp::read().saturating_sub(SPARED_BYTES) as *mut u32;
     while word < here {
         // SAFETY: between the stack's end and this function's frame lies memory that nobody uses; an interrupt's frame
         // there has served by the time this goes on.

@@ -88,7 +88,7 @@ fn found(script: &str, prepare: impl FnOnce(&mut Attack)) -> Vec<Failure> {
     kinds
 }
 
-const REFUSED: &str = "echo 'meshband: in/a: is no signal' >&2; exit 2";
+const REFUSAL: &str = "echo 'meshband: in/a: is no signal' >&2; exit 2";
 
 #[test]
 fn theory_the_judge_sees_every_kind_of_failure() {
@@ -136,12 +136,12 @@ fn theory_the_judge_sees_every_kind_of_failure() {
 #[test]
 fn theory_the_judge_accepts_sound_endings() {
     let none: [Failure; 0] = [];
-    assert_eq!(found(REFUSED, |_| {}), none);
-    assert_eq!(found(&format!("echo 'warning: worn' >&2; echo '   0.0 s  reading' >&2; {REFUSED}"), |_| {}), none);
+    assert_eq!(found(REFUSAL, |_| {}), none);
+    assert_eq!(found(&format!("echo 'warning: worn' >&2; echo '   0.0 s  reading' >&2; {REFUSAL}"), |_| {}), none);
     assert_eq!(found("echo 'Nano information'", |_| {}), none);
     let record = |a: &mut Attack| a.targets.push(Target::new("out/r", Kind::Record));
     assert_eq!(found("cp -R in/record out/r", record), none);
-    assert_eq!(found(REFUSED, record), none);
+    assert_eq!(found(REFUSAL, record), none);
     let replaces = |a: &mut Attack| {
         a.targets.push(Target::new("out/old", Kind::Json));
         a.forced = true;

@@ -24,7 +24,7 @@ runs into the time limit counts as killed. Survivors are listed with what is kno
 ";
 
 /// Tests of the node that need host, drivers or emulator.
-const FOREIGN: [&str; 5] =
+const FOREIGN_CRATES: [&str; 5] =
     ["meshband_host", "meshband_emulator", "meshband_stm32", "meshband_drivers", "meshband_tests::script"];
 /// Of the tests' helpers, those that need `shared` alone.
 const HELPERS: [&str; 3] = ["gear_signal", "mock_flash", "plant"];
@@ -215,7 +215,7 @@ fn reduced(tree: &Path) -> Outcome {
     for name in main.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')) {
         let file = format!("tests/tests/node/{name}.rs");
         let text = read(root().join(&file))?;
-        if FOREIGN.iter().all(|foreign| !text.contains(foreign)) {
+        if FOREIGN_CRATES.iter().all(|foreign| !text.contains(foreign)) {
             write(tree.join(&file), &text)?;
             let _ = writeln!(kept, "mod {name};");
         }

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// Images whose sizes are watched, with what their board needs.
-const SIZED: [&str; 3] = ["an386", "loader", "stm32f405"];
+const SIZED_IMAGES: [&str; 3] = ["an386", "loader", "stm32f405"];
 
 /// Everything that is built: binary and board. The drill restarts itself in QEMU, for
 /// `tests/tests/qemu/qemu_runner.rs`; the released node is linked for each of its two slots.
@@ -25,7 +25,7 @@ pub const IMAGES: [(&str, &str); 5] = [
 ];
 
 /// The board the limits are meant for.
-pub const RELEASED: &str = "stm32f405";
+pub const RELEASE_BOARD: &str = "stm32f405";
 /// Bytes of flash a released image may take: three quarters of its slot, the rest is for what updates bring.
 const FLASH_LIMIT: u64 = 192 * 1024;
 /// Bytes of flash that the loader may take: the first sector.
@@ -93,7 +93,7 @@ pub fn size(args: &[String]) -> Outcome {
         format!("{:10} {:>8} {:>8} {:>8} {:>9} {:>9} {:>9}\n", "image", "text", "data", "bss", "flash", "RAM", "stack");
     let (mut complaints, mut stacks) = (Vec::new(), Vec::new());
     let before = std::fs::read_to_string(snapshot("size.txt")).unwrap_or_default();
-    for board in SIZED {
+    for board in SIZED_IMAGES {
         let path = image(board);
         if !path.exists() {
             return Err(format!("no image of {board}: run `cargo xtask node-build` first"));
@@ -113,7 +113,7 @@ pub fn size(args: &[String]) -> Outcome {
         if board == "loader" {
             complain_above(&mut complaints, board, "flash", flash, LOADER_LIMIT);
         }
-        if board == RELEASED {
+        if board == RELEASE_BOARD {
             complain_above(&mut complaints, board, "flash", flash, FLASH_LIMIT);
             complain_above(&mut complaints, board, "RAM", ram, RAM_LIMIT);
             let limit = STACK_LIMIT.min(stack.size.saturating_sub(STACK_MARGIN));
@@ -164,35 +164,35 @@ fn recorded(table: &str, board: &str) -> Option<(u64, u64)> {
 /// the flash.
 fn check_start_and_logs(complaints: &mut Vec<String>) -> Outcome {
     const VECTOR_TABLE_OFFSET: u32 = 0xe000_ed08;
-    let path = image(RELEASED);
+    let path = image(RELEASE_BOARD);
     let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let image = elf::Image::parse(&bytes).ok_or_else(|| format!("{}: no ELF32 with symbols", path.display()))?;
     let words = image.loaded.iter().flat_map(|(_, data)| data.chunks_exact(4));
     if !words.into_iter().any(|word| word == VECTOR_TABLE_OFFSET.to_le_bytes()) {
-        complaints.push(format!("{RELEASED}: never sets the vector table's address"));
+        complaints.push(format!("{RELEASE_BOARD}: never sets the vector table's address"));
     }
     let is_log =
         |name: &&&str| name.contains("\"package\":\"meshband-node\"") && name.contains("\"tag\":\"defmt_info\"");
     let logs = image.names.keys().filter(is_log).count();
-    println!("{RELEASED}: {logs} log messages");
+    println!("{RELEASE_BOARD}: {logs} log messages");
     if logs == 0 {
-        complaints.push(format!("{RELEASED}: its logs are compiled out; DEFMT_LOG is set in firmware/build.rs"));
+        complaints.push(format!("{RELEASE_BOARD}: its logs are compiled out; DEFMT_LOG is set in firmware/build.rs"));
     }
     Ok(())
 }
 
 /// The released image's panics per file; complains about our own and about files that are new.
 fn check_panics(complaints: &mut Vec<String>, bless: bool) -> Outcome<String> {
-    let sites = elf::panic_sites(&image(RELEASED))?;
+    let sites = elf::panic_sites(&image(RELEASE_BOARD))?;
     for PanicSite { file, line, column } in sites.iter().filter(|site| site.is_own()) {
-        complaints.push(format!("{RELEASED}: can panic at {file}:{line}:{column}"));
+        complaints.push(format!("{RELEASE_BOARD}: can panic at {file}:{line}:{column}"));
     }
     let mut files: BTreeMap<&str, usize> = BTreeMap::new();
     for site in &sites {
         *files.entry(&site.file).or_default() += 1;
     }
     println!(
-        "{RELEASED}: {} places can panic, {} of them ours",
+        "{RELEASE_BOARD}: {} places can panic, {} of them ours",
         sites.len(),
         sites.iter().filter(|s| s.is_own()).count()
     );
@@ -202,7 +202,7 @@ fn check_panics(complaints: &mut Vec<String>, bless: bool) -> Outcome<String> {
         let line = format!("{places:4} {file}");
         println!("{line}");
         if !bless && !before.lines().any(|known| known.split_whitespace().nth(1) == Some(file)) {
-            complaints.push(format!("{RELEASED}: {file} can panic and is not in the snapshot"));
+            complaints.push(format!("{RELEASE_BOARD}: {file} can panic and is not in the snapshot"));
         }
         let _ = writeln!(list, "{line}");
     }

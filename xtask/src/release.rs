@@ -6,14 +6,14 @@
 //! `emulator/tests/flashed/update.rs` holds the file against the node's own reading of it.
 
 use crate::elf::{self, Image};
-use crate::node_build::{RELEASED, image};
+use crate::node_build::{RELEASE_BOARD, image};
 use crate::shell::Outcome;
 use std::path::Path;
 
 /// First address of flash.
 const FLASH: u32 = 0x0800_0000;
 /// Slots: image and first address (`memory.x`).
-const SLOTS: [(&str, u32); 2] = [(RELEASED, 0x0802_0000), ("stm32f405_b", 0x0806_0000)];
+const SLOTS: [(&str, u32); 2] = [(RELEASE_BOARD, 0x0802_0000), ("stm32f405_b", 0x0806_0000)];
 /// From a slot's first address to its image.
 const IMAGE_OFFSET: u32 = 512;
 const HEADER_BYTES: usize = 64;
@@ -35,7 +35,7 @@ pub fn write() -> Outcome {
 }
 
 fn write_beside(ending: &str, bytes: &[u8]) -> Outcome {
-    let path = image(RELEASED).with_extension(ending);
+    let path = image(RELEASE_BOARD).with_extension(ending);
     std::fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))
 }
 
@@ -44,7 +44,7 @@ fn write_beside(ending: &str, bytes: &[u8]) -> Outcome {
 pub fn first_flash() -> Outcome<Vec<u8>> {
     let loader = flat(&read(&image("loader"))?, FLASH)?;
     let (_, base) = SLOTS[0];
-    let (header, bytes) = whole(&image(RELEASED), base)?;
+    let (header, bytes) = whole(&image(RELEASE_BOARD), base)?;
     let mut flash = vec![0xff; (base - FLASH + IMAGE_OFFSET) as usize];
     flash[..loader.len()].copy_from_slice(&loader);
     let marks = FIRST_MARKS.iter().flat_map(|word| word.to_le_bytes());

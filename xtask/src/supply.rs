@@ -2,7 +2,7 @@
 //! same.
 
 use crate::elf::Image;
-use crate::node_build::{IMAGES, RELEASED};
+use crate::node_build::{IMAGES, RELEASE_BOARD};
 use crate::setup::{self, TARGET};
 use crate::shell::{
     Outcome, TemporaryFolder, capture, cargo, command, on_path, programs, root, run, say, stamp, timed,
@@ -116,13 +116,13 @@ pub fn image_elsewhere() -> Outcome<Option<String>> {
     // A commit object of what is changed and tracked; nothing where nothing is.
     let changed = capture(command(&["git", "-C"]).arg(root()).args(["stash", "create"]))?;
     let sources = if changed.trim().is_empty() { "HEAD" } else { changed.trim() };
-    build_in(&place, sources, &[(RELEASED, RELEASED)])?;
-    let [here, there] = [loaded(&root(), RELEASED)?, loaded(&place, RELEASED)?];
+    build_in(&place, sources, &[(RELEASE_BOARD, RELEASE_BOARD)])?;
+    let [here, there] = [loaded(&root(), RELEASE_BOARD)?, loaded(&place, RELEASE_BOARD)?];
     if here == there {
         return Ok(None);
     }
     let first = here.iter().zip(&there).position(|(a, b)| a != b).unwrap_or(here.len().min(there.len()));
-    Err(format!("{RELEASED}: {} and {} bytes loaded, first different at byte {first}", here.len(), there.len()))
+    Err(format!("{RELEASE_BOARD}: {} and {} bytes loaded, first different at byte {first}", here.len(), there.len()))
 }
 
 fn build_in(place: &Path, sources: &str, images: &[(&str, &str)]) -> Outcome {

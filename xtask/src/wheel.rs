@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Oldest Python that the wheel is for.
-const OLDEST: (u32, u32) = (3, 10);
+const MIN_PYTHON_VERSION: (u32, u32) = (3, 10);
 /// What the tests need beside the wheel.
 const TEST_NEEDS: [&str; 8] = ["numpy", "scipy", "pytest", "nbclient", "nbformat", "ipykernel", "matplotlib", "pandas"];
 /// Libraries whose files the import must read as they do: newest that install, so that a change of theirs is seen.
@@ -28,7 +28,10 @@ pub fn run_task() -> Outcome {
 /// be had. The tests compare with the command, which is built unless `command_is_built`.
 pub fn test(command_is_built: bool) -> Outcome<Option<String>> {
     let Some(python) = python() else {
-        return Ok(Some(format!("no Python {}.{} or newer with venv on the path", OLDEST.0, OLDEST.1)));
+        return Ok(Some(format!(
+            "no Python {}.{} or newer with venv on the path",
+            MIN_PYTHON_VERSION.0, MIN_PYTHON_VERSION.1
+        )));
     };
     let folder = root().join("target/python");
     let environment = folder.join("environment");
@@ -71,7 +74,7 @@ fn package() -> PathBuf {
 fn python() -> Option<PathBuf> {
     let names = ["python3", "python"];
     names.iter().filter_map(|name| on_path(name)).find(|path| {
-        let check = format!("import sys, venv; sys.exit(sys.version_info < {OLDEST:?})");
+        let check = format!("import sys, venv; sys.exit(sys.version_info < {MIN_PYTHON_VERSION:?})");
         Command::new(path).args(["-c", &check]).output().is_ok_and(|output| output.status.success())
     })
 }

@@ -13,7 +13,7 @@ const TXE: u32 = 1 << 1;
 const OVR: u32 = 1 << 6;
 const BSY: u32 = 1 << 7;
 /// Master with software select, by 8, on.
-const ON: u32 = 1 << 2 | 2 << 3 | 1 << 6 | 1 << 8 | 1 << 9;
+const MASTER_CONTROL: u32 = 1 << 2 | 2 << 3 | 1 << 6 | 1 << 8 | 1 << 9;
 /// Units of a byte at 42 MHz / 8.
 const BYTE: u64 = 8 * 8 * 8;
 
@@ -22,8 +22,8 @@ fn connected() -> Chip {
     set(&mut chip, RCC + 0x40, 0x1000_400b);
     set(&mut chip, GPIOB + 0x24, 5 << 20 | 5 << 28);
     set(&mut chip, GPIOB, 0x280 | 1 << 24 | 2 << 26 | 2 << 30);
-    set(&mut chip, SPI2, ON & !(1 << 6));
-    set(&mut chip, SPI2, ON);
+    set(&mut chip, SPI2, MASTER_CONTROL & !(1 << 6));
+    set(&mut chip, SPI2, MASTER_CONTROL);
     chip
 }
 

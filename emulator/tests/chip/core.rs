@@ -36,7 +36,7 @@ fn board(test: &str, code: &[u16], handler: &[u16]) -> Option<Board> {
 }
 
 /// `b .`
-const FOREVER: u16 = 0xe7fe;
+const LOOP: u16 = 0xe7fe;
 /// `bx lr`
 const RETURN: u16 = 0x4770;
 
@@ -47,7 +47,7 @@ fn register(board: &mut Board, number: u8) -> u32 {
 #[test]
 fn an_access_to_a_register_of_a_clockless_device_ends_the_run_with_place_and_instruction() {
     // movs r0, #1; lsls r0, r0, #30; nop; ldr r1, [r0]
-    let Some(mut board) = board("clockless device", &[0x2001, 0x0780, 0xbf00, 0x6801, FOREVER], &[FOREVER]) else {
+    let Some(mut board) = board("clockless device", &[0x2001, 0x0780, 0xbf00, 0x6801, LOOP], &[LOOP]) else {
         return;
     };
     let Err(Error::Violation(violation)) = board.run_until(1e-3) else { panic!("no violation") };
@@ -58,12 +58,12 @@ fn an_access_to_a_register_of_a_clockless_device_ends_the_run_with_place_and_ins
 #[test]
 fn memory_that_is_not_there_ends_the_run_or_is_a_hard_fault_as_told() {
     // movs r0, #3; lsls r0, r0, #28; str r0, [r0]
-    let code = [0x2003, 0x0700, 0x6000, FOREVER];
-    let Some(mut strict) = board("no memory", &code, &[0x2707, FOREVER]) else { return };
+    let code = [0x2003, 0x0700, 0x6000, LOOP];
+    let Some(mut strict) = board("no memory", &code, &[0x2707, LOOP]) else { return };
     let Err(Error::Violation(violation)) = strict.run_until(1e-3) else { panic!("no violation") };
     assert_eq!(violation.address, 0x3000_0000);
 
-    let Some(mut faulting) = board("no memory", &code, &[0x2707, FOREVER]) else { return };
+    let Some(mut faulting) = board("no memory", &code, &[0x2707, LOOP]) else { return };
     faulting.cpu().take_faults().expect("follows instructions");
     faulting.run_until(1e-5).expect("goes on in the handler");
     assert_eq!(register(&mut faulting, 7), 7);
@@ -76,21 +76,21 @@ fn memory_that_is_not_there_ends_the_run_or_is_a_hard_fault_as_told() {
 
 #[test]
 fn an_undefined_instruction_is_a_hard_fault_and_one_in_its_handler_locks_up() {
-    const UNDEFINED: u16 = 0xde00;
-    let Some(mut once) = board("undefined", &[0xbf00, UNDEFINED], &[0x2705, FOREVER]) else { return };
+    const UNDEFINED_CODE: u16 = 0xde00;
+    let Some(mut once) = board("undefined", &[0xbf00, UNDEFINED_CODE], &[0x2705, LOOP]) else { return };
     once.run_until(1e-3).expect("goes on in the handler");
     assert_eq!(register(&mut once, 7), 5);
     let sp = once.cpu().register(Register::SP);
     assert_eq!(once.chip().peek(sp + 24), Some(CODE + 2));
-    let Some(mut twice) = board("undefined", &[0xbf00, UNDEFINED], &[0xbf00, UNDEFINED]) else { return };
+    let Some(mut twice) = board("undefined", &[0xbf00, UNDEFINED_CODE], &[0xbf00, UNDEFINED_CODE]) else { return };
     assert!(matches!(twice.run_until(1e-3), Err(Error::LockUp { .. })));
 }
 
 #[test]
 fn the_floating_point_unit_is_closed_until_it_is_opened() {
     // vmov s0, r0
-    let code = [0xbf00, 0xee00, 0x0a10, FOREVER];
-    let Some(mut board) = board("closed unit", &code, &[FOREVER]) else { return };
+    let code = [0xbf00, 0xee00, 0x0a10, LOOP];
+    let Some(mut board) = board("closed unit", &code, &[LOOP]) else { return };
     let Err(Error::Violation(violation)) = board.run_until(1e-3) else { panic!("no violation") };
     assert_eq!(violation.what, "the floating-point unit is not open");
 }
@@ -140,7 +140,7 @@ fn registers_and_flags_are_as_before_behind_an_interrupt() {
     // Loop: adds r5, #1; cmp r5, r4 (never equal: r4 = 0); bne loop; movs r3, #1; b .
     // The handler spoils flags and scratch registers: movs r0, #0; movs r1, #0; movs r2, #0; cmp r0, r0; adds r7, #1;
     // bx lr.
-    let program = ticking(&[0x2501, 0x3501, 0x42a5, 0xd1fc, 0x2301, FOREVER]);
+    let program = ticking(&[0x2501, 0x3501, 0x42a5, 0xd1fc, 0x2301, LOOP]);
     let handler = [0x2000, 0x2100, 0x2200, 0x4280, 0x3701, RETURN];
     let Some(mut board) = board("flags", &program, &handler) else { return };
     board.run_until(20e-3).expect("runs");
@@ -155,10 +155,10 @@ fn a_reset_asked_for_by_the_program_starts_it_anew() {
     let code = [
         0x200e, 0x0300, 0x210e, 0x0709, 0x1840, // 0xe000e000
         0x21d0, 0x0109, 0x1840, 0x300c, // + 0xd00 + 12
-        0x4901, 0x6001, FOREVER, // ldr r1, [pc, #4]; str r1, [r0]; b .
+        0x4901, 0x6001, LOOP, // ldr r1, [pc, #4]; str r1, [r0]; b .
         0x0004, 0x05fa,
     ];
-    let Some(mut board) = board("reset", &code, &[FOREVER]) else { return };
+    let Some(mut board) = board("reset", &code, &[LOOP]) else { return };
     board.run_until(1e-4).expect("runs");
     assert!(board.chip().seen.resets.len() > 10, "{:?}", board.chip().seen.resets.len());
 }
@@ -180,7 +180,7 @@ fn going_on_from_a_snapshot_is_going_on() {
 #[test]
 fn more_cycles_per_instruction_are_fewer_instructions() {
     let count = |pace: f64| {
-        let mut board = board("pace", &[0x3501, 0xe7fd], &[FOREVER])?;
+        let mut board = board("pace", &[0x3501, 0xe7fd], &[LOOP])?;
         board.cpu().set_pace(pace);
         board.run_until(1e-3).expect("runs");
         Some(board.cpu().instructions() as f64)

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 const ADON: u32 = 1 << 0;
 /// DMA with DDS, left-aligned, triggered by TIM2.
-const BY_DMA: u32 = ADON | 1 << 8 | 1 << 9 | 1 << 11 | 6 << 24 | 1 << 28;
+const DMA_CONTROL: u32 = ADON | 1 << 8 | 1 << 9 | 1 << 11 | 6 << 24 | 1 << 28;
 const EOC: u32 = 1 << 1;
 const OVR: u32 = 1 << 5;
 const EN: u32 = 1;
@@ -86,7 +86,7 @@ fn a_period_that_is_no_multiple_of_the_converters_clock_makes_the_aperture_jitte
 
 #[test]
 fn a_result_that_nobody_takes_is_an_overrun_that_stops_everything_until_cleared() {
-    let mut chip = sampling(1000, BY_DMA);
+    let mut chip = sampling(1000, DMA_CONTROL);
     set(&mut chip, SYSTEM + 0x100, 1 << 18);
     start(&mut chip);
     wait(&mut chip, 3 * 1000 * TICK);
@@ -114,7 +114,7 @@ fn a_trigger_during_a_conversion_is_lost() {
 
 #[test]
 fn a_double_buffer_fills_one_target_while_the_other_is_exchanged() {
-    let mut chip = sampling(200, BY_DMA);
+    let mut chip = sampling(200, DMA_CONTROL);
     let stream = stream(DMA2, 0);
     let control = HALF_WORDS_IN | 1 << 18 | 1 << 8;
     prepare(&mut chip, stream, ADC1 + 0x4c, [SRAM, SRAM + 0x100], 4, control);
@@ -135,7 +135,7 @@ fn a_double_buffer_fills_one_target_while_the_other_is_exchanged() {
 
 #[test]
 fn core_coupled_memory_is_a_transfer_error_that_stops_the_stream() {
-    let mut chip = sampling(200, BY_DMA);
+    let mut chip = sampling(200, DMA_CONTROL);
     let stream = stream(DMA2, 0);
     prepare(&mut chip, stream, ADC1 + 0x4c, [CCM, CCM], 4, HALF_WORDS_IN);
     set(&mut chip, stream, HALF_WORDS_IN | EN);
@@ -174,7 +174,7 @@ fn towards_a_device_one_word_is_read_ahead() {
 
 #[test]
 fn a_stream_is_not_enabled_over_old_flags_or_towards_nothing() {
-    let mut chip = sampling(200, BY_DMA);
+    let mut chip = sampling(200, DMA_CONTROL);
     let first = stream(DMA2, 0);
     prepare(&mut chip, first, ADC1 + 0x4c, [SRAM, 0], 1, HALF_WORDS_IN);
     set(&mut chip, first, HALF_WORDS_IN | EN);

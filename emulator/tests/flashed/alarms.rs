@@ -13,9 +13,9 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Amplitudes, as shares of the converter's range: well, beyond the limit, beyond the rails.
-const QUIET: f64 = 0.005;
-const LOUD: f64 = 0.4;
-const CLIPPED: f64 = 0.9;
+const QUIET_AMPLITUDE: f64 = 0.005;
+const LOUD_AMPLITUDE: f64 = 0.4;
+const CLIPPED_AMPLITUDE: f64 = 0.9;
 
 fn configuration(latching: bool) -> Configuration {
     let holding = AlarmHolding { latching, persistence_s: 0.0, watch_signal: true };
@@ -25,8 +25,11 @@ fn configuration(latching: bool) -> Configuration {
 /// A sine whose amplitude changes at instants, s.
 fn signal(node: &mut Node, course: &'static [(f64, f64)]) {
     node.board.set_analogue(Arc::new(move |time_s| {
-        let amplitude =
-            course.iter().rev().find(|(from_s, _)| time_s >= *from_s).map_or(QUIET, |(_, amplitude)| *amplitude);
+        let amplitude = course
+            .iter()
+            .rev()
+            .find(|(from_s, _)| time_s >= *from_s)
+            .map_or(QUIET_AMPLITUDE, |(_, amplitude)| *amplitude);
         (0.5 + amplitude * (TAU * 500.0 * time_s).sin()).clamp(0.0, 1.0)
     }));
 }
@@ -54,7 +57,7 @@ fn levels(node: &mut Node) -> Vec<bool> {
 fn fault_an_alarm_stands_at_the_output_when_its_tach_is_lost() {
     let Some(image) = image("alarm without a tach") else { return };
     let mut node = Node::new(&image);
-    signal(&mut node, &[(2.0, LOUD), (6.0, QUIET)]);
+    signal(&mut node, &[(2.0, LOUD_AMPLITUDE), (6.0, QUIET_AMPLITUDE)]);
     turning(&mut node, 0.1, 5.0);
     turning(&mut node, 11.0, 16.0);
     node.start();
@@ -69,7 +72,7 @@ fn fault_an_alarm_stands_at_the_output_when_its_tach_is_lost() {
 fn fault_a_clipped_signal_is_an_alarm_of_its_own_and_raises_what_it_exceeds() {
     let Some(image) = image("clipped signal") else { return };
     let mut node = Node::new(&image);
-    signal(&mut node, &[(3.0, CLIPPED), (7.0, QUIET)]);
+    signal(&mut node, &[(3.0, CLIPPED_AMPLITUDE), (7.0, QUIET_AMPLITUDE)]);
     turning(&mut node, 0.1, 12.0);
     node.start();
     node.configure(&configuration(false));
@@ -86,7 +89,7 @@ fn fault_a_clipped_signal_is_an_alarm_of_its_own_and_raises_what_it_exceeds() {
 fn fault_a_latched_alarm_stands_at_the_output_through_a_crash_and_a_power_cut_until_a_person_has_seen_it() {
     let Some(image) = image("latched alarm") else { return };
     let mut node = Node::new(&image);
-    signal(&mut node, &[(2.0, LOUD), (5.0, QUIET)]);
+    signal(&mut node, &[(2.0, LOUD_AMPLITUDE), (5.0, QUIET_AMPLITUDE)]);
     turning(&mut node, 0.1, 30.0);
     node.start();
     node.configure(&configuration(true));

@@ -22,7 +22,7 @@ const WATCHDOG: u32 = 3;
 /// In the page of the crash record, behind the record: nobody uses it.
 const SCRATCH: u32 = 0x2001_fe00;
 /// Unused end of the stack.
-const UNUSED: u32 = 0x1000_0200;
+const UNUSED_STACK: u32 = 0x1000_0200;
 /// Set-enable and set-pending registers of the first interrupts, and one that the image leaves masked.
 const ISER0: u32 = 0xe000_e100;
 const ISPR0: u32 = 0xe000_e200;
@@ -133,11 +133,11 @@ fn fault_panic_is_told_with_its_source_line() {
     to_main_loop(&mut node);
     let chip = node.board.chip_mut();
     // A source place as the compiler lays it out: name, its length, line, column.
-    for (n, word) in [UNUSED + 16, 8, 1234, 5, 0x2e6e_6961, 0x0000_7372].into_iter().enumerate() {
-        chip.poke(UNUSED + 4 * n as u32, word).expect("memory");
+    for (n, word) in [UNUSED_STACK + 16, 8, 1234, 5, 0x2e6e_6961, 0x0000_7372].into_iter().enumerate() {
+        chip.poke(UNUSED_STACK + 4 * n as u32, word).expect("memory");
     }
     // Index 5 of 3.
-    for (register, value) in [(0, 5), (1, 3), (2, UNUSED)] {
+    for (register, value) in [(0, 5), (1, 3), (2, UNUSED_STACK)] {
         node.board.cpu().set_register(Register::r(register), value);
     }
     node.board.cpu().set_program_counter(panic);

@@ -8,7 +8,7 @@ use meshband_emulator::unicorn::Register;
 /// Vector table offset register of the core.
 const VTOR: u32 = 0xe000_ed08;
 /// Where the loader's own vectors are said to be: not the image's.
-const ELSEWHERE: u32 = 0x2000_0000;
+const FOREIGN_VECTORS: u32 = 0x2000_0000;
 
 #[test]
 fn fault_a_jump_into_the_image_without_a_reset_starts_a_node_whose_frames_are_right() {
@@ -24,7 +24,7 @@ fn fault_a_jump_into_the_image_without_a_reset_starts_a_node_whose_frames_are_ri
         let next = board.seconds() + 1e-6;
         board.run_until(next).expect("runs");
     }
-    board.chip_mut().write(VTOR, 4, ELSEWHERE).expect("a register");
+    board.chip_mut().write(VTOR, 4, FOREIGN_VECTORS).expect("a register");
     let [stack, entry] = [0x0800_0000, 0x0800_0004].map(|at| board.chip_mut().peek(at).expect("in flash"));
     board.cpu().set_register(Register::SP, stack);
     board.cpu().set_program_counter(entry);

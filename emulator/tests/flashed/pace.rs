@@ -12,7 +12,7 @@ use meshband::units::Hertz;
 const CYCLES: f64 = 2.0;
 
 /// Share of the block buffers that must stay free at worst: 29 % do at 60 turns/s and the highest rate.
-const LEAST_FREE: f64 = 0.25;
+const MIN_FREE_BUFFER_SHARE: f64 = 0.25;
 
 /// Asserts that nothing is lost, that buffers stay free, and that mesh bands were measured; gives the rate.
 fn assert_kept_up(test: &str, config: &Configuration) -> Option<f64> {
@@ -27,7 +27,7 @@ fn assert_kept_up(test: &str, config: &Configuration) -> Option<f64> {
             100.0 * load,
             100.0 * free
         );
-        assert!(free >= LEAST_FREE, "{speed_hz} turns/s: {} blocks waited", outcome.most_waiting);
+        assert!(free >= MIN_FREE_BUFFER_SHARE, "{speed_hz} turns/s: {} blocks waited", outcome.most_waiting);
         assert_eq!(lost, 0, "{speed_hz} turns/s");
         assert!(spectra >= 3, "{spectra} spectra at {speed_hz} turns/s");
         highest_hz = highest_hz.max(rate_hz);

@@ -14,7 +14,7 @@ use meshband::units::Hertz;
 use meshband_emulator::cpu::Snapshot;
 use meshband_emulator::elf::Image;
 use meshband_emulator::flash::{DATA_START, START};
-use meshband_emulator::time::{NEVER, Time};
+use meshband_emulator::time::{NO_INSTANT, Time};
 
 /// Units of time between two looks for a busy flash: a word keeps it busy for 16 us.
 const LOOK: Time = 336 * 5;
@@ -32,9 +32,9 @@ fn with_gear(gear_teeth: u16) -> Configuration {
     }
 }
 
-const OLDER: u16 = 31;
-const OLD: u16 = 48;
-const NEW: u16 = 61;
+const OLDER_TEETH: u16 = 31;
+const OLD_TEETH: u16 = 48;
+const NEW_TEETH: u16 = 61;
 
 fn stored(config: &Configuration) -> Vec<u8> {
     let mut bytes = [0; Configuration::MAX_SERIALISED];
@@ -43,7 +43,7 @@ fn stored(config: &Configuration) -> Vec<u8> {
 
 /// Both sectors full, the newest record in the last slot of the first: the next commit erases the second.
 fn fill(node: &mut Node) {
-    let (older, old) = (stored(&with_gear(OLDER)), stored(&with_gear(OLD)));
+    let (older, old) = (stored(&with_gear(OLDER_TEETH)), stored(&with_gear(OLD_TEETH)));
     for slot in 0..SLOTS {
         put(node.board.chip_mut(), SLOTS + slot, slot as u32, &older);
         put(node.board.chip_mut(), slot, (SLOTS + slot) as u32, if slot + 1 == SLOTS { &old } else { &older });
@@ -73,7 +73,7 @@ struct Course {
     instructions: u64,
 }
 
-/// A node that is about to store [`NEW`] in the place of [`OLD`].
+/// A node that is about to store [`NEW_TEETH`] in the place of [`OLD_TEETH`].
 struct Campaign {
     node: Node,
     /// The command is on its way.
@@ -87,8 +87,8 @@ impl Campaign {
         let mut node = Node::new(image);
         prepare(&mut node);
         node.start();
-        assert_eq!(node.configuration(), with_gear(OLD));
-        node.configure(&with_gear(NEW));
+        assert_eq!(node.configuration(), with_gear(OLD_TEETH));
+        node.configure(&with_gear(NEW_TEETH));
         node.send(&Request::CommitConfiguration);
         let before = node.snapshot();
         Self { node, before, tally: Tally::default(), random: 0x2545_f491_4f6c_dd1d }
@@ -103,7 +103,7 @@ impl Campaign {
     }
 
     fn is_busy(&self) -> bool {
-        self.node.board.chip().flash.due() != NEVER
+        self.node.board.chip().flash.due() != NO_INSTANT
     }
 
     /// Runs to the next instant at which flash is busy, or `false` at `end`.
@@ -149,20 +149,20 @@ impl Campaign {
         let refused = |e: meshband::events::Event| e.kind == EventKind::ConfigurationRefused && e.detail == 1;
         self.tally.reported += u32::from(self.node.events().any(refused));
         self.tally.tried += 1;
-        *(if found == with_gear(OLD) {
+        *(if found == with_gear(OLD_TEETH) {
             &mut self.tally.old
-        } else if found == with_gear(NEW) {
+        } else if found == with_gear(NEW_TEETH) {
             &mut self.tally.new
         } else {
             &mut self.tally.damaged
         }) += 1;
         // Whatever was left behind, the next commit finds its place.
         if self.tally.tried.is_multiple_of(25) {
-            self.node.configure(&with_gear(NEW));
+            self.node.configure(&with_gear(NEW_TEETH));
             self.node.commit();
             self.node.cycle_power();
             self.node.start();
-            assert_eq!(self.node.configuration(), with_gear(NEW), "after cut {}", self.tally.tried);
+            assert_eq!(self.node.configuration(), with_gear(NEW_TEETH), "after cut {}", self.tally.tried);
         }
         self.node.restore(&here);
     }
@@ -199,7 +199,7 @@ impl Campaign {
 }
 
 fn store_old(node: &mut Node) {
-    put(node.board.chip_mut(), 0, 7, &stored(&with_gear(OLD)));
+    put(node.board.chip_mut(), 0, 7, &stored(&with_gear(OLD_TEETH)));
 }
 
 #[test]
@@ -265,7 +265,7 @@ fn loop_committed_configuration_survives_a_power_cycle_and_a_new_image() {
     let mut node = Node::new(&image);
     node.start();
     assert_eq!(node.configuration(), Configuration::default());
-    let config = Configuration { front_end: FrontEnd::default(), ..with_gear(NEW) };
+    let config = Configuration { front_end: FrontEnd::default(), ..with_gear(NEW_TEETH) };
     node.configure(&config);
     node.commit();
     node.cycle_power();
@@ -286,7 +286,7 @@ fn loop_commit_into_a_full_sector_erases_the_other_and_measuring_goes_on() {
     let mut node = Node::new(&image);
     fill(&mut node);
     node.start();
-    node.configure(&with_gear(NEW));
+    node.configure(&with_gear(NEW_TEETH));
     let (before, erased) = (node.board.seconds(), node.board.chip().flash.erased);
     node.commit();
     let stall = node.board.seconds() - before;
@@ -303,7 +303,7 @@ fn loop_commit_into_a_full_sector_erases_the_other_and_measuring_goes_on() {
     assert_eq!(now.blocks_lost, then.blocks_lost);
     node.cycle_power();
     node.start();
-    assert_eq!(node.configuration(), with_gear(NEW));
+    assert_eq!(node.configuration(), with_gear(NEW_TEETH));
     assert!(!node.heard.iter().any(
         |packet| matches!(packet, Packet::Message(Message::Event(e)) if e.kind == EventKind::ConfigurationRefused)
     ));
@@ -313,15 +313,15 @@ fn loop_commit_into_a_full_sector_erases_the_other_and_measuring_goes_on() {
 fn loop_configuration_stored_by_the_firmware_before_is_kept() {
     let Some(image) = image("former schema") else { return };
     let holding = AlarmHolding { watch_signal: false, ..AlarmHolding::default() };
-    let config = Configuration { front_end: FrontEnd::default(), holding, ..with_gear(OLD) };
+    let config = Configuration { front_end: FrontEnd::default(), holding, ..with_gear(OLD_TEETH) };
     // Schema 1 is the same without the front end and what came after it: three bytes, six of the alarms' holding,
     // eight of the pass band, one of what is latched, one of the empty list of levels, four of the link, five of the
     // waveforms, one of the second sensor, one of the local levels, 33 of what the ninth layout added, all zero.
-    const LATER: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5 + 1 + 1 + 33;
+    const LATER_BYTES: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5 + 1 + 1 + 33;
     let mut bytes = stored(&config);
-    assert_eq!((bytes[0], &bytes[bytes.len() - LATER..]), (SCHEMA as u8, &[0; LATER][..]));
+    assert_eq!((bytes[0], &bytes[bytes.len() - LATER_BYTES..]), (SCHEMA as u8, &[0; LATER_BYTES][..]));
     bytes[0] = 1;
-    bytes.truncate(bytes.len() - LATER);
+    bytes.truncate(bytes.len() - LATER_BYTES);
     let mut node = Node::new(&image);
     put(node.board.chip_mut(), 0, 0, &bytes);
     node.start();

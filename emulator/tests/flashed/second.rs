@@ -18,13 +18,13 @@ use std::sync::Arc;
 /// Codes of the converter's range.
 const CODES: f64 = 65_536.0;
 /// What a code of the second sensor means, m/s^2.
-const PER_CODE: f32 = 0.001;
+const M_S2_PER_CODE: f32 = 0.001;
 /// Turns of the shaft per second.
 const SPEED_HZ: f64 = 20.0;
 
 fn two(config: Configuration) -> Configuration {
     let second = SecondSensor {
-        acceleration_per_code: Acceleration(PER_CODE),
+        acceleration_per_code: Acceleration(M_S2_PER_CODE),
         band: Hertz(10_000.0),
         ..SecondSensor::default()
     };
@@ -68,7 +68,7 @@ fn regress_both_channels_are_the_hosts_frame_by_frame_and_the_second_ones_values
     let comparison = node.compare();
     assert!(comparison.is_equal() && comparison.frames > 25, "{comparison:?}");
 
-    let (scale, of_two) = (CODES * f64::from(PER_CODE), good(&node));
+    let (scale, of_two) = (CODES * f64::from(M_S2_PER_CODE), good(&node));
     assert!(of_two.len() >= 3, "{}", of_two.len());
     let rms = scale * ((0.1f64.powi(2) + 0.05f64.powi(2)) / 2.0).sqrt();
     let velocity = scale * 0.1 / (TAU * 120.0) / 2f64.sqrt();

@@ -4,7 +4,7 @@ use super::registers::{Device, DualTimerBlock, dual_timer};
 use meshband::replay::START_TICK;
 
 const RUN: u32 = 1 << 7;
-const WIDE: u32 = 1 << 1;
+const WIDE_COUNTER: u32 = 1 << 1;
 
 /// Ticks since the record's start.
 #[derive(Clone, Copy)]
@@ -18,7 +18,7 @@ impl TimeBase {
     pub fn start() -> Self {
         let counter = dual_timer();
         counter.load.write(u32::MAX);
-        counter.control.write(RUN | WIDE);
+        counter.control.write(RUN | WIDE_COUNTER);
         let mut base = Self { counter, start: 0 };
         base.start = base.now();
         base

@@ -7,7 +7,7 @@ const SEND: u32 = 1;
 const RECEIVE: u32 = 1 << 1;
 const RECEIVE_INTERRUPT: u32 = 1 << 3;
 const SEND_FULL: u32 = 1;
-const RECEIVED: u32 = 1 << 1;
+const RECEIVE_FULL: u32 = 1 << 1;
 /// Interrupt status bit of reception.
 const RECEIVE_STATUS: u32 = 1 << 1;
 
@@ -45,7 +45,7 @@ impl Receiver {
     /// The interrupt of reception.
     pub fn on_interrupt(&mut self) {
         self.uart.interrupt.write(RECEIVE_STATUS);
-        while self.uart.state.read() & RECEIVED != 0 {
+        while self.uart.state.read() & RECEIVE_FULL != 0 {
             let byte = self.uart.data.read() as u8;
             if self.bytes.enqueue(byte).is_err() {
                 self.lost += 1;

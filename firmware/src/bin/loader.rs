@@ -13,7 +13,7 @@ use embedded_storage::nor_flash::NorFlash;
 use meshband::update::checksum;
 use meshband::update::header::{Header, IMAGE_OFFSET};
 use meshband::update::receiver::Place;
-use meshband::update::slots::{self, Choice, DONE, Standing};
+use meshband::update::slots::{self, Choice, Standing, YES_WORD};
 use meshband_node::crash::{self, Cause};
 use meshband_node::stm32f405::sector_flash::{Parts, SectorFlash};
 use meshband_node::stm32f405::start_watchdog;
@@ -61,6 +61,6 @@ fn is_whole(header: &Header) -> bool {
 /// Counts a start: programs the word and looks whether it is no longer blank.
 fn is_marked(place: &mut Place<SectorFlash>, at: u32) -> bool {
     let before = place.standing().map(|Standing { trials, .. }| trials);
-    let written = place.flash.write(at, &DONE.to_le_bytes()).is_ok();
+    let written = place.flash.write(at, &YES_WORD.to_le_bytes()).is_ok();
     written && place.standing().map(|Standing { trials, .. }| trials) > before
 }

@@ -23,7 +23,7 @@ const _: () = assert!(BLOCK_SAMPLES as usize == meshband::pipeline::BLOCK_SAMPLE
 static RELOAD: AtomicU32 = AtomicU32::new(0);
 static RESTARTS: AtomicU32 = AtomicU32::new(0);
 /// Whether the configuration in force has a second sensor.
-static TWO_WANTED: AtomicBool = AtomicBool::new(false);
+static SECOND_SENSOR: AtomicBool = AtomicBool::new(false);
 static SAMPLING: InterruptCell<Sampling> = InterruptCell::new();
 
 struct Sampling {
@@ -56,11 +56,11 @@ pub fn install(
 
 /// Takes up another number of sensors at the end of the running block; sampling then starts anew.
 pub fn follow(channels: Channels) {
-    TWO_WANTED.store(channels == Channels::Two, Ordering::Relaxed);
+    SECOND_SENSOR.store(channels == Channels::Two, Ordering::Relaxed);
 }
 
 fn wanted() -> Channels {
-    if TWO_WANTED.load(Ordering::Relaxed) { Channels::Two } else { Channels::One }
+    if SECOND_SENSOR.load(Ordering::Relaxed) { Channels::Two } else { Channels::One }
 }
 
 fn instants(channels: Channels) -> u16 {

@@ -11,7 +11,7 @@ use meshband_stm32::time_base;
 static TACH: InterruptCell<Producer<'static, u32>> = InterruptCell::new();
 /// Place in [`FILTERS`] of the filter in force.
 static FILTER: AtomicUsize = AtomicUsize::new(0);
-static LOST: AtomicU32 = AtomicU32::new(0);
+static LOST_EDGES: AtomicU32 = AtomicU32::new(0);
 
 /// Hands the handler its queue, before the interrupt is unmasked.
 pub fn install(edges: Producer<'static, u32>) {
@@ -32,7 +32,7 @@ fn filter() -> Filter {
 
 /// Edges lost: overwritten in the capture register or refused by the queue.
 pub fn lost() -> u32 {
-    LOST.load(Ordering::Relaxed)
+    LOST_EDGES.load(Ordering::Relaxed)
 }
 
 #[interrupt]
@@ -43,7 +43,7 @@ fn TIM5() {
             let capture = time_base::take_edge(tim5(), filter());
             let refused = capture.tick.is_some_and(|tick| edges.enqueue(tick).is_err());
             let lost = u32::from(capture.lost) + u32::from(refused);
-            LOST.store(lost.saturating_add(LOST.load(Ordering::Relaxed)), Ordering::Relaxed);
+            LOST_EDGES.store(lost.saturating_add(LOST_EDGES.load(Ordering::Relaxed)), Ordering::Relaxed);
         });
     }
 }

@@ -12,7 +12,7 @@ use crate::pac::flash;
 /// Bytes of one sector.
 pub const SECTOR_BYTES: u32 = 128 * 1024;
 /// The first of this size, and its address; those before it are smaller.
-const FIRST: (u8, u32) = (5, 0x0802_0000);
+const FIRST_SECTOR: (u8, u32) = (5, 0x0802_0000);
 
 /// Sectors of 128 KiB in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ impl Sectors {
 
     /// First address.
     pub const fn start(self) -> u32 {
-        FIRST.1 + (self.first - FIRST.0) as u32 * SECTOR_BYTES
+        FIRST_SECTOR.1 + (self.first - FIRST_SECTOR.0) as u32 * SECTOR_BYTES
     }
 
     /// All their bytes.

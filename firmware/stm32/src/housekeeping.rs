@@ -30,7 +30,7 @@ const FACTORY_TEMPERATURES_C: [f32; 2] = [30.0, 110.0];
 const REFERENCE_CODES: core::ops::RangeInclusive<u16> = 1_400..=1_600;
 const TEMPERATURE_CODES: core::ops::RangeInclusive<u16> = 700..=2_000;
 /// Typical codes at 3.3 V (DS8626): 1.21 V, and 0.76 V at 25 degrees Celsius with 2.5 mV/K.
-const TYPICAL: [u16; 3] = [1_502, 959, 1_207];
+const TYPICAL_CODES: [u16; 3] = [1_502, 959, 1_207];
 /// Share of a new reading in the mean.
 const SHARE: f32 = 1.0 / 16.0;
 /// Longest sampling time, 480 clocks: 23 us at 21 MHz, of at least 10 us.
@@ -48,8 +48,8 @@ impl Calibration {
     pub fn of(codes: [u16; 3]) -> Self {
         let [reference, cold, hot] = codes;
         let known = TEMPERATURE_CODES.contains(&cold) && TEMPERATURE_CODES.contains(&hot) && hot > cold;
-        let [cold, hot] = if known { [cold, hot] } else { [TYPICAL[1], TYPICAL[2]] };
-        let reference = if REFERENCE_CODES.contains(&reference) { reference } else { TYPICAL[0] };
+        let [cold, hot] = if known { [cold, hot] } else { [TYPICAL_CODES[1], TYPICAL_CODES[2]] };
+        let reference = if REFERENCE_CODES.contains(&reference) { reference } else { TYPICAL_CODES[0] };
         Self { reference: reference.into(), temperature: [cold.into(), hot.into()] }
     }
 

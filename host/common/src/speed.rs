@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 /// Fastest shaft that a bare number in Hz is believed for, Hz: 6000 turns per minute. Faster ones are written with
 /// their unit.
-pub const BARE_MOST_HZ: f64 = 100.0;
+pub const MAX_BARE_HZ: f64 = 100.0;
 
 /// Turns per second.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
@@ -42,7 +42,7 @@ impl FromStr for Speed {
         if !value.is_finite() {
             return Err("that is no finite speed".into());
         }
-        if per.is_none() && value > BARE_MOST_HZ {
+        if per.is_none() && value > MAX_BARE_HZ {
             let rpm = 60.0 * value;
             return Err(format!("{value} Hz would be {rpm} rpm: write {value}rpm, or {value}Hz where that is meant"));
         }

@@ -4,7 +4,7 @@
 //! breaks, escape sequences or a cell of a megabyte in what it quotes.
 
 /// Longest message part, characters.
-const LONGEST: usize = 320;
+const MAX_PART_CHARACTERS: usize = 320;
 /// Longest place: a path and a key, characters.
 const LONGEST_PLACE: usize = 300;
 /// Longest cell or name quoted, characters.
@@ -16,7 +16,7 @@ const LONGEST_NUMBER: usize = 24;
 
 /// The text as one line: no control characters, no endless numbers, shortened in its middle where it is too long.
 pub fn one_line(text: &str) -> String {
-    shortened(&with_short_numbers(&without_controls(text)), LONGEST)
+    shortened(&with_short_numbers(&without_controls(text)), MAX_PART_CHARACTERS)
 }
 
 /// As [`one_line`], with the digits of file names left as they are.

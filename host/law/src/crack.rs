@@ -11,7 +11,7 @@ use crate::piecewise::PiecewisePolynomial;
 use crate::stiffness::CrackedPair;
 
 /// Position ahead of the contact, base pitches, by which a piece is chosen at a knot (as the mesh does).
-const AHEAD: f64 = 1e-9;
+const LOOKAHEAD_PITCHES: f64 = 1e-9;
 
 /// One cracked tooth, number 0 of its gear.
 #[derive(Debug, Clone)]
@@ -37,7 +37,7 @@ impl Effect for CrackedTooth {
         if pair.tooth[self.side.index()] != 0 {
             return;
         }
-        let ahead = if pair.position.coefficient(1) >= 0.0 { AHEAD } else { -AHEAD };
+        let ahead = if pair.position.coefficient(1) >= 0.0 { LOOKAHEAD_PITCHES } else { -LOOKAHEAD_PITCHES };
         let Some(piece) = self.curve.locate(pair.position.coefficient(0) + ahead) else { return };
         let mut local = pair.position;
         local.add_constant(-self.curve.knots()[piece]);

@@ -264,7 +264,7 @@ impl Laws {
 }
 
 /// Largest error with the ring up to which the law says what single edges do, and up to which it still sets rates.
-const RELIABLE: [f64; 2] = [0.02, 0.1];
+const MAX_RING_ERRORS: [f64; 2] = [0.02, 0.1];
 
 impl Check {
     /// How far the tabulated law can be relied on, in one sentence, from its worst error with the ring.
@@ -272,10 +272,10 @@ impl Check {
         let worst = self.forms.iter().find(|f| f.form == "tabulated").map_or(f64::INFINITY, |f| f.worst_periodic);
         let off = format!("{:.1} %, the ring of earlier engagements included", 100.0 * worst);
         match (self.hidden, worst) {
-            (0, worst) if worst <= RELIABLE[0] => {
+            (0, worst) if worst <= MAX_RING_ERRORS[0] => {
                 format!("The tabulated law can be relied on for single edges: it is off by at most {off}.")
             }
-            (0, worst) if worst <= RELIABLE[1] => {
+            (0, worst) if worst <= MAX_RING_ERRORS[1] => {
                 format!(
                     "The tabulated law can be relied on for sampling rates, not for single edges: it is off by up to \
                      {off}."

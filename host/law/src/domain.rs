@@ -16,7 +16,7 @@ pub const PAPER_CHECK_HZ: [f64; 3] = [8.0, 16.0, 22.0];
 /// Slowest and fastest pinion that a law may be asked for, Hz.
 const POSSIBLE_HZ: [f64; 2] = [0.5, 100.0];
 /// Ratio of the domain's end to a nominal speed beyond the paper's range.
-const BEYOND_NOMINAL: f64 = 1.25;
+const NOMINAL_SPEED_RATIO: f64 = 1.25;
 /// Least ratio of the domain's ends.
 const LEAST_SPAN: f64 = 1.5;
 /// Seed of the random held-out speeds.
@@ -39,7 +39,7 @@ impl Domain {
 
     /// The paper's range, reaching beyond the machine's nominal speed where it declares one.
     pub fn of(machine: &Machine) -> Self {
-        let needed_hz = machine.nominal.map_or(0.0, |nominal| BEYOND_NOMINAL * nominal.speed_hz);
+        let needed_hz = machine.nominal.map_or(0.0, |nominal| NOMINAL_SPEED_RATIO * nominal.speed_hz);
         Self { highest_hz: needed_hz.clamp(Self::PAPER.highest_hz, POSSIBLE_HZ[1]), ..Self::PAPER }
     }
 

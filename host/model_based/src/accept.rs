@@ -22,7 +22,7 @@ const LEAST_SELECT_GAIN: f64 = 6.0;
 /// Least share of its predicted power that a term must explain on the selection runs.
 const LEAST_SELECT_SHARE: f64 = 0.4;
 /// Largest share of its gain that a term may still gain with other values on the selection runs.
-const LARGEST_APART: f64 = 0.35;
+const MAX_APART_GAIN_SHARE: f64 = 0.35;
 /// Share of the largest gain so far that a further term must gain next to a plain description: of an effect that the
 /// library lacks this leaves more, which must not get the name of another.
 const LEAST_SHARE: f64 = 0.01;
@@ -33,9 +33,9 @@ const NAME_MARGIN: f64 = 4.6;
 /// template.
 const TABLE_MARGIN: f64 = 0.03;
 /// A term that leaves more of the power at its own lines than this explains nothing.
-const MOST_LEFT: f64 = 0.5;
+const MAX_LINE_REMNANT_SHARE: f64 = 0.5;
 /// Largest power left at its own lines, beyond noise, of a named effect.
-const LARGEST_LEFT: f64 = 0.04;
+const MAX_NAMED_REMNANT_SHARE: f64 = 0.04;
 /// Largest exponent of speed or torque, beyond its 95 % half width, by which a named effect may depart from its law.
 const LARGEST_DEPARTURE: f64 = 0.12;
 /// Share of a name's gain that a freer description of the same family may add: form error of templates and declared
@@ -43,15 +43,15 @@ const LARGEST_DEPARTURE: f64 = 0.12;
 const FORM_SHARE: f64 = 0.01;
 /// Half the difference of scores, nats, within which another description is not told apart from a name: beyond the
 /// penalties, the record is then 11 times as likely with the name.
-const LEAST_OVER_NEXT: f64 = 2.4;
+const MIN_LEAD_NATS: f64 = 2.4;
 /// Gain from which the shape of a deviation that all teeth share can be told from another shape, next to declared
 /// parameters that move the same lines.
 const LEAST_MESH_GAIN: f64 = 400.0;
 /// Power over local noise from which much is there, or left: records with nothing hidden leave 0.98 to 1.03 times
 /// their noise.
-const MOST_OVER_NOISE: f64 = 1.3;
+const MAX_NOISE_POWER_RATIO: f64 = 1.3;
 /// Power left as a share of what the declaration leaves from which it pays to search again.
-const LARGEST_REST: f64 = 0.1;
+const MAX_REST_SHARE: f64 = 0.1;
 /// Residual power over noise from which a remainder is said although nothing fits: far outside the 0.98 to 1.03 of
 /// nothing hidden.
 const LEAST_REMAINDER: f64 = 1.15;
@@ -60,7 +60,7 @@ const LARGEST_P_IMPACTS: [f64; 2] = [1e-4, 1e-3];
 /// Share by which the order of impacts wanders.
 const SLIP: f64 = 0.005;
 /// Least fall of chi-square by a moving speed: on the held-out runs, on all.
-const LEAST_MOVING: [f64; 2] = [30.0, 60.0];
+const MIN_CHI_SQUARE_FALLS: [f64; 2] = [30.0, 60.0];
 
 /// What is known of a candidate when it is judged.
 #[derive(Debug, Clone, Copy)]
@@ -113,7 +113,7 @@ impl Adopted {
         significant(f)?;
         let unknowns = f.templates as f64;
         let chance_apart = unknowns + 4.0 * (2.0 * unknowns).sqrt();
-        if !f.phase_free && f.apart_gain >= LARGEST_APART * f.gain + chance_apart {
+        if !f.phase_free && f.apart_gain >= MAX_APART_GAIN_SHARE * f.gain + chance_apart {
             return Err(Refusal::OtherValues(f.apart_gain / f.gain));
         }
         // A further term must predict the selection runs as well: what the others' templates leave would pass for it.
@@ -168,7 +168,7 @@ impl Adopted {
     /// its gain. Says which stay.
     pub fn stand(&mut self, figures: &[(f64, Option<Probability>)]) -> Vec<bool> {
         let verdict = |&(left, chance): &(f64, Option<Probability>)| match chance {
-            _ if left >= MOST_LEFT => Some(Refusal::LeavesItsLines(left)),
+            _ if left >= MAX_LINE_REMNANT_SHARE => Some(Refusal::LeavesItsLines(left)),
             Some(p) if p.value() < LARGEST_P => None,
             chance => Some(Refusal::Chance(chance.unwrap_or(Probability::of(1.0)))),
         };
@@ -290,7 +290,7 @@ pub enum Naming {
 /// The name that a term keeps.
 pub fn naming(f: &NameFigures) -> Naming {
     let steady = f.departures.is_none_or(|e| e.iter().all(|[p, half]| p.abs() < LARGEST_DEPARTURE + half));
-    let lawful = f.left <= LARGEST_LEFT && steady && f.possible && f.freer_gain <= FORM_SHARE * f.gain;
+    let lawful = f.left <= MAX_NAMED_REMNANT_SHARE && steady && f.possible && f.freer_gain <= FORM_SHARE * f.gain;
     if !f.claims_name || !lawful {
         Naming::Generic
     } else if f.has_rivals || (f.at_mesh_orders && f.gain < LEAST_MESH_GAIN) {
@@ -302,17 +302,17 @@ pub fn naming(f: &NameFigures) -> Naming {
 
 /// Whether an explanation whose penalised log likelihood is `below` (nats) a name's cannot be told from it.
 pub fn is_rival(below: f64) -> bool {
-    below < LEAST_OVER_NEXT
+    below < MIN_LEAD_NATS
 }
 
 /// Whether a residual's power is much beyond its noise.
 pub fn much_is_there(power: f64, noise: f64) -> bool {
-    power > MOST_OVER_NOISE * noise
+    power > MAX_NOISE_POWER_RATIO * noise
 }
 
 /// Whether so much is left of what the declaration leaves, `at_first`, that it pays to search again.
 pub fn search_again(power: f64, noise: f64, at_first: f64) -> bool {
-    power > (MOST_OVER_NOISE * noise).max(LARGEST_REST * at_first)
+    power > (MAX_NOISE_POWER_RATIO * noise).max(MAX_REST_SHARE * at_first)
 }
 
 /// Whether a remainder that nothing fits is to be said, by its power over the noise's.
@@ -327,5 +327,5 @@ pub fn impacts_are_there(fit: Probability, select: Probability) -> bool {
 
 /// Whether a moving speed is there, by what it takes off chi-square on the held-out runs and on all.
 pub fn speed_moves(held_out: f64, all: f64) -> bool {
-    held_out >= LEAST_MOVING[0] && all >= LEAST_MOVING[1]
+    held_out >= MIN_CHI_SQUARE_FALLS[0] && all >= MIN_CHI_SQUARE_FALLS[1]
 }

@@ -78,7 +78,7 @@ impl Correction {
             (path.parent().unwrap_or(Path::new("")), stem)
         };
         let table = declared.pair.pair_stiffness.as_ref().map(|_| CORRECTED_TABLE);
-        let kinds = [Some(CORRECTED), Some(EFFECTS), Some(LAW), table];
+        let kinds = [Some(CORRECTED_MACHINE), Some(EFFECTS), Some(LAW), table];
         let names: Vec<String> = kinds.into_iter().flatten().map(|kind| format!("{stem}.{kind}")).collect();
         Ok(Self { declared, stem, files: outputs.set(folder, &names)? })
     }
@@ -89,7 +89,7 @@ impl Correction {
 }
 
 /// Ends of the files' names, after the machine's.
-const CORRECTED: &str = "corrected.toml";
+const CORRECTED_MACHINE: &str = "corrected.toml";
 const CORRECTED_TABLE: &str = "corrected.pair_stiffness.csv";
 const EFFECTS: &str = "effects.toml";
 const LAW: &str = "law.toml";
@@ -239,16 +239,16 @@ impl Correction {
             self.files.write(&name, text)?;
             tables = self.files.staging();
         }
-        let text = toml::to_string(&corrected).map_err(|e| Error::invalid(self.name(CORRECTED), e))?;
-        let corrected = Machine::from_toml(&text, &self.name(CORRECTED), tables)?;
-        self.files.write(&self.name(CORRECTED), text)?;
+        let text = toml::to_string(&corrected).map_err(|e| Error::invalid(self.name(CORRECTED_MACHINE), e))?;
+        let corrected = Machine::from_toml(&text, &self.name(CORRECTED_MACHINE), tables)?;
+        self.files.write(&self.name(CORRECTED_MACHINE), text)?;
         let torque = outcome.corrected_parameter_changes.get("torque").filter(|_| carried.moved);
         let torque_factor = 1.0 + torque.copied().unwrap_or(0.0);
         self.files.write(&self.name(EFFECTS), effects_text(&carried, torque_factor)?)?;
         let place = |kind: &str| self.files.folder().join(self.name(kind));
         let of_every_pair: Vec<toml::Table> = carried.tables.into_iter().filter(of_every_pair).collect();
         let mut applied = Applied {
-            machine: place(CORRECTED),
+            machine: place(CORRECTED_MACHINE),
             effects: place(EFFECTS),
             written: carried.written,
             remarks: carried.remarks,

@@ -12,7 +12,7 @@ use crate::model::harmonic_balance::{Balanced, Machine, Solution};
 use crate::model::pieces::smooth;
 use crate::observation::angle::Angle;
 use crate::observation::input::Record;
-use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, Sparse, WIDE};
+use crate::observation::spectrum::{Analyser, Bins, OVERDISPERSION, REACH, STRONG_HALF_WIDTH_BINS, Sparse};
 use crate::piecewise::PiecewisePolynomial;
 use crate::spectral::noise_power;
 use nalgebra::{DMatrix, SymmetricEigen};
@@ -38,7 +38,7 @@ const ROUNDING: f64 = 1e-7;
 const FORM_SLACK: f64 = 0.03;
 
 /// Tolerances beyond which a declared parameter is not moved.
-pub const FARTHEST: f64 = 3.0;
+pub const MAX_MOVE_TOLERANCES: f64 = 3.0;
 
 /// Half width of a sensitivity's kernel, bins: tolerances times the tail stay below noise beyond it.
 const NUISANCE_REACH: i64 = 40;
@@ -160,7 +160,7 @@ fn changed(machine: &Machine, change: &[f64]) -> (Machine, f64) {
 }
 
 fn bins(analyser: &Analyser, angle: &Angle, lines: &[Line]) -> [Bins; 2] {
-    [0, 1].map(|c| analyser.bins_of_lines(lines, angle.offset_rad, angle.shaft_hz, c, WIDE))
+    [0, 1].map(|c| analyser.bins_of_lines(lines, angle.offset_rad, angle.shaft_hz, c, STRONG_HALF_WIDTH_BINS))
 }
 
 impl Base {
@@ -497,10 +497,10 @@ impl Base {
         delta.iter().enumerate().map(|(i, d)| gram[(i, i)] * (10.0 * d * d).powi(2)).sum()
     }
 
-    /// The move `delta` cut so that no parameter leaves [`FARTHEST`] tolerances.
+    /// The move `delta` cut so that no parameter leaves [`MAX_MOVE_TOLERANCES`] tolerances.
     pub fn within_reach(&self, delta: &[f64]) -> Vec<f64> {
         let cut = |(i, d): (usize, &f64)| {
-            let far = FARTHEST * TOLERANCES[i].1;
+            let far = MAX_MOVE_TOLERANCES * TOLERANCES[i].1;
             (self.change[i] + d).clamp(-far, far) - self.change[i]
         };
         delta.iter().enumerate().map(cut).collect()

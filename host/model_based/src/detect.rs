@@ -47,7 +47,7 @@ pub fn amplitude_in(bins: &[C], base: &Base, data: &Data, run: usize, channel: u
 }
 
 /// Share of the steps of a scan's grid that are independent places.
-const INDEPENDENT: f64 = 0.3;
+const INDEPENDENT_STEP_SHARE: f64 = 0.3;
 /// Largest probability by chance of a line that is proposed, after Bonferroni over the places.
 const LARGEST_CHANCE: f64 = 0.01;
 
@@ -67,14 +67,14 @@ pub fn grid_of_orders(base: &Base, runs: &[usize]) -> [f64; 3] {
 
 /// Independent places of the scan over orders.
 pub fn places_of_orders([top, step, _]: [f64; 3]) -> f64 {
-    top / step * INDEPENDENT
+    top / step * INDEPENDENT_STEP_SHARE
 }
 
 /// Step of the scan over frequencies, Hz, its number of cells, and of independent places.
 pub fn grid_of_frequencies(base: &Base) -> (f64, usize, f64) {
     let step = 0.2 / base.analyser.duration_s();
     let cells = (14_500.0 / step) as usize;
-    (step, cells, cells as f64 * INDEPENDENT)
+    (step, cells, cells as f64 * INDEPENDENT_STEP_SHARE)
 }
 
 fn scan(
@@ -145,7 +145,7 @@ pub fn modulations(base: &Base, data: &Data, runs: &[usize], count: usize) -> Ve
     let cells = ((0.45 * z * slowest).min(150.0) / step) as usize;
     let harmonics = 12;
     let shape = 4.0 * f64::from(harmonics) * runs.len() as f64;
-    let places = INDEPENDENT * cells as f64;
+    let places = INDEPENDENT_STEP_SHARE * cells as f64;
     let at_distance = |at: f64| {
         let (mut sum, mut rank) = (0.0, 0.0);
         for &r in runs {

@@ -25,10 +25,10 @@ use super::together::unknowns;
 use std::cell::Cell;
 
 /// First teeth tried.
-const MOST_FIRST: usize = 2;
+const MAX_FIRST_TEETH: usize = 2;
 
 /// Share of the table's gain from which a single tooth explains nearly all of it.
-const NEARLY_ALL: f64 = 0.9;
+const MIN_SINGLE_GAIN_SHARE: f64 = 0.9;
 
 /// Whether it describes a tooth of its own for every tooth of a gear.
 pub fn is_table(candidate: &Candidate) -> bool {
@@ -93,8 +93,8 @@ impl<'a> Next<'a> {
         };
         let first = |(index, j): (usize, &Judged)| (Some(index), self.at_its_strength(j.clone()));
         let mut firsts: Vec<(Option<usize>, Judged)> =
-            judged.iter().enumerate().filter(|(_, j)| is_first(j)).take(MOST_FIRST).map(first).collect();
-        if let Some(alone) = firsts.iter().find(|(_, j)| j.gain > NEARLY_ALL * table.gain) {
+            judged.iter().enumerate().filter(|(_, j)| is_first(j)).take(MAX_FIRST_TEETH).map(first).collect();
+        if let Some(alone) = firsts.iter().find(|(_, j)| j.gain > MIN_SINGLE_GAIN_SHARE * table.gain) {
             return Some(alone.clone());
         }
         let on_its_starts = self.started_as(table).into_iter().filter(is_first);

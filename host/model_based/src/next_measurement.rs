@@ -31,11 +31,11 @@ const TORQUES: [(usize, f64); 2] = [(0, 0.5), (1, 1.5)];
 const PLANNED_S: f64 = 0.5;
 /// Expected evidence, nats, from which a run decides: the rival is a hundred times less likely then, twice the
 /// logarithm that a name needs.
-const DECIDES: f64 = 4.6;
+const MIN_DECISION_NATS: f64 = 4.6;
 /// Most explanations of one name that are compared: shapes and places of the same kind.
-const MOST_OF_A_NAME: usize = 3;
+const MAX_NAME_EXPLANATIONS: usize = 3;
 /// What to do where the model cannot say.
-const UNKNOWN: &str = "runs at a third torque and at a higher speed separate these laws";
+const UNKNOWN_ADVICE: &str = "runs at a third torque and at a higher speed separate these laws";
 
 /// Says for every ambiguous effect which run would decide; `effects` are the verdicts on `accepted`.
 pub fn advise(
@@ -62,7 +62,7 @@ pub fn advise(
         at += term.templates.len();
         if effect.verdict == "ambiguous" {
             effect.next_measurement = plan.best(term, own, &rivals(&bench, term, effect, pool));
-            let words = effect.next_measurement.as_ref().map_or_else(|| UNKNOWN.into(), in_words);
+            let words = effect.next_measurement.as_ref().map_or_else(|| UNKNOWN_ADVICE.into(), in_words);
             effect.deciding_experiment = Some(words);
         }
     }
@@ -79,7 +79,7 @@ fn in_words(next: &NextMeasurement) -> String {
             next.against
         )
     } else {
-        let needed = seconds * DECIDES / nats.max(1e-3);
+        let needed = seconds * MIN_DECISION_NATS / nats.max(1e-3);
         format!(
             "no run of {seconds:.1} s at 0.6 to 1.5 times these speeds and 0.5 to 1.5 times these torques decides; \
              best at {hz:.2} Hz and {torque:.3} N m, {nats:.2} nats expected against {} \
@@ -97,7 +97,7 @@ fn rivals(bench: &Bench<'_>, term: &Candidate, effect: &Effect, pool: &[Candidat
             // A shape that nothing in the search had stands for any.
             let name = name.strip_prefix("another ").unwrap_or(name);
             let has_name = |c: &&Candidate| c.name == name && !c.templates.is_empty();
-            let own: Vec<Candidate> = pool.iter().filter(has_name).take(MOST_OF_A_NAME).cloned().collect();
+            let own: Vec<Candidate> = pool.iter().filter(has_name).take(MAX_NAME_EXPLANATIONS).cloned().collect();
             match own.is_empty() {
                 true => bench.fixed().iter().filter(has_name).take(1).cloned().collect(),
                 false => own,
@@ -187,7 +187,7 @@ impl Plan<'_> {
             nats,
             nats_of_channel: [first, second][channel],
             against,
-            decides: nats >= DECIDES,
+            decides: nats >= MIN_DECISION_NATS,
         })
     }
 

@@ -72,7 +72,7 @@ pub struct HeldOut {
 }
 
 /// Error over floor from which a held-out run contradicts the verdict.
-pub const MOST_OVER_FLOOR: f64 = 2.0;
+pub const MAX_FLOOR_RATIO: f64 = 2.0;
 /// Error that no prediction of anything leaves.
 const LARGEST_ERROR: f64 = 1e3;
 
@@ -305,7 +305,7 @@ impl Outcome {
     /// headline.
     fn contradict(&mut self) {
         let worst = self.held_out.iter().max_by(|a, b| a.over_floor().total_cmp(&b.over_floor()));
-        let contradiction = worst.filter(|held| held.over_floor() > MOST_OVER_FLOOR).map(|held| {
+        let contradiction = worst.filter(|held| held.over_floor() > MAX_FLOOR_RATIO).map(|held| {
             let i = usize::from(held.corrected[1] * held.floor[0] > held.corrected[0] * held.floor[1]);
             let part = ["of the shaft-synchronous part", "of the whole signal"][i];
             let (run, error, floor) = (held.run, held.corrected[i], held.floor[i]);

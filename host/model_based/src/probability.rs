@@ -10,7 +10,7 @@ use statrs::function::gamma::ln_gamma;
 use std::fmt;
 
 /// Least probability that is given as a number; its logarithm goes on.
-const LEAST: f64 = 1e-300;
+const MIN_PROBABILITY: f64 = 1e-300;
 
 /// A probability, kept as its natural logarithm; never zero.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
@@ -32,7 +32,7 @@ impl Probability {
     /// That a Gamma variable of this shape (above 0) and scale 1 exceeds `x`: the sum of `shape` exponential ones.
     pub fn gamma_above(x: f64, shape: f64) -> Self {
         let tail = Gamma::new(shape, 1.0).map_or(1.0, |gamma| gamma.sf(x));
-        Self { ln: if tail > LEAST { tail.ln() } else { ln_far_tail(x, shape) } }
+        Self { ln: if tail > MIN_PROBABILITY { tail.ln() } else { ln_far_tail(x, shape) } }
     }
 
     /// Bonferroni's bound over so many tests, at most 1; `ln_tests` their natural logarithm.
@@ -43,7 +43,7 @@ impl Probability {
 
     /// Its value, not below 1e-300.
     pub fn value(self) -> f64 {
-        self.ln.exp().max(LEAST)
+        self.ln.exp().max(MIN_PROBABILITY)
     }
 
     /// Decimal logarithm.
@@ -54,7 +54,11 @@ impl Probability {
 
 impl fmt::Display for Probability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.log10() < LEAST.log10() { write!(f, "< {LEAST:.0e}") } else { write!(f, "{:.1e}", self.value()) }
+        if self.log10() < MIN_PROBABILITY.log10() {
+            write!(f, "< {MIN_PROBABILITY:.0e}")
+        } else {
+            write!(f, "{:.1e}", self.value())
+        }
     }
 }
 

@@ -37,11 +37,11 @@ const LEAST_FALL: f64 = 0.01;
 const CHANGE: f64 = 1e-3;
 /// Move of a term's strengths, as a share of them, and of its shape, in steps of its differences, from which its
 /// derivatives are taken anew: till then steps shrink what is left to about that share each.
-const FAR: f64 = 0.1;
+const MAX_MOVE_SHARE: f64 = 0.1;
 const FAR_STEPS: f64 = 10.0;
 /// Squared size over noise up to which a term enters in proportion: templates that are wrong by 3 % err by less than a
 /// standard error then, and nothing is integrated for it.
-const WEAK: f64 = 1e3;
+const MAX_LINEAR_POWER_RATIO: f64 = 1e3;
 /// Bins whose squared size times weight is below this carry no information.
 const LEAST_INFORMATION: f64 = 1e-4;
 
@@ -254,7 +254,7 @@ impl Fit<'_> {
 fn is_far(a: &Moving, b: &Moving) -> bool {
     let change: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| a - b).collect();
     let mut shapes = a.term.shape().into_iter().zip(b.term.shape());
-    size(&change) > FAR * size(&b.x) || shapes.any(|(a, b)| (a.0 - b.0).abs() > FAR_STEPS * a.1)
+    size(&change) > MAX_MOVE_SHARE * size(&b.x) || shapes.any(|(a, b)| (a.0 - b.0).abs() > FAR_STEPS * a.1)
 }
 
 /// A difference of predictions over `step`, where it carries information at `scale` of the number.
@@ -280,7 +280,7 @@ fn is_weak(data: &Data, seen: &[usize], term: &Candidate, x: &[f64]) -> bool {
     let own: Vec<Column<'_>> = term.templates.iter().map(|template| Column { template, prior: (0.0, 0.0) }).collect();
     let gram = normal(data, seen, &own).gram;
     let x = DVector::from_column_slice(x);
-    (gram * &x).dot(&x) < WEAK
+    (gram * &x).dot(&x) < MAX_LINEAR_POWER_RATIO
 }
 
 /// A fit at its start, by the terms' templates.

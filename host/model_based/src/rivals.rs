@@ -15,14 +15,14 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Rivals named in a verdict at most.
-const MOST_NAMED: usize = 6;
+const MAX_NAMED_RIVALS: usize = 6;
 
 /// Nats, and the share of the effect's gain, within which a rival's templates may be what keeps it behind: their
 /// error of form.
-const NEAR: f64 = 10.0;
+const NEAR_RIVAL_NATS: f64 = 10.0;
 const NEAR_SHARE: f64 = 2e-2;
 /// Rivals refined at most.
-const MOST_CONTESTED: usize = 2;
+const MAX_REFINED_RIVALS: usize = 2;
 
 /// An effect found, and what stands against it.
 pub struct Rivals {
@@ -45,10 +45,10 @@ fn contest(
     (own, scored): (&Judged, &[Judged]),
     nearest: &mut [(&str, f64, bool)],
 ) {
-    let near = |behind: f64| behind < NEAR.max(NEAR_SHARE * own.gain);
+    let near = |behind: f64| behind < NEAR_RIVAL_NATS.max(NEAR_SHARE * own.gain);
     let seen = split.seen();
     let mut best = None;
-    for (name, behind, _) in nearest.iter_mut().filter(|r| near(r.1)).take(MOST_CONTESTED) {
+    for (name, behind, _) in nearest.iter_mut().filter(|r| near(r.1)).take(MAX_REFINED_RIVALS) {
         let of_name = scored.iter().filter(|j| j.candidate.name == *name);
         let Some(rival) = of_name.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
         if !has_counterpart(base, &rival.candidate, &rival.x) {
@@ -82,7 +82,7 @@ pub fn rivals(base: &Base, data: &Data, split: &Split, accepted: &[Candidate], p
         let mut nearest: Vec<(&str, f64, bool)> =
             best.into_iter().map(|(name, (score, named))| (name, 0.5 * (own.score - score), named)).collect();
         nearest.sort_by(|a, b| a.1.total_cmp(&b.1));
-        nearest.truncate(MOST_NAMED);
+        nearest.truncate(MAX_NAMED_RIVALS);
         contest(base, data, split, accepted, index, (&own, &scored), &mut nearest);
         nearest.sort_by(|a, b| a.1.total_cmp(&b.1));
         Rivals {

@@ -28,19 +28,19 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Most times that the machine is linearised anew about the parameters found with the same terms.
-const MOST_CENTRED: usize = 3;
+const MAX_LINEARISATIONS: usize = 3;
 /// Share of the power left before, above which that no longer pays.
-const STALLED: f64 = 0.8;
+const STALL_POWER_SHARE: f64 = 0.8;
 /// Candidates of every round that a term's name is later compared with.
 const MOST_RIVALS: usize = 60;
 /// Candidates of every round whose responses are kept for what follows their first score: rivals, and some that may
 /// become one.
-const MOST_KEPT: usize = MOST_RIVALS + 20;
+const MAX_KEPT_CANDIDATES: usize = MOST_RIVALS + 20;
 /// Of these, candidates of one name, and of the rivals: places of an effect far behind its best explain nothing.
-const MOST_OF_A_NAME: usize = 4;
-const MOST_RIVALS_OF_A_NAME: usize = 2;
+const MAX_NAME_CANDIDATES: usize = 4;
+const MAX_NAME_RIVALS: usize = 2;
 /// Candidates of every round whose refusal is noted.
-const MOST_NOTED: usize = 30;
+const MAX_NOTED_REFUSALS: usize = 30;
 
 /// What a search found.
 pub struct Found {
@@ -93,7 +93,7 @@ pub fn search(
         }
         say("terms and machine fitted together on the simulator");
         let Found { accepted, data, .. } = &mut found;
-        for _ in 0..MOST_CENTRED {
+        for _ in 0..MAX_LINEARISATIONS {
             let before = power_and_noise(base, &left(base, data, &seen, accepted), &seen).0;
             find_roughness(base);
             if let Some(residual) = refine(base, data, &seen, accepted.refine()) {
@@ -103,7 +103,7 @@ pub fn search(
             base.estimate_discrepancy(&rest, &seen);
             data.weight = base.weights(&rest, &rest);
             let (power, noise) = power_and_noise(base, &rest, &seen);
-            if !accept::much_is_there(power, noise) || power > STALLED * before {
+            if !accept::much_is_there(power, noise) || power > STALL_POWER_SHARE * before {
                 break;
             }
         }
@@ -259,7 +259,7 @@ fn keep_rivals(pool: &mut Vec<Candidate>, rivals: impl Iterator<Item = Candidate
     for rival in rivals {
         let own = of_name.entry(rival.name.clone()).or_default();
         *own += 1;
-        if *own > MOST_RIVALS_OF_A_NAME {
+        if *own > MAX_NAME_RIVALS {
             continue;
         }
         if is_table(&rival) {
@@ -273,7 +273,7 @@ fn keep_rivals(pool: &mut Vec<Candidate>, rivals: impl Iterator<Item = Candidate
 fn note_refused(judged: &[Judged], accepted: &mut Adopted, winner: Option<(Option<usize>, &str)>, tests: f64) {
     let (winner, taken) = winner.unwrap_or_default();
     let mut refusals = Refusals::default();
-    for (i, j) in judged.iter().enumerate().take(MOST_NOTED) {
+    for (i, j) in judged.iter().enumerate().take(MAX_NOTED_REFUSALS) {
         if Some(i) != winner {
             let why = accepted.weigh(&j.figures(tests)).err().unwrap_or_else(|| accept::outranked(taken));
             refusals.note(&j.candidate.name, j.score, why);
@@ -290,7 +290,7 @@ fn forget_responses(bench: &Bench<'_>, judged: &mut [Judged]) {
     for (rank, j) in judged.iter_mut().enumerate() {
         let own = of_name.entry(j.candidate.name.clone()).or_default();
         *own += 1;
-        let is_kept = *own <= MOST_OF_A_NAME && rank < MOST_KEPT && j.score > 0.0;
+        let is_kept = *own <= MAX_NAME_CANDIDATES && rank < MAX_KEPT_CANDIDATES && j.score > 0.0;
         if !is_kept && !may_win(bench, best, j) {
             j.candidate.templates = Vec::new();
         }

@@ -16,7 +16,7 @@ use super::library::{Responses, mesh};
 /// Change of a relief's share of the path for a derivative.
 const STEP: f64 = 0.002;
 /// Distance of two shares of the path within which they are one peak's.
-const SAME: f64 = 0.003;
+const SAME_PEAK_DISTANCE: f64 = 0.003;
 
 /// What the share of the path does to the responses of the reliefs among `terms` at their `unknowns`.
 pub fn slopes(base: &Base, terms: &[&Candidate], unknowns: &[f64]) -> Vec<Template> {
@@ -48,7 +48,7 @@ pub fn others(base: &Base, data: &Data, split: &Split, company: &[&Candidate], t
     let like = [1, 2].into_iter().flat_map(|of| {
         let mut peaks = mesh::relief_peaks(&machine, of, gain);
         peaks.retain(|(gain, at)| {
-            accept::is_rival(0.5 * (own - gain)) && !(of == exponent && (at - share).abs() < SAME)
+            accept::is_rival(0.5 * (own - gain)) && !(of == exponent && (at - share).abs() < SAME_PEAK_DISTANCE)
         });
         let strength = |(_, at): (f64, f64)| judge.judge(mesh::relief(&machine, at, of)).x[0];
         peaks.into_iter().map(strength).collect::<Vec<_>>()

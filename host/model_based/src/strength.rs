@@ -28,13 +28,13 @@ pub const STRONG_SCORE: f64 = 3000.0;
 /// Change of strength from the first-order template to the simulated one from which other strengths are tried, too.
 const LEAST_BEND: f64 = 0.1;
 /// Share of the best simulated score below which a candidate is simulated once only.
-const STILL_LEADING: f64 = 0.9;
+const LEADER_SCORE_SHARE: f64 = 0.9;
 /// Change of the strength below which it is taken as found.
-const SETTLED: f64 = 0.002;
+const MAX_STRENGTH_CHANGE: f64 = 0.002;
 /// Largest change of the strength's logarithm by the secant.
 const LARGEST_STEP: f64 = 1.0;
 /// Most candidates simulated in a round.
-const MOST_FINITE: usize = 4;
+const MAX_SIMULATED_CANDIDATES: usize = 4;
 
 /// Strengths found by name and order, in ten-thousandths: a search that begins again begins with them.
 pub type Strengths = BTreeMap<(String, i64), f64>;
@@ -121,7 +121,7 @@ pub fn at_their_strength(
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
     let mut chosen: Vec<usize> = (0..judged.len()).filter(|&i| may_win(bench, best, &judged[i])).collect();
     chosen.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
-    chosen.truncate(MOST_FINITE);
+    chosen.truncate(MAX_SIMULATED_CANDIDATES);
     let mut leader = 0.0_f64;
     for (rank, &i) in chosen.iter().enumerate() {
         let first_order = judged[i].candidate.clone();
@@ -133,7 +133,7 @@ pub fn at_their_strength(
             continue;
         }
         // Whoever may still lead gets the steps it needs, the others enough to compare.
-        let steps = match now.score < STILL_LEADING * leader.max(now.score) {
+        let steps = match now.score < LEADER_SCORE_SHARE * leader.max(now.score) {
             true => 0,
             false if rank == 0 || bends => 6,
             false => 1,
@@ -191,7 +191,7 @@ fn settled(at: &impl Fn(&[f64]) -> Option<Judged>, simulated: Vec<f64>, now: Jud
         before = Some(point);
         let Some(again) = at(&next) else { break };
         let moved: Vec<f64> = again.x.iter().zip(&next).map(|(a, b)| a - b).collect();
-        let agree = size(&moved) < SETTLED * size(&again.x);
+        let agree = size(&moved) < MAX_STRENGTH_CHANGE * size(&again.x);
         tried = (next, again.x.clone());
         if again.score > best.score - 1.0 {
             best = again;

@@ -19,24 +19,24 @@ use reading::{Chances, Reading, Stretch};
 use serde::Serialize;
 
 /// Fewest edges whose intervals can be compared.
-const FEWEST: usize = 6;
+const MIN_EDGES: usize = 6;
 /// Intervals farther from one period than five spreads are read anew; no less and no more than these shares of a
 /// period.
 const CLEAN_SPREADS: f64 = 5.0;
-const CLEAN: [f64; 2] = [0.15, 0.25];
+const CLEAN_PERIOD_SHARES: [f64; 2] = [0.15, 0.25];
 /// Clean intervals that a stretch takes with it at either end.
 const CONTEXT: usize = 2;
 /// Largest probability of another count with which a count is sure.
-const SURE: f64 = 1e-3;
+const MAX_WRONG_PROBABILITY: f64 = 1e-3;
 /// Departure of an interval from whole periods that is said: five spreads, no less and no more than these, periods.
-const IN_STEP: [f64; 2] = [0.25, 0.45];
+const STEP_LIMITS_PERIODS: [f64; 2] = [0.25, 0.45];
 /// Turns of course and reading after which what still changes is not sure.
 const ROUNDS: usize = 12;
 /// Chances of a lost pulse and of an edge too many before any is seen, and the range that they stay in.
 const FIRST_CHANCES: Chances = Chances { lost: 0.02, extra: 0.02 };
 const CHANCE: [f64; 2] = [0.003, 0.2];
 /// Most periods of an interval whose pulses are put in: what lasts longer may be a shaft that stood.
-const MOST_COUNTED: usize = 8;
+const MAX_COUNTED_PERIODS: usize = 8;
 /// Fewest intervals that make a course.
 const LEAST_LINKS: usize = 3;
 
@@ -95,7 +95,7 @@ impl Link {
 /// Without any edge.
 pub fn counted(edges_s: &[f64]) -> Pulses {
     let n = edges_s.len();
-    if n < FEWEST {
+    if n < MIN_EDGES {
         return unread(edges_s);
     }
     let mut links: Vec<Link> = (0..n - 1).map(Link::next).collect();
@@ -179,7 +179,7 @@ fn read(course: &Course, chances: Chances) -> Option<Vec<Link>> {
 
 /// Whether the next edge lies one period ahead.
 fn is_clean(course: &Course, edge: usize) -> bool {
-    let limit = (CLEAN_SPREADS * course.spread[edge]).clamp(CLEAN[0], CLEAN[1]);
+    let limit = (CLEAN_SPREADS * course.spread[edge]).clamp(CLEAN_PERIOD_SHARES[0], CLEAN_PERIOD_SHARES[1]);
     course.smooth[edge] || (course.places[edge + 1] - course.places[edge] - 1.0).abs() <= limit
 }
 
@@ -206,7 +206,7 @@ fn linked(reading: &Reading, clean: impl Fn(usize) -> bool, edge: impl Fn(usize)
     let link = |&(at, periods): &(usize, usize)| {
         // Where the count may be another one, the plain steps are not where it goes wrong.
         let plain = at == before + 1 && periods == 1 && clean(edge(before).min(edge(at)));
-        let link = Link::new(edge(before), edge(at), periods, plain || reading.wrong <= SURE);
+        let link = Link::new(edge(before), edge(at), periods, plain || reading.wrong <= MAX_WRONG_PROBABILITY);
         before = at;
         link
     };
@@ -226,7 +226,7 @@ fn assembled(edges_s: &[f64], links: &[Link], course: &Course) -> Pulses {
         if link.passed() > 0 {
             pulses.doubled.push(Place { time_s: here, pulses: link.passed() });
         }
-        if periods > MOST_COUNTED {
+        if periods > MAX_COUNTED_PERIODS {
             pulses.say_irregular(index, here, true);
             pulses.breaks.push(index);
             pulses.times_s.push(edges_s[to]);
@@ -237,7 +237,8 @@ fn assembled(edges_s: &[f64], links: &[Link], course: &Course) -> Pulses {
             pulses.lost.push(Place { time_s: here, pulses: periods - 1 });
         }
         let off = (course.places[to] - course.places[from] - periods as f64).abs();
-        let limit = (CLEAN_SPREADS * course.deviation(from, periods)).clamp(IN_STEP[0], IN_STEP[1]);
+        let limit =
+            (CLEAN_SPREADS * course.deviation(from, periods)).clamp(STEP_LIMITS_PERIODS[0], STEP_LIMITS_PERIODS[1]);
         if !link.sure || off > limit {
             pulses.say_irregular(index, here, !link.sure);
         }

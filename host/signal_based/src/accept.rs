@@ -15,18 +15,18 @@ use super::candidate::{Candidate, Field, Kind, Score, WIDEST_MOVE, score};
 use serde::Serialize;
 
 /// Least logarithm of the Bayes factor after the choice.
-const LEAST: f64 = 5.0;
+const MIN_LN_BAYES: f64 = 5.0;
 /// The same of one line alone on turns on which nothing was chosen, which only have to agree.
-const AGREES: f64 = 1.0;
+const MIN_HELD_OUT_LN_BAYES: f64 = 1.0;
 /// Surrogates.
 pub const COPIES: usize = 48;
 /// Times the best copy's score: where a background is no noise but swings and other lines, all scores grow with its
 /// power, and only their ratio means anything.
-const OVER_COPIES: f64 = 3.0;
+const SCORE_RATIO: f64 = 3.0;
 /// Copies that must have found a place.
 pub const FEWEST_COPIES: usize = 40;
 /// Range of their displacement, share of the spacing.
-const MOVED: (f64, f64) = (0.01, WIDEST_MOVE);
+const COPY_SHIFT_SHARES: (f64, f64) = (0.01, WIDEST_MOVE);
 /// Families of the library: trials of the whole search.
 pub const FAMILIES: f64 = 15.0;
 /// Largest probability of a false family in the search.
@@ -80,7 +80,7 @@ impl Surrogates {
 
     /// Least score that passes this condition.
     pub fn needed(&self) -> f64 {
-        (OVER_COPIES * self.highest).max(self.median + self.slope * (0.5 * FAMILIES / FALSE_ALARM).ln())
+        (SCORE_RATIO * self.highest).max(self.median + self.slope * (0.5 * FAMILIES / FALSE_ALARM).ln())
     }
 }
 
@@ -122,7 +122,7 @@ pub fn judge_alone(candidate: &Candidate, field: &Field) -> Verdict {
 pub fn agrees_alone(candidate: &Candidate, field: &Field) -> Verdict {
     let mut verdict = judge_alone(candidate, field);
     let Surrogates { copies, as_high, .. } = verdict.surrogates;
-    if verdict.ln_bayes > AGREES && copies >= FEWEST_COPIES && as_high == 0 {
+    if verdict.ln_bayes > MIN_HELD_OUT_LN_BAYES && copies >= FEWEST_COPIES && as_high == 0 {
         verdict.refused = None;
     }
     verdict
@@ -134,7 +134,8 @@ pub fn displacements() -> impl Iterator<Item = f64> {
 }
 
 fn displacement(i: usize) -> f64 {
-    let share = MOVED.0 + (MOVED.1 - MOVED.0) * (i / 2) as f64 / (COPIES / 2 - 1) as f64;
+    let share =
+        COPY_SHIFT_SHARES.0 + (COPY_SHIFT_SHARES.1 - COPY_SHIFT_SHARES.0) * (i / 2) as f64 / (COPIES / 2 - 1) as f64;
     if i.is_multiple_of(2) { share } else { -share }
 }
 
@@ -142,18 +143,19 @@ fn displacement(i: usize) -> f64 {
 /// between the frequencies that mesh lines sweep, and of an order of neither shaft, where the shafts' own orders are
 /// dense. (One whole order of a shaft stays near: beside another shaft's line it may be that line's skirt, which only
 /// the nearest copies show.)
-const FARTHER: usize = 6;
+const FAR_COPY_DISTANCE_FACTOR: usize = 6;
 
 /// Scores of the copies of a candidate that find a place.
 pub fn copies(candidate: &Candidate, field: &Field) -> Vec<f64> {
     let of = |moved: f64| score(candidate, field, moved).ln_bayes;
-    let farther = if candidate.kind == Kind::FixedFrequency || candidate.is_base() { FARTHER } else { 1 };
+    let farther =
+        if candidate.kind == Kind::FixedFrequency || candidate.is_base() { FAR_COPY_DISTANCE_FACTOR } else { 1 };
     (0..farther * COPIES).map(displacement).map(of).filter(|score| score.is_finite()).take(COPIES).collect()
 }
 
 /// Least score of a candidate with so many alternatives.
 pub fn needed(surrogates: &Surrogates, alternatives: f64) -> f64 {
-    surrogates.needed().max(LEAST + alternatives.max(1.0).ln())
+    surrogates.needed().max(MIN_LN_BAYES + alternatives.max(1.0).ln())
 }
 
 /// Judges a candidate on the fitted part.
@@ -161,23 +163,26 @@ pub fn judge(candidate: &Candidate, field: &Field) -> Verdict {
     let own = score(candidate, field, 0.0);
     let surrogates = Surrogates::of(copies(candidate, field), own.ln_bayes);
     let ln_bayes = own.ln_bayes - candidate.alternatives.max(1.0).ln();
-    let refused = if ln_bayes <= LEAST {
-        Some(format!("evidence {ln_bayes:.1} nats of {LEAST:.0} after {:.0} alternatives", candidate.alternatives))
+    let refused = if ln_bayes <= MIN_LN_BAYES {
+        Some(format!(
+            "evidence {ln_bayes:.1} nats of {MIN_LN_BAYES:.0} after {:.0} alternatives",
+            candidate.alternatives
+        ))
     } else if surrogates.copies < FEWEST_COPIES {
         Some(format!("only {} surrogates find a place to compare with", surrogates.copies))
     } else if surrogates.as_high > 0 {
         Some(format!("{} of {} surrogates are as strong", surrogates.as_high, surrogates.copies))
-    } else if own.ln_bayes < OVER_COPIES * surrogates.highest {
+    } else if own.ln_bayes < SCORE_RATIO * surrogates.highest {
         let (own, highest) = (own.ln_bayes, surrogates.highest);
         Some(format!(
-            "{own:.0} nats (no alternative counted) are not {OVER_COPIES:.0} times the best surrogate's {highest:.0}"
+            "{own:.0} nats (no alternative counted) are not {SCORE_RATIO:.0} times the best surrogate's {highest:.0}"
         ))
     } else if surrogates.false_alarm > FALSE_ALARM {
         Some(format!("surrogates come near it: false-alarm rate {:.1e}", surrogates.false_alarm))
     } else {
         None
     };
-    let is_highest = ln_bayes > LEAST && surrogates.copies >= FEWEST_COPIES && surrogates.as_high == 0;
+    let is_highest = ln_bayes > MIN_LN_BAYES && surrogates.copies >= FEWEST_COPIES && surrogates.as_high == 0;
     let is_close = is_highest && refused.is_some();
     Verdict { score: own, ln_bayes, surrogates, refused, is_close }
 }

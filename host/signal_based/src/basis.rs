@@ -15,8 +15,8 @@ use rustfft::num_complex::Complex64;
 use std::sync::Arc;
 
 /// Weight of the second differences, and of residues, against the data's.
-const STRAIGHT: f64 = 1e-3;
-const SMALL: f64 = 1e-5;
+const CURVATURE_WEIGHT: f64 = 1e-3;
+const RESIDUE_WEIGHT: f64 = 1e-5;
 
 /// How a shaft turns during a turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,10 +61,10 @@ impl State {
 const STEP_SHARE: f64 = 0.25;
 const MOST_POINTS: f64 = 16.0;
 /// Half-widths from a pole within which a mode that was passed rings on.
-const RINGS_WITHIN: f64 = 4.0;
+const RINGING_HALF_WIDTHS: f64 = 4.0;
 
 /// How far beyond the outer nodes a spline goes straight on, share of the outer piece.
-const BEYOND: f64 = 0.2;
+const EXTRAPOLATION_SHARE: f64 = 0.2;
 
 /// Functions of the speed and its rate of change.
 #[derive(Debug, Clone, PartialEq)]
@@ -172,7 +172,7 @@ impl Basis {
         let last = nodes.len() - 1;
         let i = nodes.partition_point(|n| *n <= speed_hz).clamp(1, last.max(1)) - 1;
         let length = if last > 0 { nodes[i + 1] - nodes[i] } else { 1.0 };
-        let u = ((speed_hz - nodes[i]) / length).clamp(-BEYOND, 1.0 + BEYOND);
+        let u = ((speed_hz - nodes[i]) / length).clamp(-EXTRAPOLATION_SHARE, 1.0 + EXTRAPOLATION_SHARE);
         let (left, right) = if last > 0 { (1.0 - u, u) } else { (1.0, 0.0) };
         // Weights of the second derivatives at both nodes: a cubic between them, straight on beyond the outer ones,
         // where they vanish.
@@ -211,7 +211,7 @@ impl Basis {
         let moves = (order * state.sweep_hz_s / state.speed_hz).abs();
         let of_pole = |[own_hz, damping]: &Pole| {
             let half_width = own_hz * damping;
-            let apart = (order * state.speed_hz - own_hz).abs() - RINGS_WITHIN * half_width;
+            let apart = (order * state.speed_hz - own_hz).abs() - RINGING_HALF_WIDTHS * half_width;
             moves / (STEP_SHARE * apart.max(half_width))
         };
         let most = self.poles.iter().map(of_pole).fold(1.0, f64::max).min(MOST_POINTS).ceil() as usize;
@@ -256,12 +256,12 @@ impl Basis {
         for nodes in self.nodes_hz.windows(3).enumerate().map(|(i, x)| bend(i, x)) {
             for (a, u) in nodes {
                 for (b, v) in nodes {
-                    matrix[(a, b)] += STRAIGHT * scale * u * v;
+                    matrix[(a, b)] += CURVATURE_WEIGHT * scale * u * v;
                 }
             }
         }
         for i in 0..n {
-            let own = if i < self.nodes_hz.len() { 1e-9 } else { SMALL };
+            let own = if i < self.nodes_hz.len() { 1e-9 } else { RESIDUE_WEIGHT };
             matrix[(i, i)] += own * scale;
         }
         let Some(solved) = matrix.cholesky().map(|c| c.solve(&right)) else { return vec![Complex64::default(); n] };

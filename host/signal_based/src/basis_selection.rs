@@ -18,15 +18,15 @@ const FUNCTIONS: [usize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];
 /// Stretches per function at least.
 const PER_FUNCTION: usize = 3;
 /// Nodes beside resonances.
-const BESIDE: [usize; 5] = [1, 2, 4, 7, 12];
+const RESONANCE_NODES: [usize; 5] = [1, 2, 4, 7, 12];
 /// Richer bases in turn that gain nothing, after which no richer one is tried.
-const IN_VAIN: usize = 3;
+const MAX_FRUITLESS_BASES: usize = 3;
 /// Stretches' worth of error that a richer basis must gain beyond its unknowns: many are tried, and what one of them
 /// gains by chance costs a weak line its prediction.
-const SPARING: f64 = 6.0;
+const MIN_GAIN_STRETCHES: f64 = 6.0;
 /// Most that a line carrying another may stand from it, share of the swept range, both logarithmic: the rest of its
 /// course is not its own.
-const SHARED: f64 = 0.5;
+const MAX_LINE_DISTANCE_SHARE: f64 = 0.5;
 /// Folds.
 const FOLDS: (usize, usize) = (6, 16);
 
@@ -65,7 +65,7 @@ impl Choice {
         let near = self.sweep.near(&self.poles, order);
         let mut bases = self.splines.clone();
         if !near.is_empty() {
-            bases.extend(BESIDE.iter().map(|n| Basis::of_speeds(&self.sweep.states, *n).with_poles(&near)));
+            bases.extend(RESONANCE_NODES.iter().map(|n| Basis::of_speeds(&self.sweep.states, *n).with_poles(&near)));
         }
         let count = course.sums.len() as f64;
         bases.extend(self.carried(order, carriers));
@@ -76,14 +76,14 @@ impl Choice {
             let error = self.predicted(&course, &basis);
             let gained = best.as_ref().is_none_or(|(least, other)| {
                 let more = basis.len().saturating_sub(other.len()) as f64;
-                error < least * (1.0 - (more + SPARING) / count)
+                error < least * (1.0 - (more + MIN_GAIN_STRETCHES) / count)
             });
             if gained {
                 (best, in_vain) = (Some((error, basis)), 0);
                 continue;
             }
             in_vain += 1;
-            if in_vain > IN_VAIN && near.is_empty() {
+            if in_vain > MAX_FRUITLESS_BASES && near.is_empty() {
                 break;
             }
         }
@@ -96,7 +96,7 @@ impl Choice {
         let Some(line) = carrier(carriers, order, swept) else { return Vec::new() };
         let mean_square = self.sweep.mean_square(line);
         let of = |n: &usize| Basis::of_speeds(&self.sweep.states, *n).carried_by(line, mean_square);
-        BESIDE.iter().map(of).collect()
+        RESONANCE_NODES.iter().map(of).collect()
     }
 
     /// What the inner folds leave, each predicted from the others.
@@ -128,5 +128,5 @@ impl Choice {
 pub fn carrier<Line: Borrow<FittedLine>>(lines: &[Line], order: f64, swept: f64) -> Option<&Line> {
     let apart = |line: &Line| (line.borrow().order / order).ln().abs();
     let nearest = lines.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
-    nearest.filter(|line| apart(line) < SHARED * swept)
+    nearest.filter(|line| apart(line) < MAX_LINE_DISTANCE_SHARE * swept)
 }

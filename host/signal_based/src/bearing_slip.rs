@@ -18,9 +18,9 @@ use crate::analysis::lines::LOBE_BINS;
 
 /// Most that a base is believed to slip between two stretches of a record, share of it: rolling bearings slip by one
 /// to two hundredths (Randall and Antoni 2011, a tutorial).
-const MOST: f64 = 0.015;
+const MAX_SLIP_SHARE: f64 = 0.015;
 /// Logarithm of the likelihood ratio that a slip has to gain beyond that of the number of choices.
-const LEAST: f64 = 5.0;
+const MIN_LN_RATIO: f64 = 5.0;
 
 /// Whether the base of a family is read anew.
 pub fn may_slip(own: &Adopted, scene: &Scene) -> bool {
@@ -71,9 +71,9 @@ pub fn slip(lines: &[[f64; 2]], own: &Adopted, excluded: &Taken, scene: &Scene, 
     };
     // Half a bin of the line that moves most.
     let step = 0.5 * bin / widest;
-    let steps = (MOST / step).floor() as i64;
+    let steps = (MAX_SLIP_SHARE / step).floor() as i64;
     let cost = ((2 * steps + 1) as f64).ln();
     let shares = (-steps..=steps).map(|i| i as f64 * step).map(|share| (share, strength(share)));
     let (share, highest) = shares.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
-    if highest > strength(0.0).max(0.0) + cost + LEAST { Slip { share, step, cost } } else { Slip::default() }
+    if highest > strength(0.0).max(0.0) + cost + MIN_LN_RATIO { Slip { share, step, cost } } else { Slip::default() }
 }

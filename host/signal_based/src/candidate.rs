@@ -149,7 +149,7 @@ pub const WIDEST_MOVE: f64 = 0.06;
 
 /// Share of a first sideband's distance from its mesh harmonic that its copies keep: nearer, a skirt that the
 /// sideband hardly stands on is steep.
-const NEAR_THE_MESH: f64 = 0.7;
+const MESH_DISTANCE_SHARE: f64 = 0.7;
 
 /// What scoring needs.
 pub struct Field<'a> {
@@ -228,7 +228,7 @@ impl OwnLines {
         let is_inward = moved * place.spacing < 0.0;
         let is_first = self.first.is_some_and(|first| place.spacing.abs() < 1.5 * first);
         if is_first && is_inward {
-            let farthest = ((1.0 - NEAR_THE_MESH) * place.spacing.abs()).max(nearest);
+            let farthest = ((1.0 - MESH_DISTANCE_SHARE) * place.spacing.abs()).max(nearest);
             if away > farthest {
                 away = nearest + (farthest - nearest) * (moved.abs() / WIDEST_MOVE).min(1.0);
             }

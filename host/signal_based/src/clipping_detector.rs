@@ -6,9 +6,9 @@
 //! Limit: what is cut off so seldom that fewer stand there is not seen.
 
 /// Pairs of neighbours, or samples of a pile, at an extreme from which a channel is limited.
-pub const LEAST: usize = 8;
+pub const MIN_PILE_COUNT: usize = 8;
 /// Width of the range before an extreme that a pile leaves nearly empty, share of the range.
-pub const BEFORE: f64 = 2e-3;
+pub const EMPTY_MARGIN_SHARE: f64 = 2e-3;
 /// Times as many samples that the pile has.
 pub const TIMES: usize = 3;
 
@@ -20,7 +20,7 @@ pub fn at_limit<T: PartialOrd + Copy + Into<f64>>(samples: &[T]) -> usize {
     for &x in samples {
         (low, high) = (if x < low { x } else { low }, if x > high { x } else { high });
     }
-    let before = BEFORE * (high.into() - low.into());
+    let before = EMPTY_MARGIN_SHARE * (high.into() - low.into());
     let of_end = |end: T| {
         let pairs = samples.windows(2).filter(|w| w[0] == w[1] && w[0] == end).count();
         let at = samples.iter().filter(|x| **x == end).count();
@@ -28,7 +28,7 @@ pub fn at_limit<T: PartialOrd + Copy + Into<f64>>(samples: &[T]) -> usize {
         let others = || samples.iter().filter(|x| **x != end);
         let next = others().map(from_end).fold(f64::INFINITY, f64::min);
         let beside = others().filter(|x| from_end(x) <= before.max(next)).count();
-        if at >= LEAST && at > TIMES * beside { pairs.max(at) } else { pairs }
+        if at >= MIN_PILE_COUNT && at > TIMES * beside { pairs.max(at) } else { pairs }
     };
     if low < high { of_end(low) + of_end(high) } else { 0 }
 }
@@ -57,17 +57,17 @@ mod tests {
     #[test]
     fn theory_a_limit_is_seen_by_pairs_and_by_piles_and_nothing_else_is() {
         assert_eq!(at_limit::<f64>(&[]), 0);
-        assert!(at_limit(&sine(10.0)) < LEAST);
+        assert!(at_limit(&sine(10.0)) < MIN_PILE_COUNT);
         assert!(at_limit(&sine(1.1)) >= 100);
         let few: Vec<f64> = (0..20_000).map(|i: i32| (4.0 * noise(i)).round()).collect();
-        assert!(at_limit(&few) < LEAST, "noise of few codes: {}", at_limit(&few));
+        assert!(at_limit(&few) < MIN_PILE_COUNT, "noise of few codes: {}", at_limit(&few));
         let wide: Vec<f64> = (0..2000).map(|i| (0.01 * f64::from(i)).sin().min(0.9)).collect();
         assert!(at_limit(&wide) > 100);
         let codes: Vec<i16> = (0..20_000).map(|i| (3000.0 * (0.013 * f64::from(i)).sin()) as i16).collect();
         // A clean sine of many turns has pairs at its highest code: it is limited as far as anyone can see.
-        assert!(at_limit(&codes) >= LEAST);
+        assert!(at_limit(&codes) >= MIN_PILE_COUNT);
         let swinging =
             |i: i32| (3000.0 * (1.0 + 0.1 * (1e-3 * f64::from(i)).sin()) * (0.7 * f64::from(i)).sin()) as i16;
-        assert!(at_limit(&(0..20_000).map(swinging).collect::<Vec<i16>>()) < LEAST);
+        assert!(at_limit(&(0..20_000).map(swinging).collect::<Vec<i16>>()) < MIN_PILE_COUNT);
     }
 }

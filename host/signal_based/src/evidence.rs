@@ -16,7 +16,7 @@
 /// Logarithms of the signal-to-noise ratios summed over: steps of half a decade.
 const STEPS: usize = 13;
 /// Lowest ratio.
-const LOWEST: f64 = 0.3;
+const MIN_RATIO: f64 = 0.3;
 /// Halvings of the share of places that carry a line.
 const HALVINGS: i32 = 6;
 
@@ -71,7 +71,7 @@ impl Reading {
 
 /// Ratio of a step.
 fn step(i: usize) -> f64 {
-    LOWEST * 10.0_f64.powf(0.5 * i as f64)
+    MIN_RATIO * 10.0_f64.powf(0.5 * i as f64)
 }
 
 /// What a family's places say of the share of them that carry a line: posterior probability of each share.

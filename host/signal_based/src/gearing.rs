@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 /// Harmonics of a pair's mesh, and of a set's with what the planets' passing makes of them, whose amplitudes are
 /// fitted.
-const FITTED: f64 = 24.5;
-const FITTED_OF_SET: f64 = 8.5;
+const FITTED_HARMONICS: f64 = 24.5;
+const FITTED_SET_HARMONICS: f64 = 8.5;
 /// The same by which a mesh is found to stand.
-const FIRST: f64 = 5.5;
+const DETECTION_HARMONICS: f64 = 5.5;
 /// Orders of a shaft that are its own where its low orders are found.
 const SHAFT_ORDERS: usize = 10;
 
@@ -142,7 +142,7 @@ impl Gearing {
             Seat::Gear(gear) => self.train.gears[gear].shaft,
             Seat::Shaft(shaft) => Some(shaft),
         };
-        shaft.and_then(|shaft| Shaft::OF_TRAIN.get(shaft).copied())
+        shaft.and_then(|shaft| Shaft::TRAIN_SHAFTS.get(shaft).copied())
     }
 
     /// Order of the mesh that a family stands about.
@@ -182,7 +182,7 @@ impl Gearing {
         let of = |mesh: &crate::train::Mesh| {
             let one = Train { meshes: vec![mesh.clone()], ..self.train.clone() };
             let highest = self.sound.last().copied().unwrap_or(0.0);
-            lines::of_sound_meshes(&one, highest.min(FIRST * mesh.order.value()))
+            lines::of_sound_meshes(&one, highest.min(DETECTION_HARMONICS * mesh.order.value()))
         };
         self.train.meshes.iter().filter(|mesh| mesh.exact).map(of).collect()
     }
@@ -193,7 +193,7 @@ fn fitted(train: &Train, sound: &[f64]) -> Vec<f64> {
     let highest = sound.last().copied().unwrap_or(0.0);
     let mut orders: Vec<f64> = Vec::new();
     for mesh in train.meshes.iter().filter(|mesh| mesh.exact) {
-        let most = if mesh.carrier.is_some() { FITTED_OF_SET } else { FITTED };
+        let most = if mesh.carrier.is_some() { FITTED_SET_HARMONICS } else { FITTED_HARMONICS };
         let one = Train { meshes: vec![mesh.clone()], ..train.clone() };
         orders.extend(lines::of_sound_meshes(&one, highest.min(most * mesh.order.value())));
     }

@@ -24,20 +24,20 @@ use super::search::Adopted;
 use rayon::prelude::*;
 
 /// Least logarithm of the likelihood ratio of a locked family on the held-out turns, which only have to agree.
-const LEAST: f64 = 1.0;
+const MIN_LN_RATIO: f64 = 1.0;
 /// The same where lines may be disturbed: more, since what swings has larger departures both ways than noise.
-const LEAST_OF_MOST: f64 = 5.0;
+const MIN_ROBUST_LN_RATIO: f64 = 5.0;
 
 /// Share of the held-out power that a family may add where a line of it is disturbed.
-const MOST_WORSE: f64 = 0.05;
+const MAX_ADDED_POWER_SHARE: f64 = 0.05;
 
 /// Share of the power that the calibrated model of a run-up may leave of the held-out turns: where it leaves most,
 /// the angle is not the machine's, and power beside the mesh lines is theirs (set on some ten generated run-ups,
 /// seeds 301, 304 and 306: less where effects were found, more where they were missed or false).
-const MOST_LEFT: f64 = 0.5;
+const MAX_REMNANT_SHARE: f64 = 0.5;
 
 /// Distance from a mesh harmonic, orders of the pinion, within which a run-up leaves much of it.
-const NEXT_TO_THE_MESH: f64 = 1.5;
+const MESH_DISTANCE_ORDERS: f64 = 1.5;
 
 /// What a family is worth on the turns not used.
 #[derive(Debug, Clone, Copy, Default)]
@@ -73,7 +73,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
     let mut corrected = Corrected::none(scene, baseline);
     let left = mean(&shares(scene, &baseline.calibrated, held_out), all.clone());
     let runs_up = scene.runs.iter().any(SceneRun::runs_up);
-    let angle_unreliable = runs_up && left > MOST_LEFT;
+    let angle_unreliable = runs_up && left > MAX_REMNANT_SHARE;
     let worth = |own: &&Adopted| {
         if !own.candidate.locked {
             let is_swing = own.candidate.kind == Kind::Swing;
@@ -107,7 +107,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
         let robust_ln_ratio = of_lines.iter().map(|ln| ln.max(0.0) + (-ln.abs()).exp().ln_1p() - 2.0_f64.ln()).sum();
         let majority = of_lines.iter().map(|ln| if *ln > 1.0 { 1 } else { -i32::from(*ln < -1.0) }).sum();
         let gain = share(&before) - share(&corrected.residual);
-        if ln_bayes <= LEAST {
+        if ln_bayes <= MIN_LN_RATIO {
             corrected.residual = before;
         }
         let passes_independently = runs_up
@@ -125,7 +125,7 @@ pub fn worths(scene: &Scene, baseline: &Baseline, views: [&Views; 2], adopted: &
 fn away_from_the_mesh(candidate: &Candidate, mesh_order: f64) -> Candidate {
     let mut away = candidate.clone();
     let beside = |order: f64| (order - (order / mesh_order).round().max(1.0) * mesh_order).abs();
-    away.places.retain(|place| beside(place.order) > NEXT_TO_THE_MESH);
+    away.places.retain(|place| beside(place.order) > MESH_DISTANCE_ORDERS);
     away
 }
 
@@ -155,7 +155,7 @@ fn ln_likelihood_ratio(
 /// Whether a family's fitted amplitudes and phases hold on the turns not used, so that its lines may be taken off
 /// there.
 pub fn predicts_waveform(adopted: &Adopted, worth: &HoldoutResult) -> bool {
-    adopted.candidate.locked && !worth.angle_unreliable && worth.ln_bayes > LEAST
+    adopted.candidate.locked && !worth.angle_unreliable && worth.ln_bayes > MIN_LN_RATIO
 }
 
 /// The veto: whether a family holds on the turns not used. What is seen in an envelope predicts no share of the
@@ -165,17 +165,19 @@ pub fn passes(adopted: &Adopted, worth: &HoldoutResult) -> bool {
         if adopted.verdict.is_close && worth.gain <= 0.0 {
             return false;
         }
-        let most =
-            !worth.runs_up && worth.robust_ln_ratio > LEAST_OF_MOST && worth.majority > 0 && worth.gain > -MOST_WORSE;
+        let most = !worth.runs_up
+            && worth.robust_ln_ratio > MIN_ROBUST_LN_RATIO
+            && worth.majority > 0
+            && worth.gain > -MAX_ADDED_POWER_SHARE;
         return predicts_waveform(adopted, worth) || most || worth.passes_independently;
     }
     // One line is read with bins beside it, which lie below a floor that is on the safe side: near the floor they
     // outweigh it.
-    let is_sure = adopted.candidate.kind == Kind::FixedFrequency && worth.ln_bayes > LEAST_OF_MOST;
+    let is_sure = adopted.candidate.kind == Kind::FixedFrequency && worth.ln_bayes > MIN_ROBUST_LN_RATIO;
     let predicts = worth.gain > 0.0 || is_sure;
     if adopted.candidate.kind == Kind::Swing {
         // A quarter of the turns cannot tell its power from the mesh lines'; it must be in step there.
-        return worth.ln_bayes > LEAST;
+        return worth.ln_bayes > MIN_LN_RATIO;
     }
     predicts && worth.ln_bayes > 0.0 || worth.passes_independently
 }

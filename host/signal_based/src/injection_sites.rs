@@ -19,7 +19,7 @@ const BASES: (f64, f64) = (2.5, 8.0);
 /// Tries for a base that nothing explains.
 const TRIES: usize = 200;
 /// Share of a family's lines that must be on nothing taken.
-const FREE: f64 = 0.7;
+const MIN_FREE_LINE_SHARE: f64 = 0.7;
 
 /// The family at a place of its own; none where everything is taken.
 pub fn drawn(context: &Context, found: &Search, typical: &Candidate, random: &mut ChaCha8Rng) -> Option<Candidate> {
@@ -31,7 +31,9 @@ pub fn drawn(context: &Context, found: &Search, typical: &Candidate, random: &mu
             let chosen = (random.random::<f64>() * ghosts.len() as f64) as usize;
             ghosts.into_iter().nth(chosen)
         }
-        Kind::Passage => first_free(context, found, typical, || passage::harmonics(context, base(), passage::ALONE[0])),
+        Kind::Passage => {
+            first_free(context, found, typical, || passage::harmonics(context, base(), passage::LONE_HARMONICS[0]))
+        }
         Kind::ModulatedPassage(shaft) => {
             let own = context.scene.shaft_order(shaft as usize);
             first_free(context, found, typical, || passage::modulated(context, own * base(), shaft))
@@ -53,5 +55,5 @@ fn first_free(
 fn is_free(context: &Context, found: &Search, candidate: &Candidate) -> bool {
     let lobe = LOBE_BINS * context.orders.bin(0);
     let free = candidate.places.iter().filter(|place| !context.taken[0].near(place.order, lobe)).count();
-    !found.knows(candidate, context.scene) && free as f64 >= FREE * candidate.places.len().max(1) as f64
+    !found.knows(candidate, context.scene) && free as f64 >= MIN_FREE_LINE_SHARE * candidate.places.len().max(1) as f64
 }

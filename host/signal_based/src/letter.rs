@@ -9,18 +9,18 @@ use meshband_common::report::owners::{Line, Owners, line_at};
 use meshband_common::report::plot::Label;
 
 /// Lines of one family marked.
-const MARKED: usize = 6;
+const MAX_MARKED_LINES: usize = 6;
 /// Mesh harmonics marked.
 const HARMONICS: u32 = 6;
 /// Least distance of two marks, share of the picture's width.
-const APART: f64 = 1.0 / 60.0;
+const MIN_MARK_SPACING_SHARE: f64 = 1.0 / 60.0;
 /// Share of the RMS on the held-out turns that stays, and times the noise's, from which the letter says so.
-const MOST_OF_IT: f64 = 0.3;
-const OVER_THE_NOISE: f64 = 2.0;
+const MIN_RESIDUAL_SHARE: f64 = 0.3;
+const MIN_RESIDUAL_NOISE_RATIO: f64 = 2.0;
 /// Height over what lies beside it from which a line is marked, dB.
-const STANDS_DB: f64 = 10.0;
+const MIN_LINE_HEIGHT_DB: f64 = 10.0;
 /// Least distance of a family's line from a mesh harmonic, orders.
-const OF_THE_MESH: f64 = 0.06;
+const MIN_MESH_DISTANCE_ORDERS: f64 = 0.06;
 
 /// What was measured, what was found and how sure that is, what to do next.
 pub fn sentences(outcome: &Outcome, about: &About) -> Vec<String> {
@@ -71,7 +71,7 @@ fn found(outcome: &Outcome, about: &About) -> String {
 /// What stays unexplained, where that is most of the vibration and no noise.
 fn unexplained(outcome: &Outcome) -> Option<String> {
     let held = outcome.held_out;
-    (held.corrected > MOST_OF_IT && held.corrected > OVER_THE_NOISE * held.noise_floor).then(|| {
+    (held.corrected > MIN_RESIDUAL_SHARE && held.corrected > MIN_RESIDUAL_NOISE_RATIO * held.noise_floor).then(|| {
         format!(
             "{:.0} % of the vibration's RMS stays unexplained, where noise would leave {:.0} %: what makes it has no \
              name here; `meshband analyse` lists its strongest lines.",
@@ -199,8 +199,9 @@ pub fn strongest<'a>(outcome: &'a Outcome, effect: &Effect) -> Option<(&'a Pictu
 /// Marks of a picture: mesh harmonics first, then each family's own lines; no line twice, none over another.
 pub fn marks(outcome: &Outcome, picture: &Picture, pinion_teeth: Option<u32>) -> Vec<Label> {
     let top = picture.spectra[0].last().map_or(0.0, |point| point.0);
-    let mut owners = Owners::new((APART * top).max(OF_THE_MESH));
-    let stands = |order: f64| line_at(&picture.spectra[0], order).is_some_and(|line| line.over_floor_db > STANDS_DB);
+    let mut owners = Owners::new((MIN_MARK_SPACING_SHARE * top).max(MIN_MESH_DISTANCE_ORDERS));
+    let stands =
+        |order: f64| line_at(&picture.spectra[0], order).is_some_and(|line| line.over_floor_db > MIN_LINE_HEIGHT_DB);
     for harmonic in 1..=HARMONICS {
         let order = pinion_teeth.map(|teeth| f64::from(harmonic * teeth));
         if let Some(order) = order.filter(|&order| order < top && stands(order)) {
@@ -208,7 +209,9 @@ pub fn marks(outcome: &Outcome, picture: &Picture, pinion_teeth: Option<u32>) ->
         }
     }
     for effect in outcome.effects.iter().filter(|effect| is_in_the_spectrum(effect)) {
-        for (label, order) in effect.lines.iter().filter(|(_, order)| *order < top && stands(*order)).take(MARKED) {
+        for (label, order) in
+            effect.lines.iter().filter(|(_, order)| *order < top && stands(*order)).take(MAX_MARKED_LINES)
+        {
             owners.claim(*order, marked(label, effect));
         }
     }

@@ -82,7 +82,7 @@ use search::Adopted;
 const NO_GEARS: [u32; 2] = [1, 1];
 
 /// How often the search is made again without what the held-out turns veto.
-const AGAIN: usize = 2;
+const VETO_ROUNDS: usize = 2;
 
 /// Runs signal-based inference on a record.
 ///
@@ -126,7 +126,7 @@ pub fn run(record: &Record, preflight: &Preflight) -> Result<Outcome> {
     };
     let mut worths = worths_of(&found.adopted);
     let mut vetoed_before: Vec<(Adopted, holdout_test::HoldoutResult)> = Vec::new();
-    for _ in 0..AGAIN * usize::from(judges) {
+    for _ in 0..VETO_ROUNDS * usize::from(judges) {
         let judged = found.adopted.iter().cloned().zip(worths.iter().copied());
         let (kept, vetoed): (Vec<_>, Vec<_>) = judged.partition(|(own, worth)| holdout_test::passes(own, worth));
         if vetoed.is_empty() {

@@ -31,7 +31,7 @@ use rand_chacha::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 
 /// Strengths tried, from the weakest: steps of an eighth of a factor of two.
-pub const WEAKEST: f64 = 1e-4;
+pub const MIN_STRENGTH: f64 = 1e-4;
 const STEPS: i32 = 128;
 const STEP: f64 = 0.125;
 /// Places drawn of every family.
@@ -43,7 +43,7 @@ const SEED: u64 = 16;
 /// Alternatives of a base where no other was proposed.
 const FEW_BASES: f64 = 100.0;
 /// Row of a channel that stands still at the end of its range.
-pub const LIMITED: &str = "channel limited at the end of its range";
+pub const LIMITED_CHANNEL: &str = "channel limited at the end of its range";
 
 /// What limits are worked out from.
 struct Bench<'a> {
@@ -71,7 +71,7 @@ pub fn limits(scene: &Scene, baseline: &Baseline, views: &Views, found: &Search,
 /// last round.
 pub fn library(context: &Context, ranked: &[(f64, Candidate)]) -> Vec<(String, Candidate)> {
     let mut all = Vec::new();
-    for shaft in Shaft::BOTH.into_iter().filter(|_| context.scene.gearing.is_none()) {
+    for shaft in Shaft::PAIR_SHAFTS.into_iter().filter(|_| context.scene.gearing.is_none()) {
         let word = shaft.word();
         all.push((
             format!("modulation of the mesh by the {word}'s shaft, first sidebands"),
@@ -90,7 +90,7 @@ pub fn library(context: &Context, ranked: &[(f64, Candidate)]) -> Vec<(String, C
     }
     // Bases of ordinary bearings, on no order of either shaft.
     let alternatives = ranked.iter().find(|(_, c)| c.is_base()).map_or(FEW_BASES, |(_, c)| c.alternatives);
-    let outer = passage::harmonics(context, 3.587, passage::ALONE[0]);
+    let outer = passage::harmonics(context, 3.587, passage::LONE_HARMONICS[0]);
     all.push(("harmonics of an order of neither shaft".into(), Candidate { alternatives, ..outer }));
     for &shaft in context.scene.shafts() {
         let own = context.scene.shaft_order(shaft as usize);
@@ -133,7 +133,7 @@ fn limited(scene: &Scene) -> Option<Limit> {
     }
     let places = (0..scene.channels.len()).flat_map(|c| clipping::SIDES.map(|side| (c, side)));
     let strengths = places.map(|(c, side)| clipping::least_share(scene, c, side).unwrap_or(f64::INFINITY)).collect();
-    Some(row(LIMITED, "of its largest value cut off", strengths))
+    Some(row(LIMITED_CHANNEL, "of its largest value cut off", strengths))
 }
 
 impl Bench<'_> {
@@ -166,7 +166,7 @@ impl Bench<'_> {
         if copies.copies < FEWEST_COPIES {
             return None;
         }
-        let refined = if candidate.is_base() { passage::REFINED } else { 1.0 };
+        let refined = if candidate.is_base() { passage::TRIAL_BASES } else { 1.0 };
         let gate = accept::needed(&copies, candidate.alternatives * refined);
         let judged = self.rivals.least(candidate) + candidate.alternatives.max(1.0).ln();
         // The choice of the resolution is paid for.
@@ -181,7 +181,7 @@ impl Bench<'_> {
     /// The weakest strength from which on a family is found.
     fn weakest(&self, place: &Candidate, needed: f64, path: &[Vec<Vec<f64>>], phases: &[f64]) -> Option<f64> {
         let field = self.field(place);
-        let strength = |step: i32| WEAKEST * 2.0_f64.powf(STEP * f64::from(step));
+        let strength = |step: i32| MIN_STRENGTH * 2.0_f64.powf(STEP * f64::from(step));
         let mesh = |run: usize, channel: usize, line: usize| {
             let own = &path[run][channel];
             own.get(line).or(own.last()).copied().unwrap_or(0.0)

@@ -16,7 +16,7 @@ use super::spectra::Spectra;
 use crate::analysis::search::{self, Level};
 
 /// Power over one axis against the other from which a line stands there (set on generated tones and orders).
-const CLEARLY: f64 = 1.3;
+const MIN_AXIS_POWER_RATIO: f64 = 1.3;
 /// Bins over which the speed must sweep a line for the two to differ.
 const SWEPT_BINS: f64 = 4.0;
 /// Bins about a place within which its peak is looked for.
@@ -80,9 +80,9 @@ pub fn read(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &Vie
     let (over_frequency, over_orders) = if is_frequency { (here, there) } else { (there, here) };
     let hz = if is_frequency { strongest } else { between_bins(&views.frequency.levels[r][c][0], place) };
     let swept = hz * (speed.fastest_hz - speed.slowest_hz) / speed.mean_hz / views.frequency.bin(0);
-    let sharper = if over_frequency > CLEARLY * over_orders {
+    let sharper = if over_frequency > MIN_AXIS_POWER_RATIO * over_orders {
         Sharper::OverFrequency
-    } else if over_orders >= CLEARLY * over_frequency {
+    } else if over_orders >= MIN_AXIS_POWER_RATIO * over_frequency {
         Sharper::OverOrders
     } else if swept < SWEPT_BINS {
         Sharper::Neither

@@ -33,25 +33,25 @@ use std::ops::Range;
 /// Windows begun per turn of the shaft whose turn each lasts.
 const PER_TURN: usize = 8;
 /// Fewest windows of a course.
-const FEWEST: usize = 12 * PER_TURN;
+const MIN_WINDOWS: usize = 12 * PER_TURN;
 /// Largest noise, of relative amplitudes, with which a line takes part.
-const CLEAR: f64 = 0.1;
+const MAX_RELATIVE_NOISE: f64 = 0.1;
 /// Turns on either side over which what is left of a line in a run-up is its noise.
 const NOISE_TURNS: usize = 6;
 /// Powers of the speed that are taken off.
 const POWERS: i32 = 5;
 /// Lowest bin read, and highest order, share of the slower shaft's: there the window has a tenth of its response.
 const LOWEST_BIN: f64 = 4.0;
-const HIGHEST: f64 = 0.9;
+const MAX_ORDER_SHARE: f64 = 0.9;
 /// Steps of a bin, each way, in which a swing's order is refined.
-const FINE: i32 = 20;
+const STEPS_PER_BIN: i32 = 20;
 /// Singular values below it are none.
-const SINGULAR: f64 = 1e-9;
+const MIN_SINGULAR_VALUE: f64 = 1e-9;
 /// Most by which held-out and fitted turns may differ in a swing's strength, and in its phase (set on generated
 /// records: swings were within a factor of 1.6 and 23 degrees, the two remainders of a wander that passed all else 36
 /// and 59 degrees off).
-const ALIKE: f64 = 1.75;
-const IN_STEP: f64 = PI / 6.0;
+const MAX_STRENGTH_RATIO: f64 = 1.75;
+const MAX_PHASE_DIFFERENCE_RAD: f64 = PI / 6.0;
 
 /// The course of one channel of a run.
 #[derive(Debug, Clone)]
@@ -94,12 +94,12 @@ impl Strength {
             .map(|(run, courses)| courses.iter().map(|course| vec![level(run, course.as_ref())]).collect());
         let levels: Vec<Vec<Vec<Level>>> = levels.collect();
         let lowest = LOWEST_BIN * scene.runs.iter().map(bin).fold(0.0, f64::max);
-        Self { spectra: Spectra { levels, lowest, highest: HIGHEST * slower }, courses }
+        Self { spectra: Spectra { levels, lowest, highest: MAX_ORDER_SHARE * slower }, courses }
     }
 
     /// The order within a bin at which a swing takes most off the courses of all turns.
     pub fn refined(&self, scene: &Scene, channels: Range<usize>, order: f64) -> f64 {
-        let step = self.spectra.bin(0) / f64::from(FINE);
+        let step = self.spectra.bin(0) / f64::from(STEPS_PER_BIN);
         let taken = |order: f64| -> f64 {
             let of = |run: &SceneRun, course: &Course| {
                 let all: Vec<usize> = (0..course.values.len()).collect();
@@ -108,7 +108,8 @@ impl Strength {
             };
             self.over(scene, channels.clone(), of).into_iter().sum()
         };
-        let tried = (-FINE..=FINE).map(|i| order + f64::from(i) * step).map(|order| (taken(order), order));
+        let tried =
+            (-STEPS_PER_BIN..=STEPS_PER_BIN).map(|i| order + f64::from(i) * step).map(|order| (taken(order), order));
         tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(order, |(_, order)| order)
     }
 
@@ -147,7 +148,8 @@ impl HeldOut {
     /// Whether it is about as strong there, and in step within a twelfth of a turn: what a wander's remainder now and
     /// then predicts is not.
     pub fn agrees(&self) -> bool {
-        (1.0 / ALIKE..ALIKE).contains(&self.ratio.norm()) && self.ratio.arg().abs() < IN_STEP
+        (1.0 / MAX_STRENGTH_RATIO..MAX_STRENGTH_RATIO).contains(&self.ratio.norm())
+            && self.ratio.arg().abs() < MAX_PHASE_DIFFERENCE_RAD
     }
 }
 
@@ -231,7 +233,7 @@ fn windows(run: &SceneRun) -> usize {
 /// The course of a channel; nothing in a short run and where no line is clear.
 fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
     let count = windows(run);
-    if count < FEWEST {
+    if count < MIN_WINDOWS {
         return None;
     }
     let weights = WINDOW.weights(count);
@@ -239,7 +241,7 @@ fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
     for order in orders {
         let relative = amplitudes(run, samples, *order);
         let noise = noise(&powers(run, &relative, &weights));
-        if noise > 0.0 && noise < CLEAR {
+        if noise > 0.0 && noise < MAX_RELATIVE_NOISE {
             sum.iter_mut().zip(&relative).for_each(|(s, x)| *s += x / noise);
             total += 1.0 / noise;
         }
@@ -255,7 +257,7 @@ fn course(run: &SceneRun, samples: &[f64], orders: &[f64]) -> Option<Course> {
 /// in all of them. Nothing in a short run, where no line is clear, and without pulses.
 fn swept_course(run: &SceneRun, left: &[Vec<f64>], orders: &[f64]) -> Option<Course> {
     let count = windows(run);
-    if count < FEWEST || !run.has_pulses {
+    if count < MIN_WINDOWS || !run.has_pulses {
         return None;
     }
     let lines: Vec<(&Vec<f64>, &Vec<f64>, f64)> =
@@ -275,7 +277,7 @@ fn swept_course(run: &SceneRun, left: &[Vec<f64>], orders: &[f64]) -> Option<Cou
     let mut sorted = totals.clone();
     sorted.sort_by(f64::total_cmp);
     let usual = sorted[count / 2];
-    if usual * CLEAR < 1.0 {
+    if usual * MAX_RELATIVE_NOISE < 1.0 {
         return None;
     }
     let relative: Vec<f64> = sums.iter().zip(&totals).map(|(sum, total)| sum / total.max(f64::MIN_POSITIVE)).collect();
@@ -323,7 +325,7 @@ fn amplitudes(run: &SceneRun, samples: &[f64], order: f64) -> Vec<f64> {
 
 /// Bins of a run's spectrum.
 fn bins(run: &SceneRun) -> usize {
-    (HIGHEST * run.angle.slower_order() / bin(run)).ceil() as usize + 1
+    (MAX_ORDER_SHARE * run.angle.slower_order() / bin(run)).ceil() as usize + 1
 }
 
 /// Power of a course over orders, as of windows without length, up to the highest order read.
@@ -385,7 +387,7 @@ fn least_squares<Row: AsRef<[f64]>>(rows: &[Row], values: &[f64], weights: &[f64
     }
     let matrix = DMatrix::from_fn(rows.len(), n, |i, j| weights[i].sqrt() * rows[i].as_ref()[j]);
     let right = DVector::from_fn(rows.len(), |i, _| weights[i].sqrt() * values[i]);
-    let solved = matrix.svd(true, true).solve(&right, SINGULAR);
+    let solved = matrix.svd(true, true).solve(&right, MIN_SINGULAR_VALUE);
     solved.map_or_else(|_| vec![0.0; n], |x| x.iter().copied().collect())
 }
 

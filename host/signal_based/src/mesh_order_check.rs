@@ -17,11 +17,11 @@ const MOST_TEETH: i32 = 4;
 /// Widest clock ratio tried, either way.
 const WIDEST_CLOCK: f64 = 0.02;
 /// Logarithm of the Bayes factor by which another place must exceed the declared one's.
-const CLEARLY: f64 = 15.0;
+const MIN_EXCESS_LN_BAYES: f64 = 15.0;
 /// Share of the other place's score from which the declared comb is the mesh and the other its sidebands.
 const SIDEBANDS: f64 = 0.5;
 /// Logarithm of the Bayes factor below which there is no mesh.
-const LEAST: f64 = 5.0;
+const MIN_LN_BAYES: f64 = 5.0;
 
 /// Order spectra of the record itself on the stretches that `stretches` chooses.
 pub fn spectra(scene: &Scene, stretches: impl Fn(&Split) -> &[Stretch] + Sync) -> Spectra {
@@ -32,7 +32,7 @@ pub fn spectra(scene: &Scene, stretches: impl Fn(&Split) -> &[Stretch] + Sync) -
 /// What is wrong with the place of the mesh, in words; `None` where it stands as declared.
 pub fn finding(scene: &Scene, spectra: &Spectra) -> Option<String> {
     if let Some(gearing) = &scene.gearing {
-        let stands = |own: &Vec<f64>| of_lines(spectra, own) >= LEAST;
+        let stands = |own: &Vec<f64>| of_lines(spectra, own) >= MIN_LN_BAYES;
         return (!gearing.first_lines().iter().any(stands)).then(|| {
             "no mesh line of any stage stands where the train has it: tach, teeth or channels are wrong".into()
         });
@@ -48,14 +48,14 @@ pub fn finding(scene: &Scene, spectra: &Spectra) -> Option<String> {
     let by_teeth = teeth.map(|(order, _)| (order, comb(spectra, order))).fold((z, f64::NEG_INFINITY), best);
     let by_clock = clocks.filter(far).map(|order| (order, comb(spectra, order))).fold((z, f64::NEG_INFINITY), best);
     let other = by_teeth.1.max(by_clock.1);
-    if other > declared.max(0.0) + CLEARLY && declared < SIDEBANDS * other {
-        return Some(if by_teeth.1 + CLEARLY > by_clock.1 {
+    if other > declared.max(0.0) + MIN_EXCESS_LN_BAYES && declared < SIDEBANDS * other {
+        return Some(if by_teeth.1 + MIN_EXCESS_LN_BAYES > by_clock.1 {
             format!("the mesh does not stand at {z:.0} x speed but as {:.0} teeth would have it", by_teeth.0)
         } else {
             format!("the mesh stands at {:.4} of teeth x speed: tach or sampling clock is off", by_clock.0 / z)
         });
     }
-    (declared < LEAST)
+    (declared < MIN_LN_BAYES)
         .then(|| format!("no mesh line stands at {z:.0} x speed or near it: tach, teeth or channels are wrong"))
 }
 

@@ -15,15 +15,15 @@ use crate::spectral::{Window, amplitude_spectrum, line_near};
 use serde::Serialize;
 
 /// Fewest fitted loads.
-const FEWEST: usize = 3;
+const MIN_LOADS: usize = 3;
 /// Widest slip looked for.
-const WIDEST: f64 = 0.04;
+const MAX_SLIP: f64 = 0.04;
 /// Multiples of the shaft's rate that the supply's line may be near.
 const MULTIPLES: std::ops::RangeInclusive<u32> = 1..=4;
 /// Step of the frequencies tried, share of a bin.
 const STEP: f64 = 0.25;
 /// Least logarithm of the Bayes factor after the choice.
-const LEAST: f64 = 5.0;
+const MIN_LN_BAYES: f64 = 5.0;
 /// Power over floor that one reading counts at most.
 const CAP: f64 = 300.0;
 /// Bins of a main lobe (Blackman-Harris), each side.
@@ -72,7 +72,7 @@ pub fn law(record: &Record, scene: &Scene) -> Option<Law> {
     runs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let fitted: Vec<(f64, &SceneRun)> = runs.iter().step_by(2).copied().collect();
     let full_load = fitted.last()?.0;
-    if fitted.len() < FEWEST || full_load <= 0.0 || fitted.windows(2).any(|w| w[0].0 == w[1].0) {
+    if fitted.len() < MIN_LOADS || full_load <= 0.0 || fitted.windows(2).any(|w| w[0].0 == w[1].0) {
         return None;
     }
     let points: Vec<(f64, f64)> =
@@ -139,7 +139,7 @@ fn supply(runs: &[&SceneRun], channels: usize, k: u32) -> Option<(f64, u32, f64)
         }
     }
     let bin = spectra.iter().map(|(_, (bin, _))| *bin).fold(f64::INFINITY, f64::min);
-    let steps = (WIDEST * fastest / (STEP * bin)) as usize;
+    let steps = (MAX_SLIP * fastest / (STEP * bin)) as usize;
     let alternatives = (steps as f64 * f64::from(*MULTIPLES.end())).max(1.0).ln();
     let score = |hz: f64| -> f64 {
         let readings = spectra.iter().filter_map(|(own, (bin, ratios))| {
@@ -151,7 +151,7 @@ fn supply(runs: &[&SceneRun], channels: usize, k: u32) -> Option<(f64, u32, f64)
     };
     let tried = (0..steps).map(|i| fastest + STEP * bin * i as f64);
     let (best, hz) = tried.map(|hz| (score(hz), hz)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    if best - alternatives < LEAST {
+    if best - alternatives < MIN_LN_BAYES {
         return None;
     }
     let lines: Vec<f64> = runs.iter().filter_map(|run| line(run, channels, hz, k)).collect();
@@ -181,7 +181,7 @@ fn without(signal: &[f64], rate_hz: f64, own_hz: f64) -> Vec<f64> {
 /// Width of a bin and power over the median of the band around `own`, by bin.
 fn over_floor(signal: &[f64], rate_hz: f64, own_hz: f64) -> (f64, Vec<f64>) {
     let spectrum = amplitude_spectrum(signal, rate_hz, Window::BlackmanHarris);
-    let half = (2.0 * WIDEST * own_hz / spectrum.bin) as usize;
+    let half = (2.0 * MAX_SLIP * own_hz / spectrum.bin) as usize;
     let centre = (own_hz / spectrum.bin) as usize;
     let band = centre.saturating_sub(half)..(centre + half).min(spectrum.values.len());
     let mut sorted: Vec<f64> = spectrum.values[band].iter().map(|a| a * a).collect();

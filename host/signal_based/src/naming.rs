@@ -181,10 +181,10 @@ fn of_train(adopted: &Adopted, own: u16, scene: &Scene) -> Naming {
 /// Names a comb of impacts. A rig without gears has one shaft, which needs no name.
 pub fn impacts(own: &Impacts, scene: &Scene) -> Naming {
     let reading = &own.reading;
-    let shaft = reading.shaft.map_or("none", |shaft| Shaft::BOTH[shaft].word());
+    let shaft = reading.shaft.map_or("none", |shaft| Shaft::PAIR_SHAFTS[shaft].word());
     let seat = match (&own.bearing, reading.shaft) {
         (Some(bearing), _) => format!(" of bearing {}", crate::text::name(bearing)),
-        (None, Some(shaft)) if scene.has_gears() => format!(" of the {}'s shaft", Shaft::BOTH[shaft].word()),
+        (None, Some(shaft)) if scene.has_gears() => format!(" of the {}'s shaft", Shaft::PAIR_SHAFTS[shaft].word()),
         _ => String::new(),
     };
     let (verdict, name) = match reading.parts.as_slice() {

@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 /// Lines listed of a family.
 const LINES: usize = 24;
 /// Mesh harmonics that the pictures reach to.
-const PICTURED: f64 = 6.5;
+const PICTURE_HARMONICS: f64 = 6.5;
 
 /// What the answer is made of.
 pub struct Parts<'a> {
@@ -437,7 +437,7 @@ fn unexplained(errors: &Errors) -> Vec<Unexplained> {
 
 fn pictures(parts: &Parts) -> Vec<Picture> {
     let scene = parts.scene;
-    let top = (PICTURED * scene.mesh_order()).min(scene.highest_order);
+    let top = (PICTURE_HARMONICS * scene.mesh_order()).min(scene.highest_order);
     let Some(run) = scene.runs.first() else { return Vec::new() };
     let amplitudes = |grids: &Grids, c: usize| spectrum(&grids[0][c], run.angle.per_turn[0], top);
     let picture = |c: usize| Picture {

@@ -11,24 +11,24 @@ use super::scene::{Scene, SceneRun};
 use crate::train::families::What;
 
 /// Logarithm of the Bayes factor from which one line alone is an order, or a frequency that is no supply's, of its own.
-const LEAST_ALONE: f64 = 20.0;
+const MIN_LONE_LN_BAYES: f64 = 20.0;
 /// Share of the slower shaft's order about a mesh harmonic within which a wander leaves skirts, and the evidence that
 /// something so slow needs (set on generated records with nothing but a wander, where 25 nats and more were seen; in
 /// run-ups, where the calibrated model takes most of the wander off and swings must be more, 4 on records without an
 /// effect, 21 on one of friction).
 const SKIRT: f64 = 0.85;
-const LEAST_SLOW: f64 = 60.0;
-const LEAST_SLOW_IN_RUN_UPS: f64 = 15.0;
+const MIN_SWING_LN_BAYES: f64 = 60.0;
+const MIN_RUN_UP_SWING_LN_BAYES: f64 = 15.0;
 /// Share of the evidence of a base's lines that may stand on such skirts.
-const MOSTLY: f64 = 0.5;
+const MAX_SKIRT_SHARE: f64 = 0.5;
 /// Share of a pattern's power in the first sidebands of the mesh from which it is a modulation.
-const BESIDE_THE_MESH: f64 = 0.5;
+const MIN_MODULATION_SHARE: f64 = 0.5;
 /// Share of a family's evidence that is nearly all of it.
-const NEARLY: f64 = 0.85;
+const DOMINANT_SHARE: f64 = 0.85;
 /// Fewest lines that make a higher base where others stand beside them.
 const FEWEST_MULTIPLES: usize = 3;
 /// Fewest lines of one tooth of a train: its push is short, so it has many; two are a coincidence of two combs.
-const FEWEST_OF_TOOTH: usize = 3;
+const MIN_LINES_OF_TOOTH: usize = 3;
 /// Harmonics of a modulated base that stand themselves between their sidebands.
 const CARRIERS: usize = 2;
 /// The same family with a higher base, where multiples of one number have nearly all of its evidence.
@@ -62,7 +62,7 @@ fn nearly_common_divisor(candidate: &Candidate, verdict: &Verdict) -> Option<u64
     let are_nearly_all = |d: &u64| {
         let multiples: Vec<f64> = standing.iter().filter(|(n, _)| n % d == 0).map(|(_, ln)| *ln).collect();
         let enough = multiples.len() >= FEWEST_MULTIPLES || multiples.len() == standing.len();
-        enough && multiples.iter().sum::<f64>() > NEARLY * all
+        enough && multiples.iter().sum::<f64>() > DOMINANT_SHARE * all
     };
     (2..=most).rev().find(are_nearly_all)
 }
@@ -138,7 +138,7 @@ fn without_the_shaft(
     taken: &TakenOf,
 ) -> (Candidate, Verdict) {
     let alternatives = found.0.alternatives;
-    let alone = passage::harmonics(context, found.0.base, passage::ALONE[0]);
+    let alone = passage::harmonics(context, found.0.base, passage::LONE_HARMONICS[0]);
     let alone = Candidate { alternatives, ..alone };
     let verdict = accept::judge(&alone, &views.field(taken, alone.domain, 0..context.scene.searched));
     if verdict.refused.is_none() { (alone, verdict) } else { found }
@@ -161,7 +161,7 @@ fn without_the_teeth(
     };
     let field = views.field(taken, Domain::Orders, 0..scene.searched);
     let whole = power(&found.0);
-    let simpler = modulations.into_iter().find(|shape| power(shape) > BESIDE_THE_MESH * whole);
+    let simpler = modulations.into_iter().find(|shape| power(shape) > MIN_MODULATION_SHARE * whole);
     let judged = simpler.map(|shape| (accept::judge(&shape, &field), shape));
     match judged {
         Some((verdict, shape)) if verdict.refused.is_none() => (shape, verdict),
@@ -185,7 +185,7 @@ pub fn as_modulation(
     let standing = || candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
     let all: f64 = standing().map(|(_, ln)| ln).sum();
     let beside: f64 = standing().filter(|(place, _)| is_first(place.order)).map(|(_, ln)| ln).sum();
-    if beside <= NEARLY * all {
+    if beside <= DOMINANT_SHARE * all {
         return None;
     }
     let field = views.field(taken, Domain::Orders, 0..scene.searched);
@@ -201,8 +201,8 @@ pub fn unsound(candidate: &Candidate, verdict: &Verdict, scene: &Scene, views: &
     if let Some(why) = of_the_wander(candidate, verdict, scene) {
         return Some(why);
     }
-    if is_tooth_of_train(candidate, scene) && standing.len() < FEWEST_OF_TOOTH {
-        return Some(format!("{} lines only, {FEWEST_OF_TOOTH} asked of one tooth", standing.len()));
+    if is_tooth_of_train(candidate, scene) && standing.len() < MIN_LINES_OF_TOOTH {
+        return Some(format!("{} lines only, {MIN_LINES_OF_TOOTH} asked of one tooth", standing.len()));
     }
     if candidate.is_base() {
         let harmonics = standing_harmonics(candidate, verdict);
@@ -247,7 +247,8 @@ pub fn says_too_little(candidate: &Candidate, verdict: &Verdict) -> Option<Strin
         _ => false,
     };
     let nats = verdict.ln_bayes;
-    (is_lone && nats <= LEAST_ALONE).then(|| format!("one line of {nats:.0} nats, {LEAST_ALONE:.0} asked of one alone"))
+    (is_lone && nats <= MIN_LONE_LN_BAYES)
+        .then(|| format!("one line of {nats:.0} nats, {MIN_LONE_LN_BAYES:.0} asked of one alone"))
 }
 
 /// Whether a base is slower than the slower shaft's first sideband, where a wandering speed leaves skirts.
@@ -283,7 +284,7 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
         let lines = || candidate.places.iter().zip(&verdict.score.of_places).filter(|(_, ln)| **ln > 0.0);
         let all: f64 = lines().map(|(_, ln)| ln).sum();
         let beside: f64 = lines().filter(|(place, _)| on_skirt(place.order)).map(|(_, ln)| ln).sum();
-        if beside > MOSTLY * all {
+        if beside > MAX_SKIRT_SHARE * all {
             return Some("its lines stand beside mesh harmonics, which swing as the speed wanders".into());
         }
     }
@@ -291,7 +292,7 @@ fn of_the_wander(candidate: &Candidate, verdict: &Verdict, scene: &Scene) -> Opt
         return Some("slower than the slower shaft, where a run-up's mesh lines are followed and taken off".into());
     }
     let is_slow = candidate.kind == Kind::Swing || is_slow_base(candidate, scene);
-    let least = if scene.runs.iter().any(SceneRun::runs_up) { LEAST_SLOW_IN_RUN_UPS } else { LEAST_SLOW };
+    let least = if scene.runs.iter().any(SceneRun::runs_up) { MIN_RUN_UP_SWING_LN_BAYES } else { MIN_SWING_LN_BAYES };
     (is_slow && verdict.ln_bayes < least).then(|| {
         format!("{:.0} nats of {least:.0}, so slow that a wandering speed may leave as much", verdict.ln_bayes)
     })

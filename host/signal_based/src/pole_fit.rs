@@ -19,12 +19,12 @@ use rustfft::num_complex::Complex64;
 const STEPS: usize = 12;
 const LEAST_GAIN: f64 = 0.5;
 /// First share of the diagonal that holds a step back, its changes, and where it gives up.
-const HELD_BACK: f64 = 1e-2;
-const EASIER: f64 = 0.2;
-const HARDER: f64 = 8.0;
-const TOO_HARD: f64 = 1e6;
+const FIRST_RIDGE_SHARE: f64 = 1e-2;
+const RIDGE_DECREASE: f64 = 0.2;
+const RIDGE_INCREASE: f64 = 8.0;
+const MAX_RIDGE_SHARE: f64 = 1e6;
 /// Longest step: of the logarithm of the frequency in half-widths, and of the damping.
-const LONGEST: [f64; 2] = [1.0, 0.5];
+const MAX_POLE_STEP: [f64; 2] = [1.0, 0.5];
 /// Step of a difference, of the logarithms: in half-widths, and of the damping.
 const DIFFERENCE: [f64; 2] = [1e-3, 1e-3];
 /// Damping ratios of a pole: sharper is no machine's mode, broader a spline says as well.
@@ -112,20 +112,20 @@ pub fn total(sweep: &Sweep, lines: &[Line], beside: &Basis, poles: &[Pole]) -> f
 /// Moves all poles to where the criterion is least nearby; returns it.
 pub fn fit(sweep: &Sweep, lines: &[Line], beside: &Basis, poles: &mut Vec<Pole>) -> f64 {
     let mut best = total(sweep, lines, beside, poles);
-    let mut held_back = HELD_BACK;
+    let mut held_back = FIRST_RIDGE_SHARE;
     for _ in 0..STEPS {
         let (matrix, slope) = equations(sweep, lines, beside, poles);
         let mut gained = None;
-        while gained.is_none() && held_back < TOO_HARD {
+        while gained.is_none() && held_back < MAX_RIDGE_SHARE {
             let moved = stepped(poles, &matrix, &slope, held_back);
             let with = moved.as_ref().map_or(f64::INFINITY, |moved| total(sweep, lines, beside, moved));
             match moved.filter(|_| with < best) {
                 Some(moved) => {
                     gained = Some(best - with);
                     (*poles, best) = (moved, with);
-                    held_back *= EASIER;
+                    held_back *= RIDGE_DECREASE;
                 }
-                None => held_back *= HARDER,
+                None => held_back *= RIDGE_INCREASE,
             }
         }
         if gained.is_none_or(|gained| gained < LEAST_GAIN) {
@@ -143,9 +143,9 @@ fn stepped(poles: &[Pole], matrix: &DMatrix<f64>, slope: &DVector<f64>, held_bac
     }
     let step = matrix.cholesky()?.solve(slope);
     let moved = |(i, [hz, damping]): (usize, &Pole)| {
-        let longest = LONGEST[0] * damping;
+        let longest = MAX_POLE_STEP[0] * damping;
         let frequency = hz * step[2 * i].clamp(-longest, longest).exp();
-        let damping = damping * step[2 * i + 1].clamp(-LONGEST[1], LONGEST[1]).exp();
+        let damping = damping * step[2 * i + 1].clamp(-MAX_POLE_STEP[1], MAX_POLE_STEP[1]).exp();
         [frequency, damping.clamp(DAMPINGS[0], DAMPINGS[1])]
     };
     Some(poles.iter().enumerate().map(moved).collect())

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 
 /// Most poles.
-const MOST: usize = 20;
+const MAX_POLES: usize = 20;
 /// Steps of the frequency grid, and dampings.
 const STEP: f64 = 1.02;
 const DAMPINGS: [f64; 3] = [0.012, 0.025, 0.05];
@@ -28,7 +28,7 @@ pub fn found(sweep: &Sweep, courses: &[Course]) -> Vec<Pole> {
     let lines = pole_fit::lines(courses);
     let mut poles: Vec<Pole> = Vec::new();
     let mut best = pole_fit::total(sweep, &lines, &straight, &poles);
-    while poles.len() < MOST {
+    while poles.len() < MAX_POLES {
         let Some(pole) = proposed(sweep, courses, &straight, &poles) else { break };
         let mut more = poles.clone();
         more.push(pole);

@@ -19,7 +19,7 @@ use super::spectra::Spectra;
 use super::split::Stretch;
 
 /// Most that a path is believed to swell a line from one part to the other, of its power.
-const MOST_SWELLED: f64 = 30.0;
+const MAX_SWELL_POWER_RATIO: f64 = 30.0;
 
 /// Logarithm of the likelihood ratio of the second views' readings, predicted from the first; the best level, coarser
 /// ones too, since slip moves between the two.
@@ -52,8 +52,9 @@ fn at_level(scene: &Scene, baseline: &Baseline, views: [&Views; 2], own: &Adopte
                 Domain::Orders => swelled(scene, baseline, (run, channel), order),
                 _ => None,
             };
-            let higher = swelled
-                .map_or(1.0, |swelled| (swelled * over(fit) / over(other)).clamp(1.0 / MOST_SWELLED, MOST_SWELLED));
+            let higher = swelled.map_or(1.0, |swelled| {
+                (swelled * over(fit) / over(other)).clamp(1.0 / MAX_SWELL_POWER_RATIO, MAX_SWELL_POWER_RATIO)
+            });
             Some((fitted, near.collect::<Vec<Reading>>(), higher * fit.bin(level) / other.bin(level)))
         })
     };

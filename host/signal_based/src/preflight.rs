@@ -15,7 +15,7 @@ const FEW_SPEEDS: &str = "runs at";
 /// Speeds that model-based inference needs.
 const SPEEDS: usize = 3;
 /// Relative distance of mean speeds that are two.
-const APART: f64 = 0.02;
+const MIN_SPEED_GAP_SHARE: f64 = 0.02;
 /// Units of acceleration.
 const ACCELERATION: [&str; 4] = ["m/s2", "m/s^2", "m/s\u{b2}", "g"];
 
@@ -148,7 +148,7 @@ impl Preflight {
         let pulses = record.declaration.tach.as_ref().map_or(1, |tach| tach.pulses_per_rev);
         let mut speeds: Vec<f64> = record.runs.iter().filter_map(|run| run.mean_speed_hz(pulses)).collect();
         speeds.sort_by(f64::total_cmp);
-        let apart = |w: &&[f64]| w[1] > w[0] * (1.0 + APART);
+        let apart = |w: &&[f64]| w[1] > w[0] * (1.0 + MIN_SPEED_GAP_SHARE);
         let count = speeds.len().min(1) + speeds.windows(2).filter(apart).count();
         if count < SPEEDS {
             missing.push(format!(

@@ -48,7 +48,7 @@ pub fn families<'a>(kept: &[(&'a Adopted, HoldoutResult)], rest: &[Adopted]) -> 
 /// Whether a family has a name, or is further lines of a shaft that has kept one.
 pub fn is_wanted(own: &Adopted, rest: &[Adopted], families: &[(&Adopted, HoldoutResult)]) -> bool {
     let of_kept = |shaft: &Shaft| is_of(own, *shaft) && families.iter().any(|(family, _)| is_of(family, *shaft));
-    !is_among(rest, own) || Shaft::BOTH.iter().any(of_kept)
+    !is_among(rest, own) || Shaft::PAIR_SHAFTS.iter().any(of_kept)
 }
 
 /// Orders that a family has read: there it has decided.

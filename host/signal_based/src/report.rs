@@ -11,7 +11,7 @@ use meshband_common::report::letter::About;
 use meshband_common::report::plot::{Axes, Label, Series, spectrum};
 
 /// Channels drawn on the letter, and in all.
-const DRAWN: [usize; 2] = [1, 8];
+const DRAWN_CHANNELS: [usize; 2] = [1, 8];
 /// Decibels shown.
 const SPAN_DB: f64 = 90.0;
 /// Decibels shown of an envelope's spectrum.
@@ -35,7 +35,7 @@ pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
         page = page.note(note);
     }
     let strongest = strongest_first(outcome);
-    for picture in strongest.iter().take(DRAWN[0]) {
+    for picture in strongest.iter().take(DRAWN_CHANNELS[0]) {
         page = drawn(page, picture, outcome, about)?;
     }
     for own in &outcome.impacts {
@@ -43,7 +43,7 @@ pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
     }
     page = errors(page, outcome);
     page = page.appendix("All figures");
-    for picture in strongest.iter().take(DRAWN[1]).skip(DRAWN[0]) {
+    for picture in strongest.iter().take(DRAWN_CHANNELS[1]).skip(DRAWN_CHANNELS[0]) {
         page = drawn(page, picture, outcome, about)?;
     }
     Ok(details(page, outcome))

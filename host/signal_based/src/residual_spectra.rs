@@ -27,7 +27,7 @@ const PASS_SHARE: f64 = 0.4;
 
 /// Shares of the sampling rate between which folded harmonics are looked for: nearer to half of it, what a filter of
 /// usual steepness lets through folds.
-const FOLDED: [f64; 2] = [0.62, 0.97];
+const FOLD_RATE_SHARES: [f64; 2] = [0.62, 0.97];
 
 /// The views.
 pub struct Views {
@@ -130,7 +130,7 @@ fn folded_orders(scene: &Scene) -> [f64; 2] {
 
 /// Orders that are folded at all speeds between two and not next to half the rate.
 fn folded_between(run: &SceneRun, [slowest_hz, fastest_hz]: [f64; 2]) -> [f64; 2] {
-    [FOLDED[0] * run.rate_hz / slowest_hz, FOLDED[1] * run.rate_hz / fastest_hz]
+    [FOLD_RATE_SHARES[0] * run.rate_hz / slowest_hz, FOLD_RATE_SHARES[1] * run.rate_hz / fastest_hz]
 }
 
 /// Spectra of what is folded on the stretches, as one. In a run-up each stretch says something of the orders that are
@@ -161,7 +161,7 @@ fn folded_levels(run: &SceneRun, rest: &[f64], stretches: &[Stretch]) -> Vec<Lev
 /// Spectra of what is folded, at its own orders: the residual times twice the cosine of the rate's phase, read at
 /// equal angles.
 fn unfolded(run: &SceneRun, rest: &[f64], stretch: Stretch, [lowest, highest]: [f64; 2]) -> Vec<Level> {
-    let most = 2.0 * FOLDED[1] * run.rate_hz / run.angle.speed.slowest_hz;
+    let most = 2.0 * FOLD_RATE_SHARES[1] * run.rate_hz / run.angle.speed.slowest_hz;
     let per_turn = (2 * run.angle.per_turn[0]).max(most.ceil() as usize);
     let from = run.angle.from_turn + stretch.from as f64;
     let mut samples = resample_by_angle(rest, run.rate_hz, &run.angle.map, from, stretch.turns, per_turn);

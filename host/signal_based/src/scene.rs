@@ -84,11 +84,11 @@ const MANY_CHANNELS: usize = 6;
 /// Bins beside a shaft's order within which another line is not told from it: the window's lobe is down by 23 dB.
 const BESIDE_BINS: f64 = 2.5;
 /// Shares of the turns between which a speed is usual.
-const USUAL: (f64, f64) = (0.1, 0.9);
+const USUAL_SPEED_QUANTILES: (f64, f64) = (0.1, 0.9);
 /// Rounds of taking the angle from the mesh lines.
-const SHARPENED: usize = 3;
+const ANGLE_ROUNDS: usize = 3;
 /// Multiple of the highest order beyond which nothing passes.
-const PASSES_TO: f64 = 1.03;
+const STOPBAND_RATIO: f64 = 1.03;
 
 impl Scene {
     /// Of a record with tach and tooth counts.
@@ -202,8 +202,8 @@ impl Scene {
     /// The shafts.
     pub fn shafts(&self) -> &'static [Shaft] {
         match &self.gearing {
-            Some(gearing) => &Shaft::OF_TRAIN[..gearing.shafts.len().min(Shaft::OF_TRAIN.len())],
-            None => &Shaft::BOTH,
+            Some(gearing) => &Shaft::TRAIN_SHAFTS[..gearing.shafts.len().min(Shaft::TRAIN_SHAFTS.len())],
+            None => &Shaft::PAIR_SHAFTS,
         }
     }
 
@@ -308,7 +308,7 @@ fn on_grid(angle: &Angle, signal: &[f64], rate_hz: f64, highest_order: f64) -> V
     forward.process(&mut samples, &mut spectrum).expect("matching lengths");
     for (i, bin) in spectrum.iter_mut().enumerate() {
         let over = i as f64 / angle.turns as f64 / highest_order;
-        let pass = ((PASSES_TO - over) / (PASSES_TO - 1.0)).clamp(0.0, 1.0);
+        let pass = ((STOPBAND_RATIO - over) / (STOPBAND_RATIO - 1.0)).clamp(0.0, 1.0);
         *bin *= if i == 0 { 0.0 } else { 0.5 - 0.5 * (PI * pass).cos() } / count as f64;
     }
     if let (Some(last), true) = (spectrum.last_mut(), count.is_multiple_of(2)) {
@@ -339,7 +339,7 @@ impl SceneRun {
         let mut speeds: Vec<f64> = self.states.iter().map(|state| state.speed_hz).collect();
         speeds.sort_by(f64::total_cmp);
         let at = |share: f64| speeds.get((share * speeds.len() as f64) as usize).copied().unwrap_or(0.0);
-        [at(USUAL.0), at(USUAL.1)]
+        [at(USUAL_SPEED_QUANTILES.0), at(USUAL_SPEED_QUANTILES.1)]
     }
 
     /// Takes another angle.
@@ -361,7 +361,7 @@ impl SceneRun {
             return false;
         }
         let mut sharper = false;
-        for _ in 0..SHARPENED {
+        for _ in 0..ANGLE_ROUNDS {
             let departure = phase::departure(&self.samples, &self.angle, mesh_order, highest_order);
             let Some(map) = departure.and_then(|departure| departure.taken_out(&self.angle)) else { break };
             self.turn(map, highest_order);

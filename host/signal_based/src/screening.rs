@@ -6,7 +6,7 @@
 
 use super::candidate::{Candidate, Domain, Kind};
 use super::families::{Context, passage};
-use super::search::{JUDGED, JUDGED_OF_KIND, of_every_kind};
+use super::search::{MAX_CANDIDATES, MAX_CANDIDATES_OF_KIND, of_every_kind};
 use crate::analysis::families::Family;
 use crate::analysis::search::{self, Range};
 use std::collections::BTreeMap;
@@ -26,11 +26,11 @@ impl Rivals {
             let own = (candidate.kind, candidate.domain);
             let count = counts.entry(own).or_default();
             *count += 1;
-            if *count == JUDGED_OF_KIND {
+            if *count == MAX_CANDIDATES_OF_KIND {
                 of_kind.insert(own, *strength);
             }
         }
-        Self { of_kind, of_all: of_every_kind(ranked).nth(JUDGED - 1).map_or(0.0, |(strength, _)| *strength) }
+        Self { of_kind, of_all: of_every_kind(ranked).nth(MAX_CANDIDATES - 1).map_or(0.0, |(strength, _)| *strength) }
     }
 
     /// Score after the choice from which a candidate is judged.

@@ -17,23 +17,23 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Most families adopted.
-const MOST: usize = 8;
+const MAX_FAMILIES: usize = 8;
 /// Two bases are the same within this share, and where the first one slips (a rolling bearing by up to 1 or 2 %, by
 /// less within a record).
 const SAME_BASE: f64 = 3e-3;
-const SLIPPING: f64 = 7e-3;
+const SLIPPING_BASE_SHARE: f64 = 7e-3;
 /// Candidates of a round that are judged before it is given up.
-pub const JUDGED: usize = 60;
+pub const MAX_CANDIDATES: usize = 60;
 /// And of one kind in one spectrum: a skirt that looks like many swings must not hide the rest.
-pub const JUDGED_OF_KIND: usize = 3;
+pub const MAX_CANDIDATES_OF_KIND: usize = 3;
 /// Multiples and sidebands of an adopted base that are no base of their own.
-const DERIVED: (u32, i32) = (6, 3);
+const DERIVED_LINE_COUNTS: (u32, i32) = (6, 3);
 /// Multiples above them that are its own as well, but for their sidebands.
-const HIGHER: u32 = 12;
+const MAX_MULTIPLE: u32 = 12;
 /// Lines of a family that a supply with its harmonics may have as well.
 const LONE_LINES: usize = 3;
 /// Share of a family's evidence that makes it what was vetoed.
-const MOSTLY: f64 = 0.5;
+const MIN_VETOED_SHARE: f64 = 0.5;
 /// Sidebands of an adopted modulation that are its own, on each side.
 const SIDES: i32 = 8;
 
@@ -203,7 +203,7 @@ impl Search {
     /// Rounds until no family is found, or there are enough; what is close passes on the held-out turns alone, where
     /// they are given.
     pub fn rounds(&mut self, scene: &Scene, views: &Views, held: Option<(&Views, &TakenOf)>) {
-        while self.adopted.len() < MOST {
+        while self.adopted.len() < MAX_FAMILIES {
             let Some(found) = self.round(scene, views, held) else { break };
             self.take(scene, views, found);
         }
@@ -316,7 +316,7 @@ impl Search {
             let has = |order: f64| own.standing().any(|place| (place.order - order).abs() < near);
             let shared: f64 = standing.iter().filter(|(order, _)| has(*order)).map(|(_, ln)| ln).sum();
             let is_no_part = own.standing().count() <= standing.len();
-            own.candidate.domain == candidate.domain && is_no_part && shared > MOSTLY * all
+            own.candidate.domain == candidate.domain && is_no_part && shared > MIN_VETOED_SHARE * all
         };
         self.vetoed.iter().any(is_it).then(|| "most of it is what the held-out turns vetoed".into())
     }
@@ -401,23 +401,23 @@ pub fn of_every_kind(ranked: &[(f64, Candidate)]) -> impl Iterator<Item = &(f64,
     let few = move |(_, candidate): &&(f64, Candidate)| {
         let count = judged.entry((candidate.kind, candidate.domain)).or_default();
         *count += 1;
-        *count <= JUDGED_OF_KIND
+        *count <= MAX_CANDIDATES_OF_KIND
     };
-    ranked.iter().filter(few).take(JUDGED)
+    ranked.iter().filter(few).take(MAX_CANDIDATES)
 }
 
 /// Whether a base is a multiple, a part or a sideband of another; one that slips is smeared, and its skirts look like
 /// bases beside it.
 fn derived(base: f64, own: &Candidate, scene: &Scene) -> bool {
     let half = scene.resolution();
-    let share = if own.locked { SAME_BASE } else { SLIPPING };
+    let share = if own.locked { SAME_BASE } else { SLIPPING_BASE_SHARE };
     let near = |a: f64, b: f64| (a - b).abs() <= half.max(share * b);
     let own = own.base;
     let z = scene.mesh_order();
     let is_higher = |j: u32| (base / (f64::from(j) * own) - 1.0).abs() <= SAME_BASE;
-    (DERIVED.0 + 1..=HIGHER).any(is_higher)
-        || (1..=DERIVED.0).map(f64::from).any(|j| {
-            let of_shafts = (-DERIVED.1..=DERIVED.1)
+    (DERIVED_LINE_COUNTS.0 + 1..=MAX_MULTIPLE).any(is_higher)
+        || (1..=DERIVED_LINE_COUNTS.0).map(f64::from).any(|j| {
+            let of_shafts = (-DERIVED_LINE_COUNTS.1..=DERIVED_LINE_COUNTS.1)
                 .any(|n| [1.0, scene.gear_order].iter().any(|s| near(base, (j * own + f64::from(n) * s).abs())));
             of_shafts || near(base * j, own) || (1..=4).any(|k| near(base, (f64::from(k) * z - j * own).abs()))
         })

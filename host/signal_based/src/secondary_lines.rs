@@ -21,7 +21,7 @@ use super::search::{Adopted, Carries, Search};
 /// Rounds in which parts that were refused are asked again.
 const ROUNDS: usize = 3;
 /// Words of the harmonics, which a base is asked for until they pass.
-const FURTHER: &str = "further harmonics";
+const HARMONICS_TEXT: &str = "further harmonics";
 
 /// Completes the families of neither shaft in place; gives the further orders of the shafts, let pass or refused.
 pub fn carry(search: &mut Search, scene: &Scene, views: &Views) -> Vec<Adopted> {
@@ -63,7 +63,7 @@ impl Parts<'_> {
     /// Further orders of the shafts and further harmonics of the bases, until no more of them pass.
     fn rounds(&mut self, search: &mut Search) {
         for _ in 0..ROUNDS {
-            let shafts = Shaft::BOTH.map(|shaft| self.orders(search, shaft));
+            let shafts = Shaft::PAIR_SHAFTS.map(|shaft| self.orders(search, shaft));
             let bases = bases(search).into_iter().map(|own| self.harmonics(search, own)).collect::<Vec<bool>>();
             if !shafts.into_iter().chain(bases).any(|passed| passed) {
                 break;
@@ -96,7 +96,7 @@ impl Parts<'_> {
     /// Asks for the further harmonics of a base; whether they are let pass now.
     fn harmonics(&mut self, search: &mut Search, own: usize) -> bool {
         let found = &mut search.adopted[own];
-        if found.carries.iter().any(|carries| carries.words == FURTHER) {
+        if found.carries.iter().any(|carries| carries.words == HARMONICS_TEXT) {
             return false;
         }
         let Some(part) = carried::further_harmonics(self.scene, &found.candidate) else { return false };
@@ -104,7 +104,7 @@ impl Parts<'_> {
         let passed = verdict.refused.is_none();
         if passed {
             self.take(&part, &verdict);
-            add(found, part, verdict, FURTHER.into());
+            add(found, part, verdict, HARMONICS_TEXT.into());
         }
         passed
     }

@@ -39,9 +39,9 @@ pub enum Shaft {
 
 impl Shaft {
     /// Both.
-    pub const BOTH: [Shaft; 2] = [Shaft::Pinion, Shaft::Gear];
+    pub const PAIR_SHAFTS: [Shaft; 2] = [Shaft::Pinion, Shaft::Gear];
     /// Those of a train.
-    pub const OF_TRAIN: [Shaft; 9] = [
+    pub const TRAIN_SHAFTS: [Shaft; 9] = [
         Shaft::Shaft0,
         Shaft::Shaft1,
         Shaft::Shaft2,
@@ -64,6 +64,6 @@ impl Shaft {
 
     /// "the pinion's shaft", "shaft 2".
     pub fn phrase(self) -> String {
-        if Self::BOTH.contains(&self) { format!("the {}'s shaft", self.word()) } else { self.word().into() }
+        if Self::PAIR_SHAFTS.contains(&self) { format!("the {}'s shaft", self.word()) } else { self.word().into() }
     }
 }

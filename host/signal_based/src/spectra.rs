@@ -33,7 +33,7 @@ const SKIRT: f64 = 1.8;
 const FOOT: f64 = 3.0;
 const FOOT_BINS: usize = 3;
 /// Share of the slower shaft's order that is the lowest looked at.
-const LOWEST: f64 = 0.25;
+const MIN_ORDER_SHARE: f64 = 0.25;
 
 impl Spectra {
     /// Of samples at equal angles by run and channel, on the stretches that `stretches` chooses.
@@ -61,7 +61,7 @@ impl Spectra {
         stretches: impl Fn(usize) -> Vec<Stretch> + Sync,
         is_search: bool,
     ) -> Self {
-        let lowest = LOWEST * scene.gear_order.min(1.0);
+        let lowest = MIN_ORDER_SHARE * scene.gear_order.min(1.0);
         let highest = scene.highest_order;
         let of_run = |r: usize| -> Vec<Vec<Level>> {
             let angle = &scene.runs[r].angle;

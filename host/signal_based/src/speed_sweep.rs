@@ -8,7 +8,7 @@ use super::swept_mode::Pole;
 use rustfft::num_complex::Complex64;
 
 /// Share beyond a line's swept range within which a pole still acts on it.
-const NEAR: f64 = 0.15;
+const POLE_REACH_SHARE: f64 = 0.15;
 /// The course of one line's amplitude in one channel: weighted sums over stretches of turns.
 pub struct Course {
     /// Order of the pinion.
@@ -50,7 +50,8 @@ impl Sweep {
 
     /// Whether a pole acts on a line of this order.
     pub fn acts(&self, pole: Pole, order: f64) -> bool {
-        ((1.0 - NEAR) * order * self.range_hz.0..(1.0 + NEAR) * order * self.range_hz.1).contains(&pole[0])
+        ((1.0 - POLE_REACH_SHARE) * order * self.range_hz.0..(1.0 + POLE_REACH_SHARE) * order * self.range_hz.1)
+            .contains(&pole[0])
     }
 
     /// Poles that act on a line of this order.

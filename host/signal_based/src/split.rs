@@ -11,7 +11,7 @@ use serde::Serialize;
 /// Share of the turns held out.
 const SHARE: f64 = 0.25;
 /// Fastest over slowest turn from which one block is too much at once.
-const MOVES: f64 = 1.1;
+const MAX_SPEED_RATIO: f64 = 1.1;
 /// Most blocks then.
 const BLOCKS: usize = 6;
 /// Turns of the slower shaft that a fitted stretch keeps then: its sidebands must not touch.
@@ -62,7 +62,7 @@ impl Split {
         };
         let is_long = |blocks: &usize| lengths(*blocks).1 as f64 * slower_order >= LEAST_STRETCH;
         let moving = (2..=BLOCKS).rev().find(is_long).unwrap_or(1);
-        let blocks = if fastest_over_slowest > MOVES { moving } else { 1 };
+        let blocks = if fastest_over_slowest > MAX_SPEED_RATIO { moving } else { 1 };
         let (held, fit) = lengths(blocks);
         let mut split = Self { gap_turns: gap, ..Self::default() };
         let mut from = 0;

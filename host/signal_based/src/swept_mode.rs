@@ -19,9 +19,9 @@ pub type Pole = [f64; 2];
 /// Terms of the series: errors below 1e-6.
 const TERMS: usize = 16;
 /// Square of the distance from the pole over the rate from which the first terms in the rate are enough.
-const FAR: f64 = 400.0;
+const MIN_ASYMPTOTE_RATIO: f64 = 400.0;
 /// Nepers by which a ringing has decayed that is left out.
-const DECAYED: f64 = 16.0;
+const DECAY_NEPERS: f64 = 16.0;
 
 /// The series' scale and coefficients, the highest power first.
 static SERIES: LazyLock<(f64, [f64; TERMS])> = LazyLock::new(|| {
@@ -55,8 +55,8 @@ fn memory(s: Complex64, r: f64) -> Complex64 {
     let square = s * s;
     // What rings on: `exp(i s^2 / (2 r))`, once the line has passed.
     let has_passed = s.im * r.signum() > s.re;
-    let rings = has_passed && s.re * s.im.abs() < DECAYED * r.abs();
-    if square.norm_sqr() > FAR * FAR * r * r && !rings {
+    let rings = has_passed && s.re * s.im.abs() < DECAY_NEPERS * r.abs();
+    if square.norm_sqr() > MIN_ASYMPTOTE_RATIO * MIN_ASYMPTOTE_RATIO * r * r && !rings {
         let small = rate / square;
         return (1.0 + small * (1.0 + 3.0 * small)) / s;
     }

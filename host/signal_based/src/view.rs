@@ -168,7 +168,7 @@ pub fn judged(outcome: &Outcome) -> Table {
 pub fn limits(outcome: &Outcome) -> Table {
     let percent = |x: Option<f64>| match x {
         None => "not tried: a finding has these lines, or even 6.5 times is not seen".into(),
-        Some(x) if x <= limits::WEAKEST => format!("{:.3} % or less", 100.0 * limits::WEAKEST),
+        Some(x) if x <= limits::MIN_STRENGTH => format!("{:.3} % or less", 100.0 * limits::MIN_STRENGTH),
         Some(x) => format!("{:.3} %", 100.0 * x),
     };
     let row = |l: &super::outcome::Limit| {

@@ -9,7 +9,7 @@ const CODES: f32 = 65_536.0;
 /// Standard gravity, m/s2.
 const GRAVITY: f32 = 9.806_65;
 /// Sensitivities that accelerometers have, V per g.
-const POSSIBLE: std::ops::RangeInclusive<f32> = 0.001..=10.0;
+const SENSITIVITIES_V_PER_G: std::ops::RangeInclusive<f32> = 0.001..=10.0;
 
 /// Acceleration per code, m/s2, of a sensor of so many V per g.
 fn per_code(volt_per_g: f32) -> f32 {
@@ -18,7 +18,7 @@ fn per_code(volt_per_g: f32) -> f32 {
 
 fn volt_per_g(text: &str) -> Result<f32, String> {
     let value: f32 = text.parse().map_err(|_| format!("'{}' is no number", meshband_host::text::name(text)))?;
-    if POSSIBLE.contains(&value) {
+    if SENSITIVITIES_V_PER_G.contains(&value) {
         return Ok(value);
     }
     Err(format!("{value} V per g is outside 0.001 to 10: {value} mV/g is {}", value / 1000.0))

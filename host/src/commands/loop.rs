@@ -221,14 +221,14 @@ fn refuse_unusable(record: &input::Record, written: &mut Announced) -> Result<()
 }
 
 /// Effects of one name shown before the rest is only counted.
-const SHOWN: usize = 4;
+const MAX_SHOWN_EFFECTS: usize = 4;
 
 fn print_applied(applied: &Applied) -> Result<()> {
     say!("written: {}, {}", applied.machine.display(), applied.effects.display())?;
     say!("  torque times {:.5}", applied.torque_factor)?;
-    applied.written.iter().take(SHOWN).try_for_each(|effect| say!("  --effect {effect}"))?;
-    if applied.written.len() > SHOWN {
-        say!("  and {} more", applied.written.len() - SHOWN)?;
+    applied.written.iter().take(MAX_SHOWN_EFFECTS).try_for_each(|effect| say!("  --effect {effect}"))?;
+    if applied.written.len() > MAX_SHOWN_EFFECTS {
+        say!("  and {} more", applied.written.len() - MAX_SHOWN_EFFECTS)?;
     }
     applied.remarks.iter().try_for_each(|remark| say!("  {remark}"))?;
     applied.not_written.iter().try_for_each(|other| say!("  without counterpart in the simulator: {other}"))?;

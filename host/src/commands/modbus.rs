@@ -13,7 +13,7 @@ use meshband_host::{Error, Result, say};
 use std::path::PathBuf;
 
 /// Value of the example, m/s2.
-const SHOWN: f32 = 32.157;
+const EXAMPLE_M_S2: f32 = 32.157;
 /// Register of the example.
 const SHOWN_NAME: &str = "rms";
 
@@ -52,9 +52,9 @@ pub fn run(args: Args) -> Result<()> {
     let lines: Vec<Vec<String>> = groups(&rows).into_iter().map(line).collect();
     show(&table(&["function", "first address", "count", "group"], &lines))?;
     let Some(row) = rows.iter().find(|row| row.name == SHOWN_NAME) else { return Ok(()) };
-    let [request, answer] = example(args.address, row, SHOWN).map(|bytes| hex(&bytes));
+    let [request, answer] = example(args.address, row, EXAMPLE_M_S2).map(|bytes| hex(&bytes));
     say!(
-        "\n{} of station {} on the serial line\nrequest {request}\nanswer  {answer}   = {SHOWN} {}",
+        "\n{} of station {} on the serial line\nrequest {request}\nanswer  {answer}   = {EXAMPLE_M_S2} {}",
         row.name,
         args.address,
         row.unit

@@ -290,7 +290,7 @@ fn json(args: &Args, points: &[Point], results: &[Simulated]) -> serde_json::Val
 }
 
 /// Samples drawn of a waveform.
-const DRAWN: usize = 4000;
+const MAX_DRAWN_SAMPLES: usize = 4000;
 
 fn report(args: &Args, machine: &Machine, points: &[Point], results: &[Simulated]) -> Result<Report> {
     let effects = if args.effects.is_empty() { "none".into() } else { args.effects.join(", ") };
@@ -332,7 +332,7 @@ fn report(args: &Args, machine: &Machine, points: &[Point], results: &[Simulated
     for (index, (point, r)) in points.iter().zip(results).enumerate() {
         let named = ["pinion", "gear"];
         let wave = |c: usize| {
-            let part = r.channels[c].iter().take(DRAWN).enumerate();
+            let part = r.channels[c].iter().take(MAX_DRAWN_SAMPLES).enumerate();
             Series::new(named[c], part.map(|(i, x)| (i as f64 / args.rate, *x)).collect())
         };
         let bins = |c: usize| {

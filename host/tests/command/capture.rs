@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 const SPEED_HZ: f64 = 25.0;
 const TEETH: u16 = 19;
 /// Bytes of every million that are damaged, in either direction: one frame in sixteen.
-const DAMAGED: u32 = 100;
+const DAMAGED_PER_MILLION: u32 = 100;
 /// Amplitude of the mesh at the converter, volts.
 const LEVEL: f64 = 0.15;
 
@@ -50,7 +50,7 @@ fn line(test: &str, configuration: &Configuration) -> Option<Line> {
     }));
     let edges: Vec<f64> = (10..15_000).map(|turn| f64::from(turn) / SPEED_HZ).collect();
     board.add_tach_edges(&edges);
-    Some(Line::open(board, DAMAGED))
+    Some(Line::open(board, DAMAGED_PER_MILLION))
 }
 
 fn phase(port: &str) -> CapturePhase {

@@ -8,13 +8,13 @@ use crate::common;
 use generator::{BENCH, Bench, Line};
 
 /// A record that takes a fraction of a second.
-const SMALL: Bench = Bench { seconds: 6.0, rate_hz: 4096.0, speed_hz: 16.0, channels: 1, ..BENCH };
+const SMALL_BENCH: Bench = Bench { seconds: 6.0, rate_hz: 4096.0, speed_hz: 16.0, channels: 1, ..BENCH };
 
 #[test]
 fn theory_the_command_runs_at_the_level_that_the_record_allows_and_writes_its_results() {
     let folder = common::folder("kinematic");
     let path = common::text(&folder.join("record"));
-    SMALL
+    SMALL_BENCH
         .record(&[Line { order: 37.0, hz: 0.0, amplitude: 0.2, phase: 1.0 }], &[])
         .write(&folder.join("record"))
         .expect("written");
@@ -29,7 +29,7 @@ fn theory_the_command_runs_at_the_level_that_the_record_allows_and_writes_its_re
     assert!(value["limits"].as_array().is_some_and(|l| l.len() > 4) && value["split"]["kind"].is_string());
     assert!(std::fs::read_to_string(&page).expect("read").contains("Error in three stages"));
     common::refused(&["loop", &path, "--level", "dynamic"], &["model-based inference", "torque of run 0", "stiffness"]);
-    let mut bare = SMALL.record(&[], &[]);
+    let mut bare = SMALL_BENCH.record(&[], &[]);
     bare.declaration.rest.remove("pair");
     bare.declaration.tach = None;
     bare.declaration.runs[0].tach = None;

@@ -9,7 +9,7 @@ use meshband::message::{AlarmState, Indicators, Message, Reply, Status};
 use meshband::units::Hertz;
 use meshband_host::link::alarms::{Alarms, numbers};
 use meshband_host::link::limit::Limit;
-use meshband_host::link::stream::REOPENED;
+use meshband_host::link::stream::REOPEN_MARK;
 use meshband_host::link::transport::{self, Transport};
 use meshband_host::link::view::View;
 use meshband_host::link::{Client, report};
@@ -210,7 +210,7 @@ fn check(steps: &[Step], piece: usize, folder: &Path) -> Result<(), TestCaseErro
     let mut panel = Panel::default();
     hear(&mut live, &mut panel);
     for connection in &far.connections[1..] {
-        capture.keep(REOPENED);
+        capture.keep(REOPEN_MARK);
         live.reopen(pieces(connection));
         hear(&mut live, &mut panel);
     }
@@ -321,7 +321,7 @@ fn regress_a_node_that_was_killed_and_restarted_is_one_restart_and_no_lost_frame
     far.take(&Step::Restart(40));
     far.gap = 0;
     (0..3).for_each(|_| far.take(&Step::Status));
-    let line = [&far.connections[0][..], REOPENED, &far.connections[1]].concat();
+    let line = [&far.connections[0][..], REOPEN_MARK, &far.connections[1]].concat();
     let mut client = Client::new(Box::new(Pieces(line.chunks(100).map(<[u8]>::to_vec).collect())));
     let mut panel = Panel::default();
     hear(&mut client, &mut panel);

@@ -6,7 +6,8 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 /// Texts that only a programmer would read on purpose.
-const FORBIDDEN: [&str; 10] = ["Some(", "None,", "/None", " NaN", "inf B", " inf ", "-inf", "Ok(", "Err(", "panicked"];
+const FORBIDDEN_TEXTS: [&str; 10] =
+    ["Some(", "None,", "/None", " NaN", "inf B", " inf ", "-inf", "Ok(", "Err(", "panicked"];
 
 fn folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("outputs-text");
@@ -135,7 +136,7 @@ fn commands(m: &str) -> Vec<(&'static str, Vec<&str>, bool)> {
 #[test]
 fn claim_no_command_shows_programmers_text() {
     for Output { name, said, .. } in outputs() {
-        for forbidden in FORBIDDEN {
+        for forbidden in FORBIDDEN_TEXTS {
             let line = said.lines().find(|line| line.contains(forbidden));
             assert!(line.is_none(), "{name}: {forbidden:?} in '{}'", line.unwrap_or_default());
         }

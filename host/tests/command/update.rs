@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// First address of the upper slot, which is free on a new board.
-const UPPER: u32 = 0x0806_0000;
+const UPPER_SLOT: u32 = 0x0806_0000;
 /// Build of the second image, as long as that of the first.
 const OTHER_BUILD: &[u8] = b"0123456789";
 
@@ -51,7 +51,7 @@ fn other_build(file: &[u8], board: &str) -> Vec<u8> {
     loop {
         let header = Header::read(rest.first_chunk().expect("a header")).expect("a header");
         let image = &rest[HEADER_BYTES..HEADER_BYTES + header.length as usize];
-        if header.base == UPPER {
+        if header.base == UPPER_SLOT {
             let (own, mut image) = (header.build.split(|byte| *byte == 0).next().expect("a build"), image.to_vec());
             let other = &OTHER_BUILD[..own.len().min(OTHER_BUILD.len())];
             for at in 0..image.len() - own.len() {
@@ -60,7 +60,7 @@ fn other_build(file: &[u8], board: &str) -> Vec<u8> {
                 }
             }
             let build = std::str::from_utf8(other).expect("letters");
-            return [&seal(&describe(board, build), UPPER, &image)[..], &image].concat();
+            return [&seal(&describe(board, build), UPPER_SLOT, &image)[..], &image].concat();
         }
         rest = &rest[HEADER_BYTES + image.len()..];
     }
@@ -122,7 +122,7 @@ fn fault_an_update_for_another_board_is_refused_before_anything_is_erased() {
 fn fault_files_that_are_no_update_are_refused_without_a_node() {
     let folder = folder("update-files");
     let image = vec![0x5a; 4096];
-    let whole = [&seal(&describe("stm32f405", "abc"), UPPER, &image)[..], &image].concat();
+    let whole = [&seal(&describe("stm32f405", "abc"), UPPER_SLOT, &image)[..], &image].concat();
     let (mut in_header, mut in_image) = (whole.clone(), whole.clone());
     in_header[21] ^= 1;
     in_image[3000] ^= 1;
@@ -165,5 +165,5 @@ fn claim_the_update_file_that_is_built_holds_an_image_for_each_slot() {
         bases.push(header.base);
         rest = &rest[HEADER_BYTES + image.len()..];
     }
-    assert_eq!(bases, [0x0802_0000, UPPER]);
+    assert_eq!(bases, [0x0802_0000, UPPER_SLOT]);
 }

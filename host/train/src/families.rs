@@ -16,11 +16,11 @@ use super::lines;
 /// Sidebands of the rate in nested shapes of a modulation.
 pub const MODULATIONS: [usize; 3] = [1, 2, 4];
 /// Sidebands of one tooth on each side of every harmonic.
-const LOCAL: usize = 16;
+const TOOTH_SIDEBANDS: usize = 16;
 /// The same of a planetary set, whose carrier multiplies them.
-const LOCAL_OF_SET: usize = 8;
+const SET_TOOTH_SIDEBANDS: usize = 8;
 /// Carrier orders beyond a sound set's in which one tooth of the ring is looked for.
-const FAR_OUT: i64 = 30;
+const RING_TOOTH_ORDERS: i64 = 30;
 /// Carrier orders on each side of these.
 const CARRIER: i64 = 2;
 /// First multiple of a rate in the comb below the mesh that the push of one bad tooth makes: those below are a shaft's.
@@ -28,15 +28,15 @@ const COMB_FROM: usize = SHAFT_ORDERS + 1;
 /// Most multiples of that comb at a set's gear.
 const COMB_OF_SET: usize = 40;
 /// Orders of its shaft about another gear's mesh harmonics that are that gear's: a runout's, once and twice per turn.
-const OF_NEIGHBOUR: f64 = MODULATIONS[1] as f64 + 0.5;
+const NEIGHBOUR_ORDERS: f64 = MODULATIONS[1] as f64 + 0.5;
 /// Harmonics of a motor's, a coupling's or blades' line that are no tooth's.
-const OF_PART: u32 = 4;
+const PART_HARMONICS: u32 = 4;
 /// Orders that are one.
-const SAME: f64 = 1e-9;
+const SAME_ORDER_DISTANCE: f64 = 1e-9;
 /// Low orders of a shaft.
 const SHAFT_ORDERS: usize = 4;
 /// Share of the lowest mesh order up to which an order is low.
-const LOW: f64 = 0.4;
+const LOW_ORDER_SHARE: f64 = 0.4;
 
 /// What happens there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -119,10 +119,10 @@ pub fn all(train: &Train, highest: f64) -> Vec<Family> {
         families.extend([1, SHAFT_ORDERS].map(|most| of_shaft(train, shaft, most)));
     }
     let parts = lines::of_parts(train);
-    let harmonics = |own: &f64| (1..=OF_PART).map(|n| f64::from(n) * own).collect::<Vec<_>>();
+    let harmonics = |own: &f64| (1..=PART_HARMONICS).map(|n| f64::from(n) * own).collect::<Vec<_>>();
     let parts: Vec<f64> = parts.iter().flat_map(harmonics).collect();
     for family in families.iter_mut().filter(|family| family.what == What::Local) {
-        family.lines.retain(|line| parts.iter().all(|own| (line.order - own).abs() > SAME));
+        family.lines.retain(|line| parts.iter().all(|own| (line.order - own).abs() > SAME_ORDER_DISTANCE));
     }
     families.retain(|family| !family.lines.is_empty());
     families
@@ -140,7 +140,7 @@ fn local(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Vec<Family> 
     let gear = &train.gears[index];
     let rate = gear.rate.magnitude().value();
     let family = |rate: f64| {
-        let most = if mesh.carrier.is_some() { LOCAL_OF_SET } else { LOCAL };
+        let most = if mesh.carrier.is_some() { SET_TOOTH_SIDEBANDS } else { TOOTH_SIDEBANDS };
         let most = most.min((0.5 * mesh.order.value() / rate) as usize).max(1);
         let mut lines = beside(mesh, rate, most, highest, gear);
         lines.extend(below(mesh, gear, rate, most));
@@ -189,7 +189,7 @@ fn below(mesh: &Mesh, gear: &Gear, rate: f64, most: usize) -> Vec<FaultLine> {
 /// owner: what is left of two gears' lines tells them apart.
 fn is_of_neighbour(train: &Train, mesh: &Mesh, index: usize, order: f64) -> bool {
     let Some(shaft) = train.gears[index].shaft else { return false };
-    let near = OF_NEIGHBOUR * train.shaft_order(shaft).value();
+    let near = NEIGHBOUR_ORDERS * train.shaft_order(shaft).value();
     let is_other = |other: &&Mesh| {
         other.stage != mesh.stage && other.gears.iter().any(|g| *g != index && train.gears[*g].shaft == Some(shaft))
     };
@@ -205,7 +205,7 @@ fn of_ring(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Family {
     let (own, stage) = (mesh.order.value(), mesh.stage + 1);
     let rate = train.gears[index].rate.magnitude().value();
     let sound = mesh.carrier.as_ref().map_or(0, lines::passes);
-    let last = (sound + FAR_OUT).min((0.5 * own / rate) as i64);
+    let last = (sound + RING_TOOTH_ORDERS).min((0.5 * own / rate) as i64);
     let mut lines = Vec::new();
     for k in 1..=(highest / own) as usize {
         for n in (-last..=last).filter(|n| n.abs() > sound) {
@@ -285,7 +285,7 @@ fn of_shaft(train: &Train, shaft: usize, most: usize) -> Family {
     let orders = (1..=most)
         .filter(|n| planets.iter().all(|planets| !n.is_multiple_of(*planets)))
         .map(|n| (n, n as f64 * own))
-        .filter(|(_, order)| *order < LOW * lowest_mesh.max(own / LOW + own));
+        .filter(|(_, order)| *order < LOW_ORDER_SHARE * lowest_mesh.max(own / LOW_ORDER_SHARE + own));
     let lines =
         orders.map(|(n, order)| FaultLine { order, spacing: order, label: format!("{n} shaft {shaft}") }).collect();
     Family { what: What::Shaft, seat: Seat::Shaft(shaft), base: own, lines }

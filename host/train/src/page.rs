@@ -18,7 +18,7 @@ const HARMONICS: u32 = 6;
 /// Carrier orders on each side whose standing is listed.
 const SIDES: i64 = 6;
 /// Coincidences shown in the text.
-const SHOWN: usize = 24;
+const MAX_SHOWN_COINCIDENCES: usize = 24;
 
 /// A shaft, for people and machines.
 #[derive(Debug, Clone, Serialize)]
@@ -226,7 +226,7 @@ fn tables(e: &Explained) -> Vec<Table> {
         let at: Vec<String> = p.stands_at.iter().map(|n| format!("{n:+}")).collect();
         vec![format!("stage {}, {} x mesh", p.stage, p.harmonic), class, at.join(" ")]
     });
-    let coincident = e.coincidences.iter().take(SHOWN).map(|c| {
+    let coincident = e.coincidences.iter().take(MAX_SHOWN_COINCIDENCES).map(|c| {
         let turns = c.turns.map_or("never".into(), |turns| format!("{turns:.0}"));
         vec![c.one.clone(), c.other.clone(), format!("{:.6}", c.order), format!("{:.6}", c.apart), turns]
     });
@@ -253,8 +253,8 @@ pub fn text(e: &Explained) -> String {
     for (heading, head, rows) in tables(e).into_iter().filter(|(_, _, rows)| !rows.is_empty()) {
         out += &format!("\n{heading}\n{}", table(&head, &rows));
     }
-    if e.coincidences.len() > SHOWN {
-        out += &format!("and {} more, in the JSON\n", e.coincidences.len() - SHOWN);
+    if e.coincidences.len() > MAX_SHOWN_COINCIDENCES {
+        out += &format!("and {} more, in the JSON\n", e.coincidences.len() - MAX_SHOWN_COINCIDENCES);
     }
     e.warnings.iter().for_each(|warning| out += &format!("warning: {warning}\n"));
     out

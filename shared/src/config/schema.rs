@@ -17,7 +17,7 @@ use postcard::{Deserializer, Error, Result};
 use serde::Deserialize;
 
 /// What a reader finds behind the end of an older writer's bytes; the longest fixed field is a `u64` or `f64`.
-static ABSENT: [u8; 8] = [0; 8];
+static ABSENT_BYTES: [u8; 8] = [0; 8];
 
 struct Lenient<'de> {
     rest: &'de [u8],
@@ -47,7 +47,9 @@ impl<'de> Flavor<'de> for Lenient<'de> {
                 Ok(taken)
             }
             // A field is there as a whole or not at all.
-            None if self.extended && self.rest.is_empty() => ABSENT.get(..count).ok_or(Error::DeserializeUnexpectedEnd),
+            None if self.extended && self.rest.is_empty() => {
+                ABSENT_BYTES.get(..count).ok_or(Error::DeserializeUnexpectedEnd)
+            }
             None => Err(Error::DeserializeUnexpectedEnd),
         }
     }

@@ -24,7 +24,7 @@ pub const SLOT: usize = 2048;
 pub const HEADER: usize = 32;
 
 const MARK: u32 = 0x6d62_6366;
-const BLANK: u8 = 0xff;
+const BLANK_BYTE: u8 = 0xff;
 const PAYLOAD: usize = SLOT - HEADER;
 const _: () = assert!(Configuration::MAX_SERIALISED <= PAYLOAD);
 
@@ -128,7 +128,7 @@ impl<F: NorFlash> Store<F> {
     /// Any of [`StoreError`].
     pub fn save(&mut self, config: &Configuration) -> Result<(), StoreError<F::Error>> {
         self.check_geometry()?;
-        let mut record = [BLANK; SLOT];
+        let mut record = [BLANK_BYTE; SLOT];
         let (header, payload) = record.split_at_mut(HEADER);
         let length = config.to_stored(payload).ok_or(StoreError::TooLong)?;
         let newest = self.find_newest().map_err(StoreError::Flash)?;
@@ -229,7 +229,7 @@ impl<F: NorFlash> Store<F> {
         let address = self.address(slot);
         for offset in (0..bytes).step_by(part.len()) {
             self.flash.read(address.saturating_add(offset as u32), &mut part)?;
-            if part.iter().any(|&byte| byte != BLANK) {
+            if part.iter().any(|&byte| byte != BLANK_BYTE) {
                 return Ok(false);
             }
         }

@@ -24,7 +24,7 @@ const HIGHEST_SHARE: f32 = 0.2;
 /// Where the droop is undone exactly, shares of the upper edge.
 const EXACT_SHARES: [f32; 2] = [0.8, 1.7];
 /// Highest share of the output rate at which it is undone: beyond, the taps would lift the noise.
-const HIGHEST_EXACT: f32 = 0.12;
+const MAX_RATE_SHARE: f32 = 0.12;
 /// Damping of the two sections of a fourth-order Butterworth filter, 1/Q.
 const BUTTERWORTH: [f32; 2] = [1.847_759, 0.765_366_9];
 
@@ -130,7 +130,7 @@ impl VelocityBand {
         };
         let [near, far] = EXACT_SHARES;
         let (u, first) = missing(near);
-        let bend = if far * self.upper_hz <= HIGHEST_EXACT * rate {
+        let bend = if far * self.upper_hz <= MAX_RATE_SHARE * rate {
             let (v, second) = missing(far);
             (second - first) / (v - u)
         } else {

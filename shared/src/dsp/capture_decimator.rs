@@ -17,12 +17,12 @@ pub const FLAT_SHARE: f32 = 0.35;
 /// Most codes per call.
 pub const BATCH: usize = MOST_CODES;
 /// Highest ratio of the filter behind the comb.
-const HIGHEST: usize = 7;
+const MAX_RATIO: usize = 7;
 /// Taps on each side, per unit of ratio.
 const REACH: usize = 10;
 /// Edge at half gain, turns per output sample.
 const EDGE: f32 = 0.46;
-const TAPS: usize = length(HIGHEST);
+const TAPS: usize = length(MAX_RATIO);
 
 /// Taps of the filter with those that undo the droop.
 const fn length(ratio: usize) -> usize {
@@ -137,7 +137,7 @@ impl Default for CaptureDecimator {
 fn split(over: f32) -> (u32, usize) {
     let mut best = (1, 1);
     let whole = |(comb, ratio): (u32, usize)| comb * ratio as u32;
-    for ratio in (3..=HIGHEST).chain([2]) {
+    for ratio in (3..=MAX_RATIO).chain([2]) {
         let next = (((over / ratio as f32) as u32).min(HIGHEST_RATIO), ratio);
         if whole(next) > whole(best) {
             best = next;

@@ -14,7 +14,7 @@ pub const MAX_STAGES: usize = 10;
 
 // Nine digits as designed; the nearest f32 is what counts.
 #[allow(clippy::excessive_precision)]
-const LAST: [f32; 14] = [
+const LAST_TAPS: [f32; 14] = [
     0.316_471_6,
     -0.100_698_16,
     0.055_016_434,
@@ -31,9 +31,9 @@ const LAST: [f32; 14] = [
     -2.079_222_8e-5,
 ];
 #[allow(clippy::excessive_precision)]
-const SECOND: [f32; 5] = [0.305_888_96, -0.073_738_904, 0.022_366_794, -0.005_150_751_9, 0.000_633_900_33];
+const SECOND_TAPS: [f32; 5] = [0.305_888_96, -0.073_738_904, 0.022_366_794, -0.005_150_751_9, 0.000_633_900_33];
 #[allow(clippy::excessive_precision)]
-const EARLY: [f32; 3] = [0.294_336_17, -0.050_931_306, 0.006_595_134_7];
+const EARLY_TAPS: [f32; 3] = [0.294_336_17, -0.050_931_306, 0.006_595_134_7];
 
 /// Pairs of samples filtered in one go.
 const RUN: usize = 64;
@@ -49,7 +49,7 @@ pub(crate) struct Scratch {
 }
 
 impl Scratch {
-    pub(crate) const NEW: Self = Self { side: [0.0; LONGEST_SIDE + RUN], centre: [0.0; LONGEST_CENTRE + RUN] };
+    pub(crate) const ZEROS: Self = Self { side: [0.0; LONGEST_SIDE + RUN], centre: [0.0; LONGEST_CENTRE + RUN] };
 }
 
 /// One half-band stage with `M` distinct non-zero side taps; `W` is `2 M`.
@@ -156,10 +156,10 @@ impl Cascade {
     pub fn new(stages: u8) -> Self {
         Self {
             stages: usize::from(stages).min(MAX_STAGES),
-            early: [const { HalfBand::new(&EARLY) }; MAX_STAGES - 2],
-            second: HalfBand::new(&SECOND),
-            last: HalfBand::new(&LAST),
-            scratch: Scratch::NEW,
+            early: [const { HalfBand::new(&EARLY_TAPS) }; MAX_STAGES - 2],
+            second: HalfBand::new(&SECOND_TAPS),
+            last: HalfBand::new(&LAST_TAPS),
+            scratch: Scratch::ZEROS,
         }
     }
 

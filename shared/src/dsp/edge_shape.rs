@@ -19,7 +19,7 @@
 /// Cells of one cubic.
 const GROUP: usize = 5;
 /// Misfit, relative to the steepest slope, that one cell off the middle of a group is worth.
-const OFF_CENTRE: f32 = 0.005;
+const CELL_OFFSET_PRICE: f32 = 0.005;
 /// Misfit above which a cell may hold a kink, and above which it has no cubic.
 const MISFIT: [f32; 2] = [0.003, 0.05];
 /// Least jump of the slope at a kink, relative to the steepest slope.
@@ -102,7 +102,7 @@ impl<const MOST: usize> EdgeShape<MOST> {
                 cubic,
             ];
             for (piece, off) in pieces.iter_mut().skip(first).zip(0..GROUP) {
-                let price = OFF_CENTRE * scale * (off as f32 - (GROUP / 2) as f32);
+                let price = CELL_OFFSET_PRICE * scale * (off as f32 - (GROUP / 2) as f32);
                 let cost = misfit + price * price;
                 if cost < piece.cost {
                     *piece = Piece { centre, powers, misfit, cost };

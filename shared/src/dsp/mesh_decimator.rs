@@ -30,9 +30,9 @@ const LOWEST_RATIO: u32 = 6;
 pub const MAX_STAGES: u8 = 7;
 
 #[allow(clippy::excessive_precision)]
-const EARLY: [f32; 4] = [0.301_111_09, -0.063_601_301, 0.014_208_960, -0.001_718_749_1];
+const EARLY_TAPS: [f32; 4] = [0.301_111_09, -0.063_601_301, 0.014_208_960, -0.001_718_749_1];
 #[allow(clippy::excessive_precision)]
-const LAST: [f32; 7] =
+const LAST_TAPS: [f32; 7] =
     [0.311_453_67, -0.087_079_728, 0.036_405_952, -0.014_720_227, 0.005_039_463_0, -0.001_288_373_9, 0.000_189_243_12];
 
 /// How far to decimate.
@@ -48,7 +48,7 @@ impl Decimation {
     /// None at all.
     pub const NONE: Self = Self { comb: 1, stages: 0 };
     /// As far as it goes.
-    pub const MOST: Self = Self { comb: HIGHEST_RATIO as u8, stages: MAX_STAGES };
+    pub const MAXIMUM: Self = Self { comb: HIGHEST_RATIO as u8, stages: MAX_STAGES };
 
     /// ADC samples per output.
     pub fn ratio(self) -> u32 {
@@ -98,10 +98,10 @@ impl MeshDecimator {
         Self {
             decimation,
             comb: Comb::new(u32::from(decimation.comb)),
-            early: [const { HalfBand::new(&EARLY) }; MAX_STAGES as usize - 1],
-            last: HalfBand::new(&LAST),
+            early: [const { HalfBand::new(&EARLY_TAPS) }; MAX_STAGES as usize - 1],
+            last: HalfBand::new(&LAST_TAPS),
             equaliser: Equaliser::new(decimation),
-            scratch: Scratch::NEW,
+            scratch: Scratch::ZEROS,
             waiting: [0.0; 2 * BATCH],
             waits: 0,
         }
@@ -164,12 +164,12 @@ impl Equaliser {
     /// Delay in samples.
     const DELAY: u32 = 2;
     /// Frequencies at which the droop is undone exactly, turns per sample.
-    const EXACT: [f32; 2] = [0.15, 0.26];
+    const EXACT_TURNS_PER_SAMPLE: [f32; 2] = [0.15, 0.26];
 
     fn new(decimation: Decimation) -> Self {
         let cosine = |turns: f32| math::cos(core::f32::consts::TAU * turns);
         // Gain wanted at each of the two, less one: near (2 - 2 cos w) + far (2 - 2 cos 2w).
-        let [[a, b, wanted], [c, d, other]] = Self::EXACT.map(|turns| {
+        let [[a, b, wanted], [c, d, other]] = Self::EXACT_TURNS_PER_SAMPLE.map(|turns| {
             [2.0 - 2.0 * cosine(turns), 2.0 - 2.0 * cosine(2.0 * turns), 1.0 / comb_gain(decimation, turns) - 1.0]
         });
         let determinant = a * d - b * c;

@@ -20,7 +20,7 @@ use crate::math;
 
 const TAPS: usize = 8;
 /// Taps before the sample an output follows.
-const BEFORE: i32 = TAPS as i32 / 2 - 1;
+const LEADING_TAPS: i32 = TAPS as i32 / 2 - 1;
 const PHASES: usize = 128;
 /// Outputs that share one fixed-point evaluation of the angle polynomial.
 const RUN: usize = 32;
@@ -313,7 +313,7 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
 
     /// The samples from the first tap around this index on that lie in one piece.
     fn stretch(&self, sample: i32) -> &[f32] {
-        let first = sample - BEFORE;
+        let first = sample - LEADING_TAPS;
         if first < 0 || first as usize >= self.held {
             return &[];
         }
@@ -328,7 +328,7 @@ impl<const CAPACITY: usize> OrderTracker<CAPACITY> {
     /// Value `fraction` beyond the sample of this index, wherever its taps lie; 0 outside the buffer.
     #[cold]
     fn interpolate(&self, sample: i32, fraction: f32) -> f32 {
-        let first = sample - BEFORE;
+        let first = sample - LEADING_TAPS;
         if first < 0 || first as usize + TAPS > self.held {
             return 0.0;
         }

@@ -44,18 +44,18 @@ const CELLS_PER_LOBE: u32 = 13;
 /// Borders of the cells of one edge at most: nineteen cells of one sample in the longest lobe, thirteen around it.
 const MOST_BORDERS: usize = 35;
 /// Cells looked at before and after the lobe.
-const AROUND: u32 = 6;
+const SIDE_CELLS: u32 = 6;
 /// How much steeper a lobe may be than its coarse slope, which rounds kinks, says.
-const ROUNDED: f32 = 1.2;
+const MAX_STEEPNESS_RATIO: f32 = 1.2;
 /// Lobes of fewer samples are not timed but taken as ramps.
-const UNRESOLVED: u32 = 4;
+const MIN_TIMED_SAMPLES: u32 = 4;
 /// Shortest lobe of a resolved edge, spans.
 const SHORTEST_LOBE: u32 = 5;
 
 /// Samples whose second differences are taken together, and the share of such runs that are quieter than the noise
 /// told.
 const RUN: u32 = 32;
-const QUIET: f32 = 0.25;
+const QUIET_RUN_SHARE: f32 = 0.25;
 /// How fast a quantile is found, relative per value.
 const QUIET_STEP: f32 = 0.15;
 /// Mean square of a second difference of white noise over its variance.
@@ -250,7 +250,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         if self.run.1 == RUN {
             let square = self.run.0 / RUN as f32;
             self.run = (0.0, 0);
-            self.quiet = quantile_step(self.quiet, square, QUIET);
+            self.quiet = quantile_step(self.quiet, square, QUIET_RUN_SHARE);
         }
     }
 
@@ -276,7 +276,8 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         };
         let steepness = self.lobe.peak / self.span as f32;
         // Lobes too short to be resolved are mostly noise: not worth a second look.
-        let possible = if self.lobe.length >= SHORTEST_LOBE * self.span { ROUNDED * steepness } else { steepness };
+        let possible =
+            if self.lobe.length >= SHORTEST_LOBE * self.span { MAX_STEEPNESS_RATIO * steepness } else { steepness };
         // Steepest slope times duration bounds the height: most ripples end here.
         let highest = steepness * (self.lobe.length + 2 * self.span + 2) as f32;
         if !wanted
@@ -366,7 +367,7 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
             return None;
         }
         let length = begin - end;
-        if length < UNRESOLVED {
+        if length < MIN_TIMED_SAMPLES {
             // Mostly noise, and refused in any case: not worth a shape.
             return Some(Edge {
                 rise_samples: 0.8 * length as f32,
@@ -379,9 +380,9 @@ impl<const WINDOW: usize> RiseTime<WINDOW> {
         let middle = self.span / 2;
         let cell = ((length + CELLS_PER_LOBE / 2) / CELLS_PER_LOBE).max(1);
         let half = cell / 5;
-        let first = (end + middle).saturating_sub(AROUND * cell).max(half);
+        let first = (end + middle).saturating_sub(SIDE_CELLS * cell).max(half);
         let held = oldest.saturating_sub(first + half);
-        let cells = held.min(begin + middle - first + (AROUND + 1) * cell).checked_div(cell)?;
+        let cells = held.min(begin + middle - first + (SIDE_CELLS + 1) * cell).checked_div(cell)?;
         let scale = self.lobe.peak * cell as f32 / self.span.max(1) as f32;
         let shape = EdgeShape::<MOST_BORDERS>::new(cells as usize, scale, |border| {
             let newest = first + border * cell - half;

@@ -12,7 +12,7 @@ use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
 
 /// What a register of an age shows where there is no result, or one older than it can say.
-pub const NEVER: u16 = u16::MAX;
+pub const NO_RESULT_AGE_S: u16 = u16::MAX;
 
 /// A result with the instant at which it was complete, and how many of its kind there were.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +38,7 @@ impl<T: Copy> Kept<T> {
     /// Whole seconds since it was complete.
     pub fn age_s(&self, now: u64, ticks_per_second: u32) -> u16 {
         let seconds = now.saturating_sub(self.tick) / u64::from(ticks_per_second.max(1));
-        if self.latest.is_some() { seconds.min(u64::from(NEVER)) as u16 } else { NEVER }
+        if self.latest.is_some() { seconds.min(u64::from(NO_RESULT_AGE_S)) as u16 } else { NO_RESULT_AGE_S }
     }
 
     /// A value of it; not a number where there is no result.

@@ -20,11 +20,11 @@ use heapless::Vec;
 /// A request of the functions for single registers and ranges.
 const REQUEST: usize = 8;
 /// Address, function, checksum.
-const LEAST: usize = 4;
+const MIN_FRAME_BYTES: usize = 4;
 /// Half characters of silence that end a frame, and the one that may be under way.
 const SILENT_HALVES: u64 = 7 + 2;
 /// Rate above which the silence no longer follows the characters, and that silence, microseconds.
-const FIXED_ABOVE: u32 = 19_200;
+const MAX_SCALED_BITS_PER_SECOND: u32 = 19_200;
 const FIXED_US: u64 = 1_750;
 /// Longest time between two looks after which what came between them may still be answered, ms.
 const STALE_MS: u64 = 100;
@@ -108,7 +108,7 @@ impl Line {
     pub fn new(format: LineFormat, clock: TicksPerSecond) -> Self {
         let (clock, rate) = (u64::from(clock.0), u64::from(format.bits_per_second.max(1)));
         let halves = |count: u64| clock * u64::from(format.parity.bits()) * count / (2 * rate);
-        let silence = if format.bits_per_second > FIXED_ABOVE {
+        let silence = if format.bits_per_second > MAX_SCALED_BITS_PER_SECOND {
             clock * FIXED_US / 1_000_000 + halves(2)
         } else {
             halves(SILENT_HALVES)
@@ -224,5 +224,5 @@ impl Line {
 /// Whether the last two bytes are the checksum of those before.
 fn is_intact(frame: &[u8]) -> bool {
     let Some((content, checksum)) = frame.split_last_chunk::<2>() else { return false };
-    frame.len() >= LEAST && CRC16.checksum(content).to_le_bytes() == *checksum
+    frame.len() >= MIN_FRAME_BYTES && CRC16.checksum(content).to_le_bytes() == *checksum
 }

@@ -35,7 +35,7 @@ pub struct Traffic {
 }
 
 /// A departure that nothing is known of.
-const UNKNOWN: Departure = Departure { departure_db: f32::NAN, uncertainty_db: f32::NAN };
+const UNKNOWN_DEPARTURE: Departure = Departure { departure_db: f32::NAN, uncertainty_db: f32::NAN };
 
 /// What registers are read from: kept results, and the node's present state.
 #[derive(Clone, Debug)]
@@ -116,11 +116,11 @@ impl<'a> View<'a> {
     }
 
     fn departure(&self, of: fn(&Departures) -> Option<Departure>) -> Departure {
-        self.bank.values.latest.and_then(|values| of(&values.departures)).unwrap_or(UNKNOWN)
+        self.bank.values.latest.and_then(|values| of(&values.departures)).unwrap_or(UNKNOWN_DEPARTURE)
     }
 
     fn local_departure(&self, of: fn(&LocalDepartures) -> Option<Departure>) -> Departure {
-        self.bank.values.latest.and_then(|values| of(&values.local_departures)).unwrap_or(UNKNOWN)
+        self.bank.values.latest.and_then(|values| of(&values.local_departures)).unwrap_or(UNKNOWN_DEPARTURE)
     }
 }
 

@@ -23,9 +23,9 @@ use heapless::{Deque, Vec};
 /// Turns of the pinion marked: 2 s at 61 Hz.
 pub const MARKS: usize = 122;
 /// Blocks of samples that follow a trigger at least.
-const AFTER: usize = BLOCKS / 4;
+const MIN_FOLLOWING_BLOCKS: usize = BLOCKS / 4;
 /// Blocks of samples that enter the checksum with each block of codes.
-const SEALED_AT_ONCE: usize = 16;
+const SEAL_BLOCKS: usize = 16;
 
 /// The memory and what is done with it.
 #[derive(Clone, Debug)]
@@ -212,7 +212,7 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
             CapturePhase::Watching => {
                 self.phase = CapturePhase::Collecting;
                 self.trigger = (trigger, tick);
-                self.remaining = AFTER.max(BLOCKS - self.ring.borrow().held());
+                self.remaining = MIN_FOLLOWING_BLOCKS.max(BLOCKS - self.ring.borrow().held());
                 Triggered::Begun
             }
             _ => {
@@ -229,7 +229,7 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
         if self.phase != CapturePhase::Collecting {
             return false;
         }
-        if self.ring.borrow().held() >= AFTER {
+        if self.ring.borrow().held() >= MIN_FOLLOWING_BLOCKS {
             return true;
         }
         self.remaining = BLOCKS;
@@ -278,7 +278,7 @@ impl<R: BorrowMut<SampleRing>> Capture<R> {
         if self.phase != CapturePhase::Sealing {
             return None;
         }
-        for _ in 0..SEALED_AT_ONCE {
+        for _ in 0..SEAL_BLOCKS {
             let Some(block) = self.ring.borrow().block(self.sealed) else {
                 self.phase = CapturePhase::Held;
                 return Some(self.number);

@@ -95,12 +95,12 @@ pub const EVENT_KINDS: usize = EventKind::NoRecords as usize + 1;
 const _: () = assert!(EVENT_KINDS <= MAX_EVENT_COUNTS);
 
 /// Events kept.
-pub const KEPT: usize = 40;
+pub const MAX_EVENTS: usize = 40;
 /// Events kept of one kind, and new ones of one kind per second: every alarm can speak at once.
 pub const QUOTA: usize = crate::config::MAX_ALARMS;
 
 // There is always a kind with a second entry to give up; places are bits of a word.
-const _: () = assert!(EVENT_KINDS < KEPT && KEPT <= 64);
+const _: () = assert!(EVENT_KINDS < MAX_EVENTS && MAX_EVENTS <= 64);
 
 /// One event, possibly repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -121,7 +121,7 @@ pub struct Event {
 #[derive(Clone, Debug)]
 pub struct EventLog {
     /// In the order of their first occurrence.
-    kept: Vec<Event, KEPT>,
+    kept: Vec<Event, MAX_EVENTS>,
     counters: [u32; EVENT_KINDS],
     /// Entries not yet reported over the link, by place.
     unreported: u64,

@@ -39,7 +39,7 @@ pub type Zoom = MeshZoom<POINTS, MAX_HARMONICS>;
 /// Reach of a band above its harmonic, pitches.
 const REACH: f32 = 1.0 / 3.0;
 /// Samples per period below which a harmonic is left out.
-const FEWEST_PER_PERIOD: f32 = 4.0;
+const MIN_SAMPLES_PER_PERIOD: f32 = 4.0;
 /// Turns the buffer must hold: two, the block that arrives, and a speed that falls meanwhile.
 const TURNS_HELD: f32 = 2.5;
 /// Most turns of a synchronous average over the hunting period; longer periods are cut to [`BROKEN_TURNS`].
@@ -65,7 +65,7 @@ pub struct MeshPlan {
 impl MeshPlan {
     /// Nothing is carried: there is no speed.
     pub const NONE: Self =
-        Self { decimation: Decimation::MOST, harmonics: 0, samples_per_pitch: SAMPLES_PER_PITCH as u8 };
+        Self { decimation: Decimation::MAXIMUM, harmonics: 0, samples_per_pitch: SAMPLES_PER_PITCH as u8 };
 
     /// The plan for a pinion rate and an ADC rate; without a speed nothing is carried.
     pub fn new(config: &Configuration, pinion: Hertz, adc: Hertz) -> Self {
@@ -86,15 +86,15 @@ impl MeshPlan {
             let now = rate(decimation);
             ratio = 1.1 * ratio.max(1.0);
             let coarser = Decimation::up_to(ratio);
-            let last = if lowest > points { FEWEST_PER_PERIOD * mesh_hz } else { lowest };
+            let last = if lowest > points { MIN_SAMPLES_PER_PERIOD * mesh_hz } else { lowest };
             let folds = now > points && rate(coarser) >= last;
-            if !(now > held || folds) || decimation == Decimation::MOST {
+            if !(now > held || folds) || decimation == Decimation::MAXIMUM {
                 break;
             }
             decimation = coarser;
         }
         let per_pitch = rate(decimation) / mesh_hz;
-        let harmonics = (per_pitch / FEWEST_PER_PERIOD).min(wanted) as u8;
+        let harmonics = (per_pitch / MIN_SAMPLES_PER_PERIOD).min(wanted) as u8;
         // Half the rate is the highest order there is; a fifth less speed makes it a quarter more.
         let finest = 0.5 * per_pitch / (1.0 - REPLAN_NOW) + f32::from(harmonics) + REACH;
         let samples_per_pitch = ((0.5 * finest + 1.0) as u8).saturating_mul(2).clamp(16, SAMPLES_PER_PITCH as u8);

@@ -19,7 +19,7 @@ pub const LONGEST_GAP_S: u64 = 10;
 /// Half of the longest baseline, s.
 const HALF_BASELINE_S: u64 = 64;
 /// Refused pulses in a row that make the latest one the first of a new baseline.
-const REFUSED_IN_A_ROW: u32 = 3;
+const MAX_REFUSED_PULSES: u32 = 3;
 
 /// The clock as the pulses say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -91,7 +91,7 @@ impl PulseClock {
         if seconds == 0 || (ticks as f64 - wanted).abs() > LARGEST_ERROR * wanted {
             self.refused = self.refused.saturating_add(1);
             self.in_a_row += 1;
-            if self.in_a_row >= REFUSED_IN_A_ROW {
+            if self.in_a_row >= MAX_REFUSED_PULSES {
                 self.begin(instant);
             }
             return;

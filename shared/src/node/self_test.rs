@@ -38,7 +38,7 @@ pub const MATHEMATICS: u8 = 1 << 4;
 /// Blocks looked at together.
 pub const BLOCKS: u32 = 32;
 /// Blocks after which counting begins even where the newest one waited.
-pub const WAITING: u32 = 64;
+pub const MAX_WAITING_BLOCKS: u32 = 64;
 /// Seconds from one test on request to the next.
 pub const APART_S: u64 = 1;
 /// Seconds that a sensor may lie at its rail after the start.
@@ -92,7 +92,7 @@ impl SelfTestRun {
         let failed = if mathematics { 0 } else { MATHEMATICS };
         let result = SelfTest { run: MATHEMATICS, failed };
         let (stretch, range) = (Stretch::NONE, CodeRange::default().in_force());
-        Self { result, settling: 0, stretch, before: None, waiting: WAITING, age: 0, edge: false, range }
+        Self { result, settling: 0, stretch, before: None, waiting: MAX_WAITING_BLOCKS, age: 0, edge: false, range }
     }
 
     /// The same with the codes of a front end.

@@ -32,7 +32,7 @@ const SECOND_CODE_TO_HZ: f32 = 400_000.0;
 /// processor.
 pub(super) const HIGHEST_SPEED_HZ: f32 = 60.5;
 /// Codes from one that enters to the next there.
-const BEYOND_STEP: usize = 16;
+const FAST_CODE_STEP: usize = 16;
 /// Turn marks of one block; what comes faster is no shaft.
 const MOST_MARKS: usize = 32;
 
@@ -255,7 +255,7 @@ impl ValueRecord {
                 continue;
             }
             if self.beyond {
-                channel.add(codes, self.period, BEYOND_STEP);
+                channel.add(codes, self.period, FAST_CODE_STEP);
                 continue;
             }
             channel.add(codes, self.period, self.step);

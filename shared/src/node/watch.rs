@@ -25,13 +25,13 @@ const FAR_BELOW_SIGMA: f32 = 6.0;
 /// Why a sensor is not in order, as bits.
 pub mod reason {
     /// Codes of the first sensor were clipped.
-    pub const CLIPPED: u16 = 1 << 0;
+    pub const CLIPPING: u16 = 1 << 0;
     /// The first sensor's signal did not move.
-    pub const STILL: u16 = 1 << 1;
+    pub const STANDSTILL: u16 = 1 << 1;
     /// Codes of the second sensor were clipped.
-    pub const SECOND_CLIPPED: u16 = 1 << 2;
+    pub const SECOND_CLIPPING: u16 = 1 << 2;
     /// The second sensor's signal did not move.
-    pub const SECOND_STILL: u16 = 1 << 3;
+    pub const SECOND_STANDSTILL: u16 = 1 << 3;
     /// The bias at the sensor is out of its band.
     pub const BIAS: u16 = 1 << 4;
     /// The mean of the codes is out of its band.
@@ -39,9 +39,9 @@ pub mod reason {
     /// The shaft turns, and the RMS is below the floor.
     pub const FLOOR: u16 = 1 << 6;
     /// The RMS is far below what is expected at this speed.
-    pub const FAR_BELOW: u16 = 1 << 7;
+    pub const LEVEL_DROP: u16 = 1 << 7;
     /// A limit had nothing to judge for too long.
-    pub const BLIND: u16 = 1 << 8;
+    pub const BLINDNESS: u16 = 1 << 8;
 }
 
 /// What a record shows of the sensors.
@@ -179,7 +179,7 @@ impl Watch {
         let mut limits = config.alarms.iter().zip(&self.judged);
         let is_blind =
             limits.any(|(band, &judged)| is_of_the_whole(band.watched) && tick.saturating_sub(judged) > longest);
-        if is_blind { reason::BLIND } else { 0 }
+        if is_blind { reason::BLINDNESS } else { 0 }
     }
 
     fn follow_sensor(
@@ -189,7 +189,7 @@ impl Watch {
         tick: u64,
         reasons: u16,
     ) -> Option<Decision> {
-        const BAD: AlarmBand = AlarmBand {
+        const SENSOR_BAND: AlarmBand = AlarmBand {
             watched: Watched::Rms,
             from: Hertz(0.0),
             to: Hertz(1.0),
@@ -200,7 +200,7 @@ impl Watch {
         self.reasons = reasons;
         let persistence = (config.holding.persistence_s * clock.0 as f32) as u64;
         let put = Put { tick, value: if reasons != 0 { 1.0 } else { 0.0 }, may: Use::Both };
-        match self.sensor.update(&BAD, Side::Above, &config.holding, [persistence, 1], put)? {
+        match self.sensor.update(&SENSOR_BAND, Side::Above, &config.holding, [persistence, 1], put)? {
             AlarmChange::Raised => Some(Decision::SensorBad(reasons)),
             AlarmChange::Cleared => Some(Decision::SensorGood),
         }
@@ -275,14 +275,14 @@ fn reasons(config: &Configuration, evidence: &Evidence) -> u16 {
     let far_below = evidence.departure.is_some_and(|departure| {
         departure.departure_db < check.lowest_departure_db() && departure.normalised() < -FAR_BELOW_SIGMA
     });
-    of(evidence.quality.overload, reason::CLIPPED)
-        | of(evidence.quality.stuck, reason::STILL)
-        | of(second.overload, reason::SECOND_CLIPPED)
-        | of(second.stuck, reason::SECOND_STILL)
+    of(evidence.quality.overload, reason::CLIPPING)
+        | of(evidence.quality.stuck, reason::STANDSTILL)
+        | of(second.overload, reason::SECOND_CLIPPING)
+        | of(second.stuck, reason::SECOND_STANDSTILL)
         | of(high > 0.0 && bias.is_some_and(|volts| !(low..=high).contains(&volts)), reason::BIAS)
         | of(highest > 0.0 && !(lowest..=highest).contains(&evidence.mean_code), reason::MEAN)
         | of(evidence.turns && evidence.rms < check.floor.0, reason::FLOOR)
-        | of(far_below, reason::FAR_BELOW)
+        | of(far_below, reason::LEVEL_DROP)
 }
 
 /// One bit per alarm, the first one lowest.

@@ -20,18 +20,18 @@ pub const NARROWEST_GATE: f32 = 0.01;
 /// Largest half-width of the gate, positions.
 pub const WIDEST_GATE: f32 = 0.15;
 /// Shortest memory, pulses: a parabola with one pulse to spare.
-const SHORTEST: f32 = 4.0;
+const MIN_MEMORY_PULSES: f32 = 4.0;
 /// Weight of the newest error in the mean square.
 const VARIANCE_WEIGHT: f32 = 0.04;
 /// Weight of the newest product of errors in the correlation.
 const CORRELATION_WEIGHT: f32 = 0.12;
 /// Correlation above which the memory shrinks, and below which it grows.
-const CORRELATED: f32 = 0.4;
-const WHITE: f32 = 0.25;
+const MAX_CORRELATION: f32 = 0.4;
+const MIN_CORRELATION: f32 = 0.25;
 /// RMS error assumed before any is known, positions.
 const FIRST_RMS: f32 = 0.0025;
 /// Pulses that a widened gate counts as known, so that it closes again soon.
-const FORGETTING: u8 = 4;
+const WIDENED_GATE_PULSES: u8 = 4;
 /// Departure from the reference period at which it is chosen anew.
 const REBASE: f32 = 0.01;
 
@@ -101,7 +101,7 @@ impl AngleFilter {
         let mean_rate = (rates[0] + rates[1] + rates[2]) * (1.0 / 3.0);
         self.rate = mean_rate - 1.0 + self.acceleration * mean_age;
         self.offset = 0.0;
-        self.memory = SHORTEST;
+        self.memory = MIN_MEMORY_PULSES;
         self.variance = self.variance.max(FIRST_RMS * FIRST_RMS);
         self.taken = 0;
         self.correlation = 0.0;
@@ -155,7 +155,7 @@ impl AngleFilter {
     pub fn widen(&mut self) {
         let gate = self.gate() * (1.4 / 6.0);
         self.variance = gate * gate;
-        self.taken = self.taken.min(FORGETTING);
+        self.taken = self.taken.min(WIDENED_GATE_PULSES);
     }
 
     /// Takes a pulse `steps` positions after the latest, `error` as given by [`AngleFilter::steps`].
@@ -183,16 +183,16 @@ impl AngleFilter {
         let scale = self.variance.max(floor * floor);
         let product = (error * self.error / scale).clamp(-2.0, 2.0);
         self.correlation += CORRELATION_WEIGHT * (product - self.correlation);
-        if self.correlation < WHITE {
+        if self.correlation < MIN_CORRELATION {
             self.memory = (self.memory + 1.0).min(self.longest);
-        } else if self.correlation > CORRELATED {
-            let excess = (self.correlation - CORRELATED).min(1.0);
-            self.memory = (self.memory * (1.0 - 0.4 * excess)).max(SHORTEST);
+        } else if self.correlation > MAX_CORRELATION {
+            let excess = (self.correlation - MAX_CORRELATION).min(1.0);
+            self.memory = (self.memory * (1.0 - 0.4 * excess)).max(MIN_MEMORY_PULSES);
         }
         let large = square > 36.0 * scale;
         let changed = large && error * self.error > 0.0 && self.error * self.error > 4.0 * scale;
         if changed {
-            self.memory = SHORTEST;
+            self.memory = MIN_MEMORY_PULSES;
         }
         self.taken = self.taken.saturating_add(1);
         let weight = VARIANCE_WEIGHT.max(2.0 / (f32::from(self.taken) + 3.0));

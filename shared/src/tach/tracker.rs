@@ -39,12 +39,12 @@ const REOPEN_AFTER: u64 = 8;
 /// Agreement of four pulses with one constant acceleration that starts a new track, positions.
 const AGREEMENT: f32 = 0.03;
 /// The same against a track whose pulses still come.
-const AGREEMENT_AGAINST: f32 = 0.003;
+const RIVAL_AGREEMENT: f32 = 0.003;
 
 /// Share of the interval between two pulses in which an edge is no pulse of a faster shaft.
 const BOUNCE: u64 = 3;
 /// Intervals in a row with an edge that may be a faster shaft's pulse, after which it is said.
-const TOO_FAST: u8 = 8;
+const MAX_SPLIT_INTERVALS: u8 = 8;
 
 /// How far a speed can be trusted. Only `Locked` is a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -206,7 +206,7 @@ impl TachTracker {
 
     /// Whether edges come as of a shaft that is faster than the wheel's highest rate.
     pub fn is_too_fast(&self) -> bool {
-        self.splits >= TOO_FAST
+        self.splits >= MAX_SPLIT_INTERVALS
     }
 
     fn track(&mut self, instant: u64) {
@@ -320,7 +320,7 @@ impl TachTracker {
         let predicted = rates[1] + acceleration * 0.5 * (gaps[1] + gaps[2]);
         // While the tracked positions are still met, chance alone must not unseat them.
         let met = self.lock != Lock::Acquiring && self.filter.place(d.saturating_sub(self.filter.last().instant)) < 1.3;
-        let agrees = (predicted * gaps[2] - 1.0).abs() < if met { AGREEMENT_AGAINST } else { AGREEMENT };
+        let agrees = (predicted * gaps[2] - 1.0).abs() < if met { RIVAL_AGREEMENT } else { AGREEMENT };
         let gap = d - c;
         let tracked = self.tracked_period();
         // A speed near the tracked one is no rival unless its pulses all come at the wrong angle: one noise pulse

@@ -18,9 +18,9 @@ use crate::config::TachWheel;
 use crate::tach::TachTracker;
 
 /// More marks than this in one gap between pulses are left out: no wheel that coarse can place them.
-const MOST_PER_PULSE: u32 = 64;
+const MAX_MARKS_PER_PULSE: u32 = 64;
 /// Largest relative difference of a fraction from the configured number: two of its last places.
-const SAME: f64 = 2.4e-7;
+const FRACTION_TOLERANCE_SHARE: f64 = 2.4e-7;
 /// Largest denominator of a fraction: two stages of a hundred teeth and more.
 const LARGEST_DENOMINATOR: u64 = 20_000;
 
@@ -48,7 +48,7 @@ impl Ratio {
                 break;
             }
             (before, convergent) = (convergent, (p, q));
-            if (p as f64 / q as f64 / exact - 1.0).abs() <= SAME && p > 0 {
+            if (p as f64 / q as f64 / exact - 1.0).abs() <= FRACTION_TOLERANCE_SHARE && p > 0 {
                 return Self { pinion: p, tach: q };
             }
             let part = rest - whole as f64;
@@ -141,7 +141,7 @@ impl TurnMarks {
         if self.align(tach.index(), position) {
             return Continuity::Broken;
         }
-        for _ in 0..MOST_PER_PULSE {
+        for _ in 0..MAX_MARKS_PER_PULSE {
             let beyond = self.next_q32.wrapping_sub(position << 32) as i64;
             if beyond > 0 {
                 return Continuity::Kept;

@@ -22,9 +22,9 @@ pub const LENGTH_STEP: u32 = 8;
 const MARK: u32 = 0x6d62_696d;
 const LAYOUT: u16 = 1;
 /// Bytes that the checksum is of.
-const SUMMED: usize = 60;
+const CHECKSUM_BYTES: usize = 60;
 /// Shortest image that could be one: a vector table.
-const SHORTEST: u32 = 512;
+const MIN_IMAGE_BYTES: u32 = 512;
 /// Where an STM32F405's stack may begin: core-coupled memory, or the memory beside it.
 const STACKS: [(u32, u32); 2] = [(0x1000_0000, 0x1001_0000), (0x2000_0000, 0x2002_0000)];
 
@@ -84,16 +84,16 @@ pub fn seal(description: &[u8; HEADER_BYTES], base: u32, image: &[u8]) -> [u8; H
     put(&mut bytes, 8, &base.to_le_bytes());
     put(&mut bytes, 12, &(image.len() as u32).to_le_bytes());
     put(&mut bytes, 16, &CRC32.checksum(image).to_le_bytes());
-    let sum = CRC32.checksum(bytes.get(..SUMMED).unwrap_or_default());
-    put(&mut bytes, SUMMED, &sum.to_le_bytes());
+    let sum = CRC32.checksum(bytes.get(..CHECKSUM_BYTES).unwrap_or_default());
+    put(&mut bytes, CHECKSUM_BYTES, &sum.to_le_bytes());
     bytes
 }
 
 impl Header {
     /// Reads a header; `None` for anything else, or one that is damaged or of another layout.
     pub fn read(bytes: &[u8; HEADER_BYTES]) -> Option<Self> {
-        let sum = CRC32.checksum(bytes.get(..SUMMED)?);
-        let ours = word(bytes, 0) == MARK && half(bytes, 4) == LAYOUT && word(bytes, SUMMED) == sum;
+        let sum = CRC32.checksum(bytes.get(..CHECKSUM_BYTES)?);
+        let ours = word(bytes, 0) == MARK && half(bytes, 4) == LAYOUT && word(bytes, CHECKSUM_BYTES) == sum;
         ours.then(|| Self {
             base: word(bytes, 8),
             length: word(bytes, 12),
@@ -121,7 +121,7 @@ impl Header {
         if self.base != base {
             return Err(UpdateRefused::Place);
         }
-        if !(SHORTEST..=room).contains(&self.length) || !self.length.is_multiple_of(LENGTH_STEP) {
+        if !(MIN_IMAGE_BYTES..=room).contains(&self.length) || !self.length.is_multiple_of(LENGTH_STEP) {
             return Err(UpdateRefused::Length);
         }
         Ok(())

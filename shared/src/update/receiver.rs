@@ -9,7 +9,7 @@
 
 use crate::frame::CRC32;
 use crate::update::header::{HEADER_BYTES, Header, IMAGE_OFFSET};
-use crate::update::slots::{CONFIRMED_AT, DONE, HEAD_BYTES, SEQUENCE_AT, Standing, sequence_words};
+use crate::update::slots::{CONFIRMATION_AT, HEAD_BYTES, SEQUENCE_AT, Standing, YES_WORD, sequence_words};
 use crate::update::vocabulary::{
     ImageStanding, RunningImage, Slot, Stage, StartCause, UpdateRefused, UpdateRequest, UpdateStatus,
 };
@@ -277,7 +277,7 @@ impl<F: NorFlash> Updater<F> {
             Some(standing) if standing.confirmed => Ok(()),
             Some(_) if missing != 0 => Err(UpdateRefused::Unwell),
             Some(standing) => {
-                self.own.write(CONFIRMED_AT, &DONE.to_le_bytes())?;
+                self.own.write(CONFIRMATION_AT, &YES_WORD.to_le_bytes())?;
                 self.standing = Some(Standing { confirmed: true, ..standing });
                 self.step = Some(Step::Confirmed.detail(standing.header.version));
                 Ok(())

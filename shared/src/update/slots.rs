@@ -23,13 +23,13 @@ pub const SEQUENCE_AT: u32 = HEADER_BYTES as u32;
 /// Place of the first start.
 pub const TRIALS_AT: u32 = SEQUENCE_AT + 8;
 /// Place of the confirmation.
-pub const CONFIRMED_AT: u32 = TRIALS_AT + 4 * TRIALS as u32;
+pub const CONFIRMATION_AT: u32 = TRIALS_AT + 4 * TRIALS as u32;
 /// Bytes of a slot's head: header and words.
-pub const HEAD_BYTES: usize = CONFIRMED_AT as usize + 4;
+pub const HEAD_BYTES: usize = CONFIRMATION_AT as usize + 4;
 /// A word that means yes.
-pub const DONE: u32 = 0;
+pub const YES_WORD: u32 = 0;
 
-const BLANK: u32 = u32::MAX;
+const BLANK_WORD: u32 = u32::MAX;
 
 /// The head of a slot that holds an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +52,7 @@ pub fn first_marks() -> [u8; HEAD_BYTES - HEADER_BYTES] {
         *word = value.to_le_bytes();
     }
     if let Some(confirmed) = words.last_mut() {
-        *confirmed = DONE.to_le_bytes();
+        *confirmed = YES_WORD.to_le_bytes();
     }
     marks
 }
@@ -68,11 +68,11 @@ impl Standing {
         let header = Header::read(head.first_chunk()?).filter(|header| header.base == base)?;
         let word = |at: u32| {
             let bytes = head.get(at as usize..).and_then(|rest| rest.first_chunk());
-            bytes.map_or(BLANK, |bytes| u32::from_le_bytes(*bytes))
+            bytes.map_or(BLANK_WORD, |bytes| u32::from_le_bytes(*bytes))
         };
         let sequence = word(SEQUENCE_AT);
-        let used = (0..TRIALS as u32).filter(|n| word(TRIALS_AT + 4 * n) != BLANK);
-        let standing = Self { header, sequence, trials: used.count(), confirmed: word(CONFIRMED_AT) == DONE };
+        let used = (0..TRIALS as u32).filter(|n| word(TRIALS_AT + 4 * n) != BLANK_WORD);
+        let standing = Self { header, sequence, trials: used.count(), confirmed: word(CONFIRMATION_AT) == YES_WORD };
         (word(SEQUENCE_AT + 4) == !sequence).then_some(standing)
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Nothing here depends on the target, so the host, QEMU and the board must give the same numbers: the tests run it
 //! on the host, the QEMU image at its start. The node's own check is smaller ([`meshband::self_test::mathematics`]).
-//! A changed hash is a changed result: change [`EXPECTED`] only together with the reason.
+//! A changed hash is a changed result: change [`EXPECTED_HASHES`] only together with the reason.
 //!
 //! Cost: 3.4 M instructions (Cortex-M4F in QEMU), 40 ms at 168 MHz; 8 KiB of stack.
 
@@ -36,7 +36,7 @@ pub struct StageHash {
 }
 
 /// The hashes every target must give.
-pub const EXPECTED: [StageHash; STAGES] = [
+pub const EXPECTED_HASHES: [StageHash; STAGES] = [
     StageHash { stage: "math", hash: 0xe638_42a1 },
     StageHash { stage: "window", hash: 0x5745_6861 },
     StageHash { stage: "spectrum", hash: 0xe3ef_d032 },
@@ -89,7 +89,7 @@ impl Noise {
     }
 }
 
-/// Runs all stages and hashes their results, in the order of [`EXPECTED`].
+/// Runs all stages and hashes their results, in the order of [`EXPECTED_HASHES`].
 pub fn hashes() -> [StageHash; STAGES] {
     let results: [u32; STAGES] = [
         math_stage(),
@@ -105,12 +105,12 @@ pub fn hashes() -> [StageHash; STAGES] {
         mesh_decimator_stage(),
         tach_stage(),
     ];
-    core::array::from_fn(|i| StageHash { stage: EXPECTED[i].stage, hash: results[i] })
+    core::array::from_fn(|i| StageHash { stage: EXPECTED_HASHES[i].stage, hash: results[i] })
 }
 
-/// Compares all stages with [`EXPECTED`]; the first one that differs.
+/// Compares all stages with [`EXPECTED_HASHES`]; the first one that differs.
 pub fn self_test() -> Result<(), StageHash> {
-    for (found, expected) in hashes().into_iter().zip(EXPECTED) {
+    for (found, expected) in hashes().into_iter().zip(EXPECTED_HASHES) {
         if found != expected {
             return Err(found);
         }

@@ -1,6 +1,6 @@
 //! The damage campaign on its own: `cargo xtask damage` builds what it needs and calls this.
 
-use meshband_tests::damage::{Campaign, WHOLE, report, run};
+use meshband_tests::damage::{CAMPAIGN_ATTACKS, Campaign, report, run};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -29,7 +29,7 @@ struct Options {
 fn options() -> Result<Options, String> {
     let workers = std::thread::available_parallelism().map_or(2, usize::from);
     let program = PathBuf::new();
-    let campaign = Campaign { program, seed: 1, cases: WHOLE, only: None, keep: None, workers };
+    let campaign = Campaign { program, seed: 1, cases: CAMPAIGN_ATTACKS, only: None, keep: None, workers };
     let mut options = Options { campaign, json: None, markdown: None };
     let mut words = std::env::args().skip(1);
     while let Some(option) = words.next() {

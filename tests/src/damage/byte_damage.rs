@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// Numbers and other texts that programs stumble over.
-pub const NASTY: &[&str] = &[
+pub const NASTY_TEXTS: &[&str] = &[
     "nan",
     "NaN",
     "inf",
@@ -182,7 +182,7 @@ pub fn damage_text(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) -> String {
             "a letter in a number"
         }
         _ => {
-            let nasty = NASTY[random.random_range(0..NASTY.len())];
+            let nasty = NASTY_TEXTS[random.random_range(0..NASTY_TEXTS.len())];
             let mut cells: Vec<&str> = lines[at].split(',').collect();
             let chosen = random.random_range(0..cells.len());
             cells[chosen] = nasty;

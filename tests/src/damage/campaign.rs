@@ -1,7 +1,7 @@
 //! Runs a campaign: which attacks, on how many cores, and what came of each.
 
 use super::attack::{Attack, Scene};
-use super::families::{self, FAMILIES, Family, WHOLE};
+use super::families::{self, CAMPAIGN_ATTACKS, FAMILIES, Family};
 use super::oracle::{Finding, judge};
 use super::originals::Originals;
 use super::process::{self, Ended};
@@ -73,7 +73,7 @@ impl Campaign {
     /// # Errors
     /// A family that does not exist.
     pub fn plan(&self) -> Result<Vec<(&'static Family, usize)>, String> {
-        let count = |family: &Family| (family.share * self.cases).div_ceil(WHOLE);
+        let count = |family: &Family| (family.share * self.cases).div_ceil(CAMPAIGN_ATTACKS);
         let Some((name, number)) = &self.only else {
             return Ok(FAMILIES.iter().flat_map(|family| (0..count(family)).map(move |i| (family, i))).collect());
         };

@@ -21,4 +21,4 @@ pub mod special;
 pub mod toml_damage;
 
 pub use campaign::{Campaign, run};
-pub use families::{FAMILIES, WHOLE};
+pub use families::{CAMPAIGN_ATTACKS, FAMILIES};

@@ -74,7 +74,7 @@ impl Failure {
 pub type Finding = (Failure, String);
 
 /// Longest refusal, characters.
-const LONGEST: usize = 400;
+const MAX_REFUSAL_CHARACTERS: usize = 400;
 const SIGKILL: i32 = 9;
 const SIGPIPE: i32 = 13;
 
@@ -135,7 +135,7 @@ fn refusal(stderr: &[u8]) -> Option<String> {
         |c: char| c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c) || ('\u{2066}'..='\u{2069}').contains(&c);
     if !line.starts_with("meshband: ") {
         Some(format!("does not begin with `meshband: `: {}", shown(line)))
-    } else if line.chars().count() > LONGEST {
+    } else if line.chars().count() > MAX_REFUSAL_CHARACTERS {
         Some(format!("{} characters: {}", line.chars().count(), shown(line)))
     } else if line.chars().any(odd) {
         Some(format!("not printable: {}", shown(line)))

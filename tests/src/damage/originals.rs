@@ -66,7 +66,7 @@ const JOBS: [[(&str, Kind); 2]; 4] = [
 ];
 
 /// Commands that make the originals.
-const MADE: &[&str] = &[
+const ORIGINAL_COMMANDS: &[&str] = &[
     "simulate in/machine.toml --speed 30,31 --torque 10 --duration 0.1 --rate 25600 -o in/record",
     "simulate in/machine.toml --speed 30,32,34 --torque 11 --duration 0.1 --rate 25600 -o in/third-record",
     "simulate in/table-machine.toml --speed 30,31 --torque 10 --duration 0.1 --rate 20480 -o in/table-record",
@@ -88,7 +88,7 @@ impl Originals {
         machines(&inputs).map_err(fail)?;
         imports(&inputs).map_err(fail)?;
         std::fs::write(inputs.join("effects.toml"), EFFECTS).map_err(fail)?;
-        for line in MADE {
+        for line in ORIGINAL_COMMANDS {
             undisturbed(program, folder, line)?;
         }
         let job = |number: String, (arguments, kind): (&'static str, Kind)| {

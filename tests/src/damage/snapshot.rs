@@ -23,7 +23,7 @@ pub enum Entry {
 pub struct Snapshot(pub BTreeMap<PathBuf, Entry>);
 
 /// Files beyond this are compared by length and first bytes: sparse files of a terabyte are among the attacks.
-const HASHED: u64 = 1 << 28;
+const MAX_HASHED_BYTES: u64 = 1 << 28;
 
 impl Snapshot {
     /// Everything below a folder; a file is one entry with an empty path; nothing where there is nothing.
@@ -76,7 +76,7 @@ fn walk(root: &Path, inner: &Path, entries: &mut BTreeMap<PathBuf, Entry>) {
 
 fn hash_of(path: &Path, length: u64) -> u64 {
     let mut hasher = DefaultHasher::new();
-    if length <= HASHED {
+    if length <= MAX_HASHED_BYTES {
         // Unreadable counts as a state of its own.
         std::fs::read(path).ok().hash(&mut hasher);
     }

@@ -7,7 +7,7 @@ use std::os::unix::net::UnixListener;
 use std::path::Path;
 
 /// Every special thing by name.
-pub const SPECIAL: &[&str] = &[
+pub const SPECIAL_NAMES: &[&str] = &[
     "a folder",
     "a fifo",
     "a socket",

@@ -2,7 +2,7 @@
 //! place; whatever is taken is written and read again as the same, where there is a writer.
 
 use super::files::{input_file, refusal};
-use crate::damage::byte_damage::{NASTY, damage, damage_text};
+use crate::damage::byte_damage::{NASTY_TEXTS, damage, damage_text};
 use crate::damage::toml_damage::{apply, changes, places};
 use meshband::board::Timing;
 use meshband::config::Configuration;
@@ -82,7 +82,7 @@ pub fn change_effect(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) {
     let name = entry.parameters.get(random.random_range(0..entry.parameters.len().max(1))).map_or("", |p| p.name);
     let at = random.random_range(0..parts.len());
     let new = match random.random_range(0..5) {
-        0 => NASTY[random.random_range(0..NASTY.len())].to_owned(),
+        0 => NASTY_TEXTS[random.random_range(0..NASTY_TEXTS.len())].to_owned(),
         1 => entry.name.to_owned(),
         2 => format!("{},{name}=1", parts[at]),
         3 => format!("{}", random.random_range(-10.0..100.0_f64)),

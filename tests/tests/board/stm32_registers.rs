@@ -387,15 +387,15 @@ fn fault_pll_that_does_not_lock_ends_the_wait() {
 /// the choice, and what is written to the PLL's settings while it runs is ignored.
 fn follow_clocks(rcc: &pac::rcc::RegisterBlock, crystal_present: bool, pll_locks: bool) {
     /// Settings the PLL runs with; reserved words behind the last register serve as the model's memory.
-    const LATCHED: usize = 0x7c;
+    const LATCH_OFFSET: usize = 0x7c;
     let control = word(rcc, 0x00);
     let mut ready = (control & 1) << 1;
     ready |= if crystal_present { (control >> 16 & 1) << 17 } else { 0 };
     if control & (1 << 24) != 0 {
         if control & (1 << 25) == 0 {
-            set(rcc, LATCHED, word(rcc, 0x04));
+            set(rcc, LATCH_OFFSET, word(rcc, 0x04));
         }
-        set(rcc, 0x04, word(rcc, LATCHED));
+        set(rcc, 0x04, word(rcc, LATCH_OFFSET));
         ready |= if pll_locks { 1 << 25 } else { 0 };
     }
     set(rcc, 0x00, control & !((1 << 1) | (1 << 17) | (1 << 25)) | ready);

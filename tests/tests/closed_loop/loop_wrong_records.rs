@@ -3,7 +3,7 @@
 
 use meshband_host::check::{self, Findings, Kind, Severity};
 use meshband_host::generate::{self, Scenario};
-use meshband_host::model_based::outcome::MOST_OVER_FLOOR;
+use meshband_host::model_based::outcome::MAX_FLOOR_RATIO;
 use meshband_host::model_based::{Options, Outcome, close_loop};
 use meshband_host::observation::input::{self, Record, Run};
 use meshband_host::record;
@@ -29,14 +29,14 @@ fn generated(effects: Vec<String>, seed: u64) -> Record {
 
 /// Eight runs at four speeds and two torques with nothing wrong in them.
 fn clean() -> &'static Record {
-    static CLEAN: OnceLock<Record> = OnceLock::new();
-    CLEAN.get_or_init(|| generated(vec![], 71))
+    static CLEAN_RECORD: OnceLock<Record> = OnceLock::new();
+    CLEAN_RECORD.get_or_init(|| generated(vec![], 71))
 }
 
 /// The held-out runs of the loop's default split of such a record.
 fn held_out() -> Vec<usize> {
-    static HELD: OnceLock<Vec<usize>> = OnceLock::new();
-    HELD.get_or_init(|| clean_outcome().split[2].clone()).clone()
+    static HELD_RUNS: OnceLock<Vec<usize>> = OnceLock::new();
+    HELD_RUNS.get_or_init(|| clean_outcome().split[2].clone()).clone()
 }
 
 fn clean_outcome() -> &'static Outcome {
@@ -324,10 +324,10 @@ fn contradiction(name: &str, outcome: &Outcome, allowed: &[&str]) -> Option<Stri
     if let Some(wrong) = named.iter().find(|n| !allowed.contains(n)) {
         return Some(format!("{name}: wrong name {wrong}"));
     }
-    if worst > MOST_OVER_FLOOR && (outcome.effects.is_empty() || !named.is_empty()) {
+    if worst > MAX_FLOOR_RATIO && (outcome.effects.is_empty() || !named.is_empty()) {
         return Some(format!("{name}: held-out error {worst} times its floor: {}", outcome.headline));
     }
-    if worst > MOST_OVER_FLOOR && !outcome.headline.starts_with("held-out run") {
+    if worst > MAX_FLOOR_RATIO && !outcome.headline.starts_with("held-out run") {
         return Some(format!("{name}: the first line is {}", outcome.headline));
     }
     None

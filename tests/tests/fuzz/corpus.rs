@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 const SEED: u64 = 1;
 /// Longest input that joins the corpus, bytes: long ones only slow it down.
-const LONGEST: usize = 1 << 16;
+const MAX_INPUT_BYTES: usize = 1 << 16;
 /// Most inputs kept.
-const MOST: usize = 4_000;
+const MAX_INPUTS: usize = 4_000;
 
 /// A target and the inputs that are changed.
 pub struct Campaign {
@@ -48,7 +48,7 @@ impl Campaign {
                 (self.target.change)(&mut input, &mut random);
             }
             let said = answer(run, &input).unwrap_or_else(|()| self.fail(&input));
-            if answers.insert(outline(&said)) && input.len() <= LONGEST && self.corpus.len() < MOST {
+            if answers.insert(outline(&said)) && input.len() <= MAX_INPUT_BYTES && self.corpus.len() < MAX_INPUTS {
                 self.corpus.push(input);
             }
         }

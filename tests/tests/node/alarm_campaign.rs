@@ -4,7 +4,7 @@
 //! Two forms: value records through the watch alone, and formulas through the whole node. The long ones are
 //! `cargo test --release -p meshband-tests --test node alarm_campaign -- --ignored --nocapture`.
 
-use crate::rig::{PER_CODE, Rig, none, slow_converter};
+use crate::rig::{M_S2_PER_CODE, Rig, none, slow_converter};
 use meshband::alarm::{AlarmBand, AlarmChange, AlarmMode, Put, Severity, Side, Use, Watched};
 use meshband::config::Configuration;
 use meshband::levels::{ExpectedLevel, LevelPoint, departure};
@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 
 const CLOCK: TicksPerSecond = TicksPerSecond(84_000_000);
 /// RMS of the sound machine, and limits of two classes, m/s^2.
-const SOUND: f32 = 2.0;
+const SOUND_RMS_M_S2: f32 = 2.0;
 const LIMITS: [f32; 2] = [5.0, 10.0];
 /// Values beyond a limit that raise it.
 const PERSISTENCE: u8 = 3;
@@ -35,7 +35,7 @@ fn watched() -> Configuration {
     };
     let rms = |from, to, raise| limit(Watched::Rms, from, to, raise, 0.8 * raise);
     let low = AlarmMode { side: Side::Below, severity: Severity::Alert };
-    let level = ExpectedLevel { level_db: 20.0 * SOUND.log10(), uncertainty_db: 1.5 };
+    let level = ExpectedLevel { level_db: 20.0 * SOUND_RMS_M_S2.log10(), uncertainty_db: 1.5 };
     let point = |speed| LevelPoint { speed: Hertz(speed), rms: level, ..LevelPoint::default() };
     let mut config = Configuration {
         alarms: [
@@ -71,7 +71,7 @@ enum Fault {
     Restart,
 }
 
-const OF_RECORDS: [Fault; 9] = [
+const RECORD_FAULTS: [Fault; 9] = [
     Fault::Nothing,
     Fault::Clipped,
     Fault::Cut,
@@ -169,7 +169,7 @@ impl Records {
     }
 
     fn episode(&mut self) {
-        let fault = OF_RECORDS[self.rng.random_range(0..OF_RECORDS.len())];
+        let fault = RECORD_FAULTS[self.rng.random_range(0..RECORD_FAULTS.len())];
         let strong: bool = self.rng.random();
         let speed = [None, Some(10.0), Some(20.0), Some(15.5), Some(40.0)][self.rng.random_range(0..5)];
         if fault == Fault::Restart {
@@ -179,7 +179,7 @@ impl Records {
         }
         *self.counts.episodes.entry((fault, strong)).or_default() += 1;
         let limit = Self::limit(speed, fault);
-        let rms = if strong { limit * self.rng.random_range(1.1..30.0) } else { SOUND };
+        let rms = if strong { limit * self.rng.random_range(1.1..30.0) } else { SOUND_RMS_M_S2 };
         // Without a speed no level is expected: a quiet cut sensor is a standing machine's.
         let must = strong && fault != Fault::Cut || is_of_the_sensor(fault) && (speed.is_some() || fault != Fault::Cut);
         let persistence = self.config.holding.persistence_s;
@@ -213,11 +213,11 @@ impl Records {
     /// A sound machine at the speeds of both classes, and a person: nothing stands behind it.
     fn calm(&mut self) {
         for second in 0..60 {
-            self.record(SOUND, Some(if second < 30 { 10.0 } else { 20.0 }), Fault::Nothing);
+            self.record(SOUND_RMS_M_S2, Some(if second < 30 { 10.0 } else { 20.0 }), Fault::Nothing);
         }
         self.watch.acknowledge(|_| ());
         for second in 0..60 {
-            let decided = self.record(SOUND, Some(if second < 30 { 20.0 } else { 10.0 }), Fault::Nothing);
+            let decided = self.record(SOUND_RMS_M_S2, Some(if second < 30 { 20.0 } else { 10.0 }), Fault::Nothing);
             assert!(decided.is_empty(), "{decided:?}");
         }
         assert!(!self.watch.alarm_stands(&self.config) && self.watch.sensor_is_ok());
@@ -256,7 +256,7 @@ fn fault_long_no_record_beyond_a_limit_leaves_the_output_healthy() {
     hours_of_records(100..300, 10_000.0);
 }
 
-const OF_NODE: [Fault; 9] = [
+const NODE_FAULTS: [Fault; 9] = [
     Fault::Nothing,
     Fault::Clipped,
     Fault::Cut,
@@ -280,7 +280,7 @@ fn pulses(fault: Fault, hz: f64, from: f64) -> Box<dyn Fn(u64) -> f64> {
 /// One machine through the whole node: sound, then a fault with a sound or a strong machine.
 fn one_machine(seed: u64) -> (Fault, bool, f64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let fault = OF_NODE[rng.random_range(0..OF_NODE.len())];
+    let fault = NODE_FAULTS[rng.random_range(0..NODE_FAULTS.len())];
     let strong: bool = rng.random();
     let hz: f64 = [8.0, 12.0, 20.0, 24.0][rng.random_range(0..4)];
     let mut config = watched();
@@ -296,7 +296,7 @@ fn one_machine(seed: u64) -> (Fault, bool, f64) {
     let tach = |fault: Fault| -> Box<dyn Fn(u64) -> f64> {
         if fault == Fault::Joint { Box::new(zebra) } else { pulses(fault, hz, 0.001) }
     };
-    let amplitude = f64::from(SOUND) * 2f64.sqrt();
+    let amplitude = f64::from(SOUND_RMS_M_S2) * 2f64.sqrt();
     let mesh = move |t: f64| (TAU * 19.0 * hz * t).sin();
     let always = if matches!(fault, Fault::Joint | Fault::TooFast) { fault } else { Fault::Nothing };
     let mut rig = Rig::new(config.clone());
@@ -314,7 +314,7 @@ fn one_machine(seed: u64) -> (Fault, bool, f64) {
         let machine = factor * amplitude * mesh(t);
         match fault {
             Fault::Clipped if t.fract() < 0.001 => 400.0,
-            Fault::Cut => 3.0 * 16.0 * PER_CODE * (TAU * 50.0 * t).sin(),
+            Fault::Cut => 3.0 * 16.0 * M_S2_PER_CODE * (TAU * 50.0 * t).sin(),
             Fault::Short => 0.0,
             _ => machine.clamp(-full, full),
         }

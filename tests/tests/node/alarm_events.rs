@@ -2,7 +2,7 @@
 
 use meshband::alarm::{Alarm, AlarmBand, AlarmChange, AlarmHolding, AlarmMode, Put, Severity, Side, Use, Watched};
 use meshband::config::{Configuration, ConfigurationError, SecondSensor};
-use meshband::events::{EventKind, EventLog, KEPT, QUOTA};
+use meshband::events::{EventKind, EventLog, MAX_EVENTS, QUOTA};
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 
 fn band() -> AlarmBand {
@@ -230,7 +230,7 @@ fn fault_a_full_history_keeps_the_newest_of_each_kind_and_reports_each_once() {
             log.record(kind, round as u32, 10_000 * (1 + round));
         }
     }
-    assert_eq!(kept(&log).len(), KEPT);
+    assert_eq!(kept(&log).len(), MAX_EVENTS);
     for kind in rare.into_iter().chain(storm) {
         assert!(kept(&log).iter().any(|e| e.0 == kind), "{kind:?} is gone");
     }
@@ -239,7 +239,7 @@ fn fault_a_full_history_keeps_the_newest_of_each_kind_and_reports_each_once() {
     log.record(K::Saturated, 1, 20_000_000);
     assert_eq!(reported(&mut log), [(K::Saturated, 1)]);
     log.report_all();
-    assert_eq!(reported(&mut log).len(), KEPT);
+    assert_eq!(reported(&mut log).len(), MAX_EVENTS);
     assert!(reported(&mut log).is_empty());
 }
 

@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 const BLOCK: usize = 512;
 const CLOCK: u32 = 25_000_000;
-const PER_CODE: f64 = 0.01;
+const M_S2_PER_CODE: f64 = 0.01;
 /// Turns of the pinion per second, one tach pulse each.
 const SPEED: u32 = 10;
 
@@ -40,7 +40,7 @@ impl OutputPin for Relay<'_> {
 
 fn configuration() -> Configuration {
     let mut config = Configuration::default();
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
     let alarm =
         AlarmBand { watched: Watched::Peak, from: Hertz(5.0), to: Hertz(20.0), raise: 5.0, clear: 3.0, persistence: 2 };
     config.alarms.push(alarm).expect("room for one");
@@ -64,7 +64,7 @@ fn theory_the_relay_falls_while_the_nodes_alarm_stands() {
                 let seconds = (first - start + n * u64::from(period)) as f64 / f64::from(CLOCK);
                 let amplitude = if (4.0..8.0).contains(&seconds) { 10.0 } else { 1.0 };
                 let mesh = (TAU * (20.0 * f64::from(SPEED) * seconds).fract()).sin();
-                (amplitude * mesh / PER_CODE + 32_768.0) as u16
+                (amplitude * mesh / M_S2_PER_CODE + 32_768.0) as u16
             })
             .collect();
         let end = first + BLOCK as u64 * u64::from(period);

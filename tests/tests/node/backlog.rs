@@ -12,7 +12,7 @@ use meshband::units::TicksPerSecond;
 /// Buffers of the board that is modelled.
 const BUFFERS: usize = 16;
 /// Buffers that the interrupt holds: the two of the double buffer.
-const HELD: u32 = 2;
+const HELD_BUFFERS: u32 = 2;
 /// Blocks in a record, and between the beginnings of two where nothing is lost.
 const RECORD: u32 = 8;
 const RECORD_PERIOD: u32 = 600;
@@ -38,7 +38,7 @@ impl Loaded {
     fn new() -> Self {
         let buffers = Box::leak(Box::new([[0; BLOCK_SAMPLES]; BUFFERS]));
         let (mut outlets, inbox) = Box::leak(Box::new(Queues::new())).split(buffers);
-        for _ in 0..HELD {
+        for _ in 0..HELD_BUFFERS {
             // What the interrupt holds is exchanged, never given back.
             assert!(outlets.free.take().is_some());
         }
@@ -137,7 +137,7 @@ fn theory_nothing_is_given_up_while_buffers_last() {
     let mut loaded = Loaded::new();
     for _ in 0..1_000 {
         // As long as the queue can bear, then time to catch up.
-        loaded.spend(u64::from(BUFFERS as u32 - HELD) * 1_000 - 200);
+        loaded.spend(u64::from(BUFFERS as u32 - HELD_BUFFERS) * 1_000 - 200);
         loaded.run(80, 500, 500);
     }
     assert_eq!((loaded.lost, loaded.given_up), (0, 0));

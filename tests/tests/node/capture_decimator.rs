@@ -26,7 +26,7 @@ fn amplitude(outputs: &[f64]) -> f64 {
 }
 
 /// Ratios with a comb and without, the pair with the highest aliases (11 twice) and the longest filter among them.
-const OVERS: [f32; 8] = [2.0, 3.3, 5.0, 7.0, 22.0, 27.0, 40.5, 112.0];
+const DECIMATION_RATIOS: [f32; 8] = [2.0, 3.3, 5.0, 7.0, 22.0, 27.0, 40.5, 112.0];
 
 #[test]
 fn claim_between_200_and_420_khz_the_rate_asked_for_is_exceeded_by_a_tenth_at_most() {
@@ -41,7 +41,7 @@ fn claim_between_200_and_420_khz_the_rate_asked_for_is_exceeded_by_a_tenth_at_mo
 
 #[test]
 fn theory_the_band_is_flat_to_a_tenth_of_a_decibel_and_in_its_place_in_time() {
-    for over in OVERS {
+    for over in DECIMATION_RATIOS {
         for share in [0.01, 0.1, 0.2, 0.3, f64::from(FLAT_SHARE)] {
             let ratio = {
                 let mut decimator = CaptureDecimator::new();
@@ -65,7 +65,7 @@ fn theory_the_band_is_flat_to_a_tenth_of_a_decibel_and_in_its_place_in_time() {
 #[test]
 fn theory_what_folds_into_the_band_lies_53_db_down() {
     let mut worst = (0.0f64, 0.0f32, 0.0);
-    for over in OVERS {
+    for over in DECIMATION_RATIOS {
         let mut decimator = CaptureDecimator::new();
         decimator.restart(over);
         let ratio = f64::from(decimator.ratio());

@@ -114,5 +114,5 @@ fn theory_the_ratio_found_is_the_largest_with_short_half_bands() {
     for (wanted, comb, stages) in found {
         assert_eq!(Decimation::up_to(wanted), Decimation { comb, stages }, "{wanted}");
     }
-    assert_eq!(Decimation::up_to(1.0e9), Decimation::MOST);
+    assert_eq!(Decimation::up_to(1.0e9), Decimation::MAXIMUM);
 }

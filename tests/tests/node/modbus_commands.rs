@@ -18,10 +18,10 @@ use std::f64::consts::TAU;
 const CLOCK: u32 = 25_000_000;
 const ADDRESS: u8 = 17;
 const CODES: usize = 512;
-const PER_CODE: f64 = 0.002;
+const M_S2_PER_CODE: f64 = 0.002;
 const TURN: u64 = (CLOCK / 20) as u64;
 /// Most registers of one answer.
-const MOST: u16 = 125;
+const MAX_REGISTERS: u16 = 125;
 
 fn configuration(options: ModbusOptions) -> Configuration {
     Configuration {
@@ -32,7 +32,7 @@ fn configuration(options: ModbusOptions) -> Configuration {
     }
 }
 
-const PERMITTED: ModbusOptions = ModbusOptions { commands: true, low_word_first: false };
+const COMMAND_OPTIONS: ModbusOptions = ModbusOptions { commands: true, low_word_first: false };
 
 /// A station that measures.
 struct Bench {
@@ -69,7 +69,7 @@ impl Bench {
             let period = self.session.node().requested_period_ticks();
             let code = |n: u64| {
                 let t = (self.first + n * u64::from(period)) as f64 / f64::from(CLOCK);
-                (amplitude * (TAU * (400.0 * t).fract()).sin() / PER_CODE + 32_768.0) as u16
+                (amplitude * (TAU * (400.0 * t).fract()).sin() / M_S2_PER_CODE + 32_768.0) as u16
             };
             let codes: Vec<u16> = (0..CODES as u64).map(code).collect();
             let end = self.first + CODES as u64 * u64::from(period);
@@ -160,7 +160,7 @@ fn theory_a_permitted_master_acknowledges_by_either_function() {
     let by_six = [6, a, b, 0, 1];
     let by_sixteen = [16, a, b, 0, 1, 2, 0, 1];
     for (request, echo) in [(&by_six[..], &by_six[..]), (&by_sixteen[..], &[16, a, b, 0, 1][..])] {
-        let mut bench = Bench::new(PERMITTED);
+        let mut bench = Bench::new(COMMAND_OPTIONS);
         bench.run(4.0, 12.0);
         assert_eq!(bench.word("alarms", "unseen"), 1);
         bench.run(4.0, 3.0);
@@ -174,7 +174,7 @@ fn theory_a_permitted_master_acknowledges_by_either_function() {
 
 #[test]
 fn fault_a_write_of_anything_else_is_refused_as_the_standard_says() {
-    let mut bench = Bench::new(PERMITTED);
+    let mut bench = Bench::new(COMMAND_OPTIONS);
     let [a, b] = COMMAND.to_be_bytes();
     let nothing: &[u8] = &[];
     for (request, answer) in [
@@ -200,7 +200,7 @@ fn fault_a_write_of_anything_else_is_refused_as_the_standard_says() {
 /// A write is never found by chance at the end of what others said.
 #[test]
 fn fault_a_write_behind_another_frame_is_damage() {
-    let mut bench = Bench::new(PERMITTED);
+    let mut bench = Bench::new(COMMAND_OPTIONS);
     bench.run(4.0, 12.0);
     let mut frame = vec![ADDRESS, 6];
     frame.extend([COMMAND.to_be_bytes(), 1_u16.to_be_bytes()].concat());
@@ -217,7 +217,7 @@ fn fault_a_write_behind_another_frame_is_damage() {
 
 #[test]
 fn ref_a_waveform_by_registers_is_that_of_the_link() {
-    let mut bench = Bench::new(PERMITTED);
+    let mut bench = Bench::new(COMMAND_OPTIONS);
     assert!(bench.read(SAMPLES, 4).chunks(4).all(|b| f32::from_be_bytes([b[0], b[1], b[2], b[3]]).is_nan()));
     bench.run(4.0, 3.0);
     assert_eq!((bench.word("waveform", "phase"), bench.write(2).len()), (1, 5));
@@ -230,7 +230,7 @@ fn ref_a_waveform_by_registers_is_that_of_the_link() {
     let end = SAMPLES + SAMPLE_REGISTERS;
     while next < end {
         // Odd counts on purpose: a value may be read by halves.
-        let count = MOST.min(end - next);
+        let count = MAX_REGISTERS.min(end - next);
         read.extend(bench.read(next, count));
         next += count;
     }
@@ -262,7 +262,7 @@ fn ref_the_strongest_line_is_the_sine_that_is_there() {
 #[test]
 fn theory_the_low_word_comes_first_where_it_is_asked_for_and_nothing_else_changes() {
     let mut by_order = [false, true].map(|low_word_first| {
-        let mut bench = Bench::new(ModbusOptions { low_word_first, ..PERMITTED });
+        let mut bench = Bench::new(ModbusOptions { low_word_first, ..COMMAND_OPTIONS });
         bench.run(4.0, 3.0);
         bench.write(2);
         bench.run(2.0, 3.0);

@@ -13,13 +13,13 @@ use std::f64::consts::TAU;
 
 const BLOCK: usize = 512;
 const CLOCK: u32 = 25_000_000;
-const PER_CODE: f64 = 0.002;
+const M_S2_PER_CODE: f64 = 0.002;
 const SPEED: u32 = 20;
 
 /// RMS limits of two speed classes, latching.
 pub fn configuration() -> Configuration {
     let mut config = Configuration::default();
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
     let band = |from: f32, to: f32, raise: f32| AlarmBand {
         watched: Watched::Rms,
         from: Hertz(from),
@@ -59,7 +59,7 @@ impl Watch {
             let period = self.session.node().requested_period_ticks();
             let code = |n: u64| {
                 let t = (self.first + n * u64::from(period)) as f64 / f64::from(CLOCK);
-                (amplitude * (TAU * (400.0 * t).fract()).sin() / PER_CODE + 32_768.0).clamp(0.0, 65_535.0) as u16
+                (amplitude * (TAU * (400.0 * t).fract()).sin() / M_S2_PER_CODE + 32_768.0).clamp(0.0, 65_535.0) as u16
             };
             let codes: Vec<u16> = (0..BLOCK as u64).map(code).collect();
             let end = self.first + BLOCK as u64 * u64::from(period);
@@ -239,7 +239,7 @@ fn fault_a_stopped_node_does_not_pass_for_a_healthy_machine() {
     watch.ask(Request::Stop);
     watch.run(40.0, 3.0);
     assert!(watch.stands(), "its limits have had nothing to judge for half a minute");
-    assert_eq!(watch.said(EventKind::SignalBad), [u32::from(meshband::watch::reason::BLIND)]);
+    assert_eq!(watch.said(EventKind::SignalBad), [u32::from(meshband::watch::reason::BLINDNESS)]);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 use meshband_tests::plant::{self, Fault, Plant};
 
 const BLOCK: usize = 1024;
-const PER_CODE: f32 = 0.01;
+const M_S2_PER_CODE: f32 = 0.01;
 
 struct Rig {
     node: Node,
@@ -44,7 +44,7 @@ impl Rig {
             let first = self.time_ticks;
             for (n, code) in codes.iter_mut().enumerate() {
                 let t = (first + n as u64 * u64::from(self.period)) as f64 / self.clock;
-                let value = signal(t, turns(t)) / f64::from(PER_CODE);
+                let value = signal(t, turns(t)) / f64::from(M_S2_PER_CODE);
                 *code = (value.round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
             }
             let end = first + BLOCK as u64 * u64::from(self.period);
@@ -90,7 +90,7 @@ impl Rig {
 fn config(teeth: u16) -> Configuration {
     let mut config = Configuration::default();
     config.gears.pinion_teeth = teeth;
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE);
     config
 }
 

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 
 const BLOCK: usize = 512;
 const CLOCK: f64 = 25.0e6;
-const PER_CODE: f64 = 0.01;
+const M_S2_PER_CODE: f64 = 0.01;
 
 #[derive(Default)]
 struct Heard {
@@ -26,7 +26,7 @@ struct Heard {
 fn config(pinion_teeth: u16, gear_teeth: u16) -> Configuration {
     let mut config = Configuration::default();
     (config.gears.pinion_teeth, config.gears.gear_teeth) = (pinion_teeth, gear_teeth);
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
     config
 }
 
@@ -45,7 +45,7 @@ fn run(
     while (first as f64) < seconds * CLOCK {
         for (n, code) in codes.iter_mut().enumerate() {
             let t = (first + n as u64 * u64::from(period)) as f64 / CLOCK;
-            *code = ((signal(t, turns(t)) / PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
+            *code = ((signal(t, turns(t)) / M_S2_PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
         }
         let end = first + BLOCK as u64 * u64::from(period);
         while next_turn <= turns(end as f64 / CLOCK) {

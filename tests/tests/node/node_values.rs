@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 const BLOCK: usize = 512;
 const CLOCK: f64 = 25.0e6;
-const PER_CODE: f64 = 0.002;
+const M_S2_PER_CODE: f64 = 0.002;
 /// The second sensor hears the same, the other way round, another scale and another zero; from this time on, s.
 const PER_CODE_OF_SECOND: f64 = -0.003;
 const ZERO_OF_SECOND: f64 = 31_000.0;
@@ -61,7 +61,7 @@ fn signal(t: f64, turns: f64) -> f64 {
 pub fn configuration() -> Configuration {
     let mut config = Configuration::default();
     (config.gears.pinion_teeth, config.gears.gear_teeth) = (PINION as u16, GEAR as u16);
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
     config
 }
 
@@ -82,7 +82,7 @@ pub fn listen(
         for (n, (code, of_second)) in codes.iter_mut().zip(&mut second).enumerate() {
             let t = (first + n as u64 * u64::from(period)) as f64 / CLOCK;
             let value = signal(t, run.turns(t));
-            *code = ((value / PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
+            *code = ((value / M_S2_PER_CODE).round() + 32_768.0).clamp(0.0, 65_535.0) as u16;
             *of_second = ((value / PER_CODE_OF_SECOND).round() + ZERO_OF_SECOND).clamp(0.0, 65_535.0) as u16;
         }
         // A sensor that joins late lacks what came before.
@@ -192,7 +192,7 @@ fn assert_close(what: &str, found: f32, wanted: f64, relative: f64) {
 
 /// Every value of the signal with an impulse once per turn, which is in every record.
 fn assert_values(config: Configuration, run: Run, seconds: f64) {
-    let least = assert_values_of(config, run, seconds, SMOOTH, signal);
+    let least = assert_values_of(config, run, seconds, SMOOTH_TOLERANCE, signal);
     assert!(least > 20.0, "impulse of {least} m/s2 at {} Hz", run.speed);
 }
 
@@ -206,7 +206,7 @@ pub struct Tolerance {
     pub skirts: f64,
 }
 
-const SMOOTH: Tolerance = Tolerance { peaks: 2e-3, skirts: 0.0 };
+const SMOOTH_TOLERANCE: Tolerance = Tolerance { peaks: 2e-3, skirts: 0.0 };
 
 /// RMS, peak, crest, kurtosis and velocity of every good record against the reference; the least peak of all.
 pub fn assert_values_of(

@@ -10,7 +10,7 @@ use meshband::units::{Acceleration, Hertz};
 
 pub const BLOCK: usize = 512;
 /// m/s^2 per code of 16 bit: full scale is 161 m/s^2.
-pub const PER_CODE: f64 = 0.00494;
+pub const M_S2_PER_CODE: f64 = 0.00494;
 
 /// A pair of 19 and 48 teeth behind a filter of 12 kHz: few samples per second.
 pub fn slow_converter() -> Configuration {
@@ -22,7 +22,7 @@ pub fn slow_converter() -> Configuration {
     };
     config.limits.analogue_stop = Hertz(12_000.0);
     config.limits.highest_adc = Hertz(40_000.0);
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
     config
 }
 
@@ -63,7 +63,7 @@ impl Rig {
             let code = |n: u64| {
                 let t = (first + n * u64::from(period)) as f64 / clock_hz;
                 // Twelve bits, left-aligned.
-                let code = (acceleration(t) / PER_CODE / 16.0).round() + 2048.0;
+                let code = (acceleration(t) / M_S2_PER_CODE / 16.0).round() + 2048.0;
                 (code.clamp(0.0, 4095.0) as u16) << 4
             };
             let codes: Vec<u16> = (0..BLOCK as u64).map(code).collect();

@@ -242,25 +242,25 @@ fn low_pass(over: usize) -> Vec<f64> {
 #[test]
 fn theory_a_ramp_behind_a_decimation_filter_keeps_its_rise_time() {
     // The filter turns the ramp's kinks into a slope that rings; every sampling phase in turn.
-    const OVER: usize = 20;
-    let taps = low_pass(OVER);
+    const OVERSAMPLING: usize = 20;
+    let taps = low_pass(OVERSAMPLING);
     for samples_per_edge in [5.2, 6.0, 7.25, 8.0, 10.0, 14.3, 20.0] {
         let width = samples_per_edge / 0.8;
         let pitch = (12.0 * width) as usize + 60;
         let fine = |i: usize| {
-            let u = (i as f64 / OVER as f64 - 30.0) / width - 2.0;
+            let u = (i as f64 / OVERSAMPLING as f64 - 30.0) / width - 2.0;
             10.0 * linear(u) * (1.0 - raised_cosine((u - 1.5) / 7.0))
         };
-        let raw: Vec<f64> = (0..pitch * OVER).map(fine).collect();
+        let raw: Vec<f64> = (0..pitch * OVERSAMPLING).map(fine).collect();
         let filtered = |i: usize| -> f64 {
             let first = (i + raw.len() - taps.len() / 2) % raw.len();
             taps.iter().enumerate().map(|(k, tap)| tap * raw[(first + k) % raw.len()]).sum()
         };
         let mut estimator = RiseTime::<512>::new(config(), pitch as f32);
         estimator.expect(samples_per_edge as f32);
-        for phase in 0..OVER {
+        for phase in 0..OVERSAMPLING {
             for i in 0..pitch {
-                let _ = estimator.push(filtered(i * OVER + phase) as f32);
+                let _ = estimator.push(filtered(i * OVERSAMPLING + phase) as f32);
             }
         }
         let error = f64::from(estimator.result().unwrap().samples_per_edge) / samples_per_edge - 1.0;

@@ -397,7 +397,7 @@ fn golden_a_watched_machine_from_standstill_to_alarm_and_faults() {
         EventKind::CaptureHeld,
         EventKind::CaptureMissed,
     ];
-    course.held_against(&WATCHED, &occurred);
+    course.held_against(&WATCHED_EVENTS, &occurred);
 }
 
 #[test]
@@ -424,7 +424,7 @@ fn golden_a_wheel_with_a_missing_tooth_a_law_of_knots_and_a_change_of_both() {
         EventKind::AlarmRaised,
         EventKind::CaptureHeld,
     ];
-    course.held_against(&GEARED, &occurred);
+    course.held_against(&GEARED_EVENTS, &occurred);
 }
 
 #[test]
@@ -450,11 +450,11 @@ fn golden_a_fast_machine_with_a_provisional_law() {
         Nothing,
         &[Request::CommitConfiguration, Request::Update(UpdateRequest::Status)],
     );
-    course.held_against(&FAST, &[EventKind::AlarmRaised, EventKind::RateLimited, EventKind::CaptureHeld]);
+    course.held_against(&FAST_EVENTS, &[EventKind::AlarmRaised, EventKind::RateLimited, EventKind::CaptureHeld]);
 }
 
 /// Of [`fast`].
-const FAST: [Said; 12] = [
+const FAST_EVENTS: [Said; 12] = [
     ("standstill", 4, 0x6038dde9, 0x8e05f1a6),
     ("run-up", 59, 0xc46a7e2b, 0x195fd1d2),
     ("steady", 55, 0x794a02b2, 0xa61c4254),
@@ -470,7 +470,7 @@ const FAST: [Said; 12] = [
 ];
 
 /// Of [`watched`].
-const WATCHED: [Said; 16] = [
+const WATCHED_EVENTS: [Said; 16] = [
     ("standstill", 8, 0xe386d118, 0xbeea1ae2),
     ("run-up", 53, 0x31496c25, 0x5a2cdf4c),
     ("steady", 75, 0x7172ed26, 0x9354ce7d),
@@ -490,7 +490,7 @@ const WATCHED: [Said; 16] = [
 ];
 
 /// Of [`geared`].
-const GEARED: [Said; 9] = [
+const GEARED_EVENTS: [Said; 9] = [
     ("standstill", 2, 0x381eb11b, 0x4cd90860),
     ("run-up", 57, 0xc5c4c986, 0xa9eb27e7),
     ("steady", 18, 0x3d4c9542, 0xd1a96a58),

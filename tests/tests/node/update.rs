@@ -8,7 +8,7 @@ use meshband::units::TicksPerSecond;
 use meshband::update::checksum;
 use meshband::update::header::{HEADER_BYTES, Header, IMAGE_OFFSET, describe, seal};
 use meshband::update::receiver::Place;
-use meshband::update::slots::{DONE, HEAD_BYTES, Standing, TRIALS, choose, first_marks};
+use meshband::update::slots::{HEAD_BYTES, Standing, TRIALS, YES_WORD, choose, first_marks};
 use meshband::update::trial::{SAMPLING_S, TRIAL_S, Trial};
 use meshband::update::vocabulary::MAX_CHUNK;
 use meshband::update::{ImageStanding, Slot, Stage, StartCause, UpdateRefused, UpdateRequest, UpdateStatus, Updater};
@@ -127,7 +127,7 @@ fn load(slots: &mut [Flash; 2]) -> Option<usize> {
     };
     let choice = choose(&standings, whole)?;
     if let Some(at) = choice.mark_at {
-        slots[choice.slot].bytes[at as usize..at as usize + 4].copy_from_slice(&DONE.to_le_bytes());
+        slots[choice.slot].bytes[at as usize..at as usize + 4].copy_from_slice(&YES_WORD.to_le_bytes());
     }
     Some(choice.slot)
 }

@@ -11,10 +11,10 @@ use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
 /// Largest acceleration, m/s2: within the range of the node's codes.
-const LARGEST: f64 = 40.0;
+const MAX_ACCELERATION_M_S2: f64 = 40.0;
 
 /// Mesh lines of a fast machine lie behind the velocity's band: 80 dB below what they would be in it do not count.
-const SHARP: Tolerance = Tolerance { peaks: 1e-2, skirts: 1e-4 };
+const SHARP_TOLERANCE: Tolerance = Tolerance { peaks: 1e-2, skirts: 1e-4 };
 
 /// What the sensor hears at a time, within the range of the codes.
 fn heard(signal: &Signal) -> impl Fn(f64, f64) -> f64 + Copy {
@@ -25,7 +25,7 @@ fn heard(signal: &Signal) -> impl Fn(f64, f64) -> f64 + Copy {
         let place = (t * rate_hz).min((count - 2) as f64);
         let (before, share) = (place as usize, place.fract());
         let between = samples[before] + share * (samples[before + 1] - samples[before]);
-        (between - mean) * LARGEST / largest
+        (between - mean) * MAX_ACCELERATION_M_S2 / largest
     }
 }
 
@@ -40,7 +40,7 @@ fn run_of(signal: &Signal) -> (Run, f64) {
 /// Judges the values of a signal at its own speed.
 fn assert_values(signal: &Signal) {
     let (run, seconds) = run_of(signal);
-    let least = assert_values_of(configuration(), run, seconds, SHARP, heard(signal));
+    let least = assert_values_of(configuration(), run, seconds, SHARP_TOLERANCE, heard(signal));
     println!("{}: {:.2} Hz, peaks of {least:.1} m/s2 at least", signal.channel, run.speed);
 }
 

@@ -1,7 +1,7 @@
 //! The node's watch: what a value may do to an alarm, clipping before the rails, a sensor that is cut, speeds outside
 //! all classes.
 
-use crate::rig::{PER_CODE, Rig, none, slow_converter, steady};
+use crate::rig::{M_S2_PER_CODE, Rig, none, slow_converter, steady};
 use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::Configuration;
 use meshband::events::EventKind;
@@ -60,7 +60,7 @@ fn regress_a3_above_60_5_turns_per_second_the_overall_alarm_works() {
                 .collect(),
             ..Configuration::default()
         };
-        config.sensor.acceleration_per_code = Acceleration(PER_CODE as f32);
+        config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
         let mut rig = Rig::new(config);
         rig.run(3.0, sine(2.0), steady(speed));
         rig.forget().run(7.0, sine(85.0), steady(speed));
@@ -73,7 +73,7 @@ fn regress_a3_above_60_5_turns_per_second_the_overall_alarm_works() {
 
 #[test]
 fn regress_a4_clipping_in_front_of_the_converter_is_seen() {
-    let highest = 161.0 - 25.0 * 16.0 * PER_CODE;
+    let highest = 161.0 - 25.0 * 16.0 * M_S2_PER_CODE;
     let clipped = |t: f64| sine(480.0)(t).clamp(-highest, highest);
     let mut rig = Rig::new(with_limits(&[]));
     rig.run(4.0, sine(2.0), steady(20.0)).run(9.0, clipped, steady(20.0));
@@ -123,7 +123,7 @@ fn regress_a2_a_cut_cable_is_not_a_sound_machine() {
         ..with_limits(&[limit(Watched::Rms, ALL_SPEEDS, 12.0)])
     };
     let mesh = |t: f64| 10.0 * (TAU * 380.0 * t).sin();
-    let hum = |t: f64| 5.0 * 16.0 * PER_CODE * (TAU * 50.0 * t).sin();
+    let hum = |t: f64| 5.0 * 16.0 * M_S2_PER_CODE * (TAU * 50.0 * t).sin();
     let mut rig = Rig::new(config);
     rig.run(8.0, mesh, steady(20.0));
     assert!(!rig.node.alarm_stands());
@@ -135,6 +135,6 @@ fn regress_a2_a_cut_cable_is_not_a_sound_machine() {
 #[test]
 fn theory_without_pulses_a_quiet_machine_is_a_standing_one() {
     let mut rig = Rig::new(with_limits(&[limit(Watched::Rms, ALL_SPEEDS, 12.0)]));
-    rig.run(8.0, |t| 16.0 * PER_CODE * (TAU * 50.0 * t).sin(), none);
+    rig.run(8.0, |t| 16.0 * M_S2_PER_CODE * (TAU * 50.0 * t).sin(), none);
     assert!(!rig.node.alarm_stands());
 }

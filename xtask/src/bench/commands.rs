@@ -32,7 +32,7 @@ const LOOP: (f64, f64) = (15.0, 300.0);
 const LOOP_RECORD: &str =
     "--speed 20,22,24,26,28,30,32,34 --torque 10 --duration 2 --rate 25600 --noise 0.1 --random-start";
 /// What is hidden in the loop's records: nothing, one effect of each place, two strong ones at once.
-const HIDDEN: [(&str, &str); 10] = [
+const HIDDEN_EFFECTS: [(&str, &str); 10] = [
     ("nothing", ""),
     ("runout of the gear", "gear-eccentricity:amplitude=3e-5"),
     ("cracked tooth", "pinion-tooth-crack:loss=0.1,tooth=5"),
@@ -130,10 +130,10 @@ fn loops(bench: &Bench<'_>, folder: &Path) -> Outcome<String> {
         "\n## Loop\n\n`meshband loop` on `meshband simulate machines/19-48.toml {LOOP_RECORD}` with seeds 1 to {} \
          and `--effect` as below, each once.\n\n\
          | hidden | processor, s | wall, s | peak, MB |\n| --- | --- | --- | --- |\n",
-        HIDDEN.len()
+        HIDDEN_EFFECTS.len()
     );
     let mut costs = Vec::new();
-    for (seed, (name, effects)) in (1..).zip(HIDDEN) {
+    for (seed, (name, effects)) in (1..).zip(HIDDEN_EFFECTS) {
         let effects: String = effects.split_whitespace().map(|effect| format!(" --effect {effect}")).collect();
         let words = format!("simulate MACHINE {LOOP_RECORD} --seed {seed}{effects} --force -o @loop");
         bench.cost(&format!("record with {name}"), arguments(&words, folder))?;

@@ -14,7 +14,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Largest picture, bytes.
-const LARGEST: u64 = 150_000;
+const MAX_PICTURE_BYTES: u64 = 150_000;
 /// How long the live view may take to show what it is to show.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -55,7 +55,7 @@ struct Page {
 
 const RECORD: &str = "simulate MACHINE --speed 20 --torque 10 --duration 6 --rate 51200 --noise 0.02 --pulses 8 \
     --effect eccentricity:amplitude=20e-6 -o record";
-const OWN: &str = "import record/run00.npy --rate 51200 --teeth 17,38 --mesh 340 -o own";
+const IMPORT_COMMAND: &str = "import record/run00.npy --rate 51200 --teeth 17,38 --mesh 340 -o own";
 
 const PAGES: [Page; 8] = [
     Page { name: "stiffness", before: &[], words: "stiffness MACHINE", height: 1150, dark: false },
@@ -69,7 +69,7 @@ const PAGES: [Page; 8] = [
         height: 1300,
         dark: false,
     },
-    Page { name: "loop-kinematic", before: &[RECORD, OWN], words: "loop own", height: 1300, dark: false },
+    Page { name: "loop-kinematic", before: &[RECORD, IMPORT_COMMAND], words: "loop own", height: 1300, dark: false },
     Page { name: "loop-dynamic", before: &[SPEEDS], words: "loop three", height: 1350, dark: false },
     Page {
         name: "node",
@@ -130,8 +130,8 @@ fn given() -> Option<PathBuf> {
 
 fn small_enough(picture: &Path) -> Outcome {
     let size = std::fs::metadata(picture).map_err(|e| format!("{}: {e}", picture.display()))?.len();
-    if size > LARGEST {
-        return Err(format!("{}: {size} bytes, more than {LARGEST}", picture.display()));
+    if size > MAX_PICTURE_BYTES {
+        return Err(format!("{}: {size} bytes, more than {MAX_PICTURE_BYTES}", picture.display()));
     }
     say(format!("{}: {} KB", picture.display(), size / 1000));
     Ok(())

@@ -9,7 +9,7 @@ use crate::shell::{capture, command};
 const PROGRAM: &str = "qemu-system-arm";
 
 /// Major version below which timers lose interrupts.
-const OLDEST: u32 = 8;
+const MIN_QEMU_VERSION: u32 = 8;
 
 /// The package.
 pub const QEMU: Package = Package {
@@ -24,5 +24,5 @@ fn version() -> Option<String> {
     let text = capture(&mut command(&[PROGRAM, "--version"])).ok()?;
     let first = text.lines().next()?;
     let major: u32 = first.split("version ").nth(1)?.split('.').next()?.parse().ok()?;
-    (major >= OLDEST).then(|| first.to_owned())
+    (major >= MIN_QEMU_VERSION).then(|| first.to_owned())
 }

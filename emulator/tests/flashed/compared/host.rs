@@ -10,7 +10,7 @@ use meshband::time::TickExtender;
 use std::collections::VecDeque;
 
 /// Blocks at the end of a run whose frames may still be on their way, s.
-const ON_THEIR_WAY_S: f64 = 0.25;
+const TRANSIT_S: f64 = 0.25;
 
 /// Board and host, frame by frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -51,7 +51,7 @@ pub fn compare(node: &Node, cause: u32) -> Comparison {
     assert!(node.requests.is_empty(), "a run with requests cannot be compared");
     let sent = frames(&node.link);
     let mut host = Host::new(node, cause);
-    let spared = (ON_THEIR_WAY_S * TICKS_PER_SECOND) as i32;
+    let spared = (TRANSIT_S * TICKS_PER_SECOND) as i32;
     let last = node.blocks.last().map_or(0, |block| block.first_tick);
     let mut due = 0;
     for (sequence, block) in (0..).zip(&node.blocks) {

@@ -16,7 +16,7 @@ pub const SPEEDS_HZ: [f64; 3] = [25.0, 60.0, 95.0];
 const RUN_S: f64 = 4.0;
 /// Block buffers of the board, and how many the double buffer holds.
 const BUFFERS: f64 = 28.0;
-const BEING_FILLED: u32 = 2;
+const FILLING_BUFFERS: u32 = 2;
 /// Least multiple of the bandwidth that a configuration may ask for.
 const LEAST_MULTIPLE: f32 = 2.0;
 
@@ -40,7 +40,7 @@ pub struct Outcome {
 impl Outcome {
     /// Share of the block buffers that stayed free at worst; two of them are being filled at any time.
     pub fn buffers_free(&self) -> f64 {
-        1.0 - f64::from(self.most_waiting + BEING_FILLED) / BUFFERS
+        1.0 - f64::from(self.most_waiting + FILLING_BUFFERS) / BUFFERS
     }
 }
 

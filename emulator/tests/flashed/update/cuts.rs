@@ -7,16 +7,16 @@ use crate::spoken::Node;
 use meshband::message::Request;
 use meshband::update::header::HEADER_BYTES;
 use meshband::update::{ImageStanding, Slot, UpdateRequest};
-use meshband_emulator::time::{NEVER, Time};
+use meshband_emulator::time::{NO_INSTANT, Time};
 
 /// Units of time between two looks for a busy flash: a word keeps it busy for 16 us.
 const LOOK: Time = 336 * 5;
 /// Every n-th word of the image is cut.
-const EVERY: u64 = 1024;
+const CUT_STEP_WORDS: u64 = 1024;
 /// Depths of each of the two erasures.
 const DEPTHS: u64 = 12;
 /// Cuts at random instructions of the loader with the start of the image.
-const AT_RANDOM: u32 = 40;
+const RANDOM_CUTS: u32 = 40;
 /// Cuts at different depths of a single word.
 const WORD_DEPTHS: u32 = 4;
 
@@ -54,16 +54,16 @@ impl Campaign {
 
     /// Runs to the next instant at which flash is busy; false where it is not within so many seconds.
     fn run_to_next_work(&mut self, seconds: f64) -> bool {
-        while self.due() != NEVER {
+        while self.due() != NO_INSTANT {
             let until = self.due();
             self.node.board.cpu().run(until).expect("runs");
         }
         let end = self.node.board.seconds() + seconds;
-        while self.due() == NEVER && self.node.board.seconds() < end {
+        while self.due() == NO_INSTANT && self.node.board.seconds() < end {
             let until = self.node.board.chip().now + LOOK;
             self.node.board.cpu().run(until).expect("runs");
         }
-        self.due() != NEVER
+        self.due() != NO_INSTANT
     }
 
     /// Goes on for a share of the work that flash is busy with, and cuts.
@@ -146,7 +146,7 @@ fn fault_power_cut_in_the_transfer_leaves_the_former_image() {
     erase(&mut node, &update);
     let mut campaign = Campaign::new(node);
     let words = update.bytes.len() as u64 / 4;
-    for word in (0..words).step_by(EVERY as usize) {
+    for word in (0..words).step_by(CUT_STEP_WORDS as usize) {
         send_until(&mut campaign.node, &update, (word * 4) as u32);
         let before = campaign.node.snapshot();
         let next = step(&mut campaign.node, UpdateRequest::Status).next;
@@ -218,7 +218,7 @@ fn fault_power_cut_in_the_loader_counts_a_start_and_an_image_runs() {
     campaign.node.restore(&before);
     let first = campaign.node.board.cpu().instructions();
     let span = 2 * (in_word - first);
-    for _ in 0..AT_RANDOM {
+    for _ in 0..RANDOM_CUTS {
         let place = (campaign.share() * span as f64) as u64;
         let end = campaign.node.board.chip().now + 336_000_000;
         campaign.node.board.cpu().run_instructions(place, end).expect("runs");
@@ -247,7 +247,7 @@ fn fault_power_cut_in_the_confirmation_leaves_the_new_image_on_trial_or_confirme
     let on_trial = campaign.tally.on_trial;
     assert!(on_trial >= WORD_DEPTHS / 2, "{on_trial}");
     let torn = campaign.node.snapshot();
-    while campaign.due() != NEVER {
+    while campaign.due() != NO_INSTANT {
         let until = campaign.due();
         campaign.node.board.cpu().run(until).expect("runs");
     }

@@ -14,7 +14,7 @@ const TIM5_COUNT: u32 = 0x4000_0c24;
 const TICKS_PER_SECOND: u32 = 84_000_000;
 /// Half-words that jump to themselves, and that no core knows.
 const HANG: [u8; 2] = [0xfe, 0xe7];
-const UNDEFINED: [u8; 2] = [0x00, 0xde];
+const UNDEFINED_CODE: [u8; 2] = [0x00, 0xde];
 
 /// The lower slot's image, past its head.
 fn lower(node: &Node) -> Vec<u8> {
@@ -71,7 +71,7 @@ fn fault_an_image_that_hangs_at_its_first_instruction_is_given_up_after_three_st
 fn fault_an_image_that_crashes_at_its_first_instruction_is_given_up_after_three_starts() {
     let Some(image) = image("crashing image") else { return };
     let mut node = started(&image);
-    let update = beginning_with(UNDEFINED);
+    let update = beginning_with(UNDEFINED_CODE);
     transfer(&mut node, &update);
     let before = node.configuration();
     fails_by(&mut node, cause::SOFTWARE);

@@ -28,18 +28,18 @@ const DENSITY: f64 = 1.25;
 /// Share of the sampling rate up to which orders are looked at.
 const PASS_SHARE: f64 = 0.4;
 /// Share of the turns that may be left out for the sake of cheap transforms.
-const SPARED: f64 = 0.015;
+const MAX_SPARED_TURN_SHARE: f64 = 0.015;
 /// Phase error of the highest line from which jitter is taken out of the angle: it lowers that line by 0.05 dB.
 const PHASE_RAD: f64 = 0.1;
 /// Fastest over slowest turn from which the speed runs up.
 const RUNS_UP: f64 = 1.1;
 /// Marks per turn from which a spline through them follows any wander.
-const FINE: u32 = 8;
+const MIN_MARKS_PER_TURN: u32 = 8;
 /// Fewest turns of the slower shaft: below them the gear's sidebands are no lines of their own.
 const FEWEST_TURNS: f64 = 6.0;
 /// Turns of a train's shaft from which its sidebands are looked at: a quarter is held out, and the rest still tells
 /// them apart.
-const OFTEN: f64 = 24.0;
+const MIN_SHAFT_TURNS: f64 = 24.0;
 
 /// Speed of the pinion over a run, turn by turn, Hz.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -100,7 +100,7 @@ impl Angle {
         let ratio = shaft.map_or(Ok(tach.turns_per_pinion_turn.unwrap_or(1.0)), exact)?;
         let slower = |turns: f64| {
             let orders = (0..train.shafts.len()).filter(|s| train.exact[*s]).map(|s| train.shaft_order(s).value());
-            orders.filter(|order| order * turns >= OFTEN).fold(1.0, f64::min)
+            orders.filter(|order| order * turns >= MIN_SHAFT_TURNS).fold(1.0, f64::min)
         };
         Self::at_ratio(run, tach, (ratio, [1, 1]), &slower, place)
     }
@@ -164,7 +164,7 @@ impl Angle {
     /// cheap: whole `hunting` periods, in turns, where that suffices (lines of both shafts then stand on bins), else a
     /// number without large prime factors.
     pub fn with_cheap_turns(mut self, hunting: Option<usize>) -> Self {
-        let least = self.turns - (SPARED * self.turns as f64) as usize;
+        let least = self.turns - (MAX_SPARED_TURN_SHARE * self.turns as f64) as usize;
         let whole = hunting.map(|period| self.turns / period * period).filter(|turns| *turns >= least);
         let cheap = || (least..=self.turns).rev().find(|turns| is_smooth(*turns));
         self.turns = whole.or_else(cheap).unwrap_or(self.turns);
@@ -221,10 +221,10 @@ impl Angle {
 /// Edges of a wheel of few marks with more between them: the spline through its own would leave images of a wander at
 /// the orders of its marks. As they are where that goes back in time.
 fn finer(edges_s: Vec<f64>, pulses: u32) -> (Vec<f64>, u32) {
-    if pulses >= FINE || edges_s.len() < 2 {
+    if pulses >= MIN_MARKS_PER_TURN || edges_s.len() < 2 {
         return (edges_s, pulses);
     }
-    let steps = FINE.div_ceil(pulses);
+    let steps = MIN_MARKS_PER_TURN.div_ceil(pulses);
     let count = (edges_s.len() - 1) * steps as usize + 1;
     let finer: Vec<f64> = (0..count).map(|i| interpolated(&edges_s, i as f64 / f64::from(steps))).collect();
     if finer.windows(2).all(|w| w[1] > w[0]) { (finer, pulses * steps) } else { (edges_s, pulses) }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// Most bands.
 const BANDS: usize = 24;
 /// Lowest order shown, of the slower shaft's.
-const LOWEST: f64 = 0.5;
+const MIN_ORDER_SHARE: f64 = 0.5;
 
 /// The map.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -49,7 +49,7 @@ impl Coherence {
             let samples = resample_by_angle(&swell, rate, &angle.map, angle.from_turn, angle.turns, per_turn);
             let mut spectrum = amplitude_spectrum(&samples, per_turn as f64, WINDOW);
             // Below the slower shaft it is the level that wanders.
-            let slow = (LOWEST * angle.slower_order() / spectrum.bin) as usize;
+            let slow = (MIN_ORDER_SHARE * angle.slower_order() / spectrum.bin) as usize;
             spectrum.values.iter_mut().take(slow).for_each(|value| *value = 0.0);
             cells(&spectrum.values, orders / spectrum.bin)
         };

@@ -12,13 +12,13 @@ use crate::train::{Gear, Train, families, lines};
 use std::sync::Arc;
 
 /// Highest order of each shaft in sidebands of both at once.
-const BOTH: i32 = 2;
+const MAX_COMMON_ORDER: i32 = 2;
 /// Share of the slower shaft's order within which a weaker line belongs to a strong one: slow swings of load and speed.
-const SLOW: f64 = 0.25;
+const SWING_ORDER_SHARE: f64 = 0.25;
 /// Power by which the known line must exceed a slow swing's.
-const STRONGER: f64 = 4.0;
+const MIN_SWING_POWER_RATIO: f64 = 4.0;
 /// Power of the mirror image of a slow swing's line, of the line's.
-const MIRRORED: f64 = 0.25;
+const MIN_MIRROR_POWER_RATIO: f64 = 0.25;
 /// Bins on each side of an owned order that are locked to it.
 const LOCKED_BINS: f64 = 1.0;
 
@@ -140,9 +140,9 @@ impl Explained {
         let nearest = (order / self.teeth).round();
         (-1..=1).map(|k| (nearest + f64::from(k)) * self.teeth).filter(|mesh| *mesh > 0.0).any(|mesh| {
             let away = order - mesh;
-            (-BOTH..=BOTH).any(|m| {
+            (-MAX_COMMON_ORDER..=MAX_COMMON_ORDER).any(|m| {
                 let rest = away - f64::from(m) * self.gear_order;
-                rest.abs() <= f64::from(BOTH) + 0.5 && distance(rest, 1.0) <= half_width
+                rest.abs() <= f64::from(MAX_COMMON_ORDER) + 0.5 && distance(rest, 1.0) <= half_width
             })
         })
     }
@@ -152,7 +152,7 @@ impl Explained {
     /// side, as modulation has it: a line that sweeps through a resonance leaves little in its own place. `known`
     /// gives the power near an order.
     pub fn swings(&self, order: f64, power: f64, known: impl Fn(f64) -> f64) -> bool {
-        let reach = SLOW * self.gear_order.min(1.0);
+        let reach = SWING_ORDER_SHARE * self.gear_order.min(1.0);
         let mesh = (order / self.teeth).round() * self.teeth;
         if mesh > 0.0 && mesh <= self.highest + reach && (order - mesh).abs() <= reach {
             return true;
@@ -163,8 +163,8 @@ impl Explained {
                 return false;
             }
             let own = known(order);
-            let is_mirrored = || known(nearest) > own && known(2.0 * nearest - order) > MIRRORED * own;
-            known(nearest) > STRONGER * power || is_mirrored()
+            let is_mirrored = || known(nearest) > own && known(2.0 * nearest - order) > MIN_MIRROR_POWER_RATIO * own;
+            known(nearest) > MIN_SWING_POWER_RATIO * power || is_mirrored()
         })
     }
 }

@@ -21,9 +21,9 @@ use statrs::distribution::{Binomial, DiscreteCDF};
 const HARMONICS: usize = 16;
 const SIDEBANDS: i32 = 2;
 /// Harmonics of a base about the mesh.
-const ABOUT_MESH: usize = 3;
+const MESH_SIDE_HARMONICS: usize = 3;
 /// Lines from which bases are taken.
-const STRONGEST: usize = 40;
+const MAX_BASE_LINES: usize = 40;
 const PAIRS: usize = 14;
 /// Largest probability of a family by chance.
 const LARGEST_P: f64 = 1e-3;
@@ -195,7 +195,7 @@ fn better(a: &Candidate, b: &Candidate) -> bool {
 fn bases(lines: &[Line], orders: &Orders) -> Vec<f64> {
     let mut strongest: Vec<Line> = lines.to_vec();
     strongest.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
-    strongest.truncate(STRONGEST);
+    strongest.truncate(MAX_BASE_LINES);
     let mut bases = Vec::new();
     for line in &strongest {
         bases.extend((1..=4).map(|j| line.order / f64::from(j)));
@@ -213,7 +213,7 @@ fn bases(lines: &[Line], orders: &Orders) -> Vec<f64> {
 
 fn places(kind: Kind, base: f64, orders: &Orders) -> Vec<Place> {
     let mut places = Vec::new();
-    let harmonics = if kind == Kind::AboutMesh { ABOUT_MESH } else { HARMONICS };
+    let harmonics = if kind == Kind::AboutMesh { MESH_SIDE_HARMONICS } else { HARMONICS };
     for harmonic in 1..=harmonics {
         let own = harmonic as f64 * base;
         let mut add = |order: f64, multiple: f64, side: i32, mesh: usize| {

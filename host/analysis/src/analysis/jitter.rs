@@ -20,12 +20,12 @@ use std::f64::consts::TAU;
 /// Strengths tried: powers of ten, halves between.
 const STRENGTHS: (i32, i32) = (-2, 18);
 /// Share of the turns' degrees of freedom kept from which the angle is left alone.
-const MOST_KEPT: f64 = 0.7;
+const MAX_KEPT_FREEDOM_SHARE: f64 = 0.7;
 /// Edges per turn of the new angle: a spline through one of each turn leaves images of the wander beside the shaft's
 /// sidebands.
 pub const EDGES: u32 = 8;
 /// Fewest turns.
-const FEWEST: usize = 16;
+const MIN_TURNS: usize = 16;
 /// Share of what is taken off that stands at one frequency from which it is a swing: jitter has the logarithm of the
 /// turns over half of them.
 const LINE: f64 = 0.25;
@@ -36,7 +36,7 @@ const DIFFERENCE: [f64; ORDER + 1] = [1.0, -4.0, 6.0, -4.0, 1.0];
 /// Edges, [`EDGES`] per turn, through the smoothed times of whole turns; nothing where there are few, or where the
 /// speed moves too fast for it.
 pub fn settled(turn_times_s: &[f64]) -> Option<Vec<f64>> {
-    if turn_times_s.len() < FEWEST {
+    if turn_times_s.len() < MIN_TURNS {
         return None;
     }
     let smooth = smoothed(turn_times_s)?;
@@ -61,7 +61,7 @@ fn smoothed(values: &[f64]) -> Option<Vec<f64>> {
     });
     let (_, kept, smooth) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let taken: Vec<f64> = departures.iter().zip(&smooth).map(|(a, b)| a - b).collect();
-    (kept < MOST_KEPT && highest_share(&taken) < LINE)
+    (kept < MAX_KEPT_FREEDOM_SHARE && highest_share(&taken) < LINE)
         .then(|| smooth.iter().enumerate().map(|(i, x)| x + line(i)).collect())
 }
 

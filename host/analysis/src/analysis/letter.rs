@@ -10,17 +10,17 @@ use crate::report::advice;
 use crate::report::letter::{About, hertz, list};
 
 /// Orders whose ratio is nearer to 1 than this are one in two channels.
-const SAME: f64 = 0.005;
+const SAME_ORDER_SHARE: f64 = 0.005;
 /// Orders named in the letter.
-const NAMED: usize = 3;
+const MAX_NAMED_ORDERS: usize = 3;
 /// Depth of a modulation worth a word, and the greatest that a modulation can have.
-const DEEP: f64 = 0.1;
-const DEEPEST: f64 = 1.0;
+const MIN_DEPTH: f64 = 0.1;
+const MAX_DEPTH: f64 = 1.0;
 /// Share of the loudest channel's RMS, and share of its power locked to the shafts, below which a channel is silent.
 const SILENT_SHARE: f64 = 3e-3;
-const SILENT_LOCKED: f64 = 0.1;
+const MAX_SILENT_LOCKED_SHARE: f64 = 0.1;
 /// A shaft's line over the strongest mesh line from which it is named, dB.
-const OVER_THE_MESH_DB: f64 = 3.0;
+const MIN_MESH_EXCESS_DB: f64 = 3.0;
 
 /// An order with the channel in which it is strongest.
 struct Seen<'a> {
@@ -48,7 +48,8 @@ fn seen(outcome: &Outcome) -> Vec<Seen<'_>> {
             for (found, in_envelope) in both {
                 let base = found.family.base_order;
                 let is_same = |other: &&mut Seen| {
-                    other.in_envelope == in_envelope && (other.found.family.base_order / base - 1.0).abs() < SAME
+                    other.in_envelope == in_envelope
+                        && (other.found.family.base_order / base - 1.0).abs() < SAME_ORDER_SHARE
                 };
                 match all.iter_mut().find(is_same) {
                     Some(other) => {
@@ -116,8 +117,9 @@ fn recording(outcome: &Outcome) -> Option<String> {
 /// Channels that show next to nothing beside the loudest: far below it, and nothing that turns with the shafts.
 fn silent(run: &RunOutcome) -> Vec<String> {
     let loudest = run.channels.iter().map(|channel| channel.rms).fold(0.0, f64::max);
-    let is_silent =
-        |channel: &&ChannelOutcome| channel.rms < SILENT_SHARE * loudest && channel.locked_share < SILENT_LOCKED;
+    let is_silent = |channel: &&ChannelOutcome| {
+        channel.rms < SILENT_SHARE * loudest && channel.locked_share < MAX_SILENT_LOCKED_SHARE
+    };
     let words = |channel: &ChannelOutcome| {
         let below = -20.0 * (channel.rms / loudest).log10();
         let name = crate::text::name(&channel.name);
@@ -146,7 +148,7 @@ fn pattern(outcome: &Outcome) -> Option<Pattern> {
         let gear_order = teeth[0] / teeth[1];
         let near = |of: f64| ((order / of).round(), (order - (order / of).round() * of).abs());
         let width = channel.order_spectrum.resolution_orders;
-        if db < OVER_THE_MESH_DB || near(teeth[0]).1 < width {
+        if db < MIN_MESH_EXCESS_DB || near(teeth[0]).1 < width {
             return None;
         }
         let [(of_pinion, pinion_off), (of_gear, gear_off)] = [near(1.0), near(gear_order)];
@@ -185,8 +187,12 @@ fn found(outcome: &Outcome, all: &[Seen]) -> String {
         let weak = if seen.is_firm() { "" } else { ", one weak line" };
         format!("{at}, strongest in {name}{where_seen}{weak}")
     };
-    let clauses: Vec<String> = all.iter().take(NAMED).map(clause).collect();
-    let more = if all.len() > NAMED { format!("; and {} more in the table", all.len() - NAMED) } else { String::new() };
+    let clauses: Vec<String> = all.iter().take(MAX_NAMED_ORDERS).map(clause).collect();
+    let more = if all.len() > MAX_NAMED_ORDERS {
+        format!("; and {} more in the table", all.len() - MAX_NAMED_ORDERS)
+    } else {
+        String::new()
+    };
     format!("Neither mesh nor shafts explain {}{more}; {odds}{}.", clauses.join("; "), modulation(outcome))
 }
 
@@ -199,7 +205,7 @@ fn modulation(outcome: &Outcome) -> String {
         both.into_iter().filter_map(|(depth, shaft)| Some((depth?, shaft))).max_by(|a, b| a.0.total_cmp(&b.0))
     };
     let deepest = harmonics.filter(|h| h.number == 1).filter_map(depth).max_by(|a, b| a.0.total_cmp(&b.0));
-    match deepest.filter(|(depth, _)| *depth > DEEP && *depth <= DEEPEST) {
+    match deepest.filter(|(depth, _)| *depth > MIN_DEPTH && *depth <= MAX_DEPTH) {
         Some((depth, shaft)) => {
             format!("; the mesh swells once per turn of the {shaft} by {:.0} %, as runout does", 100.0 * depth)
         }

@@ -18,7 +18,7 @@ pub const WINDOW: Window = Window::BlackmanHarris;
 /// Samples over which a rotation is tabulated: both tables of a line stay in the nearest cache.
 const BLOCK: usize = 1024;
 /// Distance from a bin within which a line stands on it, bins.
-const ON_BIN: f64 = 1e-9;
+const MAX_BIN_OFFSET: f64 = 1e-9;
 
 /// Samples at equal angles, weighted, ready to be asked for lines.
 #[derive(Debug, Clone)]
@@ -57,7 +57,7 @@ impl<'a> OrderLines<'a> {
         let cycles = order / self.per_turn;
         let place = cycles * self.samples.len() as f64;
         let bin = place.round();
-        let on_bin = (place - bin).abs() < ON_BIN && bin >= 1.0;
+        let on_bin = (place - bin).abs() < MAX_BIN_OFFSET && bin >= 1.0;
         let sum = match self.bins.get(bin as usize).filter(|_| on_bin) {
             Some(value) => *value,
             None => self.between_bins(cycles),

@@ -24,21 +24,21 @@ const HARMONICS: usize = 8;
 /// Edges per turn of the pinion of the new angle.
 const EDGES: u32 = 4;
 /// Share of the power beside the lines that must go.
-const SHARPER: f64 = 0.8;
+const MAX_SIDE_POWER_SHARE: f64 = 0.8;
 /// Share of a first harmonic's power that repeats a window later, from which it is followed by itself.
-const CLEAR: f64 = 0.9;
+const MIN_REPEATED_POWER_SHARE: f64 = 0.9;
 /// Rounds: mesh harmonics used, and least power of a line's mean over that of its departures. A departure of half a
 /// cycle of a high harmonic is a small one of the first, so low ones that are clear come first: else the harmonics
 /// agree on a wrong cycle.
 const ROUNDS: [(f64, f64); 8] =
     [(1.0, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05), (8.0, 0.05)];
 /// Fewest windows.
-const FEWEST: usize = 8;
+const MIN_WINDOWS: usize = 8;
 /// Most channels whose lines an analysis follows, and rounds of it.
-const FOLLOWED: usize = 4;
-const FOLLOWING: usize = 2;
+const MAX_FOLLOWED_CHANNELS: usize = 4;
+const FOLLOW_ROUNDS: usize = 2;
 /// Samples after which a turning factor is made anew.
-const RENEWED: usize = 1024;
+const RENEWAL_SAMPLES: usize = 1024;
 
 /// A line read over windows: its order and value in each.
 struct Read {
@@ -69,7 +69,7 @@ impl Windows {
         let length = WINDOW_TURNS / angle.slower_order();
         let hop = 1.0 / (PER_TURN * angle.slower_order());
         let count = ((angle.turns as f64 - 0.5 * length) / hop).floor().max(0.0) as usize + 1;
-        (count >= FEWEST).then_some(Self { length, hop, count })
+        (count >= MIN_WINDOWS).then_some(Self { length, hop, count })
     }
 
     /// A line's value in each.
@@ -93,9 +93,9 @@ pub fn followed(mut angle: Angle, run: &Run, tach: &Tach, mesh_order: f64) -> An
     if tach.pulses_per_rev > 1 || angle.runs_up() || !angle.is_blurred_by(tach) {
         return angle;
     }
-    let moving = (0..run.channels()).filter(|c| run.moves(*c)).take(FOLLOWED);
+    let moving = (0..run.channels()).filter(|c| run.moves(*c)).take(MAX_FOLLOWED_CHANNELS);
     let signals: Vec<Vec<f64>> = moving.map(|c| run.signal_m_s2(c)).collect();
-    for _ in 0..FOLLOWING {
+    for _ in 0..FOLLOW_ROUNDS {
         let samples: Vec<Vec<f64>> = signals.par_iter().map(|s| angle.resampled(s, run.sample_rate_hz())).collect();
         let found = departure(&samples, &angle, mesh_order, angle.highest_order);
         let Some(map) = found.and_then(|departure| departure.taken_out(&angle)) else { break };
@@ -121,7 +121,7 @@ pub fn departure(samples: &[Vec<f64>], angle: &Angle, mesh_order: f64, highest_o
     }
     let departure = windows.departure(turns);
     let none = vec![0.0; windows.count];
-    (beside(&reads, &departure.turns) < SHARPER * beside(&reads, &none)).then_some(departure)
+    (beside(&reads, &departure.turns) < MAX_SIDE_POWER_SHARE * beside(&reads, &none)).then_some(departure)
 }
 
 /// A line turned to zero under Hann windows, from running sums of it and of its neighbours one window's width away,
@@ -151,7 +151,7 @@ pub fn running_sums(samples: &[f64], cycles: f64) -> Vec<Complex64> {
     let mut turn = Complex64::default();
     sums.push(sum);
     for (i, x) in samples.iter().enumerate() {
-        if i % RENEWED == 0 {
+        if i % RENEWAL_SAMPLES == 0 {
             turn = Complex64::from_polar(1.0, -TAU * (cycles * i as f64).fract());
         }
         sum += turn * x;
@@ -185,7 +185,7 @@ fn unwrapped(reads: &[Read], mesh_order: f64) -> Option<Vec<f64>> {
         together.norm() / read.values.iter().skip(apart).map(|v| v.norm_sqr()).sum::<f64>().max(f64::MIN_POSITIVE)
     };
     let (steady, best) = first.map(|read| (steadiness(read), read)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    if steady < CLEAR {
+    if steady < MIN_REPEATED_POWER_SHARE {
         return None;
     }
     let mut turns = Vec::with_capacity(best.values.len());

@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Width of the window's main lobe at half amplitude, bins.
 const HALF_WIDTH_BINS: f64 = 2.72;
 /// Strongest lines listed.
-const STRONGEST: usize = 20;
+const MAX_LISTED_LINES: usize = 20;
 
 /// An order spectrum.
 #[derive(Debug, Clone, Serialize)]
@@ -50,5 +50,5 @@ fn strongest(spectrum: &Spectrum) -> Vec<(f64, f64)> {
     let is_peak = |&i: &usize| (1..=4).all(|d| values[i] >= values[i - d] && values[i] >= values[i + d]);
     let mut peaks: Vec<usize> = (8..values.len().saturating_sub(4)).filter(is_peak).collect();
     peaks.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-    peaks.into_iter().take(STRONGEST).map(|i| (spectrum.frequency(i), values[i])).collect()
+    peaks.into_iter().take(MAX_LISTED_LINES).map(|i| (spectrum.frequency(i), values[i])).collect()
 }

@@ -15,14 +15,14 @@ use crate::report::owners::Owners;
 use crate::report::plot::{Axes, Label, Series, dense_map, lines, spectrum};
 
 /// Channels drawn; the others have their tables.
-const DRAWN: usize = 12;
+const MAX_DRAWN_CHANNELS: usize = 12;
 /// Mesh harmonics that the picture of the spectrum reaches to, and that are labelled.
 const HARMONICS: f64 = 6.5;
 /// Decibels shown.
 const SPAN_DB: f64 = 90.0;
 const MAP_SPAN_DB: f64 = 100.0;
 /// Families labelled.
-const LABELLED: usize = 4;
+const MAX_LABELLED_FAMILIES: usize = 4;
 
 /// The page.
 ///
@@ -52,13 +52,14 @@ pub fn report(outcome: &Outcome, about: &About) -> Result<Report> {
     let mut drawn = 0;
     for run in &outcome.runs {
         for channel in &run.channels {
-            report = of_channel(report, channel, run, &outcome.unit, drawn < DRAWN)?;
+            report = of_channel(report, channel, run, &outcome.unit, drawn < MAX_DRAWN_CHANNELS)?;
             drawn += 1;
         }
     }
-    if drawn > DRAWN {
-        report =
-            report.note(&format!("pictures of the first {DRAWN} channels only; --run and --channel choose others"));
+    if drawn > MAX_DRAWN_CHANNELS {
+        report = report.note(&format!(
+            "pictures of the first {MAX_DRAWN_CHANNELS} channels only; --run and --channel choose others"
+        ));
     }
     Ok(report.section("How to read this").text(EXPLANATION))
 }
@@ -249,7 +250,7 @@ fn marks(found: &[Found], highest: f64) -> Vec<Label> {
         let base = members.iter().find(|m| m.place == "1 o").or(members.first())?.line.order;
         Some(Label { x: base, text: format!("{base:.2}") })
     };
-    found.iter().take(LABELLED).filter_map(of).filter(|label| label.x < highest).collect()
+    found.iter().take(MAX_LABELLED_FAMILIES).filter_map(of).filter(|label| label.x < highest).collect()
 }
 
 fn amplitude(level: &Level, i: usize) -> f64 {

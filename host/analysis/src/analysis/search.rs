@@ -27,10 +27,10 @@ const FEWEST_BINS: usize = 20;
 /// Most lines kept.
 const MOST_LINES: usize = 300;
 /// Mean power over the floor to which a line's foot reaches, and bins of the shortest stretch over which it is taken.
-const RAISED: f64 = 1.8;
+const FOOT_FLOOR_RATIO: f64 = 1.8;
 const STRETCH_BINS: usize = 12;
 /// Ratio of the two sides from which a neighbour stands on one.
-const UNLIKE: f64 = 10.0;
+const MAX_SIDE_RATIO: f64 = 10.0;
 /// Farthest that a foot of a line reaches, share of its order and orders: slip smears in proportion.
 const FOOT: (f64, f64) = (0.02, 0.5);
 
@@ -137,7 +137,7 @@ impl Level {
             let stretch = shortest.max(length / 2);
             let over = |side: isize| self.mean_over_floor(centre, side, length..length + stretch);
             let (above, below) = (over(1), if centre > 0 { over(-1) } else { over(1) });
-            if above.min(below) <= RAISED || above.max(below) > UNLIKE * above.min(below) {
+            if above.min(below) <= FOOT_FLOOR_RATIO || above.max(below) > MAX_SIDE_RATIO * above.min(below) {
                 break;
             }
             end = length + stretch;

@@ -16,7 +16,7 @@ use serde::Serialize;
 const HARMONICS: usize = 12;
 const SIDEBANDS: usize = 3;
 /// Power over the floor's expectation that noise exceeds once in a thousand lines.
-const STANDS: f64 = 6.9;
+const MIN_FLOOR_POWER_RATIO: f64 = 6.9;
 
 /// A line of known order.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -80,7 +80,14 @@ fn harmonic(lines: &OrderLines, floor: &Level, angle: &Angle, teeth: f64, number
     let read = |order: f64| {
         let value = lines.at(order);
         let noise = floor.floor_amplitude(order);
-        (value, KnownLine { order, amplitude: value.norm(), stands: value.norm_sqr() > STANDS * noise * noise })
+        (
+            value,
+            KnownLine {
+                order,
+                amplitude: value.norm(),
+                stands: value.norm_sqr() > MIN_FLOOR_POWER_RATIO * noise * noise,
+            },
+        )
     };
     let (carrier, line) = read(order);
     let of_shaft = |shaft: f64, other: f64| -> Vec<Pair> {

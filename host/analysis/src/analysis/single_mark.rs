@@ -14,18 +14,18 @@ use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 
 /// Fewest edges whose errors can be told.
-const FEWEST: usize = 32;
+const MIN_EDGES: usize = 32;
 /// Bands that the spectrum is averaged to for the likelihood.
 const BANDS: usize = 256;
 /// Powers tried, over that of the errors: smooth course and speed from turn to turn, as powers of ten.
-const SMOOTH: std::ops::RangeInclusive<i32> = -24..=12;
+const SMOOTHNESS_EXPONENTS: std::ops::RangeInclusive<i32> = -24..=12;
 const TURNS: std::ops::RangeInclusive<i32> = -17..=12;
 /// Steps per power of ten.
 const STEPS: f64 = 3.0;
 /// Turns to either side that a turn is compared with, and by how much it may lie outside what those are measured to
 /// last, share of a turn beside their own range: a speed changes with the shaft's inertia, not in one turn alone.
 const NEIGHBOURS: usize = 2;
-const MOST_BESIDE: f64 = 0.005;
+const MAX_EXCESS_SHARE: f64 = 0.005;
 
 /// Powers of the three parts, over that of the errors, and the errors' standard deviation, s.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +39,7 @@ struct Parts {
 /// few.
 pub fn smoothed(edges_s: &[f64]) -> Vec<f64> {
     let n = edges_s.len();
-    if n < FEWEST {
+    if n < MIN_EDGES {
         return edges_s.to_vec();
     }
     let thirds: Vec<f64> = edges_s.windows(4).map(|w| w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).collect();
@@ -111,7 +111,7 @@ fn keeps_to(smooth: &[f64], measured: &[f64]) -> bool {
     smooth.iter().enumerate().all(|(i, turn)| {
         let near = &measured[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(measured.len())];
         let (least, most) = near.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), t| (l.min(*t), m.max(*t)));
-        let beside = most - least + MOST_BESIDE * measured[i];
+        let beside = most - least + MAX_EXCESS_SHARE * measured[i];
         *turn > 0.0 && (least - beside..=most + beside).contains(turn)
     })
 }
@@ -133,7 +133,7 @@ fn likeliest(powers: &[f64]) -> Option<Parts> {
     let bands: Vec<(f64, f64)> = (0..bands).map(band).filter(|(_, power)| power.is_finite()).collect();
     let power_of = |step: i32| 10.0_f64.powf(f64::from(step) / STEPS);
     let mut best: Option<(f64, Parts)> = None;
-    for smooth in SMOOTH.map(power_of) {
+    for smooth in SMOOTHNESS_EXPONENTS.map(power_of) {
         for turns in TURNS.map(power_of) {
             let parts = Parts { smooth, turns, sigma_s: 0.0 };
             let (mut logs, mut ratios) = (0.0, 0.0);

@@ -27,7 +27,7 @@ const HARMONICS: i64 = 6;
 const SIDEBANDS: i64 = 3;
 const CARRIER: i64 = 6;
 /// Power over the floor's expectation that noise exceeds once in a thousand lines.
-const STANDS: f64 = 6.9;
+const MIN_FLOOR_POWER_RATIO: f64 = 6.9;
 /// Steps farther than the nearest owner's at which another one is still said.
 const FURTHER_STEPS: f64 = 1.0;
 /// Bins within which a peak is an owner's.
@@ -244,7 +244,7 @@ fn stage(mesh: &Mesh, train: &Train, lines: &OrderLines, floor: &Level, angle: &
     let read = |order: f64| {
         let amplitude = lines.at(order).norm();
         let noise = floor.floor_amplitude(order);
-        KnownLine { order, amplitude, stands: amplitude * amplitude > STANDS * noise * noise }
+        KnownLine { order, amplitude, stands: amplitude * amplitude > MIN_FLOOR_POWER_RATIO * noise * noise }
     };
     let own = mesh.order.value();
     let count = ((angle.highest_order / own - 0.5).max(0.0) as i64).min(HARMONICS);

@@ -18,7 +18,7 @@ use std::f64::consts::{PI, TAU};
 /// Places of a fold.
 pub const POINTS: usize = 2048;
 /// Fewest periods that make an average.
-const FEWEST: f64 = 8.0;
+const MIN_PERIODS: f64 = 8.0;
 /// Carrier orders about the first harmonic among which the lines that say when planets pass are looked for, times the
 /// planets.
 const PASSES: i64 = 2;
@@ -113,7 +113,7 @@ fn of_gear(
 ) -> Option<GearAverage> {
     let rate = gear.rate.magnitude().value();
     let periods = rate * angle.turns as f64;
-    if periods < FEWEST {
+    if periods < MIN_PERIODS {
         return None;
     }
     let weight = |turns: f64| passing.as_ref().map_or(1.0, |(passing, planet)| passing.weight(turns, *planet));

@@ -12,10 +12,10 @@ use crate::terminal::table;
 const HARMONICS: usize = 3;
 /// Lines, and families of lines without an owner, listed.
 const LINES: usize = 12;
-const UNOWNED: usize = 6;
+const MAX_UNOWNED_FAMILIES: usize = 6;
 /// Decibels shown, and labels put, in a picture.
 const SPAN_DB: f64 = 90.0;
-const LABELLED: usize = 10;
+const MAX_LABELS: usize = 10;
 
 /// Power of a gear's sidebands over their mesh harmonic from which they are named, dB.
 const SIDEBANDS_DB: f64 = -38.0;
@@ -122,7 +122,7 @@ fn unowned(channel: &TrainChannel) -> Vec<String> {
             family.members.iter().take(4).map(|m| format!("{} at {:.3}", m.place, m.line.order)).collect();
         format!("owned by no part: order {:.4}, RMS {:.5}: {}", family.base_order, family.rms, places.join(", "))
     };
-    channel.unowned.iter().take(UNOWNED).map(one).collect()
+    channel.unowned.iter().take(MAX_UNOWNED_FAMILIES).map(one).collect()
 }
 
 /// As page.
@@ -207,7 +207,7 @@ fn of_channel(mut page: Report, channel: &TrainChannel, unit: &str) -> Result<Re
     let points =
         (first..own.spectrum.values.len()).map(|i| (own.spectrum.frequency(i), own.spectrum.values[i])).collect();
     let mut owners = Owners::new(own.highest_order / 60.0);
-    for line in channel.strongest.iter().take(LABELLED) {
+    for line in channel.strongest.iter().take(MAX_LABELS) {
         owners.claim(line.order, line.owners.first().map_or("unowned", String::as_str));
     }
     let labels = owners.labels();

@@ -17,13 +17,13 @@ use crate::spectral::amplitude_spectrum;
 use serde::Serialize;
 
 /// Lowest order looked at, of the slower shaft's.
-const LOWEST: f64 = 0.25;
+const MIN_ORDER_SHARE: f64 = 0.25;
 /// Bins over which a fixed frequency must be swept before it can be told from an order.
 const SWEPT_BINS: f64 = 4.0;
 /// Amplitude over frequency against that over orders from which a line stands at a frequency.
-const STANDS_STILL: f64 = 1.4;
+const MIN_STILL_AMPLITUDE_RATIO: f64 = 1.4;
 /// Relative distance of base orders that are the same.
-const SAME: f64 = 3e-3;
+const SAME_BASE_SHARE: f64 = 3e-3;
 
 /// A family with where it was seen.
 #[derive(Debug, Clone, Serialize)]
@@ -66,20 +66,20 @@ pub struct Channel<'a> {
 
 /// Share of the strongest line below which nothing is listed (-80 dB): what a sensor and a 16-bit converter can hold
 /// apart ends there, and a simulated record without noise has lines below it.
-const NEGLIGIBLE: f64 = 1e-4;
+const MIN_LINE_SHARE: f64 = 1e-4;
 /// Share of its band's RMS below which what is left of the envelope's band is the error of taking the mesh off.
-const LEFT_OF_BAND: f64 = 1e-2;
+const MIN_BAND_REMNANT_SHARE: f64 = 1e-2;
 
 /// Lowest order that is looked at.
 pub fn lowest_order(angle: &Angle) -> f64 {
-    LOWEST * angle.slower_order()
+    MIN_ORDER_SHARE * angle.slower_order()
 }
 
 /// Groups what the pair does not explain.
 pub fn unexplained(channel: &Channel, angle: &Angle, explained: &Explained, pinion_teeth: u32) -> Unexplained {
     let power = |order: f64| power_near(channel.order_spectrum, order);
     let strongest = channel.order_spectrum.spectrum.values.iter().copied().fold(0.0, f64::max);
-    let negligible = NEGLIGIBLE * strongest;
+    let negligible = MIN_LINE_SHARE * strongest;
     let lines: Vec<Line> = channel
         .lines
         .iter()
@@ -100,14 +100,14 @@ pub fn unexplained(channel: &Channel, angle: &Angle, explained: &Explained, pini
     let in_envelope: Vec<Line> =
         channel.envelope.lines.iter().filter(|line| !of_shafts(line.order, 1.5 * line.bin)).copied().collect();
     // An envelope's lines are shares of what is left of its band: of what taking the mesh off leaves they say nothing.
-    let left = channel.envelope.rms >= LEFT_OF_BAND * channel.band_rms;
+    let left = channel.envelope.rms >= MIN_BAND_REMNANT_SHARE * channel.band_rms;
     let listed = |line: &Line| line.order >= lowest_order(angle) && left;
     let in_envelope: Vec<Line> = in_envelope.into_iter().filter(listed).collect();
     let envelope_orders = Orders { highest: channel.envelope.highest_order, mesh: false, ..orders };
     let spectrum = families::group(&lines, &orders, &|order, half| explained.at(order, half));
     let envelope = families::group(&in_envelope, &envelope_orders, &of_shafts);
     let both = |family: &Family, others: &[Family]| {
-        others.iter().any(|other| (other.base_order - family.base_order).abs() < SAME * family.base_order)
+        others.iter().any(|other| (other.base_order - family.base_order).abs() < SAME_BASE_SHARE * family.base_order)
     };
     let fixed = FixedFrequencies::new(channel, angle);
     Unexplained {
@@ -179,6 +179,6 @@ impl FixedFrequencies {
         let margin = 2.0 * self.spectrum.bin;
         let peak = self.spectrum.peak_between(low - margin, high + margin)?;
         let amplitude = (2.0 * power_near(over_orders, line.order)).sqrt();
-        (self.spectrum.values[peak] > STANDS_STILL * amplitude).then(|| self.spectrum.frequency(peak))
+        (self.spectrum.values[peak] > MIN_STILL_AMPLITUDE_RATIO * amplitude).then(|| self.spectrum.frequency(peak))
     }
 }

@@ -154,7 +154,7 @@ pub mod pooled {
     /// Steps of a tooth.
     const TOOTH_STEPS: i32 = 400;
     /// Of lags that agree as well the smallest is taken.
-    const AS_GOOD: f64 = 0.01;
+    const AGREEMENT_MARGIN: f64 = 0.01;
 
     /// A lag with its agreement.
     #[derive(Debug, Clone, Copy)]
@@ -218,7 +218,7 @@ pub mod pooled {
             .map(|s| (at(&products, Lag::Time(s)), s))
             .collect();
         let top = all.iter().map(|a| a.0).fold(f64::NEG_INFINITY, f64::max);
-        let near = all.iter().filter(|a| a.0 > top - AS_GOOD).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let near = all.iter().filter(|a| a.0 > top - AGREEMENT_MARGIN).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         finest(&|s| at(&products, Lag::Time(s)), near.map_or(0.0, |a| a.1), STEP_S)
     }
 

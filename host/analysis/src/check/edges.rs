@@ -10,9 +10,9 @@ use crate::observation::spectrum::BAND_HZ;
 use crate::pulses::{Place, counted};
 
 /// Share of edges up to which they are repaired.
-const MOST_REPAIRED: f64 = 0.2;
+const MAX_REPAIRED_SHARE: f64 = 0.2;
 /// Fewer edges than this say nothing about what is usual.
-const FEWEST: usize = 6;
+const MIN_EDGES: usize = 6;
 
 /// Applies the rules on edges and repairs them.
 pub fn check(checked: &mut Checked) {
@@ -70,7 +70,7 @@ pub(crate) struct Repair {
 impl Repair {
     /// Repairs at least one edge; what is usual is taken from the intervals near by, so that a run-up passes.
     pub(crate) fn of(edges: &[f64]) -> Self {
-        if edges.len() < FEWEST {
+        if edges.len() < MIN_EDGES {
             return Self { edges_s: edges.to_vec(), added: Vec::new(), removed: Vec::new(), out_of_step: 0 };
         }
         let pulses = counted(edges);
@@ -86,7 +86,7 @@ impl Repair {
 
     /// Whether too many edges were changed or fit nowhere.
     pub(crate) fn is_beyond(&self) -> bool {
-        (self.changes() + self.out_of_step) as f64 > MOST_REPAIRED * self.edges_s.len() as f64
+        (self.changes() + self.out_of_step) as f64 > MAX_REPAIRED_SHARE * self.edges_s.len() as f64
     }
 
     pub(crate) fn words(&self) -> String {

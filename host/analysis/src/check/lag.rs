@@ -19,7 +19,7 @@ const HARMONICS: usize = 12;
 /// Least jump, in samples.
 const LEAST_JUMP_SAMPLES: f64 = 2.0;
 /// A jump over the usual change from turn to turn: an effect's swing moves all turns.
-const JUMP_OVER_USUAL: f64 = 8.0;
+const MIN_JUMP_RATIO: f64 = 8.0;
 /// Smallest drift that is said.
 const LEAST_DRIFT: f64 = 3e-5;
 /// Spread of the drift over the runs, as a share of it.
@@ -133,7 +133,7 @@ fn jump(changes: &[f64], least_s: f64) -> Option<(usize, f64)> {
     let usual = others.iter().copied().fold(0.0, f64::max);
     let size = if off[beside].signum() == off[at].signum() { off[at] + off[beside] } else { off[at] };
     // The rest must be steady: a swing that all turns share is an effect.
-    (off[at].abs() > least_s && off[at].abs() > JUMP_OVER_USUAL * median(&others) && off[at].abs() > 2.0 * usual)
+    (off[at].abs() > least_s && off[at].abs() > MIN_JUMP_RATIO * median(&others) && off[at].abs() > 2.0 * usual)
         .then_some((at, size))
 }
 

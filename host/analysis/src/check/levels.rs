@@ -17,7 +17,7 @@ const TORQUE_FITS: f64 = 0.12;
 /// Width of the bands in which levels are pooled, Hz.
 const BAND_HZ: f64 = 500.0;
 /// Share of the predicted power, and of the noise below, above which something passes.
-const LEAST_PASSED: f64 = 0.05;
+const MIN_PASSED_POWER_SHARE: f64 = 0.05;
 /// Bands with nothing in them that make the end of a pass band.
 const LEAST_BANDS: usize = 4;
 /// Share of the frequency where nothing passes any more up to which a chain is taken as flat.
@@ -123,7 +123,8 @@ fn pass_band(checked: &mut Checked, runs: &[Compared]) {
         let noise = |b: &Band| b.noise / b.lines.max(1.0);
         let loudest = bands.iter().map(noise).fold(0.0, f64::max);
         // A relieved flank weakens the high harmonics; only a filter takes the noise with them.
-        let silent = |b: &Band| b.measured < LEAST_PASSED * b.predicted && noise(b) < LEAST_PASSED * loudest;
+        let silent =
+            |b: &Band| b.measured < MIN_PASSED_POWER_SHARE * b.predicted && noise(b) < MIN_PASSED_POWER_SHARE * loudest;
         let from = bands.iter().rposition(|b| b.lines > 0.0 && !silent(b)).map_or(0, |last| last + 1);
         if from == 0 || bands.len() - from < LEAST_BANDS {
             continue;

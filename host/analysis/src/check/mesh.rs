@@ -17,9 +17,9 @@ const HARMONICS: usize = 8;
 /// Level below which there is no mesh: noise alone gives 1.0, its best of a thousand places stays below this.
 const LEAST_LEVEL: f64 = 2.0;
 /// Level of one channel at a known place below which that channel carries no mesh.
-const LEAST_OF_CHANNEL: f64 = 1.5;
+const MIN_CHANNEL_LEVEL: f64 = 1.5;
 /// Gain of level, mean nats per line, from which another place of the mesh is better.
-const CLEARLY: f64 = 1.2;
+const MIN_LEVEL_GAIN_NATS: f64 = 1.2;
 /// Clock ratios that are tried, either way.
 const WIDEST_CLOCK: f64 = 0.0125;
 /// Factors of the pulses per turn that are tried.
@@ -29,7 +29,7 @@ const MOST_TEETH: i32 = 3;
 /// Spread of a factor that runs share.
 const SAME_FACTOR: f64 = 1e-3;
 /// Share of the runs that must agree for a fault of the whole record.
-const MOST_OF_THE_RUNS: f64 = 0.7;
+const MIN_RUN_SHARE: f64 = 0.7;
 
 /// A run's power over local noise, bin by bin.
 struct Seen {
@@ -110,7 +110,7 @@ impl Seen {
         let multiple = (other_shaft_hz / self.shaft_hz).round();
         let is_multiple = multiple >= 2.0 && (other_shaft_hz / self.shaft_hz / multiple - 1.0).abs() < SAME_FACTOR;
         let between = (1..=2 * HARMONICS).filter(move |h| !h.is_multiple_of(multiple as usize));
-        is_multiple && self.mean(&[0, 1], self.mesh_hz(), between) > LEAST_OF_CHANNEL
+        is_multiple && self.mean(&[0, 1], self.mesh_hz(), between) > MIN_CHANNEL_LEVEL
     }
 
     /// Number by which the declared pulses per turn are wrong, as a factor on the speed.
@@ -124,12 +124,12 @@ impl Seen {
         let faster = (2..=MOST_PULSES).rev().find(|&k| {
             // Only every k-th of the supposed harmonics is there.
             let (whole, others) = split(self.mesh_hz(), k as usize);
-            others < LEAST_OF_CHANNEL && whole > others + 2.0 * CLEARLY
+            others < MIN_CHANNEL_LEVEL && whole > others + 2.0 * MIN_LEVEL_GAIN_NATS
         });
         let slower = (2..=MOST_PULSES).rev().find(|&k| {
             // Between the supposed harmonics stand as many, as strong.
             let (whole, others) = split(self.mesh_hz() / f64::from(k), k as usize);
-            others > 2.0 * LEAST_LEVEL && others > whole - CLEARLY
+            others > 2.0 * LEAST_LEVEL && others > whole - MIN_LEVEL_GAIN_NATS
         });
         faster.map(f64::from).or(slower.map(|k| 1.0 / f64::from(k)))
     }
@@ -151,7 +151,9 @@ pub fn check(checked: &mut Checked) {
     let nowhere: Vec<usize> = (0..seen.len()).filter(|&r| found[r].1 < LEAST_LEVEL).collect();
     let elsewhere: Vec<usize> = (0..seen.len())
         .filter(|r| !nowhere.contains(r))
-        .filter(|&r| found[r].1 > found[r].0 + CLEARLY && (found[r].2 - 1.0).abs() > 1.5 * seen[r].per_bin())
+        .filter(|&r| {
+            found[r].1 > found[r].0 + MIN_LEVEL_GAIN_NATS && (found[r].2 - 1.0).abs() > 1.5 * seen[r].per_bin()
+        })
         .collect();
     no_mesh(checked, &seen, &found, &nowhere);
     if checked.findings.refused() || mesh_elsewhere(checked, &seen, &found, &elsewhere) {
@@ -176,7 +178,7 @@ fn place(seen: &[Seen], r: usize) -> (f64, f64, f64, Place) {
         (level, factor, Place::OtherRun(o))
     });
     for other in others.chain(teeth) {
-        if (other.1 - 1.0).abs() > WIDEST_CLOCK && other.0 > best.0 + 0.5 * CLEARLY {
+        if (other.1 - 1.0).abs() > WIDEST_CLOCK && other.0 > best.0 + 0.5 * MIN_LEVEL_GAIN_NATS {
             best = other;
         }
     }
@@ -187,7 +189,7 @@ fn pulses(checked: &mut Checked, seen: &[Seen]) -> bool {
     let factors: Vec<Option<f64>> = seen.par_iter().map(Seen::pulses_factor).collect();
     let Some(factor) = factors.iter().flatten().copied().next() else { return false };
     let agree = factors.iter().filter(|f| **f == Some(factor)).count();
-    if (agree as f64) < MOST_OF_THE_RUNS * seen.len() as f64 {
+    if (agree as f64) < MIN_RUN_SHARE * seen.len() as f64 {
         return false;
     }
     let declared = checked.record.pulses_per_rev;
@@ -224,7 +226,7 @@ fn mesh_elsewhere(checked: &mut Checked, seen: &[Seen], found: &[(f64, f64, f64,
     // Slow runs do not show a small departure by themselves, but share the factor.
     let shares = |r: &usize| (found[*r].2 / middle - 1.0).abs() < SAME_FACTOR.max(seen[*r].per_bin());
     let same = (0..seen.len()).filter(shares).count();
-    if same as f64 >= MOST_OF_THE_RUNS * seen.len() as f64 {
+    if same as f64 >= MIN_RUN_SHARE * seen.len() as f64 {
         return match found[elsewhere[0]].3 {
             Place::Clock => undo_clock(checked, middle),
             _ => teeth(checked, seen, middle),
@@ -284,7 +286,7 @@ fn channels_without_mesh(checked: &mut Checked, seen: &[Seen], found: &[(f64, f6
     for channel in 0..2 {
         let level = |r: usize| seen[r].level_of_channel(channel, found[r].2);
         let places: Vec<usize> =
-            (0..seen.len()).filter(|r| !nowhere.contains(r) && level(*r) < LEAST_OF_CHANNEL).collect();
+            (0..seen.len()).filter(|r| !nowhere.contains(r) && level(*r) < MIN_CHANNEL_LEVEL).collect();
         if places.is_empty() {
             continue;
         }
@@ -295,7 +297,7 @@ fn channels_without_mesh(checked: &mut Checked, seen: &[Seen], found: &[(f64, f6
             channel_name(channel),
             checked.in_runs(&places)
         );
-        let finding = Finding::new(Severity::SetAside, Kind::NoMesh, worst, LEAST_OF_CHANNEL, "nats", text);
+        let finding = Finding::new(Severity::SetAside, Kind::NoMesh, worst, MIN_CHANNEL_LEVEL, "nats", text);
         checked.add_for_runs(&places, Severity::SetAside, Severity::Refuse, finding.in_channel(channel));
     }
 }

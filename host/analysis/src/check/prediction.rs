@@ -17,13 +17,13 @@ const LEVEL_COST: f64 = 0.2;
 /// Fall of cost from which the channels are swapped.
 const SWAP_GAIN: f64 = 0.3;
 /// Agreement from which a channel with the other sign is inverted.
-const INVERTED: f64 = 0.7;
+const MIN_INVERTED_AGREEMENT: f64 = 0.7;
 /// Smallest lag of the tach that is said, s.
 const LEAST_LAG_S: f64 = 4e-6;
 /// Smallest delay of a channel that is said here, samples; the loop names smaller ones.
 const LEAST_DELAY_SAMPLES: f64 = 2.5;
 /// Share of the disagreement that a lag must leave at most.
-const MOST_LEFT: f64 = 0.5;
+const MAX_DISAGREEMENT_SHARE: f64 = 0.5;
 /// Gain of agreement from which a lag is one in angle, or each run's own.
 const OTHER_LAG_GAIN: f64 = 0.05;
 /// Agreement that each run's own lag must reach to be believed.
@@ -63,7 +63,7 @@ fn swapped(checked: &mut Checked, runs: &mut [Compared]) {
 fn inverted(checked: &mut Checked, runs: &mut [Compared]) {
     for channel in 0..2 {
         let at_once = pooled::agreement(runs, &[channel], Lag::None);
-        if at_once > -INVERTED {
+        if at_once > -MIN_INVERTED_AGREEMENT {
             continue;
         }
         runs.iter_mut().for_each(|run| run.invert(channel));
@@ -74,7 +74,7 @@ fn inverted(checked: &mut Checked, runs: &mut [Compared]) {
             "{} is inverted: it agrees with the prediction by {at_once:.3}; taken with the other sign",
             channel_name(channel)
         );
-        let finding = Finding::new(Severity::Say, Kind::Inverted, at_once, -INVERTED, "", text);
+        let finding = Finding::new(Severity::Say, Kind::Inverted, at_once, -MIN_INVERTED_AGREEMENT, "", text);
         checked.findings.add(finding.in_channel(channel));
     }
 }
@@ -85,7 +85,7 @@ fn lagging(checked: &mut Checked, runs: &mut [Compared]) {
     let time = pooled::best_in_time(runs, &[0, 1]);
     let angle = pooled::best_in_angle(runs, &[0, 1]);
     let own = pooled::best_of_each(runs);
-    let helps = |agreement: f64| 1.0 - agreement < MOST_LEFT * (1.0 - now);
+    let helps = |agreement: f64| 1.0 - agreement < MAX_DISAGREEMENT_SHARE * (1.0 - now);
     if own.1 > time.agreement.max(angle.agreement) + OTHER_LAG_GAIN && own.1 > OWN_LAG_AGREEMENT && helps(own.1) {
         let text = format!(
             "the runs' angle 0 is not where tooth 0 is, elsewhere in every run (agreement with the prediction \
@@ -147,7 +147,9 @@ fn delayed(checked: &mut Checked, runs: &mut [Compared]) {
         let now = pooled::agreement(runs, &[channel], Lag::None);
         let best = pooled::best_in_time(runs, &[channel]);
         let samples = (best.value * rate).round();
-        if (best.value * rate).abs() < LEAST_DELAY_SAMPLES || 1.0 - best.agreement > MOST_LEFT * (1.0 - now) {
+        if (best.value * rate).abs() < LEAST_DELAY_SAMPLES
+            || 1.0 - best.agreement > MAX_DISAGREEMENT_SHARE * (1.0 - now)
+        {
             continue;
         }
         for run in &mut checked.record.runs {

@@ -20,7 +20,7 @@ const LONGEST_FLAT_S: f64 = 4e-3;
 /// Second difference of a spike over the robust spread of all.
 const SPIKE_OVER_SPREAD: f64 = 12.0;
 /// Samples at the very extreme from which they pile up.
-const LEAST_LIMITED: usize = 8;
+const MIN_PILE_SAMPLES: usize = 8;
 
 /// Applies all rules on samples.
 pub fn check(checked: &mut Checked) {
@@ -156,13 +156,13 @@ fn limited(checked: &mut Checked) {
         let at = all().filter(|x| x.abs() >= (1.0 - 1e-9) * top).count();
         let below = all().filter(|x| (0.98 * top..(1.0 - 1e-9) * top).contains(&x.abs())).count();
         let rails = runs.iter().map(|run| run.clipped_share).fold(0.0, f64::max);
-        if at >= LEAST_LIMITED && 2 * at > below {
+        if at >= MIN_PILE_SAMPLES && 2 * at > below {
             let rail = if rails > 0.0 { ", the end of the code range" } else { "" };
             let text = format!(
                 "{} is limited at {top:.4} m/s2{rail}: {at} samples stand exactly there",
                 channel_name(channel)
             );
-            let limit = LEAST_LIMITED as f64;
+            let limit = MIN_PILE_SAMPLES as f64;
             let finding = Finding::new(Severity::Say, Kind::Limited, at as f64, limit, "samples", text);
             let places: Vec<usize> = (0..runs.len()).filter(|&r| peak(&runs[r].channels[channel]) == top).collect();
             checked.add_for_runs(&places, Severity::Say, Severity::Say, finding.in_channel(channel));

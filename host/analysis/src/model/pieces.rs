@@ -14,14 +14,14 @@ const MOST_PIECES: usize = 16;
 const TOLERANCES: [f64; 5] = [TABLE_TOLERANCE, 1e-5, 1e-4, 3e-4, 1e-3];
 
 /// Deviation from a table's rows up to which its pieces stand for it.
-const CLOSE: f64 = 1e-5;
+const MAX_ROW_DEVIATION: f64 = 1e-5;
 
 /// Most pieces where the table itself is what matters, as for a record that is generated: rows that are smooth but for
 /// a few kinks fit into them.
 const MOST_EXACT_PIECES: usize = 128;
 
 /// Rows for one of a table's own.
-const FINER: u32 = 16;
+const ROW_SUBDIVISIONS: u32 = 16;
 
 /// A stiffness table as few smooth pieces, as near to its rows as that allows, and whether that is near enough to
 /// stand for it.
@@ -44,7 +44,7 @@ pub fn finer(curve: &PairCurve) -> PairCurve {
     let end = curve.u.len() - 1;
     let between = |i: usize| {
         let (from, to) = (curve.u[i], curve.u[i + 1]);
-        (0..FINER).map(move |part| from + (to - from) * f64::from(part) / f64::from(FINER))
+        (0..ROW_SUBDIVISIONS).map(move |part| from + (to - from) * f64::from(part) / f64::from(ROW_SUBDIVISIONS))
     };
     let mut u: Vec<f64> = (0..end).flat_map(between).collect();
     let mut k: Vec<f64> = u.iter().map(|&u| pieces.value(u)).collect();
@@ -55,7 +55,7 @@ pub fn finer(curve: &PairCurve) -> PairCurve {
 
 fn pieces(curve: &PairCurve, most: usize) -> (PiecewisePolynomial, bool) {
     let table = Table { position: curve.u.clone(), stiffness_n_per_m: curve.k.clone() };
-    let mut fits = TOLERANCES.into_iter().map(|tolerance| (table.fit(tolerance), tolerance <= CLOSE));
+    let mut fits = TOLERANCES.into_iter().map(|tolerance| (table.fit(tolerance), tolerance <= MAX_ROW_DEVIATION));
     let few = |(fit, _): &(PiecewisePolynomial, bool)| fit.knots().len() <= most + 1;
     fits.find(few).unwrap_or_else(|| (table.fit(TOLERANCES[TOLERANCES.len() - 1]), false))
 }

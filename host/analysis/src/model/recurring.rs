@@ -17,13 +17,13 @@ const POINTS: usize = 8;
 const CELLS: usize = 2048;
 
 /// Points of a period on the fine grid for one of the filter's own input.
-const FINER: usize = 4;
+const GRID_POINTS_PER_INPUT: usize = 4;
 /// Points per sample of the record that the filtered period is read from: it has nothing above 0.6 of the rate.
 const READ_PER_SAMPLE: usize = 16;
 
 /// Points of a period on the fine grid.
 pub fn points(period_s: f64, rate_hz: f64) -> usize {
-    grid(period_s * rate_hz * (FINER * OVERSAMPLING) as f64)
+    grid(period_s * rate_hz * (GRID_POINTS_PER_INPUT * OVERSAMPLING) as f64)
 }
 
 /// A length of at least `points` of which there are three in an octave: runs at many speeds share few plans of their

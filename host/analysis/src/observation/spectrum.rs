@@ -18,7 +18,7 @@ pub const BAND_HZ: f64 = 15_000.0;
 /// Half width of a line's kernel, bins.
 pub const REACH: i64 = 12;
 /// Half width used for the strong lines of the declared machine, whose far tails would pass for sidebands, bins.
-pub const WIDE: i64 = 160;
+pub const STRONG_HALF_WIDTH_BINS: i64 = 160;
 /// Least distance of a line from a bin's centre, bins: the kernel is a quotient whose parts both vanish at 0 and at 2.
 const LEAST_DISTANCE: f64 = 1e-7;
 /// Bins that are looked at together for any other than zero.
@@ -352,7 +352,7 @@ mod tests {
             let signal: Vec<f64> = (0..4000).map(|i| (2.0 * PI * hz * i as f64 / 1000.0 + 0.4).cos()).collect();
             let measured = analyser.bins_of(&signal);
             let mut line = vec![C::ZERO; analyser.bins];
-            analyser.add_line(&mut line, hz, C::cis(0.4), WIDE);
+            analyser.add_line(&mut line, hz, C::cis(0.4), STRONG_HALF_WIDTH_BINS);
             let place = (hz * 4.0) as usize;
             let worst = (place - 100..place + 100).map(|b| (measured[b] - line[b]).norm()).fold(0.0, f64::max);
             assert!(worst < 1e-6, "{hz} Hz: {worst:e}");

@@ -20,11 +20,11 @@ static TEMPORARIES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Held while results are put into their places.
 static GATE: Mutex<()> = Mutex::new(());
 /// Somebody asked for the end.
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+static END_REQUEST: AtomicBool = AtomicBool::new(false);
 /// The waiting thread is about to end the program.
-static ENDING: AtomicBool = AtomicBool::new(false);
+static PROGRAM_END: AtomicBool = AtomicBool::new(false);
 /// The next signal only asks.
-static GENTLE: AtomicBool = AtomicBool::new(false);
+static GENTLE_SIGNAL: AtomicBool = AtomicBool::new(false);
 
 fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -66,11 +66,11 @@ fn ignored_signals() -> u64 {
 /// One signal has come.
 #[cfg(unix)]
 fn asked() {
-    REQUESTED.store(true, Ordering::SeqCst);
-    if GENTLE.swap(false, Ordering::SeqCst) {
+    END_REQUEST.store(true, Ordering::SeqCst);
+    if GENTLE_SIGNAL.swap(false, Ordering::SeqCst) {
         return;
     }
-    ENDING.store(true, Ordering::SeqCst);
+    PROGRAM_END.store(true, Ordering::SeqCst);
     // Neither is given back: from here on nothing is begun and nothing is put into place.
     let _gate = held(&GATE);
     let list = held(&TEMPORARIES);
@@ -80,12 +80,12 @@ fn asked() {
 
 /// Whether an interrupt has come since the start.
 pub fn requested() -> bool {
-    REQUESTED.load(Ordering::SeqCst)
+    END_REQUEST.load(Ordering::SeqCst)
 }
 
 /// Waits for the end where an interrupt is ending the program: errors that its removals cause are nobody's business.
 pub fn wait_if_ending() {
-    while ENDING.load(Ordering::SeqCst) {
+    while PROGRAM_END.load(Ordering::SeqCst) {
         std::thread::park();
     }
 }
@@ -94,7 +94,7 @@ pub fn wait_if_ending() {
 ///
 /// For commands that run until they are told to stop and have results to write then.
 pub fn only_ask() {
-    GENTLE.store(true, Ordering::SeqCst);
+    GENTLE_SIGNAL.store(true, Ordering::SeqCst);
 }
 
 /// Does `work`, a few renames, without an interrupt in between.

@@ -16,7 +16,7 @@ pub struct Advice {
 }
 
 /// Part of a name, and the advice that goes with it; the first that fits counts.
-const BY_NAME: [(&str, Advice); 15] = [
+const NAME_ADVICE: [(&str, Advice); 15] = [
     (
         "bearing",
         Advice {
@@ -143,7 +143,7 @@ const BY_NAME: [(&str, Advice); 15] = [
 ];
 
 /// Where nothing more is known than an order or a frequency.
-const OTHERWISE: Advice = Advice {
+const DEFAULT_ADVICE: Advice = Advice {
     look: "find what turns at this order or hums at this frequency: bearings, cages, other stages, fans, the drive",
     when: "measure again at another speed: what keeps its order turns with the shaft, what keeps its frequency does \
      not",
@@ -162,13 +162,13 @@ pub fn for_name(name: &str) -> Advice {
     if name.contains(" of bearing ") {
         return BEARING_PART;
     }
-    let known = BY_NAME.iter().filter_map(|(part, advice)| Some((name.find(part)?, *advice)));
-    known.min_by_key(|(at, _)| *at).map_or(OTHERWISE, |(_, advice)| advice)
+    let known = NAME_ADVICE.iter().filter_map(|(part, advice)| Some((name.find(part)?, *advice)));
+    known.min_by_key(|(at, _)| *at).map_or(DEFAULT_ADVICE, |(_, advice)| advice)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{BEARING_PART, OTHERWISE, for_name};
+    use super::{BEARING_PART, DEFAULT_ADVICE, for_name};
 
     #[test]
     fn ref_every_finding_has_an_advice_and_a_bearing_its_own() {
@@ -178,7 +178,7 @@ mod tests {
         let several = for_name("pinion-imbalance or coupling-misalignment or pinion-eccentricity");
         assert!(several.look.contains("balance"), "the first name leads");
         assert!(for_name("bearing-impacts").urgency > several.urgency);
-        assert_eq!(for_name("unexplained order 3.5800"), OTHERWISE);
+        assert_eq!(for_name("unexplained order 3.5800"), DEFAULT_ADVICE);
         assert!(for_name("pinion of stage 2: runout or pitch error").look.contains("runout"));
         assert!(for_name("gear of stage 1: local tooth fault").look.contains("teeth"));
     }

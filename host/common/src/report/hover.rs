@@ -5,7 +5,7 @@ use super::escape;
 use std::fmt::Write;
 
 /// Most marks of a picture that get one: beyond it they would lie on each other and only make the file large.
-const MOST: usize = 400;
+const MAX_MARKS: usize = 400;
 
 /// Marks with what is said of them.
 #[derive(Default)]
@@ -19,7 +19,7 @@ impl Hover {
 
     /// The picture with its marks' titles.
     pub fn onto(&self, mut svg: String) -> String {
-        if self.0.len() > MOST || !svg.trim_end().ends_with("</svg>") {
+        if self.0.len() > MAX_MARKS || !svg.trim_end().ends_with("</svg>") {
             return svg;
         }
         svg.truncate(svg.trim_end().len() - "</svg>".len());

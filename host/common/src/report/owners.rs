@@ -43,17 +43,17 @@ pub struct Line {
 /// The line at a place of a spectrum of evenly spaced points, ascending; none outside.
 pub fn line_at(points: &[(f64, f64)], x: f64) -> Option<Line> {
     /// Points on each side that are the line itself.
-    const OWN: usize = 2;
+    const LINE_POINTS: usize = 2;
     /// Points on each side that its floor is read from.
-    const BESIDE: usize = 40;
+    const FLOOR_POINTS: usize = 40;
     let at = points.partition_point(|point| point.0 < x);
     if at == 0 || at >= points.len() {
         return None;
     }
     let at = if x - points[at - 1].0 < points[at].0 - x { at - 1 } else { at };
     let part = |half: usize| &points[at.saturating_sub(half)..(at + half + 1).min(points.len())];
-    let amplitude = part(OWN).iter().map(|point| point.1).fold(0.0, f64::max);
-    let mut beside: Vec<f64> = part(BESIDE).iter().map(|point| point.1).collect();
+    let amplitude = part(LINE_POINTS).iter().map(|point| point.1).fold(0.0, f64::max);
+    let mut beside: Vec<f64> = part(FLOOR_POINTS).iter().map(|point| point.1).collect();
     beside.sort_by(f64::total_cmp);
     let floor = beside[beside.len() / 2];
     let over_floor_db = 20.0 * (amplitude.max(f64::MIN_POSITIVE) / floor.max(f64::MIN_POSITIVE)).log10();

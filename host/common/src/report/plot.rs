@@ -264,12 +264,14 @@ pub fn spectrum(series: &[Series], labels: &[Label], reference: f64, span_db: f6
 }
 
 /// Points on each side of a place of a spectrum that are the line there.
-const OWN: usize = 2;
+const LINE_POINTS: usize = 2;
 
 /// Height of the line at a place of ascending points.
 fn height_at(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
-    let own = points.get(after.saturating_sub(OWN + 1)..(after + OWN + 1).min(points.len())).unwrap_or_default();
+    let own = points
+        .get(after.saturating_sub(LINE_POINTS + 1)..(after + LINE_POINTS + 1).min(points.len()))
+        .unwrap_or_default();
     own.iter().map(|point| point.1).fold(f64::NEG_INFINITY, f64::max)
 }
 

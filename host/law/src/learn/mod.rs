@@ -105,7 +105,7 @@ pub fn learn(record: &Record, channel: usize, wanted: Wanted) -> Result<Learned>
         let what = format!(
             "no stretch of {} turns of the pinion with a speed within {:.0} %{why}",
             stretches::FEWEST_TURNS,
-            100.0 * stretches::LIKE
+            100.0 * stretches::SPEED_TOLERANCE_SHARE
         );
         return Err(Error::invalid(place, what));
     }

@@ -7,7 +7,7 @@ pub const FEWEST_TURNS: usize = 4;
 /// Most turns; longer ones give no finer place, and several tell the scatter.
 const MOST_TURNS: usize = 8;
 /// Share by which a turn's speed may differ from that of the stretch's first.
-pub const LIKE: f64 = 0.03;
+pub const SPEED_TOLERANCE_SHARE: f64 = 0.03;
 
 /// A stretch on the grid of equal angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +29,7 @@ pub fn stretches(angle: &Angle) -> Vec<Stretch> {
     let mut found = Vec::new();
     let mut first = 0;
     while first + FEWEST_TURNS <= angle.turns {
-        let like = |turn: &usize| (speed(*turn) / speed(first) - 1.0).abs() < LIKE;
+        let like = |turn: &usize| (speed(*turn) / speed(first) - 1.0).abs() < SPEED_TOLERANCE_SHARE;
         let turns = (first..(first + MOST_TURNS).min(angle.turns)).take_while(like).count() / 2 * 2;
         if turns < FEWEST_TURNS {
             first += 1;

@@ -82,7 +82,7 @@ pub struct Stream<'f> {
 }
 
 /// Inputs gathered before they are filtered.
-const GATHERED: usize = 1 << 16;
+const BATCH_INPUTS: usize = 1 << 16;
 
 impl<'f> Stream<'f> {
     /// A stream that gives `count` outputs.
@@ -93,7 +93,7 @@ impl<'f> Stream<'f> {
     /// Takes inputs in order, the first being [`Decimator::span`]'s first.
     pub fn push(&mut self, input: &[f64]) {
         self.pending.extend_from_slice(input);
-        if self.pending.len() >= GATHERED {
+        if self.pending.len() >= BATCH_INPUTS {
             self.drain();
         }
     }

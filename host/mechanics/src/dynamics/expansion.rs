@@ -16,7 +16,7 @@ use super::series::{LENGTH, ORDER, Series};
 use crate::lanes::Lane;
 
 /// `1 / (n + 1)` and `1 / ((n + 1) (n + 2))`: an order's acceleration integrated once and twice.
-const INTEGRATED: [[f64; 2]; LENGTH] = {
+const INTEGRATION_FACTORS: [[f64; 2]; LENGTH] = {
     let mut table = [[0.0; 2]; LENGTH];
     let mut n = 0;
     while n < LENGTH {
@@ -26,9 +26,9 @@ const INTEGRATED: [[f64; 2]; LENGTH] = {
     table
 };
 /// Share of the allowed truncation error below which further terms of a short step are left out.
-const NEGLIGIBLE: f64 = 1e-2;
+const NEGLIGIBLE_ERROR_SHARE: f64 = 1e-2;
 /// Fewest powers of a series.
-const LEAST: usize = 4;
+const MIN_POWERS: usize = 4;
 
 /// An element off the diagonal, premultiplied by the negative inverse mass.
 #[derive(Debug, Clone, Copy)]
@@ -190,7 +190,7 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
             series.resize(used, [V::of(0.0); LENGTH]);
         }
         let square = h * h;
-        let enough = allowed * V::of(NEGLIGIBLE);
+        let enough = allowed * V::of(NEGLIGIBLE_ERROR_SHARE);
         let enough = enough * enough;
         let disturbed = start.errors.each().iter().any(|&errors| errors != 0.0);
         table[0] = start.q;
@@ -210,8 +210,8 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
         // Of two neighbouring orders in four, and of the last two.
         let mut squares = [V::of(0.0); 2];
         for n in 0..=ORDER - 2 {
-            let once = V::of(h * INTEGRATED[n][0]);
-            let twice = V::of(square * INTEGRATED[n][1]);
+            let once = V::of(h * INTEGRATION_FACTORS[n][0]);
+            let twice = V::of(square * INTEGRATION_FACTORS[n][1]);
             let (done, rest) = table.split_at_mut(n + 2);
             let mut a = [V::of(0.0); N];
             system.elastic(&done[n], &v, &mut a);
@@ -260,7 +260,7 @@ impl<const N: usize, V: Lane> Expansion<N, V> {
             }
             *degree = n + 2;
             let small = |square: &V| square.each().iter().zip(enough.each()).all(|(square, enough)| square < enough);
-            if n % 4 == 3 && n > LEAST && squares.iter().all(small) {
+            if n % 4 == 3 && n > MIN_POWERS && squares.iter().all(small) {
                 break;
             }
         }

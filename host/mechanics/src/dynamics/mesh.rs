@@ -16,7 +16,7 @@ use crate::stiffness::CrackedPair;
 use std::f64::consts::TAU;
 
 /// Position ahead of the contact, base pitches, by which a piece is chosen at a knot.
-const AHEAD: f64 = 1e-10;
+const LOOKAHEAD_PITCHES: f64 = 1e-10;
 
 /// Damping of the tooth contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -220,7 +220,7 @@ impl<'a> Mesh<'a> {
 
     /// The positions around the present one within which no pair crosses a knot.
     fn zone(&self, position: &Series) -> (f64, f64) {
-        let ahead = if position.coefficient(1) >= 0.0 { AHEAD } else { -AHEAD };
+        let ahead = if position.coefficient(1) >= 0.0 { LOOKAHEAD_PITCHES } else { -LOOKAHEAD_PITCHES };
         let start = position.coefficient(0) + ahead;
         let (low, high) = (self.knots[0], self.knots[self.knots.len() - 1]);
         let (first, last) = ((start - high).floor() as i64, (start - low).ceil() as i64);
@@ -236,7 +236,7 @@ impl<'a> Mesh<'a> {
     fn first_crossing(&self, position: &Series) -> f64 {
         let (start, slope) = (position.coefficient(0), position.coefficient(1));
         let forward = slope >= 0.0;
-        let ahead = if forward { AHEAD } else { -AHEAD };
+        let ahead = if forward { LOOKAHEAD_PITCHES } else { -LOOKAHEAD_PITCHES };
         let (low, high) = (self.knots[0], self.knots[self.knots.len() - 1]);
         let linear = position.degree() <= 1;
         let mut ratio: f64 = 1.0;
@@ -252,13 +252,13 @@ impl<'a> Mesh<'a> {
                 let distance = knot + number as f64 - start;
                 if linear {
                     let tau = distance / slope;
-                    if tau > 0.0 && distance.abs() > 2.0 * AHEAD && tau < ratio {
+                    if tau > 0.0 && distance.abs() > 2.0 * LOOKAHEAD_PITCHES && tau < ratio {
                         ratio = tau;
                     }
                 } else if distance.abs() <= reach {
                     let mut p = *position;
                     p.add_constant(-knot - number as f64);
-                    let from = if distance.abs() <= 2.0 * AHEAD { 1e-6 } else { 0.0 };
+                    let from = if distance.abs() <= 2.0 * LOOKAHEAD_PITCHES { 1e-6 } else { 0.0 };
                     if let Some(tau) = first_root(p.coefficients(), from, ratio)
                         && tau > 0.0
                     {
@@ -275,7 +275,7 @@ impl<'a> Mesh<'a> {
         terms.channels.clear();
         terms.forces.clear();
         terms.pairs.clear();
-        let ahead = if position.coefficient(1) >= 0.0 { AHEAD } else { -AHEAD };
+        let ahead = if position.coefficient(1) >= 0.0 { LOOKAHEAD_PITCHES } else { -LOOKAHEAD_PITCHES };
         let (low, high) = (self.knots[0], self.knots[self.knots.len() - 1]);
         let start = position.coefficient(0) + ahead;
         let (first, last) = ((start - high).floor() as i64, (start - low).floor() as i64);
@@ -454,7 +454,7 @@ impl<'a> Mesh<'a> {
 fn part_within(position: &Series, (low, high): (f64, f64)) -> Option<f64> {
     let (start, slope) = (position.coefficient(0), position.coefficient(1));
     let (behind, ahead) = if slope >= 0.0 { (start - low, high - start) } else { (high - start, start - low) };
-    let clear = behind >= -AHEAD && ahead > 2.0 * AHEAD;
+    let clear = behind >= -LOOKAHEAD_PITCHES && ahead > 2.0 * LOOKAHEAD_PITCHES;
     (position.degree() <= 1 && clear).then(|| ahead / slope.abs())
 }
 

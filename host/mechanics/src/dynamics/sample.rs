@@ -11,11 +11,11 @@ use crate::lanes::{LANES, Lane, Several};
 /// Samples evaluated about one expansion point.
 const BLOCK: usize = 320;
 /// Terms of a block's expansion below this share of the largest coefficient are dropped.
-const NEGLIGIBLE: f64 = 1e-13;
+const NEGLIGIBLE_TERM_SHARE: f64 = 1e-13;
 /// Pairs of samples evaluated side by side.
-const ABREAST: usize = 8;
+const PAIRS_PER_BATCH: usize = 8;
 /// Fewer samples than this are evaluated one by one.
-const FEW: usize = 24;
+const MIN_BATCH_SAMPLES: usize = 24;
 
 /// A uniform sampling grid that walks along with the integration.
 #[derive(Debug, Clone, Copy)]
@@ -78,7 +78,7 @@ impl Sampler {
 
 /// Values of the series at `first, first + spacing, ...`.
 pub fn evaluate(series: &Series, first: f64, spacing: f64, values: &mut [f64]) {
-    if values.len() < FEW {
+    if values.len() < MIN_BATCH_SAMPLES {
         for (i, value) in values.iter_mut().enumerate() {
             *value = series.value(first + i as f64 * spacing);
         }
@@ -144,7 +144,7 @@ impl Blocks {
             *d = *d * power;
             power = power * self.radius;
         }
-        let enough = NEGLIGIBLE * size;
+        let enough = NEGLIGIBLE_TERM_SHARE * size;
         let short = |lane: usize| {
             let radius = self.radius.0[lane];
             d[TERMS - 1].0[lane].abs() > enough || d[TERMS - 2].0[lane].abs() * radius > enough
@@ -167,35 +167,39 @@ fn symmetric<const TERMS: usize>(d: &[f64; TERMS], values: &mut [f64]) {
     let (head, tail) = values.split_at_mut(values.len() / 2);
     let odd_count = tail.len() - head.len();
     tail[..odd_count].fill(d[0]);
-    let mut heads = head.chunks_exact_mut(ABREAST);
-    let mut tails = tail[odd_count..].rchunks_exact_mut(ABREAST);
+    let mut heads = head.chunks_exact_mut(PAIRS_PER_BATCH);
+    let mut tails = tail[odd_count..].rchunks_exact_mut(PAIRS_PER_BATCH);
     let mut first = 0;
     for (head, tail) in heads.by_ref().zip(tails.by_ref()) {
         let (lower, upper) = pairs(d, first, unit);
         head.copy_from_slice(&lower);
         tail.copy_from_slice(&upper);
-        first += ABREAST as u32;
+        first += PAIRS_PER_BATCH as u32;
     }
     let (head, tail) = (heads.into_remainder(), tails.into_remainder());
     let (lower, upper) = pairs(d, first, unit);
     head.copy_from_slice(&lower[..head.len()]);
-    tail.copy_from_slice(&upper[ABREAST - tail.len()..]);
+    tail.copy_from_slice(&upper[PAIRS_PER_BATCH - tail.len()..]);
 }
 
 /// Values at `unit i - 1` for `i` from `first`, ascending, and at the mirrored points, ascending, too.
 #[inline(always)]
-fn pairs<const TERMS: usize>(d: &[f64; TERMS], first: u32, unit: f64) -> ([f64; ABREAST], [f64; ABREAST]) {
-    let u: [f64; ABREAST] = std::array::from_fn(|l| 1.0 - f64::from(first + l as u32) * unit);
-    let square: [f64; ABREAST] = std::array::from_fn(|l| u[l] * u[l]);
-    let mut even = [d[(TERMS - 1) & !1]; ABREAST];
-    let mut odd = [d[(TERMS - 2) | 1]; ABREAST];
+fn pairs<const TERMS: usize>(
+    d: &[f64; TERMS],
+    first: u32,
+    unit: f64,
+) -> ([f64; PAIRS_PER_BATCH], [f64; PAIRS_PER_BATCH]) {
+    let u: [f64; PAIRS_PER_BATCH] = std::array::from_fn(|l| 1.0 - f64::from(first + l as u32) * unit);
+    let square: [f64; PAIRS_PER_BATCH] = std::array::from_fn(|l| u[l] * u[l]);
+    let mut even = [d[(TERMS - 1) & !1]; PAIRS_PER_BATCH];
+    let mut odd = [d[(TERMS - 2) | 1]; PAIRS_PER_BATCH];
     for n in (0..TERMS - 2).rev() {
         let sum = if n % 2 == 0 { &mut even } else { &mut odd };
-        for l in 0..ABREAST {
+        for l in 0..PAIRS_PER_BATCH {
             sum[l] = sum[l] * square[l] + d[n];
         }
     }
-    let odd: [f64; ABREAST] = std::array::from_fn(|l| odd[l] * u[l]);
+    let odd: [f64; PAIRS_PER_BATCH] = std::array::from_fn(|l| odd[l] * u[l]);
     let lower = std::array::from_fn(|l| even[l] - odd[l]);
-    (lower, std::array::from_fn(|l| even[ABREAST - 1 - l] + odd[ABREAST - 1 - l]))
+    (lower, std::array::from_fn(|l| even[PAIRS_PER_BATCH - 1 - l] + odd[PAIRS_PER_BATCH - 1 - l]))
 }

@@ -11,7 +11,7 @@ pub const ORDER: usize = 48;
 /// Number of coefficients of a full series.
 pub const LENGTH: usize = ORDER + 1;
 /// Share of a series' largest coefficient below which its highest powers are dropped: a thousandth of rounding.
-const NEGLIGIBLE: f64 = 1e-19;
+const NEGLIGIBLE_TERM_SHARE: f64 = 1e-19;
 
 /// A polynomial in the normalised time of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,7 +87,7 @@ impl Series {
     /// Without the highest powers that no sum in double precision would see.
     fn trimmed(mut self) -> Self {
         let largest = self.coefficients().iter().fold(0.0_f64, |m, c| m.max(c.abs()));
-        while self.degree > 0 && self.coefficients[self.degree].abs() <= NEGLIGIBLE * largest {
+        while self.degree > 0 && self.coefficients[self.degree].abs() <= NEGLIGIBLE_TERM_SHARE * largest {
             self.coefficients[self.degree] = 0.0;
             self.degree -= 1;
         }
@@ -167,7 +167,8 @@ impl Series {
             (s.degree, c.degree) = (n, n);
             // Every further power is a sum of as many before it as the angle has.
             let before = n.saturating_sub(self.degree)..=n;
-            if n > self.degree && before.clone().all(|i| s.coefficients[i].abs() + c.coefficients[i].abs() < NEGLIGIBLE)
+            if n > self.degree
+                && before.clone().all(|i| s.coefficients[i].abs() + c.coefficients[i].abs() < NEGLIGIBLE_TERM_SHARE)
             {
                 break;
             }

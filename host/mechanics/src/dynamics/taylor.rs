@@ -188,7 +188,7 @@ struct Lanes<const N: usize> {
 }
 
 /// A usable part that no finite terms lead to.
-const OVERFLOWED: f64 = 1e-20;
+const MIN_USABLE_PART: f64 = 1e-20;
 
 /// The integrator of one system under a constant force.
 pub struct Solver<const N: usize> {
@@ -247,7 +247,7 @@ impl<const N: usize> Solver<N> {
             let square = expansion.compute(&self.system, &terms, &start, h, options.tolerance * scale);
             scale = scale.max(square.sqrt());
             let limit = expansion.usable_part(options.tolerance * scale);
-            if limit <= OVERFLOWED {
+            if limit <= MIN_USABLE_PART {
                 usable = shortened(h, t, options)?;
                 continue;
             }
@@ -316,7 +316,7 @@ impl<const N: usize> Solver<N> {
                 limit = limit.min(expansion.usable_part(tolerance * *scales));
                 statistics.evaluations += (expansion.degree - 1) as u64;
             }
-            if limit <= OVERFLOWED {
+            if limit <= MIN_USABLE_PART {
                 usable = shortened(h, t, options)?;
                 continue;
             }

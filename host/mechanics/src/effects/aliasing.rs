@@ -22,7 +22,7 @@ pub const ENTRY: Entry = Entry {
         quantity: "share_folded",
         never_negative: true,
         carry: |f| Some(one("aliasing", [("share", f.size)])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "aliasing",
@@ -30,7 +30,7 @@ pub const ENTRY: Entry = Entry {
         families: &["path"],
         parameter: "share_folded",
         draw: |size, _| vec![format!("aliasing:share={size}")],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

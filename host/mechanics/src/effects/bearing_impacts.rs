@@ -48,7 +48,7 @@ pub const ENTRY: Entry = Entry {
         name: "bearing-impacts",
         plain: "impacts repeating at an order of no shaft",
         seats: &[Seat::Record],
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "bearing-impacts",
@@ -59,7 +59,7 @@ pub const ENTRY: Entry = Entry {
             let (channel, order) = (draw.side(), draw.odd_order());
             vec![format!("bearing-impacts:peak={size},order={order},frequency=4000,damping=0.05,channel={channel}")]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -25,7 +25,7 @@ pub const ENTRY: Entry = Entry {
         let [share, order, phase_rad] = ["share", "order", "phase"].map(|n| v.get(n));
         Box::new(BearingStiffness { share, order, phase_rad, body: v.body() })
     },
-    hypotheses: &[PASSING, Hypothesis { seats: &[Seat::Wave(Wave::BearingStiffness(1))], ..PASSING }],
+    hypotheses: &[PASSAGE, Hypothesis { seats: &[Seat::Wave(Wave::BearingStiffness(1))], ..PASSAGE }],
     hidden: &[Hidden {
         name: "bearing-stiffness-modulation",
         right_names: &["bearing-stiffness-modulation"],
@@ -38,11 +38,11 @@ pub const ENTRY: Entry = Entry {
             let phase = draw.phase();
             vec![format!("bearing-stiffness-modulation:share={size},order={order},phase={phase},gear={gear}")]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 
-const PASSING: Hypothesis = Hypothesis {
+const PASSAGE: Hypothesis = Hypothesis {
     name: "bearing-stiffness-modulation",
     seats: &[Seat::Wave(Wave::BearingStiffness(0))],
     at: Where::NeitherShaft { fixed: false },
@@ -52,7 +52,7 @@ const PASSING: Hypothesis = Hypothesis {
         let keys = [("share", f.size), f.rate(f.body).filter(|_| f.order.is_some())?, f.phase(0.0), f.gear()];
         Some(one("bearing-stiffness-modulation", keys))
     },
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 struct BearingStiffness {

@@ -22,7 +22,7 @@ pub const ENTRY: Entry = Entry {
         quantity: "limit_of_the",
         unit: "m/s2",
         carry: per_channel,
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "clipping",
@@ -34,7 +34,7 @@ pub const ENTRY: Entry = Entry {
             let channel = draw.side();
             vec![format!("clipping:limit={},channel={channel}", share * draw.peak_m_s2[channel])]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -25,14 +25,14 @@ pub const ENTRY: Entry = Entry {
         Box::new(CouplingMisalignment { force_n, torque, phase_rad, body: v.body() })
     },
     hypotheses: &[
-        RADIAL,
+        RADIAL_FORCE,
         Hypothesis {
             seats: &[
                 Seat::Wave(Wave::Force { at: Site::Along(1), speed: 0, torque: 0 }),
                 Seat::Wave(Wave::Force { at: Site::Along(1), speed: 0, torque: 1 }),
             ],
             at: Where::Multiple(1, 2.0),
-            ..RADIAL
+            ..RADIAL_FORCE
         },
     ],
     hidden: &[Hidden {
@@ -44,11 +44,11 @@ pub const ENTRY: Entry = Entry {
             let gear = draw.side();
             vec![format!("coupling-misalignment:force={size},phase={},gear={gear}", draw.phase())]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 
-const RADIAL: Hypothesis = Hypothesis {
+const RADIAL_FORCE: Hypothesis = Hypothesis {
     name: "coupling-misalignment",
     seats: &[
         Seat::Wave(Wave::Force { at: Site::Along(0), speed: 0, torque: 0 }),
@@ -62,7 +62,7 @@ const RADIAL: Hypothesis = Hypothesis {
         let keys = [("force", f.size), f.phase(0.0), f.gear()];
         (f.torque_exponent == 0.0).then(|| one("coupling-misalignment", keys))
     },
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 struct CouplingMisalignment {

@@ -24,15 +24,15 @@ pub const ENTRY: Entry = Entry {
     ],
     build: |v| Box::new(Eccentricity { amplitude_m: v.get("amplitude"), phase_rad: v.get("phase"), body: v.body() }),
     hypotheses: &[
-        ROLLING,
-        Hypothesis { name: "gear-eccentricity", at: Where::Multiple(1, 1.0), ..ROLLING },
-        Hypothesis { seats: &[Seat::Wave(Wave::Displacement)], bends: false, ..ROLLING },
+        ECCENTRICITY,
+        Hypothesis { name: "gear-eccentricity", at: Where::Multiple(1, 1.0), ..ECCENTRICITY },
+        Hypothesis { seats: &[Seat::Wave(Wave::Displacement)], bends: false, ..ECCENTRICITY },
         Hypothesis {
             name: "gear-eccentricity",
             at: Where::Multiple(1, 1.0),
             seats: &[Seat::Wave(Wave::Displacement)],
             bends: false,
-            ..ROLLING
+            ..ECCENTRICITY
         },
     ],
     hidden: &[
@@ -42,7 +42,7 @@ pub const ENTRY: Entry = Entry {
             reference: 5e-6,
             parameter: "amplitude",
             draw: |size, draw| vec![format!("eccentricity:amplitude={size},phase={}", draw.phase())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
         Hidden {
             name: "gear-eccentricity",
@@ -50,20 +50,20 @@ pub const ENTRY: Entry = Entry {
             reference: 5e-6,
             parameter: "amplitude",
             draw: |size, draw| vec![format!("eccentricity:amplitude={size},phase={},gear=1", draw.phase())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
     ],
 };
 
 /// A displaced gear carries its contact along the path.
-const ROLLING: Hypothesis = Hypothesis {
+const ECCENTRICITY: Hypothesis = Hypothesis {
     name: "pinion-eccentricity",
     seats: &[Seat::Wave(Wave::RollingDisplacement)],
     at: Where::Multiple(0, 1.0),
     unit: "m",
     bends: true,
     carry: carried,
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 /// At a gear's own rate its eccentricity; a rolling displacement at any other order as its two parts.

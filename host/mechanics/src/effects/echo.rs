@@ -30,7 +30,7 @@ pub const ENTRY: Entry = Entry {
         seats: &[Seat::Path(Path::Echo)],
         quantity: "gain",
         carry: |f| Some(one("echo", [("gain", f.size), ("delay", f.shape[0]), f.on()])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "echo",
@@ -39,7 +39,7 @@ pub const ENTRY: Entry = Entry {
         reference: 0.05,
         parameter: "gain",
         draw: |size, draw| vec![format!("echo:gain={size},delay={}", 5e-4 + 2.5e-3 * draw.share())],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -35,7 +35,7 @@ pub const ENTRY: Entry = Entry {
             };
             vec![on(1.0, 0), on(-0.5, 1)]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

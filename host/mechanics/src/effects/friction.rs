@@ -41,13 +41,13 @@ pub const ENTRY: Entry = Entry {
         seats: &[Seat::Sliding],
         quantity: "coefficient",
         carry: |f| Some(one("friction", [("coefficient", f.size), ("transition", f.shape[0])])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[],
 };
 
 /// Distance from the pitch point, in transitions, beyond which the force has its full size: 4e-16 of it are missing.
-const FULL: f64 = 18.0;
+const FULL_FORCE_TRANSITIONS: f64 = 18.0;
 /// Least transition that is not taken as a jump, base pitches: a hundredth of a sample at usual rates.
 const LEAST_TRANSITION: f64 = 1e-3;
 
@@ -61,7 +61,7 @@ impl Friction {
     fn share(&self, ahead: &Series) -> Series {
         let middle = ahead.value(0.5);
         let nearest = [0.0, 1.0].map(|tau| ahead.value(tau) * middle.signum()).into_iter().fold(f64::MAX, f64::min);
-        if self.transition < LEAST_TRANSITION || nearest > FULL * self.transition {
+        if self.transition < LEAST_TRANSITION || nearest > FULL_FORCE_TRANSITIONS * self.transition {
             return Series::constant(middle.signum());
         }
         // tanh z = 1 - 2 / (1 + exp 2z), on the side where the exponential is small.

@@ -39,7 +39,7 @@ pub const ENTRY: Entry = Entry {
             let keys = [("amplitude", f.size), f.rate(f.body).filter(|_| f.order.is_some())?, f.phase(0.0), f.gear()];
             Some(one("ghost-order", keys))
         },
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "ghost-order",
@@ -50,7 +50,7 @@ pub const ENTRY: Entry = Entry {
             let order = 5 + draw.below(draw.teeth[0] - 6);
             vec![format!("ghost-order:amplitude={size},order={order},phase={}", draw.phase())]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

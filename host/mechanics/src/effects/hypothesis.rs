@@ -181,7 +181,7 @@ pub struct Hypothesis {
 
 impl Hypothesis {
     /// What most have in common: named everywhere, proportional, without a counterpart.
-    pub const PLAIN: Self = Self {
+    pub const DEFAULTS: Self = Self {
         name: "",
         plain: "",
         seats: &[],
@@ -305,7 +305,7 @@ pub struct Hidden {
 
 impl Hidden {
     /// What most have in common.
-    pub const PLAIN: Self = Self {
+    pub const DEFAULTS: Self = Self {
         name: "",
         right_names: &[],
         families: &["shaft-order", "sideband"],

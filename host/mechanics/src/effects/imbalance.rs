@@ -19,12 +19,12 @@ pub const ENTRY: Entry = Entry {
     ],
     build: |v| Box::new(Imbalance { moment_kg_m: v.get("moment"), phase_rad: v.get("phase"), body: v.body() }),
     hypotheses: &[
-        UNBALANCED,
+        IMBALANCE,
         Hypothesis {
             name: "gear-imbalance",
             seats: &[Seat::Wave(Wave::Force { at: Site::Along(1), speed: 2, torque: 0 })],
             at: Where::Multiple(1, 1.0),
-            ..UNBALANCED
+            ..IMBALANCE
         },
     ],
     hidden: &[
@@ -34,7 +34,7 @@ pub const ENTRY: Entry = Entry {
             reference: 1e-3,
             parameter: "unbalance",
             draw: |size, draw| vec![format!("imbalance:moment={size},phase={}", draw.phase())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
         Hidden {
             name: "gear-imbalance",
@@ -42,12 +42,12 @@ pub const ENTRY: Entry = Entry {
             reference: 1e-3,
             parameter: "unbalance",
             draw: |size, draw| vec![format!("imbalance:moment={size},phase={},gear=1", draw.phase())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
     ],
 };
 
-const UNBALANCED: Hypothesis = Hypothesis {
+const IMBALANCE: Hypothesis = Hypothesis {
     name: "pinion-imbalance",
     seats: &[Seat::Wave(Wave::Force { at: Site::Along(0), speed: 2, torque: 0 })],
     at: Where::Multiple(0, 1.0),
@@ -55,7 +55,7 @@ const UNBALANCED: Hypothesis = Hypothesis {
     unit: "kg m",
     // Along the line of action: +sin on the pinion, -sin on the gear, which turns against it.
     carry: |f| Some(one("imbalance", [("moment", f.size), f.phase([FRAC_PI_2, -FRAC_PI_2][f.body]), f.gear()])),
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 struct Imbalance {

@@ -31,14 +31,14 @@ pub const ENTRY: Entry = Entry {
             seats: &[Seat::Wave(Wave::Force { at: Site::Load, speed: 0, torque: 1 })],
             quantity: "share_of_torque",
             carry: braking,
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
         Hypothesis {
             name: "load-fluctuation",
             seats: &[Seat::Wave(Wave::Force { at: Site::Load, speed: 0, torque: 0 })],
             quantity: "torque",
             unit: "N m",
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
     ],
     hidden: &[Hidden {
@@ -52,7 +52,7 @@ pub const ENTRY: Entry = Entry {
             let order = draw.per_turn(order, 1);
             vec![format!("load-fluctuation:depth={size},order={order},phase={}", draw.phase())]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

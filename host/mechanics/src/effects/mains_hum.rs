@@ -31,7 +31,7 @@ pub const ENTRY: Entry = Entry {
         quantity: "acceleration_of_the_larger_channel",
         unit: "m/s2",
         carry: per_channel,
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "mains-hum",
@@ -45,7 +45,7 @@ pub const ENTRY: Entry = Entry {
                 |share: f64, channel: u32| format!("mains-hum:first={},frequency={hz},channel={channel}", share * size);
             vec![on(1.0, 0), on(0.6, 1)]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

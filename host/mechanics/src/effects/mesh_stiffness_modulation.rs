@@ -30,7 +30,7 @@ pub const ENTRY: Entry = Entry {
         quantity: "share_of_stiffness",
         bends: true,
         carry: |f| Some(one("mesh-stiffness-modulation", [("share", f.size), ("order", f.order?), f.phase(0.0)])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "mesh-stiffness-modulation",
@@ -42,7 +42,7 @@ pub const ENTRY: Entry = Entry {
             let order = draw.odd_order();
             vec![format!("mesh-stiffness-modulation:share={size},order={order},phase={}", draw.phase())]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -191,10 +191,10 @@ const TOOTH: Parameter = parameter("tooth", "", 0.0, [0.0, 999.0], "which tooth,
 const CHANNEL: Parameter = parameter("channel", "", 2.0, [0.0, 2.0], "0 or 1; 2: both");
 
 /// Parameters that count or number something: fractions of them mean nothing.
-const WHOLE: [&str; 5] = ["gear", "tooth", "channel", "seed", "exponent"];
+const INTEGER_KEYS: [&str; 5] = ["gear", "tooth", "channel", "seed", "exponent"];
 
 /// Effects that change nothing unless one of these parameters is other than zero.
-const NEEDED: [(&str, [&str; 2]); 4] = [
+const NONZERO_KEYS: [(&str, [&str; 2]); 4] = [
     ("torque-ripple", ["order", "frequency"]),
     ("load-fluctuation", ["order", "frequency"]),
     ("speed-fluctuation", ["order", "frequency"]),
@@ -236,7 +236,7 @@ impl Entry {
             if !(value >= low && value <= high) {
                 return Err(Error::invalid(place(key), format!("{value} is not within {low} to {high}")));
             }
-            if WHOLE.contains(&key) && value.fract() != 0.0 {
+            if INTEGER_KEYS.contains(&key) && value.fract() != 0.0 {
                 return Err(Error::invalid(place(key), format!("{value} is not a whole number")));
             }
             if let Some((_, before)) = given[..i].iter().find(|(other, before)| *other == key && *before != value) {
@@ -247,7 +247,7 @@ impl Entry {
         }
         let is_zero = |name: &str| values.iter().any(|(n, v)| *n == name && *v == 0.0);
         if let Some((_, needed)) =
-            NEEDED.iter().find(|(name, needed)| *name == self.name && needed.iter().all(|n| is_zero(n)))
+            NONZERO_KEYS.iter().find(|(name, needed)| *name == self.name && needed.iter().all(|n| is_zero(n)))
         {
             let what = format!("and {} are both 0, so that the effect changes nothing; give one of them", needed[1]);
             return Err(Error::invalid(place(needed[0]), what));
@@ -285,7 +285,7 @@ fn resolve(name: &str) -> Result<(&'static Entry, Option<f64>)> {
 /// Names of the library that share most with a name that is none: first by whole words, then by letters at both ends.
 fn nearest(name: &str) -> Vec<&'static str> {
     /// Names given.
-    const MOST: usize = 3;
+    const MAX_NAMES: usize = 3;
     let words = |of: &str| of.split(['-', '_', ' ']).map(str::to_owned).collect::<Vec<_>>();
     let own = words(name);
     let shared = |other: &str| {
@@ -296,7 +296,7 @@ fn nearest(name: &str) -> Vec<&'static str> {
     };
     let mut names: Vec<&str> = REGISTRY.iter().map(|entry| entry.name).collect();
     names.sort_by_key(|other| std::cmp::Reverse(shared(other)));
-    names.truncate(MOST);
+    names.truncate(MAX_NAMES);
     names
 }
 

@@ -45,8 +45,8 @@ pub const ENTRY: Entry = Entry {
         Box::new(PitchError { error_m, tooth, body: v.body() })
     },
     hypotheses: &[
-        SINGLE,
-        Hypothesis { name: "gear-pitch-error", seats: &[Seat::OneTooth(1, Tooth::Displaced)], ..SINGLE },
+        SINGLE_ERROR,
+        Hypothesis { name: "gear-pitch-error", seats: &[Seat::OneTooth(1, Tooth::Displaced)], ..SINGLE_ERROR },
         TABLE,
         Hypothesis {
             name: "gear-pitch-error",
@@ -62,7 +62,7 @@ pub const ENTRY: Entry = Entry {
             reference: 5e-6,
             parameter: "single_tooth_offset",
             draw: |size, draw| drawn(size, 0, draw),
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
         Hidden {
             name: "gear-pitch-error",
@@ -70,18 +70,18 @@ pub const ENTRY: Entry = Entry {
             reference: 5e-6,
             parameter: "single_tooth_offset",
             draw: |size, draw| drawn(size, 1, draw),
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
     ],
 };
 
-const SINGLE: Hypothesis = Hypothesis {
+const SINGLE_ERROR: Hypothesis = Hypothesis {
     name: "pinion-pitch-error",
     seats: &[Seat::OneTooth(0, Tooth::Displaced)],
     quantity: "single_tooth_offset",
     unit: "m",
     carry: |f| Some(one("pitch-error", [("single", f.size), f.of_tooth()?, f.gear()])),
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 const TABLE: Hypothesis = Hypothesis {
@@ -89,7 +89,7 @@ const TABLE: Hypothesis = Hypothesis {
     seats: &[Seat::EveryTooth(0)],
     quantity: "tooth_table",
     carry: every_tooth,
-    ..SINGLE
+    ..SINGLE_ERROR
 };
 
 /// Every tooth of a table given by its harmonics over the gear's turn.

@@ -34,7 +34,7 @@ pub const ENTRY: Entry = Entry {
         quantity: "displacement",
         unit: "m",
         carry: at_mesh_orders,
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "profile-error",
@@ -46,7 +46,7 @@ pub const ENTRY: Entry = Entry {
             let size = if draw.below(2) == 0 { format!("first={size}") } else { format!("first=0,second={size}") };
             vec![format!("profile-error:{size},phase={}", draw.phase())]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -29,7 +29,7 @@ pub const ENTRY: Entry = Entry {
             quantity: "quadratic",
             unit: "s2/m",
             carry: |f| Some(one("sensor-nonlinearity", [("quadratic", f.size), f.on()])),
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
         Hypothesis {
             name: "sensor-nonlinearity",
@@ -37,7 +37,7 @@ pub const ENTRY: Entry = Entry {
             quantity: "cubic",
             unit: "s4/m2",
             carry: |f| Some(one("sensor-nonlinearity", [("quadratic", 0.0), ("cubic", f.size), f.on()])),
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
     ],
     hidden: &[
@@ -47,7 +47,7 @@ pub const ENTRY: Entry = Entry {
             families: &["path"],
             reference: 1e-3,
             draw: |size, draw| vec![format!("sensor-nonlinearity:quadratic={size},channel={}", draw.side())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
         Hidden {
             name: "cubic-nonlinearity",
@@ -56,7 +56,7 @@ pub const ENTRY: Entry = Entry {
             reference: 1e-5,
             parameter: "cubic",
             draw: |size, draw| vec![format!("sensor-nonlinearity:quadratic=0,cubic={size},channel={}", draw.side())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
     ],
 };

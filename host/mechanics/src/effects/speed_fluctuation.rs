@@ -40,13 +40,13 @@ pub const ENTRY: Entry = Entry {
                 let angle = TAU * f.size / f64::from(f.teeth[0]);
                 Some(one("speed-fluctuation", [("angle", angle), f.rate(0)?, f.phase(FRAC_PI_2)]))
             },
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
         Hypothesis {
             name: "speed-fluctuation",
             plain: "angle moving within the runs",
             seats: &[Seat::Record],
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
     ],
     hidden: &[Hidden {
@@ -55,7 +55,7 @@ pub const ENTRY: Entry = Entry {
         families: &["non-stationary", "fixed-frequency", "sideband"],
         reference: 1e-3,
         draw: |size, draw| vec![format!("speed-fluctuation:angle={size},frequency={}", 2.5 + 6.0 * draw.share())],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

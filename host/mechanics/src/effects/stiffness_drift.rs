@@ -27,7 +27,7 @@ pub const ENTRY: Entry = Entry {
         unit: "1/s",
         bends: true,
         carry: |f| Some(one("stiffness-drift", [("rate", f.size)])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "stiffness-drift",
@@ -36,7 +36,7 @@ pub const ENTRY: Entry = Entry {
         reference: 0.02,
         parameter: "rate",
         draw: |size, _| vec![format!("stiffness-drift:rate={size}")],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -20,7 +20,7 @@ pub const ENTRY: Entry = Entry {
         seats: &[Seat::Path(Path::Drift)],
         quantity: "gain_change_over_run",
         carry: |f| Some(one("thermal-drift", [("share", f.size), f.on()])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "thermal-drift",
@@ -28,7 +28,7 @@ pub const ENTRY: Entry = Entry {
         families: &["non-stationary", "path"],
         reference: 0.05,
         draw: |size, draw| vec![format!("thermal-drift:share={size},channel={}", draw.side())],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -32,7 +32,7 @@ pub const ENTRY: Entry = Entry {
         never_negative: true,
         unit: "m",
         carry: |f| Some(one("tip-relief", [("amount", f.size), ("length", f.shape[0]), ("exponent", f.shape[1])])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "tip-relief",
@@ -41,7 +41,7 @@ pub const ENTRY: Entry = Entry {
         reference: 5e-6,
         parameter: "amount",
         draw: |size, draw| vec![format!("tip-relief:amount={size},length={}", 0.15 + 0.25 * draw.share())],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

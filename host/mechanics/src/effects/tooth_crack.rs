@@ -32,8 +32,8 @@ pub const ENTRY: Entry = Entry {
         Box::new(ToothCrack { loss, growth, bow, tooth: v.get("tooth") as u32, body: v.body() })
     },
     hypotheses: &[
-        SOFTENED,
-        Hypothesis { name: "gear-tooth-crack", seats: &[Seat::OneTooth(1, Tooth::Softened)], ..SOFTENED },
+        CRACK,
+        Hypothesis { name: "gear-tooth-crack", seats: &[Seat::OneTooth(1, Tooth::Softened)], ..CRACK },
     ],
     hidden: &[
         Hidden {
@@ -42,7 +42,7 @@ pub const ENTRY: Entry = Entry {
             reference: 0.05,
             parameter: "stiffness_loss",
             draw: |size, draw| vec![format!("tooth-crack:loss={size},tooth={}", draw.below(draw.teeth[0]))],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
         Hidden {
             name: "gear-tooth-crack",
@@ -50,12 +50,12 @@ pub const ENTRY: Entry = Entry {
             reference: 0.05,
             parameter: "stiffness_loss",
             draw: |size, draw| vec![format!("tooth-crack:loss={size},tooth={},gear=1", draw.below(draw.teeth[1]))],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
     ],
 };
 
-const SOFTENED: Hypothesis = Hypothesis {
+const CRACK: Hypothesis = Hypothesis {
     name: "pinion-tooth-crack",
     seats: &[Seat::OneTooth(0, Tooth::Softened)],
     quantity: "stiffness_loss",
@@ -66,7 +66,7 @@ const SOFTENED: Hypothesis = Hypothesis {
         let keys = [("loss", f.size), ("growth", growth), ("bow", bow), f.of_tooth()?, f.gear()];
         Some(one("tooth-crack", keys))
     },
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 struct ToothCrack {

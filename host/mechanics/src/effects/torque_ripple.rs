@@ -30,14 +30,14 @@ pub const ENTRY: Entry = Entry {
             seats: &[Seat::Wave(Wave::Force { at: Site::Motor, speed: 0, torque: 1 })],
             quantity: "share_of_torque",
             carry: |f| Some(one("torque-ripple", [("depth", f.size), f.rate(0)?, f.phase(0.0)])),
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
         Hypothesis {
             name: "torque-ripple",
             seats: &[Seat::Wave(Wave::Force { at: Site::Motor, speed: 0, torque: 0 })],
             quantity: "torque",
             unit: "N m",
-            ..Hypothesis::PLAIN
+            ..Hypothesis::DEFAULTS
         },
     ],
     hidden: &[Hidden {
@@ -50,7 +50,7 @@ pub const ENTRY: Entry = Entry {
             let order = 3 + draw.below(6);
             vec![format!("torque-ripple:depth={size},order={order},phase={}", draw.phase())]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

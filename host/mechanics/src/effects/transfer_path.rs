@@ -33,7 +33,7 @@ pub const ENTRY: Entry = Entry {
         seats: &[Seat::Path(Path::Delay)],
         quantity: "share_of_a_delay",
         carry: |f| Some(one("transfer-path", [("delay", f.shape[0] * f.size), f.on()])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "channel-delay",
@@ -41,7 +41,7 @@ pub const ENTRY: Entry = Entry {
         families: &["path"],
         reference: 1e-6,
         draw: |size, draw| vec![format!("transfer-path:delay={size},channel={}", draw.side())],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

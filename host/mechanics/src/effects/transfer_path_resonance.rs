@@ -30,7 +30,7 @@ pub const ENTRY: Entry = Entry {
         seats: &[Seat::Path(Path::Mode)],
         quantity: "gain",
         carry: real_gain,
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "transfer-path-resonance",
@@ -41,7 +41,7 @@ pub const ENTRY: Entry = Entry {
             let (channel, hz) = (draw.side(), 1500.0 + 3000.0 * draw.share());
             vec![format!("transfer-path-resonance:gain={size},frequency={hz},damping=0.03,channel={channel}")]
         },
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

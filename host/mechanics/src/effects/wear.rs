@@ -29,7 +29,7 @@ pub const ENTRY: Entry = Entry {
         never_negative: true,
         unit: "m",
         carry: |f| Some(one("wear", [("depth", f.size)])),
-        ..Hypothesis::PLAIN
+        ..Hypothesis::DEFAULTS
     }],
     hidden: &[Hidden {
         name: "wear",
@@ -38,7 +38,7 @@ pub const ENTRY: Entry = Entry {
         reference: 1e-6,
         parameter: "depth",
         draw: |size, _| vec![format!("wear:depth={size}")],
-        ..Hidden::PLAIN
+        ..Hidden::DEFAULTS
     }],
 };
 

@@ -28,33 +28,33 @@ pub const ENTRY: Entry = Entry {
         GEAR,
     ],
     build: |v| Box::new(Wobble { ratio: v.get("ratio"), phase_rad: v.get("phase"), body: v.body() }),
-    hypotheses: &[TILTED, Hypothesis { name: "gear-wobble", at: Where::Multiple(1, 1.0), ..TILTED }],
+    hypotheses: &[WOBBLE, Hypothesis { name: "gear-wobble", at: Where::Multiple(1, 1.0), ..WOBBLE }],
     hidden: &[
         Hidden {
             name: "pinion-wobble",
             right_names: &["pinion-wobble"],
             reference: 0.02,
             draw: |size, draw| vec![format!("wobble:ratio={},phase={}", size.min(0.95), draw.phase())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
         Hidden {
             name: "gear-wobble",
             right_names: &["gear-wobble"],
             reference: 0.02,
             draw: |size, draw| vec![format!("wobble:ratio={},phase={},gear=1", size.min(0.95), draw.phase())],
-            ..Hidden::PLAIN
+            ..Hidden::DEFAULTS
         },
     ],
 };
 
-const TILTED: Hypothesis = Hypothesis {
+const WOBBLE: Hypothesis = Hypothesis {
     name: "pinion-wobble",
     seats: &[Seat::Wave(Wave::MeshStiffness)],
     at: Where::Multiple(0, 1.0),
     quantity: "share_of_stiffness_once_per_turn",
     bends: true,
     carry: carried,
-    ..Hypothesis::PLAIN
+    ..Hypothesis::DEFAULTS
 };
 
 /// The stiffness is least where the slope is largest.

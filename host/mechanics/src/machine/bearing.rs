@@ -14,7 +14,7 @@ const ELEMENTS: std::ops::RangeInclusive<u32> = 3..=200;
 /// Contact angle, degrees: from radial to just short of thrust bearings, whose cage turns at half the shaft's speed.
 const CONTACT_DEG: std::ops::RangeInclusive<f64> = 0.0..=89.0;
 /// Relative distance within which four stated orders belong to one bearing.
-const CONSISTENT: f64 = 0.03;
+const ORDER_TOLERANCE_SHARE: f64 = 0.03;
 
 /// A declared bearing: exactly one of `designation`, dimensions (`elements` with both diameters) and `orders`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -145,7 +145,7 @@ fn consistent(orders: BearingOrders) -> std::result::Result<BearingOrders, Strin
         ));
     }
     let own = BearingOrders::of(elements as u32, ratio);
-    let off = |stated: f64, own: f64| (stated / own - 1.0).abs() > CONSISTENT;
+    let off = |stated: f64, own: f64| (stated / own - 1.0).abs() > ORDER_TOLERANCE_SHARE;
     if off(outer, own.outer) || off(cage, own.cage) {
         return Err(format!(
             "orders: {outer} and {inner} belong to {elements} elements and a cage of {:.4}, not {cage}",

@@ -39,12 +39,12 @@ mod tests {
 
     /// Orders of the outer and the inner ring as the sources state them beside the geometry. Those of the first
     /// collection are of its fan end's bearing, another 6203.
-    const PUBLISHED: &[(&str, f64, f64)] =
+    const PUBLISHED_ORDERS: &[(&str, f64, f64)] =
         &[("6203", 3.0530, 4.9469), ("6205", 3.5848, 5.4152), ("ER16K", 3.572, 5.428)];
 
     #[test]
     fn ref_the_geometry_gives_the_published_orders() {
-        for (designation, outer, inner) in PUBLISHED {
+        for (designation, outer, inner) in PUBLISHED_ORDERS {
             let (_, elements, pitch, element, _) = of(designation).expect("a row");
             let orders = BearingOrders::of(*elements, element / pitch);
             assert!((orders.outer / outer - 1.0).abs() < 1e-3, "{designation}: {}", orders.outer);

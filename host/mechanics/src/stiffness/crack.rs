@@ -17,7 +17,7 @@ use crate::{Error, Result};
 /// Deviation of a cracked pair's fitted curve; the dead zone's kinks cost pieces.
 const TOLERANCE: f64 = 1e-8;
 /// Least thickness that must be left anywhere for a beam to make sense, as a share of the root's.
-const LEAST_LEFT: f64 = 0.05;
+const MIN_THICKNESS_SHARE: f64 = 0.05;
 
 /// The section that is left at every height.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,10 +43,10 @@ impl CrackedSection {
             CrackRule::Straight => tip.1 + limit_m.min(tip.1),
             CrackRule::Parabolic => root.1 + limit_m.min(root.1),
         };
-        if narrowest < LEAST_LEFT * 2.0 * root.1 {
+        if narrowest < MIN_THICKNESS_SHARE * 2.0 * root.1 {
             let deepest = match crack.rule {
-                CrackRule::Straight => root.1 * (1.0 - 2.0 * LEAST_LEFT) + tip.1,
-                CrackRule::Parabolic => 2.0 * root.1 * (1.0 - LEAST_LEFT),
+                CrackRule::Straight => root.1 * (1.0 - 2.0 * MIN_THICKNESS_SHARE) + tip.1,
+                CrackRule::Parabolic => 2.0 * root.1 * (1.0 - MIN_THICKNESS_SHARE),
             };
             return Err(Error::invalid(
                 "[crack] depth_m",

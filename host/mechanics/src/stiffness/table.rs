@@ -17,12 +17,12 @@ pub const TABLE_TOLERANCE: f64 = 1e-6;
 /// Highest degree of a piece.
 const DEGREE: usize = 9;
 /// Longest piece in rows; bounds the cost of the search.
-const LONGEST: usize = 400;
+const MAX_PIECE_ROWS: usize = 400;
 
 /// Longest path of contact, base pitches: a spur pair with high contact ratio has below three.
 const LONGEST_PATH: f64 = 10.0;
 /// Stiffest pair, N/m: a metre of steel face has about 1e10.
-const STIFFEST: f64 = 1e13;
+const MAX_STIFFNESS_N_PER_M: f64 = 1e13;
 
 /// Rows of a stiffness table.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,8 +75,10 @@ impl Table {
             if s > LONGEST_PATH {
                 return refuse(format!("position {s}: no path of contact is longer than {LONGEST_PATH} base pitches"));
             }
-            if k > STIFFEST {
-                return refuse(format!("a stiffness of {k:e} N/m is beyond that of any gear ({STIFFEST:e} N/m)"));
+            if k > MAX_STIFFNESS_N_PER_M {
+                return refuse(format!(
+                    "a stiffness of {k:e} N/m is beyond that of any gear ({MAX_STIFFNESS_N_PER_M:e} N/m)"
+                ));
             }
             table.position.push(s);
             table.stiffness_n_per_m.push(k);
@@ -112,7 +114,7 @@ impl Table {
         let allowed = tolerance * self.stiffness_n_per_m.iter().copied().fold(0.0, f64::max);
         let (mut knots, mut pieces, mut from) = (vec![self.position[0]], Vec::new(), 0);
         while from < last {
-            let farthest = last.min(from + LONGEST);
+            let farthest = last.min(from + MAX_PIECE_ROWS);
             let (mut good, mut bad) = (from + 1, farthest + 1);
             let mut best = self.piece(from, good, allowed).expect("a line passes through two rows");
             let mut stride = 4;

@@ -27,7 +27,7 @@ const GUESSED_GAIN: f64 = 40.0;
 const DOUBLINGS: i32 = 14;
 const HALVINGS: usize = 6;
 /// Doublings found one after the other from which on every stronger effect is taken to be found.
-const SETTLED: i32 = 3;
+const SETTLED_DOUBLINGS: i32 = 3;
 
 /// What the terms leave of the record, and the same with phases drawn anew, stretch by stretch: noise and remainders
 /// of the same size where they were, but in another relation to what is injected.
@@ -136,7 +136,7 @@ impl<'a> Scene<'a> {
                 turns.push((high, next));
             }
             (now, settled) = (next, if next { settled + 1 } else { 0 });
-            if settled == SETTLED {
+            if settled == SETTLED_DOUBLINGS {
                 break;
             }
         }

@@ -33,7 +33,7 @@ const MODES_HZ: [[u32; 2]; 3] = [[1_500_000, 2_500_000], [2_500_000, 3_500_000],
 /// strengths are proportional.
 const DELAY_S: f64 = 1e-6;
 /// Keys of the simulator that say where an effect sits, and those that are neither this nor a strength.
-const SEATED_ON: [&str; 2] = ["gear", "channel"];
+const SEAT_KEYS: [&str; 2] = ["gear", "channel"];
 const NO_STRENGTH: [&str; 7] = ["order", "frequency", "phase", "tooth", "length", "exponent", "damping"];
 
 /// What limits are stated for.
@@ -281,7 +281,7 @@ fn row(bench: &Bench<'_>, candidate: &Candidate, hypothesis: &'static Hypothesis
     let (key, _) = strength_of(&table)?;
     let parameter = entry(table.0).ok()?.parameters.iter().find(|p| p.name == key)?;
     let keys: Vec<(&'static str, u8)> =
-        table.1.iter().filter(|(key, _)| SEATED_ON.contains(key)).map(|(key, value)| (*key, *value as u8)).collect();
+        table.1.iter().filter(|(key, _)| SEAT_KEYS.contains(key)).map(|(key, value)| (*key, *value as u8)).collect();
     let of_one = |value: &u8| *value < 2;
     let at = keys.iter().filter(|(_, value)| of_one(value)).map(|&(key, value)| match key {
         "gear" => ["pinion", "gear"][usize::from(value)].to_string(),
@@ -328,7 +328,7 @@ fn middle_order(teeth: u32) -> u32 {
 /// Key and value of the strength in a simulator's effect.
 fn strength_of(table: &Table) -> Option<(&'static str, f64)> {
     let is_strength =
-        |(key, value): &&(&str, f64)| !SEATED_ON.contains(key) && !NO_STRENGTH.contains(key) && *value != 0.0;
+        |(key, value): &&(&str, f64)| !SEAT_KEYS.contains(key) && !NO_STRENGTH.contains(key) && *value != 0.0;
     table.1.iter().find(is_strength).copied()
 }
 

@@ -5,7 +5,7 @@
 //! over all points of a quantity, and no point counts as less uncertain than that. A quantity with too few values to
 //! tell its spread is not expected at all.
 
-use super::coverage::FIXED;
+use super::coverage::STRETCHES;
 use super::run_up::Heard;
 use super::step::{Finding, Step, StepRecord};
 use crate::Result;
@@ -92,11 +92,11 @@ pub fn baseline(heard: &mut Heard, allowance_db: f64) -> Result<(Learned, Spread
 /// show here or nowhere.
 fn over_time(heard: &Heard) -> Option<Finding> {
     let values = &heard.levels.by_quantity[0];
-    if !heard.coverage.has_one_speed() || values.len() < FIXED {
+    if !heard.coverage.has_one_speed() || values.len() < STRETCHES {
         return None;
     }
     let mean = |part: &[Observation]| part.iter().map(|value| value.level_db).sum::<f64>() / part.len() as f64;
-    let means: Vec<f64> = values.chunks(values.len().div_ceil(FIXED)).map(mean).collect();
+    let means: Vec<f64> = values.chunks(values.len().div_ceil(STRETCHES)).map(mean).collect();
     let [low, high] =
         [means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
     let seen = format!("means of {} stretches within {:.2} dB of each other", means.len(), high - low);

@@ -1,6 +1,6 @@
 //! Which of the machine's speeds have been seen, and how often: classes of equal ratio over the range.
 //!
-//! A machine of one speed has one class, which is filled by time: [`FIXED`] times as many values, so that load and
+//! A machine of one speed has one class, which is filled by time: [`STRETCHES`] times as many values, so that load and
 //! temperature have had some minutes to show. Its slow part is said by comparing so many stretches of that time
 //! ([`super::baseline`]).
 
@@ -10,10 +10,10 @@ use serde::Serialize;
 /// Ratio of a class's ends, at most.
 const RATIO: f64 = 1.2;
 /// Most classes: one less than points in the node's table.
-const MOST: usize = 11;
+const MAX_CLASSES: usize = 11;
 
 /// Values of a machine of one speed, times those of a class.
-pub const FIXED: usize = 5;
+pub const STRETCHES: usize = 5;
 
 /// A class of speeds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -39,8 +39,8 @@ impl Coverage {
     /// Classes over a range, each filled by so many values.
     pub fn new(range: Domain, wanted: usize) -> Self {
         let span = range.highest_hz / range.lowest_hz;
-        let count = ((span.ln() / RATIO.ln()).ceil() as usize).clamp(1, MOST);
-        let wanted = if count == 1 { FIXED * wanted } else { wanted };
+        let count = ((span.ln() / RATIO.ln()).ceil() as usize).clamp(1, MAX_CLASSES);
+        let wanted = if count == 1 { STRETCHES * wanted } else { wanted };
         let edge = |n: usize| range.lowest_hz * span.powf(n as f64 / count as f64);
         let class = |n| SpeedClass { from_hz: edge(n), to_hz: edge(n + 1), values: 0 };
         Self { classes: (0..count).map(class).collect(), wanted }
@@ -70,7 +70,7 @@ impl Coverage {
     pub fn has_one_speed(&self) -> bool {
         let mut seen = self.classes.iter().filter(|class| class.values > 0);
         let (only, other) = (seen.next(), seen.next());
-        let enough = if self.classes.len() == 1 { self.wanted } else { FIXED * self.wanted };
+        let enough = if self.classes.len() == 1 { self.wanted } else { STRETCHES * self.wanted };
         other.is_none() && only.is_some_and(|class| class.values >= enough)
     }
 

@@ -27,7 +27,7 @@ const PERSISTENCE: u8 = 3;
 /// Values of a year of turning.
 const VALUES_PER_YEAR: f64 = 365.25 * 86_400.0;
 /// What clears, as a share of the limit on a departure; of a shape, of its distance from the mean.
-const CLEAR: f64 = 0.8;
+const CLEARING_SHARE: f64 = 0.8;
 /// Shapes that are watched, beside the levels of the departure.
 const SHAPES: [Watched; 3] = [Watched::Kurtosis, Watched::SidebandEnergyRatio, Watched::Fm4];
 /// Parts of the speed range with a limit of their own for each shape: with the departure's they fill seven of eight
@@ -36,18 +36,18 @@ const PARTS: usize = 2;
 /// A range of no more than this ratio has one part: a machine of one speed.
 const ONE_PART: f64 = 1.2;
 /// Fewest values behind a limit on a shape.
-const FEWEST: usize = 8;
+const MIN_VALUES: usize = 8;
 /// A limit on a shape further away than this, as a natural logarithm, would never be reached: a factor of four.
-const USELESS: f64 = 1.386;
+const MAX_LN_DISTANCE: f64 = 1.386;
 /// Decibels of a natural logarithm.
 const DB_PER_NEPER: f64 = 8.685_889_638;
 /// A limit lies this ratio above the largest departure of the sound machine at least.
-const ABOVE_SEEN: f64 = 1.2;
+const MIN_LIMIT_RATIO: f64 = 1.2;
 /// Degrees of freedom beyond which Student's distribution is Gauss's.
 pub const MOST_FREEDOM: f64 = 1e4;
 
 /// Degrees of freedom below which a limit is half as far again as it has to be.
-const FEW: f64 = 20.0;
+const MIN_FREEDOM: f64 = 20.0;
 
 /// What was proposed and why.
 #[derive(Debug, Clone, Serialize)]
@@ -80,9 +80,9 @@ pub fn propose(
     let freedom = freedom(spreads, allowance_db);
     let largest_seen = largest(heard, learned);
     let by_chance = quantile(chance, freedom);
-    let limit = by_chance.max(ABOVE_SEEN * largest_seen);
+    let limit = by_chance.max(MIN_LIMIT_RATIO * largest_seen);
     let kept: Vec<AlarmBand> = own.iter().copied().filter(|alarm| !is_proposed(alarm.watched)).collect();
-    let mut alarms = vec![band(Watched::Departure, [from_hz, to_hz], [limit, CLEAR * limit])];
+    let mut alarms = vec![band(Watched::Departure, [from_hz, to_hz], [limit, CLEARING_SHARE * limit])];
     let mut findings = vec![departure_finding(limit, by_chance, freedom, largest_seen, per_year)];
     for (alarm, finding) in on_shapes(heard, [from_hz, to_hz], allowance_db, chance) {
         alarms.extend(alarm);
@@ -161,7 +161,7 @@ fn departure_finding(limit: f64, by_chance: f64, freedom: f64, largest_seen: f64
             (--values) or a larger --allowance";
         return Finding::warned("Departure", seen, advice);
     }
-    if freedom < FEW {
+    if freedom < MIN_FREEDOM {
         let advice = "few values mean wide limits: more of them per class (--values) make them narrower";
         return Finding::warned("Departure", seen, advice);
     }
@@ -192,7 +192,7 @@ fn largest(heard: &Heard, learned: &Learned) -> f64 {
 /// Limit and what clears it, of a quantity whose logarithms, given here, scatter evenly; none from too few values, or
 /// where it would be out of reach.
 pub fn shape(logs: &[f64], allowance_db: f64, chance: f64) -> Option<[f64; 2]> {
-    if logs.len() < FEWEST {
+    if logs.len() < MIN_VALUES {
         return None;
     }
     let count = logs.len() as f64;
@@ -202,7 +202,7 @@ pub fn shape(logs: &[f64], allowance_db: f64, chance: f64) -> Option<[f64; 2]> {
     let all = scatter + known;
     let freedom = ((count - 1.0) * (all / scatter.max(1e-12)).powi(2)).min(MOST_FREEDOM);
     let distance = quantile(chance, freedom) * all.sqrt();
-    (distance < USELESS).then(|| [(mean + distance).exp(), (mean + CLEAR * distance).exp()])
+    (distance < MAX_LN_DISTANCE).then(|| [(mean + distance).exp(), (mean + CLEARING_SHARE * distance).exp()])
 }
 
 /// What Student's variable of so many degrees of freedom exceeds with this chance.

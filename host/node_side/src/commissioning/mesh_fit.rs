@@ -18,20 +18,20 @@ use crate::spectral::{Spectrum, Window, amplitude_spectrum};
 /// Harmonics of a comb.
 const HARMONICS: usize = 8;
 /// Most pulses that are tried, times the declared ones; and at least so many.
-const TRIED: (u16, u16) = (4, 64);
+const MAX_PULSES: (u16, u16) = (4, 64);
 /// A line is there from this multiple of the local median on, and from this share of the comb's strongest on: a
 /// window leaks beyond its lines.
-const PRESENT: (f64, f64) = (4.0, 0.02);
+const MIN_LINE_RATIOS: (f64, f64) = (4.0, 0.02);
 /// Half a line's width: bins of the window, and share of its frequency that the speed is uncertain by.
 const HALF_WIDTH: (f64, f64) = (2.0, 0.002);
 /// Fewest bins between two lines of a comb.
 const FEWEST_BINS: f64 = 10.0;
 /// Least score that is a mesh line at all.
-const LEAST: f64 = 0.15;
+const MIN_SCORE: f64 = 0.15;
 /// A comb has to be better than the declared one by this ratio.
-const CLEARLY: f64 = 1.5;
+const MIN_SCORE_RATIO: f64 = 1.5;
 /// Two combs are the same within this ratio.
-const SAME: f64 = 0.004;
+const SAME_COMB_SHARE: f64 = 0.004;
 
 /// What was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,18 +75,19 @@ pub fn fit(waveforms: &[Waveform], [pinion, gear]: [u16; 2], pulses: u16) -> Fit
         all / seen.len() as f64
     };
     let declared = score(1.0);
-    let most = TRIED.1.max(TRIED.0.saturating_mul(pulses));
+    let most = MAX_PULSES.1.max(MAX_PULSES.0.saturating_mul(pulses));
     let swap = f64::from(gear) / f64::from(pinion);
     let wheels = (1..=most).filter(|&fits| fits != pulses).map(|fits| {
         let factor = f64::from(pulses) / f64::from(fits);
         (factor, Fit::Pulses { fits, line_hz: factor * line_hz })
     });
     let interchanged = (swap, Fit::Interchanged { line_hz: swap * line_hz });
-    let others = wheels.chain(std::iter::once(interchanged)).filter(|(factor, _)| (factor - 1.0).abs() > SAME);
+    let others =
+        wheels.chain(std::iter::once(interchanged)).filter(|(factor, _)| (factor - 1.0).abs() > SAME_COMB_SHARE);
     let best = others.map(|(factor, what)| (score(factor), what)).max_by(|a, b| a.0.total_cmp(&b.0));
     match best {
-        Some((other, what)) if other > LEAST && other > CLEARLY * declared => what,
-        _ if declared > LEAST => Fit::Declared { line_hz, explained: comb(&seen[0].0, line_hz).1 },
+        Some((other, what)) if other > MIN_SCORE && other > MIN_SCORE_RATIO * declared => what,
+        _ if declared > MIN_SCORE => Fit::Declared { line_hz, explained: comb(&seen[0].0, line_hz).1 },
         _ => Fit::Nothing,
     }
 }
@@ -119,7 +120,8 @@ fn comb(spectrum: &Spectrum, spacing_hz: f64) -> (f64, f64) {
         return (0.0, 0.0);
     }
     let strongest = peaks.iter().map(|(peak, _)| *peak).fold(0.0, f64::max);
-    let is_there = |&(peak, floor): &(f64, f64)| peak > PRESENT.0 * floor && peak > PRESENT.1 * strongest;
+    let is_there =
+        |&(peak, floor): &(f64, f64)| peak > MIN_LINE_RATIOS.0 * floor && peak > MIN_LINE_RATIOS.1 * strongest;
     let there: Vec<bool> = peaks.iter().map(is_there).collect();
     // Harmonics end somewhere; a comb that is too dense has gaps before its last line.
     let reach = there.iter().rposition(|&is| is).map_or(0, |last| last + 1);

@@ -12,7 +12,7 @@ use crate::report::plot::{self, Axes, Series};
 use meshband::alarm::AlarmBand;
 
 /// Points of a drawn curve between two points of the table.
-const FINE: usize = 16;
+const CURVE_POINTS: usize = 16;
 
 /// Makes it.
 ///
@@ -165,7 +165,9 @@ fn levels(mut report: Report, learned: &Learned, heard: &Heard, limit: f64) -> R
                 let height = between(a.level_db, b.level_db) + by * between(a.uncertainty_db, b.uncertainty_db);
                 (speed, height)
             };
-            let pieces = known.windows(2).flat_map(|pair| (0..=FINE).map(move |n| at(pair, n as f64 / FINE as f64)));
+            let pieces = known
+                .windows(2)
+                .flat_map(|pair| (0..=CURVE_POINTS).map(move |n| at(pair, n as f64 / CURVE_POINTS as f64)));
             pieces.collect()
         };
         let dots = values.iter().map(|value| (value.speed_hz, value.level_db)).collect();

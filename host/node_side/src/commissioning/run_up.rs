@@ -21,7 +21,7 @@ use serde::Serialize;
 const TELL_EVERY_S: f64 = 30.0;
 
 /// Ratio about a machine's one speed: slip of an induction motor over its loads.
-const ABOUT: f64 = 1.03;
+const SLIP_RATIO: f64 = 1.03;
 /// Speeds of a pinion that a node can follow, Hz.
 const POSSIBLE_HZ: [f64; 2] = [0.25, 100.0];
 
@@ -212,7 +212,7 @@ pub fn speeds(text: &str) -> std::result::Result<Domain, String> {
         Some((low, high)) => (low.parse::<Speed>()?.0, high.parse::<Speed>()?.0),
         None => {
             let Speed(only) = text.parse()?;
-            (only / ABOUT, only * ABOUT)
+            (only / SLIP_RATIO, only * SLIP_RATIO)
         }
     };
     let [slowest, fastest] = POSSIBLE_HZ;

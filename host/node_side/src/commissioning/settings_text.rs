@@ -58,11 +58,11 @@ pub fn changes(before: &Configuration, after: &Configuration) -> Vec<Change> {
 }
 
 /// Longest value that is shown whole.
-const LONGEST: usize = 60;
+const MAX_VALUE_LENGTH: usize = 60;
 
 fn brief(change: Change) -> Change {
     let shown = |text: String| match serde_json::from_str::<Value>(&text) {
-        Ok(Value::Array(items)) if text.len() > LONGEST => format!("{} entries", items.len()),
+        Ok(Value::Array(items)) if text.len() > MAX_VALUE_LENGTH => format!("{} entries", items.len()),
         Ok(Value::Number(number)) if change.key.ends_with("hash") => {
             number.as_u64().map_or(text, |hash| format!("{hash:#018x}"))
         }

@@ -20,11 +20,11 @@ const PATIENCE_S: f64 = 60.0;
 const COUNTED_S: f64 = 12.0;
 /// Share of pulses missing or beside their place: beyond the first it is worth a look, beyond the second the speed is
 /// doubtful.
-const BAD: [f64; 2] = [0.002, 0.05];
+const BAD_PULSE_SHARES: [f64; 2] = [0.002, 0.05];
 /// Waveforms in which the mesh line is looked for.
 const WAVEFORMS: usize = 4;
 /// Mean of the once-per-turn line over its standard error that counts as there.
-const STEADY: f64 = 4.0;
+const MIN_STANDARD_ERRORS: f64 = 4.0;
 
 /// Looks at the tach and at what repeats with it.
 ///
@@ -124,8 +124,8 @@ fn pulses(before: &Statistics, after: &Statistics, config: &Configuration) -> Fi
     let advice = "double edges: hysteresis or shield; missing ones: gap to the wheel, or teeth missing that were not \
         declared (--missing)";
     match share {
-        _ if share > BAD[1] => Finding::refused("tach pulses", seen, advice),
-        _ if share > BAD[0] || relocks > 0.0 => Finding::warned("tach pulses", seen, advice),
+        _ if share > BAD_PULSE_SHARES[1] => Finding::refused("tach pulses", seen, advice),
+        _ if share > BAD_PULSE_SHARES[0] || relocks > 0.0 => Finding::warned("tach pulses", seen, advice),
         _ => Finding::passed("tach pulses", seen),
     }
 }
@@ -181,5 +181,9 @@ fn once_per_turn(lines: &[OrderLine]) -> Finding {
     let error = (points.iter().map(square).sum::<f64>() / (count * (count - 1.0))).sqrt();
     let amplitude = mean[0].hypot(mean[1]);
     let seen = format!("{amplitude:.5} m/s2, standard error {error:.5}, {} records", points.len());
-    if amplitude > STEADY * error { Finding::passed(what, seen) } else { Finding::warned(what, seen, advice) }
+    if amplitude > MIN_STANDARD_ERRORS * error {
+        Finding::passed(what, seen)
+    } else {
+        Finding::warned(what, seen, advice)
+    }
 }

@@ -5,7 +5,7 @@
 //! they run into each other (a run-up, a machine that wanders) the points lie at equal ratios, as many as the values
 //! can carry. The standard uncertainty of a point is that of one further value there: the scatter about the fit, what
 //! the fit itself is uncertain by, the owner's allowance for what the observed hours did not show, and a tenth of a
-//! decibel for filters. A point with fewer than [`LEAST`] values expects nothing of that quantity.
+//! decibel for filters. A point with fewer than [`MIN_POINT_VALUES`] values expects nothing of that quantity.
 //!
 //! A machine of one speed gets one level from all values over time, for speeds within 3 % of those seen: there the
 //! node's two points are alike.
@@ -21,18 +21,18 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 /// Where the quantities of the second table begin.
-const LOCAL: usize = 4;
+const FIRST_LOCAL_QUANTITY: usize = 4;
 /// Heads of [`Learned::rows`].
 pub const HEAD: [&str; 1 + QUANTITIES.len()] =
     ["Hz", "RMS, dB", "velocity RMS, dB", "first mesh harmonic, dB", "residual RMS, dB", "sidebands, dB", "FM0, dB"];
 /// Least values behind a point.
-pub const LEAST: f64 = 3.0;
+pub const MIN_POINT_VALUES: f64 = 3.0;
 /// Uncertainty that no scatter shows, dB: ripple of the filters from speed to speed.
 pub const FLOOR_DB: f64 = 0.1;
 /// Speeds whose ratio is larger than this are two steady speeds.
-const APART: f64 = 1.03;
+const MIN_SPEED_RATIO: f64 = 1.03;
 /// One steady speed does not wander by more than this ratio.
-const STEADY: f64 = 1.05;
+const MAX_WANDER_RATIO: f64 = 1.05;
 /// The outermost points lie this ratio outside the outermost values, so that the next value there is still within.
 const MARGIN: f64 = 1.01;
 
@@ -100,13 +100,13 @@ fn of_one_speed(observations: &Observations, allowance_db: f64) -> Learned {
     let levels = observations.by_quantity.each_ref().map(|values| level_of(values, allowance_db));
     let point = |speed: f64| Expected { speed: Hertz(speed as f32), levels };
     let values = observations.by_quantity.each_ref().map(Vec::len);
-    Learned { points: vec![point(lowest / APART), point(highest * APART)], values }
+    Learned { points: vec![point(lowest / MIN_SPEED_RATIO), point(highest * MIN_SPEED_RATIO)], values }
 }
 
 /// Mean of all values with the uncertainty of one more.
 fn level_of(values: &[Observation], allowance_db: f64) -> ExpectedLevel {
     let count = values.len() as f64;
-    if count < LEAST {
+    if count < MIN_POINT_VALUES {
         return ExpectedLevel::default();
     }
     let mean = values.iter().map(|o| o.level_db).sum::<f64>() / count;
@@ -121,11 +121,11 @@ fn knots(values: &[Observation]) -> Vec<f64> {
     let mut speeds: Vec<f64> = values.iter().map(|o| o.speed_hz).collect();
     speeds.sort_by(f64::total_cmp);
     let (Some(&lowest), Some(&highest)) = (speeds.first(), speeds.last()) else { return Vec::new() };
-    let steady: Vec<&[f64]> = speeds.chunk_by(|a, b| b / a <= APART).collect();
-    let wanders = steady.iter().any(|run| run.last().zip(run.first()).is_some_and(|(b, a)| b / a > STEADY));
+    let steady: Vec<&[f64]> = speeds.chunk_by(|a, b| b / a <= MIN_SPEED_RATIO).collect();
+    let wanders = steady.iter().any(|run| run.last().zip(run.first()).is_some_and(|(b, a)| b / a > MAX_WANDER_RATIO));
     let mut knots: Vec<f64> = if wanders || steady.len() > MAX_LEVELS {
         // No more points than there are values to tell each one and its scatter from.
-        let points = ((speeds.len() as f64 / (2.0 * LEAST)) as usize).clamp(2, MAX_LEVELS);
+        let points = ((speeds.len() as f64 / (2.0 * MIN_POINT_VALUES)) as usize).clamp(2, MAX_LEVELS);
         let steps = (points - 1) as f64;
         (0..points).map(|n| lowest * (highest / lowest).powf(n as f64 / steps)).collect()
     } else {
@@ -173,7 +173,7 @@ fn fitted(speeds: &[f64], values: &[Observation], allowance_db: f64) -> Vec<Expe
         scatter[at + 1] += t * miss * miss;
     }
     let level = |k: usize| {
-        if weight[k] < LEAST {
+        if weight[k] < MIN_POINT_VALUES {
             return ExpectedLevel::default();
         }
         // One parameter per point: its variance is that of the values over their number.
@@ -223,7 +223,9 @@ impl Learned {
         let mut text = String::from(
             "# Expected levels; dB of m/s2 (velocity m/s, fm0 1). For `meshband configure PORT --settings`.\n",
         );
-        for (table, quantities) in [("levels", 0..LOCAL), ("local_levels", LOCAL..QUANTITIES.len())] {
+        for (table, quantities) in
+            [("levels", 0..FIRST_LOCAL_QUANTITY), ("local_levels", FIRST_LOCAL_QUANTITY..QUANTITIES.len())]
+        {
             for point in &self.points {
                 text += &format!("\n[[{table}]]\nspeed = {:.4}\n", point.speed.0);
                 for quantity in quantities.clone() {

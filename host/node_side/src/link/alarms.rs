@@ -13,7 +13,7 @@ use meshband::message::AlarmState;
 use serde::Serialize;
 
 /// Bits of an [`AlarmState`].
-const MOST: u8 = 8;
+const ALARM_BITS: u8 = 8;
 
 /// All alarms of a node as far as they are known.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -128,7 +128,7 @@ fn figures(value: f32) -> String {
 /// Indices of those that stand, ascending.
 pub fn numbers(bits: &AlarmState) -> impl Iterator<Item = u8> + use<> {
     let set = bits.standing | bits.raised;
-    (0..MOST).filter(move |index| set >> index & 1 != 0)
+    (0..ALARM_BITS).filter(move |index| set >> index & 1 != 0)
 }
 
 fn standing(view: &View, bits: &AlarmState, index: u8) -> Standing {

@@ -3,7 +3,7 @@
 //! A node answers every command with one reply, in order, between its streamed messages. A command or its answer can be
 //! lost on the line; every command may be repeated without harm, so the client asks again, up to [`ATTEMPTS`] times.
 
-use super::stream::{Losses, REOPENED, Stream};
+use super::stream::{Losses, REOPEN_MARK, Stream};
 use super::transport::{BITS_PER_SECOND, Transport};
 use crate::{Error, Result};
 use meshband::config::{Configuration, SCHEMA};
@@ -70,7 +70,7 @@ impl Client {
     /// Goes on over another transport: counters stay, and what went by meanwhile is no loss.
     pub fn reopen(&mut self, transport: Box<dyn Transport>) {
         (self.transport, self.ended) = (transport, false);
-        self.take_in(REOPENED);
+        self.take_in(REOPEN_MARK);
     }
 
     /// Opens a port by name (see [`super::transport`]).

@@ -18,7 +18,7 @@ const SLOW_SHAFT_HZ: f32 = 10.0;
 /// Lower edge of the band for slower shafts, Hz (ISO 20816-3).
 const SLOW_FROM_HZ: f32 = 2.0;
 /// Level that clears over the one that raises: own choice.
-const CLEARS_AT: f32 = 0.9;
+const CLEARING_SHARE: f32 = 0.9;
 /// Consecutive values that raise: own choice.
 const PERSISTENCE: u8 = 3;
 /// Highest pinion rate of the alarms, turns/s: beyond every shaft of a node.
@@ -112,7 +112,7 @@ fn limit(watched: Watched, mm_s: f32) -> AlarmBand {
     // Divided: the nearest single to the figure of the standard, as a person would write it.
     let raise = mm_s / 1000.0;
     let (from, to) = (Hertz(0.0), Hertz(EVERY_SPEED_HZ));
-    AlarmBand { watched, from, to, raise, clear: CLEARS_AT * raise, persistence: PERSISTENCE }
+    AlarmBand { watched, from, to, raise, clear: CLEARING_SHARE * raise, persistence: PERSISTENCE }
 }
 
 #[cfg(test)]

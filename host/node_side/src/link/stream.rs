@@ -2,7 +2,7 @@
 //! restarted.
 //!
 //! A live view, a capture that is replayed and a command all count here, so equal bytes give equal figures. Where a
-//! link was lost and opened again [`REOPENED`] stands between the bytes; what went by meanwhile was nobody's loss. A
+//! link was lost and opened again [`REOPEN_MARK`] stands between the bytes; what went by meanwhile was nobody's loss. A
 //! node that begins anew is known by its sequence (zero, or going back) or, where both runs of numbers happen to fit,
 //! by the ticks of its statuses, which go back. Limit: frames lost around a restart cannot be told from frames that
 //! were never sent; only those of the new run are counted.
@@ -11,9 +11,9 @@ use meshband::frame::{Decoder, FrameError, Packet};
 use meshband::message::Message;
 
 /// Stands in a capture where the link was opened again: no frame of a node reads so.
-pub const REOPENED: &[u8] = b"\0meshband: link opened again\0";
+pub const REOPEN_MARK: &[u8] = b"\0meshband: link opened again\0";
 /// A gap of more frames than this is a sequence that went back: half of what the number counts.
-const BACKWARDS: u16 = 1 << 15;
+const MIN_BACKWARD_GAP: u16 = 1 << 15;
 
 /// What did not arrive, or not whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -36,7 +36,7 @@ pub struct Losses {
 #[derive(Debug)]
 pub struct Stream {
     decoder: Decoder,
-    /// Bytes of [`REOPENED`] seen in a row.
+    /// Bytes of [`REOPEN_MARK`] seen in a row.
     mark: usize,
     losses: Losses,
     /// Tick of the newest status of this run of the node.
@@ -77,11 +77,11 @@ impl Stream {
     /// Takes a byte; a packet comes with the end of its frame.
     pub fn push(&mut self, byte: u8) -> Option<Packet> {
         self.bytes += 1;
-        self.mark = match REOPENED.get(self.mark) {
+        self.mark = match REOPEN_MARK.get(self.mark) {
             Some(&next) if next == byte => self.mark + 1,
             _ => usize::from(byte == 0),
         };
-        if self.mark == REOPENED.len() {
+        if self.mark == REOPEN_MARK.len() {
             (self.decoder, self.mark) = (Decoder::new(), 0);
             self.losses.reopened += 1;
             return None;
@@ -109,7 +109,7 @@ impl Stream {
     }
 
     fn count_gap(&mut self, sequence: u16, lost: u16) {
-        if lost >= BACKWARDS || (sequence == 0 && lost != 0) {
+        if lost >= MIN_BACKWARD_GAP || (sequence == 0 && lost != 0) {
             self.restarts();
             self.losses.lost += u32::from(sequence);
         } else {

@@ -138,15 +138,15 @@ fn overall(i: &Indicators) -> String {
 /// Why a sensor is not in order, in words; what was, where nothing is wrong any more.
 pub fn sensor_text(reasons: u16) -> String {
     let words = [
-        (reason::CLIPPED, "clipped"),
-        (reason::STILL, "does not move"),
-        (reason::SECOND_CLIPPED, "second sensor clipped"),
-        (reason::SECOND_STILL, "second sensor does not move"),
+        (reason::CLIPPING, "clipped"),
+        (reason::STANDSTILL, "does not move"),
+        (reason::SECOND_CLIPPING, "second sensor clipped"),
+        (reason::SECOND_STANDSTILL, "second sensor does not move"),
         (reason::BIAS, "bias out of its band"),
         (reason::MEAN, "mean out of its band"),
         (reason::FLOOR, "too quiet for a shaft that turns"),
-        (reason::FAR_BELOW, "far below what is expected"),
-        (reason::BLIND, "nothing to judge limits by"),
+        (reason::LEVEL_DROP, "far below what is expected"),
+        (reason::BLINDNESS, "nothing to judge limits by"),
     ];
     let of: Vec<&str> = words.into_iter().filter(|(bit, _)| reasons & bit != 0).map(|(_, word)| word).collect();
     if of.is_empty() { "latched".to_owned() } else { of.join(", ") }

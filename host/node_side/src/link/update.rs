@@ -21,7 +21,7 @@ const FIRST_SCHEMA: u8 = 7;
 /// Longest update file: both slots of the largest node and then some.
 const LONGEST_FILE: u64 = 1 << 20;
 /// How long erasing may take: two sectors of 2 s, and what a busy node is late by.
-const ERASING: Duration = Duration::from_secs(30);
+const ERASE_PATIENCE: Duration = Duration::from_secs(30);
 /// How long a new image may need to be spoken to: three starts that each end in the watchdog, 15 s at its slowest.
 const RESTART: Duration = Duration::from_secs(60);
 /// How long a new image may need to be well: five seconds of samples, and a second for each item of the self-test.
@@ -189,13 +189,16 @@ fn check(file: &UpdateFile, node: &Identification) -> Result<()> {
 fn transfer(client: &mut Client, image: &UpdateImage, tell: &mut impl FnMut(Progress) -> Result<()>) -> Result<()> {
     let header = image.header_bytes.into_iter().collect();
     let mut status = accepted(client.update(&UpdateRequest::Begin { header })?)?;
-    let deadline = Instant::now() + ERASING;
+    let deadline = Instant::now() + ERASE_PATIENCE;
     if status.stage == Stage::Erasing {
         tell(Progress::Erasing)?;
     }
     while status.stage == Stage::Erasing {
         if Instant::now() > deadline {
-            return Err(Error::tool("node", format!("has not erased its free slot within {} s", ERASING.as_secs())));
+            return Err(Error::tool(
+                "node",
+                format!("has not erased its free slot within {} s", ERASE_PATIENCE.as_secs()),
+            ));
         }
         std::thread::sleep(PAUSE);
         status = accepted(client.update(&UpdateRequest::Status)?)?;

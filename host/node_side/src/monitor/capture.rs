@@ -3,7 +3,7 @@
 //! Appended as it comes and flushed at once: what a power cut leaves is a capture, too. A failing disk must not end
 //! the view; the capture stops and says why.
 
-use crate::link::stream::REOPENED;
+use crate::link::stream::REOPEN_MARK;
 use crate::link::transport::Transport;
 use crate::output::Lock;
 use crate::{Error, Result};
@@ -37,7 +37,7 @@ impl Capture {
         let inner = Inner { file, bytes: 0, failed: None, _lock: lock };
         let capture = Self { inner: Arc::new(Mutex::new(inner)), path: path.to_owned() };
         if begun {
-            capture.keep(REOPENED);
+            capture.keep(REOPEN_MARK);
         }
         Ok(capture)
     }

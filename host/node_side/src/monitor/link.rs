@@ -5,7 +5,7 @@
 
 use super::capture::{Capture, Kept};
 use crate::Result;
-use crate::link::stream::REOPENED;
+use crate::link::stream::REOPEN_MARK;
 use crate::link::transport::{self, Transport};
 use crate::link::{Client, Losses};
 use meshband::message::Message;
@@ -143,7 +143,7 @@ impl Lost {
 fn kept(transport: Box<dyn Transport>, capture: Option<&Capture>, again: bool) -> Box<dyn Transport> {
     let Some(capture) = capture else { return transport };
     if again {
-        capture.keep(REOPENED);
+        capture.keep(REOPEN_MARK);
     }
     Box::new(Kept::new(transport, capture.clone()))
 }

@@ -25,7 +25,7 @@ const SPAN_DB: f64 = 60.0;
 /// Signs of a trend, from low to high.
 const STEPS: [&str; 8] = ["▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
 /// Strongest lines shown where there is room.
-const STRONGEST: usize = 8;
+const MAX_LINES: usize = 8;
 /// Age from which on a figure is drawn faint, s.
 const OLD_S: f64 = 10.0;
 
@@ -316,7 +316,7 @@ fn strongest_lines(scene: &Scene) -> Vec<Line<'static>> {
             if speed > 0.0 { format!("order {:9.3}", f64::from(line.frequency_hz) / speed) } else { String::new() };
         Line::raw(format!("{:10.2} Hz {:10.4}   {order}", line.frequency_hz, line.amplitude))
     };
-    peaks.lines.iter().take(STRONGEST).map(line).collect()
+    peaks.lines.iter().take(MAX_LINES).map(line).collect()
 }
 
 /// All lines of the newest spectrum as columns over the order, the strongest of each column.
@@ -355,8 +355,8 @@ fn order_lines(scene: &Scene, area: Rect) -> Vec<Line<'static>> {
 /// Orders under the columns, at round numbers.
 fn axis(top: f64, width: usize) -> String {
     /// Columns between two numbers, at least.
-    const APART: f64 = 12.0;
-    let least = APART * top / width as f64;
+    const MIN_NUMBER_COLUMNS: f64 = 12.0;
+    let least = MIN_NUMBER_COLUMNS * top / width as f64;
     let decade = 10f64.powf(least.log10().floor());
     let step =
         [1.0, 2.0, 5.0, 10.0].map(|n| n * decade).into_iter().find(|step| *step >= least).unwrap_or(10.0 * decade);

@@ -19,9 +19,9 @@ pub fn address(option: &str, text: &str) -> Result<String> {
 }
 
 /// Most peers at once; one more is closed at once.
-pub const MOST: usize = 16;
+pub const MAX_PEERS: usize = 16;
 /// Bytes of a command that has not ended yet.
-const MOST_PENDING: usize = 2 * MAX_FRAME;
+const MAX_PENDING_BYTES: usize = 2 * MAX_FRAME;
 
 /// All peers of a listener.
 pub struct Peers {
@@ -61,7 +61,7 @@ impl Peers {
         self.peers.retain(|peer| !peer.gone);
         while let Ok((stream, _)) = self.listener.accept() {
             let usable = stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).is_ok();
-            if usable && self.peers.len() < MOST {
+            if usable && self.peers.len() < MAX_PEERS {
                 self.peers.push(Peer { stream, sequence: 0, pending: Vec::new(), gone: false });
             }
         }
@@ -102,7 +102,7 @@ impl Peer {
             }
         }
         // What never ends is no command; its beginning makes it a refused one at its end.
-        self.pending.truncate(MOST_PENDING);
+        self.pending.truncate(MAX_PENDING_BYTES);
         pieces
     }
 

@@ -26,7 +26,7 @@ use meshband::units::TicksPerSecond;
 use std::time::{Duration, Instant};
 
 /// Lateness after which time is taken as new instead of being caught up, s.
-const MOST_LATE: Duration = Duration::from_secs(1);
+const MAX_LATENESS: Duration = Duration::from_secs(1);
 /// Longest pause between two looks at the peers.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
@@ -200,7 +200,7 @@ pub fn serve(
         let due = origin + Duration::from_secs_f64(node.block_end_s());
         let now = Instant::now();
         if now >= due {
-            if now - due > MOST_LATE {
+            if now - due > MAX_LATENESS {
                 origin += now - due;
             }
             peers.tell(&node.block());

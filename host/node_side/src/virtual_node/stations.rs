@@ -25,9 +25,9 @@ const HEADER: usize = 7;
 /// Bytes that the header's length counts of the header itself.
 const UNIT: usize = 1;
 /// Longest request: header and a PDU of 253 bytes.
-const LONGEST: usize = HEADER + 253;
+const MAX_REQUEST_BYTES: usize = HEADER + 253;
 /// Most masters at once.
-const MOST: usize = 16;
+const MAX_MASTERS: usize = 16;
 /// Address of the station where none is configured.
 pub const ADDRESS: u8 = 1;
 
@@ -135,7 +135,7 @@ impl Stations {
         }
         for listener in &self.listeners {
             while let Ok((stream, _)) = listener.accept() {
-                if stream.set_nonblocking(true).is_ok() && self.masters.len() < MOST {
+                if stream.set_nonblocking(true).is_ok() && self.masters.len() < MAX_MASTERS {
                     self.masters.push(Master { stream, pending: Vec::new(), gone: false });
                 }
             }
@@ -171,7 +171,7 @@ impl Master {
     fn length(&mut self) -> Option<usize> {
         let header = self.pending.get(..HEADER)?;
         let length = HEADER - UNIT + usize::from(u16::from_be_bytes([header[4], header[5]]));
-        let sane = header[2..4] == [0, 0] && (HEADER + 1..=LONGEST).contains(&length);
+        let sane = header[2..4] == [0, 0] && (HEADER + 1..=MAX_REQUEST_BYTES).contains(&length);
         self.gone |= !sane;
         (sane && self.pending.len() >= length).then_some(length)
     }

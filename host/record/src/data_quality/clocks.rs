@@ -6,7 +6,7 @@
 //! say nothing. Cost: a transform per frame and channel.
 
 use super::thresholds::{
-    CLOCK_BETTER, CLOCK_COHERENCE, COMPARED_LINES, FARTHEST_CLOCK, FRAME_S, LEAST_DRIFT, LEAST_FRAMES,
+    CLOCK_COHERENCE, COMPARED_LINES, FRAME_S, LEAST_DRIFT, LEAST_FRAMES, MAX_CLOCK_OFFSET_SHARE, MIN_COHERENCE_GAIN,
 };
 use super::{Kind, Remark};
 use crate::spectral::{self, Window};
@@ -101,13 +101,13 @@ fn clock(a: &Frames, b: &Frames) -> Option<f64> {
     };
     let length_s = frames as f64 * a.hop_s;
     let step = 1.0 / (STEPS * highest_hz * length_s);
-    let count = (FARTHEST_CLOCK / step).ceil() as i64;
+    let count = (MAX_CLOCK_OFFSET_SHARE / step).ceil() as i64;
     let (at, best) = (-count..=count).map(|i| (i, coherence(i as f64 * step))).max_by(|x, y| x.1.total_cmp(&y.1))?;
     let (before, behind) = (coherence((at - 1) as f64 * step), coherence((at + 1) as f64 * step));
     let curve = before - 2.0 * best + behind;
     let fine = if curve < 0.0 { (0.5 * (before - behind) / curve).clamp(-0.5, 0.5) } else { 0.0 };
     let share = (at as f64 + fine) * step;
-    let clear = best >= CLOCK_COHERENCE && best >= coherence(0.0) + CLOCK_BETTER;
+    let clear = best >= CLOCK_COHERENCE && best >= coherence(0.0) + MIN_COHERENCE_GAIN;
     // A later sample of the same event lies behind: the phase falls where the other clock is fast.
     (clear && (share * length_s * highest_hz).abs() >= LEAST_DRIFT).then_some(share)
 }

@@ -21,11 +21,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 /// Farthest that the mesh may lie from where the pulses put it.
-const NEAR: f64 = 0.005;
+const MAX_MESH_OFFSET_SHARE: f64 = 0.005;
 /// Width of the search for a mesh line beside its place.
-const WIDE: f64 = 0.03;
+const SEARCH_HALF_WIDTH_SHARE: f64 = 0.03;
 /// Range over which the real mesh is looked for where there is none, as factors.
-const FARTHEST: [f64; 2] = [0.5, 2.0];
+const SEARCH_RANGE_FACTORS: [f64; 2] = [0.5, 2.0];
 /// Least excess of a comb that counts near its place, dB.
 const LEAST_DB: f64 = 3.0;
 /// By how much a rival must be better, and how high it must stand, dB.
@@ -45,11 +45,11 @@ const MOST_STRETCHES: f64 = 0.7;
 /// A clock of its own: the line is off by more than this share, with its error this many times below.
 const CLOCK_OFF: f64 = 2e-5;
 /// Farthest that a clock can be off; more is another speed.
-const CLOCK_FARTHEST: f64 = 1e-3;
+const MAX_CLOCK_ERROR_SHARE: f64 = 1e-3;
 /// Least error of a ratio that is said: clocks of one device agree to about a part in a million.
 const LEAST_ERROR: f64 = 1e-6;
 /// Pulses per turn that wheels have.
-const USUAL: [u32; 30] = [
+const USUAL_WHEEL_PULSES: [u32; 30] = [
     1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 18, 20, 24, 25, 30, 32, 36, 40, 48, 50, 60, 64, 72, 80, 90, 100, 120, 128, 180,
     256,
 ];
@@ -92,8 +92,10 @@ pub fn check(place: &str, pulsed: &Pulsed<'_>) -> Option<MeshCheck> {
             format!("the mesh, at {implied_hz:.1} Hz by {by}, cannot be seen at this sampling rate and length");
         return folded(pulsed, implied_hz).or(Some(MeshCheck::new(implied_hz, 0.0, sentence, false)));
     }
-    let near = combs.best_between((1.0 - NEAR) * implied_hz, (1.0 + NEAR) * implied_hz);
-    let wide = combs.best_between((1.0 - WIDE) * implied_hz, (1.0 + WIDE) * implied_hz);
+    let near =
+        combs.best_between((1.0 - MAX_MESH_OFFSET_SHARE) * implied_hz, (1.0 + MAX_MESH_OFFSET_SHARE) * implied_hz);
+    let wide =
+        combs.best_between((1.0 - SEARCH_HALF_WIDTH_SHARE) * implied_hz, (1.0 + SEARCH_HALF_WIDTH_SHARE) * implied_hz);
     let stands_out = |comb: (f64, f64)| comb.1 >= LEAST_DB && combs.harmonics(comb.0, HARMONIC_DB) > 0;
     let at_place = stands_out(near) && wide.1 < near.1 + LEAST_DB;
     let followed = phase::follow(pulsed, &map);
@@ -112,7 +114,10 @@ pub fn check(place: &str, pulsed: &Pulsed<'_>) -> Option<MeshCheck> {
     let elsewhere = if stands_out(wide) {
         wide
     } else {
-        combs.best_between(FARTHEST[0] * implied_hz, (FARTHEST[1] * implied_hz).min(0.45 * rate_hz))
+        combs.best_between(
+            SEARCH_RANGE_FACTORS[0] * implied_hz,
+            (SEARCH_RANGE_FACTORS[1] * implied_hz).min(0.45 * rate_hz),
+        )
     };
     let elsewhere = Some(elsewhere).filter(|comb| stands_out(*comb) && comb.1 >= near.1 + LEAST_DB);
     let sentence = match (&fold, rival, elsewhere) {
@@ -179,7 +184,7 @@ fn confirmed(
                 ", in {:.0} % of the run only: elsewhere it is too weak, or the pulses are wrong",
                 100.0 * followed.share
             );
-        } else if !pulsed.nominal && (CLOCK_OFF..CLOCK_FARTHEST).contains(&off) && off > followed.error {
+        } else if !pulsed.nominal && (CLOCK_OFF..MAX_CLOCK_ERROR_SHARE).contains(&off) && off > followed.error {
             sentence += &format!(": {:+.0} ppm, as if the tach had a clock of its own", 1e6 * (share - 1.0));
         }
         if let Some((time_s, cycles)) = followed.jump {
@@ -256,10 +261,10 @@ fn rival(pulsed: &Pulsed<'_>, combs: &Combs, implied_hz: f64) -> Option<(String,
     let shafts = [(pulsed.shaft.as_str(), pulsed.ratio), ("the pinion", 1.0), ("the gear", gear)];
     let mut best: Option<(String, f64)> = None;
     for (shaft, ratio) in shafts {
-        for pulses in [pulsed.pulses].into_iter().chain(around).chain(USUAL).filter(|pulses| *pulses > 0) {
+        for pulses in [pulsed.pulses].into_iter().chain(around).chain(USUAL_WHEEL_PULSES).filter(|pulses| *pulses > 0) {
             let scale = own / (f64::from(pulses) * ratio);
             let hz = scale * implied_hz;
-            if (scale - 1.0).abs() < WIDE || !combs.can_see(hz) {
+            if (scale - 1.0).abs() < SEARCH_HALF_WIDTH_SHARE || !combs.can_see(hz) {
                 continue;
             }
             let db = combs.score(hz);

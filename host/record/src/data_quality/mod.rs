@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 /// Remarks that import and analysis print.
-const FIRST: usize = 6;
+const MAX_PRINTED_REMARKS: usize = 6;
 
 /// What a remark is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -110,9 +110,12 @@ pub fn of_run(record: &Record, run: &Run) -> Vec<Remark> {
 /// The sentences of at most six remarks that say something is wrong, and how many more there are.
 pub fn first_lines(remarks: &[Remark]) -> Vec<String> {
     let wrong: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != Kind::MeshConfirmed).collect();
-    let mut lines: Vec<String> = wrong.iter().take(FIRST).map(|remark| remark.text.clone()).collect();
-    if wrong.len() > FIRST {
-        lines.push(format!("{} more remarks on the recording: `meshband check` says them all", wrong.len() - FIRST));
+    let mut lines: Vec<String> = wrong.iter().take(MAX_PRINTED_REMARKS).map(|remark| remark.text.clone()).collect();
+    if wrong.len() > MAX_PRINTED_REMARKS {
+        lines.push(format!(
+            "{} more remarks on the recording: `meshband check` says them all",
+            wrong.len() - MAX_PRINTED_REMARKS
+        ));
     }
     lines
 }

@@ -14,21 +14,21 @@ use std::f64::consts::TAU;
 /// Samples between which the angle is straight.
 const BLOCK: usize = 16;
 /// Blocks after which a phase is computed anew.
-const AFRESH: usize = 64;
+const RENEWAL_BLOCKS: usize = 64;
 /// Turns of the slower shaft in a frame, shortest frame, s, and fewest frames that say anything.
 const FRAME_TURNS: f64 = 12.0;
 const LEAST_FRAME_S: f64 = 0.2;
 const LEAST_FRAMES: usize = 8;
 /// Power of a line over its floor in a frame in which it stands.
-const STANDS: f64 = 12.0;
+const MIN_FLOOR_POWER_RATIO: f64 = 12.0;
 /// Harmonics that are followed.
 const HARMONICS: usize = 3;
 /// Frames before and behind a jump, how well their phases must agree, and how far apart they must lie, cycles.
 const SIDE: usize = 4;
-const AGREE: f64 = 0.9;
+const MIN_PHASE_AGREEMENT: f64 = 0.9;
 const JUMP: f64 = 0.12;
 /// Change of speed above which the phase may turn by itself: the paths' resonances.
-const STEADY: f64 = 0.1;
+const MAX_SPEED_CHANGE_SHARE: f64 = 0.1;
 
 /// What following the line gave.
 pub(super) struct Followed {
@@ -50,7 +50,7 @@ struct Line {
 
 impl Line {
     fn stands(&self, m: usize) -> bool {
-        self.frames[m].norm_sqr() > STANDS * self.floor[m]
+        self.frames[m].norm_sqr() > MIN_FLOOR_POWER_RATIO * self.floor[m]
     }
 }
 
@@ -103,7 +103,7 @@ pub(super) fn follow(pulsed: &Pulsed<'_>, map: &AngleMap) -> Option<Followed> {
     let (ratio, error) = place(&lines, teeth, hop_turns);
     let speed = |m: usize| grid.turns[(m + 1) * half] - grid.turns[m * half];
     let (slow, fast) = (0..=frames).map(speed).fold((f64::INFINITY, 0.0_f64), |(l, h), s| (l.min(s), h.max(s)));
-    let jump = if fast > (1.0 + STEADY) * slow { None } else { jump(&lines) };
+    let jump = if fast > (1.0 + MAX_SPEED_CHANGE_SHARE) * slow { None } else { jump(&lines) };
     Some(Followed {
         share: (0..frames).filter(|m| stands(*m)).count() as f64 / frames as f64,
         ratio,
@@ -148,7 +148,7 @@ impl Grid {
                 let samples = &channel[self.from + b * BLOCK..self.from + (b + 1) * BLOCK];
                 let turn = C::cis(-TAU * order * (self.turns[b + 1] - self.turns[b]) / BLOCK as f64);
                 // The phase goes on from block to block, but for rounding.
-                if b.is_multiple_of(AFRESH) {
+                if b.is_multiple_of(RENEWAL_BLOCKS) {
                     phasor = C::cis(-TAU * (order * self.turns[b]).fract());
                 }
                 rotated(samples, &mut phasor, turn)
@@ -220,7 +220,7 @@ fn jump(lines: &[Line]) -> Option<(usize, f64)> {
         for m in SIDE..steady.len().saturating_sub(SIDE + 2) {
             let before: C = steady[m - SIDE..m].iter().sum::<C>() / SIDE as f64;
             let behind: C = steady[m + 2..m + 2 + SIDE].iter().sum::<C>() / SIDE as f64;
-            if before.norm() < AGREE || behind.norm() < AGREE {
+            if before.norm() < MIN_PHASE_AGREEMENT || behind.norm() < MIN_PHASE_AGREEMENT {
                 continue;
             }
             let cycles = (behind * before.conj()).arg() / TAU;

@@ -5,8 +5,8 @@
 //! seen. Cost: linear.
 
 use super::thresholds::{
-    AT_LIMIT, BLOCK, BLOCK_VALUES, COARSEST, FLAT, LEAST_LIMITED, LEAST_TOPS, LONGEST_EQUAL, LOOP_SHARE, OVER_USUAL,
-    PILED_UP, STANDSTILL_S,
+    BLOCK, BLOCK_VALUES, FLAT_TOP_SAMPLES, LEAST_TOPS, LIMIT_STRIP_SHARE, LOOP_SHARE, MAX_CODE_STEP_SHARE,
+    MIN_LIMIT_SAMPLES, MIN_PILE_RATIO, MIN_STANDSTILL_RUN_RATIO, MIN_STANDSTILL_SAMPLES, STANDSTILL_S,
 };
 use super::{Kind, Remark};
 use crate::text;
@@ -94,7 +94,7 @@ fn standstill(signal: &[f64], rate_hz: f64) -> Vec<Range<usize>> {
     let mut lengths: Vec<usize> = runs.iter().map(ExactSizeIterator::len).collect();
     let middle = lengths.len() / 2;
     let usual = *lengths.select_nth_unstable(middle).1;
-    let least = LONGEST_EQUAL.max(OVER_USUAL * usual).max((STANDSTILL_S * rate_hz) as usize);
+    let least = MIN_STANDSTILL_SAMPLES.max(MIN_STANDSTILL_RUN_RATIO * usual).max((STANDSTILL_S * rate_hz) as usize);
     runs.into_iter().filter(|run| run.len() >= least).collect()
 }
 
@@ -108,8 +108,9 @@ fn flat_tops(
 ) -> Option<(usize, usize, usize)> {
     // Of coarse codes the strip beside the limit holds the next code; of very coarse ones that is no measure.
     let next = signal.iter().map(|x| sign * (limit - x)).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min);
-    let width = if next.is_finite() { (0.999 * next).max(AT_LIMIT * range) } else { AT_LIMIT * range };
-    if width > COARSEST * range {
+    let width =
+        if next.is_finite() { (0.999 * next).max(LIMIT_STRIP_SHARE * range) } else { LIMIT_STRIP_SHARE * range };
+    if width > MAX_CODE_STEP_SHARE * range {
         return None;
     }
     let depth = |x: f64| sign * (limit - x) / width;
@@ -129,13 +130,13 @@ fn flat_tops(
         }
         at += 1;
         row += 1;
-        if row == FLAT {
+        if row == FLAT_TOP_SAMPLES {
             tops += 1;
-            first.get_or_insert(i + 1 - FLAT);
+            first.get_or_insert(i + 1 - FLAT_TOP_SAMPLES);
         }
     }
-    let piled_up = at as f64 > PILED_UP * beside.max(1) as f64;
-    (at >= LEAST_LIMITED && tops >= LEAST_TOPS && piled_up).then(|| (at, tops, first.unwrap_or(0)))
+    let piled_up = at as f64 > MIN_PILE_RATIO * beside.max(1) as f64;
+    (at >= MIN_LIMIT_SAMPLES && tops >= LEAST_TOPS && piled_up).then(|| (at, tops, first.unwrap_or(0)))
 }
 
 /// The first block that comes again, where, and for how long it goes on; `None` too where the signal is a loop all
@@ -145,15 +146,15 @@ fn repeated(signal: &[f64], still: &[Range<usize>]) -> Option<(usize, usize, usi
         return None;
     }
     // A rolling hash over every block; those at whole multiples of the block are remembered.
-    const SEEN: usize = 1 << 16;
+    const HASH_SLOTS: usize = 1 << 16;
     const BASE: u64 = 0x9E37_79B9_7F4A_7C15;
     let word = |x: f64| x.to_bits().wrapping_mul(0xD6E8_FEB8_6659_FD93) ^ 0x2545_F491;
     let top = (0..BLOCK - 1).fold(1_u64, |power, _| power.wrapping_mul(BASE));
     let mut hash = signal[..BLOCK].iter().fold(0_u64, |hash, x| hash.wrapping_mul(BASE).wrapping_add(word(*x)));
     let mut known: HashMap<u64, usize> = HashMap::new();
     // Whether any known hash has the same middle bits: nearly every place is told by this table alone.
-    let mut seen = vec![false; SEEN];
-    let slot = |hash: u64| (hash >> 40) as usize % SEEN;
+    let mut seen = vec![false; HASH_SLOTS];
+    let slot = |hash: u64| (hash >> 40) as usize % HASH_SLOTS;
     let (mut found, mut covered, mut i) = (None, 0, 0);
     loop {
         if seen[slot(hash)]

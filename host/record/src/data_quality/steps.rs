@@ -8,7 +8,7 @@ pub const POOR_DB: f64 = 30.0;
 /// Range of 98 % of a normal variable, in standard deviations.
 const RANGE: f64 = 4.653;
 /// Values that steps are looked for among, and the share of them that may differ where there are steps.
-const LOOKED_AT: usize = 100_000;
+const MAX_PROBED_VALUES: usize = 100_000;
 const DISTINCT_SHARE: f64 = 0.25;
 
 /// Standard deviation of what 98 % of the samples keep to.
@@ -28,10 +28,10 @@ pub fn level(channel: &[f64]) -> f64 {
 
 /// The step of the numbers that a file held; none where hardly any two are alike.
 pub fn of_source(channel: &[f64]) -> Option<f64> {
-    let mut values = channel.get(..LOOKED_AT.min(channel.len()))?.to_vec();
+    let mut values = channel.get(..MAX_PROBED_VALUES.min(channel.len()))?.to_vec();
     values.sort_by(f64::total_cmp);
     values.dedup();
-    let few = values.len() > 2 && (values.len() as f64) < DISTINCT_SHARE * channel.len().min(LOOKED_AT) as f64;
+    let few = values.len() > 2 && (values.len() as f64) < DISTINCT_SHARE * channel.len().min(MAX_PROBED_VALUES) as f64;
     few.then(|| values.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min))
 }
 

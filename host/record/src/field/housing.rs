@@ -15,7 +15,7 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 
 /// Time constants of the slowest mode that pass before the first sample, and the bounds of that time, s.
-const DECAYS: f64 = 8.0;
+const LEAD_TIME_CONSTANTS: f64 = 8.0;
 const LEAD_S: [f64; 2] = [0.2, 2.0];
 
 /// Modes and residues of a housing.
@@ -46,7 +46,7 @@ impl Paths {
     /// Time before the first sample that is simulated and thrown away, s.
     pub fn lead_s(&self) -> f64 {
         let slowest = self.poles.iter().map(|[hz, damping]| TAU * hz * damping).fold(f64::INFINITY, f64::min);
-        (DECAYS / slowest).clamp(LEAD_S[0], LEAD_S[1])
+        (LEAD_TIME_CONSTANTS / slowest).clamp(LEAD_S[0], LEAD_S[1])
     }
 
     /// Accelerations, m/s2, of all channels under `forces`, N, in the order of the residues.

@@ -26,7 +26,7 @@ const NOISE: u64 = 320;
 /// Simulated behind the last sample, s, so that the wrap-around of the housing's filter has no share in it.
 const TAIL_S: f64 = 0.02;
 /// Arrays of a run's length that are in memory while it is made: forces, their spectra, angles.
-const WORKING: f64 = 14.0;
+const WORKING_ARRAYS: f64 = 14.0;
 
 /// What all runs of a record share.
 pub struct Site<'a> {
@@ -97,7 +97,7 @@ impl<'a> Site<'a> {
     pub fn check(&self, runs: usize) -> Result<()> {
         let kept = (self.field.channel.len() + usize::from(self.field.tach.is_some())) as f64;
         let at_once = (runs as f64).min(rayon::current_num_threads() as f64);
-        let samples = self.rate_hz * self.duration_s * (kept * runs as f64 + WORKING * at_once);
+        let samples = self.rate_hz * self.duration_s * (kept * runs as f64 + WORKING_ARRAYS * at_once);
         SAMPLES.check("--duration and --rate", samples, "shorten the runs, lower the rate, or make fewer runs")
     }
 

@@ -37,11 +37,11 @@ const FLOOR_REACH: f64 = 0.75;
 /// Points per turn of the map from angle to time.
 const POINTS_PER_TURN: u32 = 2;
 /// Fewest slices that make a course.
-const FEWEST: usize = 8;
+const MIN_SLICES: usize = 8;
 /// Slices of both passes, turns of the pinion, and the steps of the mesh frequency, shares of it.
 const PASSES: [(f64, f64); 2] = [(3.0, 1e-3), (10.0, 2e-4)];
 /// What the first pass may be off by, which the second one searches.
-const ROUGH: f64 = 0.012;
+const FIRST_PASS_ERROR_SHARE: f64 = 0.012;
 
 /// Channels read at the angle of a rough course.
 pub(super) struct Followed {
@@ -92,7 +92,8 @@ pub(super) fn follow(
             return Err(Error::impossible(place, "too short to follow the mesh frequency"));
         };
         let followed = at_equal_angles(channels, rate_hz, map, teeth);
-        range_hz = [(1.0 - ROUGH) * followed.mesh_hz, (1.0 + ROUGH) * followed.mesh_hz];
+        range_hz =
+            [(1.0 - FIRST_PASS_ERROR_SHARE) * followed.mesh_hz, (1.0 + FIRST_PASS_ERROR_SHARE) * followed.mesh_hz];
         known = Some(followed);
     }
     known.ok_or_else(|| Error::impossible(place, "no pass over the mesh frequency"))
@@ -142,7 +143,7 @@ impl Slices {
         let samples = channels.first().map_or(0, Vec::len);
         let length = (length_s * rate_hz).round() as usize;
         let hop = (length / OVERLAP).max(1);
-        if length < 64 || samples < length + FEWEST * hop {
+        if length < 64 || samples < length + MIN_SLICES * hop {
             let what = format!("{:.2} s are too short to follow the mesh frequency", samples as f64 / rate_hz);
             return Err(Error::impossible(place, what));
         }

@@ -4,7 +4,7 @@ use crate::Error;
 use std::path::Path;
 
 /// What a file of no known format is told.
-pub(super) const NOT_READ: &str = "is not mat, HDF5, TDMS, mf4, Parquet, Feather, lvm, csv, csv.gz, wav, FLAC, npy or \
+pub(super) const REFUSAL: &str = "is not mat, HDF5, TDMS, mf4, Parquet, Feather, lvm, csv, csv.gz, wav, FLAC, npy or \
     uff58; export it as one of these";
 
 /// The refusal of a format that is known and not read.

@@ -16,7 +16,7 @@ use hdf5_reader::{Dataset, Hdf5File, OpenOptions};
 use std::path::Path;
 
 /// Groups within groups that are looked into.
-const DEEPEST: usize = 16;
+const MAX_GROUP_DEPTH: usize = 16;
 /// Arrays and groups that are looked at.
 const MOST_OBJECTS: usize = 10_000;
 
@@ -72,7 +72,7 @@ impl Found<'_> {
     fn group(&mut self, group: &Group, name: &str, depth: usize) -> Result<()> {
         let (groups, datasets) = group.members().map_err(|error| self.refuse(error))?;
         self.objects += groups.len() + datasets.len();
-        if depth > DEEPEST || self.objects > MOST_OBJECTS {
+        if depth > MAX_GROUP_DEPTH || self.objects > MOST_OBJECTS {
             return Err(self.refuse("groups within groups without end"));
         }
         for attribute in group.attributes().map_err(|error| self.refuse(error))? {

@@ -14,12 +14,12 @@ use std::f64::consts::TAU;
 /// Power over noise below which a line says nothing at a point, and above which more says no more.
 const SNR: [f64; 2] = [10.0, 100.0];
 /// Amplitude, over the line's median, below which it is on its way through nothing.
-const NOTHING: f64 = 0.1;
+const MIN_AMPLITUDE_RATIO: f64 = 0.1;
 /// Advances, mesh cycles beside the nominal ones, this near to the median are those of the mesh; the course followed
 /// is good to less.
-const NEAR: f64 = 0.01;
+const MAX_ADVANCE_ERROR_CYCLES: f64 = 0.01;
 /// Share of the points that may have no line.
-const MOST_BLIND: f64 = 0.05;
+const MAX_BLIND_POINT_SHARE: f64 = 0.05;
 
 /// A harmonic of one channel, mixed down.
 pub(super) struct Line {
@@ -53,7 +53,7 @@ impl Line {
     fn advance(&self, i: usize) -> Option<(f64, f64)> {
         let (from, to) = (self.baseband[i], self.baseband[i + 1]);
         let snr = from.norm_sqr().min(to.norm_sqr()) / self.noise.max(f64::MIN_POSITIVE);
-        let least = NOTHING * self.typical;
+        let least = MIN_AMPLITUDE_RATIO * self.typical;
         if snr < SNR[0] || from.norm() < least || to.norm() < least {
             return None;
         }
@@ -73,7 +73,7 @@ pub(super) fn together(lines: &[Line]) -> Option<(Vec<f64>, f64)> {
         cycles.push(cycles[i] + middle(&mut advances));
     }
     let share = blind as f64 / (count - 1).max(1) as f64;
-    (share <= MOST_BLIND).then_some((cycles, share))
+    (share <= MAX_BLIND_POINT_SHARE).then_some((cycles, share))
 }
 
 /// Weighted mean of the advances near their weighted median; zero of nothing.
@@ -86,7 +86,7 @@ fn middle(advances: &mut [(f64, f64)]) -> f64 {
         before >= half
     });
     let Some(&(median, _)) = median else { return 0.0 };
-    let near = advances.iter().filter(|(advance, _)| (advance - median).abs() <= NEAR);
+    let near = advances.iter().filter(|(advance, _)| (advance - median).abs() <= MAX_ADVANCE_ERROR_CYCLES);
     let (sum, weights) = near.fold((0.0, 0.0), |(sum, weights), (a, w)| (sum + a * w, weights + w));
     if weights > 0.0 { sum / weights } else { median }
 }

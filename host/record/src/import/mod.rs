@@ -210,7 +210,7 @@ fn signals_of(path: &Path, reading: &Reading) -> Result<Signals> {
         found.remarks.extend(remark.map(str::to_owned));
         return Ok(found);
     }
-    Err(Error::invalid(path.display(), foreign::NOT_READ))
+    Err(Error::invalid(path.display(), foreign::REFUSAL))
 }
 
 /// What its signals are called after.

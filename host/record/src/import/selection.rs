@@ -9,7 +9,7 @@ use crate::{Error, Result, text};
 use std::path::Path;
 
 /// Names listed in a refusal.
-const LISTED: usize = 12;
+const MAX_LISTED_NAMES: usize = 12;
 
 /// Leaves out what is skipped.
 ///
@@ -69,8 +69,9 @@ fn unknown(path: &Path, option: &str, wanted: &str, known: &str) -> Error {
 }
 
 fn listed(signals: &[Signal]) -> String {
-    let names = signals.iter().take(LISTED).map(|signal| format!("{} {}", signal.number, text::quoted(&signal.name)));
-    let more = signals.len().saturating_sub(LISTED);
+    let names =
+        signals.iter().take(MAX_LISTED_NAMES).map(|signal| format!("{} {}", signal.number, text::quoted(&signal.name)));
+    let more = signals.len().saturating_sub(MAX_LISTED_NAMES);
     let list = names.collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{list} and {more} more") } else { list }
 }

@@ -14,11 +14,11 @@ const SAME_RATE: f64 = 1e-6;
 /// Starts that agree to this share of a sample are one start.
 const SAME_START: f64 = 0.5;
 /// Share of the length that signals of one rate and start may differ by: a logger stops somewhere.
-const STOPPED: f64 = 0.01;
+const LENGTH_TOLERANCE_SHARE: f64 = 0.01;
 /// Signals named in a remark.
-const LISTED: usize = 10;
+const MAX_LISTED_SIGNALS: usize = 10;
 /// Shortest signal that is kept apart with its values.
-const SHORTEST: usize = 2;
+const MIN_SIGNAL_SAMPLES: usize = 2;
 
 /// One recorded signal as its file gives it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -103,11 +103,11 @@ impl Signals {
     /// Numbers the signals, and takes units out of their names.
     pub fn prepare(&mut self) {
         const DIRECTIONS: [&str; 3] = ["(H)", "(V)", "(A)"];
-        const OTHERS: [&str; 10] =
+        const OTHER_WORDS: [&str; 10] =
             ["time", "zeit", "elapsed", "tach", "tacho", "trigger", "voltage", "current", "spannung", "strom"];
         let ends = |signal: &Signal, sign: &str| {
             let named = signal.own.as_deref().is_some_and(|own| own.trim_end().ends_with(sign));
-            named && !signal.words().iter().any(|word| OTHERS.contains(&word.as_str()))
+            named && !signal.words().iter().any(|word| OTHER_WORDS.contains(&word.as_str()))
         };
         // `Bearing 1 (H)` beside `Bearing 1 (V)` is a direction: neither holds hours, nor volts.
         let some = |sign: &str| self.signals.iter().any(|signal| ends(signal, sign));
@@ -165,11 +165,15 @@ impl Signals {
         }
         let said: Vec<String> = apart.iter().map(said).collect();
         if !said.is_empty() {
-            let more = if said.len() > LISTED { format!(" and {} more", said.len() - LISTED) } else { String::new() };
-            let list = said.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
+            let more = if said.len() > MAX_LISTED_SIGNALS {
+                format!(" and {} more", said.len() - MAX_LISTED_SIGNALS)
+            } else {
+                String::new()
+            };
+            let list = said.iter().take(MAX_LISTED_SIGNALS).cloned().collect::<Vec<_>>().join(", ");
             self.remarks.push(format!("not of the channels' length, rate or start, and not channels: {list}{more}"));
         }
-        apart.retain(|signal| signal.values.len() >= SHORTEST);
+        apart.retain(|signal| signal.values.len() >= MIN_SIGNAL_SAMPLES);
         Ok(Columns {
             names: main.iter().map(|signal| signal.name.clone()).collect(),
             quantities: main.iter().map(Signal::quantity).collect(),
@@ -187,7 +191,7 @@ impl Signals {
     /// Cuts signals of one stated rate and start that end a little apart to the shortest of them.
     fn cut_ends(&mut self) {
         let longest = self.signals.iter().map(|signal| signal.values.len()).max().unwrap_or(0);
-        let near = |signal: &Signal| signal.values.len() as f64 >= (1.0 - STOPPED) * longest as f64;
+        let near = |signal: &Signal| signal.values.len() as f64 >= (1.0 - LENGTH_TOLERANCE_SHARE) * longest as f64;
         let members: Vec<usize> = (0..self.signals.len()).filter(|&i| near(&self.signals[i])).collect();
         let Some(&first) = members.first() else { return };
         let rate = self.rate_of(&self.signals[first]);
@@ -212,8 +216,9 @@ impl Signals {
         // Numbers that stand beside arrays say how they were made and are no signals.
         let longest = sets.iter().map(|set| set.samples).max().unwrap_or(0);
         let vibrates = |set: &Set| set.members.iter().any(|i| !tach(i) && self.signals[*i].may_vibrate());
-        let of_rate =
-            |set: &&Set| set.samples >= SHORTEST && vibrates(set) && (set.rate.is_some() || set.samples == longest);
+        let of_rate = |set: &&Set| {
+            set.samples >= MIN_SIGNAL_SAMPLES && vibrates(set) && (set.rate.is_some() || set.samples == longest)
+        };
         let mut able: Vec<&Set> = sets.iter().filter(of_rate).collect();
         // Those that say that they are accelerations stand before those that say nothing.
         let said = |set: &Set| {
@@ -248,8 +253,13 @@ impl Signals {
     }
 
     fn described(&self, set: &Set) -> String {
-        let names =
-            set.members.iter().take(LISTED / 2).map(|&i| self.signals[i].name.as_str()).collect::<Vec<_>>().join(", ");
+        let names = set
+            .members
+            .iter()
+            .take(MAX_LISTED_SIGNALS / 2)
+            .map(|&i| self.signals[i].name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ");
         let rate = set.rate.map_or("no stated rate".into(), |rate| format!("{} Hz", text::number(rate)));
         let start = set.start.filter(|start| *start != 0.0).map_or(String::new(), |start| format!(" from {start} s"));
         format!("{names}: {} samples at {rate}{start}", set.samples)

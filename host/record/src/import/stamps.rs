@@ -3,29 +3,29 @@
 //! Printed stamps are rounded. Where the rounding is finer than a step the grid is seen directly; where it is coarser
 //! (milliseconds at
 //! 12.8 kHz) stamps repeat, and the rate is the slope of a straight line through them, known to
-//! `SURE r / (T sqrt(T / r))` for a resolution `r` over a time `T`. Anything that leaves the line by more than the
+//! `SIGMAS r / (T sqrt(T / r))` for a resolution `r` over a time `T`. Anything that leaves the line by more than the
 //! resolution is a gap, a repetition or a step back.
 
 /// Steps equal to this share are regular.
-const REGULAR: f64 = 0.01;
+const STEP_TOLERANCE_SHARE: f64 = 0.01;
 /// Rounded stamps lie no more than this share of a step from an even grid.
-const ROUNDED: f64 = 0.25;
+const MAX_ROUNDING_SHARE: f64 = 0.25;
 /// Share of steps of nothing from which on stamps are coarser than the samples.
-const REPEATED: f64 = 0.2;
+const MIN_REPEATED_STEP_SHARE: f64 = 0.2;
 /// Resolutions that a coarse stamp may lie from the straight line.
-const NEAR: f64 = 1.1;
+const MAX_OFFSET_RESOLUTIONS: f64 = 1.1;
 /// Standard deviations of the slope that bound the rate.
-const SURE: f64 = 4.0;
+const SIGMAS: f64 = 4.0;
 /// Share of forward steps of anything that is time.
-const FORWARD: f64 = 0.9;
+const MIN_FORWARD_STEP_SHARE: f64 = 0.9;
 /// Jitter of stamps, share of a step, that is the stamps' own and no sample's.
 const JITTER: f64 = 0.5;
 /// Fewest values by whose steps a column that is not called time can be told to be broken time.
-pub(super) const FEW: usize = 20;
+pub(super) const MIN_STAMPS: usize = 20;
 /// Share of equal steps above which such a column is time although some steps differ.
-const MOSTLY: f64 = 0.9;
+const MIN_EQUAL_STEP_SHARE: f64 = 0.9;
 /// Values whose rate is round to this share had a round rate.
-const ROUND: f64 = 1e-5;
+const ROUND_RATE_SHARE: f64 = 1e-5;
 
 /// What a sequence of numbers is like.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,34 +49,38 @@ pub(super) fn look(column: &[f64]) -> Stamps {
     let count = steps.len() as f64;
     let mean = (column[n - 1] - column[0]) / count;
     let share = |is: &dyn Fn(f64) -> bool| steps.iter().filter(|s| is(**s)).count() as f64 / count;
-    if mean.is_nan() || mean <= 0.0 || share(&|s| s >= 0.0) < FORWARD {
+    if mean.is_nan() || mean <= 0.0 || share(&|s| s >= 0.0) < MIN_FORWARD_STEP_SHARE {
         return Stamps::Other;
     }
     // Large numbers (seconds since 1970) are themselves rounded.
     let grain = 4.0 * f64::EPSILON * column[0].abs().max(column[n - 1].abs());
-    let even = |step: f64, usual: f64| (step - usual).abs() < REGULAR * usual + grain;
-    if steps.iter().all(|&s| (s - mean).abs() < REGULAR * mean) {
-        return Stamps::Even { step: mean, uncertain: ROUND, coarse: None };
+    let even = |step: f64, usual: f64| (step - usual).abs() < STEP_TOLERANCE_SHARE * usual + grain;
+    if steps.iter().all(|&s| (s - mean).abs() < STEP_TOLERANCE_SHARE * mean) {
+        return Stamps::Even { step: mean, uncertain: ROUND_RATE_SHARE, coarse: None };
     }
     let (slope, most) = line(column);
     let finest = steps.iter().copied().filter(|s| *s > grain).fold(f64::INFINITY, f64::min);
     let forward = steps.iter().all(|s| *s >= -grain);
     let repeated = share(&|s| s <= grain);
     let span = column[n - 1] - column[0];
-    if forward && n >= FEW && most < ROUNDED * slope + grain {
-        let uncertain = (SURE * most / (span * (n as f64).sqrt())).max(ROUND);
+    if forward && n >= MIN_STAMPS && most < MAX_ROUNDING_SHARE * slope + grain {
+        let uncertain = (SIGMAS * most / (span * (n as f64).sqrt())).max(ROUND_RATE_SHARE);
         return Stamps::Even { step: slope, uncertain, coarse: None };
     }
-    if forward && repeated > REPEATED && n >= FEW && most <= NEAR * finest.max(slope) {
+    if forward
+        && repeated > MIN_REPEATED_STEP_SHARE
+        && n >= MIN_STAMPS
+        && most <= MAX_OFFSET_RESOLUTIONS * finest.max(slope)
+    {
         let distinct = (span / finest.max(slope)).max(1.0);
-        let uncertain = SURE * finest.max(slope) / (span * distinct.sqrt());
+        let uncertain = SIGMAS * finest.max(slope) / (span * distinct.sqrt());
         return Stamps::Even { step: slope, uncertain, coarse: Some(finest) };
     }
     let usual = *steps.clone().select_nth_unstable_by(steps.len() / 2, f64::total_cmp).1;
     let usual = if usual > 0.0 { usual } else { mean };
     let worst = |i: &usize| (steps[*i] / usual - 1.0).abs();
     let index = (0..steps.len()).max_by(|a, b| worst(a).total_cmp(&worst(b))).unwrap_or(0);
-    let mostly = n >= FEW && share(&|s| even(s, usual)) > MOSTLY;
+    let mostly = n >= MIN_STAMPS && share(&|s| even(s, usual)) > MIN_EQUAL_STEP_SHARE;
     let jitter = forward
         && !mostly
         && repeated < 1e-3
@@ -105,7 +109,7 @@ fn line(column: &[f64]) -> (f64, f64) {
 /// A rate from a step: round where it is round within what it is known to.
 pub(super) fn rate_hz(step_s: f64, uncertain: f64) -> f64 {
     let rate = 1.0 / step_s;
-    let within = uncertain.clamp(ROUND, 10.0 * ROUND);
+    let within = uncertain.clamp(ROUND_RATE_SHARE, 10.0 * ROUND_RATE_SHARE);
     // A coarser grid of rates first: 12 800 and not 12 801.
     let round = [100.0, 10.0, 1.0].into_iter().map(|grid| (rate / grid).round() * grid);
     round.into_iter().find(|round| *round > 0.0 && (rate / round - 1.0).abs() < within).unwrap_or(rate)

@@ -44,7 +44,7 @@ pub(super) fn feather(path: &Path, bytes: Vec<u8>) -> Result<Signals> {
 
 thread_local! {
     /// Whether a panic on this thread is caught and said as a refusal.
-    static CAUGHT: Cell<bool> = const { Cell::new(false) };
+    static PANIC_GUARD: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Runs a reader whose panics are refusals, without their own message.
@@ -53,14 +53,14 @@ fn guarded(path: &Path, what: &str, read: impl FnOnce() -> Result<Signals>) -> R
     HOOK.call_once(|| {
         let before = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
-            if !CAUGHT.get() {
+            if !PANIC_GUARD.get() {
                 before(info);
             }
         }));
     });
-    CAUGHT.set(true);
+    PANIC_GUARD.set(true);
     let made = panic::catch_unwind(AssertUnwindSafe(read));
-    CAUGHT.set(false);
+    PANIC_GUARD.set(false);
     made.unwrap_or_else(|_| Err(broken(path, what, &"damaged or truncated")))
 }
 

@@ -8,7 +8,7 @@
 
 use super::Reading;
 use super::signals::{Signal, Signals};
-use super::stamps::{FEW, Stamps, look, rate_hz};
+use super::stamps::{MIN_STAMPS, Stamps, look, rate_hz};
 use super::units::{self, Quantity};
 use crate::{Error, Result, text};
 use std::path::Path;
@@ -17,9 +17,9 @@ use std::path::Path;
 const SECONDS_HZ: std::ops::Range<f64> = 50.0..1e7;
 const FOUND_HZ: std::ops::Range<f64> = 200.0..2e6;
 /// A rate of `--rate` that stamps agree with, share.
-const AGREES: f64 = 2e-3;
+const RATE_TOLERANCE_SHARE: f64 = 2e-3;
 /// Share that a rate may be uncertain by without `--rate`.
-const CERTAIN: f64 = 1e-4;
+const MAX_RATE_ERROR_SHARE: f64 = 1e-4;
 /// Units of time, s, that stamps without one are tried for.
 const UNITS: [(f64, &str); 7] =
     [(1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"), (60.0, "min"), (3600.0, "h"), (86_400.0, "days")];
@@ -197,7 +197,7 @@ fn kind(signal: &Signal, reading: &Reading, known: bool) -> std::result::Result<
             even(signal, reading, step, uncertain, coarse)
         }
         // A set whose time is stated or found needs no column for it.
-        Stamps::Uneven { .. } if !called && (known || signal.rate_hz.is_some() || signal.values.len() < FEW) => {
+        Stamps::Uneven { .. } if !called && (known || signal.rate_hz.is_some() || signal.values.len() < MIN_STAMPS) => {
             Ok(Kind::Channel)
         }
         Stamps::Uneven { mostly, .. } if !called && !mostly => Ok(Kind::Channel),
@@ -255,14 +255,14 @@ fn even(
     if let Some(resolution) = coarse {
         let resolution_s = resolution * unit_s;
         match reading.rate_hz {
-            Some(given) if (given / rate - 1.0).abs() < AGREES.max(uncertain) => {
+            Some(given) if (given / rate - 1.0).abs() < RATE_TOLERANCE_SHARE.max(uncertain) => {
                 return Ok(Kind::Nothing(format!(
                     "has stamps to {resolution_s:.1e} s, too coarse for {given} Hz; the rate is that of --rate, gaps \
                      shorter than {:.0} samples cannot be seen",
                     resolution_s * given
                 )));
             }
-            _ if uncertain > CERTAIN => {
+            _ if uncertain > MAX_RATE_ERROR_SHARE => {
                 return Err(Refusal::Unknown(format!(
                     "time column {name} has stamps to {resolution_s:.1e} s: the rate lies between {} and {} Hz; give \
                      --rate HZ",
@@ -291,7 +291,7 @@ fn unit(signal: &Signal, reading: &Reading, step: f64) -> Option<(f64, Option<St
     }
     let rate = |unit_s: f64| 1.0 / (step * unit_s);
     if let Some(given) = reading.rate_hz {
-        let fits = UNITS.iter().find(|(unit_s, _)| (rate(*unit_s) / given - 1.0).abs() < AGREES);
+        let fits = UNITS.iter().find(|(unit_s, _)| (rate(*unit_s) / given - 1.0).abs() < RATE_TOLERANCE_SHARE);
         if let Some((unit_s, name)) = fits {
             return Some((*unit_s, (*unit_s != 1.0).then(|| format!("in {name}, by --rate"))));
         }

@@ -276,11 +276,11 @@ fn finished(header: Header, mut values: Vec<f64>) -> std::result::Result<Parsed,
     // Some programs fill the last line up: not a whole line, and with nothing.
     let wanted = points * if even { 1.0 } else { 2.0 };
     let beyond = values.len() as f64 - wanted;
-    if beyond > 0.0 && beyond < MOST_IN_LINE && values[wanted as usize..].iter().all(|x| *x == 0.0) {
+    if beyond > 0.0 && beyond < MAX_NUMBERS_PER_LINE && values[wanted as usize..].iter().all(|x| *x == 0.0) {
         values.truncate(wanted as usize);
     }
     let (rate, start, values) = if even {
-        (rate_hz(step, PRINTED), start, values)
+        (rate_hz(step, PRINT_ERROR_SHARE), start, values)
     } else {
         let times: Vec<f64> = values.iter().step_by(2).copied().collect();
         let values: Vec<f64> = values.into_iter().skip(1).step_by(2).collect();
@@ -315,9 +315,9 @@ fn finished(header: Header, mut values: Vec<f64>) -> std::result::Result<Parsed,
 }
 
 /// Share that a printed step is rounded by.
-const PRINTED: f64 = 1e-5;
+const PRINT_ERROR_SHARE: f64 = 1e-5;
 /// Most numbers in a line.
-const MOST_IN_LINE: f64 = 6.0;
+const MAX_NUMBERS_PER_LINE: f64 = 6.0;
 
 /// Numbers of a data line; fixed-width fields may touch where a number is negative ("1.0E+00-2.0E+00").
 fn cells(line: &str) -> Vec<&str> {

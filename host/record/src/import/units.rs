@@ -71,7 +71,7 @@ const POUND_FORCE: f64 = 4.448_221_615_260_5;
 
 /// Factor and plain unit by what stands in the file, in lower case, without blanks, `^`, `*` and dots.
 #[rustfmt::skip]
-const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
+const PLAIN_UNITS: &[(&[&str], Quantity, f64, f64, &str)] = {
     use Quantity::*;
     &[
         (&["m/s2", "m/s/s", "ms-2", "mps2", "m/sec2", "m/sec/sec", "meter/second2", "meters/second2",
@@ -162,7 +162,7 @@ const PLAIN: &[(&[&str], Quantity, f64, f64, &str)] = {
 
 /// What only its case tells from another unit.
 #[rustfmt::skip]
-const BY_CASE: &[(&str, Quantity, f64, &str)] = {
+const CASE_UNITS: &[(&str, Quantity, f64, &str)] = {
     use Quantity::*;
     &[
         ("mg", Acceleration, 1e-3 * GRAVITY, "m/s2"), ("mG", Acceleration, 1e-3 * GRAVITY, "m/s2"), ("ug",
@@ -178,18 +178,16 @@ const BY_CASE: &[(&str, Quantity, f64, &str)] = {
 /// The unit that `text` is; `None` for what is no unit of the table.
 pub fn measure(text: &str) -> Option<Measure> {
     let plain = plain(text);
-    let by_case = BY_CASE.iter().find(|row| row.0 == plain && row.2.is_finite());
+    let by_case = CASE_UNITS.iter().find(|row| row.0 == plain && row.2.is_finite());
     if let Some(&(_, quantity, factor, symbol)) = by_case {
         return Some(Measure { quantity, factor, offset: 0.0, symbol });
     }
     // Nanometres and newton metres: only the case tells them, and shafts have torques.
     let lower = if plain == "nm" { "nm_length".to_owned() } else { plain.to_lowercase() };
-    PLAIN.iter().find(|row| row.0.contains(&lower.as_str())).map(|&(_, quantity, factor, offset, symbol)| Measure {
-        quantity,
-        factor,
-        offset,
-        symbol,
-    })
+    PLAIN_UNITS
+        .iter()
+        .find(|row| row.0.contains(&lower.as_str()))
+        .map(|&(_, quantity, factor, offset, symbol)| Measure { quantity, factor, offset, symbol })
 }
 
 /// Whether a stated unit says nothing.
@@ -265,7 +263,7 @@ pub fn of_name(name: &str) -> Option<(String, String)> {
 }
 
 /// Times that amounts are stated per, by their case: `(N/S)` is north and south.
-const PER: [&str; 5] = ["s", "sec", "min", "h", "hr"];
+const TIME_UNITS: [&str; 5] = ["s", "sec", "min", "h", "hr"];
 
 /// Whether a bracket is open at the end of a text.
 fn is_inside_bracket(before: &str) -> bool {
@@ -277,14 +275,14 @@ fn is_inside_bracket(before: &str) -> bool {
 fn amount<'a>(before: &'a str, unit: &str) -> Option<(&'a str, &'a str)> {
     let (name, top) = before.rsplit_once(' ')?;
     let glued = !top.is_empty() && top.chars().count() <= 3 && !unit.starts_with(' ');
-    (glued && PER.contains(&unit.trim())).then(|| (name.trim(), top))
+    (glued && TIME_UNITS.contains(&unit.trim())).then(|| (name.trim(), top))
 }
 
 /// An amount per time in brackets, whether the table holds it or not: `Feed (kg/h)`.
 fn is_per_time(name: &str) -> bool {
     let inner = name.trim().strip_suffix([')', ']', '}', '>']).and_then(|name| name.rsplit_once(['(', '[', '{', '<']));
     let parts = inner.and_then(|(_, unit)| unit.split_once('/'));
-    parts.is_some_and(|(amount, time)| !amount.trim().is_empty() && PER.contains(&time.trim()))
+    parts.is_some_and(|(amount, time)| !amount.trim().is_empty() && TIME_UNITS.contains(&time.trim()))
 }
 
 /// What words of a name say where no unit is stated; only whole words count.

@@ -46,7 +46,7 @@ const LEAST_COMB_DB: [f64; 2] = [3.0, 6.0];
 const WANDER: f64 = 0.08;
 /// Most that the phase of all lines may move beside the angle that one of them gave, mesh periods: the filter's lag
 /// at a speed that it passes makes 0.04, a line that has slipped 0.8 and more.
-const MOST_BESIDE: f64 = 0.2;
+const MAX_PHASE_PERIODS: f64 = 0.2;
 
 /// One channel's line at one harmonic, mixed down.
 struct Candidate {
@@ -166,7 +166,7 @@ fn steady(place: &str, channels: &[Vec<f64>], rate_hz: f64, options: &Options, f
     geometry.check_snr(place, best)?;
     let second = candidates.get(1);
     let beside = geometry.beside(channels, &lines, best).or_else(|| second.map(|second| parted(best, second)));
-    match beside.filter(|beside| *beside > MOST_BESIDE) {
+    match beside.filter(|beside| *beside > MAX_PHASE_PERIODS) {
         Some(beside) => Ok(Pass::Slips { mesh_hz: comb.mesh_hz, refusal: geometry.slipped(place, best, beside) }),
         None => Ok(Pass::Holds(geometry.pulses(best, second, &comb))),
     }
@@ -342,7 +342,7 @@ impl Geometry {
     fn slipped(&self, place: &str, best: &Candidate, beside: f64) -> Error {
         let what = format!(
             "no trustworthy mesh line: along harmonic {} of {:.2} Hz the phase of all lines moves by {beside:.2} mesh \
-             periods (at most {MOST_BESIDE}): the speed wanders too far for one line; --mesh {:.0},{:.0}, or the \
+             periods (at most {MAX_PHASE_PERIODS}): the speed wanders too far for one line; --mesh {:.0},{:.0}, or the \
              range in which the mesh is, follows it",
             best.harmonic,
             self.mesh_hz,

@@ -6,7 +6,7 @@ use meshband_common::report::facts::Facts;
 use meshband_common::report::letter::About;
 
 /// Channels named before the rest is counted.
-const NAMED: usize = 8;
+const MAX_NAMED_CHANNELS: usize = 8;
 
 /// Pinion speeds of the runs, Hz: slowest and fastest mean.
 pub fn speeds_hz(record: &Record) -> Option<[f64; 2]> {
@@ -61,8 +61,12 @@ pub fn facts(record: &Record) -> Facts {
         add("part of a longer recording", crate::text::name(part));
     }
     let names = &declaration.acquisition.channels;
-    let shown: Vec<String> = names.iter().take(NAMED).map(|name| crate::text::name(name)).collect();
-    let rest = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
+    let shown: Vec<String> = names.iter().take(MAX_NAMED_CHANNELS).map(|name| crate::text::name(name)).collect();
+    let rest = if names.len() > MAX_NAMED_CHANNELS {
+        format!(" and {} more", names.len() - MAX_NAMED_CHANNELS)
+    } else {
+        String::new()
+    };
     let unit = declaration.acquisition.unit.as_deref().unwrap_or("m/s2");
     add("sensors", format!("{}{rest}, in {unit}", shown.join(", ")));
     if let Some(tach) = &declaration.tach {

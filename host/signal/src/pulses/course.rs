@@ -11,14 +11,14 @@
 const REACH: usize = 7;
 const MEDIAN_REACH: usize = 10;
 /// Departure of a logarithm from its running median within which an interval takes part in the line.
-const NEAR: f64 = 0.22;
+const MAX_LN_DEPARTURE: f64 = 0.22;
 /// Intervals that go on smoothly: fewest in a row, most that the logarithm may change from one to the next, most that
 /// this change may change. A lost pulse changes it by 0.69 and back.
-const SMOOTH: usize = 5;
+const MIN_SMOOTH_INTERVALS: usize = 5;
 const SMOOTH_STEP: f64 = 0.4;
 const SMOOTH_BEND: f64 = 0.15;
 /// Departure of a smooth stretch from the line around it from which its own line holds.
-const LEFT: f64 = 0.08;
+const MIN_LN_SHIFT: f64 = 0.08;
 /// Intervals to either side for that line.
 const SMOOTH_REACH: usize = 2;
 /// How near to a whole ratio a short stretch lies from what is around it where every so many pulses may be lost.
@@ -30,13 +30,13 @@ const SPREAD_REACH: usize = 32;
 /// Smallest spread that is believed, periods, and over that of the whole run: what the line does not follow looks
 /// like it.
 const LEAST_SPREAD: f64 = 0.004;
-const LEAST_OVER_ALL: f64 = 0.4;
+const MIN_RUN_SPREAD_SHARE: f64 = 0.4;
 /// What the speed may do from one pulse to the next within a gap without being seen, at least.
-const UNSEEN: f64 = 0.002;
+const UNSEEN_SPEED_SHARE: f64 = 0.002;
 /// Error of the mean period beside a gap, in spreads of an interval.
 const MEAN_ERROR: f64 = 1.0 / 12.0;
 /// Share of gaps of a length over which the speed did what is taken for one standard deviation.
-const USUAL: f64 = 0.9;
+const GAP_QUANTILE: f64 = 0.9;
 
 /// From an edge to the next one that counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,14 +70,14 @@ impl Course {
         let take_part: Vec<bool> = intervals
             .iter()
             .zip(logs.iter().zip(&medians))
-            .map(|(i, (log, median))| i.periods <= MOST_PERIODS && (log - median).abs() < NEAR)
+            .map(|(i, (log, median))| i.periods <= MOST_PERIODS && (log - median).abs() < MAX_LN_DEPARTURE)
             .collect();
         let mut levels: Vec<f64> = (0..logs.len()).map(|i| line(&logs, &take_part, i).unwrap_or(medians[i])).collect();
         let mut smooth = vec![false; edges_s.len()];
         for run in smooth_runs(&logs).into_iter().filter(|run| is_believed(&logs[run.clone()], &medians[run.clone()])) {
             for i in run.clone() {
                 let own = own_line(&logs, &run, i);
-                if (own - levels[i]).abs() > LEFT {
+                if (own - levels[i]).abs() > MIN_LN_SHIFT {
                     levels[i] = own;
                 }
                 let Interval { from, to, periods } = intervals[i];
@@ -99,7 +99,7 @@ impl Course {
         let octave = (periods as f64).log2();
         let last = self.bends.len() - 1;
         let bend = self.bends[(octave.ceil() as usize).min(last)] * 2.0_f64.powf((octave - last as f64).max(0.0));
-        let share = UNSEEN.max(bend).max(MEAN_ERROR * spread);
+        let share = UNSEEN_SPEED_SHARE.max(bend).max(MEAN_ERROR * spread);
         (spread * spread + (periods as f64 * share).powi(2)).sqrt()
     }
 }
@@ -157,7 +157,7 @@ fn smooth_runs(logs: &[f64]) -> Vec<std::ops::Range<usize>> {
             && step(k).abs() <= SMOOTH_STEP
             && (k == from || (step(k) - step(k - 1)).abs() <= SMOOTH_BEND);
         if !goes_on {
-            if k + 1 - from >= SMOOTH {
+            if k + 1 - from >= MIN_SMOOTH_INTERVALS {
                 runs.push(from..k + 1);
             }
             from = k + 1;
@@ -169,7 +169,7 @@ fn smooth_runs(logs: &[f64]) -> Vec<std::ops::Range<usize>> {
 /// Whether a smooth stretch is what it looks like: not one of which every second or third pulse is lost.
 fn is_believed(logs: &[f64], medians: &[f64]) -> bool {
     let mut off: Vec<f64> = logs.iter().zip(medians).map(|(log, median)| log - median).collect();
-    let near = off.iter().filter(|off| off.abs() < NEAR).count();
+    let near = off.iter().filter(|off| off.abs() < MAX_LN_DEPARTURE).count();
     let ratio = median(&mut off).abs();
     2 * near >= logs.len() || [2.0_f64, 3.0].iter().all(|whole| (ratio - whole.ln()).abs() > WHOLE_RATIO)
 }
@@ -227,7 +227,7 @@ fn spread(places: &[f64], intervals: &[Interval]) -> Vec<f64> {
         }
         blocks[*block].1
     };
-    (0..places.len()).map(|edge| local(edge, &mut block).max(LEAST_OVER_ALL * all).max(LEAST_SPREAD)).collect()
+    (0..places.len()).map(|edge| local(edge, &mut block).max(MIN_RUN_SPREAD_SHARE * all).max(LEAST_SPREAD)).collect()
 }
 
 /// Usual departure of the mean over 1, 2, 4 ... periods from the mean of the two ends.
@@ -245,7 +245,7 @@ fn bends(levels: &[f64]) -> Vec<f64> {
             (mean - 0.5 * (levels[k] + levels[k + width - 1])).abs()
         };
         let mut all: Vec<f64> = (0..=levels.len() - width).step_by(step).map(departure).collect();
-        let at = ((all.len() - 1) as f64 * USUAL) as usize;
+        let at = ((all.len() - 1) as f64 * GAP_QUANTILE) as usize;
         let (_, usual, _) = all.select_nth_unstable_by(at, f64::total_cmp);
         bends.push(usual.max(bends[bends.len() - 1]));
         width *= 2;

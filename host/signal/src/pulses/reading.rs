@@ -9,15 +9,15 @@
 //! Cost: edges x 8 x 3 x 7 steps. Limit: pulses lost or too many come independently of each other.
 
 /// Numbers of periods to either side of the nearest that are followed.
-const ASIDE: usize = 3;
-const COUNTS: usize = 2 * ASIDE + 1;
+const SIDE_COUNTS: usize = 3;
+const COUNTS: usize = 2 * SIDE_COUNTS + 1;
 /// Share of pulses out of their place, and how far they are, periods.
-const MOVED: f64 = 0.01;
-const MOVED_BY: f64 = 0.25;
+const MOVED_PULSE_SHARE: f64 = 0.01;
+const MOVE_PERIODS: f64 = 0.25;
 /// Edges in succession that may be too many, anywhere and within this many periods.
-const PASSED: usize = 4;
-const MOST_PASSED: usize = 32;
-const PASSED_WITHIN: f64 = 4.5;
+const MAX_EXTRA_EDGES: usize = 4;
+const MAX_BURST_EDGES: usize = 32;
+const BURST_PERIODS: f64 = 4.5;
 
 /// Chance that the angle jumps all the same: the clock, the recording.
 const SLIP: f64 = 1e-4;
@@ -25,7 +25,7 @@ const SLIP: f64 = 1e-4;
 const BURST: f64 = 0.3;
 
 /// How much seldomer an edge too many is at an end of the run than elsewhere.
-const AT_END: f64 = 0.1;
+const END_PROBABILITY_RATIO: f64 = 0.1;
 
 /// How often pulses are lost, and edges are too many, per pulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,19 +62,19 @@ struct State {
     from: (usize, usize, usize),
 }
 
-const NOWHERE: State = State { best: f64::NEG_INFINITY, sum: f64::NEG_INFINITY, from: (0, 0, 0) };
+const UNREACHED_STATE: State = State { best: f64::NEG_INFINITY, sum: f64::NEG_INFINITY, from: (0, 0, 0) };
 
 /// Reads a stretch of at least two edges.
 pub(super) fn read(stretch: &Stretch<'_>, chances: Chances) -> Reading {
     let places = stretch.places;
     let count = places.len();
     let nearest = |edge: usize| (places[edge] - places[0]).round() as isize;
-    let mut states = vec![[NOWHERE; COUNTS]; count];
-    states[0][ASIDE] = State { best: 0.0, sum: 0.0, from: (0, 0, 0) };
+    let mut states = vec![[UNREACHED_STATE; COUNTS]; count];
+    states[0][SIDE_COUNTS] = State { best: 0.0, sum: 0.0, from: (0, 0, 0) };
     for i in 0..count - 1 {
-        for j in i + 1..count.min(i + 1 + MOST_PASSED) {
+        for j in i + 1..count.min(i + 1 + MAX_BURST_EDGES) {
             let apart = places[j] - places[i];
-            if j - i > PASSED && apart > PASSED_WITHIN {
+            if j - i > MAX_EXTRA_EDGES && apart > BURST_PERIODS {
                 break;
             }
             let passed = burst(j - i - 1, chances.extra);
@@ -98,7 +98,7 @@ pub(super) fn read(stretch: &Stretch<'_>, chances: Chances) -> Reading {
 fn weigh_sums(states: &mut [State; COUNTS], stretch: &Stretch<'_>) {
     let apart = stretch.places[stretch.places.len() - 1] - stretch.places[0];
     for (at, state) in states.iter_mut().enumerate() {
-        let Some(periods) = (apart.round() as usize + at).checked_sub(ASIDE) else { continue };
+        let Some(periods) = (apart.round() as usize + at).checked_sub(SIDE_COUNTS) else { continue };
         let sigma = (stretch.deviation)(0, periods);
         let off = (apart - periods as f64) / sigma;
         let fits = ((-0.5 * off * off).exp() / (sigma * std::f64::consts::TAU.sqrt()) + SLIP).ln();
@@ -114,7 +114,7 @@ fn burst(count: usize, chance: f64) -> f64 {
 
 /// Logarithm of the chance of edges beyond the end of the chain: seldom is a run's first or last edge no pulse.
 fn beyond(count: usize, chances: Chances) -> f64 {
-    if count == 0 { 0.0 } else { burst(count, chances.extra) + AT_END.ln() }
+    if count == 0 { 0.0 } else { burst(count, chances.extra) + END_PROBABILITY_RATIO.ln() }
 }
 
 /// Logarithm of the likelihood of one step.
@@ -123,10 +123,10 @@ fn cost(apart: f64, periods: usize, deviation: f64, chances: Chances) -> f64 {
         let off = (apart - periods as f64) / sigma;
         (-0.5 * off * off).exp() / (sigma * std::f64::consts::TAU.sqrt())
     };
-    let broad = deviation.hypot(MOVED_BY);
-    let density = (1.0 - MOVED) * normal(deviation) + MOVED * normal(broad);
+    let broad = deviation.hypot(MOVE_PERIODS);
+    let density = (1.0 - MOVED_PULSE_SHARE) * normal(deviation) + MOVED_PULSE_SHARE * normal(broad);
     // Far out both underflow: the broad part's own logarithm goes on.
-    let far = MOVED.ln() - 0.5 * ((apart - periods as f64) / broad).powi(2) - broad.ln();
+    let far = MOVED_PULSE_SHARE.ln() - 0.5 * ((apart - periods as f64) / broad).powi(2) - broad.ln();
     burst(periods - 1, chances.lost) + if density > 0.0 { density.ln() } else { far }
 }
 
@@ -152,7 +152,7 @@ fn end(states: &[[State; COUNTS]], in_step: bool, chances: Chances) -> (usize, u
     let from = if in_step { last } else { 0 };
     let score = |edge: usize, at: usize| states[edge][at].best + beyond(last - edge, chances);
     let all = (from..=last).flat_map(|edge| (0..COUNTS).map(move |at| (edge, at)));
-    all.max_by(|a, b| score(a.0, a.1).total_cmp(&score(b.0, b.1))).unwrap_or((last, ASIDE))
+    all.max_by(|a, b| score(a.0, a.1).total_cmp(&score(b.0, b.1))).unwrap_or((last, SIDE_COUNTS))
 }
 
 fn path(states: &[[State; COUNTS]], edge: usize, at: usize) -> Vec<(usize, usize)> {

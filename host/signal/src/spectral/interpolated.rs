@@ -9,7 +9,7 @@
 
 /// Values that the polynomial goes through on each side, and at least where there are fewer.
 const EACH_SIDE: usize = 8;
-const LEAST: usize = 2;
+const MIN_SIDE_VALUES: usize = 2;
 
 /// The value at `place` of those at 0, 1, 2, and so on; places beyond the ends are those ends.
 ///
@@ -17,7 +17,7 @@ const LEAST: usize = 2;
 pub fn interpolated(values: &[f64], place: f64) -> f64 {
     let place = place.clamp(0.0, values.len().saturating_sub(1) as f64);
     let before = place.floor() as usize + 1;
-    let side = before.min(values.len().saturating_sub(before)).clamp(LEAST, EACH_SIDE);
+    let side = before.min(values.len().saturating_sub(before)).clamp(MIN_SIDE_VALUES, EACH_SIDE);
     let nodes = (2 * side).min(values.len());
     let first = before.saturating_sub(side).min(values.len() - nodes);
     through(first..first + nodes, values, place)

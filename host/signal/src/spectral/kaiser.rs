@@ -25,8 +25,8 @@ pub struct Kaiser {
 impl Kaiser {
     /// The kernel, tabulated once (30 ms) and kept: 0.5 MB.
     pub fn tabulated() -> &'static Self {
-        static KEPT: OnceLock<Kaiser> = OnceLock::new();
-        KEPT.get_or_init(|| {
+        static KERNEL_CACHE: OnceLock<Kaiser> = OnceLock::new();
+        KERNEL_CACHE.get_or_init(|| {
             let row = |i: usize| {
                 let place = (i as f64 - 1.0) / PLACES as f64;
                 std::array::from_fn(|tap| kernel(place + (HALF_TAPS - 1) as f64 - tap as f64))

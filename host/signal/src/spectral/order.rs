@@ -11,7 +11,7 @@ use super::{Kaiser, Spectrum, Window, amplitude_spectrum};
 /// Newton's steps at most: the curve is straight to a few per cent, and each squares the error.
 const NEWTON_STEPS: usize = 8;
 /// Error of an inverse, of the pulses so far.
-const INVERSE: f64 = 1e-12;
+const INVERSION_ERROR: f64 = 1e-12;
 
 /// Time as a smooth function of shaft angle, from equally spaced tach pulses.
 #[derive(Debug, Clone)]
@@ -97,7 +97,7 @@ impl AngleMap {
             let (time, slope) = self.within(i, u);
             let change = (time_s - time) / slope;
             u += change;
-            if change.abs() < INVERSE * (1.0 + i as f64) {
+            if change.abs() < INVERSION_ERROR * (1.0 + i as f64) {
                 break;
             }
         }

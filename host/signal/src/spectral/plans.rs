@@ -1,6 +1,6 @@
 //! Plans of Fourier transforms, kept for the next caller of the same length.
 //!
-//! A plan's tables cost as much as some transforms. They are kept until lengths of `MOST` points have come
+//! A plan's tables cost as much as some transforms. They are kept until lengths of `MAX_PLAN_POINTS` points have come
 //! together; then all are forgotten and begun anew (plans in use live on).
 
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -8,7 +8,7 @@ use rustfft::{Fft, FftPlanner};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Points of all plans that are kept: about 250 MB of tables at worst.
-const MOST: usize = 1 << 24;
+const MAX_PLAN_POINTS: usize = 1 << 24;
 
 /// Plans and how many points they are for.
 struct Kept {
@@ -24,13 +24,13 @@ enum Kind {
     Complex,
 }
 
-static KEPT: Mutex<Option<Kept>> = Mutex::new(None);
+static PLAN_CACHE: Mutex<Option<Kept>> = Mutex::new(None);
 
 fn planned<T>(kind: Kind, length: usize, plan: impl FnOnce(&mut Kept) -> T) -> T {
     // A panic elsewhere leaves nothing half made that another could see.
-    let mut guard: MutexGuard<Option<Kept>> = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut guard: MutexGuard<Option<Kept>> = PLAN_CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     let total = guard.as_ref().map_or(0, |kept| kept.lengths.iter().map(|(_, length)| length).sum::<usize>());
-    if total + length > MOST {
+    if total + length > MAX_PLAN_POINTS {
         *guard = None;
     }
     let kept = guard.get_or_insert_with(|| Kept {

@@ -13,7 +13,7 @@ pub const ELEMENTS: std::ops::RangeInclusive<u32> = 7..=24;
 /// Ratio of element to pitch diameter times the cosine of the contact angle.
 pub const RATIOS: (f64, f64) = (0.12, 0.36);
 /// Relative distance within which a base fits: with twice that, some bearing would fit any two bases.
-const FITS: f64 = 5e-4;
+const MAX_BASE_ERROR_SHARE: f64 = 5e-4;
 /// Multiples of the cage's order that a base may be.
 const MULTIPLES: std::ops::RangeInclusive<u32> = 1..=3;
 
@@ -88,7 +88,7 @@ pub struct Bearing {
 pub fn read(bases: &[f64], gear_order: f64) -> Option<Bearing> {
     let mut all: Vec<Bearing> = Vec::new();
     // A rig without gears has one shaft.
-    for shaft in Shaft::BOTH.into_iter().filter(|shaft| *shaft == Shaft::Pinion || gear_order != 1.0) {
+    for shaft in Shaft::PAIR_SHAFTS.into_iter().filter(|shaft| *shaft == Shaft::Pinion || gear_order != 1.0) {
         let own = [1.0, gear_order][shaft as usize];
         for elements in ELEMENTS {
             for (i, base) in bases.iter().enumerate() {
@@ -131,7 +131,7 @@ fn explained(bases: &[f64], own: f64, shaft: Shaft, elements: u32, ratio: f64, f
             .into_iter()
             .flat_map(|part| MULTIPLES.filter(move |m| *m == 1 || part == Part::Cage).map(move |m| (part, m)))
             .map(|(part, m)| (off(part, m), part, m))
-            .filter(|(off, _, _)| *off < FITS)
+            .filter(|(off, _, _)| *off < MAX_BASE_ERROR_SHARE)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((off, part, multiple)) = fits {
             bearing.parts.push((i, part, multiple));

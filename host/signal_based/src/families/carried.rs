@@ -17,7 +17,7 @@ use crate::scene::Scene;
 /// Sidebands on each side, nested shapes.
 const SHAPES: [i32; 3] = [1, 2, 4];
 /// Share of a carrier's spacing that a modulator may be at most: a wider one is no sideband of it.
-const NARROW: f64 = 0.5;
+const MAX_MODULATOR_SHARE: f64 = 0.5;
 
 /// What modulates.
 #[derive(Debug, Clone)]
@@ -33,7 +33,7 @@ pub fn modulators(scene: &Scene, others: &[f64], carrier: f64) -> Vec<Modulator>
     let shaft = |shaft: Shaft| Modulator { order: scene.shaft_order(shaft as usize), word: shaft.word().to_owned() };
     let mut all: Vec<Modulator> = scene.shafts().iter().map(|own| shaft(*own)).collect();
     all.extend(others.iter().map(|&order| Modulator { order, word: format!("order {order:.4}") }));
-    all.retain(|modulator| modulator.order < NARROW * carrier);
+    all.retain(|modulator| modulator.order < MAX_MODULATOR_SHARE * carrier);
     all
 }
 

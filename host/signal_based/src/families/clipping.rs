@@ -4,7 +4,7 @@
 //! a channel, or as many single samples of it with hardly one in the last five hundredth of the range before it; a
 //! signal that is not limited has one or two at its extreme, and more and more beside it.
 
-use crate::clipping_detector::{BEFORE, LEAST, TIMES};
+use crate::clipping_detector::{EMPTY_MARGIN_SHARE, MIN_PILE_COUNT, TIMES};
 use crate::scene::Scene;
 
 /// Where a channel may be limited.
@@ -57,7 +57,7 @@ pub fn least_share(scene: &Scene, channel: usize, side: Side) -> Option<f64> {
     };
     let mut pairs: Vec<f64> =
         scene.runs.iter().flat_map(|run| run.signals[channel].windows(2).filter_map(beyond)).collect();
-    let middle = LEAST.min(pairs.len()).checked_sub(1)?;
+    let middle = MIN_PILE_COUNT.min(pairs.len()).checked_sub(1)?;
     let of_pairs = *pairs.select_nth_unstable_by(middle, |a, b| b.total_cmp(a)).1;
     let level = of_pairs.max(pile(scene, channel, side));
     let farthest = farthest(scene, channel, side);
@@ -70,9 +70,9 @@ fn pile(scene: &Scene, channel: usize, side: Side) -> f64 {
         let (low, high) = signal.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
         let mut reached: Vec<f64> = signal.iter().map(|x| side.reach(*x)).collect();
         reached.sort_by(|a, b| b.total_cmp(a));
-        let before = |level: f64| reached.partition_point(|x| *x > level - BEFORE * (high - low));
+        let before = |level: f64| reached.partition_point(|x| *x > level - EMPTY_MARGIN_SHARE * (high - low));
         let piles = |i: &usize| *i > TIMES * (before(reached[*i]) - i);
-        (LEAST..reached.len()).find(piles).map_or(0.0, |i| reached[i])
+        (MIN_PILE_COUNT..reached.len()).find(piles).map_or(0.0, |i| reached[i])
     };
     scene.runs.iter().map(|run| of_run(&run.signals[channel])).fold(0.0, f64::max)
 }
@@ -81,5 +81,5 @@ fn pile(scene: &Scene, channel: usize, side: Side) -> f64 {
 pub fn limited(scene: &Scene) -> Vec<(usize, usize)> {
     let count = |c: usize| scene.runs.iter().map(|run| run.at_limit[c]).sum::<usize>();
     let all = scene.channels.iter().enumerate().map(|(c, channel)| (channel.index, count(c)));
-    all.filter(|(_, count)| *count >= LEAST).collect()
+    all.filter(|(_, count)| *count >= MIN_PILE_COUNT).collect()
 }

@@ -13,15 +13,15 @@ use crate::candidate::{Candidate, Domain, Kind, Place};
 /// Lines of one channel that are tried.
 const LINES: usize = 12;
 /// Share of the frequencies that a mesh line sweeps by which it reaches beyond them: its angle swings.
-const BEYOND: f64 = 0.25;
+const SWEEP_MARGIN_SHARE: f64 = 0.25;
 /// Harmonics.
 const HARMONICS: usize = 3;
 /// Supplies, Hz, and how far their frequency strays: 0.1 Hz of 50, which large grids hold but for disturbances (EN
 /// 50160 allows 0.5 Hz), so that a tone near a harmonic is not called one.
 const SUPPLIES_HZ: [f64; 2] = [50.0, 60.0];
-const STRAYS: f64 = 2e-3;
+const SUPPLY_DRIFT_SHARE: f64 = 2e-3;
 /// Harmonics of a supply that are its own.
-const OF_A_SUPPLY: u32 = 6;
+const SUPPLY_HARMONICS: u32 = 6;
 
 /// Every strong line over frequency; what speckles where a mesh line is smeared is asked for where nothing else stands.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
@@ -71,7 +71,8 @@ fn is_swept(context: &Context, hz: f64) -> bool {
         context.scene.runs.iter().any(|run| {
             let speed = run.angle.speed;
             let k = (hz / z / speed.mean_hz).round().max(1.0);
-            let lobes = LOBE_BINS * context.frequency.bin(0) + BEYOND * k * z * (speed.fastest_hz - speed.slowest_hz);
+            let lobes = LOBE_BINS * context.frequency.bin(0)
+                + SWEEP_MARGIN_SHARE * k * z * (speed.fastest_hz - speed.slowest_hz);
             let is_of = |k: f64| (k * z * speed.slowest_hz - lobes..=k * z * speed.fastest_hz + lobes).contains(&hz);
             [k - 1.0, k, k + 1.0].into_iter().any(is_of)
         })
@@ -87,13 +88,14 @@ fn place(hz: f64, j: usize) -> Place {
 pub fn supply_hz(hz: f64) -> Option<f64> {
     SUPPLIES_HZ.into_iter().find(|supply| {
         let n = (hz / supply).round();
-        (1..=OF_A_SUPPLY).contains(&(n as u32)) && (hz / n / supply - 1.0).abs() < STRAYS
+        (1..=SUPPLY_HARMONICS).contains(&(n as u32)) && (hz / n / supply - 1.0).abs() < SUPPLY_DRIFT_SHARE
     })
 }
 
 /// Bins that a supply or one of its harmonics may stand in, one at least for each.
 fn bins_of_supplies(bin: f64) -> f64 {
-    let strays = |supply: f64| (1..=OF_A_SUPPLY).map(move |n| 1.0 + 2.0 * STRAYS * f64::from(n) * supply / bin);
+    let strays =
+        |supply: f64| (1..=SUPPLY_HARMONICS).map(move |n| 1.0 + 2.0 * SUPPLY_DRIFT_SHARE * f64::from(n) * supply / bin);
     SUPPLIES_HZ.into_iter().flat_map(strays).sum()
 }
 

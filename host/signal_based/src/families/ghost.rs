@@ -8,13 +8,13 @@ use super::Context;
 use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};
 
 /// Orders of the shaft next to a mesh harmonic that are its sidebands.
-const BESIDE: f64 = 5.5;
+const MESH_SIDEBAND_ORDERS: f64 = 5.5;
 /// Lowest order of a shaft that is a ghost.
-const LOWEST: f64 = 5.5;
+const MIN_GHOST_ORDER: f64 = 5.5;
 
 /// Every whole order of either shaft that is neither the mesh nor beside it.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
-    let all: Vec<Candidate> = Shaft::BOTH.into_iter().flat_map(|shaft| of_shaft(context, shaft)).collect();
+    let all: Vec<Candidate> = Shaft::PAIR_SHAFTS.into_iter().flat_map(|shaft| of_shaft(context, shaft)).collect();
     let alternatives = all.len() as f64;
     all.into_iter().map(|c| Candidate { alternatives, ..c }).collect()
 }
@@ -24,12 +24,12 @@ fn of_shaft(context: &Context, shaft: Shaft) -> Vec<Candidate> {
     let (z, own) = (scene.mesh_order(), scene.shaft_order(shaft as usize));
     let beside_mesh = |order: f64| {
         let k = (order / z).round();
-        k >= 1.0 && (order - k * z).abs() < BESIDE * own
+        k >= 1.0 && (order - k * z).abs() < MESH_SIDEBAND_ORDERS * own
     };
     let fits = |order: &f64| !(beside_mesh(*order) || shaft == Shaft::Gear && context.on_pinion(*order));
     (1..=(scene.highest_order / own) as usize)
         .map(|n| (n, n as f64 * own))
-        .filter(|(n, order)| *n as f64 > LOWEST && fits(order))
+        .filter(|(n, order)| *n as f64 > MIN_GHOST_ORDER && fits(order))
         .map(|(n, order)| Candidate {
             kind: Kind::Ghost,
             base: order,

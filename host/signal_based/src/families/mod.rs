@@ -23,7 +23,7 @@ use super::spectra::Spectra;
 use crate::analysis::skirts::Skirts;
 
 /// Power over the floor from which a shaft's order is taken to stand.
-const STANDS: f64 = 3.0;
+const MIN_FLOOR_RATIO: f64 = 3.0;
 
 /// What families are found from.
 pub struct Context<'a> {
@@ -74,7 +74,7 @@ impl Context<'_> {
     fn stands(&self, spectra: &Spectra, order: f64) -> bool {
         let channels = (0..spectra.levels.len()).flat_map(|run| (0..self.scene.searched).map(move |c| (run, c)));
         let mut readings = channels.filter_map(|(run, channel)| spectra.reading(run, channel, 0, order, 0));
-        readings.any(|reading| reading.ratio > STANDS)
+        readings.any(|reading| reading.ratio > MIN_FLOOR_RATIO)
     }
 }
 

@@ -14,7 +14,7 @@ const SHAPES: [usize; 4] = [1, 2, 3, 5];
 /// Sidebands of either shaft, one to five on each side.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let shaped = |shaft: Shaft| SHAPES.into_iter().map(move |most| candidate(context, shaft, most));
-    Shaft::BOTH.into_iter().flat_map(shaped).filter(|c| !c.places.is_empty()).collect()
+    Shaft::PAIR_SHAFTS.into_iter().flat_map(shaped).filter(|c| !c.places.is_empty()).collect()
 }
 
 /// Sidebands of one shaft up to number `most`.

@@ -16,7 +16,7 @@ use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};
 /// Families of one channel whose bases are tried.
 pub const FAMILIES: usize = 8;
 /// Harmonics of a base alone, nested shapes: knocks have dozens of them about a resonance.
-pub const ALONE: [usize; 2] = [8, 24];
+pub const LONE_HARMONICS: [usize; 2] = [8, 24];
 /// Harmonics of a base modulated, and about the mesh.
 const HARMONICS: (usize, usize) = (6, 8);
 /// Mesh harmonics.
@@ -30,22 +30,22 @@ const CENTRES: usize = 4;
 /// Bins by which a sideband may be missed there.
 const CENTRE_BINS: f64 = 1.5;
 /// Relative distance of bases that are one.
-const SAME: f64 = 1e-3;
+const SAME_BASE_SHARE: f64 = 1e-3;
 /// Trial bases about a base: steps of this share.
-const FINE: f64 = 2.5e-4;
+const FINE_STEP_SHARE: f64 = 2.5e-4;
 const FINE_STEPS: i32 = 4;
 /// Bins within which a peak places the base, and the most that a peak's power over the floor weighs.
 const PLACING_BINS: f64 = 3.0;
 const MOST_WEIGHT: f64 = 1e4;
 
 /// Trial bases about each.
-pub const REFINED: f64 = (2 * FINE_STEPS + 1) as f64;
+pub const TRIAL_BASES: f64 = (2 * FINE_STEPS + 1) as f64;
 
 /// Every base in every shape.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let bases = bases(context);
     let shapes = |base: f64| {
-        let mut all = ALONE.map(|most| harmonics(context, base, most)).to_vec();
+        let mut all = LONE_HARMONICS.map(|most| harmonics(context, base, most)).to_vec();
         all.extend(context.scene.shafts().iter().map(|&shaft| modulated(context, base, shaft)));
         all.push(about_mesh(context, base));
         all
@@ -58,8 +58,8 @@ pub fn candidates(context: &Context) -> Vec<Candidate> {
 /// The same family with its base moved a little: slip is not known.
 pub fn refinements(context: &Context, candidate: &Candidate) -> Vec<Candidate> {
     (-FINE_STEPS..=FINE_STEPS)
-        .filter_map(|i| with_base(context, candidate, candidate.base * (1.0 + FINE * f64::from(i))))
-        .map(|c| Candidate { alternatives: candidate.alternatives * REFINED, ..c })
+        .filter_map(|i| with_base(context, candidate, candidate.base * (1.0 + FINE_STEP_SHARE * f64::from(i))))
+        .map(|c| Candidate { alternatives: candidate.alternatives * TRIAL_BASES, ..c })
         .collect()
 }
 
@@ -68,7 +68,7 @@ pub fn with_base(context: &Context, candidate: &Candidate, base: f64) -> Option<
     let other = match candidate.kind {
         Kind::Passage => {
             let numbers = candidate.places.iter().map(|p| (p.spacing / candidate.base).round() as usize);
-            harmonics(context, base, numbers.max().unwrap_or(0).max(ALONE[0]))
+            harmonics(context, base, numbers.max().unwrap_or(0).max(LONE_HARMONICS[0]))
         }
         Kind::ModulatedPassage(shaft) => modulated(context, base, shaft),
         Kind::AboutMesh => about_mesh(context, base),
@@ -169,7 +169,7 @@ pub fn known<'a>(context: &'a Context, run: usize) -> impl Fn(f64, f64) -> bool 
 fn distinct(mut bases: Vec<f64>, lowest: f64) -> Vec<f64> {
     bases.retain(|base| *base > lowest);
     bases.sort_by(f64::total_cmp);
-    bases.dedup_by(|a, b| *a - *b < SAME * *b);
+    bases.dedup_by(|a, b| *a - *b < SAME_BASE_SHARE * *b);
     bases
 }
 

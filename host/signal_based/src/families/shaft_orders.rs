@@ -10,12 +10,12 @@ use crate::candidate::{Candidate, Domain, Kind, Place, Shaft};
 /// Orders, nested shapes.
 const SHAPES: [usize; 3] = [1, 2, 4];
 /// Share of the mesh order up to which an order is low.
-const LOW: f64 = 0.4;
+const LOW_ORDER_SHARE: f64 = 0.4;
 
 /// Low orders of either shaft.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let shaped = |shaft: Shaft| SHAPES.into_iter().map(move |most| candidate(context, shaft, most));
-    Shaft::BOTH.into_iter().flat_map(shaped).filter(|c| !c.places.is_empty()).collect()
+    Shaft::PAIR_SHAFTS.into_iter().flat_map(shaped).filter(|c| !c.places.is_empty()).collect()
 }
 
 /// Orders of one shaft up to number `most`.
@@ -23,8 +23,9 @@ pub fn candidate(context: &Context, shaft: Shaft, most: usize) -> Candidate {
     let own = context.scene.shaft_order(shaft as usize);
     let place =
         |n: usize| Place { order: n as f64 * own, spacing: n as f64 * own, label: format!("{n} {}", shaft.word()) };
-    let fits =
-        |p: &Place| p.order < LOW * context.scene.mesh_order() && !(shaft == Shaft::Gear && context.on_pinion(p.order));
+    let fits = |p: &Place| {
+        p.order < LOW_ORDER_SHARE * context.scene.mesh_order() && !(shaft == Shaft::Gear && context.on_pinion(p.order))
+    };
     Candidate {
         kind: Kind::ShaftOrders(shaft),
         base: own,

@@ -14,13 +14,13 @@ use crate::scene::SceneRun;
 /// Mesh harmonics.
 const MESH: usize = 8;
 /// Fewest swings over the record: bins; in a run-up the path leaves more of a wander.
-const FEWEST: f64 = 8.0;
-const FEWEST_IN_RUN_UPS: f64 = 10.0;
+const MIN_SWINGS: f64 = 8.0;
+const MIN_RUN_UP_SWINGS: f64 = 10.0;
 
 /// Every slow order.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
     let bin = context.strength.bin(0);
-    let fewest = if context.scene.runs.iter().any(SceneRun::runs_up) { FEWEST_IN_RUN_UPS } else { FEWEST };
+    let fewest = if context.scene.runs.iter().any(SceneRun::runs_up) { MIN_RUN_UP_SWINGS } else { MIN_SWINGS };
     let steps = (context.strength.highest / bin - fewest).max(0.0) as usize;
     let of_step = |i: usize| {
         let base = (fewest + i as f64) * bin;

@@ -15,13 +15,13 @@ use crate::split::{Split, Stretch};
 use meshband::indicators::RunEnsemble;
 
 /// Share of the energy above the median pitch's that one tooth and its neighbours must hold.
-const ON_ONE_TOOTH: f64 = 0.5;
+const MIN_TOOTH_ENERGY_SHARE: f64 = 0.5;
 /// Energy of the strongest pitch over the median one's.
-const OVER_MEDIAN: f64 = 2.5;
+const MIN_MEDIAN_RATIO: f64 = 2.5;
 
 /// All orders of either shaft.
 pub fn candidates(context: &Context) -> Vec<Candidate> {
-    Shaft::BOTH.into_iter().map(|shaft| candidate(context, shaft)).filter(|c| !c.places.is_empty()).collect()
+    Shaft::PAIR_SHAFTS.into_iter().map(|shaft| candidate(context, shaft)).filter(|c| !c.places.is_empty()).collect()
 }
 
 /// All orders of one shaft.
@@ -68,7 +68,7 @@ impl Pulse {
 
     /// This one, of fitted turns, if it is one tooth of so many, and the same one or its neighbour on those held out.
     pub fn on_one_tooth(self, teeth: usize, held_out: impl FnOnce() -> Option<Self>) -> Option<Self> {
-        if self.share < ON_ONE_TOOTH || self.over_median < OVER_MEDIAN {
+        if self.share < MIN_TOOTH_ENERGY_SHARE || self.over_median < MIN_MEDIAN_RATIO {
             return None;
         }
         let is_elsewhere = |held: Self| (held.tooth + teeth + 1 - self.tooth) % teeth > 2;

@@ -12,8 +12,8 @@ use crate::residual_spectra::Views;
 use crate::train::families::What;
 
 /// Share of the evidence that another seat's lines must hold, and nats by which it may score less, to be named as well.
-const SHARED: f64 = 0.8;
-const WITHIN: f64 = 10.0;
+const MIN_EVIDENCE_SHARE: f64 = 0.8;
+const MAX_DEFICIT_NATS: f64 = 10.0;
 /// Bins within which two lines are one here: half a main lobe.
 const ONE_LINE: f64 = 2.0;
 
@@ -76,11 +76,11 @@ pub fn rivals(candidate: &Candidate, verdict: &Verdict, context: &Context, views
         let mut orders = Taken::default();
         orders.extend(rival.places.iter().map(|place| place.order));
         let shared: f64 = standing.iter().filter(|(order, _)| orders.near(*order, near)).map(|(_, ln)| ln).sum();
-        if shared < SHARED * all {
+        if shared < MIN_EVIDENCE_SHARE * all {
             continue;
         }
         let nats = score(&rival, &field, 0.0).ln_bayes - rival.alternatives.ln();
-        if nats > verdict.ln_bayes - WITHIN {
+        if nats > verdict.ln_bayes - MAX_DEFICIT_NATS {
             found.push((nats, other));
         }
     }

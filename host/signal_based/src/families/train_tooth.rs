@@ -14,8 +14,8 @@ use realfft::RealFftPlanner;
 /// Places of a fold.
 const POINTS: usize = 2048;
 /// Low orders of the rate, and orders beside a mesh harmonic, that are no tooth's.
-const LOW: usize = 2;
-const BESIDE: i64 = 1;
+const LOW_ORDERS: usize = 2;
+const MESH_SIDE_ORDERS: i64 = 1;
 
 /// The pulse of a pattern, where it is one tooth's: the same or a neighbour on the turns not fitted.
 pub fn is_single(scene: &Scene, candidate: &Candidate) -> Option<Pulse> {
@@ -60,7 +60,7 @@ fn difference(fold: &[f64], pitches: usize) -> Vec<f64> {
     forward.process(&mut input, &mut bins).expect("buffers have the planned lengths");
     for (i, bin) in bins.iter_mut().enumerate() {
         let k = (i as f64 / pitches as f64).round() as i64;
-        if i <= LOW || (i as i64 - k * pitches as i64).abs() <= BESIDE && k > 0 {
+        if i <= LOW_ORDERS || (i as i64 - k * pitches as i64).abs() <= MESH_SIDE_ORDERS && k > 0 {
             *bin = Default::default();
         }
     }

@@ -12,7 +12,9 @@
 //! integrated over the carriers). Cost: one transform of the record and eight for the bank. Limit: in a run-up the
 //! highest order falls by the ratio of the speeds.
 
-use super::thresholds::{DETERMINISTIC, FEWEST_MEANED, FITTED, HELD_OUT, HIGHEST_ORDER, LEAST_WIDTH, PARTS, PER_TURN};
+use super::thresholds::{
+    FIT_TURN_SHARE, HELD_OUT_START_SHARE, HIGHEST_ORDER, LEAST_WIDTH, LINE_FLOOR_RATIO, MIN_MEAN_BANDS, PARTS, PER_TURN,
+};
 use crate::analysis::average::locked_part;
 use crate::analysis::envelope::not_locked;
 use crate::baseline::Grids;
@@ -82,7 +84,7 @@ impl Band {
         let [first, .., last] = bands else { return None };
         let part = |p: usize| Spectrum::mean(&bands.iter().map(|band| &band.parts[p]).collect::<Vec<_>>());
         let hz = [first.hz[0], last.hz[1]];
-        let is_many = bands.len() >= FEWEST_MEANED;
+        let is_many = bands.len() >= MIN_MEAN_BANDS;
         is_many.then(|| Self { hz, meaned: bands.len(), parts: [part(0), part(1)], ..*first })
     }
 }
@@ -108,7 +110,7 @@ impl Random {
         // The median of an exponential variable is ln 2 of its mean.
         let floor = running_median(&power, FLOOR_HOP);
         for ((bin, power), floor) in bins.iter_mut().zip(&power).zip(&floor) {
-            let most = DETERMINISTIC * floor / std::f64::consts::LN_2;
+            let most = LINE_FLOOR_RATIO * floor / std::f64::consts::LN_2;
             *bin *= (most / power.max(f64::MIN_POSITIVE)).sqrt().min(1.0);
         }
         Self { bins, samples: count, rate_hz: run.rate_hz }
@@ -121,7 +123,7 @@ impl Random {
         let at = |share: f64| (share * angle.turns as f64) as usize * PER_TURN;
         let speed = angle.speed;
         let highest = (HIGHEST_ORDER * speed.slowest_hz / speed.fastest_hz).min((hz[1] - hz[0]) / speed.fastest_hz);
-        [&samples[..at(FITTED)], &samples[at(HELD_OUT)..]].map(|part| Spectrum::of(part, highest))
+        [&samples[..at(FIT_TURN_SHARE)], &samples[at(HELD_OUT_START_SHARE)..]].map(|part| Spectrum::of(part, highest))
     }
 
     /// Squared envelope of a band, low-passed, and its rate.

@@ -9,7 +9,7 @@
 
 use super::bands::{Band, Spectrum};
 use super::tail::Background;
-use super::thresholds::{FINALISTS, HARMONICS, LOOKED_AT, SIDED, SLIP, SMEARS};
+use super::thresholds::{FINALISTS, HARMONICS, MAX_FINALISTS, SIDEBAND_HARMONICS, SLIP, SMEARS};
 use rayon::prelude::*;
 
 /// Lowest order that carries a line of a comb.
@@ -22,7 +22,7 @@ pub const SIDES: i32 = 3;
 /// Step of trial bases, bins.
 const STEP_BINS: f64 = 0.25;
 /// Harmonics that must stand again.
-const AGAIN: usize = 3;
+const STANDING_HARMONICS: usize = 3;
 
 /// A comb.
 #[derive(Debug, Clone, PartialEq)]
@@ -185,15 +185,15 @@ pub fn best(bands: &[Band], known: &Known, ranges: &[(f64, f64)]) -> Option<Comb
     };
     let mut all: Vec<(f64, Comb)> = bands.par_iter().enumerate().flat_map(screened).collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    all.truncate(LOOKED_AT);
-    let patterns = (HARMONICS.len() + SIDED.len() * known.shafts.len()) as f64;
+    all.truncate(MAX_FINALISTS);
+    let patterns = (HARMONICS.len() + SIDEBAND_HARMONICS.len() * known.shafts.len()) as f64;
     let choices = (bands.len() * SMEARS.len()) as f64 * patterns;
     let closely = |comb: &Comb| {
         let band = &bands[comb.band];
         let ranked = Ranked::of(&band.parts[0], known, comb.smear);
         let bases = bases(ranges, ranked.bin, comb.smear).count() as f64;
         let background = ranked.background_of(comb.base, &known.shafts);
-        let sided = known.shafts.iter().filter(|_| SIDED.contains(&comb.harmonics)).map(Some);
+        let sided = known.shafts.iter().filter(|_| SIDEBAND_HARMONICS.contains(&comb.harmonics)).map(Some);
         let read = |own: Option<&f64>| ranked.nats_on(&background, lines(comb.base, comb.harmonics, own));
         let (nats, others) =
             std::iter::once(None).chain(sided).map(read).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
@@ -266,11 +266,11 @@ fn apart(sorted: &[(f64, f64)], bin: f64) -> Vec<(f64, f64)> {
 /// Nats of a comb read as one of `base` on the held-out turns, where it may have slipped, which is paid for.
 pub fn again(comb: &Comb, base: f64, band: &Band, known: &Known) -> f64 {
     let ranked = Ranked::of(&band.parts[1], known, comb.smear);
-    let step = (0.5 * ranked.bin / AGAIN as f64).max(1e-9);
+    let step = (0.5 * ranked.bin / STANDING_HARMONICS as f64).max(1e-9);
     let steps = (SLIP * base / step) as i32;
     let at = |i: i32| {
         let base = base + f64::from(i) * step;
-        ranked.nats((1..=AGAIN).map(|h| h as f64 * base), base, &known.shafts).0
+        ranked.nats((1..=STANDING_HARMONICS).map(|h| h as f64 * base), base, &known.shafts).0
     };
     (-steps..=steps).map(at).fold(0.0, f64::max) - f64::from(2 * steps + 1).ln()
 }

@@ -9,7 +9,10 @@ use super::Impacts;
 use super::bands::Band;
 use super::combs::{self, Comb, Known};
 use super::readings::{self, Reading};
-use super::thresholds::{ADOPTED, DECLARED_SLIP, HIGHEST_ORDER, NAMED, OTHERS, STANDS_AGAIN, WITHIN};
+use super::thresholds::{
+    DECLARED_SLIP, HIGHEST_ORDER, MIN_ADOPTION_NATS, MIN_HELD_OUT_NATS, MIN_OTHER_LINES_NATS, MIN_RING_NATS,
+    PART_MARGIN_NATS,
+};
 use crate::machine::bearing::BearingOrders;
 use crate::record::Record;
 use crate::scene::Scene;
@@ -77,7 +80,9 @@ fn of_bearing(bands: &[Band], known: &Known, bearing: &Declared, tried: f64) -> 
         Some((part, Comb { nats: comb.nats - tried.ln(), ..comb }))
     };
     let mut all: Vec<(&'static str, Comb)> = bearing.parts().into_iter().filter_map(part).collect();
-    all.retain(|(_, comb)| comb.nats >= ADOPTED && comb.others >= OTHERS && comb.again >= STANDS_AGAIN);
+    all.retain(|(_, comb)| {
+        comb.nats >= MIN_ADOPTION_NATS && comb.others >= MIN_OTHER_LINES_NATS && comb.again >= MIN_HELD_OUT_NATS
+    });
     // A spot on an element passes the load zone as the cage turns.
     let cage = bearing.own * bearing.orders.cage;
     let is_carried = |comb: &Comb| readings::is_modulated(&bands[comb.band], comb.base, comb.smear, known, cage);
@@ -95,9 +100,9 @@ fn of_bearing(bands: &[Band], known: &Known, bearing: &Declared, tried: f64) -> 
     };
     let mut found = Impacts::of(comb, reading, Some(bearing.name.clone()), bands, &known.shafts);
     for (part, other) in &all[1..] {
-        if other.nats >= found.comb.nats - WITHIN && found.explains(other.base) {
+        if other.nats >= found.comb.nats - PART_MARGIN_NATS && found.explains(other.base) {
             found.reading.parts.push(part);
-        } else if !found.explains(other.base) && other.nats >= NAMED {
+        } else if !found.explains(other.base) && other.nats >= MIN_RING_NATS {
             found.reading.parts.push(part);
             found.reading.remark += &format!("; order {:.4}, its {part}'s, stands in its own right", other.base);
         } else if !found.explains(other.base) {

@@ -24,11 +24,12 @@ use combs::{Comb, Known, SIDES};
 use declared::Declared;
 use readings::Reading;
 use thresholds::{
-    ADOPTED, BASES, FEWEST_TURNS, HELD_OUT, HIGHEST_ORDER, MOST, NAMED, OTHERS, SAME_COMB, SLIP, STANDS_AGAIN,
+    BASES, FEWEST_TURNS, HELD_OUT_START_SHARE, HIGHEST_ORDER, MAX_COMBS, MIN_ADOPTION_NATS, MIN_HELD_OUT_NATS,
+    MIN_OTHER_LINES_NATS, MIN_RING_NATS, SAME_COMB, SLIP,
 };
 
 /// Multiples of a comb's base that another base, or twice it, may be with sidebands.
-const RELATED: (u32, u32, i32) = (16, 2, 4);
+const RELATION_NUMBERS: (u32, u32, i32) = (16, 2, 4);
 /// Bins from which multiples of a rate stand apart.
 const APART_BINS: f64 = 12.0;
 /// Bins within which two orders are one.
@@ -79,7 +80,7 @@ impl Impacts {
 
     /// Whether an order is one of its lines, a sideband of one, or half of such.
     pub fn explains(&self, order: f64) -> bool {
-        let (multiples, halves, sides) = RELATED;
+        let (multiples, halves, sides) = RELATION_NUMBERS;
         let is_at = |order: f64, n: i32, own: f64| {
             let multiple = (order - f64::from(n) * own) / self.reading.base;
             let nearest = multiple.round();
@@ -110,7 +111,7 @@ impl Impacts {
 
 /// Combs of impacts in what the calibrated model leaves, the strongest first; of declared bearings by name.
 pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> {
-    let is_long = |turns: usize| (1.0 - HELD_OUT) * turns as f64 >= FEWEST_TURNS as f64;
+    let is_long = |turns: usize| (1.0 - HELD_OUT_START_SHARE) * turns as f64 >= FEWEST_TURNS as f64;
     if !scene.runs.iter().all(|run| is_long(run.angle.turns)) {
         return Vec::new();
     }
@@ -122,8 +123,10 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
     let [slowest, fastest] = [f64::min, f64::max].map(|of| known.shafts.iter().copied().fold(1.0, of));
     let range = [(BASES.0 * slowest, (BASES.1 * fastest).min(HIGHEST_ORDER / 3.0))];
     let asked = found.len();
-    for _ in 0..MOST {
-        let Some(comb) = combs::best(&bands, &known, &range).filter(|comb| comb.nats >= ADOPTED) else { break };
+    for _ in 0..MAX_COMBS {
+        let Some(comb) = combs::best(&bands, &known, &range).filter(|comb| comb.nats >= MIN_ADOPTION_NATS) else {
+            break;
+        };
         let band = &bands[comb.band];
         let mut reading = readings::read(band, &comb, &known);
         let again = combs::again(&comb, reading.base, band, &known);
@@ -133,8 +136,8 @@ pub fn find(scene: &Scene, left: &Grids, declared: &[Declared]) -> Vec<Impacts> 
         let rates: Vec<f64> = known.all_rates().copied().collect();
         let is_shafts_own = readings::is_of_shaft(reading.base, band.parts[0].bin, &rates, 1.0)
             || readings::is_beside_shaft(reading.base, &known.shafts);
-        if comb.again < STANDS_AGAIN
-            || comb.others < OTHERS
+        if comb.again < MIN_HELD_OUT_NATS
+            || comb.others < MIN_OTHER_LINES_NATS
             || is_shafts_own
             || found.iter().any(|own| own.is_same(reading.base) || own.explains(reading.base))
         {
@@ -170,7 +173,8 @@ fn question_rings(found: &mut [Impacts]) {
         let is_ring = matches!(own.reading.parts.as_slice(), ["outer ring" | "inner ring"]) && own.bearing.is_none();
         let shaft = own.shafts[own.reading.shaft.unwrap_or(0)];
         let other = |other: &&Impacts| {
-            other.comb.nats >= NAMED && readings::are_of_one_bearing(own.reading.base, other.reading.base, shaft)
+            other.comb.nats >= MIN_RING_NATS
+                && readings::are_of_one_bearing(own.reading.base, other.reading.base, shaft)
         };
         let Some(base) = found.iter().find(other).filter(|_| is_ring).map(|other| other.reading.base) else { continue };
         found[i].reading.parts = vec!["inner ring", "outer ring"];

@@ -16,18 +16,19 @@
 use super::bands::Band;
 use super::combs::{Comb, Known, Ranked};
 use super::thresholds::{
-    BESIDE_SHARE, BY_CHANCE, CLEARLY, DEEP, HALF_TURN, LEAST_INNER, LEAST_OUTER, MANY_ELEMENTS, MOST_OUTER, MOST_TURNS,
-    MULTIPLE, NAMED, SIDEBANDS, STRONG, WHOLE,
+    BESIDE_SHARE, HALF_TURN, MANY_ELEMENTS, MAX_COINCIDENCE_SHARE, MAX_OUTER_ORDER, MIN_INNER_ORDER, MIN_LN_POWER_LEAD,
+    MIN_OUTER_ORDER, MIN_RING_DEPTH, MIN_RING_NATS, MIN_SIDEBAND_POWER_RATIO, MOST_TURNS, MULTIPLE, SIDEBANDS,
+    WHOLE_NUMBER_SHARE,
 };
 use crate::families::bearing::{ELEMENTS, RATIOS};
 
 /// Harmonics that bases are compared by.
-const COMPARED: std::ops::RangeInclusive<u32> = 1..=3;
+const COMPARED_HARMONICS: std::ops::RangeInclusive<u32> = 1..=3;
 /// Multiples and parts of a base, and sidebands, that may be the base.
 const MULTIPLES: [u32; 2] = [2, 3];
 const SIDEBAND_NUMBERS: [i32; 4] = [-2, -1, 1, 2];
 /// Least mean logarithm of power by which harmonics stand at all: their highest bins of three have 0.9 in noise.
-const STANDS: f64 = 1.8;
+const MIN_MEAN_LN_POWER: f64 = 1.8;
 /// Bins within which a base is at half or a quarter of a shaft's turn.
 const BESIDE_BINS: f64 = 1.5;
 
@@ -50,23 +51,24 @@ pub struct Reading {
 
 /// The base that explains a comb best, and a rival within the evidence.
 pub fn base(band: &Band, comb: &Comb, shafts: &[f64]) -> (f64, Option<f64>) {
-    let own = strength(band, comb.base, COMPARED.map(f64::from));
+    let own = strength(band, comb.base, COMPARED_HARMONICS.map(f64::from));
     for m in MULTIPLES.map(f64::from) {
-        if strength(band, m * comb.base, COMPARED.map(f64::from)) > own + MULTIPLE {
+        if strength(band, m * comb.base, COMPARED_HARMONICS.map(f64::from)) > own + MULTIPLE {
             return (m * comb.base, None);
         }
         // The lines that only the lower base has.
         let between = (1..).map(f64::from).filter(|h| h % m != 0.0).take(3);
         let lower = strength(band, comb.base / m, between);
-        if lower > STANDS && lower > own - MULTIPLE {
+        if lower > MIN_MEAN_LN_POWER && lower > own - MULTIPLE {
             return (comb.base / m, None);
         }
     }
     let beside = shafts.iter().flat_map(|own| SIDEBAND_NUMBERS.map(|n| comb.base + f64::from(n) * own));
-    let rivals = beside.filter(|base| *base > 1.0).map(|base| (strength(band, base, COMPARED.map(f64::from)), base));
+    let rivals =
+        beside.filter(|base| *base > 1.0).map(|base| (strength(band, base, COMPARED_HARMONICS.map(f64::from)), base));
     match rivals.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        Some((other, base)) if other > own + CLEARLY => (base, None),
-        Some((other, base)) if other > own - CLEARLY => (comb.base, Some(base)),
+        Some((other, base)) if other > own + MIN_LN_POWER_LEAD => (base, None),
+        Some((other, base)) if other > own - MIN_LN_POWER_LEAD => (comb.base, Some(base)),
         _ => (comb.base, None),
     }
 }
@@ -87,14 +89,14 @@ pub fn modulated_by(band: &Band, base: f64, smear: f64, known: &Known) -> Option
 pub fn is_modulated(band: &Band, base: f64, smear: f64, known: &Known, own: f64) -> bool {
     let ranked = Ranked::of(&band.parts[0], known, smear);
     let part = &band.parts[0];
-    let orders = COMPARED.flat_map(|h| [-own, own].map(|side| f64::from(h) * base + side));
+    let orders = COMPARED_HARMONICS.flat_map(|h| [-own, own].map(|side| f64::from(h) * base + side));
     let share = |h: u32| {
         let carrier = f64::from(h) * base;
         let most = SIDEBAND_NUMBERS.map(|n| part.at(carrier + f64::from(n) * own)).into_iter().fold(0.0, f64::max);
         (most.max(f64::MIN_POSITIVE) / part.at(carrier).max(1.0)).ln()
     };
-    let mean = COMPARED.map(share).sum::<f64>() / COMPARED.count() as f64;
-    ranked.nats(orders, base, &known.shafts).0 >= SIDEBANDS && mean >= STRONG.ln()
+    let mean = COMPARED_HARMONICS.map(share).sum::<f64>() / COMPARED_HARMONICS.count() as f64;
+    ranked.nats(orders, base, &known.shafts).0 >= SIDEBANDS && mean >= MIN_SIDEBAND_POWER_RATIO.ln()
 }
 
 /// Whether two passages of one shaft are outer and inner ring of one bearing: they add up to its elements.
@@ -102,7 +104,7 @@ pub fn are_of_one_bearing(one: f64, other: f64, own: f64) -> bool {
     let [outer, inner] = [one.min(other) / own, one.max(other) / own];
     let sum = outer + inner;
     let ratio = (inner - outer) / sum;
-    (sum - sum.round()).abs() <= WHOLE * sum
+    (sum - sum.round()).abs() <= WHOLE_NUMBER_SHARE * sum
         && ELEMENTS.contains(&(sum.round() as u32))
         && (RATIOS.0..=RATIOS.1).contains(&ratio)
 }
@@ -116,7 +118,7 @@ pub fn is_of_shaft(base: f64, bin: f64, shafts: &[f64], parts: f64) -> bool {
         let (place, spacing) = (parts * base / own, own / parts);
         let share = if parts > 2.0 { 0.0 } else { HALF_TURN * base };
         let within = share.max(BESIDE_BINS * bin);
-        let says = (*own == fastest || 2.0 * within <= BY_CHANCE * spacing) && base <= MOST_TURNS * own;
+        let says = (*own == fastest || 2.0 * within <= MAX_COINCIDENCE_SHARE * spacing) && base <= MOST_TURNS * own;
         says && (place - place.round()).abs() * spacing <= within
     })
 }
@@ -138,20 +140,20 @@ pub fn read(band: &Band, comb: &Comb, known: &Known) -> Reading {
     let mut reading = Reading { base, rival, modulated_by, parts: Vec::new(), shaft: None, remark: String::new() };
     let bin = band.parts[0].bin;
     let possible: Vec<usize> =
-        (0..shafts.len()).filter(|s| (LEAST_OUTER..=MOST_OUTER).contains(&(base / shafts[*s]))).collect();
+        (0..shafts.len()).filter(|s| (MIN_OUTER_ORDER..=MAX_OUTER_ORDER).contains(&(base / shafts[*s]))).collect();
     let fitting: Vec<usize> = possible.into_iter().filter(|s| modulated_by.is_none_or(|m| m == *s)).collect();
     reading.remark = if is_of_shaft(base, bin, shafts, 2.0) || is_of_shaft(base, bin, shafts, 4.0) {
         "a whole number of half or quarter turns: a loose fit, a supply or another machine has it as well".into()
     } else if fitting.is_empty() {
         "no ordinary bearing has it as a passage".into()
-    } else if comb.nats < NAMED {
+    } else if comb.nats < MIN_RING_NATS {
         format!(
-            "{:.0} nats of the {NAMED:.0} that a name needs: a sound bearing's passage may stand so high",
+            "{:.0} nats of the {MIN_RING_NATS:.0} that a name needs: a sound bearing's passage may stand so high",
             comb.nats
         )
-    } else if band.parts[0].depth_at(base) < DEEP {
+    } else if band.parts[0].depth_at(base) < MIN_RING_DEPTH {
         format!(
-            "a depth of {:.2}, of the {DEEP} that a name needs: a sound bearing's passage may stand so high",
+            "a depth of {:.2}, of the {MIN_RING_DEPTH} that a name needs: a sound bearing's passage may stand so high",
             band.parts[0].depth_at(base)
         )
     } else if let Some(rival) = rival {
@@ -169,7 +171,7 @@ pub fn read(band: &Band, comb: &Comb, known: &Known) -> Reading {
 /// Parts of a bearing that a comb can be, by its order per turn of their shaft.
 fn parts(order: f64, is_modulated: bool, is_sharp: bool) -> Vec<&'static str> {
     match (is_modulated, is_sharp) {
-        (true, _) if order < LEAST_INNER => vec!["outer ring"],
+        (true, _) if order < MIN_INNER_ORDER => vec!["outer ring"],
         (true, _) if order < MANY_ELEMENTS => vec!["inner ring", "outer ring"],
         (true, _) => vec!["inner ring"],
         (false, true) => vec!["outer ring"],

@@ -1,7 +1,7 @@
 //! Records that are not what their owner says: said, or left unnamed, never a confident wrong name.
 
 use super::generator::{BENCH, Bench, Line};
-use super::{SMALL, loop_of, of_record, order};
+use super::{SMALL_BENCH, loop_of, of_record, order};
 use meshband_host::signal_based::outcome::Outcome;
 use meshband_host::signal_based::view;
 
@@ -30,8 +30,8 @@ fn fault_wrong_teeth_of_the_gear_name_no_shaft() {
 fn fault_a_helical_pair_entered_as_spur_has_only_another_path() {
     // Overlap takes the high harmonics away; what is left stands at the same orders.
     let soft: Vec<Line> =
-        SMALL.mesh().into_iter().map(|m| Line { amplitude: -0.9 * m.amplitude, ..m }).skip(1).collect();
-    let outcome = loop_of(&SMALL, &soft, &[]);
+        SMALL_BENCH.mesh().into_iter().map(|m| Line { amplitude: -0.9 * m.amplitude, ..m }).skip(1).collect();
+    let outcome = loop_of(&SMALL_BENCH, &soft, &[]);
     assert!(outcome.effects.is_empty(), "{}", view::text(&outcome));
 }
 

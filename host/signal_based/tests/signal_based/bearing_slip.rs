@@ -7,7 +7,7 @@ use meshband_host::signal_based::view;
 
 const BASE: f64 = 4.487;
 /// Most of the middle quarter, which is held out.
-const HELD_OUT: std::ops::Range<f64> = 0.36..0.64;
+const HELD_OUT_RANGE: std::ops::Range<f64> = 0.36..0.64;
 
 fn lines(base: f64) -> Vec<Line> {
     let z = f64::from(BENCH.teeth[0]);
@@ -18,7 +18,7 @@ fn lines(base: f64) -> Vec<Line> {
 /// The loop on a record whose lines are others on the held-out turns.
 fn with_others_held_out(others: &[Line]) -> Outcome {
     let [record, other] = [&lines(BASE), others].map(|lines| BENCH.record(lines, &[]));
-    of_record(&BENCH.spliced(&record, &other, HELD_OUT))
+    of_record(&BENCH.spliced(&record, &other, HELD_OUT_RANGE))
 }
 
 /// A family of lines; a comb of squared envelopes holds other turns out, which nobody changed.

@@ -232,7 +232,7 @@ fn theory_what_is_close_passes_by_other_turns_and_nothing_else_does() {
 }
 
 /// Power over the floor of one line that says enough for a family, not alone.
-const WEAK: f64 = 6.0;
+const WEAK_LINE_RATIO: f64 = 6.0;
 
 #[test]
 fn theory_one_line_alone_is_asked_for_more_than_a_family_and_a_supply_is_not() {
@@ -244,11 +244,11 @@ fn theory_one_line_alone_is_asked_for_more_than_a_family_and_a_supply_is_not() {
         assert_eq!(verdict.refused, None);
         says_too_little(&candidate, &verdict).is_some()
     };
-    assert!((8.0..18.0).contains(&at(WEAK)) && at(60.0) > 25.0, "{} {}", at(WEAK), at(60.0));
-    assert!(lone(Kind::FixedFrequency, 20.0, WEAK) && !lone(Kind::FixedFrequency, 20.0, 60.0));
-    assert!(lone(Kind::Passage, 20.0, WEAK) && !lone(Kind::Passage, 20.0, 60.0));
-    assert!(!lone(Kind::FixedFrequency, 50.0, WEAK), "a supply's");
-    assert!(!lone(Kind::Ghost, 20.0, WEAK), "a whole order");
+    assert!((8.0..18.0).contains(&at(WEAK_LINE_RATIO)) && at(60.0) > 25.0, "{} {}", at(WEAK_LINE_RATIO), at(60.0));
+    assert!(lone(Kind::FixedFrequency, 20.0, WEAK_LINE_RATIO) && !lone(Kind::FixedFrequency, 20.0, 60.0));
+    assert!(lone(Kind::Passage, 20.0, WEAK_LINE_RATIO) && !lone(Kind::Passage, 20.0, 60.0));
+    assert!(!lone(Kind::FixedFrequency, 50.0, WEAK_LINE_RATIO), "a supply's");
+    assert!(!lone(Kind::Ghost, 20.0, WEAK_LINE_RATIO), "a whole order");
 }
 
 #[test]

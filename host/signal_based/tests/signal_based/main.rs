@@ -21,7 +21,7 @@ use meshband_host::signal_based::scene::Scene;
 use meshband_host::signal_based::{self, view};
 
 /// A record that takes a fraction of a second.
-const SMALL: Bench = Bench { seconds: 6.0, rate_hz: 4096.0, speed_hz: 16.0, channels: 1, ..BENCH };
+const SMALL_BENCH: Bench = Bench { seconds: 6.0, rate_hz: 4096.0, speed_hz: 16.0, channels: 1, ..BENCH };
 
 fn of_record(record: &Record) -> Outcome {
     signal_based::run(record, &Preflight::of(record)).expect("signal-based inference")
@@ -143,7 +143,7 @@ fn theory_nothing_is_added_to_forty_nulls_with_wander_runs_up_and_coloured_noise
         let run_up = if seed % 4 == 0 { 1.5 } else { 1.0 };
         let wander = 0.002 * f64::from(seed % 5);
         let noise = [0.05, 0.2, 0.5][seed as usize % 3];
-        let outcome = loop_of(&Bench { seed: u64::from(seed), run_up, wander, noise, ..SMALL }, &[], &[]);
+        let outcome = loop_of(&Bench { seed: u64::from(seed), run_up, wander, noise, ..SMALL_BENCH }, &[], &[]);
         assert!(outcome.effects.is_empty(), "seed {seed}: {}", view::text(&outcome));
     }
 }
@@ -184,7 +184,7 @@ fn ref_limits_agree_with_real_injections_into_the_record() {
 
 #[test]
 fn theory_volts_are_used_as_they_are_and_the_preflight_lists_all_that_is_missing() {
-    let record = Bench { unit: Some("V".into()), ..SMALL }.record(&SMALL.modulation(1.0, 0.1, 1), &[]);
+    let record = Bench { unit: Some("V".into()), ..SMALL_BENCH }.record(&SMALL_BENCH.modulation(1.0, 0.1, 1), &[]);
     let preflight = Preflight::of(&record);
     let missing = preflight.for_model_based.join("; ");
     for part in

@@ -61,7 +61,7 @@ fn assert_called(naming: &Naming, verdict: &str, words: &str, family: &str, shaf
 
 #[test]
 fn golden_families_of_a_shaft_carry_its_name_and_every_name_with_the_same_lines() {
-    for shaft in Shaft::BOTH {
+    for shaft in Shaft::PAIR_SHAFTS {
         let word = shaft.word();
         let cases = [
             (Kind::Modulation(shaft), format!("{word}-eccentricity or {word}-pitch-error"), "sideband"),

@@ -13,7 +13,7 @@ use meshband_host::signal_based::second_pass::search_after_veto;
 use meshband_host::signal_based::split::{Split, Stretch};
 
 /// A pair whose gear has many whole orders near those of the pinion, in a run-up of short stretches.
-const NEAR_ONE: Bench = Bench { teeth: [39, 42], speed_hz: 10.0, run_up: 1.7, seconds: 10.0, ..BENCH };
+const NEAR_UNITY_BENCH: Bench = Bench { teeth: [39, 42], speed_hz: 10.0, run_up: 1.7, seconds: 10.0, ..BENCH };
 /// The order 67 of its gear, next to the order 62 of its pinion.
 const GHOST: f64 = 67.0 * 39.0 / 42.0;
 
@@ -32,10 +32,10 @@ fn scene(bench: &Bench) -> Scene {
 
 #[test]
 fn fault_a_ghost_of_the_gear_within_the_lobe_of_a_quiet_order_of_the_pinion_is_found() {
-    let scene = scene(&NEAR_ONE);
+    let scene = scene(&NEAR_UNITY_BENCH);
     let away = GHOST - GHOST.round();
     assert!(away < scene.resolution() && away > scene.beside_a_shaft(), "{away} {}", scene.resolution());
-    let outcome = loop_of(&NEAR_ONE, &[order(GHOST, 0.1)], &[]);
+    let outcome = loop_of(&NEAR_UNITY_BENCH, &[order(GHOST, 0.1)], &[]);
     expect(&outcome, "named", "shaft-order", "gear", "gear-ghost-order");
     assert!((outcome.effects[0].order_of_pinion.expect("an order") - GHOST).abs() < 1e-6);
 }
@@ -43,7 +43,7 @@ fn fault_a_ghost_of_the_gear_within_the_lobe_of_a_quiet_order_of_the_pinion_is_f
 #[test]
 fn theory_what_the_window_shows_beside_a_strong_order_of_the_pinion_is_no_ghost_of_the_gear() {
     for amplitude in [0.1, 1.0] {
-        let outcome = loop_of(&NEAR_ONE, &[order(GHOST.round(), amplitude)], &[]);
+        let outcome = loop_of(&NEAR_UNITY_BENCH, &[order(GHOST.round(), amplitude)], &[]);
         let shafts: Vec<&str> = outcome.effects.iter().map(|effect| effect.shaft.as_str()).collect();
         assert_eq!(shafts, ["pinion"], "{amplitude}: {}", view::text(&outcome));
     }

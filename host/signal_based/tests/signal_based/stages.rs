@@ -2,7 +2,7 @@
 //! given.
 
 use crate::generator::Bench;
-use crate::{SMALL, tone};
+use crate::{SMALL_BENCH, tone};
 use meshband_host::signal_based::accept::Surrogates;
 use meshband_host::signal_based::accept::Verdict;
 use meshband_host::signal_based::amplitudes::{Weighted, subtract};
@@ -23,7 +23,7 @@ use rustfft::num_complex::Complex64;
 use std::sync::Arc;
 
 /// Six channels, of which three are searched; a runout, and a tone that follows no shaft.
-const SIX: Bench = Bench { channels: 6, ..SMALL };
+const SIX_CHANNEL_BENCH: Bench = Bench { channels: 6, ..SMALL_BENCH };
 
 struct Case {
     scene: Scene,
@@ -33,9 +33,10 @@ struct Case {
 }
 
 fn case() -> Case {
-    let lines = [SIX.modulation(1.0, 0.15, 1), [400.0, 777.0, 1210.0].map(|hz| tone(hz, 1.5)).to_vec()].concat();
-    let record = SIX.record(&lines, &[]);
-    let scene = Scene::of(&record, record.require_tach().expect("a tach"), SIX.teeth).expect("a scene");
+    let lines =
+        [SIX_CHANNEL_BENCH.modulation(1.0, 0.15, 1), [400.0, 777.0, 1210.0].map(|hz| tone(hz, 1.5)).to_vec()].concat();
+    let record = SIX_CHANNEL_BENCH.record(&lines, &[]);
+    let scene = Scene::of(&record, record.require_tach().expect("a tach"), SIX_CHANNEL_BENCH.teeth).expect("a scene");
     let baseline = Baseline::of(&scene);
     let fit = views(&scene, &baseline.calibrated, |split| &split.fit, None);
     let held = views(&scene, &baseline.calibrated, |split| &split.held_out, Some(&fit));

@@ -77,13 +77,13 @@ fn long_simulation<'a>(machine: &'a str, output: &'a str) -> Vec<&'a str> {
 
 /// A record made once and copied.
 fn record_at(target: &Path) {
-    static MADE: LazyLock<BTreeMap<PathBuf, Vec<u8>>> = LazyLock::new(|| {
+    static RECORD_FILES: LazyLock<BTreeMap<PathBuf, Vec<u8>>> = LazyLock::new(|| {
         let place = fresh("pattern").join("record");
         accepted(&simulation(&machine("check-19-48.toml"), &text(&place), "1"));
         content(&place)
     });
     std::fs::create_dir_all(target).expect("a folder");
-    MADE.iter().for_each(|(name, bytes)| std::fs::write(target.join(name), bytes).expect("written"));
+    RECORD_FILES.iter().for_each(|(name, bytes)| std::fs::write(target.join(name), bytes).expect("written"));
 }
 
 /// Names and bytes of a folder's files.

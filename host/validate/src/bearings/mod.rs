@@ -16,7 +16,7 @@ use crate::signal_based::preflight::Preflight;
 use crate::{Result, signal_based};
 
 /// Share of a passage within which an effect stands at it.
-const AT: f64 = 0.02;
+const PASSAGE_TOLERANCE_SHARE: f64 = 0.02;
 /// Words of the parts.
 const PARTS: [&str; 4] = ["outer ring", "inner ring", "rolling element", "cage"];
 
@@ -95,7 +95,8 @@ pub fn look(labelled: &Labelled, declared: bool) -> Result<Score> {
 
 /// Scores an answer.
 pub fn score(outcome: &Outcome, damage: Damage, orders: &BearingOrders) -> Score {
-    let is_at = |order: f64, own: f64| [1.0, 2.0].iter().any(|m| (order / (m * own) - 1.0).abs() < AT);
+    let is_at =
+        |order: f64, own: f64| [1.0, 2.0].iter().any(|m| (order / (m * own) - 1.0).abs() < PASSAGE_TOLERANCE_SHARE);
     let found = |own: f64| outcome.effects.iter().filter_map(|e| e.order_of_pinion).any(|order| is_at(order, own));
     let parts_of = |name: &str| PARTS.into_iter().filter(|part| name.contains(part)).collect::<Vec<_>>();
     let named = || outcome.effects.iter().filter(|e| e.verdict == "named");

@@ -13,9 +13,9 @@ use crate::{Error, Result};
 
 /// Mean logarithm of power over the floor from which a part is named: a factor of 10, twice what the highest of some
 /// fifty bins of noise has.
-const NAMED: f64 = 2.303;
+const MIN_MEAN_LN_POWER: f64 = 2.303;
 /// Slip looked through, share of the order.
-const WITHIN: f64 = 0.02;
+const MAX_SLIP_SHARE: f64 = 0.02;
 
 /// What the peer says of a record.
 ///
@@ -38,7 +38,7 @@ pub fn look(labelled: &Labelled) -> Result<Score> {
             }
         }
     }
-    let (height, damage) = if best.0 >= NAMED { best } else { (best.0, Damage::Sound) };
+    let (height, damage) = if best.0 >= MIN_MEAN_LN_POWER { best } else { (best.0, Damage::Sound) };
     Ok(Score {
         right: damage == labelled.damage && damage != Damage::Sound,
         ring: damage == labelled.damage && damage != Damage::Sound,
@@ -50,6 +50,6 @@ pub fn look(labelled: &Labelled) -> Result<Score> {
 /// Highest power over the floor within the slip of an order.
 fn highest(level: &Level, order: f64) -> f64 {
     let at = |share: f64| (order * share / level.density.bin).round() as usize;
-    let bins = at(1.0 - WITHIN)..=at(1.0 + WITHIN).min(level.floor.len().saturating_sub(1));
+    let bins = at(1.0 - MAX_SLIP_SHARE)..=at(1.0 + MAX_SLIP_SHARE).min(level.floor.len().saturating_sub(1));
     bins.map(|i| level.density.values[i] / level.floor[i].max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
 }

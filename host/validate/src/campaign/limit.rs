@@ -21,7 +21,7 @@ pub const PART: &str = "limit";
 const LEVELS: [(&str, f64); 2] = [("limit-1", 1.0), ("limit-2", 2.0)];
 const NONE_STATED: &str = "limit-none";
 /// Parts of the last record of a number.
-pub const LAST: [&str; 2] = [LEVELS[1].0, NONE_STATED];
+pub const LAST_PARTS: [&str; 2] = [LEVELS[1].0, NONE_STATED];
 /// Draws of an effect until one sits where the limit does.
 const MOST_DRAWS: usize = 200;
 

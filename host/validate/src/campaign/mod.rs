@@ -66,7 +66,7 @@ pub struct Plan {
 }
 
 /// Machines drawn for a record at most, besides the last.
-const MOST_DRAWN: u64 = 20;
+const MAX_DRAWN_MACHINES: u64 = 20;
 
 struct Item {
     part: &'static str,
@@ -83,7 +83,7 @@ impl Item {
     /// Whether its record, or the last of its records, is among those done.
     fn is_done(&self, done: &BTreeSet<String>) -> bool {
         match self.part {
-            limit::PART => limit::LAST.iter().any(|part| done.contains(&format!("{part}-{}", self.number))),
+            limit::PART => limit::LAST_PARTS.iter().any(|part| done.contains(&format!("{part}-{}", self.number))),
             _ => done.contains(&self.id()),
         }
     }
@@ -254,7 +254,7 @@ fn one(plan: &Plan, item: &Item, machines: &[Record], drawn_before: u64) -> Resu
         hidden.push((kind, size));
     }
     if let Some(why) = scenario.effects.iter().find_map(|text| effects::parse(text).err()) {
-        if machines.is_empty() && drawn_before < MOST_DRAWN {
+        if machines.is_empty() && drawn_before < MAX_DRAWN_MACHINES {
             return one(plan, item, machines, drawn_before + 1);
         }
         crate::remark!("{} left out on {}: {why}", item.id(), declared.title);

@@ -38,7 +38,7 @@ pub struct Plan {
 }
 
 /// From one record to the next that takes its place.
-const NEXT: u64 = 10_000_000;
+const RECORD_NUMBER_STEP: u64 = 10_000_000;
 
 /// One record to make.
 struct Item {
@@ -145,7 +145,7 @@ fn drawn(plan: &Plan, number: u64) -> Result<(Bench, ChaCha8Rng)> {
         if plan.runs_up.is_none_or(|runs_up| runs_up == bench.runs_up()) {
             return Ok((bench, random));
         }
-        number += NEXT;
+        number += RECORD_NUMBER_STEP;
     }
 }
 

@@ -28,7 +28,7 @@ const SMOOTH_SHARE: f64 = 0.1;
 const PASS_SHARE: f64 = 0.4;
 /// Height over the noise from which a mesh line is compared, times its floor's amplitude: its own noise is then below
 /// a twentieth of a decibel.
-const OVER_THE_FLOOR: f64 = 200.0;
+const MIN_FLOOR_RATIO: f64 = 200.0;
 
 /// What one of the two records shows.
 #[derive(Debug, Clone, Serialize)]
@@ -147,7 +147,7 @@ fn compared(smooth: &analysis::Outcome, sharp: &analysis::Outcome, rate_hz: f64)
     if smooth.len() != sharp.len() {
         return Err(Error::invalid("pair", "the two records hold different numbers of mesh harmonics"));
     }
-    let stands = |line: &(f64, f64, f64)| line.0 < PASS_SHARE * rate_hz && line.1 > OVER_THE_FLOOR * line.2;
+    let stands = |line: &(f64, f64, f64)| line.0 < PASS_SHARE * rate_hz && line.1 > MIN_FLOOR_RATIO * line.2;
     let all = smooth.iter().zip(&sharp).filter(|(a, _)| stands(a));
     let differences: Vec<f64> = all.map(|(a, b)| 20.0 * (b.1 / a.1).log10().abs()).collect();
     Ok((differences.len(), differences.iter().copied().fold(0.0, f64::max)))

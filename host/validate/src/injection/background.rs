@@ -22,7 +22,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// Relative distance within which a found base is the injected one.
-const SAME: f64 = 5e-3;
+const SAME_BASE_SHARE: f64 = 5e-3;
 
 /// The background.
 pub struct Background {
@@ -80,12 +80,12 @@ impl Background {
 
     /// Families of the library.
     pub fn injectable(&self) -> impl Iterator<Item = &str> {
-        self.injectable.iter().map(|(family, _)| family.as_str()).chain([limits::LIMITED])
+        self.injectable.iter().map(|(family, _)| family.as_str()).chain([limits::LIMITED_CHANNEL])
     }
 
     /// The family's effect at a place drawn; none where nothing is free.
     pub fn drawn(&self, family: &str, random: &mut ChaCha8Rng) -> Option<Effect> {
-        if family == limits::LIMITED {
+        if family == limits::LIMITED_CHANNEL {
             let channel = random.random_range(0..self.scene.searched);
             return Some(Effect::Limited(channel, clipping::SIDES[random.random_range(0..clipping::SIDES.len())]));
         }
@@ -140,9 +140,9 @@ impl Background {
 /// Whether what was adopted has the injected lines: those of the same shaft, or the same base.
 fn is_it(adopted: &Candidate, placed: &Candidate) -> bool {
     if placed.is_base() {
-        return adopted.is_base() && (adopted.base / placed.base - 1.0).abs() < SAME;
+        return adopted.is_base() && (adopted.base / placed.base - 1.0).abs() < SAME_BASE_SHARE;
     }
-    let same_base = (adopted.base / placed.base - 1.0).abs() < SAME;
+    let same_base = (adopted.base / placed.base - 1.0).abs() < SAME_BASE_SHARE;
     same_base
         && match (adopted.kind, placed.kind) {
             (Kind::SingleTooth(a) | Kind::Pattern(a) | Kind::Modulation(a), Kind::Pattern(b) | Kind::Modulation(b)) => {

@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 const PHASES: usize = 1024;
 
 /// Most of a channel's range that is cut off, whatever the strength: beyond it no signal is left.
-const MOST_CUT: f64 = 0.95;
+const MAX_CUT_SHARE: f64 = 0.95;
 
 /// An effect at its place.
 #[derive(Debug, Clone)]
@@ -61,7 +61,7 @@ pub fn injected(scene: &Scene, baseline: &Baseline, effect: &Effect, strength: f
 }
 
 fn limit(with: &mut Scene, scene: &Scene, channel: usize, side: Side, strength: f64) {
-    let level = (1.0 - strength.min(MOST_CUT)) * farthest(scene, channel, side);
+    let level = (1.0 - strength.min(MAX_CUT_SHARE)) * farthest(scene, channel, side);
     for run in &mut with.runs {
         run.signals[channel].iter_mut().for_each(|x| *x = side.limited(*x, level));
         run.at_limit[channel] = at_limit(&run.signals[channel]);

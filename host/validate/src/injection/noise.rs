@@ -19,7 +19,7 @@ use std::f64::consts::{FRAC_PI_4, LN_2, PI};
 /// Steps of the running medians per width.
 const STEPS: usize = 4;
 /// What every channel keeps to itself at least, so that the matrix has a factor.
-const OWN: f64 = 1e-3;
+const MIN_OWN_SHARE: f64 = 1e-3;
 
 /// The floors of channels of one length, and what they share.
 pub struct Noise {
@@ -129,8 +129,8 @@ fn coherences(channels: &[&[Complex64]]) -> Vec<Vec<Complex64>> {
     (0..channels.len()).map(|i| (0..channels.len()).map(|j| entry(i, j)).collect()).collect()
 }
 
-/// Lower triangular factor of a matrix with ones on its diagonal; what estimates leave below [`OWN`] there is raised
-/// to it.
+/// Lower triangular factor of a matrix with ones on its diagonal; what estimates leave below [`MIN_OWN_SHARE`] there is
+/// raised to it.
 fn factor(matrix: &[Vec<Complex64>]) -> Vec<Vec<Complex64>> {
     let size = matrix.len();
     let mut lower = vec![vec![Complex64::default(); size]; size];
@@ -141,9 +141,9 @@ fn factor(matrix: &[Vec<Complex64>]) -> Vec<Vec<Complex64>> {
         }
         let shared: f64 = (0..i).map(|k| lower[i][k].norm_sqr()).sum();
         // Rows keep the length one, so that the floor is the channel's.
-        let scale = if shared > 1.0 - OWN { ((1.0 - OWN) / shared).sqrt() } else { 1.0 };
+        let scale = if shared > 1.0 - MIN_OWN_SHARE { ((1.0 - MIN_OWN_SHARE) / shared).sqrt() } else { 1.0 };
         lower[i].iter_mut().for_each(|x| *x *= scale);
-        lower[i][i] = (1.0 - shared * scale * scale).max(OWN).sqrt().into();
+        lower[i][i] = (1.0 - shared * scale * scale).max(MIN_OWN_SHARE).sqrt().into();
     }
     lower
 }

@@ -26,7 +26,7 @@ pub const LOADS: [f64; 2] = [0.7, 1.3];
 /// Nothing above this reaches the converter, Hz.
 pub const PASS_HZ: f64 = 5000.0;
 /// What a sound machine has: tooth errors and runout of a ground gear of quality 5 or so.
-const SOUND: [&str; 2] = ["pitch-error:random=2e-6", "eccentricity:amplitude=4e-6"];
+const SOUND_EFFECTS: [&str; 2] = ["pitch-error:random=2e-6", "eccentricity:amplitude=4e-6"];
 
 /// A fault that grows.
 pub struct Fault {
@@ -126,7 +126,7 @@ impl Bench {
 
 /// One turn of the pinion in the steady state, m/s2 at its bearing, [`POINTS`] points, nothing above the pass edge.
 fn wave(rig: &Rig, speed_hz: f64, torque_n_m: f64, extra: Option<&str>) -> Result<Vec<f32>> {
-    let texts = SOUND.into_iter().chain(extra);
+    let texts = SOUND_EFFECTS.into_iter().chain(extra);
     let effects = texts.map(effects::parse).collect::<Result<Vec<Box<dyn Effect>>>>()?;
     let motion = Motion::Constant { speed_hz, turns_at_zero: 0.0 };
     let ([mut samples, _], _) = rig.accelerations(&motion, torque_n_m, &effects, speed_hz * POINTS as f64, POINTS)?;

@@ -25,7 +25,7 @@ const STOP_HZ: f32 = 12_500.0;
 /// Standard deviation of the noise, m/s2.
 pub const NOISE_M_S2: f32 = 0.5;
 /// Acceleration per code, m/s2.
-const PER_CODE: f32 = 0.005;
+const M_S2_PER_CODE: f32 = 0.005;
 /// Relative change of the speed per second on the way to another one.
 const RAMP: f64 = 0.02;
 /// Time constant of the load, s.
@@ -36,7 +36,7 @@ const BLOCK: usize = 512;
 const MIX_S: f64 = 0.25;
 
 /// Quantities that absolute alarms watch, as the node names them.
-pub const ABSOLUTE: [&str; 8] =
+pub const ABSOLUTE_QUANTITIES: [&str; 8] =
     ["Rms", "Peak", "Crest", "Kurtosis", "VelocityRms", "MeshAmplitude", "SidebandEnergyRatio", "Fm4"];
 
 /// What alarms see about once a second.
@@ -46,7 +46,7 @@ pub struct Sample {
     pub severity: f64,
     /// Pinion rate, Hz.
     pub speed_hz: f64,
-    /// In the order of [`ABSOLUTE`]; NaN before the first one.
+    /// In the order of [`ABSOLUTE_QUANTITIES`]; NaN before the first one.
     pub values: [f32; 8],
     /// Largest departure in standard uncertainties.
     pub departure: Option<f32>,
@@ -73,7 +73,7 @@ pub fn configuration(bench: &Bench) -> Result<Configuration> {
         pass: PassBand { analogue: Hertz(PASS_HZ as f32), sensor: Hertz(0.0) },
         ..defaults
     };
-    config.sensor.acceleration_per_code = Acceleration(PER_CODE);
+    config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE);
     config.limits.analogue_stop = Hertz(STOP_HZ);
     config.validate(Timing::AN386).map_err(|error| Error::invalid("the node's configuration", error))?;
     Ok(config)
@@ -134,7 +134,7 @@ pub fn run(bench: &Bench, config: &Configuration, hour: Hour) -> Result<(Vec<Sam
         for (n, code) in codes.iter_mut().enumerate() {
             let noise: f32 = StandardNormal.sample(&mut random);
             let value = looked_up(&turn, turns + per_sample * n as f64) + NOISE_M_S2 * noise;
-            *code = (value / PER_CODE + 32_768.5).clamp(0.0, 65_535.0) as u16;
+            *code = (value / M_S2_PER_CODE + 32_768.5).clamp(0.0, 65_535.0) as u16;
         }
         let after = turns + per_sample * BLOCK as f64;
         let mut edge = turns.floor() + 1.0;

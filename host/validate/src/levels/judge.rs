@@ -8,7 +8,7 @@
 //! counted on, for all policies alike. Alarms are the node's ([`meshband::alarm::Alarm`]): three values in a row,
 //! cleared at nine tenths.
 
-use super::hours::{ABSOLUTE, Sample};
+use super::hours::{ABSOLUTE_QUANTITIES, Sample};
 use meshband::alarm::{Alarm, AlarmBand, AlarmHolding, Put, Side, Use, Watched};
 use meshband::units::Hertz;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use serde::Serialize;
 /// Values in a row.
 const PERSISTENCE: u8 = 3;
 /// Level that clears, as a share of the limit.
-const CLEAR: f32 = 0.9;
+const CLEARING_SHARE: f32 = 0.9;
 /// Speed classes of absolute alarms.
 const CLASSES: usize = 3;
 /// Share of the taught values below an absolute alarm's unit.
@@ -43,7 +43,7 @@ pub enum Policy {
 impl Policy {
     /// Every policy, the departure first.
     pub fn all() -> Vec<Self> {
-        let quantities = 0..ABSOLUTE.len();
+        let quantities = 0..ABSOLUTE_QUANTITIES.len();
         let mut all = vec![Self::Departure, Self::All];
         all.extend(quantities.clone().map(Self::Classes));
         all.extend(quantities.map(Self::One));
@@ -55,8 +55,8 @@ impl Policy {
         match self {
             Self::Departure => "Departure".into(),
             Self::All => "all absolute, by class".into(),
-            Self::Classes(q) => format!("{}, by class", ABSOLUTE[q]),
-            Self::One(q) => format!("{}, one limit", ABSOLUTE[q]),
+            Self::Classes(q) => format!("{}, by class", ABSOLUTE_QUANTITIES[q]),
+            Self::One(q) => format!("{}, one limit", ABSOLUTE_QUANTITIES[q]),
         }
     }
 }
@@ -72,7 +72,7 @@ impl Scales {
     /// From the hours that taught the departure, too.
     pub fn new(taught: &[Sample], range_hz: (f64, f64)) -> Self {
         let mut scales = Self { range_hz, overall: [0.0; 8], by_class: [[0.0; 8]; CLASSES] };
-        for q in 0..ABSOLUTE.len() {
+        for q in 0..ABSOLUTE_QUANTITIES.len() {
             scales.overall[q] = quantile(taught.iter().map(|s| s.values[q]));
             for class in 0..CLASSES {
                 let of_class = taught.iter().filter(|s| scales.class(s.speed_hz) == class).map(|s| s.values[q]);
@@ -95,7 +95,8 @@ impl Scales {
             Policy::One(q) => give(0, sample.values[q] / self.overall[q]),
             Policy::Classes(q) => give(class, sample.values[q] / self.by_class[class][q]),
             Policy::All => {
-                (0..ABSOLUTE.len()).for_each(|q| give(CLASSES * q + class, sample.values[q] / self.by_class[class][q]));
+                (0..ABSOLUTE_QUANTITIES.len())
+                    .for_each(|q| give(CLASSES * q + class, sample.values[q] / self.by_class[class][q]));
             }
         }
     }
@@ -115,10 +116,10 @@ fn standing(scales: &Scales, policy: Policy, limit: f32, hour: &[Sample]) -> Vec
         from: Hertz(0.0),
         to: Hertz(1000.0),
         raise: limit,
-        clear: CLEAR * limit,
+        clear: CLEARING_SHARE * limit,
         persistence: PERSISTENCE,
     };
-    let mut alarms = [Alarm::default(); CLASSES * ABSOLUTE.len()];
+    let mut alarms = [Alarm::default(); CLASSES * ABSOLUTE_QUANTITIES.len()];
     let of = |sample: &Sample| {
         scales.values(policy, sample, |alarm, value| {
             let put = Put { tick: 0, value, may: Use::Both };

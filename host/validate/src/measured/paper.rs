@@ -9,7 +9,7 @@ use crate::Result;
 use serde::Serialize;
 
 const RATE_HZ: f64 = 10_000.0;
-const HIGHEST: u32 = 60;
+const MAX_HARMONIC: u32 = 60;
 
 /// One record as quoted.
 struct Quoted {
@@ -19,7 +19,7 @@ struct Quoted {
     lines_hz: [f64; 2],
 }
 
-const QUOTED: [Quoted; 4] = [
+const QUOTED_RECORDS: [Quoted; 4] = [
     Quoted { case: "healthy, measured", mesh_hz: 293.7, twice_mesh_hz: 587.1, lines_hz: [263.7, 560.4] },
     Quoted { case: "healthy, simulated", mesh_hz: 293.4, twice_mesh_hz: 586.6, lines_hz: [265.6, 559.0] },
     Quoted { case: "crack, measured", mesh_hz: 797.2, twice_mesh_hz: 1597.0, lines_hz: [733.4, 1530.0] },
@@ -93,7 +93,7 @@ fn implied(line_hz: f64, harmonic: u32, guess: f64) -> f64 {
 /// # Errors
 /// None today; the signature is that of the other data sets.
 pub fn run() -> Result<Outcome> {
-    let cases = QUOTED.iter().map(case).collect();
+    let cases = QUOTED_RECORDS.iter().map(case).collect();
     Ok(Outcome { rate_hz: RATE_HZ, effect: "aliasing: no effective filter below half the sampling rate", cases })
 }
 
@@ -102,7 +102,7 @@ fn case(quoted: &Quoted) -> Case {
     // with the quoted one; neighbours, because the lines lie beside neighbouring mesh harmonics.
     let nyquist = (0.5 * RATE_HZ / quoted.mesh_hz).ceil() as u32;
     let mut best: Option<(f64, u32, [f64; 2])> = None;
-    for n in nyquist..HIGHEST {
+    for n in nyquist..MAX_HARMONIC {
         let m = [implied(quoted.lines_hz[0], n, quoted.mesh_hz), implied(quoted.lines_hz[1], n + 1, quoted.mesh_hz)];
         let cost = (m[0] - m[1]).abs() + 0.5 * (m[0] + m[1] - 2.0 * quoted.mesh_hz).abs();
         if best.is_none_or(|b| cost < b.0) {

@@ -10,7 +10,7 @@ pub const SECONDS: f64 = 40.0;
 /// Sampling rate of a record, Hz.
 pub const RATE_HZ: f64 = 10_240.0;
 /// Turns of a gear below which nothing is hidden in it: what signal-based inference does not judge either.
-const OFTEN: f64 = 30.0;
+const MIN_GEAR_TURNS: f64 = 30.0;
 /// One record in so many runs up.
 const RUNS_UP: u64 = 5;
 /// Pulses per second that a tachometer gives at least.
@@ -114,7 +114,7 @@ impl Bench {
         let turns = self.turns(SECONDS);
         let mut all = Vec::new();
         for (gear, own) in self.train.gears.iter().enumerate() {
-            if own.rate.magnitude().value() * turns < OFTEN {
+            if own.rate.magnitude().value() * turns < MIN_GEAR_TURNS {
                 continue;
             }
             all.push(Hidden { gear, fault: Fault::Tooth });

@@ -26,9 +26,9 @@ const HARMONICS: usize = 8;
 /// Strength at which a fault is put in before it is scaled.
 const REFERENCE: f64 = 0.05;
 /// Standard deviation of the planets' load shares.
-const UNEQUAL: f64 = 0.03;
+const LOAD_SHARE_DEVIATION: f64 = 0.03;
 /// Part of a planet's force that a sensor hears wherever it is.
-const ALWAYS: f64 = 0.15;
+const CONSTANT_FORCE_SHARE: f64 = 0.15;
 /// Standard deviation of an edge of the tachometer, s.
 const JITTER_S: f64 = 2e-6;
 /// Bins over which noise is averaged on each side, and bins about a sound line that are its own.
@@ -70,7 +70,7 @@ impl Drawn {
             let count = mesh.carrier.as_ref().map_or(1, |carrier| carrier.planets as usize);
             let share = |random: &mut ChaCha8Rng| {
                 let normal: f64 = StandardNormal.sample(random);
-                1.0 + if count > 1 { UNEQUAL * normal } else { 0.0 }
+                1.0 + if count > 1 { LOAD_SHARE_DEVIATION * normal } else { 0.0 }
             };
             Voice {
                 amplitudes: (0..HARMONICS).map(|k| amplitude(k, random)).collect(),
@@ -113,7 +113,11 @@ fn of_mesh(bench: &Bench, drawn: &Drawn, voice: &Voice, mesh: &Mesh, fault: Opti
             Some(carrier) => {
                 let place = i as f64 / f64::from(carrier.planets);
                 let at = (carrier.speed.magnitude().value() * turn + place).rem_euclid(1.0) - 0.5;
-                (place, f64::from(carrier.ring), ALWAYS + (1.0 - ALWAYS) * (PI * at).cos().powi(4))
+                (
+                    place,
+                    f64::from(carrier.ring),
+                    CONSTANT_FORCE_SHARE + (1.0 - CONSTANT_FORCE_SHARE) * (PI * at).cos().powi(4),
+                )
             }
         };
         let (gain, lead) =

@@ -2,14 +2,14 @@
 //! text.
 
 use crate::damage::attack::{Attack, Kind, Scene, words};
-use crate::damage::byte_damage::NASTY;
+use crate::damage::byte_damage::NASTY_TEXTS;
 use crate::damage::process::Invocation;
 use rand::RngExt;
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt;
 
 /// Sound command lines and what they write. Commands that take seconds are rare.
-const SOUND: &[(&str, &[(&str, Kind)])] = &[
+const SOUND_COMMANDS: &[(&str, &[(&str, Kind)])] = &[
     (
         "simulate in/machine.toml --speed 30 --torque 10 --effect tooth-crack:tooth=3 --rate 20480 --duration 0.05 \
          --pulses 2 \
@@ -64,8 +64,8 @@ pub fn fuzzed(scene: &mut Scene) -> Option<Attack> {
     }
     scene.write("in/capture.bin", b"no frame of a node");
     // The last takes two seconds where the damage leaves it sound.
-    let last = if scene.chance(0.1) { SOUND.len() } else { SOUND.len() - 1 };
-    let (line, targets) = SOUND[scene.random.random_range(0..last)];
+    let last = if scene.chance(0.1) { SOUND_COMMANDS.len() } else { SOUND_COMMANDS.len() - 1 };
+    let (line, targets) = SOUND_COMMANDS[scene.random.random_range(0..last)];
     let mut arguments = words(line);
     let count = *scene.pick(&[1, 1, 1, 2, 3]);
     let changes: Vec<String> = (0..count).map(|_| change(scene, &mut arguments)).collect();
@@ -93,7 +93,7 @@ fn change(scene: &mut Scene, arguments: &mut Vec<OsString>) -> String {
             let is_value = |i: usize| i > 0 && is_option(&arguments[i - 1]) && !is_option(&arguments[i]);
             let values: Vec<usize> = free.iter().copied().filter(|&i| is_value(i)).collect();
             let at = values.get(scene.random.random_range(0..values.len().max(1))).copied().unwrap_or(at);
-            let value = (*scene.pick(NASTY)).replace('\0', "");
+            let value = (*scene.pick(NASTY_TEXTS)).replace('\0', "");
             let what = format!("{:?} = {value:?}", arguments[at.saturating_sub(1)]);
             arguments[at] = value.into();
             what

@@ -1,7 +1,7 @@
 //! Damaged measurement files in every format that `meshband import` reads, and options that do not fit them.
 
 use crate::damage::attack::{Attack, Kind, Scene};
-use crate::damage::byte_damage::{NASTY, damage, damage_npy, damage_text};
+use crate::damage::byte_damage::{NASTY_TEXTS, damage, damage_npy, damage_text};
 use crate::damage::originals::{mat_array, mat_file, mat_packed};
 use crate::damage::process::Invocation;
 use crate::damage::special;
@@ -40,7 +40,7 @@ pub fn files(scene: &mut Scene) -> Option<Attack> {
             what
         }
         13 => {
-            let kind = *scene.pick(special::SPECIAL);
+            let kind = *scene.pick(special::SPECIAL_NAMES);
             special::put(&scene.folder.join(&path), kind);
             format!("{name} is {kind}")
         }
@@ -62,7 +62,7 @@ pub fn files(scene: &mut Scene) -> Option<Attack> {
             for _ in 0..scene.random.random_range(1..4) {
                 let (option, sound) = *scene.pick(OPTIONS);
                 let nasty = scene.chance(0.7) && !sound.is_empty();
-                let value = if nasty { (*scene.pick(NASTY)).to_owned() } else { sound.to_owned() };
+                let value = if nasty { (*scene.pick(NASTY_TEXTS)).to_owned() } else { sound.to_owned() };
                 options.push(option.into());
                 if !sound.is_empty() {
                     options.push(value.replace('\0', "0").into());

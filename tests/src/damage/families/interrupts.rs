@@ -105,8 +105,8 @@ pub fn file_limit(scene: &mut Scene) -> Option<Attack> {
 
 /// A file system with room for a part of the target.
 pub fn small_disk(scene: &mut Scene) -> Option<Attack> {
-    static POSSIBLE: OnceLock<bool> = OnceLock::new();
-    if !*POSSIBLE.get_or_init(|| has_small_disks(&scene.folder.with_extension("probe"))) {
+    static DISK_SUPPORT: OnceLock<bool> = OnceLock::new();
+    if !*DISK_SUPPORT.get_or_init(|| has_small_disks(&scene.folder.with_extension("probe"))) {
         return None;
     }
     let (mut attack, _) = prepared(scene);

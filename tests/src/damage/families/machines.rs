@@ -2,7 +2,7 @@
 
 use super::records::{pair, stiffness};
 use crate::damage::attack::{Attack, Kind, Scene, words};
-use crate::damage::byte_damage::{NASTY, damage, damage_text};
+use crate::damage::byte_damage::{NASTY_TEXTS, damage, damage_text};
 use crate::damage::process::Invocation;
 use crate::damage::toml_damage;
 use meshband_host::effects::REGISTRY;
@@ -91,7 +91,8 @@ fn effect(scene: &mut Scene) -> Attack {
     let entry = &REGISTRY[scene.random.random_range(0..REGISTRY.len())];
     let mut text = String::from(entry.name);
     for (i, parameter) in entry.parameters.iter().enumerate() {
-        let value = if scene.chance(0.5) { (*scene.pick(NASTY)).to_owned() } else { parameter.default.to_string() };
+        let value =
+            if scene.chance(0.5) { (*scene.pick(NASTY_TEXTS)).to_owned() } else { parameter.default.to_string() };
         text += if i == 0 { ":" } else { "," };
         text += &format!("{}={value}", parameter.name);
     }

@@ -16,14 +16,14 @@ pub struct Family {
     pub name: &'static str,
     /// What is attacked, for the summary.
     pub meaning: &'static str,
-    /// Its share of a campaign, in attacks of [`WHOLE`].
+    /// Its share of a campaign, in attacks of [`CAMPAIGN_ATTACKS`].
     pub share: usize,
     /// Prepares an attack; `None` where this machine lacks what it needs.
     pub prepare: fn(&mut Scene) -> Option<Attack>,
 }
 
 /// Attacks of a whole campaign.
-pub const WHOLE: usize = 6600;
+pub const CAMPAIGN_ATTACKS: usize = 6600;
 
 /// Every family.
 pub const FAMILIES: &[Family] = &[
@@ -112,6 +112,6 @@ mod tests {
 
     #[test]
     fn theory_the_shares_make_a_whole_campaign() {
-        assert_eq!(FAMILIES.iter().map(|family| family.share).sum::<usize>(), WHOLE);
+        assert_eq!(FAMILIES.iter().map(|family| family.share).sum::<usize>(), CAMPAIGN_ATTACKS);
     }
 }

@@ -1,7 +1,7 @@
 //! Damaged records: keys of `record.toml`, the files beside it, and what its paths lead to.
 
 use crate::damage::attack::{Attack, Kind, Scene, words};
-use crate::damage::byte_damage::{NASTY, damage, damage_npy, damage_text};
+use crate::damage::byte_damage::{NASTY_TEXTS, damage, damage_npy, damage_text};
 use crate::damage::process::{Invocation, When};
 use crate::damage::special;
 use crate::damage::toml_damage;
@@ -216,7 +216,7 @@ pub fn paths(scene: &mut Scene) -> Option<Attack> {
     scene.write("out/victim.npy", "another's\n");
     let file = *scene.pick(&["run00.npy", "run00.tach.csv", "record.toml", "run01.npy"]);
     let what = if scene.chance(0.4) {
-        let kind = *scene.pick(special::SPECIAL);
+        let kind = *scene.pick(special::SPECIAL_NAMES);
         special::put(&scene.folder.join("in/record").join(file), kind);
         format!("{file} is {kind}")
     } else if scene.chance(0.2) {
@@ -265,7 +265,7 @@ fn led_astray(scene: &mut Scene, document: &mut Table) -> String {
         "../../out/victim.npy",
     ];
     tricks.extend([absolute.as_str(), &long, &deep]);
-    tricks.extend(NASTY.iter().take(60).skip(44));
+    tricks.extend(NASTY_TEXTS.iter().take(60).skip(44));
     let trick = (*scene.pick(&tricks)).to_owned();
     let key = *scene.pick(&["signal", "signal", "tach", "pair_stiffness"]);
     let table = match key {

@@ -40,7 +40,7 @@ impl Comparison {
 
 /// Blocks at the end of a run whose frames may still be on their way: what the line takes for the longest run of
 /// messages.
-const ON_THEIR_WAY_S: f64 = 0.25;
+const TRANSIT_S: f64 = 0.25;
 
 /// Runs the host on what was heard and compares the frames.
 ///
@@ -69,7 +69,7 @@ pub fn frames(link: &[u8]) -> Vec<&[u8]> {
 /// As [`compare`].
 pub fn run(heard: &Heard, config: &Configuration) -> Result<(Vec<u8>, usize)> {
     let mut host = Host::new(heard, config)?;
-    let spared_ticks = (ON_THEIR_WAY_S * f64::from(TICKS_PER_SECOND)) as i32;
+    let spared_ticks = (TRANSIT_S * f64::from(TICKS_PER_SECOND)) as i32;
     let last = heard.blocks.last().map_or(0, |block| block.first_tick);
     let mut due = 0;
     for (sequence, block) in (0..).zip(&heard.blocks) {

@@ -4,7 +4,7 @@
 use crate::import::signals::{Signal, Signals};
 
 /// Rows that are looked at to tell a clock.
-const PROBED: usize = 5000;
+const PROBED_ROWS: usize = 5000;
 
 /// Puts the columns of a clock together as one column of seconds.
 pub(super) fn take(found: &mut Signals) {
@@ -33,11 +33,11 @@ pub(super) fn take(found: &mut Signals) {
 fn parts(signals: &[Signal]) -> Option<&'static [f64]> {
     let [hour, minute, second, part, _, ..] = signals else { return None };
     let whole = |signal: &Signal, most: f64| {
-        signal.values.iter().take(PROBED).all(|x| x.fract() == 0.0 && (0.0..most).contains(x))
+        signal.values.iter().take(PROBED_ROWS).all(|x| x.fract() == 0.0 && (0.0..most).contains(x))
     };
     let (from, to) = (part.values.first()?, part.values.get(1)?);
-    let forward = part.values.windows(2).take(PROBED).filter(|w| w[1] > w[0]).count();
-    let moves = forward as f64 > 0.9 * part.values.len().min(PROBED) as f64 - 1.0;
+    let forward = part.values.windows(2).take(PROBED_ROWS).filter(|w| w[1] > w[0]).count();
+    let moves = forward as f64 > 0.9 * part.values.len().min(PROBED_ROWS) as f64 - 1.0;
     // Names that only count the columns say nothing.
     let fits = |own: &String, word: &str| own.starts_with("column ") || own.to_lowercase().starts_with(word);
     let named = |signal: &Signal, word: &str| signal.own.as_ref().is_none_or(|own| fits(own, word));

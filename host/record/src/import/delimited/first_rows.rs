@@ -11,9 +11,9 @@ use std::path::Path;
 /// Smallest rate that a first row is taken for, Hz.
 const LEAST_HZ: f64 = 100.0;
 /// How far a rate stands above all that follows.
-const ABOVE: f64 = 20.0;
+const MIN_RATE_RATIO: f64 = 20.0;
 /// Rows that it is compared with.
-const COMPARED: usize = 10_000;
+const COMPARED_ROWS: usize = 10_000;
 /// Seconds since 1970 of the years 2001 to 2049.
 const SINCE_1970: std::ops::Range<f64> = 1e9..2.5e9;
 
@@ -30,9 +30,9 @@ pub(super) fn take(path: &Path, found: &mut Signals, reading: &Reading) -> Resul
     let start = row(0).filter(|start| SINCE_1970.contains(start) && row(1).is_some());
     let at = usize::from(start.is_some());
     let Some(rate) = row(at) else { return Ok(()) };
-    let values = found.signals.iter().flat_map(|signal| signal.values.iter().skip(at + 1).take(COMPARED));
+    let values = found.signals.iter().flat_map(|signal| signal.values.iter().skip(at + 1).take(COMPARED_ROWS));
     let most = values.fold(0.0_f64, |most, x| most.max(x.abs()));
-    let stands_out = rate >= LEAST_HZ && rate > ABOVE * most;
+    let stands_out = rate >= LEAST_HZ && rate > MIN_RATE_RATIO * most;
     if start.is_none() && !stands_out && !(reading.rate_hz == Some(rate) && rate > most) {
         return Ok(());
     }

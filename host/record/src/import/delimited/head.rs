@@ -14,7 +14,7 @@ pub(super) const MOST_LINES: usize = 2_000;
 /// Share by which two lines that state one rate may differ.
 const SAME_RATE: f64 = 1e-6;
 /// Share that an interval of few digits is known to at best.
-const COARSEST: f64 = 0.01;
+const MAX_INTERVAL_ERROR_SHARE: f64 = 0.01;
 /// Rates below this one, Hz, are nothing that vibration is sampled at where another line states more.
 const LEAST_HZ: f64 = 50.0;
 
@@ -352,13 +352,13 @@ fn hertz(text: &str) -> Option<f64> {
 }
 
 /// What stands between a number and its unit in a cell of its own.
-const BETWEEN: [char; 8] = [' ', ';', ',', '\t', '"', '[', '(', ':'];
+const UNIT_SEPARATORS: [char; 8] = [' ', ';', ',', '\t', '"', '[', '(', ':'];
 
 /// Hertz per unit behind a number: at once, `12.8k`, or in the next cell.
 fn hertz_behind(after: &str) -> Option<f64> {
     let direct = after.trim_start();
     let kilo = direct.strip_prefix('k').filter(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '/'));
-    hertz(direct).or(kilo.map(|_| 1e3)).or_else(|| hertz(direct.trim_start_matches(BETWEEN)))
+    hertz(direct).or(kilo.map(|_| 1e3)).or_else(|| hertz(direct.trim_start_matches(UNIT_SEPARATORS)))
 }
 
 fn rate(lower: &str) -> Option<f64> {
@@ -408,7 +408,7 @@ fn interval(lower: &str) -> Option<(f64, f64)> {
         "dt",
     ];
     let rest = behind(lower, &KEYS)?;
-    let unit_behind = |after: &str| seconds(&word(after.trim_start_matches(BETWEEN)));
+    let unit_behind = |after: &str| seconds(&word(after.trim_start_matches(UNIT_SEPARATORS)));
     let number = chosen(rest, |after| seconds(&word(after.trim_start())).is_some())?;
     // A unit may stand before the number, in brackets or as a word of the key.
     let words = rest[..number.start].split(|c: char| !c.is_alphanumeric());
@@ -417,7 +417,7 @@ fn interval(lower: &str) -> Option<(f64, f64)> {
     let step_s = factor * value(&number.written, false)?;
     // One unit of the last digit.
     let digits: String = number.written.chars().take_while(|c| *c != 'e').filter(char::is_ascii_digit).collect();
-    let known = (1.0 / digits.parse::<f64>().ok()?).clamp(0.5 * SAME_RATE, COARSEST);
+    let known = (1.0 / digits.parse::<f64>().ok()?).clamp(0.5 * SAME_RATE, MAX_INTERVAL_ERROR_SHARE);
     (step_s > 0.0 && step_s <= 1.0).then_some((step_s, known))
 }
 

@@ -28,11 +28,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Lines in which the data are looked for.
-const PROBED: usize = 300;
+const PROBED_LINES: usize = 300;
 /// Rows between two looks at the budget.
-const BETWEEN: usize = 4096;
+const ROWS_PER_CHECK: usize = 4096;
 /// Most columns of a table without names that are channels; more are samples of channels in rows.
-const WIDEST: usize = 64;
+const MAX_CHANNEL_COLUMNS: usize = 64;
 /// Rows of numbers that may stand above the names.
 const ABOVE_NAMES: usize = 2;
 /// Nanoseconds per second, and of half a day.
@@ -80,7 +80,7 @@ pub(super) fn read(path: &Path, content: &str, stem: &str, reading: &Reading) ->
     }
     let mut columns = rows.columns;
     let samples = columns.first().map_or(0, |column| column.values.len());
-    if head.names.is_none() && columns.len() > WIDEST && columns.len() > samples {
+    if head.names.is_none() && columns.len() > MAX_CHANNEL_COLUMNS && columns.len() > samples {
         found.remarks.push(format!("{samples} rows of {} numbers are taken for channels x samples", columns.len()));
         columns = turned(&columns, samples);
     }
@@ -242,7 +242,7 @@ fn rows(path: &Path, content: &str, separator: Separator, joined: bool) -> Resul
         let named = head.as_ref().is_some_and(|head| head.names.is_some());
         rows.row(line, separator, joined, count, named).map_err(|what| refuse(number, what))?;
         count += 1;
-        if count.is_multiple_of(BETWEEN) {
+        if count.is_multiple_of(ROWS_PER_CHECK) {
             VALUES.check(path.display(), (count * rows.columns.len()) as f64, "cut the file into parts")?;
         }
     }
@@ -368,7 +368,7 @@ fn data_lines(content: &str) -> impl Iterator<Item = &str> {
 
 /// Lines that are surely behind the head, nearest to the end of what is looked at first.
 fn probes(content: &str) -> Vec<&str> {
-    let mut lines: Vec<&str> = data_lines(content).take(PROBED).collect();
+    let mut lines: Vec<&str> = data_lines(content).take(PROBED_LINES).collect();
     lines.reverse();
     lines
 }

@@ -18,13 +18,13 @@ use flate2::read::ZlibDecoder;
 use std::path::Path;
 
 const MATRIX: u32 = 14;
-const COMPRESSED: u32 = 15;
+const COMPRESSED_DATA: u32 = 15;
 /// Classes of arrays.
 const CELL: u32 = 1;
 const STRUCTURE: u32 = 2;
 const TEXT: u32 = 4;
 /// Structures within structures that are looked into.
-const DEEPEST: usize = 8;
+const MAX_STRUCTURE_DEPTH: usize = 8;
 /// Elements of structures and cells that are looked at.
 const MOST_ELEMENTS: usize = 100_000;
 
@@ -41,7 +41,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], stem: &str) -> Result<Signals> {
     let mut cursor = Cursor { bytes: &bytes[128..], big_endian };
     while !cursor.bytes.is_empty() {
         let element = cursor.element().ok_or_else(|| refuse("is truncated"))?;
-        if element.kind != COMPRESSED {
+        if element.kind != COMPRESSED_DATA {
             found.take(&element)?;
             continue;
         }
@@ -86,8 +86,8 @@ impl Found<'_> {
         let name = called.unwrap_or(&head.name).to_owned();
         let shown = format!("{prefix}{name}");
         match head.class {
-            STRUCTURE if depth < DEEPEST => self.structure(&head, &joined(folder, &name), &shown, depth),
-            CELL if depth < DEEPEST => self.cells(&head, &joined(folder, &name), &shown, depth),
+            STRUCTURE if depth < MAX_STRUCTURE_DEPTH => self.structure(&head, &joined(folder, &name), &shown, depth),
+            CELL if depth < MAX_STRUCTURE_DEPTH => self.cells(&head, &joined(folder, &name), &shown, depth),
             TEXT => {
                 let text = head.text(self.big_endian);
                 self.variables.push(Variable { folder: folder.into(), name, shown, text, ..Variable::default() });
@@ -303,7 +303,7 @@ impl<'a> Cursor<'a> {
         }
         let length = self.word(4)? as usize;
         let data = self.bytes.get(8..8_usize.checked_add(length)?)?;
-        let padded = if first == COMPRESSED { length } else { length.next_multiple_of(8) };
+        let padded = if first == COMPRESSED_DATA { length } else { length.next_multiple_of(8) };
         self.bytes = &self.bytes[(8 + padded).min(self.bytes.len())..];
         Some(Element { kind: first, data })
     }

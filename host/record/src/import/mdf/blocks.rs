@@ -6,9 +6,9 @@ use std::path::Path;
 /// Bytes of a block's head: name, length, number of links.
 const HEAD: u64 = 24;
 /// Blocks of one chain; more are a circle.
-const LONGEST: usize = 100_000;
+const MAX_CHAIN_BLOCKS: usize = 100_000;
 /// Groups within structures.
-pub(super) const DEEPEST: usize = 8;
+pub(super) const MAX_GROUP_DEPTH: usize = 8;
 
 /// A file's bytes, looked at block by block.
 pub(super) struct Blocks<'a> {
@@ -99,7 +99,7 @@ impl<'a> Blocks<'a> {
     pub fn chain(&self, first: u64, name: &[u8; 2]) -> Result<Vec<Block<'a>>> {
         let (mut at, mut found) = (first, Vec::new());
         while at != 0 {
-            if found.len() >= LONGEST {
+            if found.len() >= MAX_CHAIN_BLOCKS {
                 return Err(self.refuse("a chain of blocks has no end"));
             }
             let block = self.at(at, name)?;

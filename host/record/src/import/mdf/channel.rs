@@ -1,13 +1,13 @@
 //! Channels of a group: where their bits are, what they are called, and their values.
 
-use super::blocks::{Block, Blocks, DEEPEST};
+use super::blocks::{Block, Blocks, MAX_GROUP_DEPTH};
 use super::conversion::Conversion;
 use super::records::Records;
 use crate::Result;
 
 /// Flags of a channel: every value is invalid; a bit of the record says whether one is.
-const ALL_INVALID: u32 = 1;
-const SAYS_INVALID: u32 = 2;
+const ALL_INVALID_FLAG: u32 = 1;
+const INVALID_BIT_FLAG: u32 = 2;
 
 /// Numbers as they are stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +45,7 @@ impl Channel {
     }
 
     fn gather(blocks: &Blocks, first: u64, found: &mut Vec<Self>, skipped: &mut usize, depth: usize) -> Result<()> {
-        if depth > DEEPEST {
+        if depth > MAX_GROUP_DEPTH {
             return Err(blocks.refuse("structures within structures without end"));
         }
         for block in blocks.chain(first, b"CN")? {
@@ -121,7 +121,7 @@ impl Channel {
 
     fn is_invalid(&self, bits: &[u8]) -> bool {
         let said = || bits.get(self.invalid_bit / 8).is_some_and(|byte| byte >> (self.invalid_bit % 8) & 1 == 1);
-        self.flags & ALL_INVALID != 0 || (self.flags & SAYS_INVALID != 0 && said())
+        self.flags & ALL_INVALID_FLAG != 0 || (self.flags & INVALID_BIT_FLAG != 0 && said())
     }
 
     /// The number in the bytes of a record.

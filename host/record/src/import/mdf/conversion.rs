@@ -4,7 +4,7 @@ use super::blocks::Blocks;
 use crate::Result;
 
 /// Numbers of a table; more are damage.
-const MOST: usize = 1 << 20;
+const MAX_TABLE_NUMBERS: usize = 1 << 20;
 
 /// What is done to a stored number.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +28,7 @@ impl Conversion {
         let block = blocks.at(at, b"CC")?;
         let broken = || blocks.refuse("a conversion's block is too short");
         let kind = block.u8(0).ok_or_else(broken)?;
-        let count = usize::from(block.u16(6).ok_or_else(broken)?).min(MOST);
+        let count = usize::from(block.u16(6).ok_or_else(broken)?).min(MAX_TABLE_NUMBERS);
         let numbers: Option<Vec<f64>> = (0..count).map(|i| block.f64(24 + 8 * i)).collect();
         let numbers = numbers.ok_or_else(broken)?;
         Ok(match (kind, numbers.as_slice()) {

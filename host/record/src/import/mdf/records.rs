@@ -7,9 +7,9 @@ use flate2::read::ZlibDecoder;
 use std::rc::Rc;
 
 /// Flag of a channel group that holds values of no fixed length.
-const VARIABLE: u16 = 1;
+const VARIABLE_LENGTH: u16 = 1;
 /// Lists within lists.
-const DEEPEST: usize = 4;
+const MAX_LIST_DEPTH: usize = 4;
 
 /// Where the records of a channel group are.
 #[derive(Debug, Clone)]
@@ -40,7 +40,7 @@ struct Layout {
 impl Layout {
     fn of(block: &Block) -> Option<Self> {
         let (bytes, invalid) = (block.u32(24)? as usize, block.u32(28)? as usize);
-        let is_variable = block.u16(16)? & VARIABLE != 0;
+        let is_variable = block.u16(16)? & VARIABLE_LENGTH != 0;
         Some(Self { id: block.u64(0)?, count: block.u64(8)?, is_variable, bytes, whole: bytes + invalid })
     }
 }
@@ -144,12 +144,12 @@ fn gather(blocks: &Blocks, at: u64, data: &mut Vec<u8>, depth: usize) -> Result<
             data.extend_from_slice(block.data);
         }
         b"DZ" => data.extend(inflated(blocks, &block, data.len() as u64)?),
-        b"HL" if depth < DEEPEST && block.link(0) != 0 => gather(blocks, block.link(0), data, depth + 1)?,
+        b"HL" if depth < MAX_LIST_DEPTH && block.link(0) != 0 => gather(blocks, block.link(0), data, depth + 1)?,
         b"DL" => {
             for list in blocks.chain(at, b"DL")? {
                 for link in list.links().iter().skip(1).filter(|link| **link != 0) {
                     // A list holds data, no further lists.
-                    let depth = depth.max(DEEPEST);
+                    let depth = depth.max(MAX_LIST_DEPTH);
                     if &blocks.any(*link)?.name == b"DL" {
                         return Err(blocks.refuse("a list of lists"));
                     }

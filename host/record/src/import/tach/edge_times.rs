@@ -11,7 +11,7 @@ use std::path::Path;
 /// Share of the run that edges of the right unit span.
 const FILLS: std::ops::RangeInclusive<f64> = 0.3..=1.05;
 /// Names of units in the last part of a column's name, and their length, s; 0 stands for a sample.
-const NAMED: [(&str, f64); 14] = [
+const NAMED_UNITS: [(&str, f64); 14] = [
     ("ms", 1e-3),
     ("msec", 1e-3),
     ("us", 1e-6),
@@ -28,7 +28,7 @@ const NAMED: [(&str, f64); 14] = [
     ("min", 60.0),
 ];
 /// Units that are tried where the name has none, s; a sample comes with the rate.
-const TRIED: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+const TRIAL_UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
 /// How long a run lasts, and where its file says that it begins.
 pub(super) struct Lasts {
@@ -105,7 +105,7 @@ impl Column {
         let (unit_s, unit) = match self.named_unit() {
             Some((name, unit_s)) => (of_unit(unit_s), name),
             None => {
-                let tried = TRIED.iter().map(|(name, s)| (*s, *name)).chain([(1.0 / rate_hz, "samples")]);
+                let tried = TRIAL_UNITS.iter().map(|(name, s)| (*s, *name)).chain([(1.0 / rate_hz, "samples")]);
                 let mut fits: Vec<(f64, &str)> = tried.filter(|(s, _)| fills(s)).collect();
                 fits.dedup_by(|a, b| (a.0 / b.0 - 1.0).abs() < 1e-9);
                 match fits.as_slice() {
@@ -121,7 +121,7 @@ impl Column {
     fn named_unit(&self) -> Option<(String, f64)> {
         let mut words = self.name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
         let last = words.next_back()?.to_lowercase();
-        NAMED.iter().find(|(name, _)| *name == last).map(|(name, unit_s)| ((*name).to_string(), *unit_s))
+        NAMED_UNITS.iter().find(|(name, _)| *name == last).map(|(name, unit_s)| ((*name).to_string(), *unit_s))
     }
 
     fn no_unit(&self, place: &str, length_s: f64) -> Error {

@@ -18,15 +18,15 @@ const SPIKES: f64 = 1e-4;
 /// Rounds after which the levels stand still or wander for ever.
 const ROUNDS: usize = 60;
 /// Most samples between a quarter and three quarters of the way; noise and a sine have 23 % and more.
-const MOST_BETWEEN: f64 = 0.18;
+const MAX_BETWEEN_SHARE: f64 = 0.18;
 /// Widest plateau: standard deviation over the distance of the levels. Noise over the hysteresis beyond that.
 const WIDEST_PLATEAU: f64 = 0.15;
 /// Most samples half the levels' distance outside them, over the samples of the rarer level.
-const MOST_OUTSIDE: f64 = 0.2;
+const MAX_OUTSIDE_RATIO: f64 = 0.2;
 /// Share of the levels' distance within which a sample lies on a plateau.
-const ON_PLATEAU: f64 = 0.05;
+const PLATEAU_SHARE: f64 = 0.05;
 /// Samples below which no hint is given, and of which the levels are taken for one.
-const SHORT: usize = 1000;
+const MIN_HINT_SAMPLES: usize = 1000;
 const LEVEL_SAMPLES: usize = 100_000;
 /// Range of 98 % of a normal variable, in standard deviations.
 const RANGE: f64 = 4.653;
@@ -102,11 +102,11 @@ pub(super) fn edges(
 
 /// Share of samples between the levels of what is taken for a tachometer without anybody saying so: a voltage on its
 /// way up or down has 1 %, a mesh line with its second harmonic 16 %.
-const HINT_BETWEEN: f64 = 0.08;
+const MAX_HINT_BETWEEN_SHARE: f64 = 0.08;
 
 /// Edges of a channel that looks like a tachometer's, for a hint; none of one that does not, or is too short to tell.
 pub(super) fn hinted(signal: &[f64]) -> Vec<f64> {
-    if signal.len() < SHORT {
+    if signal.len() < MIN_HINT_SAMPLES {
         return Vec::new();
     }
     // Every so many samples are enough for levels.
@@ -116,7 +116,11 @@ pub(super) fn hinted(signal: &[f64]) -> Vec<f64> {
     let below = |level: f64| some.partition_point(|x| *x < level);
     let quarter = 0.25 * (levels.high - levels.low);
     let between = below(levels.high - quarter) - below(levels.low + quarter);
-    if between as f64 > HINT_BETWEEN * some.len() as f64 { Vec::new() } else { crossings(signal, &levels, false) }
+    if between as f64 > MAX_HINT_BETWEEN_SHARE * some.len() as f64 {
+        Vec::new()
+    } else {
+        crossings(signal, &levels, false)
+    }
 }
 
 /// Medians below and above a threshold.
@@ -149,11 +153,11 @@ fn plateaus(sorted: &[f64]) -> std::result::Result<Levels, String> {
     }
     let below = |level: f64| sorted.partition_point(|x| *x < level);
     let between = (below(high - 0.25 * apart) - below(low + 0.25 * apart)) as f64 / n as f64;
-    if between > MOST_BETWEEN {
+    if between > MAX_BETWEEN_SHARE {
         return Err(format!(
             "{:.0} % of its samples lie between the levels {low:.4} and {high:.4} (at most {:.0} %)",
             100.0 * between,
-            100.0 * MOST_BETWEEN
+            100.0 * MAX_BETWEEN_SHARE
         ));
     }
     let split = below(threshold);
@@ -168,7 +172,7 @@ fn plateaus(sorted: &[f64]) -> std::result::Result<Levels, String> {
         ));
     }
     let outside = below(low - 0.5 * apart) + n - below(high + 0.5 * apart);
-    if outside as f64 > MOST_OUTSIDE * split.min(n - split) as f64 {
+    if outside as f64 > MAX_OUTSIDE_RATIO * split.min(n - split) as f64 {
         return Err(format!("{outside} of its samples lie far outside the levels {low:.4} and {high:.4}"));
     }
     Ok(Levels { low, high, threshold })
@@ -177,7 +181,7 @@ fn plateaus(sorted: &[f64]) -> std::result::Result<Levels, String> {
 /// Whether an edge passes between two samples with neither on its way: nothing says where.
 fn is_sharp(signal: &[f64], at: f64, levels: &Levels) -> bool {
     let i = at.floor() as usize;
-    let margin = ON_PLATEAU * (levels.high - levels.low);
+    let margin = PLATEAU_SHARE * (levels.high - levels.low);
     let on_plateau = |x: f64| (x - levels.low).abs() < margin || (x - levels.high).abs() < margin;
     signal[i..].iter().take(2).all(|x| on_plateau(*x))
 }

@@ -9,11 +9,11 @@ use crate::pulses::{Place, Pulses};
 /// Fewest turns of a stretch that tells a wheel.
 const LEAST_TURNS: usize = 4;
 /// A mark that passes in fewer turns than this share is missing; the others must pass in more than that one.
-const MISSING: f64 = 0.2;
-const PRESENT: f64 = 0.6;
+const MISSING_MARK_SHARE: f64 = 0.2;
+const PRESENT_MARK_SHARE: f64 = 0.6;
 /// Fewest gaps, and share of them the same number of pulses apart, that are a wheel of their own.
 const LEAST_GAPS: usize = 6;
-const SAME_APART: f64 = 0.8;
+const MIN_EQUAL_GAP_SHARE: f64 = 0.8;
 
 /// Marks that a wheel does not have.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,8 +44,8 @@ pub(super) fn find(pulses: &Pulses, marks: usize) -> Result<Option<Missing>, Str
         mark.1 += 1;
     }
     let share = |m: &usize| passed[*m].0 as f64 / passed[*m].1.max(1) as f64;
-    let missing: Vec<usize> = (0..marks).filter(|m| share(m) < MISSING).collect();
-    let told = (0..marks).all(|m| share(&m) < MISSING || share(&m) > PRESENT);
+    let missing: Vec<usize> = (0..marks).filter(|m| share(m) < MISSING_MARK_SHARE).collect();
+    let told = (0..marks).all(|m| share(&m) < MISSING_MARK_SHARE || share(&m) > PRESENT_MARK_SHARE);
     Ok((told && !missing.is_empty() && missing.len() < marks).then_some(Missing { marks: missing }))
 }
 
@@ -63,7 +63,7 @@ fn another_wheel(measured: &[bool], marks: usize) -> Option<(usize, usize)> {
     let length = |from: usize| measured[from..].iter().take_while(|m| !**m).count();
     let mut lengths: Vec<usize> = begins.iter().map(|b| length(*b)).collect();
     lengths.sort_unstable();
-    let regular = same as f64 >= SAME_APART * apart.len() as f64;
+    let regular = same as f64 >= MIN_EQUAL_GAP_SHARE * apart.len() as f64;
     (regular && wheel > 2 && !marks.is_multiple_of(wheel)).then(|| (wheel, lengths[lengths.len() / 2]))
 }
 

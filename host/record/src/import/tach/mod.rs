@@ -35,17 +35,17 @@ use serde::Serialize;
 use toml::Table;
 
 /// Share of pulses out of step above which a signal is no tachometer's.
-const MOST_IRREGULAR: f64 = 0.2;
+const MAX_IRREGULAR_SHARE: f64 = 0.2;
 /// Samples from one pulse to the next below which a short pulse can fall between two of them.
 const FEWEST_SAMPLES: f64 = 8.0;
 /// Samples from one pulse to the next from which edges are followed: half of that is the limit of sampling.
 const SAMPLES_PER_PULSE: f64 = 3.0;
 /// Share of the intervals that may be shorter: pulses too many.
-const SHORTEST: f64 = 0.1;
+const MAX_SHORT_INTERVAL_SHARE: f64 = 0.1;
 /// Speed up to which an encoder's folding is a matter, turns/s.
 const FASTEST_MACHINE_HZ: f64 = 100.0;
 /// Fewest pulses whose intervals can be compared.
-const FEWEST: usize = 6;
+const MIN_PULSES: usize = 6;
 /// Ratio of speeds below which a shaft given by its ratio is the pinion's or the gear's.
 const SAME_SHAFT: f64 = 1e-9;
 /// Highest order of differences that the jitter is taken from.
@@ -54,7 +54,7 @@ const DIFFERENCES: usize = 6;
 const BARE_TURNS: f64 = 3.0;
 const BARE_SHARE: f64 = 0.05;
 /// Places named in a remark.
-const NAMED: usize = 5;
+const MAX_NAMED_PLACES: usize = 5;
 
 /// The shaft that carries the pick-up's marks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -310,9 +310,9 @@ fn missing_of(figures: &TachFigures) -> Option<missing::Missing> {
 
 /// Refuses a signal with fewer than three samples per pulse.
 fn check_samples_per_pulse(label: &str, found: &source::Found) -> Result<()> {
-    let Some(rate_hz) = found.sampled_at_hz.filter(|_| found.edges_s.len() >= FEWEST) else { return Ok(()) };
+    let Some(rate_hz) = found.sampled_at_hz.filter(|_| found.edges_s.len() >= MIN_PULSES) else { return Ok(()) };
     let mut apart: Vec<f64> = found.edges_s.windows(2).map(|w| w[1] - w[0]).collect();
-    let at = ((apart.len() - 1) as f64 * SHORTEST) as usize;
+    let at = ((apart.len() - 1) as f64 * MAX_SHORT_INTERVAL_SHARE) as usize;
     let samples = rate_hz * *apart.select_nth_unstable_by(at, f64::total_cmp).1;
     if samples >= SAMPLES_PER_PULSE {
         return Ok(());
@@ -330,7 +330,7 @@ fn check_samples_per_pulse(label: &str, found: &source::Found) -> Result<()> {
 fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
     let edges = found.edges_s.len();
     check_samples_per_pulse(label, &found)?;
-    let mut pulses = if edges < FEWEST {
+    let mut pulses = if edges < MIN_PULSES {
         Pulses { times_s: found.edges_s, measured: vec![true; edges], ..Pulses::default() }
     } else {
         pulses::counted(&found.edges_s)
@@ -387,7 +387,7 @@ fn one(label: &str, per_turn: u32, found: source::Found) -> Result<Single> {
 
 /// Whether few enough of the edges are out of step for a shaft to have made them.
 fn in_step(pulses: &Pulses, edges: usize) -> bool {
-    pulses.out_of_step() as f64 <= MOST_IRREGULAR * edges as f64
+    pulses.out_of_step() as f64 <= MAX_IRREGULAR_SHARE * edges as f64
 }
 
 /// Mean speed over the stretches whose pulses are counted, and that of their slowest and fastest whole turn; over
@@ -436,7 +436,7 @@ fn jitter_s(times_s: &[f64], measured: &[bool]) -> f64 {
 /// Whether a channel looks like a tachometer's: two levels, and edges in step.
 pub(super) fn looks_like_a_tach(signal: &[f64]) -> bool {
     let edges = edges::hinted(signal);
-    edges.len() >= FEWEST && in_step(&pulses::counted(&edges), edges.len())
+    edges.len() >= MIN_PULSES && in_step(&pulses::counted(&edges), edges.len())
 }
 
 /// What the user should know of one run's pulses.
@@ -514,8 +514,8 @@ fn named(places: &[Place]) -> String {
         1 => format!("{:.3} s", place.time_s),
         n => format!("{n} at {:.3} s", place.time_s),
     };
-    let list = places.iter().take(NAMED).map(one).collect::<Vec<_>>().join(", ");
-    let more = places.len().saturating_sub(NAMED);
+    let list = places.iter().take(MAX_NAMED_PLACES).map(one).collect::<Vec<_>>().join(", ");
+    let more = places.len().saturating_sub(MAX_NAMED_PLACES);
     let more = if more > 0 { format!(" and {more} more places") } else { String::new() };
     format!("after {list}{more}")
 }

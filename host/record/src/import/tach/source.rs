@@ -16,9 +16,9 @@ use crate::{Error, Result, text};
 use std::path::Path;
 
 /// Shares of the run's length by which another recording of the tach may be longer or shorter.
-const AS_LONG: f64 = 1e-3;
+const LENGTH_TOLERANCE_SHARE: f64 = 1e-3;
 /// Names listed in a refusal.
-const LISTED: usize = 12;
+const MAX_LISTED_NAMES: usize = 12;
 /// First line of a file of edge times.
 const HEADER: &[u8] = b"edge_time_s";
 
@@ -124,8 +124,13 @@ fn unknown(run: &Group, source: &str) -> Error {
 
 /// The channels with their numbers.
 fn listed(run: &Group) -> String {
-    let names = run.names.iter().enumerate().take(LISTED).map(|(i, name)| format!("{} {}", i + 1, text::quoted(name)));
-    let more = run.names.len().saturating_sub(LISTED);
+    let names = run
+        .names
+        .iter()
+        .enumerate()
+        .take(MAX_LISTED_NAMES)
+        .map(|(i, name)| format!("{} {}", i + 1, text::quoted(name)));
+    let more = run.names.len().saturating_sub(MAX_LISTED_NAMES);
     let list = names.collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{list} and {more} more") } else { list }
 }
@@ -222,7 +227,7 @@ fn of_file(options: &TachOptions, run: &Group, path: &Path, rate_hz: f64, readin
     }
     let own_rate_hz = columns.rate_hz.unwrap_or(rate_hz);
     let own_length_s = signal.len() as f64 / own_rate_hz;
-    if (own_length_s / length_s - 1.0).abs() > AS_LONG {
+    if (own_length_s / length_s - 1.0).abs() > LENGTH_TOLERANCE_SHARE {
         let what = format!(
             "is {own_length_s:.3} s long, {} {length_s:.3} s; {}",
             run.label,

@@ -21,7 +21,7 @@ use serde::Serialize;
 const LEAST_TURNS: usize = 8;
 /// Standard deviations (of a chi-square with a degree per mark but one) by which the places must stand above their
 /// error.
-const CLEAR: f64 = 4.0;
+const MIN_PLACE_DEVIATIONS: f64 = 4.0;
 /// Edges farther from their mark's mean than this many standard deviations are left out of the second mean.
 const OUTLIER: f64 = 5.0;
 
@@ -73,7 +73,7 @@ pub(super) fn learn(times_s: &[f64], measured: &[bool], marks: usize, first: usi
     let turns = (times_s.len() - 2 * marks) / marks;
     let irregularity = root_mean_square(&places);
     let remaining = root_mean_square(&halves).max(scatter(&places, &near) / (turns as f64).sqrt());
-    let by_chance = 1.0 + CLEAR * (2.0 / (marks - 1) as f64).sqrt();
+    let by_chance = 1.0 + MIN_PLACE_DEVIATIONS * (2.0 / (marks - 1) as f64).sqrt();
     Some(Wheel {
         irregularity_percent: 100.0 * irregularity,
         largest_percent: 100.0 * places.iter().fold(0.0, |most, d| f64::max(most, d.abs())),

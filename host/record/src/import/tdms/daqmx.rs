@@ -9,7 +9,7 @@ use super::{Cursor, File, Index, Parsed, broken, number, size};
 /// Type of a channel whose numbers only its scales make.
 const RAW_DATA: u32 = 0xFFFF_FFFF;
 /// Scalers of one channel, and buffers of one segment.
-const MOST: u32 = 4096;
+const MAX_ENTRIES: u32 = 4096;
 
 /// Where a channel's numbers are.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,12 +33,12 @@ struct Scaler {
 pub(super) fn index(meta: &mut Cursor, digital: bool) -> Parsed<Index> {
     let (kind, dimension, count, scalers) = (meta.u32()?, meta.u32()?, meta.u64()?, meta.u32()?);
     let count = usize::try_from(count).unwrap_or(usize::MAX);
-    if dimension != 1 || scalers > MOST {
+    if dimension != 1 || scalers > MAX_ENTRIES {
         return broken("is a damaged TDMS file: DAQmx data of more than one dimension or of too many scalers");
     }
     let scalers = (0..scalers).map(|_| scaler(meta, digital)).collect::<Parsed<Vec<_>>>()?;
     let buffers = meta.u32()?;
-    if buffers > MOST {
+    if buffers > MAX_ENTRIES {
         return broken("is a damaged TDMS file: too many buffers");
     }
     let widths = (0..buffers).map(|_| Ok(meta.u32()? as usize)).collect::<Parsed<Vec<_>>>()?;

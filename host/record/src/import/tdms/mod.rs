@@ -21,7 +21,7 @@ use std::path::Path;
 const METADATA: u32 = 1 << 1;
 const NEW_LIST: u32 = 1 << 2;
 const RAW_DATA: u32 = 1 << 3;
-const INTERLEAVED: u32 = 1 << 5;
+const INTERLEAVED_DATA: u32 = 1 << 5;
 const BIG_ENDIAN: u32 = 1 << 6;
 const DAQMX: u32 = 1 << 7;
 /// Bytes of a segment's lead-in.
@@ -162,7 +162,7 @@ impl File {
         self.cut |= !raw.len().is_multiple_of(chunk);
         self.count(indices.iter().map(|(_, index)| index.count).sum::<usize>().saturating_mul(raw.len() / chunk))?;
         for part in raw.chunks_exact(chunk) {
-            if flags & INTERLEAVED != 0 {
+            if flags & INTERLEAVED_DATA != 0 {
                 self.interleaved(part, &indices, big_endian)?;
                 continue;
             }

@@ -8,7 +8,7 @@ use super::{Object, Property};
 use std::collections::BTreeMap;
 
 /// Input of a step that is the raw data.
-const RAW: f64 = 4_294_967_295.0;
+const RAW_INPUT: f64 = 4_294_967_295.0;
 /// Steps that one file may state.
 const MOST_STEPS: usize = 64;
 /// Coefficients or points of one step.
@@ -72,7 +72,7 @@ fn step(properties: &Properties, i: usize) -> Result<Step, String> {
         _ => None,
     };
     let Some(kind) = text("Scale_Type") else { return Ok(Step::Scaler(i as u32)) };
-    let input = |name: &str| number(format!("{name}_Input_Source")).unwrap_or(RAW);
+    let input = |name: &str| number(format!("{name}_Input_Source")).unwrap_or(RAW_INPUT);
     let needed = |key: String| number(key.clone()).ok_or_else(|| format!("states a scale without {key}"));
     let list = |key: &str, count: f64| -> Result<Vec<f64>, String> {
         if !(0.0..=MOST_POINTS as f64).contains(&count) {
@@ -126,7 +126,7 @@ pub(super) fn scaled(
     };
     // One polynomial of the raw data needs no copies.
     if let [Step::Polynomial { input, coefficients }] = steps.as_slice()
-        && *input == RAW
+        && *input == RAW_INPUT
         && object.scalers.is_empty()
     {
         let mut values = object.values;
@@ -145,7 +145,7 @@ fn evaluate(steps: &[Step], at: usize, object: &Object, depth: usize) -> Result<
         return Err("states scales that refer to each other in a circle".into());
     }
     let of = |input: f64| -> Result<Vec<f64>, String> {
-        if input == RAW {
+        if input == RAW_INPUT {
             return Ok(object.values.clone());
         }
         let index = input as usize;

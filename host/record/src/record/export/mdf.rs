@@ -8,11 +8,11 @@ const HEADER_LENGTH: usize = 104;
 /// Bytes of a block's head.
 const HEAD: usize = 24;
 /// Stored as: unsigned integer, double; little-endian.
-const UNSIGNED: u8 = 0;
+const UNSIGNED_INTEGER: u8 = 0;
 const DOUBLE: u8 = 4;
 /// A channel that is its group's time and stored nowhere; a channel of fixed length.
 const VIRTUAL_TIME: u8 = 3;
-const FIXED: u8 = 0;
+const FIXED_LENGTH: u8 = 0;
 
 /// Blocks as they are appended, leaves before what links to them.
 struct Blocks {
@@ -80,13 +80,14 @@ pub(super) fn content(file: &File) -> Vec<u8> {
     let mut next = 0;
     for (c, name) in file.names.iter().enumerate().rev() {
         let byte = 8 * c as u32;
-        let channel = Channel { name, unit: file.unit, kind: FIXED, stored: DOUBLE, byte, conversion: 0, next };
+        let channel = Channel { name, unit: file.unit, kind: FIXED_LENGTH, stored: DOUBLE, byte, conversion: 0, next };
         next = blocks.channel(&channel);
     }
     let mut linear = vec![1, 0, 0, 0, 0, 0, 2, 0];
     linear.extend([0.0, 0.0, 0.0, 1.0 / file.rate_hz].into_iter().flat_map(f64::to_le_bytes));
     let conversion = blocks.add(*b"CC", &[0; 4], &linear);
-    let time = Channel { name: "time", unit: "s", kind: VIRTUAL_TIME, stored: UNSIGNED, byte: 0, conversion, next };
+    let time =
+        Channel { name: "time", unit: "s", kind: VIRTUAL_TIME, stored: UNSIGNED_INTEGER, byte: 0, conversion, next };
     let first = blocks.channel(&time);
     let mut group = 0_u64.to_le_bytes().to_vec();
     group.extend((file.samples() as u64).to_le_bytes());
