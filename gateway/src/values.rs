@@ -1,7 +1,8 @@
 //! Which figures a message carries, under which names and units: one table for the broker's metrics and the history's
 //! columns.
 
-use meshband::message::{Indicators, LineOrigin, Message, Peaks, Spectrum, Tag};
+use meshband::config::MAX_TRAIN_GEARS;
+use meshband::message::{GearCondition, Indicators, LineOrigin, Message, Peaks, Spectrum, Tag};
 
 /// A figure.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +20,7 @@ const fn quantity(column: &'static str, metric: &'static str, unit: &'static str
 }
 
 /// All figures. Only append: the history's columns and the broker's aliases count on the order.
-pub const QUANTITIES: [Quantity; 48] = [
+pub const QUANTITIES: [Quantity; 68] = [
     quantity("speed_hz", "Speed", "Hz"),
     quantity("speed_uncertainty", "Speed/Uncertainty", ""),
     quantity("speed_age_s", "Speed/Age", "s"),
@@ -68,6 +69,26 @@ pub const QUANTITIES: [Quantity; 48] = [
     quantity("second_crest", "Second/Crest", ""),
     quantity("second_kurtosis", "Second/Kurtosis", ""),
     quantity("second_velocity_rms", "Second/VelocityRMS", "m/s"),
+    quantity("train_1_mesh", "Train/1/Mesh", "m/s2"),
+    quantity("train_1_residual_rms", "Train/1/ResidualRMS", "m/s2"),
+    quantity("train_1_fm0", "Train/1/FM0", ""),
+    quantity("train_1_fm4", "Train/1/FM4", ""),
+    quantity("train_2_mesh", "Train/2/Mesh", "m/s2"),
+    quantity("train_2_residual_rms", "Train/2/ResidualRMS", "m/s2"),
+    quantity("train_2_fm0", "Train/2/FM0", ""),
+    quantity("train_2_fm4", "Train/2/FM4", ""),
+    quantity("train_3_mesh", "Train/3/Mesh", "m/s2"),
+    quantity("train_3_residual_rms", "Train/3/ResidualRMS", "m/s2"),
+    quantity("train_3_fm0", "Train/3/FM0", ""),
+    quantity("train_3_fm4", "Train/3/FM4", ""),
+    quantity("train_4_mesh", "Train/4/Mesh", "m/s2"),
+    quantity("train_4_residual_rms", "Train/4/ResidualRMS", "m/s2"),
+    quantity("train_4_fm0", "Train/4/FM0", ""),
+    quantity("train_4_fm4", "Train/4/FM4", ""),
+    quantity("train_5_mesh", "Train/5/Mesh", "m/s2"),
+    quantity("train_5_residual_rms", "Train/5/ResidualRMS", "m/s2"),
+    quantity("train_5_fm0", "Train/5/FM0", ""),
+    quantity("train_5_fm4", "Train/5/FM4", ""),
 ];
 
 /// Column of the first mesh harmonic.
@@ -81,6 +102,9 @@ const SHAFTS: [usize; 2] = [37, 40];
 
 /// First column of the second sensor.
 const SECOND: usize = 43;
+/// First column of the further gears of a train, and columns of each.
+const TRAIN: usize = 48;
+const TRAIN_COLUMNS: usize = 4;
 
 /// The figures of a message, each with its place in [`QUANTITIES`]. One that is no number (NA4 where nothing is
 /// expected) is not there: programs disagree on whether it is the largest value, or equal to itself.
@@ -144,8 +168,21 @@ fn all_figures(message: &Message) -> Vec<(usize, f32)> {
             }
             figures
         }
+        Message::GearSpectrum(of) => {
+            let mesh = of.spectrum.bands.first().map(|band| band.line.amplitude);
+            train_columns(of.gear).into_iter().zip(mesh).collect()
+        }
+        Message::GearCondition(GearCondition { gear, indicators: of }) => {
+            train_columns(*gear).into_iter().skip(1).zip([of.residual_rms, of.fm0, of.fm4]).collect()
+        }
         Message::Event(_) | Message::Statistics(_) | Message::SelfTest(_) => Vec::new(),
     }
+}
+
+/// Columns of a further gear of a train, by its number from 1; none of a number that no node has.
+fn train_columns(gear: u8) -> std::ops::Range<usize> {
+    let first = TRAIN + TRAIN_COLUMNS * usize::from(gear.saturating_sub(1));
+    if (1..=MAX_TRAIN_GEARS as u8).contains(&gear) { first..first + TRAIN_COLUMNS } else { 0..0 }
 }
 
 fn circumstances(tag: &Tag) -> [(usize, f32); 4] {
@@ -177,6 +214,8 @@ pub fn kind(message: &Message) -> &'static str {
         Message::Event(_) => "event",
         Message::Statistics(_) => "statistics",
         Message::SelfTest(_) => "self_test",
+        Message::GearSpectrum(_) => "gear_spectrum",
+        Message::GearCondition(_) => "gear_condition",
     }
 }
 
@@ -196,6 +235,7 @@ pub struct Line {
 pub fn lines(message: &Message) -> Vec<Line> {
     match message {
         Message::Spectrum(spectrum) => bands(spectrum),
+        Message::GearSpectrum(of) => bands(&of.spectrum),
         Message::Peaks(peaks) => strongest(peaks),
         _ => Vec::new(),
     }
@@ -220,9 +260,13 @@ fn bands(spectrum: &Spectrum) -> Vec<Line> {
 }
 
 fn strongest(peaks: &Peaks) -> Vec<Line> {
+    let of_gear = |place: usize| match peaks.origin_gears.get(place) {
+        None | Some(0) => String::new(),
+        Some(gear) => format!(" of gear {gear}"),
+    };
     let origin = |place: usize| match peaks.origins.get(place) {
-        Some(LineOrigin::Mesh { harmonic }) => format!("mesh {harmonic}"),
-        Some(LineOrigin::Folded { harmonic }) => format!("folded {harmonic}"),
+        Some(LineOrigin::Mesh { harmonic }) => format!("mesh {harmonic}{}", of_gear(place)),
+        Some(LineOrigin::Folded { harmonic }) => format!("folded {harmonic}{}", of_gear(place)),
         Some(LineOrigin::Unexplained) => "unexplained".to_owned(),
         None => String::new(),
     };

@@ -20,7 +20,7 @@ edges. A rate is kept up with where not one block is lost at any of the three sp
 it hold, too. The second
 table is of nodes that keep waveforms (`[capture]`), at two cycles per instruction: blocks that are lost are counted \
 by the node and said. The third one, at two
-cycles, is of one sensor and of two: of 28 block buffers two are being filled, the rest may wait for the main loop; \
+cycles, is of one sensor and of two: of 27 block buffers two are being filled, the rest may wait for the main loop; \
 what waited at most is the board's own count.
 
 ";

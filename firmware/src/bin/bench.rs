@@ -239,7 +239,8 @@ fn window_and_power(samples: &mut [f32], other: &mut [f32]) {
 /// From codes to mesh-band spectra without anything else, instructions per second of signal.
 fn mesh_path(counter: Counter, config: &Configuration, speed_hz: u32, chain: &mut Chain) {
     let grant = grant(config, speed_hz);
-    let plan = MeshPlan::new(config, Hertz(speed_hz as f32), grant.adc);
+    let followed = mesh_band::Followed::of(config, 0);
+    let plan = MeshPlan::new(&followed, config.mesh.harmonics, Hertz(speed_hz as f32), grant.adc);
     let turns = mesh_band::record_turns(TEETH as u16);
     let averaging = Averaging::Linear { records: 1 };
     // The average is full after one turn and costs nothing from then on.

@@ -47,9 +47,9 @@ const _: () = assert!(Timing::STM32F405.highest_adc.0 as u32 == HIGHEST_RATE_HZ)
 /// Words of interrupts in the core's controller: 82 lines.
 const INTERRUPT_WORDS: usize = 3;
 
-/// Block buffers: 26 of them wait for 35 ms at 375 kHz. The wideband transform with its search takes 16 ms at two
+/// Block buffers: 25 of them wait for 34 ms at 375 kHz. The wideband transform with its search takes 16 ms at two
 /// cycles per instruction, and a mesh-band record may follow before the backlog is worked off. Memory holds no more.
-const BUFFERS: usize = 28;
+const BUFFERS: usize = 27;
 
 static REQUEST: Request = Request::new();
 

@@ -214,6 +214,12 @@ fn of_message(message: &Message) -> Special<'static> {
         Message::Spectrum(s) => Special { validity: Some(format!("{:?}", s.tag.validity)), ..plain },
         Message::Peaks(p) => Special { validity: Some(format!("{:?}", p.tag.validity)), ..plain },
         Message::Indicators(i) => Special { validity: Some(format!("{:?}", i.tag.validity)), ..plain },
+        Message::GearSpectrum(of) => Special {
+            validity: Some(format!("{:?}", of.spectrum.tag.validity)),
+            detail: Some(of.gear.into()),
+            ..plain
+        },
+        Message::GearCondition(of) => Special { detail: Some(of.gear.into()), ..plain },
         Message::SelfTest(test) => Special { detail: Some(test.failed.into()), ..plain },
         Message::Snapshot(_) | Message::Statistics(_) => plain,
     }

@@ -141,6 +141,8 @@ pub fn tick(packet: &Packet) -> Option<u64> {
     match packet {
         Packet::Message(Message::Status(status)) => Some(status.tick),
         Packet::Message(Message::Spectrum(spectrum)) => Some(spectrum.tag.first_tick),
+        Packet::Message(Message::GearSpectrum(of)) => Some(of.spectrum.tag.first_tick),
+        Packet::Message(Message::GearCondition(of)) => Some(of.indicators.tick),
         Packet::Message(Message::Peaks(peaks)) => Some(peaks.tag.first_tick),
         Packet::Message(Message::Indicators(indicators)) => Some(indicators.tag.first_tick),
         Packet::Message(Message::Snapshot(snapshot)) => Some(snapshot.tag.first_tick),

@@ -25,6 +25,10 @@ pub struct Args {
     /// Machine file; gives the tooth counts and guards against a law of another machine.
     #[arg(long)]
     machine: Option<PathBuf>,
+    /// Gear train instead of a machine file, as `import --train` takes it: the node follows up to six of its gears in
+    /// turns; its first [tach] goes with it.
+    #[arg(long, conflicts_with_all = ["machine", "teeth"])]
+    train: Option<PathBuf>,
     /// Law file, as `meshband law fit` writes it.
     #[arg(long)]
     law: Option<PathBuf>,
@@ -53,7 +57,7 @@ pub struct Args {
     #[arg(long)]
     at_start: bool,
     /// Only acknowledges the alarms that stand: latched ones end. The configuration stays.
-    #[arg(long, conflicts_with_all = ["machine", "law", "settings", "teeth", "pulses", "missing", "ratio",
+    #[arg(long, conflicts_with_all = ["machine", "train", "law", "settings", "teeth", "pulses", "missing", "ratio",
         "sensitivity", "volt_per_g",
         "machine_class", "analogue_stop", "highest_adc", "harmonics", "sidebands", "volatile", "start", "json",
         "report"])]
@@ -69,9 +73,12 @@ pub fn run(args: Args) -> Result<()> {
         return say!("alarms acknowledged");
     }
     // Files first: their errors need no node.
-    let read = [&args.machine, &args.law, &args.settings].into_iter().flatten().map(PathBuf::as_path);
+    let read = [&args.machine, &args.train, &args.law, &args.settings].into_iter().flatten().map(PathBuf::as_path);
     let mut files = args.results.announce(&mut args.results.outputs(read))?;
-    let sources = Sources::read(args.machine.as_deref(), args.law.as_deref(), args.settings.as_deref())?;
+    let mut sources = Sources::read(args.machine.as_deref(), args.law.as_deref(), args.settings.as_deref())?;
+    if let Some(train) = &args.train {
+        sources = sources.with_train(train)?;
+    }
     let mut client = open(&args)?;
     let identity = client.identify()?;
     let mut config = client.configuration()?;
@@ -115,6 +122,10 @@ pub fn run(args: Args) -> Result<()> {
         held.alarms.len(),
         if args.volatile { "not stored" } else { "stored" },
     )?;
+    if let Some(followed) = sources.followed() {
+        say!("follows in turns: {}", followed.names.join(", "))?;
+        followed.left_out.iter().for_each(|name| remark!("not followed: {name}"));
+    }
     match held.link.personality {
         Personality::Meshband => Ok(()),
         Personality::Modbus => say!("{}", from_next_start(&held.link, args.volatile, &args.port)),

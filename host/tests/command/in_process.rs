@@ -50,6 +50,7 @@ pub fn signal(seconds: f64, speed_hz: f64, noise: f64) -> Signal {
         pulses_per_turn: 1,
         pinion_per_tach: 1.0,
         teeth: TEETH,
+        train: Vec::new(),
         machine_hash: None,
         notes: Vec::new(),
     }

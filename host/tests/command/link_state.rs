@@ -2,10 +2,13 @@
 //! it agrees, and the alarms are those of the node.
 
 use meshband::alarm::{AlarmBand, AlarmMode, Severity, Side, Watched};
-use meshband::config::Configuration;
+use meshband::config::{Configuration, TrainGear};
 use meshband::events::{Event, EventKind};
 use meshband::frame::{MAX_FRAME, PacketRef, encode};
-use meshband::message::{AlarmState, Indicators, Message, Reply, Status};
+use meshband::message::{
+    AlarmState, GearCondition, GearIndicators, GearSpectrum, Indicators, MeshBand, Message, Reply, SpectralLine,
+    Spectrum, Status,
+};
 use meshband::units::Hertz;
 use meshband_host::link::alarms::{Alarms, numbers};
 use meshband_host::link::limit::Limit;
@@ -271,7 +274,7 @@ fn regress_an_alarm_that_stood_before_the_view_is_shown_from_the_first_status_on
     let band =
         AlarmBand { watched: Watched::Rms, from: Hertz(5.0), to: Hertz(60.0), raise: 2.0, clear: 1.0, persistence: 3 };
     let mode = AlarmMode::default();
-    panel.view.limits = Some(vec![Limit { band, mode }]);
+    panel.view.limits = Some(vec![Limit { band, mode, gear: 0 }]);
     panel.take(Message::Indicators(Indicators { rms: 32.157, ..Indicators::default() }), 0.45);
     let shown = first(&panel);
     assert!(shown.contains("ALARM 1: RMS 32.2 m/s2 above 2 m/s2") && !shown.contains("no alarm"), "{shown}");
@@ -290,7 +293,7 @@ fn regress_side_and_severity_of_an_alarm_are_said() {
     view.take(Message::Status(Status { alarms, ..super::monitor::status() }));
     let (from, to) = (Hertz(5.0), Hertz(60.0));
     let band = |raise: f32| AlarmBand { watched: Watched::Rms, from, to, raise, clear: raise, persistence: 3 };
-    let limit = |raise, side, severity| Limit { band: band(raise), mode: AlarmMode { side, severity } };
+    let limit = |raise, side, severity| Limit { band: band(raise), mode: AlarmMode { side, severity }, gear: 0 };
     view.limits = Some(vec![
         limit(0.5, Side::Below, Severity::Danger),
         limit(3.0, Side::Rise, Severity::Alert),
@@ -301,6 +304,42 @@ fn regress_side_and_severity_of_an_alarm_are_said() {
     assert!(lines[0].starts_with("ALARM 1: RMS 0.250 m/s2 below 0.5 m/s2"), "{}", lines[0]);
     assert!(lines[1].starts_with("ALERT 2: RMS 0.250 m/s2 more than 3 m/s2 over its mean of 10 min"), "{}", lines[1]);
     assert!(lines[2].starts_with("ALERT 3: RMS was above 9 m/s2"), "{}", lines[2]);
+}
+
+/// A gear of a train has its own values and its own alarm; the pinion's stay the pinion's.
+#[test]
+fn theory_further_gears_of_a_train_are_told_apart_in_text_alarms_and_picture() {
+    let mut panel = Panel::default();
+    let alarms = AlarmState { raised: 1, standing: 1, unseen: 1, signal_bad: false };
+    panel.take(Message::Status(Status { alarms, ..super::monitor::status() }), 0.4);
+    let gear = TrainGear { stage: 2, teeth: 77, mate_teeth: 19, turns: 21, pinion_turns: 83 };
+    let band =
+        AlarmBand { watched: Watched::Fm4, from: Hertz(5.0), to: Hertz(60.0), raise: 6.0, clear: 5.0, persistence: 3 };
+    let mut config = Configuration { alarms: [band].into_iter().collect(), ..Configuration::default() };
+    config.train.extend([gear; 2]);
+    config.alarm_gears.push(2).expect("room");
+    panel.view.take_reply(Reply::Configuration(config));
+    let of = |fm4: f32| GearIndicators { fm4, ..GearIndicators::default() };
+    let pinion = Indicators { gear: Some(of(3.0)), ..Indicators::default() };
+    panel.take(Message::Indicators(pinion), 0.45);
+    panel.take(Message::GearCondition(GearCondition { gear: 2, indicators: of(9.5) }), 0.5);
+    let line = SpectralLine { frequency_hz: 120.0, amplitude: 5.0 };
+    let bands = [MeshBand { harmonic: 1, line, ..MeshBand::default() }].into_iter().collect();
+    let spectrum = Spectrum { bands, ..Spectrum::default() };
+    panel.take(Message::GearSpectrum(GearSpectrum { gear: 2, spectrum }), 0.5);
+    assert!(panel.view.spectrum.is_none(), "no spectrum of the pinion");
+    let losses = meshband_host::link::Losses::default();
+    let text = panel.view.text(losses);
+    assert!(text.contains("ALARM 1: FM4 of gear 2 9.50 above 6"), "{text}");
+    assert!(text.contains("gear 2 of the train (stage 2, 77 teeth)") && text.contains("mesh 1 5.0000 m/s2"), "{text}");
+    assert!(text.contains("FM4 3.000") && text.contains("FM4 9.500"), "{text}");
+    let shown = super::monitor::picture(&panel, &Standing::Open, 0.5, (80, 24)).join("\n");
+    assert!(shown.contains("gear 2 of the train (stage 2, 77 teeth)"), "{shown}");
+    let json = panel.view.json(losses);
+    assert_eq!(
+        (&json["view"]["gears"]["2"]["indicators"]["fm4"], &json["alarms"]["standing"][0]["gear"]),
+        (&9.5.into(), &2.into())
+    );
 }
 
 #[test]

@@ -303,26 +303,45 @@ fn shown(value: Option<&Value>) -> String {
 }
 
 /// The register map, from the table that requests are answered from.
+/// Name and number of a row that stands for one of several: `mesh_2_gear_above` is of `mesh`, 2.
+fn series(name: &str) -> Option<(&str, u16)> {
+    let mut parts = name.splitn(3, '_');
+    let (of, number) = (parts.next()?, parts.next()?.parse().ok()?);
+    ["mesh", "line", "gear"].contains(&of).then_some((of, number))
+}
+
 fn modbus() -> String {
     let mut text = format!(
         "\n## Modbus\n\nRegister map, version {MAP_VERSION}: input registers (function 4; function 3 reads the \
          same), addresses from 0 as they are on the line: manuals that count \
          from 1 or write 3xxxx have one more. `word`: one register; `long` and `float` (IEEE 754 single): two, the \
          high word first unless `modbus.low_word_first` is set. A float that does not exist is not a number, an age \
-         without a result is 65535, other words are 0 then. Addresses that are not listed are refused.\n"
+         without a result is 65535, other words are 0 then. `age`: whole seconds since a group's \
+         result was complete, 65535 also where it is older; `number`: how many there were, 0 again behind 65535. \
+         Addresses that are not listed are refused.\n"
     );
-    let mut group = "";
-    for row in REGISTERS {
-        if row.group != group {
-            group = row.group;
-            text += &format!("\n### Registers: {group}\n\n|address|type|name|unit|meaning|\n|---|---|---|---|---|\n");
+    for rows in REGISTERS.chunk_by(|a, b| a.group == b.group) {
+        let group = rows[0].group;
+        text += &format!("\n### Registers: {group}\n\n|address|type|name|unit|meaning|\n|---|---|---|---|---|\n");
+        // What repeats itself for each harmonic, line or gear stands there for the first one.
+        let numbered = rows.iter().filter_map(|row| Some((row, series(row.name)?)));
+        let second = numbered.clone().find(|(_, (_, number))| *number == 2);
+        for row in rows.iter().filter(|row| series(row.name).is_none_or(|(_, number)| number == 1)) {
+            let kind = match row.kind {
+                Kind::Word => "word",
+                Kind::Long => "long",
+                Kind::Float => "float",
+            };
+            // What is said of every group stands above.
+            let meaning = if ["age", "number"].contains(&row.name) { "" } else { row.meaning };
+            text += &format!("|{}|{kind}|`{}`|{}|{meaning}|\n", row.address, row.name, row.unit);
         }
-        let kind = match row.kind {
-            Kind::Word => "word",
-            Kind::Long => "long",
-            Kind::Float => "float",
-        };
-        text += &format!("|{}|{kind}|`{}`|{}|{}|\n", row.address, row.name, row.unit, row.meaning);
+        if let Some((row, (name, _))) = second {
+            let first = rows.iter().find(|row| series(row.name).is_some()).map_or(0, |row| row.address);
+            let last = numbered.map(|(_, (_, number))| number).max().unwrap_or(2);
+            let apart = row.address - first;
+            text += &format!("\nLikewise `{name}_2` to `{name}_{last}`, {apart} registers further each.\n");
+        }
     }
     text += &format!(
         "\n### Registers: waveform samples\n\nFrom {SAMPLES} on, {} floats in m/s^2: sample n, the oldest first, at \

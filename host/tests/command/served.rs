@@ -159,6 +159,46 @@ fn regress_a_served_machine_measures_by_its_own_law_and_doubts_are_said() {
 }
 
 #[test]
+fn theory_a_node_is_told_a_train_and_says_which_gears_it_follows() {
+    let folder = folder("served-train");
+    let train = folder.join("train.toml");
+    let stages = "[[stage]]\nkind = \"pair\"\nteeth = [17, 38]\n[[stage]]\nkind = \"pair\"\nteeth = [11, \
+                  77]\n[[stage]]\nkind = \"planetary\"\nsun = 24\nplanet = 30\nring = 84\nplanets = 4\nfixed \
+                  = \"ring\"\ninput = \"sun\"\n";
+    std::fs::write(&train, stages).expect("written");
+    let node = Node::start("17-38.toml", &["--duration", "3"]);
+    let configured = |more: &[&str]| {
+        let port = node.port();
+        let arguments = [&["configure", &port, "--train"], more].concat();
+        crate::common::meshband(&arguments)
+    };
+    let held = folder.join("held.json");
+    let output = configured(&[&text(&train), "--volatile", "--json", &text(&held)]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("follows in turns: pinion of stage 1, gear of stage 1"), "{said}");
+    let not = String::from_utf8_lossy(&output.stderr);
+    assert!(not.contains("not followed: pinion of stage 2 (fewer than 12 teeth"), "{not}");
+    let held = json(&held);
+    let teeth: Vec<u64> = held["train"].as_array().expect("gears").iter().filter_map(|g| g["teeth"].as_u64()).collect();
+    assert_eq!(teeth, [38, 77, 84, 24, 30]);
+    // A pair's machine takes the train away again.
+    let machine = text(&crate::common::machine("17-38.toml"));
+    accepted(&[
+        "configure",
+        &node.port(),
+        "--machine",
+        &machine,
+        "--volatile",
+        "--json",
+        &text(&folder.join("b.json")),
+    ]);
+    assert_eq!(json(&folder.join("b.json"))["train"].as_array().map(Vec::len), Some(0));
+    std::fs::write(&train, "[[stage]]\nkind = \"pair\"\nteeth = [11, 11]\n").expect("written");
+    let output = configured(&[&text(&train), "--volatile"]);
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn regress_an_alarm_that_stands_is_shown_to_whoever_comes_later() {
     let folder = folder("served-alarm");
     let settings = folder.join("set.toml");

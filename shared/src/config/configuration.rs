@@ -5,7 +5,10 @@
 //! appended to [`Configuration`] itself, and what is appended means at its first value what was so before:
 //! configurations of older schemas are thus read by the present layout ([`crate::schema`]).
 
-use super::{CaptureConfig, CodeRange, LinkConfig, ModbusOptions, SensorCheck, watch};
+use super::{
+    CaptureConfig, CodeRange, LinkConfig, MAX_FURTHER_STAGES, MAX_TRAIN_GEARS, ModbusOptions, SensorCheck, StageLaw,
+    TrainGear, train, watch,
+};
 use crate::alarm::{AlarmBand, AlarmHolding, AlarmMode};
 use crate::board::Timing;
 use crate::law::{Law, LawError};
@@ -20,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 /// Version of [`Configuration`]'s layout: 1 without [`FrontEnd`], 2 without holding, pass bands and latch, 3 without
 /// levels, 4 without link, 5 without capture, 6 without second sensor, 7 without local levels, 8 without modes of
-/// alarms, codes of the front end, check of the sensor, velocity's edge and Modbus' options.
-pub const SCHEMA: u16 = 9;
+/// alarms, codes of the front end, check of the sensor, velocity's edge and Modbus' options, 9 without further gears.
+pub const SCHEMA: u16 = 10;
 
 /// Oldest layout that is still read.
 pub const OLDEST_SCHEMA: u16 = 1;
@@ -287,6 +290,13 @@ pub struct Configuration {
     pub velocity_from: Hertz,
     /// Word order and commands of Modbus, at once in force.
     pub modbus: ModbusOptions,
+    /// Further gears that are followed in turns with the pinion, stages ascending; empty for a pair.
+    pub train: Vec<TrainGear, MAX_TRAIN_GEARS>,
+    /// Laws of the stages 2 to 4, in their order.
+    pub stage_laws: Vec<StageLaw, MAX_FURTHER_STAGES>,
+    /// Gear that each alarm watches where its quantity is one of a gear, in their order: 0 the pinion, 1 the first of
+    /// `train`; those behind the list's end watch the pinion.
+    pub alarm_gears: Vec<u8, MAX_ALARMS>,
 }
 
 /// The first field found wrong.
@@ -349,6 +359,8 @@ pub enum ConfigurationError {
     Modes,
     /// `tach.highest` times `tach.pulses_per_turn` is more than this board keeps up with ([`Timing::highest_pulses`]).
     TachTooManyPulses,
+    /// `train`, `stage_laws` or `alarm_gears`
+    Train,
 }
 
 impl ConfigurationError {
@@ -400,6 +412,10 @@ impl ConfigurationError {
                 "times tach.pulses_per_turn must be at most what the board keeps up with, 15000 a \
                  second on an STM32F405: lower it, or take a coarser wheel or track"
             }
+            Self::Train => {
+                "needs stages of 1 to 4 that do not descend, 12 to 1000 teeth (mate: 4 to 1000), whole turns in a \
+                 ratio of 0.001 to 1000, laws below a turn and a second, and alarms of gears that are listed"
+            }
             Self::HighestOfTwo => "must be lower with a second sensor: what this board keeps up with on two channels",
         }
     }
@@ -434,6 +450,7 @@ impl ConfigurationError {
             Self::Sensor => "range, sensor_check, velocity_from",
             Self::Modes => "modes",
             Self::TachTooManyPulses => "tach.highest",
+            Self::Train => "train, stage_laws, alarm_gears",
         }
     }
 }
@@ -486,13 +503,16 @@ impl Default for Configuration {
             sensor_latched: false,
             velocity_from: Hertz(0.0),
             modbus: ModbusOptions::default(),
+            train: Vec::new(),
+            stage_laws: Vec::new(),
+            alarm_gears: Vec::new(),
         }
     }
 }
 
 impl Configuration {
     /// Upper bound of the postcard form, bytes.
-    pub const MAX_SERIALISED: usize = 1216;
+    pub const MAX_SERIALISED: usize = 1336;
 
     /// Writes the postcard form to the beginning of `room`: how many bytes, or `None` where they do not fit. One copy
     /// of its code in an image.
@@ -569,6 +589,8 @@ impl Configuration {
             ensure(alarm.is_sane(side) && watches_something, E::Alarm(index as u8))?;
         }
         ensure(self.modes.len() <= self.alarms.len(), E::Modes)?;
+        let per_tach = tach.pinion_per_tach;
+        ensure(train::are_sane(&self.train, &self.stage_laws, &self.alarm_gears, per_tach), E::Train)?;
         ensure(watch::are_sane(self.range, &self.sensor_check, self.velocity_from), E::Sensor)?;
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;
@@ -584,6 +606,11 @@ impl Configuration {
     /// Highest ADC rate on a board with as many sensors as there are; `None` where it has no second converter.
     fn highest_on(&self, board: Timing) -> Option<Hertz> {
         if self.second.is_some() { board.highest_of_two } else { Some(board.highest_adc) }
+    }
+
+    /// Gear that an alarm watches: 0 the pinion, 1 the first of the train's further gears.
+    pub fn gear_of_alarm(&self, index: usize) -> u8 {
+        self.alarm_gears.get(index).copied().unwrap_or(0)
     }
 
     fn policy_is_sane(&self) -> bool {

@@ -91,10 +91,14 @@ impl Stream {
         }
     }
 
-    /// Forgets everything; the next code was captured at tick `origin`. The wideband path stops.
-    pub fn restart(&mut self, origin: u64, period_ticks: u32, mesh: Decimation) {
+    /// No code has come yet, and the wideband path stops; [`Stream::restart_mesh`] begins anew.
+    pub fn stop(&mut self) {
         self.started = false;
         self.wide_runs = false;
+    }
+
+    /// Forgets what the mesh bands' filters hold; the next code was captured at tick `origin`.
+    pub fn restart_mesh(&mut self, origin: u64, period_ticks: u32, mesh: Decimation) {
         self.mesh = MeshDecimator::new(mesh);
         self.mesh_clock = OutputClock::new(origin, period_ticks);
     }

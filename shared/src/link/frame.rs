@@ -19,7 +19,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Deserialize, Serialize};
 
 /// Longest frame on the wire, delimiters included, bytes.
-pub const MAX_FRAME: usize = 1280;
+pub const MAX_FRAME: usize = 1360;
 
 const HEADER: usize = 4;
 const CHECKSUM: usize = 4;

@@ -21,7 +21,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 /// Version of the messages; counted in one row with the protocols 1 and 2, which had no schema.
-pub const WIRE_SCHEMA: u8 = 12;
+pub const WIRE_SCHEMA: u8 = 13;
 
 /// Oldest schema whose readers can take what is sent here.
 pub const OLDEST_READER: u8 = 3;
@@ -182,6 +182,21 @@ pub struct Tag {
     pub aliasing: bool,
 }
 
+impl Tag {
+    /// The default: all zero bytes, for statics.
+    pub const ZERO: Self = Self {
+        first_tick: 0,
+        speed_hz: 0.0,
+        speed_uncertainty: 0.0,
+        validity: Validity::None,
+        period_ticks: 0,
+        stages: 0,
+        rate_hz: 0.0,
+        resolution_hz: 0.0,
+        aliasing: false,
+    };
+}
+
 /// Speed, law and rates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Status {
@@ -316,6 +331,37 @@ pub struct Spectrum {
     pub inseparable: [u8; 2],
 }
 
+impl Spectrum {
+    /// Without lines: all zero bytes, for statics.
+    pub const EMPTY: Self = Self {
+        tag: Tag::ZERO,
+        bands: Vec::new(),
+        digest: 0,
+        turns: 0,
+        slowest_hz: 0.0,
+        fastest_hz: 0.0,
+        inseparable: [0; 2],
+    };
+}
+
+/// Mesh bands of a further gear of a train: speeds, turns and `sidebands` are that gear's, `gear_sidebands` its mate's.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GearSpectrum {
+    /// Place in [`Configuration::train`], from 1.
+    pub gear: u8,
+    /// As of the pinion.
+    pub spectrum: Spectrum,
+}
+
+/// Indicators of a synchronous average of a further gear of a train, with its own speed; NA4 is not a number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GearCondition {
+    /// Place in [`Configuration::train`], from 1.
+    pub gear: u8,
+    /// As of the pinion.
+    pub indicators: GearIndicators,
+}
+
 /// Where a line of a wideband spectrum may come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LineOrigin {
@@ -347,6 +393,8 @@ pub struct Peaks {
     pub digest: u32,
     /// Origin of each line, in their order; empty without a locked speed.
     pub origins: Vec<LineOrigin, MAX_PEAKS>,
+    /// Gear of the train whose mesh each origin names, in their order: 0 the pinion, also without any.
+    pub origin_gears: Vec<u8, MAX_PEAKS>,
 }
 
 /// Part of a wideband waveform.
@@ -572,4 +620,8 @@ pub enum Message {
     Statistics(Statistics),
     /// Result of the self-test; sent whenever one has ended.
     SelfTest(SelfTest),
+    /// Mesh bands of a further gear of a train.
+    GearSpectrum(GearSpectrum),
+    /// Indicators of a further gear of a train.
+    GearCondition(GearCondition),
 }

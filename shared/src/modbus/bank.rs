@@ -4,9 +4,10 @@
 //! A register's value is therefore the message's own. A group is replaced as a whole between two requests, never
 //! within one: values read by one request belong together.
 
-use crate::config::MAX_HARMONICS;
+use crate::config::{MAX_HARMONICS, MAX_TRAIN_GEARS};
 use crate::message::{
-    GearIndicators, Indicators, MeasuredBandwidth, MeshBand, Message, Peaks, SpectralLine, Spectrum, Status,
+    GearCondition, GearIndicators, GearSpectrum, Indicators, MeasuredBandwidth, MeshBand, Message, Peaks, SpectralLine,
+    Spectrum, Status,
 };
 use crate::shaft_lines::ShaftOrders;
 use crate::tach::Validity;
@@ -140,6 +141,35 @@ impl Lines {
     }
 }
 
+/// A further gear of a train.
+#[derive(Clone, Copy, Debug)]
+pub struct FurtherGear {
+    /// Its rate, Hz.
+    pub speed_hz: f32,
+    /// First harmonic of its mesh, m/s^2.
+    pub mesh: f32,
+    /// First sidebands of that by its own rate, below and above, m/s^2.
+    pub sidebands: [f32; 2],
+    /// Of its average; not a number before one is complete.
+    pub residual_rms: f32,
+    /// FM0 of its average.
+    pub fm0: f32,
+    /// FM4 of its average.
+    pub fm4: f32,
+}
+
+impl FurtherGear {
+    /// Nothing is known.
+    pub const NONE: Self = Self {
+        speed_hz: f32::NAN,
+        mesh: f32::NAN,
+        sidebands: [f32::NAN; 2],
+        residual_rms: f32::NAN,
+        fm0: f32::NAN,
+        fm4: f32::NAN,
+    };
+}
+
 /// All that is kept.
 #[derive(Clone, Debug, Default)]
 pub struct Bank {
@@ -159,6 +189,8 @@ pub struct Bank {
     pub mesh: Kept<Mesh>,
     /// Strongest lines.
     pub lines: Kept<Lines>,
+    /// Further gears of a train, in their order.
+    pub train: [Kept<FurtherGear>; MAX_TRAIN_GEARS],
 }
 
 impl Bank {
@@ -169,8 +201,24 @@ impl Bank {
             Message::Spectrum(spectrum) => self.mesh.keep(Mesh::of(spectrum), tick),
             Message::Indicators(indicators) => self.take_indicators(indicators, tick),
             Message::Peaks(peaks) => self.lines.keep(Lines::of(peaks), tick),
+            Message::GearSpectrum(GearSpectrum { gear, spectrum }) => self.further(*gear, tick, |kept| {
+                let first = spectrum.bands.first().map_or(Harmonic::NONE, Harmonic::of);
+                FurtherGear { speed_hz: spectrum.tag.speed_hz, mesh: first.mesh, sidebands: first.pinion, ..kept }
+            }),
+            Message::GearCondition(GearCondition { gear, indicators }) => self.further(*gear, tick, |kept| {
+                let GearIndicators { speed_hz, residual_rms, fm0, fm4, .. } = *indicators;
+                FurtherGear { speed_hz, residual_rms, fm0, fm4, ..kept }
+            }),
             // Alarms, counters and the waveform are read from the node itself; events are not for a PLC.
             Message::Snapshot(_) | Message::Event(_) | Message::Statistics(_) | Message::SelfTest(_) => {}
+        }
+    }
+
+    /// Adds to what is known of a further gear, by its number from 1.
+    fn further(&mut self, gear: u8, tick: u64, add: impl FnOnce(FurtherGear) -> FurtherGear) {
+        let place = usize::from(gear).checked_sub(1).and_then(|place| self.train.get_mut(place));
+        if let Some(kept) = place {
+            kept.keep(add(kept.latest.unwrap_or(FurtherGear::NONE)), tick);
         }
     }
 

@@ -11,10 +11,10 @@
 //! Texts are in a table of their own: an image that does not print them does not hold them.
 
 use super::MAP_VERSION;
-use super::bank::{Bank, Harmonic, Mesh};
+use super::bank::{Bank, FurtherGear, Harmonic, Mesh, NO_RESULT_AGE_S};
 use super::line::Heard;
 use crate::buffers::Arrays;
-use crate::config::{GearPair, ModbusOptions, SCHEMA};
+use crate::config::{GearPair, ModbusOptions, SCHEMA, TrainGear};
 use crate::identity::VERSION;
 use crate::levels::{Departure, Departures, LocalDepartures};
 use crate::message::{AlarmState, ChannelValues, Quality, SelfTest, SpectralLine, Statistics, Status, Tag};
@@ -47,6 +47,7 @@ pub struct View<'a> {
     health: Health,
     unique_id: [u32; 3],
     gears: GearPair,
+    train: &'a [TrainGear],
     self_test: SelfTest,
     state: State,
     alarms: AlarmState,
@@ -71,6 +72,7 @@ impl<'a> View<'a> {
             health,
             unique_id: node.identity().unique_id,
             gears: node.configuration().gears,
+            train: &node.configuration().train,
             self_test: node.self_test(),
             state: node.state(),
             alarms: node.alarm_state(),
@@ -105,6 +107,32 @@ impl<'a> View<'a> {
 
     fn harmonic(&self, index: usize) -> Harmonic {
         self.bank.mesh.latest.map_or(Harmonic::NONE, |mesh: Mesh| mesh.harmonic(index))
+    }
+
+    /// A further gear of a train as configured, from 0; all zero where there is none. Out of line, as the next three:
+    /// some fifty rows call them.
+    #[inline(never)]
+    fn train(&self, index: usize) -> &TrainGear {
+        static NONE: TrainGear = TrainGear { stage: 0, teeth: 0, mate_teeth: 0, turns: 0, pinion_turns: 0 };
+        self.train.get(index).unwrap_or(&NONE)
+    }
+
+    /// What is known of it.
+    #[inline(never)]
+    fn further(&self, index: usize) -> &FurtherGear {
+        static NONE: FurtherGear = FurtherGear::NONE;
+        self.bank.train.get(index).and_then(|kept| kept.latest.as_ref()).unwrap_or(&NONE)
+    }
+
+    #[inline(never)]
+    fn further_age_s(&self, index: usize) -> u16 {
+        let kept = self.bank.train.get(index);
+        kept.map_or(NO_RESULT_AGE_S, |kept| kept.age_s(self.now, self.ticks_per_second))
+    }
+
+    #[inline(never)]
+    fn further_number(&self, index: usize) -> u16 {
+        self.bank.train.get(index).map_or(0, |kept| kept.number)
     }
 
     fn second(&self) -> Option<ChannelValues> {
@@ -527,6 +555,93 @@ registers! {
         520 Float "line_9_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(8).amplitude;
         522 Float "line_10_frequency" ["Hz"] "of the line of rank 10" = |v| v.line(9).frequency_hz;
         524 Float "line_10_amplitude" ["m/s^2"] "its peak amplitude" = |v| v.line(9).amplitude;
+    }
+    "train" {
+        544 Word "gear_1_stage" [""] "stage of further gear 1 as configured; 0: there is none"
+            = |v| v.train(0).stage.into();
+        545 Word "gear_1_teeth" [""] "its teeth as configured" = |v| v.train(0).teeth;
+        546 Word "gear_1_age" ["s"] "since its latest result; 65535: none yet, or older"
+            = |v| v.further_age_s(0);
+        547 Word "gear_1_number" [""] "how many results there were, 0 again behind 65535" = |v| v.further_number(0);
+        548 Float "gear_1_speed" ["Hz"] "its rate" = |v| v.further(0).speed_hz;
+        550 Float "gear_1_mesh_1" ["m/s^2"] "first harmonic of its mesh, peak amplitude"
+            = |v| v.further(0).mesh;
+        552 Float "gear_1_below" ["m/s^2"] "first sideband of that by its rate, below"
+            = |v| v.further(0).sidebands[0];
+        554 Float "gear_1_above" ["m/s^2"] "first sideband of that by its rate, above"
+            = |v| v.further(0).sidebands[1];
+        556 Float "gear_1_residual_rms" ["m/s^2"] "root mean square of its average's residual signal"
+            = |v| v.further(0).residual_rms;
+        558 Float "gear_1_fm0" [""] "FM0 of its average" = |v| v.further(0).fm0;
+        560 Float "gear_1_fm4" [""] "FM4 of its average" = |v| v.further(0).fm4;
+        562 Word "gear_2_stage" [""] "stage of further gear 2 as configured; 0: there is none"
+            = |v| v.train(1).stage.into();
+        563 Word "gear_2_teeth" [""] "its teeth as configured" = |v| v.train(1).teeth;
+        564 Word "gear_2_age" ["s"] "since its latest result; 65535: none yet, or older"
+            = |v| v.further_age_s(1);
+        565 Word "gear_2_number" [""] "how many results there were, 0 again behind 65535" = |v| v.further_number(1);
+        566 Float "gear_2_speed" ["Hz"] "its rate" = |v| v.further(1).speed_hz;
+        568 Float "gear_2_mesh_1" ["m/s^2"] "first harmonic of its mesh, peak amplitude"
+            = |v| v.further(1).mesh;
+        570 Float "gear_2_below" ["m/s^2"] "first sideband of that by its rate, below"
+            = |v| v.further(1).sidebands[0];
+        572 Float "gear_2_above" ["m/s^2"] "first sideband of that by its rate, above"
+            = |v| v.further(1).sidebands[1];
+        574 Float "gear_2_residual_rms" ["m/s^2"] "root mean square of its average's residual signal"
+            = |v| v.further(1).residual_rms;
+        576 Float "gear_2_fm0" [""] "FM0 of its average" = |v| v.further(1).fm0;
+        578 Float "gear_2_fm4" [""] "FM4 of its average" = |v| v.further(1).fm4;
+        580 Word "gear_3_stage" [""] "stage of further gear 3 as configured; 0: there is none"
+            = |v| v.train(2).stage.into();
+        581 Word "gear_3_teeth" [""] "its teeth as configured" = |v| v.train(2).teeth;
+        582 Word "gear_3_age" ["s"] "since its latest result; 65535: none yet, or older"
+            = |v| v.further_age_s(2);
+        583 Word "gear_3_number" [""] "how many results there were, 0 again behind 65535" = |v| v.further_number(2);
+        584 Float "gear_3_speed" ["Hz"] "its rate" = |v| v.further(2).speed_hz;
+        586 Float "gear_3_mesh_1" ["m/s^2"] "first harmonic of its mesh, peak amplitude"
+            = |v| v.further(2).mesh;
+        588 Float "gear_3_below" ["m/s^2"] "first sideband of that by its rate, below"
+            = |v| v.further(2).sidebands[0];
+        590 Float "gear_3_above" ["m/s^2"] "first sideband of that by its rate, above"
+            = |v| v.further(2).sidebands[1];
+        592 Float "gear_3_residual_rms" ["m/s^2"] "root mean square of its average's residual signal"
+            = |v| v.further(2).residual_rms;
+        594 Float "gear_3_fm0" [""] "FM0 of its average" = |v| v.further(2).fm0;
+        596 Float "gear_3_fm4" [""] "FM4 of its average" = |v| v.further(2).fm4;
+        598 Word "gear_4_stage" [""] "stage of further gear 4 as configured; 0: there is none"
+            = |v| v.train(3).stage.into();
+        599 Word "gear_4_teeth" [""] "its teeth as configured" = |v| v.train(3).teeth;
+        600 Word "gear_4_age" ["s"] "since its latest result; 65535: none yet, or older"
+            = |v| v.further_age_s(3);
+        601 Word "gear_4_number" [""] "how many results there were, 0 again behind 65535" = |v| v.further_number(3);
+        602 Float "gear_4_speed" ["Hz"] "its rate" = |v| v.further(3).speed_hz;
+        604 Float "gear_4_mesh_1" ["m/s^2"] "first harmonic of its mesh, peak amplitude"
+            = |v| v.further(3).mesh;
+        606 Float "gear_4_below" ["m/s^2"] "first sideband of that by its rate, below"
+            = |v| v.further(3).sidebands[0];
+        608 Float "gear_4_above" ["m/s^2"] "first sideband of that by its rate, above"
+            = |v| v.further(3).sidebands[1];
+        610 Float "gear_4_residual_rms" ["m/s^2"] "root mean square of its average's residual signal"
+            = |v| v.further(3).residual_rms;
+        612 Float "gear_4_fm0" [""] "FM0 of its average" = |v| v.further(3).fm0;
+        614 Float "gear_4_fm4" [""] "FM4 of its average" = |v| v.further(3).fm4;
+        616 Word "gear_5_stage" [""] "stage of further gear 5 as configured; 0: there is none"
+            = |v| v.train(4).stage.into();
+        617 Word "gear_5_teeth" [""] "its teeth as configured" = |v| v.train(4).teeth;
+        618 Word "gear_5_age" ["s"] "since its latest result; 65535: none yet, or older"
+            = |v| v.further_age_s(4);
+        619 Word "gear_5_number" [""] "how many results there were, 0 again behind 65535" = |v| v.further_number(4);
+        620 Float "gear_5_speed" ["Hz"] "its rate" = |v| v.further(4).speed_hz;
+        622 Float "gear_5_mesh_1" ["m/s^2"] "first harmonic of its mesh, peak amplitude"
+            = |v| v.further(4).mesh;
+        624 Float "gear_5_below" ["m/s^2"] "first sideband of that by its rate, below"
+            = |v| v.further(4).sidebands[0];
+        626 Float "gear_5_above" ["m/s^2"] "first sideband of that by its rate, above"
+            = |v| v.further(4).sidebands[1];
+        628 Float "gear_5_residual_rms" ["m/s^2"] "root mean square of its average's residual signal"
+            = |v| v.further(4).residual_rms;
+        630 Float "gear_5_fm0" [""] "FM0 of its average" = |v| v.further(4).fm0;
+        632 Float "gear_5_fm4" [""] "FM4 of its average" = |v| v.further(4).fm4;
     }
     "command" {
         1000 Word "command" [""] "written by function 6 or 16 where the configuration permits it: 1 acknowledges all \

@@ -129,8 +129,10 @@ pub struct AlarmBand {
 
 impl AlarmBand {
     /// Whether the limit at a place of a list applies at a speed: its band contains it, or there is no such band of its
-    /// quantity, side and severity, and it is the least strict of them.
-    pub fn applies(index: usize, speed: Option<Hertz>, all: &[AlarmBand], modes: &[AlarmMode]) -> bool {
+    /// quantity, gear, side and severity, and it is the least strict of them. `gears` are those of the alarms, 0 behind
+    /// the list's end.
+    pub fn applies(index: usize, speed: Option<Hertz>, all: &[AlarmBand], modes: &[AlarmMode], gears: &[u8]) -> bool {
+        let gear = |index: usize| gears.get(index).copied().unwrap_or(0);
         let Some(band) = all.get(index) else { return false };
         let mode = AlarmMode::of(modes, index);
         let contains = |band: &AlarmBand| speed.is_some_and(|at| at.0 >= band.from.0 && at.0 <= band.to.0);
@@ -138,7 +140,9 @@ impl AlarmBand {
             return true;
         }
         let alike = all.iter().enumerate();
-        let mut alike = alike.filter(|&(n, other)| other.watched == band.watched && AlarmMode::of(modes, n) == mode);
+        let mut alike = alike.filter(|&(n, other)| {
+            other.watched == band.watched && gear(n) == gear(index) && AlarmMode::of(modes, n) == mode
+        });
         alike.all(|(_, other)| {
             let as_strict =
                 if mode.side == Side::Below { other.raise >= band.raise } else { other.raise <= band.raise };

@@ -21,9 +21,14 @@ type Decisions = Vec<Decision, { MAX_ALARMS + 1 }>;
 impl<A: Arrays> Node<A> {
     /// Puts a value to the limits of its quantity; `speed` where there is one to believe.
     pub(super) fn watch(&mut self, watched: Watched, speed: Option<Hertz>, value: f32, may: Use) {
+        self.watch_of(0, watched, speed, value, may);
+    }
+
+    /// As [`Node::watch`], of a gear of the train: 0 is the pinion, and whatever is of no gear.
+    pub(super) fn watch_of(&mut self, gear: u8, watched: Watched, speed: Option<Hertz>, value: f32, may: Use) {
         let put = Put { tick: self.next_tick, value, may };
         let mut decisions = Decisions::new();
-        self.watch.put(&self.config, self.clock, watched, speed, put, |decision| {
+        self.watch.put(&self.config, self.clock, (watched, gear), speed, put, |decision| {
             let _ = decisions.push(decision);
         });
         self.act_on(&decisions);

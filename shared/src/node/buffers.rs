@@ -5,10 +5,11 @@
 //! memory. The node itself is a few KiB that may be moved.
 //!
 //! RAM: order tracking 32 KiB, mesh bands 12 bytes per point and harmonic, average 8 KiB, wideband record 16 KiB, kept
-//! snapshot 8 KiB; the sum is asserted below.
+//! snapshot 8 KiB, spectrum to be sent 1 KiB; the sum is asserted below.
 
 use crate::capture::Capture;
 use crate::mesh_band::Chain;
+use crate::message::Spectrum;
 use crate::sample_ring::SampleRing;
 use crate::stream::WIDE_POINTS;
 use core::borrow::BorrowMut;
@@ -19,11 +20,26 @@ pub struct Buffers {
     pub(crate) chain: Chain,
     pub(crate) wide: [f32; WIDE_POINTS],
     pub(crate) snapshot: [i16; WIDE_POINTS],
+    pub(crate) outgoing: OutgoingSpectrum,
+}
+
+/// The newest mesh-band spectrum until it is sent: a kilobyte that is nothing for the stack.
+#[derive(Clone, Debug)]
+pub struct OutgoingSpectrum {
+    pub(crate) spectrum: Spectrum,
+    /// Gear that it is of: 0 the pinion.
+    pub(crate) gear: u8,
+    pub(crate) waits: bool,
 }
 
 impl Buffers {
     /// Empty buffers, all zero bytes.
-    pub const ZERO: Self = Self { chain: Chain::IDLE, wide: [0.0; WIDE_POINTS], snapshot: [0; WIDE_POINTS] };
+    pub const ZERO: Self = Self {
+        chain: Chain::IDLE,
+        wide: [0.0; WIDE_POINTS],
+        snapshot: [0; WIDE_POINTS],
+        outgoing: OutgoingSpectrum { spectrum: Spectrum::EMPTY, gear: 0, waits: false },
+    };
 
     /// The order chain, to be run without a node.
     pub fn chain(&mut self) -> &mut Chain {
@@ -32,7 +48,7 @@ impl Buffers {
 }
 
 /// Most bytes of [`Buffers`].
-pub const BUDGET: usize = 87 * 1024;
+pub const BUDGET: usize = 88 * 1024;
 
 /// Most bytes of [`Capture`] with its samples.
 const CAPTURE_BUDGET: usize = 25 * 1024;

@@ -6,7 +6,7 @@ use super::{
 use crate::bandwidth_watch::BandwidthWatch;
 use crate::buffers::{Arrays, Buffers};
 use crate::events::EventKind;
-use crate::mesh_band::{self, MeshPlan};
+use crate::mesh_band;
 use crate::stream::WIDE_POINTS;
 use crate::tach::Validity;
 use crate::waveform::CaptureEnd;
@@ -72,9 +72,8 @@ impl<A: Arrays> Node<A> {
     }
 
     pub(super) fn restart_stream(&mut self, first: u64) {
-        self.mesh_plan = MeshPlan::new(&self.config, self.present_speed().pinion, self.active.adc);
-        self.stream.restart(first, self.active.period_ticks, self.mesh_plan.decimation);
-        self.arrays.buffers_mut().chain.set_samples_per_pitch(usize::from(self.mesh_plan.samples_per_pitch));
+        self.stream.stop();
+        self.restart_mesh(first);
         // A record that is complete is of one stream, whatever becomes of it.
         if !matches!(self.wide_use, WideUse::Analysis(_)) {
             self.wide_use = WideUse::Idle;
@@ -183,8 +182,9 @@ impl<A: Arrays> Node<A> {
         if self.state != State::Measuring || !self.tach_locked {
             return;
         }
-        let turns = NO_RECORDS_TURNS * f32::from(mesh_band::record_turns(self.config.gears.pinion_teeth));
-        let patience = NO_RECORDS_S.max(turns / self.present_speed().pinion.0.max(0.01));
+        let followed = self.round.followed(&self.config);
+        let turns = NO_RECORDS_TURNS * f32::from(mesh_band::record_turns(followed.teeth));
+        let patience = NO_RECORDS_S.max(turns / followed.rate(self.present_speed().pinion).0.max(0.01));
         let since = self.next_tick.saturating_sub(self.records_since);
         if since as f32 > patience * self.clock.0 as f32 {
             self.note(EventKind::NoRecords, self.clock.seconds(since) as u32);
@@ -207,9 +207,9 @@ impl<A: Arrays> Node<A> {
             }
             self.finish_mesh();
         }
-        let chain = &mut self.arrays.buffers_mut().chain;
-        let wanted = mesh_band::average_turns(self.config.gears.pinion_teeth, self.config.gears.gear_teeth).0;
-        if chain.average().turns() >= wanted {
+        let followed = self.round.followed(&self.config);
+        let wanted = mesh_band::average_turns(followed.teeth, followed.mate_teeth).0;
+        if self.arrays.buffers_mut().chain.average().turns() >= wanted {
             self.finish_average();
         }
     }

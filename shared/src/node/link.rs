@@ -1,6 +1,7 @@
 //! The node and its host: what it says of itself, which message is next, and what it does when asked.
 
-use super::planning::safe_grant;
+use super::planning::{asked_bandwidth, safe_grant};
+use super::train_round::TrainRound;
 use super::watch::{self, Watch};
 use super::{Node, State, value_record};
 use crate::bandwidth_watch::BandwidthWatch;
@@ -10,7 +11,9 @@ use crate::events::EventKind;
 use crate::identity::VERSION;
 use crate::levels::{Departures, LocalDepartures};
 use crate::mesh_band;
-use crate::message::{Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Status, WIRE_SCHEMA};
+use crate::message::{
+    GearSpectrum, Identification, Message, Reply, Request, SNAPSHOT_CHUNK, Snapshot, Spectrum, Status, WIRE_SCHEMA,
+};
 use crate::rate_plan::RatePlan;
 use crate::stream::WIDE_POINTS;
 use crate::turn_marks::TurnMarks;
@@ -21,8 +24,10 @@ use heapless::{String, Vec};
 impl<A: Arrays> Node<A> {
     pub(super) fn post_status(&mut self, block: u32) {
         let speed = self.present_speed();
-        let law = self.config.law.bandwidth(if self.safe_rate { self.config.law.highest } else { speed.pinion });
-        let (available_hz, bound) = self.config.pass.available(law.bandwidth, self.active.usable);
+        let at = if self.safe_rate { self.config.law.highest } else { speed.pinion };
+        let law = self.config.law.bandwidth(at);
+        let asked = asked_bandwidth(&self.config, law.bandwidth, at);
+        let (available_hz, bound) = self.config.pass.available(asked, self.active.usable);
         let dropped = self.status.is_some_and(|unsent| unsent.period_ticks != self.active.period_ticks);
         self.count_dropped(dropped);
         self.status = Some(Status {
@@ -32,7 +37,7 @@ impl<A: Arrays> Node<A> {
             speed_hz: speed.pinion.0,
             speed_uncertainty: speed.uncertainty,
             age_s: speed.age_s,
-            bandwidth_hz: law.bandwidth.0,
+            bandwidth_hz: asked.0,
             law_clamped: law.clamped,
             law_provisional: law.provisional,
             requested_hz: self.active.requested.0,
@@ -69,8 +74,16 @@ impl<A: Arrays> Node<A> {
         if let Some(status) = self.status.take() {
             return Some(Message::Status(status));
         }
-        if let Some(spectrum) = self.spectrum.take() {
-            return Some(Message::Spectrum(spectrum));
+        let outgoing = &mut self.arrays.buffers_mut().outgoing;
+        if core::mem::take(&mut outgoing.waits) {
+            let spectrum = core::mem::replace(&mut outgoing.spectrum, Spectrum::EMPTY);
+            return Some(match outgoing.gear {
+                0 => Message::Spectrum(spectrum),
+                gear => Message::GearSpectrum(GearSpectrum { gear, spectrum }),
+            });
+        }
+        if let Some(condition) = self.condition.take() {
+            return Some(Message::GearCondition(condition));
         }
         if let Some(peaks) = self.peaks.take() {
             return Some(Message::Peaks(peaks));
@@ -179,12 +192,15 @@ impl<A: Arrays> Node<A> {
         self.safe_rate = true;
         (self.volatile, self.latch_changed) = (true, false);
         self.marks = TurnMarks::new(&config.tach);
-        (self.gear, self.bandwidth, self.sideband_energy) = (None, None, [0.0; 2]);
+        (self.gear, self.condition, self.bandwidth) = (None, None, None);
+        (self.sideband_energy, self.pinion_sideband_energy) = ([0.0; 2], 0.0);
         (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         self.bandwidth_watch = BandwidthWatch::default();
         self.config = Configuration { latched: 0, sensor_latched: false, ..config };
         self.watch = Watch::new(&self.config, self.next_tick);
-        mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);
+        self.round = TrainRound::new(&self.config);
+        let followed = self.round.followed(&self.config);
+        mesh_band::configure(&mut self.arrays.buffers_mut().chain, &followed, self.clock);
         self.take_over_wide();
         self.values = value_record(&self.config, self.clock);
         self.values.restart(self.next_tick);

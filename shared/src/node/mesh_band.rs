@@ -11,7 +11,7 @@
 //! into the synchronous average, the rate is lower and the harmonics that still have four samples per period are
 //! reported.
 
-use crate::config::{Configuration, MAX_HARMONICS};
+use crate::config::{Configuration, MAX_HARMONICS, TrainGear};
 use crate::frame::CRC32;
 use crate::math;
 use crate::mesh_decimator::{BAND_SHARE, Decimation};
@@ -37,7 +37,7 @@ pub type Chain = OrderChain<CAPACITY, POINTS, MAX_HARMONICS, AVERAGE>;
 pub type Zoom = MeshZoom<POINTS, MAX_HARMONICS>;
 
 /// Reach of a band above its harmonic, pitches.
-const REACH: f32 = 1.0 / 3.0;
+pub const REACH: f32 = 1.0 / 3.0;
 /// Samples per period below which a harmonic is left out.
 const MIN_SAMPLES_PER_PERIOD: f32 = 4.0;
 /// Turns the buffer must hold: two, the block that arrives, and a speed that falls meanwhile.
@@ -50,6 +50,42 @@ const BROKEN_TURNS: u32 = 32;
 const FEWEST_TURNS: u32 = 16;
 /// Most teeth whose average of 1024 samples has no folded lines among its mesh harmonics.
 const TEETH_FOR_SHORT_AVERAGE: u16 = 23;
+
+/// The gear whose turns the order domain follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Its teeth.
+    pub teeth: u16,
+    /// Teeth of its mate.
+    pub mate_teeth: u16,
+    /// Its turns per turn of the pinion.
+    pub per_pinion_turn: f32,
+}
+
+impl Followed {
+    /// By its number: 0 the pinion, 1 the first of the train's further gears.
+    pub fn of(config: &Configuration, gear: u8) -> Self {
+        let further = usize::from(gear).checked_sub(1).and_then(|place| config.train.get(place));
+        let of_train = |gear: &TrainGear| Self {
+            teeth: gear.teeth,
+            mate_teeth: gear.mate_teeth,
+            per_pinion_turn: gear.per_pinion_turn(),
+        };
+        let gears = config.gears;
+        let pinion = Self { teeth: gears.pinion_teeth, mate_teeth: gears.gear_teeth, per_pinion_turn: 1.0 };
+        further.map_or(pinion, of_train)
+    }
+
+    /// Its rate at a rate of the pinion.
+    pub fn rate(&self, pinion: Hertz) -> Hertz {
+        Hertz(self.per_pinion_turn * pinion.0)
+    }
+
+    /// Turns of its mate per turn of it.
+    pub fn mate_order(&self) -> f32 {
+        f32::from(self.teeth) / f32::from(self.mate_teeth)
+    }
+}
 
 /// Decimation from the ADC to the mesh bands, and what it carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,21 +103,21 @@ impl MeshPlan {
     pub const NONE: Self =
         Self { decimation: Decimation::MAXIMUM, harmonics: 0, samples_per_pitch: SAMPLES_PER_PITCH as u8 };
 
-    /// The plan for a pinion rate and an ADC rate; without a speed nothing is carried.
-    pub fn new(config: &Configuration, pinion: Hertz, adc: Hertz) -> Self {
-        let mesh_hz = f32::from(config.gears.pinion_teeth) * pinion.0;
+    /// The plan for a gear at a rate of its own and an ADC rate; without a speed nothing is carried.
+    pub fn new(followed: &Followed, harmonics: u8, gear: Hertz, adc: Hertz) -> Self {
+        let mesh_hz = f32::from(followed.teeth) * gear.0;
         if !(mesh_hz > 0.0 && adc.0 > 0.0) {
             return Self::NONE;
         }
-        let wanted = f32::from(config.mesh.harmonics);
+        let wanted = f32::from(harmonics);
         let lowest = (1.0 + REPLAN_NOW) * (wanted + REACH) / BAND_SHARE * mesh_hz;
         let mut ratio = adc.0 / lowest;
         let mut decimation = Decimation::up_to(ratio);
         let rate = |decimation: Decimation| adc.0 / decimation.ratio() as f32;
         // What the stream carries must fit half the average's points per turn, down to the speed that plans anew; no
         // harmonic is given up for it where all bands fit into the points, and never the last one.
-        let held = CAPACITY as f32 / TURNS_HELD * pinion.0;
-        let points = average_points(config.gears.pinion_teeth) as f32 * (1.0 - REPLAN_NOW) * pinion.0;
+        let held = CAPACITY as f32 / TURNS_HELD * gear.0;
+        let points = average_points(followed.teeth) as f32 * (1.0 - REPLAN_NOW) * gear.0;
         loop {
             let now = rate(decimation);
             ratio = 1.1 * ratio.max(1.0);
@@ -123,20 +159,20 @@ pub fn average_points(pinion_teeth: u16) -> usize {
     if pinion_teeth <= TEETH_FOR_SHORT_AVERAGE { AVERAGE / 2 } else { AVERAGE }
 }
 
-/// Prepares the chain for a machine. A pair the chain refuses (validation lets none pass) leaves it idle.
-pub fn configure(chain: &mut Chain, config: &Configuration, clock: TicksPerSecond) {
-    let teeth = config.gears.pinion_teeth;
+/// Prepares the chain for a gear. One that the chain refuses (validation lets none pass) leaves it idle.
+pub fn configure(chain: &mut Chain, followed: &Followed, clock: TicksPerSecond) {
+    let teeth = followed.teeth;
     let zoom = ZoomConfig {
         teeth,
         turns: record_turns(teeth),
         window: Window::Hann,
         averaging: Averaging::Linear { records: 1 },
     };
-    let turns = average_turns(teeth, config.gears.gear_teeth).0;
+    let turns = average_turns(teeth, followed.mate_teeth).0;
     if chain.configure(zoom, average_points(teeth), turns).is_err() {
         *chain = Chain::IDLE;
     }
-    chain.shafts().configure(teeth, config.gears.gear_teeth, SHORTEST_S * clock.0 as f32);
+    chain.shafts().configure(teeth, followed.mate_teeth, SHORTEST_S * clock.0 as f32);
 }
 
 /// One amplitude for the sidebands of both shafts and all harmonics, m/s^2: the geometric mean over the harmonics of
@@ -159,9 +195,8 @@ pub fn sideband_amplitude(bands: &[MeshBand], inseparable: [u8; 2]) -> f32 {
 
 /// Sidebands of pinion and gear that are one to the record, a bit for each in the order of their lists: a pair of teeth
 /// near a ratio of small numbers puts an order of one shaft beside another order of the other.
-pub fn inseparable(zoom: &Zoom, config: &Configuration) -> [u8; 2] {
-    let gear_order = f32::from(config.gears.pinion_teeth) / f32::from(config.gears.gear_teeth);
-    let pairs = i16::from(config.mesh.sidebands);
+pub fn inseparable(zoom: &Zoom, gear_order: f32, sidebands: u8) -> [u8; 2] {
+    let pairs = i16::from(sidebands);
     let orders = || (-pairs..=pairs).filter(|&k| k != 0).enumerate();
     let mut bits = [0u8; 2];
     for (pinion, k) in orders() {
@@ -179,13 +214,12 @@ pub fn inseparable(zoom: &Zoom, config: &Configuration) -> [u8; 2] {
 /// band are zero.
 pub fn bands(
     zoom: &Zoom,
-    config: &Configuration,
-    harmonics: u8,
-    pinion_hz: f32,
+    followed: &Followed,
+    (harmonics, sidebands): (u8, u8),
+    gear_hz: f32,
 ) -> (Vec<MeshBand, MAX_HARMONICS>, u32) {
-    let teeth = f32::from(config.gears.pinion_teeth);
-    let gear_order = teeth / f32::from(config.gears.gear_teeth);
-    let pairs = i16::from(config.mesh.sidebands);
+    let (teeth, gear_order) = (f32::from(followed.teeth), followed.mate_order());
+    let pairs = i16::from(sidebands);
     let mut digest = CRC32.digest();
     let mut found = Vec::new();
     for harmonic in 1..=harmonics.min(MAX_HARMONICS as u8) {
@@ -196,7 +230,7 @@ pub fn bands(
         let line = |offset: f32| {
             let line = zoom.line(number, offset)?;
             let order = f32::from(harmonic) * teeth + line.bin * zoom.order_per_bin();
-            Some(SpectralLine { frequency_hz: order * pinion_hz, amplitude: line.amplitude })
+            Some(SpectralLine { frequency_hz: order * gear_hz, amplitude: line.amplitude })
         };
         let sidebands = |shaft: f32| {
             let orders = (-pairs..=pairs).filter(|&k| k != 0);

@@ -26,7 +26,7 @@ use crate::identity::Identity;
 use crate::levels::{Departures, LocalDepartures};
 use crate::mesh_band::MeshPlan;
 use crate::message::{
-    GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Spectrum, Statistics, Status, Tag,
+    GearCondition, GearIndicators, Indicators, MeasuredBandwidth, Peaks, SelfTest, Statistics, Status, Tag,
 };
 use crate::rate_plan::{RateGrant, RatePlan};
 use crate::stream::{CHUNK, Stream};
@@ -54,6 +54,7 @@ mod products;
 pub mod safe_start;
 pub mod second_pulse;
 pub mod self_test;
+pub mod train_round;
 pub mod values;
 pub mod wall_time;
 pub mod watch;
@@ -61,6 +62,7 @@ pub mod watch;
 use health::BoardHealth;
 use planning::safe_grant;
 use second_pulse::PulseClock;
+use train_round::TrainRound;
 use values::ValueRecord;
 use wall_time::WallClock;
 use watch::Watch;
@@ -87,7 +89,7 @@ const HOLD_AFTER_RECORD: u32 = 16;
 const SPARED_PER_SECOND: u32 = 64;
 const HOLD_AFTER_TURN: u32 = 4;
 /// Most bytes of a node without its arrays.
-const STATE_BUDGET: usize = 14 * 1024;
+const STATE_BUDGET: usize = 13 * 1024;
 
 const _: () = assert!(core::mem::size_of::<Node<()>>() <= STATE_BUDGET);
 const _: () = assert!(STATE_BUDGET + buffers::BUDGET <= 101 * 1024);
@@ -190,6 +192,8 @@ pub struct Node<A = OwnArrays> {
     stream: Stream,
     arrays: A,
     marks: TurnMarks,
+    /// Which gear of a train the order domain follows.
+    round: TrainRound,
     values: ValueRecord,
     /// Blocks still to pass before another rate may be asked for.
     hold: u32,
@@ -216,9 +220,13 @@ pub struct Node<A = OwnArrays> {
     bandwidth_watch: BandwidthWatch,
     bandwidth: Option<MeasuredBandwidth>,
     gear: Option<GearIndicators>,
+    /// Of a further gear of a train.
+    condition: Option<GearCondition>,
     departures: Departures,
     local_departures: LocalDepartures,
+    /// Of the gear followed and its mate; of the pinion.
     sideband_energy: [f32; 2],
+    pinion_sideband_energy: f32,
     next_sequence: Option<u32>,
     next_tick: u64,
     totals: Totals,
@@ -236,7 +244,6 @@ pub struct Node<A = OwnArrays> {
     latch_changed: bool,
     status_due: u64,
     status: Option<Status>,
-    spectrum: Option<Spectrum>,
     peaks: Option<Peaks>,
     indicators: Option<Indicators>,
     snapshot_wanted: bool,
@@ -297,6 +304,7 @@ impl<A: Arrays> Node<A> {
             stream: Stream::new(),
             arrays,
             marks: TurnMarks::new(&config.tach),
+            round: TrainRound::new(config),
             values: value_record(config, clock),
             hold: 0,
             records_since: 0,
@@ -316,9 +324,11 @@ impl<A: Arrays> Node<A> {
             bandwidth_watch: BandwidthWatch::default(),
             bandwidth: None,
             gear: None,
+            condition: None,
             departures: Departures::NONE,
             local_departures: LocalDepartures::NONE,
             sideband_energy: [0.0; 2],
+            pinion_sideband_energy: 0.0,
             next_sequence: None,
             next_tick: 0,
             totals: Totals::default(),
@@ -333,7 +343,6 @@ impl<A: Arrays> Node<A> {
             latch_changed: false,
             status_due: 0,
             status: None,
-            spectrum: None,
             peaks: None,
             indicators: None,
             snapshot_wanted: false,
@@ -353,7 +362,8 @@ impl<A: Arrays> Node<A> {
 
     /// Sets up what lies in the buffers and waits for the first block.
     pub(crate) fn begin(&mut self) {
-        mesh_band::configure(&mut self.arrays.buffers_mut().chain, &self.config, self.clock);
+        let followed = self.round.followed(&self.config);
+        mesh_band::configure(&mut self.arrays.buffers_mut().chain, &followed, self.clock);
         self.restart_stream(0);
         self.configure_capture();
     }
@@ -438,8 +448,11 @@ impl<A: Arrays> Node<A> {
         }
         let (Buffers { chain, .. }, capture) = self.arrays.parts();
         let values = &mut self.values;
+        let follows_pinion = self.round.gear() == 0;
         let mark = |instant: u64| {
-            chain.push_mark(instant as u32);
+            if follows_pinion {
+                chain.push_mark(instant as u32);
+            }
             values.push_mark(instant);
             capture.push_mark(instant);
         };
@@ -449,6 +462,7 @@ impl<A: Arrays> Node<A> {
             values.lose_tach();
             capture.lose_marks();
         }
+        self.follow_train_marks();
     }
 
     /// Sample period to program for the next block.
@@ -533,6 +547,7 @@ impl<A: Arrays> Node<A> {
             self.records_since = self.records_since.max(self.next_tick);
         }
         self.watch_records();
+        self.go_round();
         self.replan();
         if self.next_tick >= self.status_due {
             self.post_status(block.sequence);

@@ -3,8 +3,9 @@
 use super::values::{EVERY_CODE_TO_HZ, HIGHEST_SPEED_HZ};
 use super::{Node, REPLAN_AT_RECORD, REPLAN_NOW, State};
 use crate::buffers::Arrays;
-use crate::config::Configuration;
+use crate::config::{Configuration, train_bandwidth_hz};
 use crate::events::EventKind;
+use crate::mesh_band::REACH;
 use crate::rate_plan::{RateGrant, RatePlan, RatePolicy};
 use crate::tach::{Speed, Validity};
 use crate::units::Hertz;
@@ -41,7 +42,8 @@ impl<A: Arrays> Node<A> {
                     self.note(EventKind::LawClamped, 0);
                 }
                 self.law_clamped = law.clamped;
-                let wanted = self.config.policy.rate(self.config.pass.carried(law.bandwidth));
+                let asked = asked_bandwidth(&self.config, law.bandwidth, speed.pinion);
+                let wanted = self.config.policy.rate(self.config.pass.carried(asked));
                 let departure = (wanted.0 / self.pending.requested.0 - 1.0).abs();
                 let limit = if record_complete { REPLAN_AT_RECORD } else { REPLAN_NOW };
                 if self.safe_rate || departure > limit {
@@ -88,6 +90,16 @@ impl<A: Arrays> Node<A> {
 pub(super) fn safe_grant(config: &Configuration, plan: &mut RatePlan) -> RateGrant {
     match config.policy {
         RatePolicy::Forced { rate } => plan.force(rate),
-        policy => plan.grant(policy.rate(config.pass.carried(config.law.bandwidth(config.law.highest).bandwidth))),
+        policy => {
+            let highest = config.law.highest;
+            let asked = asked_bandwidth(config, config.law.bandwidth(highest).bandwidth, highest);
+            plan.grant(policy.rate(config.pass.carried(asked)))
+        }
     }
+}
+
+/// What the law asks for, or a further stage of a train at the same speed, if that is more.
+pub(super) fn asked_bandwidth(config: &Configuration, law: Hertz, pinion: Hertz) -> Hertz {
+    let harmonics = f32::from(config.mesh.harmonics) + REACH;
+    Hertz(law.0.max(train_bandwidth_hz(&config.train, &config.stage_laws, harmonics, pinion)))
 }

@@ -13,8 +13,10 @@ use crate::gear_condition;
 use crate::indicators::Moments;
 use crate::levels::{self, Departure, Departures, ExpectedLevel, LevelPoint, LocalDepartures, LocalPoint};
 use crate::math;
-use crate::mesh_band;
-use crate::message::{ChannelValues, GearIndicators, Indicators, Peaks, Spectrum, Tag};
+use crate::mesh_band::{self, Followed};
+use crate::message::{
+    ChannelValues, GearCondition, GearIndicators, Indicators, LineOrigin, MAX_PEAKS, Peaks, SpectralLine, Spectrum, Tag,
+};
 use crate::peaks;
 use crate::spectrum::mean;
 use crate::stream::WIDE_POINTS;
@@ -101,15 +103,42 @@ impl<A: Arrays> Node<A> {
     fn finish_wide(&mut self) {
         let (tag, rms) = (self.wide_tag, self.signal_rms);
         let (lines, digest) = peaks::search(&self.arrays.buffers().wide, tag.resolution_hz);
-        let mesh_hz = f32::from(self.config.gears.pinion_teeth) * tag.speed_hz;
-        let reach = peaks::reach_hz(tag.rate_hz, tag.stages, self.config.limits.analogue_stop.0);
-        let origins = if tag.validity == Validity::Locked {
-            peaks::label(&lines, mesh_hz, tag.rate_hz, tag.resolution_hz, reach)
-        } else {
-            Vec::new()
+        let (origins, origin_gears) = match believed(&tag) {
+            Some(pinion) => self.origins(&lines, &tag, pinion),
+            None => (Vec::new(), Vec::new()),
         };
-        let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest, origins }).is_some();
+        let dropped = self.peaks.replace(Peaks { tag, lines, rms, digest, origins, origin_gears }).is_some();
         self.count_dropped(dropped);
+    }
+
+    /// Mesh harmonics that lines may be, and of which gear: of the pinion's mesh, and only what that does not explain of
+    /// a further stage's.
+    fn origins(
+        &self,
+        lines: &[SpectralLine],
+        tag: &Tag,
+        pinion: Hertz,
+    ) -> (Vec<LineOrigin, MAX_PEAKS>, Vec<u8, MAX_PEAKS>) {
+        let reach = peaks::reach_hz(tag.rate_hz, tag.stages, self.config.limits.analogue_stop.0);
+        let of = |gear: u8| {
+            let followed = Followed::of(&self.config, gear);
+            let mesh_hz = f32::from(followed.teeth) * followed.rate(pinion).0;
+            peaks::label(lines, mesh_hz, tag.rate_hz, tag.resolution_hz, reach)
+        };
+        let mut origins = of(0);
+        let mut gears: Vec<u8, MAX_PEAKS> = origins.iter().map(|_| 0).collect();
+        for (number, gear) in (1u8..).zip(&self.config.train).filter(|(_, gear)| gear.stage > 1) {
+            let stage_before = usize::from(number).checked_sub(2).and_then(|place| self.config.train.get(place));
+            if stage_before.is_some_and(|before| before.stage == gear.stage) {
+                continue;
+            }
+            for ((origin, of_gear), other) in origins.iter_mut().zip(&mut gears).zip(of(number)) {
+                if *origin == LineOrigin::Unexplained && other != LineOrigin::Unexplained {
+                    (*origin, *of_gear) = (other, number);
+                }
+            }
+        }
+        (origins, gears)
     }
 
     /// Overall values in units, with what has become complete since the last ones.
@@ -122,7 +151,10 @@ impl<A: Arrays> Node<A> {
             in_units(values, second.acceleration_per_code, bounds.upper_edge())
         });
         self.bias_codes = [Some(values.first.codes.mean), values.second.as_ref().map(|second| second.codes.mean)];
-        let (pinion, wheel) = self.arrays.buffers_mut().chain.shafts().take();
+        // Of another gear of a train they are nobody's here.
+        let follows_pinion = self.round.gear() == 0;
+        let orders = self.arrays.buffers_mut().chain.shafts().take();
+        let (pinion, wheel) = if follows_pinion { orders } else { (None, None) };
         if believed(&tag).is_none() {
             (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         }
@@ -138,7 +170,7 @@ impl<A: Arrays> Node<A> {
             peak,
             crest,
             kurtosis,
-            sideband_energy_ratio: self.sideband_energy[0],
+            sideband_energy_ratio: self.pinion_sideband_energy,
             gear: self.gear.take(),
             bandwidth: self.bandwidth.take(),
             quality,
@@ -230,35 +262,44 @@ impl<A: Arrays> Node<A> {
         let speed_hz = record.mean_hz(self.clock.0);
         let first_tick = self.time.peek(record.first_tick);
         let tag = Tag { speed_hz, ..self.tag(first_tick, rate, stages, speed_hz * zoom.order_per_bin()) };
+        let followed = self.round.followed(&self.config);
         if tag.validity == Validity::Locked && self.state == State::Measuring {
-            let (bands, digest) = mesh_band::bands(zoom, &self.config, self.mesh_plan.harmonics, speed_hz);
-            let gear_order = f32::from(self.config.gears.pinion_teeth) / f32::from(self.config.gears.gear_teeth);
+            let sidebands = self.config.mesh.sidebands;
+            let (bands, digest) = mesh_band::bands(zoom, &followed, (self.mesh_plan.harmonics, sidebands), speed_hz);
+            let gear_order = followed.mate_order();
             let energy = |shaft: f32| zoom.sideband_energy_ratio(1, shaft).unwrap_or(0.0);
             let sideband_energy = [energy(1.0), energy(gear_order)];
-            let inseparable = mesh_band::inseparable(zoom, &self.config);
+            let inseparable = mesh_band::inseparable(zoom, gear_order, sidebands);
             let of_turn = |ticks: u32| self.clock.rate(ticks).0;
             let (slowest_hz, fastest_hz) = (of_turn(record.longest), of_turn(record.shortest));
             let turns = zoom.config().turns;
             if let Some(first) = bands.first() {
                 self.sideband_energy = sideband_energy;
-                self.departures.mesh_amplitude =
-                    self.departure(&tag, first.line.amplitude, |point| point.mesh_amplitude);
-                if !self.config.local_levels.is_empty() {
-                    self.local_departures.sidebands =
-                        self.local_departure(&tag, mesh_band::sideband_amplitude(&bands, inseparable), |point| {
-                            point.sidebands
-                        });
+                if self.round.gear() == 0 {
+                    self.pinion_sideband_energy = sideband_energy[0];
+                    self.departures.mesh_amplitude =
+                        self.departure(&tag, first.line.amplitude, |point| point.mesh_amplitude);
+                    if !self.config.local_levels.is_empty() {
+                        self.local_departures.sidebands =
+                            self.local_departure(&tag, mesh_band::sideband_amplitude(&bands, inseparable), |point| {
+                                point.sidebands
+                            });
+                    }
                 }
                 // Clipping takes from the line and makes sidebands of its own.
                 let [line, shape] =
                     if self.clipped_since(first_tick) { [Use::LowerBound, Use::Neither] } else { [Use::Both; 2] };
-                self.watch_at_speed(Watched::MeshAmplitude, &tag, first.line.amplitude, line);
-                self.watch_at_speed(Watched::SidebandEnergyRatio, &tag, sideband_energy[0], shape);
+                self.watch_gear(Watched::MeshAmplitude, &tag, first.line.amplitude, line);
+                self.watch_gear(Watched::SidebandEnergyRatio, &tag, sideband_energy[0], shape);
             }
-            let spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz, inseparable };
-            let dropped = self.spectrum.replace(spectrum).is_some();
+            let gear = self.round.gear();
+            let outgoing = &mut self.arrays.buffers_mut().outgoing;
+            outgoing.spectrum = Spectrum { tag, bands, digest, turns, slowest_hz, fastest_hz, inseparable };
+            outgoing.gear = gear;
+            let dropped = core::mem::replace(&mut outgoing.waits, true);
             self.count_dropped(dropped);
         }
+        self.round.note_bands();
         self.record_complete = true;
         self.note_long_work();
     }
@@ -267,9 +308,15 @@ impl<A: Arrays> Node<A> {
     /// wideband record serves as work space; one under way begins anew.
     pub(super) fn finish_average(&mut self) {
         self.note_long_work();
-        let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
-        let teeth = self.config.gears.pinion_teeth;
-        let (turns, hunting_broken) = mesh_band::average_turns(teeth, self.config.gears.gear_teeth);
+        let followed = self.round.followed(&self.config);
+        let tag = {
+            let tag = self.tag(self.next_tick, self.active.output, self.active.stages, 0.0);
+            Tag { speed_hz: followed.rate(Hertz(tag.speed_hz)).0, ..tag }
+        };
+        let teeth = followed.teeth;
+        let (turns, hunting_broken) = mesh_band::average_turns(teeth, followed.mate_teeth);
+        let is_pinion = self.round.gear() == 0;
+        self.round.note_average();
         self.take_over_wide();
         let Buffers { chain, wide, .. } = self.arrays.buffers_mut();
         let average = chain.average();
@@ -282,6 +329,10 @@ impl<A: Arrays> Node<A> {
         };
         let na4 = |residual: &Moments| {
             let of = |point: &LevelPoint| point.residual_rms;
+            // Levels are learned of the pinion.
+            if !is_pinion {
+                return f32::NAN;
+            }
             na4(residual, levels::departure(&self.config.levels, speed, 0.0, residual.rms(), of))
         };
         let result = average
@@ -289,20 +340,27 @@ impl<A: Arrays> Node<A> {
             .map(|average| gear_condition::of_average(average, teeth, na4, &mut work[..points], &mut split[..points]));
         average.reset();
         let Some(Ok(indicators)) = result else { return };
-        self.gear = Some(GearIndicators {
+        let indicators = GearIndicators {
             tick: self.next_tick,
             speed_hz: tag.speed_hz,
             turns: turns as u16,
             hunting_broken,
             gear_sideband_energy_ratio: self.sideband_energy[1],
             ..indicators
-        });
-        self.departures.residual_rms = self.departure(&tag, indicators.residual_rms, |point| point.residual_rms);
-        self.local_departures.fm0 = self.local_departure(&tag, indicators.fm0, |point| point.fm0);
+        };
+        if is_pinion {
+            self.gear = Some(indicators);
+        } else {
+            self.condition = Some(GearCondition { gear: self.round.gear(), indicators });
+        }
+        if is_pinion {
+            self.departures.residual_rms = self.departure(&tag, indicators.residual_rms, |point| point.residual_rms);
+            self.local_departures.fm0 = self.local_departure(&tag, indicators.fm0, |point| point.fm0);
+        }
         let began = self.next_tick.saturating_sub((turns as f32 / speed.0 * self.clock.0 as f32) as u64);
         let may = if self.clipped_since(began) { Use::Neither } else { Use::Both };
-        self.watch_at_speed(Watched::Fm0, &tag, indicators.fm0, may);
-        self.watch_at_speed(Watched::Fm4, &tag, indicators.fm4, may);
+        self.watch_gear(Watched::Fm0, &tag, indicators.fm0, may);
+        self.watch_gear(Watched::Fm4, &tag, indicators.fm4, may);
     }
 
     /// How far a value is from what is expected at the result's speed.
@@ -318,6 +376,14 @@ impl<A: Arrays> Node<A> {
     fn watch_at_speed(&mut self, watched: Watched, tag: &Tag, value: f32, may: Use) {
         if let Some(speed) = believed(tag) {
             self.watch(watched, Some(speed), value, may);
+        }
+    }
+
+    /// Puts a value of the gear followed, with its own speed in the tag, to the limits of that gear.
+    fn watch_gear(&mut self, watched: Watched, tag: &Tag, value: f32, may: Use) {
+        if let Some(speed) = believed(tag) {
+            let pinion = Hertz(speed.0 / self.round.followed(&self.config).per_pinion_turn);
+            self.watch_of(self.round.gear(), watched, Some(pinion), value, may);
         }
     }
 

@@ -120,12 +120,13 @@ impl Watch {
         self.judged = [tick; MAX_ALARMS];
     }
 
-    /// Puts a value to the limits of its quantity; `speed` where there is one to believe.
+    /// Puts a value to the limits of its quantity and of the gear that it is of (0 the pinion, and whatever is of no
+    /// gear); `speed` of the pinion where there is one to believe.
     pub fn put(
         &mut self,
         config: &Configuration,
         clock: TicksPerSecond,
-        watched: Watched,
+        (watched, gear): (Watched, u8),
         speed: Option<Hertz>,
         put: Put,
         mut decided: impl FnMut(Decision),
@@ -133,14 +134,16 @@ impl Watch {
         let times = [config.holding.persistence_s, RISE_S].map(|seconds| (seconds * clock.0 as f32) as u64);
         for (index, band) in config.alarms.iter().enumerate() {
             let (Some(alarm), Some(judged)) = (self.alarms.get_mut(index), self.judged.get_mut(index)) else { return };
-            if band.watched != watched {
+            if band.watched != watched || config.gear_of_alarm(index) != gear {
                 continue;
             }
             let side = AlarmMode::of(&config.modes, index).side;
             if put.may != Use::Neither && !put.value.is_nan() {
                 *judged = put.tick;
             }
-            if !AlarmBand::applies(index, speed, &config.alarms, &config.modes) || !alarm.can_judge(speed) {
+            if !AlarmBand::applies(index, speed, &config.alarms, &config.modes, &config.alarm_gears)
+                || !alarm.can_judge(speed)
+            {
                 continue;
             }
             let was_raised = alarm.is_raised();

@@ -24,6 +24,9 @@ const FRACTION_TOLERANCE_SHARE: f64 = 2.4e-7;
 /// Largest denominator of a fraction: two stages of a hundred teeth and more.
 const LARGEST_DENOMINATOR: u64 = 20_000;
 
+/// Most turns of the tach shaft in a ratio: times 1024 positions they fit 64 bits with room to spare.
+const LARGEST_TACH_TURNS: u64 = 1 << 52;
+
 /// A ratio of whole numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ratio {
@@ -60,6 +63,24 @@ impl Ratio {
         // Up to a thousand turns of the pinion fit 32 bits: see `TurnMarks::new`.
         Self { pinion: ((exact * 4_194_304.0) as u64).clamp(1, u64::from(u32::MAX)), tach: 4_194_304 }
     }
+
+    /// The ratio of a shaft that makes `turns` in `pinion_turns` of the pinion, in lowest terms; `None` where its turns
+    /// do not fit 32 bits or the wheel's positions in them do not fit 64.
+    pub fn times(self, turns: u32, pinion_turns: u32) -> Option<Self> {
+        let numerator = self.pinion.checked_mul(turns.into())?;
+        let denominator = self.tach.checked_mul(pinion_turns.into())?;
+        let divisor = greatest_common_divisor(numerator, denominator).max(1);
+        let (pinion, tach) = (numerator / divisor, denominator / divisor);
+        let fits = u32::try_from(pinion).is_ok() && pinion > 0 && tach <= LARGEST_TACH_TURNS;
+        fits.then_some(Self { pinion, tach })
+    }
+}
+
+fn greatest_common_divisor(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -101,7 +122,11 @@ pub struct TurnMarks {
 impl TurnMarks {
     /// For a validated wheel.
     pub fn new(wheel: &TachWheel) -> Self {
-        let ratio = Ratio::of(wheel.pinion_per_tach);
+        Self::with_ratio(wheel, Ratio::of(wheel.pinion_per_tach))
+    }
+
+    /// For another shaft than the pinion's, by its turns per turn of the tach shaft.
+    pub fn with_ratio(wheel: &TachWheel, ratio: Ratio) -> Self {
         let positions = u64::from(wheel.pulses_per_turn.max(1));
         // Whole positions and 2^-32 of one in turn: the pinion's turns fit 32 bits.
         let turns = positions * ratio.tach;

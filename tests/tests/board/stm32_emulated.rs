@@ -1,6 +1,6 @@
 //! The released image in the emulated chip sends the frames of the host, byte for byte.
 
-use meshband::config::{Configuration, GearPair};
+use meshband::config::{Configuration, GearPair, TrainGear};
 use meshband::events::EventKind;
 use meshband::message::Message;
 use meshband_host::virtual_node::emulated::reference;
@@ -54,10 +54,19 @@ fn edges(turns: impl Fn(f64) -> f64, duration_s: f64) -> Vec<f64> {
 
 /// Plays a signal at `turns(t)` with these edges and asserts that every frame is the host's.
 fn assert_equal_frames(board: &Emulated, duration_s: f64, turns: fn(f64) -> f64, edges_s: &[f64]) -> Heard {
-    let config = configuration();
-    let feed = Feed { analogue: signal(turns), second: None, edges_s, duration_s, config: Some(&config) };
+    assert_equal_frames_of(board, &configuration(), signal(turns), (duration_s, edges_s))
+}
+
+/// Plays a signal to a node of a configuration and asserts that every frame is the host's.
+fn assert_equal_frames_of(
+    board: &Emulated,
+    config: &Configuration,
+    analogue: Arc<dyn Fn(f64) -> f64 + Send + Sync>,
+    (duration_s, edges_s): (f64, &[f64]),
+) -> Heard {
+    let feed = Feed { analogue, second: None, edges_s, duration_s, config: Some(config) };
     let heard = board.run(&feed).expect("runs to its end");
-    let comparison = reference::compare(&heard, &config).expect("the host runs it");
+    let comparison = reference::compare(&heard, config).expect("the host runs it");
     println!(
         "{} of {} frames, {} blocks, {} edges, {:.0} M instructions in {:.1} s",
         comparison.first_difference.unwrap_or(comparison.frames),
@@ -108,6 +117,49 @@ fn golden_released_image_and_host_send_the_same_frames_when_the_tach_is_lost_and
     assert!(noticed >= 1 && count(EventKind::TachLocked) == 2, "{events:?}");
 }
 
+/// Four stages, five further gears: 19/48, 21/65, a planetary set of 84 and 24 (by its carrier), 18/54.
+fn four_stages() -> (Configuration, Arc<dyn Fn(f64) -> f64 + Send + Sync>) {
+    let gear = |stage, [teeth, mate_teeth]: [u16; 2], [turns, pinion_turns]: [u32; 2]| TrainGear {
+        stage,
+        teeth,
+        mate_teeth,
+        turns,
+        pinion_turns,
+    };
+    let third = [19 * 21 * 2, 48 * 65 * 9];
+    let gears = [
+        gear(1, [48, 19], [19, 48]),
+        gear(2, [21, 65], [19, 48]),
+        gear(2, [65, 21], [19 * 21, 48 * 65]),
+        gear(3, [84, 24], third),
+        gear(4, [18, 54], third),
+    ];
+    let mut config = configuration();
+    config.train.extend(gears);
+    let meshes = gears.map(|gear| f64::from(gear.teeth) * f64::from(gear.turns) / f64::from(gear.pinion_turns));
+    let level = move |time_s: f64| {
+        let turn = 25.0 * time_s + 0.9;
+        let sum: f64 = meshes.iter().map(|order| (TAU * (order * turn).fract()).cos()).sum();
+        0.5 + 0.06 * sum
+    };
+    (config, Arc::new(level))
+}
+
+#[test]
+fn golden_released_image_and_host_send_the_same_frames_of_a_train_of_four_stages() {
+    let Some(board) = board("train") else { return };
+    let (config, level) = four_stages();
+    let turns = |time_s: f64| 25.0 * time_s + 0.9;
+    // A round takes some 50 s, most of it the slow gears': each must have been followed once.
+    let seconds = 75.0;
+    let heard = assert_equal_frames_of(&board, &config, level, (seconds, &edges(turns, seconds)));
+    let received = Received::decode(&heard.link);
+    let of_gear = |wanted: u8| {
+        received.messages().any(|message| matches!(message, Message::GearSpectrum(of) if of.gear == wanted))
+    };
+    assert!((1..=5).all(of_gear) && received.spectra().count() > 0);
+}
+
 /// A record of tones at the bearings as a user has it, through the same way as `meshband node --board stm32f405`.
 #[test]
 fn ref_mesh_lines_of_a_record_on_the_emulated_board_are_those_of_the_f64_reference() {
@@ -130,6 +182,7 @@ fn ref_mesh_lines_of_a_record_on_the_emulated_board_are_those_of_the_f64_referen
         pulses_per_turn: 1,
         pinion_per_tach: 1.0,
         teeth: [TEETH.into(), 48],
+        train: Vec::new(),
         machine_hash: None,
         notes: Vec::new(),
     };

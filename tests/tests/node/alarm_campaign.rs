@@ -155,7 +155,7 @@ impl Records {
         decided.extend(self.watch.look_at(&self.config, CLOCK, self.tick, &evidence));
         for (watched, value) in values {
             let put = Put { tick: self.tick, value, may: may(watched) };
-            self.watch.put(&self.config, CLOCK, watched, speed, put, |decision| decided.push(decision));
+            self.watch.put(&self.config, CLOCK, (watched, 0), speed, put, |decision| decided.push(decision));
         }
         decided
     }

@@ -130,17 +130,17 @@ fn theory_bands_apply_inside_their_speeds_and_outside_or_without_one_the_least_s
     let fast = AlarmBand { from: Hertz(20.0), to: Hertz(60.0), raise: 5.0, ..slow };
     let other = AlarmBand { watched: Watched::Crest, raise: 9.0, ..slow };
     let all = [slow, fast, other];
-    let applies = |speed: Option<f32>| [0, 1, 2].map(|n| AlarmBand::applies(n, speed.map(Hertz), &all, &[]));
+    let applies = |speed: Option<f32>| [0, 1, 2].map(|n| AlarmBand::applies(n, speed.map(Hertz), &all, &[], &[]));
     assert_eq!(applies(Some(10.0)), [true, false, true]);
     assert_eq!(applies(Some(30.0)), [false, true, true]);
     assert_eq!(applies(Some(70.0)), [false, true, true]);
     assert_eq!(applies(None), [false, true, true]);
     // Of a severity of its own each is the least strict; at the low side that is the lowest.
     let alert = AlarmMode { severity: Severity::Alert, ..AlarmMode::default() };
-    assert!(AlarmBand::applies(0, None, &all, &[alert]) && AlarmBand::applies(1, None, &all, &[alert]));
+    assert!(AlarmBand::applies(0, None, &all, &[alert], &[]) && AlarmBand::applies(1, None, &all, &[alert], &[]));
     let low = AlarmMode { side: Side::Below, ..AlarmMode::default() };
     let lows = [low; 3];
-    assert!(AlarmBand::applies(0, None, &all, &lows) && !AlarmBand::applies(1, None, &all, &lows));
+    assert!(AlarmBand::applies(0, None, &all, &lows, &[]) && !AlarmBand::applies(1, None, &all, &lows, &[]));
 }
 
 /// A time base of 1000 ticks per second.

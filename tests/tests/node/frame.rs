@@ -1,6 +1,6 @@
 //! Frames: round trip, damage, truncation, random bytes; losses counted exactly.
 
-use meshband::config::Configuration;
+use meshband::config::{Configuration, StageLaw, TrainGear};
 use meshband::frame::{Decoder, Frame, FrameError, MAX_FRAME, Packet, encode};
 use meshband::message::{MAX_PEAKS, MeshBand, Message, Peaks, Reply, Request, Snapshot, SpectralLine, Spectrum};
 use proptest::prelude::*;
@@ -72,6 +72,10 @@ fn theory_the_configuration_fits_its_bound() {
         config.local_levels.push(local).expect("room");
     }
     while config.modes.push(meshband::alarm::AlarmMode::default()).is_ok() {}
+    let gear = TrainGear { stage: 4, teeth: 997, mate_teeth: 991, turns: 400_000_001, pinion_turns: 400_000_003 };
+    while config.train.push(gear).is_ok() {}
+    while config.stage_laws.push(StageLaw { ramp_turns: 0.02, mode_rise_s: 1e-4 }).is_ok() {}
+    while config.alarm_gears.push(5).is_ok() {}
     (config.range.lowest, config.range.highest) = (20_000, 60_000);
     config.sensor_check.mean = [20_000, 60_000];
     config.second = Some(meshband::config::SecondSensor::default());

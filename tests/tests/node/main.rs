@@ -30,6 +30,7 @@ mod node_alarms;
 mod node_host;
 mod node_levels;
 mod node_products;
+mod node_train;
 mod node_trials;
 mod node_values;
 mod order_chain;

@@ -124,7 +124,7 @@ fn theory_every_register_is_read_alone_and_no_other_is() {
         samples.contains(&address) || REGISTERS.iter().any(within)
     };
     let edges = [COMMAND - 1, COMMAND, COMMAND + 1, SAMPLES - 1, SAMPLES, samples.end - 1, samples.end, 0xffff];
-    for address in (0..600).chain(edges) {
+    for address in (0..700).chain(edges) {
         let (answer, by_holding) = (bench.read(4, address, 1), bench.read(3, address, 1));
         assert_eq!((by_holding[0], by_holding.len()), (answer[0] - 1, answer.len()));
         // Counters of the requests themselves move.

@@ -236,7 +236,7 @@ fn theory_the_node_fits_its_memory() {
 
 #[test]
 fn theory_the_mesh_plan_resolves_an_eighth_of_the_shaft_rate_for_all_usual_tooth_counts() {
-    use meshband::mesh_band::{CAPACITY, MeshPlan, record_turns};
+    use meshband::mesh_band::{CAPACITY, Followed, MeshPlan, record_turns};
     use meshband::mesh_decimator::BAND_SHARE;
     use meshband::rate_plan::RatePlan;
     for teeth in 12..=300 {
@@ -246,7 +246,8 @@ fn theory_the_mesh_plan_resolves_an_eighth_of_the_shaft_rate_for_all_usual_tooth
         while speed <= 25.0 {
             let mut plan = RatePlan::new(TicksPerSecond(84_000_000), config.limits);
             let grant = plan.grant(config.policy.rate(config.law.bandwidth(Hertz(speed)).bandwidth));
-            let mesh = MeshPlan::new(&config, Hertz(speed), grant.adc);
+            let followed = Followed::of(&config, 0);
+            let mesh = MeshPlan::new(&followed, config.mesh.harmonics, Hertz(speed), grant.adc);
             let per_turn = grant.adc.0 / mesh.decimation.ratio() as f32 / speed;
             let per_period = per_turn / (f32::from(mesh.harmonics) * f32::from(teeth));
             // Nothing folds into a band while the speed falls by a fifth.

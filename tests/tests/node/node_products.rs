@@ -4,7 +4,7 @@ use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::Configuration;
 use meshband::events::EventKind;
 use meshband::law::{Law, LawForm};
-use meshband::message::{GearIndicators, Indicators, Message, Spectrum};
+use meshband::message::{GearCondition, GearIndicators, GearSpectrum, Indicators, Message, Peaks, Spectrum};
 use meshband::node::{Block, Node};
 use meshband::units::{Acceleration, Hertz, TicksPerSecond};
 use meshband_host::dynamics::assembly::{Damping, Model};
@@ -16,14 +16,26 @@ const BLOCK: usize = 512;
 const CLOCK: f64 = 25.0e6;
 const M_S2_PER_CODE: f64 = 0.01;
 
+/// What a node has said.
 #[derive(Default)]
-struct Heard {
-    spectra: Vec<Spectrum>,
-    indicators: Vec<Indicators>,
-    events: Vec<EventKind>,
+pub struct Heard {
+    pub spectra: Vec<Spectrum>,
+    pub indicators: Vec<Indicators>,
+    pub peaks: Vec<Peaks>,
+    pub further: Vec<GearSpectrum>,
+    pub conditions: Vec<GearCondition>,
+    pub events: Vec<EventKind>,
 }
 
-fn config(pinion_teeth: u16, gear_teeth: u16) -> Configuration {
+impl Heard {
+    /// Spectra of a gear of a train: 0 is the pinion.
+    pub fn spectra_of(&self, gear: u8) -> impl Iterator<Item = &Spectrum> {
+        let pinion = self.spectra.iter().filter(move |_| gear == 0);
+        pinion.chain(self.further.iter().filter(move |of| of.gear == gear).map(|of| &of.spectrum))
+    }
+}
+
+pub fn config(pinion_teeth: u16, gear_teeth: u16) -> Configuration {
     let mut config = Configuration::default();
     (config.gears.pinion_teeth, config.gears.gear_teeth) = (pinion_teeth, gear_teeth);
     config.sensor.acceleration_per_code = Acceleration(M_S2_PER_CODE as f32);
@@ -31,7 +43,7 @@ fn config(pinion_teeth: u16, gear_teeth: u16) -> Configuration {
 }
 
 /// Feeds a node for `seconds`; `turns(t)` must ascend, `signal(t, turns)` is the acceleration.
-fn run(
+pub fn run(
     config: Configuration,
     seconds: f64,
     turns: impl Fn(f64) -> f64,
@@ -64,6 +76,9 @@ fn run(
             match message {
                 Message::Spectrum(spectrum) => heard.spectra.push(spectrum),
                 Message::Indicators(indicators) => heard.indicators.push(indicators),
+                Message::GearSpectrum(spectrum) => heard.further.push(spectrum),
+                Message::GearCondition(condition) => heard.conditions.push(condition),
+                Message::Peaks(peaks) => heard.peaks.push(peaks),
                 Message::Event(event) => heard.events.push(event.kind),
                 _ => {}
             }
@@ -72,7 +87,7 @@ fn run(
     heard
 }
 
-fn tone(turns: f64, order: f64) -> f64 {
+pub fn tone(turns: f64, order: f64) -> f64 {
     (TAU * (order * turns).fract()).sin()
 }
 

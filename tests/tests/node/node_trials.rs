@@ -136,6 +136,7 @@ fn folding_signal() -> Signal {
         pulses_per_turn: 8,
         pinion_per_tach: 1.0,
         teeth: [teeth, 75],
+        train: Vec::new(),
         machine_hash: None,
         notes: Vec::new(),
     }

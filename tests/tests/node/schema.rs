@@ -130,10 +130,17 @@ fn fault_a_shortened_configuration_of_the_present_schema_is_no_older_one() {
     assert_eq!(Configuration::from_stored(&[&whole[..], &[0]].concat()), None);
 }
 
-/// Bytes at the end of the default configuration that a layout did not have: modes, range, check of the sensor,
-/// velocity and Modbus' options, local levels, the second sensor, waveforms, the link, the list of levels.
-const APPENDED_BYTES: [(u16, usize); 6] =
-    [(8, 33), (7, 33 + 1), (6, 33 + 2), (5, 33 + 2 + 5), (4, 33 + 2 + 5 + 4), (3, 33 + 2 + 5 + 4 + 1)];
+/// Bytes at the end of the default configuration that a layout did not have: lists of a train, modes, range, check of
+/// the sensor, velocity and Modbus' options, local levels, the second sensor, waveforms, the link, the list of levels.
+const APPENDED_BYTES: [(u16, usize); 7] = [
+    (9, 3),
+    (8, 3 + 33),
+    (7, 3 + 33 + 1),
+    (6, 3 + 33 + 2),
+    (5, 3 + 33 + 2 + 5),
+    (4, 3 + 33 + 2 + 5 + 4),
+    (3, 3 + 33 + 2 + 5 + 4 + 1),
+];
 
 #[test]
 fn regress_a_configuration_of_an_older_layout_has_the_first_value_of_what_was_appended() {

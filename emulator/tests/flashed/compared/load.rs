@@ -15,7 +15,7 @@ pub const SPEEDS_HZ: [f64; 3] = [25.0, 60.0, 95.0];
 /// What a run may last, s: several mesh records and averages.
 const RUN_S: f64 = 4.0;
 /// Block buffers of the board, and how many the double buffer holds.
-const BUFFERS: f64 = 28.0;
+const BUFFERS: f64 = 27.0;
 const FILLING_BUFFERS: u32 = 2;
 /// Least multiple of the bandwidth that a configuration may ask for.
 const LEAST_MULTIPLE: f32 = 2.0;
@@ -58,17 +58,22 @@ pub fn configured_for(rate_hz: f64) -> Configuration {
 
 /// Runs the image at so many cycles per instruction and turns per second.
 pub fn run(image: &Image, config: &Configuration, cycles: f64, speed_hz: f64) -> Outcome {
+    run_for(image, config, cycles, (speed_hz, RUN_S))
+}
+
+/// [`run`] for so many seconds.
+pub fn run_for(image: &Image, config: &Configuration, cycles: f64, (speed_hz, run_s): (f64, f64)) -> Outcome {
     let mut node = Node::new(image, config);
     node.board.cpu().set_pace(cycles);
     node.board.set_analogue(machine(speed_hz));
-    node.board.add_tach_edges(&turns(speed_hz, STARTED_S, RUN_S));
+    node.board.add_tach_edges(&turns(speed_hz, STARTED_S, run_s));
     node.run_until(1.0);
     let before = node.board.cpu().instructions();
-    while node.board.seconds() < RUN_S {
+    while node.board.seconds() < run_s {
         node.ask(Request::Snapshot);
         node.run_for(0.25);
     }
-    let load = (node.board.cpu().instructions() - before) as f64 * cycles / 168.0e6 / (RUN_S - 1.0);
+    let load = (node.board.cpu().instructions() - before) as f64 * cycles / 168.0e6 / (run_s - 1.0);
     let rate_hz = node.blocks.iter().map(|block| TICKS_PER_SECOND / f64::from(block.period)).fold(0.0, f64::max);
     assert_eq!((node.broken, node.resets()), (0, 0));
     let spectra = node.spectra();

@@ -199,6 +199,8 @@ impl Course<'_> {
         self.ends(record, operator)?;
         (config.levels, config.local_levels) = (learned.levels().collect(), learned.local_levels().collect());
         config.alarms = proposal.alarms.iter().copied().collect();
+        // The proposal is of the pinion.
+        config.alarm_gears.clear();
         config.holding.watch_signal = true;
         config
             .validate(self.timing)

@@ -37,6 +37,9 @@ pub struct Standing {
     pub what: Option<&'static str>,
     /// Unit of value and limit; empty for a plain number.
     pub unit: &'static str,
+    /// Gear of a train that it is of: 0 the pinion, and whatever is of no gear.
+    #[serde(skip_serializing_if = "is_pinion")]
+    pub gear: u8,
     /// Newest value.
     pub value: Option<f32>,
     /// Value beyond which it is raised.
@@ -51,6 +54,10 @@ pub struct Standing {
     pub acknowledged: bool,
     /// Seconds since it was raised, by the node's clock, where that was heard.
     pub for_s: Option<f64>,
+}
+
+fn is_pinion(gear: &u8) -> bool {
+    *gear == 0
 }
 
 impl Alarms {
@@ -98,6 +105,7 @@ impl Standing {
             let state = if self.raised { "raised" } else { "latched" };
             return format!("{call} {number}: {state}{}; its limit is not known here{}", self.since(), self.seen());
         };
+        let what = if self.gear == 0 { what.to_owned() } else { format!("{what} of gear {}", self.gear) };
         let beyond = beyond(self.side.unwrap_or_default(), limit, self.unit);
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         let value = self.value.filter(|value| value.is_finite()).map(|value| format!(" {}", figures(value)));
@@ -142,13 +150,28 @@ fn standing(view: &View, bits: &AlarmState, index: u8) -> Standing {
         number: index + 1,
         what,
         unit,
-        value: limit.and_then(|limit| value(view, limit.band.watched)),
+        value: limit.and_then(|limit| match limit.gear {
+            0 => value(view, limit.band.watched),
+            gear => value_of_gear(view, gear, limit.band.watched),
+        }),
+        gear: limit.map_or(0, |limit| limit.gear),
         limit: limit.map(|limit| limit.band.raise),
         side: limit.map(|limit| limit.mode.side),
         severity: limit.map(|limit| limit.mode.severity),
         raised: set(bits.raised),
         acknowledged: !set(bits.unseen),
         for_s: view.raised_for_s(index),
+    }
+}
+
+/// The newest value of a further gear of a train; none of what is no gear's.
+fn value_of_gear(view: &View, gear: u8, watched: Watched) -> Option<f32> {
+    let of = view.gears.get(&gear)?;
+    match watched {
+        Watched::Fm0 => of.indicators.map(|gear| gear.fm0),
+        Watched::Fm4 => of.indicators.map(|gear| gear.fm4),
+        Watched::MeshAmplitude => of.spectrum.as_ref()?.bands.first().map(|band| band.line.amplitude),
+        _ => None,
     }
 }
 

@@ -11,13 +11,17 @@ pub struct Limit {
     pub band: AlarmBand,
     /// Which side is wrong, and what it asks for.
     pub mode: AlarmMode,
+    /// Gear of a train that is watched: 0 the pinion.
+    pub gear: u8,
 }
 
 impl Limit {
     /// All of a configuration.
     pub fn all(config: &Configuration) -> Vec<Self> {
         let alarms = config.alarms.iter().enumerate();
-        alarms.map(|(n, band)| Self { band: *band, mode: AlarmMode::of(&config.modes, n) }).collect()
+        alarms
+            .map(|(n, band)| Self { band: *band, mode: AlarmMode::of(&config.modes, n), gear: config.gear_of_alarm(n) })
+            .collect()
     }
 
     /// Its name in capitals.

@@ -85,9 +85,9 @@ impl MachineClass {
         let [_, alert, danger] = self.boundaries_mm_s();
         let watched = [Some(Watched::VelocityRms), config.second.as_ref().map(|_| Watched::SecondVelocityRms)];
         for watched in watched.into_iter().flatten() {
-            kept.push(Limit { band: limit(watched, danger), mode: AlarmMode::default() });
+            kept.push(Limit { band: limit(watched, danger), mode: AlarmMode::default(), gear: 0 });
             let mode = AlarmMode { severity: Severity::Alert, side: Side::Above };
-            kept.push(Limit { band: limit(watched, alert), mode });
+            kept.push(Limit { band: limit(watched, alert), mode, gear: 0 });
         }
         if kept.len() > MAX_ALARMS {
             let what = format!("asks for {} alarms beside the node's own, which holds {MAX_ALARMS}", kept.len());
@@ -95,6 +95,7 @@ impl MachineClass {
         }
         config.alarms = kept.iter().map(|limit| limit.band).collect();
         config.modes = kept.iter().map(|limit| limit.mode).collect();
+        config.alarm_gears = kept.iter().map(|limit| limit.gear).collect();
         let gears = config.gears;
         let slower = (f32::from(gears.pinion_teeth) / f32::from(gears.gear_teeth.max(1))).min(1.0);
         let slow = config.law.lowest.0 * slower < SLOW_SHAFT_HZ;
@@ -131,7 +132,7 @@ mod tests {
         MachineClass::MediumRigid.apply(&mut config).unwrap();
         let alarms = Limit::all(&config);
         assert_eq!(alarms[0].band, rms);
-        assert_eq!(alarms[1], Limit { band: low, mode: below });
+        assert_eq!(alarms[1], Limit { band: low, mode: below, gear: 0 });
         assert_eq!((alarms[2].band.raise, alarms[2].mode.severity), (4.5e-3, Severity::Danger));
         assert_eq!((alarms[3].band.raise, alarms[3].mode.severity), (2.8e-3, Severity::Alert));
         assert_eq!(alarms.len(), 4);

@@ -48,6 +48,12 @@
 //! [second]                         # a second accelerometer; second = "None" takes it away
 //! acceleration_per_code = 0.00494  # m/s^2
 //! band = 10000.0                   # Hz, 0 for not declared
+//! [[train]]                        # further gears that are followed; `configure --train` writes them
+//! stage = 2
+//! teeth = 19
+//! mate_teeth = 77
+//! turns = 21                       # of it in so many turns of the pinion:
+//! pinion_turns = 83
 //! ```
 //!
 //! The file is read onto the configuration in force, so what it does not name stays. A key that no node has, a value of
@@ -56,7 +62,7 @@
 
 use crate::{Error, Result};
 use meshband::alarm::{AlarmBand, AlarmMode};
-use meshband::config::{Configuration, SecondSensor};
+use meshband::config::{Configuration, SecondSensor, StageLaw, TrainGear};
 use meshband::levels::{LevelPoint, LocalPoint};
 use meshband::rate_plan::RatePolicy;
 use serde::de::DeserializeOwned;
@@ -114,7 +120,8 @@ impl Settings {
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched" | "sensor_latched", ..) | (_, None, _) => {
                     let known = "gears, tach, sensor, limits, policy, mesh, alarms, modes, front_end, holding, range, \
-                        sensor_check, velocity_from, pass, levels, local_levels, link, capture, second";
+                        sensor_check, velocity_from, pass, levels, local_levels, link, capture, second, train, stage_laws, \
+                        alarm_gears";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("second", Some(Value::Null), _) => {}
@@ -123,7 +130,12 @@ impl Settings {
                     *held = new.clone();
                 }
                 ("velocity_from", Some(held), Value::Number(_)) => *held = new.clone(),
-                ("alarms" | "modes" | "levels" | "local_levels", Some(held), Value::Array(list)) => {
+                ("alarm_gears", Some(held), Value::Array(_)) => *held = new.clone(),
+                (
+                    "alarms" | "modes" | "levels" | "local_levels" | "train" | "stage_laws",
+                    Some(held),
+                    Value::Array(list),
+                ) => {
                     for (n, item) in list.iter().enumerate() {
                         check_item(key, item).map_err(|what| refuse(&format!("[[{key}]] {}", n + 1), what))?;
                     }
@@ -150,6 +162,10 @@ impl Settings {
                     return Err(refuse(key, "must be a table, or for alarms and levels a list of tables".into()));
                 }
             }
+            if key == "alarms" && !self.tables.contains_key("alarm_gears") {
+                // Another list: what watched which gear says nothing of it.
+                whole["alarm_gears"] = Value::Array(Vec::new());
+            }
             // What is left are whole numbers beyond their range, names that do not exist and too many alarms.
             *config = read(&whole).map_err(|what| refuse(key, what))?;
         }
@@ -175,6 +191,8 @@ fn check_item(key: &str, item: &Value) -> std::result::Result<(), String> {
         "alarms" => read::<AlarmBand>(item).map(drop),
         "modes" => read::<AlarmMode>(item).map(drop),
         "levels" => read::<LevelPoint>(item).map(drop),
+        "train" => read::<TrainGear>(item).map(drop),
+        "stage_laws" => read::<StageLaw>(item).map(drop),
         _ => read::<LocalPoint>(item).map(drop),
     }
 }

@@ -1,12 +1,14 @@
-//! A node's configuration from a declared machine, a law file, a settings file and what only the installation knows.
+//! A node's configuration from a declared machine or gear train, a law file, a settings file and what only the installation knows.
 
 use super::machine_class::MachineClass;
 use super::settings::Settings;
+use super::train::FollowedGears;
 use crate::law::file::LawFile;
 use crate::machine::Machine;
 use crate::{Error, Result};
 use meshband::config::{Configuration, GearPair};
 use meshband::units::{Acceleration, Hertz};
+use meshband_train::Train;
 use std::path::Path;
 
 /// Facts of the installation, from the command line; what is not given stays as it is.
@@ -38,6 +40,7 @@ pub struct Installation {
 #[derive(Clone, Debug, Default)]
 pub struct Sources {
     machine: Option<Machine>,
+    train: Option<(Train, FollowedGears)>,
     /// With the path, for what only shows when the law meets a machine.
     law: Option<(String, LawFile)>,
     settings: Option<Settings>,
@@ -51,10 +54,29 @@ impl Sources {
     pub fn read(machine: Option<&Path>, law: Option<&Path>, settings: Option<&Path>) -> Result<Self> {
         let machine = machine.map(Machine::read).transpose()?;
         let law = law.map(|path| Ok((path.display().to_string(), LawFile::read(path)?))).transpose()?;
-        let sources = Self { machine, law, settings: settings.map(Settings::read).transpose()? };
+        let settings = settings.map(Settings::read).transpose()?;
+        let sources = Self { machine, train: None, law, settings };
         // Any configuration shows whether the three go together.
         sources.apply(&mut Configuration::default(), &Installation::default())?;
         Ok(sources)
+    }
+
+    /// With a gear train in place of the machine.
+    ///
+    /// # Errors
+    /// An unreadable file, or a train that no node can follow.
+    pub fn with_train(mut self, path: &Path) -> Result<Self> {
+        let train = Train::read(path)?;
+        let at_file = |error: Error| Error::invalid(path.display(), error);
+        let followed = FollowedGears::of(&train).map_err(at_file)?;
+        followed.apply(&train, &mut Configuration::default()).map_err(at_file)?;
+        self.train = Some((train, followed));
+        Ok(self)
+    }
+
+    /// The gears that the node follows, where a train was given.
+    pub fn followed(&self) -> Option<&FollowedGears> {
+        self.train.as_ref().map(|(_, followed)| followed)
     }
 
     /// Changes a configuration to suit the machine, the law, the settings, and above them the installation.
@@ -67,6 +89,11 @@ impl Sources {
                 u16::try_from(teeth).map_err(|_| Error::invalid("[pair] teeth", "beyond the range of a node, 65535"))
             });
             config.gears = GearPair { pinion_teeth: pinion_teeth?, gear_teeth: gear_teeth? };
+            forget_train(config);
+        }
+        if let Some((train, followed)) = &self.train {
+            forget_train(config);
+            followed.apply(train, config)?;
         }
         if let Some(settings) = &self.settings {
             settings.apply(config)?;
@@ -81,6 +108,7 @@ impl Sources {
         }
         if let Some([pinion_teeth, gear_teeth]) = installation.teeth {
             config.gears = GearPair { pinion_teeth, gear_teeth };
+            forget_train(config);
         }
         set(&mut config.tach.pulses_per_turn, installation.pulses_per_turn);
         set(&mut config.tach.missing, installation.missing);
@@ -92,6 +120,13 @@ impl Sources {
         set(&mut config.mesh.sidebands, installation.sidebands);
         installation.machine_class.map_or(Ok(()), |class| class.apply(config))
     }
+}
+
+/// Another machine: its gears, its stages' laws, and which of its gears alarms watch are unknown.
+fn forget_train(config: &mut Configuration) {
+    config.train.clear();
+    config.stage_laws.clear();
+    config.alarm_gears.clear();
 }
 
 fn set<T>(place: &mut T, value: Option<T>) {

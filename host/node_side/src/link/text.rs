@@ -4,7 +4,7 @@
 
 use super::Losses;
 use super::alarms::Alarms;
-use super::view::{View, departures};
+use super::view::{FurtherGear, View, departures};
 use super::words::words;
 use crate::terminal::table;
 use meshband::levels::Departure;
@@ -48,6 +48,9 @@ impl View {
                 );
             }
             out += &overall(i);
+        }
+        for (&number, gear) in &self.gears {
+            out += &format!("{}\n", gear_line(self, number, gear));
         }
         if let Some(health) = self.health.as_ref().map(super::health::short).filter(|text| !text.is_empty()) {
             out += &format!("device {health}\n");
@@ -109,6 +112,27 @@ fn status_lines(s: &Status) -> String {
         s.stages,
         sensor_line(s)
     )
+}
+
+/// A further gear of a train in one line.
+pub fn gear_line(view: &View, number: u8, gear: &FurtherGear) -> String {
+    let mut out = gear_name(view, number);
+    if let Some(spectrum) = &gear.spectrum {
+        let mesh = spectrum.bands.first().map_or(f32::NAN, |band| band.line.amplitude);
+        out += &format!("   {:.3} Hz   mesh 1 {} m/s2", spectrum.tag.speed_hz, figure(mesh, 4));
+    }
+    if let Some(of) = &gear.indicators {
+        let residual = figure(of.residual_rms, 4);
+        out += &format!("   FM0 {:.3}   FM4 {:.3}   residual {residual} m/s2", of.fm0, of.fm4);
+    }
+    out
+}
+
+/// A further gear of a train by its number from 1, with stage and teeth where the configuration was read.
+fn gear_name(view: &View, number: u8) -> String {
+    let configured = usize::from(number).checked_sub(1).and_then(|place| view.train.get(place));
+    let of = configured.map_or_else(String::new, |gear| format!(" (stage {}, {} teeth)", gear.stage, gear.teeth));
+    format!("gear {number} of the train{of}")
 }
 
 /// A value in so many digits; a dash for one that the node had nothing to make of.

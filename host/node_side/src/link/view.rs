@@ -5,13 +5,14 @@
 //! node's own, so a capture that is replayed gives what was seen live.
 
 use super::limit::Limit;
+use meshband::config::TrainGear;
 use meshband::events::{Event, EventKind};
 use meshband::health::Health;
 use meshband::levels::Departure;
 use meshband::message::{
-    Identification, Indicators, Message, Peaks, Reply, SelfTest, Snapshot, Spectrum, Statistics, Status,
+    GearIndicators, Identification, Indicators, Message, Peaks, Reply, SelfTest, Snapshot, Spectrum, Statistics, Status,
 };
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Events shown.
 const EVENTS: usize = 8;
@@ -21,6 +22,15 @@ const EVENTS: usize = 8;
 pub const FIRST_TICK: u64 = 1 << 32;
 /// Places for the ticks at which alarms were raised.
 const ALARMS: usize = 8;
+
+/// What is known of a further gear of a train.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct FurtherGear {
+    /// Its mesh bands.
+    pub spectrum: Option<Spectrum>,
+    /// Of its synchronous average.
+    pub indicators: Option<GearIndicators>,
+}
 
 /// Newest messages of each kind, and the answers that say who the node is.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -35,6 +45,9 @@ pub struct View {
     pub peaks: Option<Peaks>,
     /// Indicators.
     pub indicators: Option<Indicators>,
+    /// Further gears of a train, by their number from 1.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub gears: BTreeMap<u8, FurtherGear>,
     /// Counters.
     pub statistics: Option<Statistics>,
     /// The node as a device, where it was asked.
@@ -51,6 +64,9 @@ pub struct View {
     /// Its alarms' limits, where its configuration was read.
     #[serde(skip)]
     pub limits: Option<Vec<Limit>>,
+    /// Further gears as configured, where its configuration was read.
+    #[serde(skip)]
+    pub train: Vec<TrainGear>,
     /// Ticks at which alarms were raised, where that was heard.
     #[serde(skip)]
     started_tick: Option<u64>,
@@ -73,6 +89,8 @@ impl View {
                 indicators.bandwidth = indicators.bandwidth.or(former.and_then(|i| i.bandwidth));
                 self.indicators = Some(indicators);
             }
+            Message::GearSpectrum(of) => self.gears.entry(of.gear).or_default().spectrum = Some(of.spectrum),
+            Message::GearCondition(of) => self.gears.entry(of.gear).or_default().indicators = Some(of.indicators),
             Message::Statistics(statistics) => self.statistics = Some(statistics),
             Message::SelfTest(result) => self.self_test = Some(result),
             Message::Event(event) => {
@@ -95,7 +113,10 @@ impl View {
     pub fn take_reply(&mut self, reply: Reply) {
         match reply {
             Reply::Identity(identity) => self.identity = Some(identity),
-            Reply::Configuration(config) => self.limits = Some(Limit::all(&config)),
+            Reply::Configuration(config) => {
+                self.limits = Some(Limit::all(&config));
+                self.train = config.train.to_vec();
+            }
             Reply::Health(health) => self.health = Some(health),
             Reply::SelfTest(result) => self.self_test = Some(result),
             Reply::Statistics(statistics) => self.statistics = Some(statistics),

@@ -7,7 +7,7 @@ use super::capture::Capture;
 use super::link::Standing;
 use super::panel::{Panel, SILENT_S, Trend, VALUES};
 use crate::link::alarms::Alarms;
-use crate::link::text::SIDE_SHARE;
+use crate::link::text::{SIDE_SHARE, gear_line};
 use crate::link::words::{event, seconds, words};
 use crate::link::{Losses, health};
 use meshband::message::{SpectralLine, Spectrum, Status};
@@ -50,11 +50,10 @@ pub struct Scene<'a> {
 /// Draws everything.
 pub fn draw(frame: &mut Frame, scene: &Scene) {
     let area = frame.area();
-    let panel = scene.panel;
     let wide = area.width >= 120;
     let alarms = alarm_lines(scene).len().clamp(1, 4) as u16;
     let values_rows = if wide { VALUES.len() as u16 } else { VALUES.len().div_ceil(2) as u16 };
-    let bands = panel.view.spectrum.as_ref().map_or(1, |s| s.bands.len()).max(1) as u16;
+    let bands = band_rows_of(scene);
     let events = if scene.events_open { area.height / 3 } else { 1 };
     let fixed = 3 + alarms + 1;
     let spare = area.height.saturating_sub(fixed + events);
@@ -98,7 +97,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene) {
 
 fn draw_wide(frame: &mut Frame, area: Rect, scene: &Scene) {
     let [left, right] = Layout::horizontal([Constraint::Percentage(62), Constraint::Percentage(38)]).areas(area);
-    let bands = scene.panel.view.spectrum.as_ref().map_or(1, |s| s.bands.len()).max(1) as u16;
+    let bands = band_rows_of(scene);
     let [top, bottom] =
         Layout::vertical([Constraint::Length((bands + 2).min(left.height)), Constraint::Min(0)]).areas(left);
     frame
@@ -112,6 +111,12 @@ fn draw_wide(frame: &mut Frame, area: Rect, scene: &Scene) {
         Layout::vertical([Constraint::Min(0), Constraint::Length(strongest.len() as u16 + 1)]).areas(right);
     frame.render_widget(Paragraph::new(value_lines(scene, 1, upper.width)).block(titled("values", scene)), upper);
     frame.render_widget(Paragraph::new(strongest).block(titled("strongest lines, m/s2 peak", scene)), lower);
+}
+
+/// Rows of the mesh bands: the pinion's harmonics, then a row for each further gear of a train.
+fn band_rows_of(scene: &Scene) -> u16 {
+    let view = &scene.panel.view;
+    (view.spectrum.as_ref().map_or(1, |s| s.bands.len()).max(1) + view.gears.len()) as u16
 }
 
 fn titled<'a>(title: &'a str, scene: &Scene) -> Block<'a> {
@@ -252,7 +257,8 @@ fn alarm_lines(scene: &Scene) -> Vec<Line<'static>> {
 
 fn band_lines(scene: &Scene, width: u16) -> Vec<Line<'static>> {
     let Some(spectrum) = &scene.panel.view.spectrum else {
-        return vec![Line::styled("no mesh-band spectrum yet: it needs a locked speed", Style::new().dark_gray())];
+        let none = Line::styled("no mesh-band spectrum yet: it needs a locked speed", Style::new().dark_gray());
+        return std::iter::once(none).chain(gear_lines(scene)).collect();
     };
     let strongest = spectrum.bands.iter().map(|b| b.line.amplitude).fold(f32::MIN_POSITIVE, f32::max);
     let trend_width = if width >= 100 { 30 } else { 12 };
@@ -270,7 +276,13 @@ fn band_lines(scene: &Scene, width: u16) -> Vec<Line<'static>> {
             Span::styled(side, Style::new().dark_gray()),
         ])
     };
-    spectrum.bands.iter().map(line).collect()
+    spectrum.bands.iter().map(line).chain(gear_lines(scene)).collect()
+}
+
+/// A row for each further gear of a train.
+fn gear_lines(scene: &Scene) -> Vec<Line<'static>> {
+    let view = &scene.panel.view;
+    view.gears.iter().map(|(number, gear)| Line::raw(gear_line(view, *number, gear))).collect()
 }
 
 /// A bar of decibels below the strongest.

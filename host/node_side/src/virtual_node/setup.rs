@@ -24,6 +24,7 @@ pub fn configuration(signal: &Signal, forced_rate_hz: Option<f64>) -> Result<Con
             pinion_per_tach: signal.pinion_per_tach as f32,
             ..defaults.tach
         },
+        train: signal.train.iter().copied().collect(),
         ..defaults
     };
     let board = if signal.second.is_some() { Timing::STM32F405 } else { Timing::AN386 };

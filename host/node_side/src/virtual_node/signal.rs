@@ -4,11 +4,13 @@ use crate::dynamics::assembly::{Damping, Model};
 use crate::dynamics::excitation::Effect;
 use crate::dynamics::simulate::{Acquisition, simulate};
 use crate::dynamics::{Motion, Rig};
+use crate::link::train::FollowedGears;
 use crate::machine::Machine;
 use crate::record::{Declaration, Record};
 use crate::virtual_node::image::{Image, Source};
 use crate::{Error, Result};
-use meshband::config::Configuration;
+use meshband::config::{Configuration, TrainGear};
+use meshband_train::Train;
 
 /// Unit of the amplitudes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -73,6 +75,8 @@ pub struct Signal {
     pub pinion_per_tach: f64,
     /// Teeth of pinion and gear.
     pub teeth: [u32; 2],
+    /// Further gears of a train.
+    pub train: Vec<TrainGear>,
     /// Fingerprint of the machine, where one is declared.
     pub machine_hash: Option<u64>,
     /// What a reader should know: window taken, virtual tach.
@@ -99,6 +103,13 @@ pub struct Operation<'a> {
     pub second: Option<usize>,
 }
 
+/// The train of a record with the gears that a node follows; none for a pair.
+fn followed_gears(record: &Record) -> Result<Option<(Train, FollowedGears)>> {
+    let Some(train) = record.declaration.train()? else { return Ok(None) };
+    let followed = FollowedGears::of(&train).map_err(|error| Error::invalid(record.folder.display(), error))?;
+    Ok(Some((train, followed)))
+}
+
 impl Signal {
     /// A channel of a run with, if wanted, a second one, from `start_s` on, for `length_s` or to the end.
     ///
@@ -116,7 +127,10 @@ impl Signal {
         let place = record.folder.display();
         let tach = record.require_tach()?;
         let run = record.run(run)?;
-        let teeth = declaration.teeth().ok_or_else(|| Error::invalid(place, "[pair] teeth: missing"))?;
+        let followed = followed_gears(record)?;
+        let pair = followed.as_ref().map(|(_, of)| [of.pair.pinion_teeth, of.pair.gear_teeth].map(u32::from));
+        let teeth = pair.or(declaration.teeth());
+        let teeth = teeth.ok_or_else(|| Error::invalid(place, "[pair] teeth or [[stage]]: missing"))?;
         let (index, name) = find_channel(declaration, channel, "--channel")?;
         let second = second.map(|wanted| find_channel(declaration, wanted, "--second")).transpose()?;
         let (rate_hz, duration_s) = (run.sample_rate_hz(), run.duration_s());
@@ -157,8 +171,12 @@ impl Signal {
             rate_hz,
             edges_s,
             pulses_per_turn: tach.pulses_per_rev,
-            pinion_per_tach: tach.turns_per_pinion_turn(Some(teeth)).map_or(1.0, f64::recip),
+            pinion_per_tach: match &followed {
+                Some((train, followed)) => followed.per_tach(train, tach.train_shaft().unwrap_or(0))?.into(),
+                None => tach.turns_per_pinion_turn(Some(teeth)).map_or(1.0, f64::recip),
+            },
             teeth,
+            train: followed.map_or_else(Vec::new, |(_, followed)| followed.further),
             machine_hash: declaration.machine().ok().map(|machine| machine.hash()),
             notes,
         })
@@ -196,6 +214,7 @@ impl Signal {
             pulses_per_turn: acquisition.pulses_per_turn,
             pinion_per_tach: 1.0,
             teeth: machine.pair.teeth,
+            train: Vec::new(),
             machine_hash: Some(machine.hash()),
             notes: vec![format!("simulated: bending-torsional model at {:.4} N m", operation.torque_n_m)],
         })
