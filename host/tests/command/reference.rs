@@ -10,7 +10,7 @@
 use meshband::config::{Configuration, SCHEMA};
 use meshband::message::{OLDEST_READER, WIRE_SCHEMA};
 use meshband::modbus::MAP_VERSION;
-use meshband::modbus::map::{INPUTS, Kind, REGISTERS, SAMPLE_REGISTERS, SAMPLES};
+use meshband::modbus::map::{REGISTERS, SAMPLE_REGISTERS, SAMPLES};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -303,13 +303,6 @@ fn shown(value: Option<&Value>) -> String {
 }
 
 /// The register map, from the table that requests are answered from.
-/// Name and number of a row that stands for one of several: `mesh_2_gear_above` is of `mesh`, 2.
-fn series(name: &str) -> Option<(&str, u16)> {
-    let mut parts = name.splitn(3, '_');
-    let (of, number) = (parts.next()?, parts.next()?.parse().ok()?);
-    ["mesh", "line", "gear"].contains(&of).then_some((of, number))
-}
-
 fn modbus() -> String {
     let mut text = format!(
         "\n## Modbus\n\nRegister map, version {MAP_VERSION}: input registers (function 4; function 3 reads the \
@@ -320,40 +313,16 @@ fn modbus() -> String {
          result was complete, 65535 also where it is older; `number`: how many there were, 0 again behind 65535. \
          Addresses that are not listed are refused.\n"
     );
-    for rows in REGISTERS.chunk_by(|a, b| a.group == b.group) {
-        let group = rows[0].group;
-        text += &format!("\n### Registers: {group}\n\n|address|type|name|unit|meaning|\n|---|---|---|---|---|\n");
-        // What repeats itself for each harmonic, line or gear stands there for the first one.
-        let numbered = rows.iter().filter_map(|row| Some((row, series(row.name)?)));
-        let second = numbered.clone().find(|(_, (_, number))| *number == 2);
-        for row in rows.iter().filter(|row| series(row.name).is_none_or(|(_, number)| number == 1)) {
-            let kind = match row.kind {
-                Kind::Word => "word",
-                Kind::Long => "long",
-                Kind::Float => "float",
-            };
-            // What is said of every group stands above.
-            let meaning = if ["age", "number"].contains(&row.name) { "" } else { row.meaning };
-            text += &format!("|{}|{kind}|`{}`|{}|{meaning}|\n", row.address, row.name, row.unit);
-        }
-        if let Some((row, (name, _))) = second {
-            let first = rows.iter().find(|row| series(row.name).is_some()).map_or(0, |row| row.address);
-            let last = numbered.map(|(_, (_, number))| number).max().unwrap_or(2);
-            let apart = row.address - first;
-            text += &format!("\nLikewise `{name}_2` to `{name}_{last}`, {apart} registers further each.\n");
-        }
-    }
+    let groups: Vec<String> = REGISTERS
+        .chunk_by(|a, b| a.group == b.group)
+        .map(|rows| format!("{} ({})", rows[0].group, rows[0].address))
+        .collect();
     text += &format!(
-        "\n### Registers: waveform samples\n\nFrom {SAMPLES} on, {} floats in m/s^2: sample n, the oldest first, at \
-         {SAMPLES} + 2 (n - 1). Not a number where no waveform is held.\n",
+        "\n`meshband modbus -o map.csv` prints every register and discrete input with its meaning. Groups with their \
+         first address: {}; samples of the waveform ({SAMPLES}, {} floats).\n",
+        groups.join(", "),
         SAMPLE_REGISTERS / 2
     );
-    text += "\n### Discrete inputs\n\nFunction 2.\n\n|address|name|meaning of 1|\n|---|---|---|\n";
-    for input in INPUTS {
-        let last = input.address + input.count - 1;
-        let place = if input.count == 1 { last.to_string() } else { format!("{} to {last}", input.address) };
-        text += &format!("|{place}|`{}`|{}|\n", input.name, input.meaning);
-    }
     text
 }
 

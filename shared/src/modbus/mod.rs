@@ -3,7 +3,7 @@
 //! The second personality of the line ([`crate::config::LinkConfig`]); everything else of the node is the same.
 //! Results are kept as they would have left as messages ([`bank`]), so that a register holds what the link would have
 //! said, bit for bit. [`map`] is the one definition of the registers: requests are answered from it, and
-//! `book/src/reference/messages.md` is made from it. [`mod@line`] finds the requests among the bytes, [`server`]
+//! the csv of `meshband modbus` is made from it. [`mod@line`] finds the requests among the bytes, [`server`]
 //! answers one, [`station`] puts them together and holds the way back to the link.
 //!
 //! A plant's master reads a node. Where the configuration permits it, it may also write one register ([`Command`]):

@@ -206,6 +206,9 @@ pub struct Trial {
     pub integrity: Integrity,
     /// Wall-clock time of the run, s.
     pub wall_time_s: f64,
+    /// Spectra of the further gears of a train, by number; not compared with the reference.
+    #[serde(skip)]
+    pub further_spectra: BTreeMap<u8, usize>,
     /// Converter rate of every block: start, s, and rate, Hz.
     #[serde(skip)]
     pub blocks: Vec<(f64, f64)>,
@@ -255,7 +258,18 @@ pub fn run(signal: &Signal, config: &Configuration, board: &impl VirtualBoard, r
         wall_time_s: played.wall_time_s,
         samples: played.samples.iter().map(|&(time_s, value)| (time_s, value / scale)).collect(),
         blocks: played.rates,
+        further_spectra: further_spectra(&received),
     })
+}
+
+fn further_spectra(received: &Received) -> BTreeMap<u8, usize> {
+    let mut counts = BTreeMap::new();
+    for message in received.messages() {
+        if let Message::GearSpectrum(of) = message {
+            *counts.entry(of.gear).or_insert(0) += 1;
+        }
+    }
+    counts
 }
 
 fn integrity(played: &Played, received: &Received) -> Integrity {
