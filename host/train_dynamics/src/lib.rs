@@ -1,0 +1,13 @@
+//! Dynamics of a declared gear train: shafts, meshes and bearings of any number, from a file to sampled acceleration.
+//!
+//! `machine` reads the train with its mechanical data; `stiffness` gives each mesh its curve; `planetary` and
+//! `assembly` put bodies, springs and meshes together; `integrate` solves them by Taylor series; `effects` are errors
+//! and faults at any gear; `simulate` samples what a sensor on the housing gives, with tach edges. Contact is linear:
+//! teeth do not separate. Rotations are deviations from the exact motion of the train.
+
+pub mod machine;
+pub mod stiffness;
+
+pub use machine::TrainMachine;
+
+use meshband_common::{Error, Result};
