@@ -5,8 +5,16 @@
 //! and faults at any gear; `simulate` samples what a sensor on the housing gives, with tach edges. Contact is linear:
 //! teeth do not separate. Rotations are deviations from the exact motion of the train.
 
+pub mod assembly;
+mod builder;
+pub mod effects;
+mod expansion;
+pub mod integrate;
 pub mod machine;
+pub mod modes;
+mod planetary;
 pub mod stiffness;
+mod terms;
 
 pub use machine::TrainMachine;
 

@@ -194,8 +194,8 @@ mod tests {
     #[test]
     fn theory_a_reversed_internal_mesh_has_the_same_mean_and_the_mirrored_curve() {
         let form = |pinion_drives| Form::Internal { pinion: 31, ring: 95, pinion_drives };
-        let [forth, back] =
-            [true, false].map(|way| MeshStiffness::new(&toothing(0.0), form(way), BORES_M, "m").expect("ring"));
+        let of = |way, bores| MeshStiffness::new(&toothing(0.0), form(way), bores, "m").expect("ring");
+        let (forth, back) = (of(true, BORES_M), of(false, [BORES_M[1], BORES_M[0]]));
         assert!((forth.mean_n_per_m() / back.mean_n_per_m() - 1.0).abs() < 1e-9);
         for s in [0.2, 0.9, 1.4] {
             let mirrored = back.pair.value(forth.contact_ratio - s);

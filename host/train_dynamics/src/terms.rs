@@ -1,0 +1,157 @@
+//! Stiffness and errors of every mesh over one step as Taylor series, and where the step has to end.
+//!
+//! A mesh's stiffness is one polynomial between two knots of its sum over pairs; the step ends at the nearest knot of
+//! any mesh. Errors common to all pairs multiply that sum, errors of single teeth their own pair's curve, whose knots
+//! are among the sum's. Cost: one short composition per mesh and step, more only where effects act.
+
+use crate::assembly::System;
+use crate::effects::{Disturbance, Effect};
+use meshband_mechanics::dynamics::{Motion, Series};
+use std::f64::consts::TAU;
+
+/// Position ahead of the contact, base pitches, by which a piece is chosen at a knot.
+const LOOKAHEAD_PITCHES: f64 = 1e-10;
+/// Share of a series' first coefficient below which its last ones are dropped.
+const NEGLIGIBLE_TERM_SHARE: f64 = 1e-18;
+/// Iterations of Newton's method for the time of a knot where the speed changes.
+const NEWTON_ITERATIONS: usize = 8;
+
+/// One mesh over a step.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct MeshTerm {
+    /// Stiffness, N/m, lowest power first.
+    pub k: Vec<f64>,
+    /// Force of errors, N; empty where there are none.
+    pub g: Vec<f64>,
+}
+
+/// All meshes of a train in motion.
+pub(crate) struct Terms<'a> {
+    system: &'a System,
+    motion: &'a Motion,
+    disturbances: Vec<Disturbance>,
+    /// Of the present step.
+    pub meshes: Vec<MeshTerm>,
+    /// Angular acceleration of shaft 0, rad/s2; empty at constant speed.
+    pub acceleration: Vec<f64>,
+}
+
+impl<'a> Terms<'a> {
+    /// A train in motion under effects.
+    pub fn new(system: &'a System, motion: &'a Motion, effects: &[Effect]) -> Self {
+        let disturbances = system.meshes.iter().map(|mesh| Disturbance::of(system, mesh, effects)).collect();
+        let meshes = vec![MeshTerm::default(); system.meshes.len()];
+        Self { system, motion, disturbances, meshes, acceleration: Vec::new() }
+    }
+
+    /// Sets up a step from `t` of at most `longest` seconds; gives its length, s.
+    pub fn begin(&mut self, t: f64, longest: f64) -> f64 {
+        let mut h = longest.min(self.motion.next_break(t) - t);
+        let mut turns = self.motion.turns(t, h);
+        let mut part: f64 = 1.0;
+        for mesh in &self.system.meshes {
+            let (frac, piece) = self.place(mesh.stiffness, &position(&turns, mesh.order, mesh.phase));
+            let knot = self.system.stiffnesses[mesh.stiffness].total.knots()[piece + 1];
+            part = part.min(time_of(&frac, knot));
+        }
+        if part < 1.0 {
+            h *= part;
+            turns = turns.rescaled(part);
+        }
+        let mut meshes = std::mem::take(&mut self.meshes);
+        for (index, term) in meshes.iter_mut().enumerate() {
+            self.collect(index, &turns, h, term);
+        }
+        self.meshes = meshes;
+        self.acceleration.clear();
+        if turns.degree() > 1 {
+            let second = turns.derivative().derivative().scaled(TAU / (h * h));
+            self.acceleration.extend_from_slice(second.coefficients());
+        }
+        h
+    }
+
+    /// Position within the present base pitch, and the piece of the sum's curve there.
+    fn place(&self, stiffness: usize, position: &Series) -> (Series, usize) {
+        let ahead = position.coefficient(0) + LOOKAHEAD_PITCHES;
+        let mut frac = *position;
+        frac.add_constant(-ahead.floor());
+        let total = &self.system.stiffnesses[stiffness].total;
+        let last = total.knots().len() - 2;
+        (frac, total.locate(ahead - ahead.floor()).unwrap_or(last))
+    }
+
+    fn collect(&self, index: usize, turns: &Series, h: f64, term: &mut MeshTerm) {
+        let mesh = &self.system.meshes[index];
+        let disturbance = &self.disturbances[index];
+        let curves = &self.system.stiffnesses[mesh.stiffness];
+        let position = position(turns, mesh.order, mesh.phase);
+        let (mut local, piece) = self.place(mesh.stiffness, &position);
+        local.add_constant(-curves.total.knots()[piece]);
+        let mut k = local.compose(curves.total.piece(piece));
+        term.g.clear();
+        let mut of_teeth = Series::ZERO;
+        if !disturbance.teeth.is_empty() {
+            let start = position.coefficient(0) + LOOKAHEAD_PITCHES;
+            let knots = curves.pair.knots();
+            let (first, last) = ((start - knots[knots.len() - 1]).floor() as i64, (start - knots[0]).floor() as i64);
+            for number in first..=last {
+                let Some(piece) = curves.pair.locate(start - number as f64) else { continue };
+                let mut local = position;
+                local.add_constant(-(number as f64) - knots[piece]);
+                let pair = local.compose(curves.pair.piece(piece));
+                let (mut error, mut kept) = (0.0, 1.0);
+                for (e, loss) in disturbance.teeth.iter().map(|teeth| teeth.of_pair(number)) {
+                    error += e;
+                    kept *= 1.0 - loss;
+                }
+                k.add_scaled(&pair, kept - 1.0);
+                of_teeth.add_scaled(&pair, kept * error);
+            }
+        }
+        if !disturbance.waves.is_empty() {
+            let mut error = Series::ZERO;
+            for wave in &disturbance.waves {
+                let mut angle = position.scaled(TAU * wave.cycles);
+                angle.add_constant(wave.phase_rad);
+                error.add_scaled(&angle.sin_cos().0, wave.amplitude_m);
+            }
+            let rate = error.derivative();
+            error.add_scaled(&rate, mesh.damping_s / h);
+            of_teeth.add_scaled(&k.product(&error), 1.0);
+        }
+        put(&k, &mut term.k);
+        if !of_teeth.is_zero() {
+            put(&of_teeth, &mut term.g);
+        }
+    }
+}
+
+/// Position of the contact of pair 0, base pitches.
+fn position(turns: &Series, order: f64, phase: f64) -> Series {
+    let mut position = turns.scaled(order);
+    position.add_constant(phase);
+    position
+}
+
+/// Coefficients without the last ones that no sum would see.
+fn put(series: &Series, into: &mut Vec<f64>) {
+    let coefficients = series.coefficients();
+    let largest = coefficients.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+    let used = coefficients.iter().rposition(|c| c.abs() > NEGLIGIBLE_TERM_SHARE * largest).map_or(1, |last| last + 1);
+    into.clear();
+    into.extend_from_slice(&coefficients[..used]);
+}
+
+/// Part of the step at which an ascending series reaches a value; beyond 1 where it does not.
+fn time_of(series: &Series, value: f64) -> f64 {
+    let slope = series.coefficient(1);
+    let mut tau = (value - series.coefficient(0)) / slope;
+    if series.degree() > 1 {
+        let derivative = series.derivative();
+        for _ in 0..NEWTON_ITERATIONS {
+            tau -= (series.value(tau) - value) / derivative.value(tau);
+        }
+    }
+    if tau > 0.0 { tau } else { f64::INFINITY }
+}
