@@ -8,7 +8,7 @@
 use crate::Result;
 use crate::assembly::{Body, MeshLine, Part, System};
 use crate::machine::{Inertia, MeshDamping, TrainMachine};
-use crate::stiffness::{Form, MeshStiffness};
+use crate::stiffness::{Form, Gears, MeshStiffness};
 use nalgebra::{DMatrix, DVector};
 
 /// Damping ratio of a shaft or coupling that declares none, on the two inertias that it joins.
@@ -157,7 +157,8 @@ impl<'m> Builder<'m> {
                 true => Form::Internal { pinion: teeth[0], ring: teeth[1], pinion_drives: true },
                 false => Form::External(teeth),
             };
-            let curve = MeshStiffness::new(toothing, form, [bore(link), bore(link + 1)], &place(stage))?;
+            let gears_in_mesh = Gears::standard(form, [bore(link), bore(link + 1)]);
+            let curve = MeshStiffness::new(toothing, &gears_in_mesh, &place(stage))?;
             let stiffness = self.add_stiffness(curve);
             let pitch = self.pitch_point(stiffness);
             let at_pitch = passage.map_or(-pitch, |before: f64| before + 0.5 * (1.0 - f64::from(teeth[0])));

@@ -2,11 +2,12 @@
 //!
 //! A gear's errors follow its teeth: every mesh knows which tooth of either gear its pairs meet, so one cause at a sun
 //! comes by at each planet in turn. Errors are along the line of action, positive where they open a gap; the flank force
-//! is `k (d - e) + c (d' - e')`. Runout adds on the one flank what it takes from the other, which matters where both are
-//! loaded: planets and idlers. A tooth's displacement and its loss of stiffness take part in its pair's share of the
+//! is `k (d - e) + c (d' - e')`. Runout adds on the one flank what it takes from the other, which matters where both
+//! are loaded, and carries the contact along its path, as the pair's eccentricity does. A tooth's displacement and its loss of stiffness take part in its pair's share of the
 //! load and so come and go as the pair does.
 
 use crate::assembly::{MeshLine, System};
+use crate::stiffness::MeshStiffness;
 use crate::{Error, Result};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -84,6 +85,8 @@ pub(crate) struct Wave {
     pub amplitude_m: f64,
     /// Phase at position 0, rad.
     pub phase_rad: f64,
+    /// Base pitches by which an error of 1 m rolls the contact along its path.
+    pub roll_per_m: f64,
 }
 
 /// What single teeth of one side of a mesh do to their pairs.
@@ -111,34 +114,36 @@ impl Disturbance {
     pub fn of(system: &System, mesh: &MeshLine, effects: &[Effect]) -> Self {
         let mut own = Self::default();
         for (i, &amplitude_m) in mesh.transmission_error_m.iter().enumerate().filter(|(_, a)| **a != 0.0) {
-            own.waves.push(Wave { cycles: (i + 1) as f64, amplitude_m, phase_rad: 0.0 });
+            own.waves.push(Wave { cycles: (i + 1) as f64, amplitude_m, phase_rad: 0.0, roll_per_m: 0.0 });
         }
-        let pitch_point = system.stiffnesses[mesh.stiffness].pitch_point;
+        let curves = &system.stiffnesses[mesh.stiffness];
         for effect in effects {
             let seat = effect.seat();
             for side in (0..2).filter(|&side| mesh.gears[side] == seat.gear) {
                 let is_planet = system.bodies[mesh.bodies[side]].is_planet();
                 if !is_planet || seat.planet == mesh.planet {
-                    own.add(effect, mesh, side, pitch_point);
+                    own.add(effect, mesh, side, curves);
                 }
             }
         }
         own
     }
 
-    fn add(&mut self, effect: &Effect, mesh: &MeshLine, side: usize, pitch_point: f64) {
+    fn add(&mut self, effect: &Effect, mesh: &MeshLine, side: usize, curves: &MeshStiffness) {
         let (teeth, first_pair) = (mesh.teeth[side], mesh.first_pairs[side]);
-        let mut wave = |order: u32, amplitude_m: f64, phase_turns: f64| {
+        let mut wave = |order: u32, amplitude_m: f64, phase_turns: f64, roll_per_m: f64| {
             let cycles = f64::from(order) / f64::from(teeth);
-            let phase_rad = TAU * (phase_turns - cycles * (pitch_point + first_pair as f64));
-            self.waves.push(Wave { cycles, amplitude_m, phase_rad });
+            let phase_rad = TAU * (phase_turns - cycles * (curves.pitch_point + first_pair as f64));
+            self.waves.push(Wave { cycles, amplitude_m, phase_rad, roll_per_m });
         };
         // The flanks of the driver's and of the driven gear's teeth in a mesh face one another.
         let flank = if side == 0 { -1.0 } else { 1.0 };
         let none = || vec![0.0; teeth as usize];
         match effect {
-            Effect::Runout { amplitude_m, phase_turns, .. } => wave(1, flank * amplitude_m, *phase_turns),
-            Effect::Ghost { order, amplitude_m, phase_turns, .. } => wave(*order, *amplitude_m, *phase_turns),
+            Effect::Runout { amplitude_m, phase_turns, .. } => {
+                wave(1, flank * amplitude_m, *phase_turns, 1.0 / curves.base_pitch_m);
+            }
+            Effect::Ghost { order, amplitude_m, phase_turns, .. } => wave(*order, *amplitude_m, *phase_turns, 0.0),
             Effect::Pitch { errors_m, .. } => {
                 self.teeth.push(Teeth { first_pair, errors_m: errors_m.clone(), losses: none() });
             }

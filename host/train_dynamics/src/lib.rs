@@ -13,9 +13,12 @@ pub mod integrate;
 pub mod machine;
 pub mod modes;
 mod planetary;
+pub mod sensor;
+pub mod simulate;
 pub mod stiffness;
 mod terms;
 
 pub use machine::TrainMachine;
+pub use simulate::{Run, Simulated, simulate};
 
 use meshband_common::{Error, Result};

@@ -5,16 +5,55 @@
 //! directions. Each planet hangs on the carrier by its pin. Mesh phases follow from teeth and places of the planets
 //! (Parker and Lin, J. Vib. Acoust. 126, 2004): with the sun turning counter-clockwise against the carrier a planet at
 //! `psi` meets the sun `zs psi / 2 pi` pairs late and the ring `zr psi / 2 pi` early; between a planet's two meshes lie
-//! `(zp - 1) / 2` pairs from pitch point to pitch point, because opposite flanks of its teeth are loaded.
+//! `(zp - 1) / 2` pairs from pitch point to pitch point, because opposite flanks of its teeth are loaded; a profile
+//! shift changes the tooth's thickness and with it this constant.
 
 use crate::Result;
 use crate::assembly::{MeshLine, Part};
 use crate::builder::{Builder, Damper, Line, place};
 use crate::machine::{Set, Toothing};
-use crate::stiffness::{Form, MeshStiffness};
+use crate::stiffness::{Form, Gears, MeshStiffness};
+use meshband_mechanics::machine::involute;
 use meshband_train::declaration::{Member, Stage};
 use meshband_train::{Fraction, Role};
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Circle on which the planets' centres go round.
+///
+/// Where `zr = zs + 2 zp` it is that of the reference circles. Other sets are profile-shifted: the circle lies halfway
+/// between what either mesh would have, sun and planet share the shift of theirs, the ring takes that of its own.
+struct Circle {
+    radius_m: f64,
+    /// Working pressure angles of sun and planet, and of planet and ring, rad.
+    pressure_angles: [f64; 2],
+    /// Profile shift of sun and planet, and of the ring, transverse modules.
+    shifts: [f64; 2],
+    /// Thickness of a planet's tooth, half of it on either working circle, in pitches.
+    tooth_pitches: f64,
+}
+
+impl Circle {
+    fn of(toothing: &Toothing, teeth: [u32; 3]) -> Self {
+        let alpha = toothing.transverse_pressure_angle();
+        let [sun, planet, ring] = teeth.map(f64::from);
+        let (outside, inside) = (sun + planet, ring - planet);
+        let middle = 0.5 * (outside + inside);
+        if outside == inside {
+            let radius_m = toothing.radius_m(teeth[0] + teeth[1]);
+            return Self { radius_m, pressure_angles: [alpha; 2], shifts: [0.0; 2], tooth_pitches: 0.5 };
+        }
+        let pressure_angles = [outside, inside].map(|teeth| (teeth / middle * alpha.cos()).acos());
+        let excess = pressure_angles.map(|working| involute(working) - involute(alpha));
+        let own = 0.25 * excess[0] * outside / alpha.tan();
+        let half = |excess: f64| (FRAC_PI_2 + 2.0 * own * alpha.tan()) / planet - excess;
+        Self {
+            radius_m: 0.5 * toothing.transverse_module_m() * middle,
+            pressure_angles,
+            shifts: [own, own + 0.5 * excess[1] * inside / alpha.tan()],
+            tooth_pitches: (half(excess[0]) + half(excess[1])) * planet / (2.0 * PI),
+        }
+    }
+}
 
 /// A set's declaration with what follows from it.
 struct Plan<'m> {
@@ -22,6 +61,7 @@ struct Plan<'m> {
     toothing: &'m Toothing,
     set: Set,
     teeth: [u32; 3],
+    circle: Circle,
     gears: [usize; 3],
     fixed: Member,
     /// Places of the planets, turns of the carrier.
@@ -70,6 +110,7 @@ impl<'m> Plan<'m> {
             toothing: &machine.toothings[stage],
             set: machine.sets[stage]?,
             teeth: [*sun, *planet, *ring],
+            circle: Circle::of(&machine.toothings[stage], [*sun, *planet, *ring]),
             gears,
             fixed: *fixed,
             places: carrier.spacing.clone().unwrap_or_else(|| (0..*planets).map(even).collect()),
@@ -134,11 +175,12 @@ impl<'m> Plan<'m> {
             true => ([sun, planet], [sun_bore, planet_bore]),
             false => ([planet, sun], [planet_bore, sun_bore]),
         };
-        let inside = Form::Internal { pinion: planet, ring, pinion_drives: drives };
-        Ok([
-            MeshStiffness::new(self.toothing, Form::External(teeth), bores, &place)?,
-            MeshStiffness::new(self.toothing, inside, [planet_bore; 2], &place)?,
-        ])
+        let [own, ring_shift] = self.circle.shifts;
+        let outside = Gears { form: Form::External(teeth), bores_m: bores, profile_shift: [own; 2] };
+        let form = Form::Internal { pinion: planet, ring, pinion_drives: drives };
+        let profile_shift = if drives { [own, ring_shift] } else { [ring_shift, own] };
+        let inside = Gears { form, bores_m: [planet_bore; 2], profile_shift };
+        Ok([MeshStiffness::new(self.toothing, &outside, &place)?, MeshStiffness::new(self.toothing, &inside, &place)?])
     }
 
     /// One planet on its pin.
@@ -146,7 +188,7 @@ impl<'m> Plan<'m> {
         let gear = self.gears[1];
         let (inertia, speed) = (builder.machine.gears[gear], builder.machine.train.gears[gear].speed.value());
         let body = builder.add_body(Part::Planet(gear, number), None, inertia, [speed, self.carrier_turns]);
-        let radius = self.toothing.radius_m(self.teeth[0] + self.teeth[1]);
+        let radius = self.circle.radius_m;
         let (sin, cos) = (TAU * turns).sin_cos();
         let (own, base) = (builder.at(body), builder.at(carrier));
         let damping = 2.0 * self.set.damping_ratio * (self.set.pin_n_per_m * inertia.mass_kg).sqrt();
@@ -165,8 +207,10 @@ impl<'m> Plan<'m> {
         let [sun, planet, ring] = self.teeth.map(f64::from);
         // Sun and ring turn about the planet together: a planet's tooth comes to the ring this many pairs later.
         let passed = (self.sun_way * (sun + ring) * turns).round();
-        let half = if self.sun_drives() { 0.5 * (1.0 - planet) } else { -0.5 * (1.0 + planet) };
-        let passages = [-self.sun_way * sun * turns, self.sun_way * ring * turns + half];
+        // From pitch point to pitch point half a turn of the planet less its tooth, whose flanks stand for each other.
+        let tooth = self.circle.tooth_pitches;
+        let between = if self.sun_drives() { tooth - 0.5 * planet } else { -tooth - 0.5 * planet };
+        let passages = [-self.sun_way * sun * turns, self.sun_way * ring * turns + between];
         for side in 0..2 {
             let (a, b) = (side, side + 1);
             let sense = if side == 0 { self.sun_torque } else { -self.sun_torque };
@@ -175,7 +219,7 @@ impl<'m> Plan<'m> {
                 stage: self.stage,
                 planet: Some(number),
                 bodies: [bodies[a], bodies[b]],
-                directions: line.directions(alpha, [base[a], base[b]]),
+                directions: line.directions(self.circle.pressure_angles[side], [base[a], base[b]]),
                 gears: [self.gears[a], self.gears[b]],
                 teeth: [self.teeth[a], self.teeth[b]],
                 first_pairs: if side == 0 { [0, 0] } else { [passed as i64, 0] },

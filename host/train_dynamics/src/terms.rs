@@ -4,7 +4,7 @@
 //! any mesh. Errors common to all pairs multiply that sum, errors of single teeth their own pair's curve, whose knots
 //! are among the sum's. Cost: one short composition per mesh and step, more only where effects act.
 
-use crate::assembly::System;
+use crate::assembly::{MeshLine, System};
 use crate::effects::{Disturbance, Effect};
 use meshband_mechanics::dynamics::{Motion, Series};
 use std::f64::consts::TAU;
@@ -48,19 +48,23 @@ impl<'a> Terms<'a> {
     pub fn begin(&mut self, t: f64, longest: f64) -> f64 {
         let mut h = longest.min(self.motion.next_break(t) - t);
         let mut turns = self.motion.turns(t, h);
+        let mut passages: Vec<Passage> = Vec::with_capacity(self.meshes.len());
         let mut part: f64 = 1.0;
-        for mesh in &self.system.meshes {
-            let (frac, piece) = self.place(mesh.stiffness, &position(&turns, mesh.order, mesh.phase));
+        for (mesh, disturbance) in self.system.meshes.iter().zip(&self.disturbances) {
+            let passage = Passage::of(&turns, mesh, disturbance);
+            let (frac, piece) = self.place(mesh.stiffness, &passage.position);
             let knot = self.system.stiffnesses[mesh.stiffness].total.knots()[piece + 1];
             part = part.min(time_of(&frac, knot));
+            passages.push(passage);
         }
         if part < 1.0 {
             h *= part;
             turns = turns.rescaled(part);
+            passages.iter_mut().for_each(|passage| *passage = passage.rescaled(part));
         }
         let mut meshes = std::mem::take(&mut self.meshes);
-        for (index, term) in meshes.iter_mut().enumerate() {
-            self.collect(index, &turns, h, term);
+        for (index, (term, passage)) in meshes.iter_mut().zip(&passages).enumerate() {
+            self.collect(index, passage, h, term);
         }
         self.meshes = meshes;
         self.acceleration.clear();
@@ -81,11 +85,11 @@ impl<'a> Terms<'a> {
         (frac, total.locate(ahead - ahead.floor()).unwrap_or(last))
     }
 
-    fn collect(&self, index: usize, turns: &Series, h: f64, term: &mut MeshTerm) {
+    fn collect(&self, index: usize, passage: &Passage, h: f64, term: &mut MeshTerm) {
         let mesh = &self.system.meshes[index];
         let disturbance = &self.disturbances[index];
         let curves = &self.system.stiffnesses[mesh.stiffness];
-        let position = position(turns, mesh.order, mesh.phase);
+        let position = passage.position;
         let (mut local, piece) = self.place(mesh.stiffness, &position);
         local.add_constant(-curves.total.knots()[piece]);
         let mut k = local.compose(curves.total.piece(piece));
@@ -109,13 +113,7 @@ impl<'a> Terms<'a> {
                 of_teeth.add_scaled(&pair, kept * error);
             }
         }
-        if !disturbance.waves.is_empty() {
-            let mut error = Series::ZERO;
-            for wave in &disturbance.waves {
-                let mut angle = position.scaled(TAU * wave.cycles);
-                angle.add_constant(wave.phase_rad);
-                error.add_scaled(&angle.sin_cos().0, wave.amplitude_m);
-            }
+        if let Some(mut error) = passage.error {
             let rate = error.derivative();
             error.add_scaled(&rate, mesh.damping_s / h);
             of_teeth.add_scaled(&k.product(&error), 1.0);
@@ -127,11 +125,38 @@ impl<'a> Terms<'a> {
     }
 }
 
-/// Position of the contact of pair 0, base pitches.
-fn position(turns: &Series, order: f64, phase: f64) -> Series {
-    let mut position = turns.scaled(order);
-    position.add_constant(phase);
-    position
+/// How a mesh goes through a step.
+#[derive(Debug, Clone, Copy)]
+struct Passage {
+    /// Position of the contact of pair 0, base pitches.
+    position: Series,
+    /// Error of all pairs alike, m, where there is one.
+    error: Option<Series>,
+}
+
+impl Passage {
+    fn of(turns: &Series, mesh: &MeshLine, disturbance: &Disturbance) -> Self {
+        let mut even = turns.scaled(mesh.order);
+        even.add_constant(mesh.phase);
+        if disturbance.waves.is_empty() {
+            return Self { position: even, error: None };
+        }
+        let (mut position, mut error) = (even, Series::ZERO);
+        for wave in &disturbance.waves {
+            let mut angle = even.scaled(TAU * wave.cycles);
+            angle.add_constant(wave.phase_rad);
+            let sine = angle.sin_cos().0.scaled(wave.amplitude_m);
+            error.add_scaled(&sine, 1.0);
+            if wave.roll_per_m != 0.0 {
+                position.add_scaled(&sine, wave.roll_per_m);
+            }
+        }
+        Self { position, error: Some(error) }
+    }
+
+    fn rescaled(&self, part: f64) -> Self {
+        Self { position: self.position.rescaled(part), error: self.error.map(|error| error.rescaled(part)) }
+    }
 }
 
 /// Coefficients without the last ones that no sum would see.
@@ -147,7 +172,8 @@ fn put(series: &Series, into: &mut Vec<f64>) {
 fn time_of(series: &Series, value: f64) -> f64 {
     let slope = series.coefficient(1);
     let mut tau = (value - series.coefficient(0)) / slope;
-    if series.degree() > 1 {
+    // Far beyond the step its series says nothing, and the speed does not change so much.
+    if series.degree() > 1 && tau < 2.0 {
         let derivative = series.derivative();
         for _ in 0..NEWTON_ITERATIONS {
             tau -= (series.value(tau) - value) / derivative.value(tau);

@@ -176,11 +176,6 @@ impl TrainMachine {
         let table = toml::from_str::<toml::Table>(text);
         table.is_ok_and(|table| table.contains_key("stage") && table.contains_key("mesh"))
     }
-
-    /// Centre distance of sun and planet of stage `stage`, m.
-    pub fn planet_circle_m(&self, stage: usize, sun: u32, planet: u32) -> f64 {
-        self.toothings[stage].radius_m(sun + planet)
-    }
 }
 
 #[cfg(test)]

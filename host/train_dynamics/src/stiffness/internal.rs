@@ -23,7 +23,7 @@ const PANELS: usize = 64;
 pub struct RingTooth {
     base_radius_m: f64,
     root_radius_m: f64,
-    /// `pi/(2 z) - inv(alpha)`: half angle of the tooth at its (virtual) base circle.
+    /// `(pi/2 - 2 x tan(alpha)) / z - inv(alpha)`: half angle of the tooth at its (virtual) base circle.
     base_half_angle: f64,
     youngs_modulus_pa: f64,
     poisson: f64,
@@ -31,15 +31,15 @@ pub struct RingTooth {
 }
 
 impl RingTooth {
-    /// Tooth of a ring of `teeth` cut to the standard depth.
-    fn new(pair: &Pair, teeth: u32) -> Self {
+    /// Tooth of a ring of `teeth` cut to the standard depth, its profile shifted outwards by so many modules.
+    fn new(pair: &Pair, teeth: u32, shift: f64) -> Self {
         let alpha = pair.pressure_angle_deg.to_radians();
         let radius = 0.5 * pair.module_m * f64::from(teeth);
         let dedendum = pair.addendum_coefficient + pair.clearance_coefficient;
         Self {
             base_radius_m: radius * alpha.cos(),
-            root_radius_m: radius + dedendum * pair.module_m,
-            base_half_angle: 0.5 * PI / f64::from(teeth) - involute(alpha),
+            root_radius_m: radius + (dedendum + shift) * pair.module_m,
+            base_half_angle: (0.5 * PI - 2.0 * shift * alpha.tan()) / f64::from(teeth) - involute(alpha),
             youngs_modulus_pa: pair.youngs_modulus_pa,
             poisson: pair.poisson,
             width_m: pair.face_width_m,
@@ -84,6 +84,19 @@ impl RingTooth {
     }
 }
 
+/// Angle, rad, whose involute this is, by bisection between 0 and 60 degrees; not a number beyond.
+pub fn inverse_involute(value: f64) -> f64 {
+    let (mut low, mut high) = (0.0, PI / 3.0);
+    if !(value > 0.0 && value < involute(high)) {
+        return f64::NAN;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if involute(middle) < value { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
 /// A pinion and a ring.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InternalPair {
@@ -95,6 +108,7 @@ pub struct InternalPair {
     path_start_m: f64,
     /// Distance of the two base tangent points, m.
     line_m: f64,
+    /// Working pressure angle, rad.
     pressure_angle: f64,
     pinion: Tooth,
     body: BodyCompliance,
@@ -105,25 +119,33 @@ pub struct InternalPair {
 }
 
 impl InternalPair {
-    /// The pair of pinion and ring of these teeth, the pinion with this bore radius, m.
+    /// The pair of pinion and ring of these teeth and profile shifts, the pinion with this bore radius, m.
     ///
     /// # Errors
     /// A ring too small for its pinion: interference, or a tip within the base circle.
-    pub fn new(toothing: &Toothing, [pinion, ring]: [u32; 2], bore: f64) -> Result<Self> {
+    pub fn new(
+        toothing: &Toothing,
+        [pinion, ring]: [u32; 2],
+        bore: f64,
+        [own_shift, ring_shift]: [f64; 2],
+    ) -> Result<Self> {
         // The pinion's tooth is the same in any mesh: here beside its own likeness, which cannot interfere with it.
-        let pair = transverse_pair(toothing, [pinion; 2], [bore; 2]);
+        let pair = Pair { profile_shift: [own_shift; 2], ..transverse_pair(toothing, [pinion; 2], [bore; 2]) };
         let geometry = Geometry::new(&pair)?;
         let alpha = geometry.pressure_angle;
         let [ring_radius, pinion_radius] = [ring, pinion].map(|z| 0.5 * pair.module_m * f64::from(z));
-        let tip = ring_radius - pair.addendum_coefficient * pair.module_m;
+        let tip = ring_radius - (pair.addendum_coefficient - ring_shift) * pair.module_m;
         let ring_base = ring_radius * alpha.cos();
         if tip <= ring_base {
             let what = format!("a ring of {ring} teeth has its tips within its base circle");
             return Err(Error::invalid("ring", what));
         }
-        let line = (ring_radius - pinion_radius) * alpha.sin();
+        let apart = f64::from(ring) - f64::from(pinion);
+        let working = inverse_involute(involute(alpha) + 2.0 * alpha.tan() * (ring_shift - own_shift) / apart);
+        let line = (ring_radius - pinion_radius) * alpha.cos() * working.tan();
         let start = (tip * tip - ring_base * ring_base).sqrt() - line;
-        let end = (geometry.tip_radius_m[0].powi(2) - geometry.base_radius_m[0].powi(2)).sqrt();
+        let own_tip = pinion_radius + (pair.addendum_coefficient + own_shift) * pair.module_m;
+        let end = (own_tip.powi(2) - geometry.base_radius_m[0].powi(2)).sqrt();
         if start <= 0.0 {
             let what =
                 format!("interference: the tips of a ring of {ring} teeth reach below the base of {pinion} teeth");
@@ -139,12 +161,12 @@ impl InternalPair {
             base_pitch_m: geometry.base_pitch_m,
             path_start_m: start,
             line_m: line,
-            pressure_angle: alpha,
+            pressure_angle: working,
             pinion: Tooth::new(&pair, &geometry, 0)?,
             body: body_compliance(&pair, &geometry, 0),
             pinion_base_radius_m: geometry.base_radius_m[0],
             pinion_half_angle: geometry.base_half_angle[0],
-            ring: RingTooth::new(&pair, ring),
+            ring: RingTooth::new(&pair, ring, ring_shift),
             hertz_n_per_m: hertz_stiffness(pair.youngs_modulus_pa, pair.poisson, pair.face_width_m),
         })
     }
@@ -180,7 +202,7 @@ mod tests {
 
     #[test]
     fn theory_the_contact_ratio_is_the_textbooks_and_exceeds_the_external_pairs() {
-        let own = InternalPair::new(&toothing(), [31, 95], 8e-3).expect("a pair");
+        let own = InternalPair::new(&toothing(), [31, 95], 8e-3, [0.0; 2]).expect("a pair");
         // Both tip circles' pressure angles: (z1 (tan a1 - tan a) - z2 (tan a2 - tan a)) / (2 pi).
         let tangent = |z: f64, addendum: f64| (z * 20f64.to_radians().cos() / (z + 2.0 * addendum)).acos().tan();
         let tan = 20f64.to_radians().tan();
@@ -192,7 +214,7 @@ mod tests {
 
     #[test]
     fn theory_a_ring_tooth_is_a_pitch_wide_with_its_gap_and_thickens_outwards() {
-        let tooth = RingTooth::new(&pair(), 95);
+        let tooth = RingTooth::new(&pair(), 95, 0.0);
         let (height, half) = tooth.section(20f64.to_radians().tan());
         // At the pitch circle tooth and gap are alike.
         assert!(((half / height).atan() - 0.5 * PI / 95.0).abs() < 1e-12);
@@ -206,7 +228,7 @@ mod tests {
     fn theory_of_a_ring_with_endless_teeth_the_beam_is_that_of_a_rack() {
         // A rack's flank is straight: half thickness pi m / 4 + y tan(alpha), y from the pitch line to the root.
         let pair = pair();
-        let tooth = RingTooth::new(&pair, 1_000_000);
+        let tooth = RingTooth::new(&pair, 1_000_000, 0.0);
         let (tan, cos) = (20f64.to_radians().tan(), 20f64.to_radians().cos());
         let sin = 20f64.to_radians().sin();
         let m = pair.module_m;
@@ -227,7 +249,7 @@ mod tests {
 
     #[test]
     fn theory_a_ring_tooth_is_softer_at_its_tip_and_stiffer_than_the_pinions() {
-        let own = InternalPair::new(&toothing(), [31, 95], 8e-3).expect("a pair");
+        let own = InternalPair::new(&toothing(), [31, 95], 8e-3, [0.0; 2]).expect("a pair");
         let tooth = &own.ring;
         let compliances = [0.30, 0.34, 0.38, 0.42].map(|roll| tooth.compliance(roll));
         assert!(compliances.windows(2).all(|c| c[1] < c[0]), "{compliances:?}");

@@ -40,6 +40,24 @@ pub enum Form {
     },
 }
 
+/// Two gears in mesh with what their toothing does not say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gears {
+    /// Teeth.
+    pub form: Form,
+    /// Bore radii of driver and driven gear, m; a ring's does not matter.
+    pub bores_m: [f64; 2],
+    /// Profile shifts of driver and driven gear in transverse modules, a ring's positive outwards.
+    pub profile_shift: [f64; 2],
+}
+
+impl Gears {
+    /// Gears without profile shift.
+    pub fn standard(form: Form, bores_m: [f64; 2]) -> Self {
+        Self { form, bores_m, profile_shift: [0.0; 2] }
+    }
+}
+
 /// Stiffness of a mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshStiffness {
@@ -49,6 +67,8 @@ pub struct MeshStiffness {
     pub total: PiecewisePolynomial,
     /// Position of the pitch point, base pitches from a pair's first contact, in the middle of the face.
     pub pitch_point: f64,
+    /// Transverse base pitch, m.
+    pub base_pitch_m: f64,
     /// Transverse contact ratio.
     pub contact_ratio: f64,
     /// Overlap ratio, 0 of spur gears.
@@ -58,17 +78,18 @@ pub struct MeshStiffness {
 }
 
 impl MeshStiffness {
-    /// The stiffness of gears of this toothing with these bore radii, m: driver and driven; a ring's does not matter.
+    /// The stiffness of gears of this toothing.
     ///
     /// # Errors
     /// Gears that cannot mesh, with the place of their toothing.
-    pub fn new(toothing: &Toothing, form: Form, bores_m: [f64; 2], place: &str) -> Result<Self> {
+    pub fn new(toothing: &Toothing, gears: &Gears, place: &str) -> Result<Self> {
         let named = |error: Error| Error::invalid(place, error);
-        let (pair, contact_ratio, pitch_point) = match form {
-            Form::External(teeth) => external(toothing, teeth, bores_m).map_err(named)?,
+        let (pair, contact_ratio, pitch_point) = match gears.form {
+            Form::External(teeth) => external(toothing, teeth, gears).map_err(named)?,
             Form::Internal { pinion, ring, pinion_drives } => {
-                let bore = bores_m[usize::from(!pinion_drives)];
-                let pair = InternalPair::new(toothing, [pinion, ring], bore).map_err(named)?;
+                let side = usize::from(!pinion_drives);
+                let shifts = [gears.profile_shift[side], gears.profile_shift[1 - side]];
+                let pair = InternalPair::new(toothing, [pinion, ring], gears.bores_m[side], shifts).map_err(named)?;
                 let (ratio, pitch) = (pair.contact_ratio, pair.pitch_point());
                 let along = |s: f64| if pinion_drives { s } else { ratio - s };
                 let curve = fit_adaptive(event_knots(ratio, &[]), FIT_TOLERANCE, |s| pair.at(along(s)));
@@ -88,6 +109,7 @@ impl MeshStiffness {
             total: mesh::total(&pair),
             pair,
             pitch_point: pitch_point + 0.5 * overlap_ratio,
+            base_pitch_m: PI * toothing.transverse_module_m() * toothing.transverse_pressure_angle().cos(),
             contact_ratio: ratio,
             overlap_ratio,
             axial_force_factor: base_helix.tan().abs(),
@@ -121,8 +143,9 @@ pub fn transverse_pair(toothing: &Toothing, teeth: [u32; 2], bores_m: [f64; 2]) 
 }
 
 /// Hard pair curve, contact ratio and pitch point of external gears, driver first.
-fn external(toothing: &Toothing, teeth: [u32; 2], bores_m: [f64; 2]) -> Result<(PiecewisePolynomial, f64, f64)> {
-    let pair = transverse_pair(toothing, teeth, bores_m);
+fn external(toothing: &Toothing, teeth: [u32; 2], gears: &Gears) -> Result<(PiecewisePolynomial, f64, f64)> {
+    let (bores_m, profile_shift) = (gears.bores_m, gears.profile_shift);
+    let pair = Pair { profile_shift, ..transverse_pair(toothing, teeth, bores_m) };
     let geometry = Geometry::new(&pair)?;
     if let Some(i) = (0..2).find(|&i| bores_m[i] >= geometry.root_radius_m[i]) {
         let (bore, root) = (1e3 * bores_m[i], 1e3 * geometry.root_radius_m[i]);
@@ -168,14 +191,16 @@ mod tests {
 
     #[test]
     fn theory_zero_helix_is_the_spur_pair_exactly_and_a_small_helix_lies_beside_it() {
-        let spur = MeshStiffness::new(&toothing(0.0), Form::External([23, 61]), BORES_M, "m").expect("spur");
+        let spur =
+            MeshStiffness::new(&toothing(0.0), &Gears::standard(Form::External([23, 61]), BORES_M), "m").expect("spur");
         let model = PairModel::new(&Pair::spur([23, 61], 2e-3, 20e-3, BORES_M)).expect("a pair");
         for s in [0.3, 0.7, 1.0, 1.3] {
             let (ours, own) = (spur.pair.value(s), model.at(s));
             assert!((ours / own - 1.0).abs() < 1e-8, "{s}: {ours} {own}");
         }
         assert_eq!((spur.overlap_ratio, spur.axial_force_factor), (0.0, 0.0));
-        let small = MeshStiffness::new(&toothing(0.05), Form::External([23, 61]), BORES_M, "m").expect("helical");
+        let small = MeshStiffness::new(&toothing(0.05), &Gears::standard(Form::External([23, 61]), BORES_M), "m")
+            .expect("helical");
         assert!((small.mean_n_per_m() / spur.mean_n_per_m() - 1.0).abs() < 1e-4);
         assert!((small.pair.value(0.8) / spur.pair.value(0.8) - 1.0).abs() < 1e-3);
     }
@@ -183,7 +208,8 @@ mod tests {
     #[test]
     fn theory_the_axial_force_is_the_transverse_one_times_the_base_helix_tangent() {
         let toothing = toothing(15.0);
-        let stiffness = MeshStiffness::new(&toothing, Form::External([23, 61]), BORES_M, "m").expect("helical");
+        let stiffness =
+            MeshStiffness::new(&toothing, &Gears::standard(Form::External([23, 61]), BORES_M), "m").expect("helical");
         // sin(base helix) = sin(helix) cos(normal pressure angle).
         let base = (15f64.to_radians().sin() * 20f64.to_radians().cos()).asin();
         assert!((stiffness.axial_force_factor - base.tan()).abs() < 1e-12);
@@ -194,7 +220,8 @@ mod tests {
     #[test]
     fn theory_a_reversed_internal_mesh_has_the_same_mean_and_the_mirrored_curve() {
         let form = |pinion_drives| Form::Internal { pinion: 31, ring: 95, pinion_drives };
-        let of = |way, bores| MeshStiffness::new(&toothing(0.0), form(way), bores, "m").expect("ring");
+        let of =
+            |way, bores| MeshStiffness::new(&toothing(0.0), &Gears::standard(form(way), bores), "m").expect("ring");
         let (forth, back) = (of(true, BORES_M), of(false, [BORES_M[1], BORES_M[0]]));
         assert!((forth.mean_n_per_m() / back.mean_n_per_m() - 1.0).abs() < 1e-9);
         for s in [0.2, 0.9, 1.4] {
@@ -207,10 +234,13 @@ mod tests {
     #[test]
     fn fault_gears_that_cannot_mesh_are_refused_with_their_place() {
         let external = Form::External([8, 200]);
-        let error = MeshStiffness::new(&toothing(0.0), external, BORES_M, "x [[mesh]] 1").expect_err("refused");
+        let error = MeshStiffness::new(&toothing(0.0), &Gears::standard(external, BORES_M), "x [[mesh]] 1")
+            .expect_err("refused");
         assert!(error.to_string().contains("x [[mesh]] 1") && error.to_string().contains("interference"), "{error}");
         let ring = Form::Internal { pinion: 31, ring: 33, pinion_drives: true };
-        let error = MeshStiffness::new(&toothing(0.0), ring, BORES_M, "x [[mesh]] 1").expect_err("refused").to_string();
+        let error = MeshStiffness::new(&toothing(0.0), &Gears::standard(ring, BORES_M), "x [[mesh]] 1")
+            .expect_err("refused")
+            .to_string();
         assert!(error.contains("ring"), "{error}");
     }
 }
