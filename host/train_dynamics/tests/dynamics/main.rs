@@ -2,6 +2,7 @@
 
 mod independent;
 mod pair;
+mod planetary;
 
 use meshband_train_dynamics::TrainMachine;
 use meshband_train_dynamics::integrate::{Course, Options, Step};
@@ -27,7 +28,8 @@ fn waveform(
     quantities: usize,
 ) -> Vec<Vec<f64>> {
     let mut signals = vec![Vec::with_capacity(count); quantities];
-    let options = Options { tolerance: 1e-11, ..Options::default() };
+    // Short steps: the powers of a long one cancel and leave some 1e-11 of the largest acceleration.
+    let options = Options { tolerance: 1e-13, ..Options::default() };
     let mut state = course.start().expect("a start");
     let mut next = 0;
     let sink = |step: &Step| {
