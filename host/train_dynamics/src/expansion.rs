@@ -12,6 +12,8 @@ use meshband_mechanics::dynamics::series::{LENGTH, ORDER};
 
 /// Share of the allowed truncation error below which further terms of a short step are left out.
 const NEGLIGIBLE_ERROR_SHARE: f64 = 1e-2;
+/// Share of the diagonal below which an element beside it is rounding.
+const ROUNDING_SHARE: f64 = 1e-14;
 /// Fewest powers of a series.
 const MIN_POWERS: usize = 4;
 
@@ -29,6 +31,19 @@ struct Direction {
     seen: [[f64; 3]; 2],
     moved: [[f64; 3]; 2],
     damping_s: f64,
+}
+
+/// Scalar product in four sums: a single one would wait for itself.
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (a_parts, b_parts) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a_parts.remainder().iter().zip(b_parts.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a_parts.zip(b_parts) {
+        for i in 0..4 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 /// A system over its masses, and the coefficients of the present step.
@@ -64,7 +79,11 @@ impl Expansion {
         let mut couplings = Vec::new();
         for (row, column) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|(i, j)| i != j) {
             let (stiffness, damping) = (system.stiffness[(row, column)], system.damping[(row, column)]);
-            if stiffness != 0.0 || damping != 0.0 {
+            // What planets around a carrier leave of one another is rounding.
+            let share = |m: &nalgebra::DMatrix<f64>| {
+                m[(row, column)].abs() / m[(row, row)].abs().max(m[(column, column)].abs())
+            };
+            if share(&system.stiffness) > ROUNDING_SHARE || share(&system.damping) > ROUNDING_SHARE {
                 let (stiffness, damping) = (-over(stiffness, row), -over(damping, row));
                 couplings.push(Coupling { row, column, stiffness, damping });
             }
@@ -172,7 +191,7 @@ impl Expansion {
             let newest = LENGTH - 1 - order;
             measured[newest] = u;
             let used = term.k.len().min(order + 1);
-            let mut force: f64 = term.k[..used].iter().zip(&measured[newest..newest + used]).map(|(k, u)| k * u).sum();
+            let mut force = product(&term.k[..used], &measured[newest..newest + used]);
             force -= term.g.get(order).copied().unwrap_or(0.0);
             self.forces[index][order] = force;
             for (at, moved) in direction.at.iter().zip(&direction.moved) {

@@ -136,7 +136,8 @@ impl Course<'_> {
                 }
                 continue;
             }
-            usable = limit.min(8.0) * h;
+            // A step that a knot cut short says little of how long the next one may be.
+            usable = if limit < 1.0 { limit * h } else { usable.max(limit.min(8.0) * h) };
             sink(&Step { start_s: t, length_s: h, end, expansion: &expansion });
             let forces = (0..self.system.meshes.len()).map(|mesh| expansion.first_force(mesh));
             statistics.least_mesh_force_n = forces.fold(statistics.least_mesh_force_n, f64::min);

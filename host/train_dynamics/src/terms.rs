@@ -11,8 +11,8 @@ use std::f64::consts::TAU;
 
 /// Position ahead of the contact, base pitches, by which a piece is chosen at a knot.
 const LOOKAHEAD_PITCHES: f64 = 1e-10;
-/// Share of a series' first coefficient below which its last ones are dropped.
-const NEGLIGIBLE_TERM_SHARE: f64 = 1e-18;
+/// Share of a series' largest coefficient below which its last ones are dropped: some units of rounding.
+const NEGLIGIBLE_TERM_SHARE: f64 = 1e-15;
 /// Iterations of Newton's method for the time of a knot where the speed changes.
 const NEWTON_ITERATIONS: usize = 8;
 
