@@ -51,8 +51,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         });
         let own = taken / SECONDS / system.len() as f64;
         println!(
-            "{name}: {} coordinates, {} meshes, {steps} steps of {:.1} orders, {:.3} ms per coordinate and second, {:.2} of the \
-             pair's",
+            "{name}: {} coordinates, {} meshes, {steps} steps of {:.1} orders, {:.3} ms per coordinate and second, \
+             {:.2} of the pair's",
             system.len(),
             system.meshes.len(),
             orders as f64 / steps as f64,

@@ -1,9 +1,9 @@
 //! The published rule of a planetary rig (sun 31, three planets 31, ring 95) on simulated sets: `cargo run --release -p
 //! meshband-train-dynamics --example planetary_rule`.
 //!
-//! Rule: line at the mesh less one carrier order over the mesh's own line >= 1.42 is a planet's fault; else the line one
-//! carrier order above it >= 0.38 is the sun's; sound sets measured 0.92 to 1.11 and 0.10 to 0.36 (data card of
-//! SNU-PLANETARY-annotated, huggingface.co/datasets/AI4Manufacturing). Ring fixed, sun driven, sensor on the ring.
+//! Rule: the line at the mesh less one carrier order over the mesh's own line >= 1.42 is a planet's fault; else the
+//! line one carrier order above it >= 0.38 is the sun's; sound sets measured 0.92 to 1.11 and 0.10 to 0.36 (data card
+//! of SNU-PLANETARY-annotated, huggingface.co/datasets/AI4Manufacturing). Ring fixed, sun driven, sensor on the ring.
 
 use meshband_train_dynamics::effects::{Effect, Seat};
 use meshband_train_dynamics::sensor::Sensor;

@@ -1,10 +1,10 @@
 //! Bodies, springs and meshes of a train as equations of motion: `M q'' = f - K q - C q' - sum d F`.
 //!
-//! Each gear is a body of three coordinates, its rotation and its shifts along x and y; drive and load turn only. Angles
-//! count counter-clockwise, so that shaft 0 turns forward; all of them are deviations from the exact motion. A mesh is
-//! a rank-one term along its direction `d`: `F = k (d.q - e) + c (d.q' - e')`, its force positive where the loaded
-//! flanks press. Shafts are springs against twist between neighbours; each body has springs to the ground. Limits: no
-//! bending of shafts between gears, no axial motion, no gyroscopic terms.
+//! Each gear is a body of three coordinates, its rotation and its shifts along x and y; drive and load turn only.
+//! Angles count counter-clockwise, as shaft 0 turns; all are deviations from the exact motion. A mesh is a rank-one
+//! term along its direction `d`: `F = k (d.q - e) + c (d.q' - e')`, its force positive where the loaded flanks press.
+//! Shafts are springs against twist between neighbours; each body has springs to the ground. Limits: no bending of
+//! shafts between gears, no axial motion, no gyroscopic terms.
 
 use crate::builder::{Builder, place};
 use crate::machine::{Inertia, TrainMachine};

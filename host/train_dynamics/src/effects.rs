@@ -1,10 +1,10 @@
 //! Errors and faults at any gear of a train, as the meshes of that gear feel them.
 //!
 //! A gear's errors follow its teeth: every mesh knows which tooth of either gear its pairs meet, so one cause at a sun
-//! comes by at each planet in turn. Errors are along the line of action, positive where they open a gap; the flank force
-//! is `k (d - e) + c (d' - e')`. Runout adds on the one flank what it takes from the other, which matters where both
-//! are loaded, and carries the contact along its path, as the pair's eccentricity does. A tooth's displacement and its loss of stiffness take part in its pair's share of the
-//! load and so come and go as the pair does.
+//! comes by at each planet in turn. Errors are along the line of action, positive where they open a gap; the flank
+//! force is `k (d - e) + c (d' - e')`. Runout adds on the one flank what it takes from the other, which matters where
+//! both are loaded, and carries the contact along its path, as the pair's eccentricity does. A tooth's displacement
+//! and its loss of stiffness take part in its pair's share of the load and so come and go as the pair does.
 
 use crate::assembly::{MeshLine, System};
 use crate::stiffness::MeshStiffness;

@@ -81,8 +81,7 @@ mod tests {
 
     #[test]
     fn theory_three_inertias_of_a_shaft_have_the_textbooks_two_frequencies() {
-        // An endlessly stiff mesh (a wide face) makes gear and load of the second shaft part of the first: drive, middle
-        // and load in a row with springs k1 and k2 seen from shaft 0.
+        // A very stiff mesh (a wide face) makes one inertia of its gears: drive, gears and load with springs k1 and k2.
         let text = "[[stage]]\nkind = \"pair\"\nteeth = [30, 30]\n[[mesh]]\nmodule_mm = 10\nface_width_mm = \
             5000\nmass_kg = [1e-2, 1e-2]\ninertia_kg_m2 = [1e-3, 2e-3]\n[[shaft]]\nbearing_stiffness_n_per_m = [1e12, \
             1e12]\n[[shaft]]\nbearing_stiffness_n_per_m = [1e12, 1e12]\n[drive]\ninertia_kg_m2 = \

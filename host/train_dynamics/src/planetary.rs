@@ -98,7 +98,7 @@ impl<'m> Plan<'m> {
         let gear = |role: Role| mesh.gears.iter().copied().find(|&gear| train.gears[gear].role == role);
         let gears = [gear(Role::Sun)?, gear(Role::Planet)?, gear(Role::Ring)?];
         let speeds = |gear: usize| train.gears[gear].speed;
-        // Power enters at the driven member, whose torque turns with it; a ring's turns as the sun's, the carrier's not.
+        // Power enters at the driven member, whose torque turns with it; a ring's turns as the sun's, a carrier's not.
         let sun_torque = match input {
             Member::Sun => speeds(gears[0]).sign(),
             Member::Ring => speeds(gears[2]).sign(),

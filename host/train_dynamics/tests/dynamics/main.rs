@@ -3,6 +3,8 @@
 mod independent;
 mod pair;
 mod planetary;
+mod record;
+mod scipy;
 
 use meshband_train_dynamics::TrainMachine;
 use meshband_train_dynamics::integrate::{Course, Options, Step};
