@@ -6,12 +6,9 @@
 //! Shafts are springs against twist between neighbours; each body has springs to the ground. Limits: no bending of
 //! shafts between gears, no axial motion, no gyroscopic terms.
 
-use crate::builder::{Builder, place};
-use crate::machine::{Inertia, TrainMachine};
-use crate::planetary;
+use crate::machine::Inertia;
 use crate::stiffness::MeshStiffness;
 use crate::{Error, Result};
-use meshband_train::declaration::Stage;
 use nalgebra::{DMatrix, DVector};
 
 /// What a body is.
@@ -100,23 +97,6 @@ pub struct System {
 }
 
 impl System {
-    /// Assembles a machine.
-    ///
-    /// # Errors
-    /// Gears that cannot mesh, by stage.
-    pub fn assemble(machine: &TrainMachine) -> Result<Self> {
-        let mut builder = Builder::new(machine);
-        for stage in 0..machine.toothings.len() {
-            match &machine.train.declaration.stages[stage] {
-                Stage::Pair { internal, .. } => builder.add_pair(stage, *internal)?,
-                Stage::Planetary { .. } => planetary::add_set(&mut builder, stage)?,
-                Stage::Belt { .. } => return Err(Error::invalid(place(stage), "a belt cannot be simulated")),
-            }
-        }
-        builder.add_shafts();
-        Ok(builder.finish())
-    }
-
     /// Number of coordinates.
     pub fn len(&self) -> usize {
         self.mass.len()

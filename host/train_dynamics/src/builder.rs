@@ -1,21 +1,14 @@
-//! Puts bodies, springs and meshes of a train together.
+//! Puts bodies, springs and meshes of a train together, stage by stage.
 //!
-//! Bodies on one shaft stand in a row in the order of the stages, the drive before and the load behind them. The shafts
-//! of an idler run in bearings like those of the driven shaft. Of a row of idlers the two meshes of each are apart by
-//! what its tooth count gives, as of a planet; the phases of different stages are those of a box in which the first
-//! pair of each enters at angle 0.
+//! Bodies on one shaft stand in a row in the order of the stages, the drive before and the load behind them.
 
-use crate::Result;
 use crate::assembly::{Body, MeshLine, Part, System};
 use crate::machine::{Inertia, MeshDamping, TrainMachine};
-use crate::stiffness::{Form, Gears, MeshStiffness};
+use crate::stiffness::MeshStiffness;
 use nalgebra::{DMatrix, DVector};
 
 /// Damping ratio of a shaft or coupling that declares none, on the two inertias that it joins.
 const TORSION_DAMPING_RATIO: f64 = 0.05;
-/// Damping ratio of a bearing that declares none, on its body's mass.
-const BEARING_DAMPING_RATIO: f64 = 0.04;
-
 /// Table of a stage's toothing.
 pub(crate) fn place(stage: usize) -> String {
     format!("[[mesh]] {}", stage + 1)
@@ -74,6 +67,11 @@ impl<'m> Builder<'m> {
         self.bodies.len() - 1
     }
 
+    /// A body.
+    pub fn body(&self, body: usize) -> &Body {
+        &self.bodies[body]
+    }
+
     /// Index of a body's rotation.
     pub fn at(&self, body: usize) -> usize {
         self.bodies[body].at
@@ -128,60 +126,6 @@ impl<'m> Builder<'m> {
         };
         let transmission_error_m = toothing.transmission_error_m.clone();
         self.meshes.push(MeshLine { damping_s, transmission_error_m, ..mesh });
-    }
-
-    /// Gears of a stage on parallel shafts, idlers on bearings like those of the driven shaft.
-    pub fn add_pair(&mut self, stage: usize, internal: bool) -> Result<()> {
-        let machine = self.machine;
-        let train = &machine.train;
-        let toothing = &machine.toothings[stage];
-        let Some(mesh) = train.mesh(stage) else { return Ok(()) };
-        let mut chain = Vec::new();
-        for &gear in &mesh.gears {
-            let own = &train.gears[gear];
-            let body = self.add_body(Part::Gear(gear), own.shaft, machine.gears[gear], [own.speed.value(), 0.0]);
-            let shaft = machine.shafts[own.shaft.unwrap_or(stage + 1)];
-            let damping = shaft.bearing_damping_n_s_per_m.map_or(Damper::Ratio(BEARING_DAMPING_RATIO), Damper::Own);
-            self.support(body, shaft.bearing_n_per_m, damping);
-            chain.push((body, gear));
-        }
-        let count = chain.len() - 1;
-        let bore = |link: usize| if link == count { toothing.bore_radius_m[1] } else { toothing.bore_radius_m[0] };
-        // Position of the pitch point's passage, pairs: a driver's tooth passes on to the next mesh of an idler.
-        let mut passage = None;
-        for link in 0..count {
-            let gears = [chain[link].1, chain[link + 1].1];
-            let teeth = gears.map(|gear| train.gears[gear].teeth);
-            let is_internal = internal && link + 1 == count;
-            let form = match is_internal {
-                true => Form::Internal { pinion: teeth[0], ring: teeth[1], pinion_drives: true },
-                false => Form::External(teeth),
-            };
-            let gears_in_mesh = Gears::standard(form, [bore(link), bore(link + 1)]);
-            let curve = MeshStiffness::new(toothing, &gears_in_mesh, &place(stage))?;
-            let stiffness = self.add_stiffness(curve);
-            let pitch = self.pitch_point(stiffness);
-            let at_pitch = passage.map_or(-pitch, |before: f64| before + 0.5 * (1.0 - f64::from(teeth[0])));
-            passage = Some(at_pitch);
-            let sense = self.bodies[chain[link].0].turns.signum();
-            let line = Line { angle: toothing.centre_line_rad, sense, is_internal };
-            let alpha = toothing.transverse_pressure_angle();
-            self.add_mesh(MeshLine {
-                stage,
-                planet: None,
-                bodies: [chain[link].0, chain[link + 1].0],
-                directions: line.directions(alpha, teeth.map(|z| toothing.radius_m(z) * alpha.cos())),
-                gears,
-                teeth,
-                first_pairs: [0; 2],
-                order: mesh.order.value(),
-                phase: at_pitch + pitch,
-                stiffness,
-                damping_s: 0.0,
-                transmission_error_m: Vec::new(),
-            });
-        }
-        Ok(())
     }
 
     /// Couples the bodies of each shaft, drive and load against twist.

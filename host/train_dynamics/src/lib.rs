@@ -7,6 +7,7 @@
 
 pub mod assembly;
 mod builder;
+mod effect_text;
 pub mod effects;
 mod expansion;
 pub mod integrate;
@@ -15,6 +16,7 @@ pub mod modes;
 mod planetary;
 pub mod sensor;
 pub mod simulate;
+mod stages;
 pub mod stiffness;
 mod terms;
 

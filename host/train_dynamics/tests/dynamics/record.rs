@@ -123,7 +123,8 @@ fn fault_runs_are_refused_with_what_is_wrong() {
         change(&mut run);
         simulate(&machine, &run).expect_err("refused").to_string()
     };
-    let cases: [(&str, &dyn Fn(&mut Run)); 13] = [
+    type Change<'a> = &'a dyn Fn(&mut Run);
+    let cases: [(&str, Change); 13] = [
         ("rate", &|run| run.rate_hz = 10.0),
         ("duration", &|run| run.duration_s = f64::NAN),
         ("load torque", &|run| run.load_torque_n_m = -3.0),
