@@ -8,13 +8,14 @@
 //! `(zp - 1) / 2` pairs from pitch point to pitch point, because opposite flanks of its teeth are loaded; a profile
 //! shift changes the tooth's thickness and with it this constant.
 
-use crate::Result;
 use crate::assembly::{MeshLine, Part};
 use crate::builder::{Builder, Damper, Line, place};
 use crate::machine::{Set, Toothing};
 use crate::stiffness::{Form, Gears, MeshStiffness};
+use crate::{Error, Result};
 use meshband_mechanics::machine::involute;
 use meshband_train::declaration::{Member, Stage};
+use meshband_train::phasing::can_be_assembled;
 use meshband_train::{Fraction, Role};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -55,6 +56,9 @@ impl Circle {
     }
 }
 
+/// Working pressure angles of a set that can be cut, degrees.
+const WORKING_ANGLES_DEG: std::ops::RangeInclusive<f64> = 10.0..=35.0;
+
 /// A set's declaration with what follows from it.
 struct Plan<'m> {
     stage: usize,
@@ -77,6 +81,7 @@ struct Plan<'m> {
 /// Adds the set of a stage.
 pub(crate) fn add_set(builder: &mut Builder, stage: usize) -> Result<()> {
     let Some(plan) = Plan::of(builder, stage) else { return Ok(()) };
+    plan.check(builder)?;
     let [sun, ring, carrier] = plan.add_members(builder);
     let curves = plan.curves()?.map(|curve| builder.add_stiffness(curve));
     for (number, &turns) in plan.places.iter().enumerate() {
@@ -119,6 +124,25 @@ impl<'m> Plan<'m> {
             sun_torque: sun_torque as f64,
             sun_way: train.gears[gears[0]].rate.sign() as f64,
         })
+    }
+
+    /// Whether the planets can be put in.
+    fn check(&self, builder: &Builder) -> Result<()> {
+        let refuse = |key: &str, what: String| Err(Error::invalid(format!("[[stage]] {} {key}", self.stage + 1), what));
+        let mesh = builder.machine.train.mesh(self.stage);
+        let carrier = mesh.and_then(|mesh| mesh.carrier.as_ref());
+        let [sun, planet, ring] = self.teeth;
+        if carrier.is_some_and(|carrier| !can_be_assembled(sun, carrier)) {
+            let what = format!("{sun} + {ring} teeth leave no room for planets at these places");
+            return refuse("planets", what);
+        }
+        let angles = self.circle.pressure_angles.map(f64::to_degrees);
+        if let Some(angle) = angles.iter().find(|angle| !WORKING_ANGLES_DEG.contains(*angle)) {
+            let what =
+                format!("{ring} teeth about {sun} + 2 x {planet} need a working pressure angle of {angle:.1} degrees");
+            return refuse("ring", what);
+        }
+        Ok(())
     }
 
     /// Whether the sun drives the planets against the carrier, and they the ring.

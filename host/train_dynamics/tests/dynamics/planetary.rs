@@ -68,6 +68,20 @@ fn theory_modes_are_rotational_translational_in_pairs_and_planet_modes_by_number
 }
 
 #[test]
+fn fault_sets_that_cannot_be_put_together_are_refused_with_the_key() {
+    let refused = |sun: u32, ring: u32, planets: u32| {
+        let text = format!(
+            "[[stage]]\nkind = \"planetary\"\nsun = {sun}\nplanet = 27\nring = {ring}\nplanets = {planets}\nfixed = \
+             \"ring\"\ninput = \"sun\"\n[[mesh]]\nmodule_mm = 2\nface_width_mm = 25\n"
+        );
+        let machine = TrainMachine::parse(&text, "set").expect("a machine");
+        System::assemble(&machine).expect_err("refused").to_string()
+    };
+    assert!(refused(27, 81, 5).contains("[[stage]] 1 planets"), "{}", refused(27, 81, 5));
+    assert!(refused(27, 96, 3).contains("[[stage]] 1 ring"), "{}", refused(27, 96, 3));
+}
+
+#[test]
 fn theory_a_mesh_harmonic_moves_the_modes_of_its_symmetry_class_only() {
     for teeth in SETS {
         for harmonic in 1..=4 {
