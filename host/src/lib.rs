@@ -18,3 +18,4 @@ pub use meshband_record::{data_quality, field, import, part, predict, record};
 pub use meshband_signal::{pulses, spectral};
 pub use meshband_signal_based as signal_based;
 pub use meshband_train as train;
+pub use meshband_train_dynamics as train_dynamics;

@@ -16,7 +16,7 @@ type Module = Vec<String>;
 type Graph = BTreeMap<String, BTreeMap<String, String>>;
 
 /// Crates of the host, by their folders.
-const CRATES: [&str; 10] = [
+const CRATES: [&str; 11] = [
     "analysis",
     "common",
     "law",
@@ -26,6 +26,7 @@ const CRATES: [&str; 10] = [
     "record",
     "signal",
     "signal_based",
+    "train_dynamics",
     "validate",
 ];
 

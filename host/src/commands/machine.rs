@@ -14,6 +14,7 @@ use meshband_host::results::{Force, Results};
 use meshband_host::speed::Speed;
 use meshband_host::stiffness::report::Report as Stiffness;
 use meshband_host::terminal::{Progress, table};
+use meshband_host::train_dynamics::TrainMachine;
 use meshband_host::{Error, Result, budget, remark, say, train};
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -299,7 +300,11 @@ fn check(args: &Check) -> Result<()> {
     let file = if args.machine.is_dir() { args.machine.join("record.toml") } else { args.machine.clone() };
     let declaration = budget::read_text(&file)?;
     if train::page::declares_train(&declaration) {
-        let train = train::page::read(&file.display().to_string(), &declaration)?;
+        let place = file.display().to_string();
+        let train = match TrainMachine::is_declared(&declaration) {
+            true => TrainMachine::parse(&declaration, &place)?.train,
+            false => train::page::read(&place, &declaration)?,
+        };
         if !(args.turns.is_finite() && args.turns >= 1.0) {
             return Err(Error::invalid("--turns", format!("{} is no number of turns", args.turns)));
         }

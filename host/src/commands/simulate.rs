@@ -1,6 +1,7 @@
 //! `meshband simulate`: a record folder of a simulated machine, one run per pair of speed and torque.
 
 mod field;
+mod train;
 
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::budget::ALL_STEPS;
@@ -106,6 +107,9 @@ struct Point {
 
 /// Simulates the runs and writes the record.
 pub fn run(args: Args) -> Result<()> {
+    if train::is_train(&args)? {
+        return train::run(&args);
+    }
     if args.field.is_some() {
         return field::run(&args);
     }
@@ -182,14 +186,12 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
                 motions.push((Motion::Constant { speed_hz, turns_at_zero: 0.0 }, format!("{speed_hz}")));
             }
         }
-        [from_hz, to_hz, duration_s] => {
-            if [from_hz, to_hz, duration_s].iter().any(|x| !(x.is_finite() && *x > 0.0)) {
-                return Err(Error::invalid("--run-up", "speeds and duration must be positive numbers"));
-            }
+        _ => {
+            let (motion, duration_s) = run_up(&args.run_up)?;
             default_s = duration_s;
-            motions.push((Motion::RunUp { from_hz, to_hz, duration_s }, format!("{from_hz} to {to_hz}")));
+            let text = format!("{} to {}", args.run_up[0], args.run_up[1]);
+            motions.push((motion, text));
         }
-        _ => return Err(Error::invalid("--run-up", "needs FROM,TO,SECONDS")),
     }
     let hunting = Hunting::of(machine.pair.teeth).turns;
     let mut points = Vec::new();
@@ -207,6 +209,17 @@ fn points(args: &Args, machine: &Machine) -> Result<(Vec<Point>, f64)> {
         }
     }
     Ok((points, default_s))
+}
+
+/// A run-up from its option, with its duration, s.
+fn run_up(option: &[f64]) -> Result<(Motion, f64)> {
+    let &[from_hz, to_hz, duration_s] = option else {
+        return Err(Error::invalid("--run-up", "needs FROM,TO,SECONDS"));
+    };
+    if [from_hz, to_hz, duration_s].iter().any(|x| !(x.is_finite() && *x > 0.0)) {
+        return Err(Error::invalid("--run-up", "speeds and duration must be positive numbers"));
+    }
+    Ok((Motion::RunUp { from_hz, to_hz, duration_s }, duration_s))
 }
 
 /// Refuses what is no machine for this rate, and what would take for ever.

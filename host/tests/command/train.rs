@@ -109,3 +109,57 @@ fn fault_a_train_whose_tachometer_is_not_in_the_file_is_refused_with_the_remedy(
     let record = text(&folder.join("record"));
     refused(&["import", &text(&wav), "--train", &text(&train), "-o", &record], &["--tach", "--no-tach"]);
 }
+
+/// A record that the simulator makes of a train machine of the project.
+fn simulated(name: &str, machine: &str, options: &[&str]) -> PathBuf {
+    let record = folder(name).join("record");
+    let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../machines/{machine}.toml"));
+    let (machine, output) = (text(&machine), text(&record));
+    let fixed = ["simulate", &machine, "--rate", "10240", "--noise", "0.02", "-o", &output];
+    accepted(&[&fixed[..], options].concat());
+    record
+}
+
+#[test]
+fn loop_a_simulated_train_is_a_record_whose_runout_diagnose_names() {
+    let effect = "runout:gear=2,amplitude=4e-5";
+    let record = simulated("train-simulated", "train-two-stage", &["--duration", "24", "--effect", effect]);
+    let declared = std::fs::read_to_string(record.join("record.toml")).expect("a record");
+    assert!(declared.contains("train_shaft = 0") && declared.contains("[[stage]]"), "{declared}");
+    assert!(declared.contains("bearing of pinion of stage 1, y"), "{declared}");
+    let found = accepted(&["diagnose", &text(&record)]);
+    assert!(found.contains("named: pinion of stage 2: runout or pitch error"), "{found}");
+    let sound =
+        accepted(&["diagnose", &text(&simulated("train-simulated-sound", "train-two-stage", &["--duration", "24"]))]);
+    assert!(sound.contains("nothing beyond the mesh"), "{sound}");
+}
+
+#[test]
+fn claim_a_train_machine_is_checked_as_its_train_and_by_its_own_keys() {
+    let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/train-two-stage.toml");
+    assert!(accepted(&["machine", "check", &text(&machine)]).contains("437/4697"));
+    let wrong = folder("train-machine").join("wrong.toml");
+    let source = std::fs::read_to_string(machine).expect("a machine");
+    std::fs::write(&wrong, source.replace("module_mm = 2.5", "module_mm = -2.5")).expect("written");
+    refused(&["machine", "check", &text(&wrong)], &["[[mesh]] 2 module_mm"]);
+}
+
+#[test]
+fn claim_a_simulated_planetary_set_is_analysed_with_its_train() {
+    let record = simulated("train-planetary", "train-planetary", &["--duration", "4"]);
+    let analysed = accepted(&["analyse", &text(&record)]);
+    assert!(analysed.contains("mesh of stage 1"), "{analysed}");
+}
+
+#[test]
+fn fault_options_of_pairs_are_refused_for_trains_with_the_remedy() {
+    let machine = text(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/train-two-stage.toml"));
+    let record = text(&folder("train-refused").join("record"));
+    let with = |options: &[&str], words: &[&str]| {
+        refused(&[&["simulate", &machine, "-o", &record][..], options].concat(), words);
+    };
+    with(&["--effect", "eccentricity:amplitude=1e-5"], &["--effect eccentricity", "one of"]);
+    with(&["--effect", "runout:gear=9,amplitude=1e-5"], &["gear 9"]);
+    with(&["--torque", "-3"], &["load torque"]);
+    with(&["--duration", "0.01"], &["--duration", "tach edges"]);
+}
