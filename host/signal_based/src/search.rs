@@ -294,7 +294,8 @@ impl Search {
             candidate.kind = Kind::SingleTooth(shaft);
         }
         let either_hz = either_hz(&candidate, &verdict, scene, views);
-        let or_else = train::rivals(&candidate, &verdict, &context, views, &self.taken);
+        let field = views.field(&self.taken, candidate.domain, 0..scene.searched);
+        let or_else = train::rivals(&candidate, &verdict.score.of_places, &context, &field);
         Some(Adopted { candidate, verdict, pulse, carries: Vec::new(), either_hz, slip: Slip::default(), or_else })
     }
 

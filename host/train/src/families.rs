@@ -80,6 +80,8 @@ pub struct Family {
     pub base: f64,
     /// Its lines.
     pub lines: Vec<FaultLine>,
+    /// Lines that the fault has as well where another part is the likelier owner: it is not found by them.
+    pub shared: Vec<FaultLine>,
 }
 
 impl Family {
@@ -132,7 +134,7 @@ fn modulation(train: &Train, mesh: &Mesh, index: usize, most: usize, highest: f6
     let gear = &train.gears[index];
     let rate = gear.rate.magnitude().value();
     let lines = beside(mesh, rate, most, highest, gear);
-    Family { what: What::Modulation, seat: Seat::Gear(index), base: rate, lines }
+    Family { what: What::Modulation, seat: Seat::Gear(index), base: rate, lines, shared: Vec::new() }
 }
 
 /// One tooth, at its own rate and, where every contact is alike, at that of all contacts.
@@ -142,12 +144,18 @@ fn local(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Vec<Family> 
     let family = |rate: f64| {
         let most = if mesh.carrier.is_some() { SET_TOOTH_SIDEBANDS } else { TOOTH_SIDEBANDS };
         let most = most.min((0.5 * mesh.order.value() / rate) as usize).max(1);
-        let mut lines = beside(mesh, rate, most, highest, gear);
-        lines.extend(below(mesh, gear, rate, most));
-        lines.retain(|line| line.order <= highest && !is_of_neighbour(train, mesh, index, line.order));
-        lines.sort_by(|a, b| a.order.total_cmp(&b.order));
-        lines.dedup_by(|a, b| (a.order - b.order).abs() < 1e-9);
-        Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines }
+        let [low, high] = below(mesh, gear, rate, most);
+        let mut all = beside(mesh, rate, most, highest, gear);
+        all.extend(high);
+        let (mut shared, mut lines): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|line| is_of_neighbour(train, mesh, index, line.order));
+        shared.extend(low);
+        for lines in [&mut lines, &mut shared] {
+            lines.retain(|line| line.order > 0.0 && line.order <= highest);
+            lines.sort_by(|a, b| a.order.total_cmp(&b.order));
+            lines.dedup_by(|a, b| (a.order - b.order).abs() < 1e-9);
+        }
+        Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines, shared }
     };
     if rate == 0.0 {
         return Vec::new();
@@ -160,15 +168,18 @@ fn local(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Vec<Family> 
 }
 
 /// The comb below the sidebands of the first mesh harmonic: a push as long as a pitch reaches up to it. Of a gear that
-/// several planets meet in turn, equal planets leave one carrier order at each multiple.
-fn below(mesh: &Mesh, gear: &Gear, rate: f64, most: usize) -> Vec<FaultLine> {
+/// several planets meet in turn, equal planets leave one carrier order at each multiple. Low multiples, which a shaft
+/// may have, come first, by themselves; none of a gear that turns with a shaft: they are that shaft's.
+fn below(mesh: &Mesh, gear: &Gear, rate: f64, most: usize) -> [Vec<FaultLine>; 2] {
     let carrier = mesh.carrier.as_ref().filter(|carrier| carrier.speed.sign() != 0);
     let last = ((mesh.order.value() / rate).round() as usize).saturating_sub(most + 1);
     let last = if mesh.carrier.is_some() { last.min(COMB_OF_SET) } else { last };
     let word = gear.role.word();
     let contacts = (rate / gear.rate.magnitude().value()).round() as i64;
-    let mut lines = Vec::new();
-    for n in COMB_FROM..=last {
+    let mut both = [Vec::new(), Vec::new()];
+    let first = if gear.shaft.is_none() { 1 } else { COMB_FROM };
+    for n in first..=last {
+        let lines = &mut both[usize::from(n >= COMB_FROM)];
         let order = n as f64 * rate;
         lines.push(FaultLine { order, spacing: order, label: format!("{n} {word}") });
         let Some(carrier) = carrier else { continue };
@@ -182,7 +193,7 @@ fn below(mesh: &Mesh, gear: &Gear, rate: f64, most: usize) -> Vec<FaultLine> {
             lines.push(FaultLine { order, spacing: order, label: format!("{n} {word} {sign} {} carrier", m.abs()) });
         }
     }
-    lines
+    both
 }
 
 /// Whether an order stands beside a mesh harmonic of another gear on the same shaft, where that gear is the likelier
@@ -223,7 +234,7 @@ fn of_ring(train: &Train, mesh: &Mesh, index: usize, highest: f64) -> Family {
     lines.retain(|line| line.order > 0.0 && line.order <= highest);
     lines.sort_by(|a, b| a.order.total_cmp(&b.order));
     lines.dedup_by(|a, b| (a.order - b.order).abs() < 1e-9);
-    Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines }
+    Family { what: What::Local, seat: Seat::Gear(index), base: rate, lines, shared: Vec::new() }
 }
 
 /// `k fm +- n rate`, of a turning carrier `+- m fc` as well, but for what a sound mesh has.
@@ -288,7 +299,7 @@ fn of_shaft(train: &Train, shaft: usize, most: usize) -> Family {
         .filter(|(_, order)| *order < LOW_ORDER_SHARE * lowest_mesh.max(own / LOW_ORDER_SHARE + own));
     let lines =
         orders.map(|(n, order)| FaultLine { order, spacing: order, label: format!("{n} shaft {shaft}") }).collect();
-    Family { what: What::Shaft, seat: Seat::Shaft(shaft), base: own, lines }
+    Family { what: What::Shaft, seat: Seat::Shaft(shaft), base: own, lines, shared: Vec::new() }
 }
 
 #[cfg(test)]
@@ -333,6 +344,8 @@ mod tests {
         }
         assert!(!has(gear, 3.0 * rate), "the shaft's");
         assert!(!has(gear, 16.0 * rate) && has(pinion, 16.0 * rate), "beside the mesh of stage 2");
+        let shares = |n: f64| gear.shared.iter().any(|line| (line.order - n * rate).abs() < 1e-9);
+        assert!(shares(16.0) && !shares(3.0) && !shares(13.0), "the pinion's line may be the gear's");
         assert!(!has(gear, 12.0 * rate) && !has(pinion, 12.0 * rate), "the coupling's second harmonic");
     }
 
@@ -345,6 +358,8 @@ mod tests {
         assert_eq!(planet.len(), 2, "one contact and both");
         let has = |order: f64| planet[0].lines.iter().any(|line| (line.order - order).abs() < 1e-9);
         assert!(has(mesh + rate) && has(mesh - 2.0 * rate + pass));
+        let shares = |order: f64| planet[0].shared.iter().any(|line| (line.order - order).abs() < 1e-9);
+        assert!(!has(4.0 * rate) && shares(4.0 * rate), "no shaft turns at a planet's rate, another part may");
         for family in &all {
             for line in &family.lines {
                 assert!((line.order - 96.0 * pass).abs() > 1e-9, "{} owns a sound line", family.words(&train));

@@ -11,6 +11,7 @@ mod neighbours;
 mod run_up;
 mod stages;
 mod strength;
+mod trains;
 
 use generator::{BENCH, Bench, Impacts, Line};
 use meshband_host::record::Record;
