@@ -15,7 +15,8 @@ use meshband_host::speed::Speed;
 use meshband_host::stiffness::report::Report as Stiffness;
 use meshband_host::terminal::{Progress, table};
 use meshband_host::train_dynamics::TrainMachine;
-use meshband_host::{Error, Result, budget, remark, say, train};
+use meshband_host::train_dynamics::stage_pair::pair_of_stage;
+use meshband_host::{Error, Result, budget, remark, say, text, train};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::io::{IsTerminal, Write};
@@ -36,6 +37,9 @@ enum Action {
     /// Explains a machine: contact, hunting period, natural frequencies with modes, stiffness beside ISO 6336, domain
     /// of its law.
     Check(Check),
+    /// One spur stage of a train machine as a pair's machine file, the rest of the train rigid: for its law, for
+    /// model-based inference.
+    Stage(Stage),
     /// Every key of a machine file with unit and meaning.
     Keys {
         /// As a Markdown table.
@@ -92,6 +96,19 @@ struct New {
     permission: Force,
 }
 
+#[derive(ClapArgs)]
+struct Stage {
+    /// Train machine file.
+    machine: PathBuf,
+    /// Stage, counted from 1.
+    stage: usize,
+    /// Machine file to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    permission: Force,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum BearingKind {
     Ball,
@@ -115,8 +132,19 @@ pub fn run(args: Args) -> Result<()> {
     match args.action {
         Action::New(args) => new(&args),
         Action::Check(args) => check(&args),
+        Action::Stage(args) => stage(&args),
         Action::Keys { markdown } => show(&if markdown { keys::markdown() } else { keys::reference() }),
     }
+}
+
+fn stage(args: &Stage) -> Result<()> {
+    let mut file = args.permission.outputs([args.machine.as_path()]).file(&args.output)?;
+    let machine = TrainMachine::read(&args.machine)?;
+    let pair = pair_of_stage(&machine, args.stage)?;
+    let what = |error: toml::ser::Error| Error::invalid(args.machine.display(), text::one_line(&error.to_string()));
+    let tables = toml::to_string(&pair).map_err(what)?;
+    file.write(format!("# Stage {} of {}, the rest of the train rigid.\n{tables}", args.stage, pair.title))?;
+    say!("written: {}, {} and {} teeth", args.output.display(), pair.pair.teeth[0], pair.pair.teeth[1])
 }
 
 fn new(args: &New) -> Result<()> {

@@ -1,5 +1,7 @@
 //! `meshband predict`: what the declared machine gives for each run of a record.
 
+mod train;
+
 use clap::Args as ClapArgs;
 use meshband_host::dynamics::assembly::{Damping, Model};
 use meshband_host::dynamics::rig::{PARTS, Rig};
@@ -31,7 +33,8 @@ pub struct Args {
     /// Model: bending-torsional, bending-torsional-6 or casing.
     #[arg(long, default_value = "bending-torsional")]
     model: Model,
-    /// Machine to predict with in place of the record's own, such as the one `meshband loop --apply` writes.
+    /// Machine to predict with in place of the record's own, such as the one `meshband loop --apply` writes; of a
+    /// record of a train the train machine, which it needs.
     #[arg(long)]
     machine: Option<PathBuf>,
     /// File of `[[effect]]` tables added to the machine, as `meshband loop --apply` writes it.
@@ -50,11 +53,13 @@ struct Outcome {
     run: String,
     input_torque_n_m: Option<f64>,
     /// RMS of what remains below 15 kHz over the measured AC RMS there, per channel.
-    remaining: [f64; 2],
+    remaining: Vec<f64>,
     /// Predicted over measured AC RMS below 15 kHz, dB, per channel: what can be compared of effects whose phase is
     /// free in every run.
-    level_db: [f64; 2],
-    statistics: Statistics,
+    level_db: Vec<f64>,
+    /// Of the pair's solver.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    statistics: Option<Statistics>,
     #[serde(skip)]
     spectra: Vec<[Series; 3]>,
 }
@@ -70,6 +75,9 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::invalid(args.record.display(), "has no [[run]] to predict"));
     }
     let names = names(&record)?;
+    if let Some(machine) = train::machine(&args, &record)? {
+        return train::run(&args, &record, &machine, (&names, folder, files));
+    }
     let mut predictor = Predictor::new(&record, args.model, Damping::Declared)?;
     if let Some(path) = &args.machine {
         predictor.rig = Rig::new(&Machine::read(path)?, args.model, Damping::Declared)?;
@@ -88,7 +96,7 @@ pub fn run(args: Args) -> Result<()> {
             let (channels, statistics) = predictor.predict(run, &effects)?;
             let values: Vec<f32> = (0..run.samples()).flat_map(|i| channels.iter().map(move |c| c[i] as f32)).collect();
             folder.write(name, npy::bytes_f32(&values, channels.len()))?;
-            Ok(compare(run, &channels, statistics, drawn))
+            Ok(compare(run, &channels, Some(statistics), drawn))
         })
         .collect::<Result<_>>()?;
     predictor.rig.progress = None;
@@ -99,13 +107,14 @@ pub fn run(args: Args) -> Result<()> {
             let torque = o.input_torque_n_m.map_or(String::new(), |t| t.to_string());
             // A silent channel has no level to compare with.
             let or_dash = |x: f64, text: String| if x.is_finite() { text } else { "-".into() };
-            let [first, second] = o.remaining.map(|r| or_dash(r, format!("{:.3}", 100.0 * r)));
-            let [level, other] = o.level_db.map(|l| or_dash(l, format!("{l:+.3}")));
-            vec![o.run.clone(), torque, first, second, level, other]
+            let remaining = o.remaining.iter().map(|&r| or_dash(r, format!("{:.3}", 100.0 * r)));
+            let levels = o.level_db.iter().map(|&l| or_dash(l, format!("{l:+.3}")));
+            [o.run.clone(), torque].into_iter().chain(remaining).chain(levels).collect()
         })
         .collect();
     let head = ["run", "torque, N m", "pinion channel, %", "gear channel, %", "pinion level, dB", "gear level, dB"];
-    files.write(&outcomes, || report(&args, &outcomes, &head, &rows))?;
+    let channels = ["pinion channel", "gear channel"].map(String::from);
+    files.write(&outcomes, || report(&args, &outcomes, &channels, (&head, &rows)))?;
     say!("remaining below 15 kHz, of the measured AC RMS; predicted level less measured")?;
     show(&terminal::table(&head, &rows))
 }
@@ -122,8 +131,13 @@ fn names(record: &Record) -> Result<Vec<String>> {
     }
 }
 
-fn report(args: &Args, outcomes: &[Outcome], head: &[&str], rows: &[Vec<String>]) -> Result<Report> {
-    let worst = outcomes.iter().flat_map(|o| o.remaining).fold(0.0, f64::max);
+fn report(
+    args: &Args,
+    outcomes: &[Outcome],
+    channels: &[String],
+    (head, rows): (&[&str], &[Vec<String>]),
+) -> Result<Report> {
+    let worst = outcomes.iter().flat_map(|o| &o.remaining).copied().fold(0.0, f64::max);
     let mut report = Report::new("Prediction", &args.record.display().to_string())
         .figure("Runs", outcomes.len())
         .figure("Largest remainder", format!("{:.3} %", 100.0 * worst))
@@ -132,7 +146,7 @@ fn report(args: &Args, outcomes: &[Outcome], head: &[&str], rows: &[Vec<String>]
     for outcome in outcomes {
         for (channel, spectra) in outcome.spectra.iter().enumerate() {
             let axes = Axes { x: "frequency, Hz", y: "acceleration, dB re 1 m/s2" };
-            let title = format!("{}, {} channel", outcome.run, ["pinion", "gear"][channel.min(1)]);
+            let title = format!("{}, {}", outcome.run, channels.get(channel).map_or("channel", String::as_str));
             let svg = spectrum(spectra, &[], 1.0, 110.0, axes)?;
             report = report.section(&title).picture(&svg, "Amplitude spectra: measured, predicted, and what remains.");
         }
@@ -140,8 +154,8 @@ fn report(args: &Args, outcomes: &[Outcome], head: &[&str], rows: &[Vec<String>]
     Ok(report)
 }
 
-fn compare(run: &Run, predicted: &[Vec<f64>; 2], statistics: Statistics, drawn: bool) -> Outcome {
-    let (mut remaining, mut level_db) = ([0.0; 2], [0.0; 2]);
+fn compare(run: &Run, predicted: &[Vec<f64>], statistics: Option<Statistics>, drawn: bool) -> Outcome {
+    let (mut remaining, mut level_db) = (vec![0.0; predicted.len()], vec![0.0; predicted.len()]);
     let mut spectra = Vec::new();
     for (channel, predicted) in predicted.iter().enumerate().take(run.channels()) {
         let measured = run.signal_m_s2(channel);

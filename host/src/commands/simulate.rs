@@ -3,6 +3,8 @@
 mod field;
 mod train;
 
+pub use train::RING_PLACE_TURNS;
+
 use clap::{Args as ClapArgs, ValueEnum};
 use meshband_host::budget::ALL_STEPS;
 use meshband_host::dynamics::assembly::{Damping, Model};

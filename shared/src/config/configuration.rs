@@ -413,8 +413,9 @@ impl ConfigurationError {
                  second on an STM32F405: lower it, or take a coarser wheel or track"
             }
             Self::Train => {
-                "needs stages of 1 to 4 that do not descend, 12 to 1000 teeth (mate: 4 to 1000), whole turns in a \
-                 ratio of 0.001 to 1000, laws below a turn and a second, and alarms of gears that are listed"
+                "needs stages of 1 to 4 that do not descend, 12 to 800 teeth (mate: 4 to 1000), whole turns in a \
+                 ratio of 0.001 to 1000 and at most one per tach pulse, laws below a turn and a second, and alarms of \
+                 gears that are listed on MeshAmplitude, SidebandEnergyRatio, Fm0 or Fm4"
             }
             Self::HighestOfTwo => "must be lower with a second sensor: what this board keeps up with on two channels",
         }
@@ -589,8 +590,8 @@ impl Configuration {
             ensure(alarm.is_sane(side) && watches_something, E::Alarm(index as u8))?;
         }
         ensure(self.modes.len() <= self.alarms.len(), E::Modes)?;
-        let per_tach = tach.pinion_per_tach;
-        ensure(train::are_sane(&self.train, &self.stage_laws, &self.alarm_gears, per_tach), E::Train)?;
+        let of_alarms = (self.alarms.as_slice(), self.alarm_gears.as_slice());
+        ensure(train::are_sane(&self.train, &self.stage_laws, of_alarms, tach), E::Train)?;
         ensure(watch::are_sane(self.range, &self.sensor_check, self.velocity_from), E::Sensor)?;
         ensure(self.holding.is_sane(), E::Holding)?;
         ensure(self.pass.is_sane(self.limits.analogue_stop), E::PassBand)?;

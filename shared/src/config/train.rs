@@ -5,22 +5,25 @@
 //! set the turns count against the carrier, with which sun, planet and ring pass as many teeth as each other; the ring
 //! is then followed once per turn of the carrier. Names of shafts and stages are the host's business.
 
-use super::MAX_ALARMS;
+use super::TachWheel;
+use crate::alarm::AlarmBand;
 use crate::law::RISE_TIME_CONSTANT;
 use crate::math;
 use crate::tach::turn_marks::Ratio;
 use crate::units::Hertz;
-use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Most gears of a train beside the pinion.
 pub const MAX_TRAIN_GEARS: usize = 5;
 /// Most stages beside the pinion's.
 pub const MAX_FURTHER_STAGES: usize = 3;
-/// Teeth of a gear that is followed: with fewer the bands of neighbouring mesh harmonics would overlap.
-pub const TEETH: core::ops::RangeInclusive<u16> = 12..=1000;
+/// Teeth of a gear that is followed: with fewer the bands of neighbouring mesh harmonics would overlap, with more none
+/// has samples enough.
+pub const TEETH: core::ops::RangeInclusive<u16> = 12..=800;
 /// Teeth of its mate.
 pub const MATE_TEETH: core::ops::RangeInclusive<u16> = 4..=1000;
+/// Most turns of a gear from one tach pulse to the next: its turns must still be held when the mark comes.
+const MAX_TURNS_PER_PULSE: f32 = 1.0;
 /// Turns of a gear per turn of the pinion, either way.
 const TURNS: core::ops::RangeInclusive<f32> = 0.001..=1000.0;
 /// Ramp angles of an engagement edge, turns of the gear.
@@ -33,7 +36,7 @@ const MODE_RISE_S: core::ops::Range<f32> = 0.0..1.0;
 pub struct TrainGear {
     /// Its stage, from 1: gears of one stage share their mesh.
     pub stage: u8,
-    /// Its teeth, 12 to 1000.
+    /// Its teeth, 12 to 800.
     pub teeth: u16,
     /// Teeth of its mate, 4 to 1000.
     pub mate_teeth: u16,
@@ -64,12 +67,15 @@ impl TrainGear {
         Hertz(self.per_pinion_turn() * pinion.0)
     }
 
-    fn is_sane(&self, pinion_per_tach: f32) -> bool {
+    fn is_sane(&self, tach: &TachWheel) -> bool {
+        let pinion_per_tach = tach.pinion_per_tach;
+        let per_pulse = self.per_pinion_turn() * pinion_per_tach / f32::from(tach.pulses_per_turn.max(1));
         let turns = self.turns > 0 && self.pinion_turns > 0 && TURNS.contains(&self.per_pinion_turn());
         let teeth = TEETH.contains(&self.teeth) && MATE_TEETH.contains(&self.mate_teeth);
         // The marks count turns of the gear in 32 bits.
         let marks = || Ratio::of(pinion_per_tach).times(self.turns, self.pinion_turns).is_some();
-        (1..=1 + MAX_FURTHER_STAGES as u8).contains(&self.stage) && teeth && turns && marks()
+        let stage = (1..=1 + MAX_FURTHER_STAGES as u8).contains(&self.stage);
+        stage && teeth && turns && per_pulse <= MAX_TURNS_PER_PULSE && marks()
     }
 }
 
@@ -97,15 +103,19 @@ pub fn bandwidth_hz(gears: &[TrainGear], laws: &[StageLaw], harmonics: f32, pini
     firsts.map(|(_, gear)| of(gear)).fold(0.0, f32::max)
 }
 
-/// Whether gears, laws and the gears of alarms can be used: stages do not descend, and alarms watch gears there are.
+/// Whether gears, laws and the gears of alarms can be used: stages do not descend, and alarms watch gears there are,
+/// by quantities that gears have.
 pub(super) fn are_sane(
     gears: &[TrainGear],
     laws: &[StageLaw],
-    alarm_gears: &Vec<u8, MAX_ALARMS>,
-    pinion_per_tach: f32,
+    (alarms, alarm_gears): (&[AlarmBand], &[u8]),
+    tach: &TachWheel,
 ) -> bool {
     let ascending = gears.windows(2).all(|pair| pair[0].stage <= pair[1].stage);
     let laws = laws.iter().all(|law| RAMP_TURNS.contains(&law.ramp_turns) && MODE_RISE_S.contains(&law.mode_rise_s));
-    let alarms = alarm_gears.iter().all(|gear| usize::from(*gear) <= gears.len());
-    ascending && laws && alarms && gears.iter().all(|gear| gear.is_sane(pinion_per_tach))
+    let is_of_gear = |(band, gear): (&AlarmBand, &u8)| *gear == 0 || band.watched.is_of_gear();
+    let alarms = alarm_gears.len() <= alarms.len()
+        && alarm_gears.iter().all(|gear| usize::from(*gear) <= gears.len())
+        && alarms.iter().zip(alarm_gears).all(is_of_gear);
+    ascending && laws && alarms && gears.iter().all(|gear| gear.is_sane(tach))
 }

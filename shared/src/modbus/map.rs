@@ -121,7 +121,9 @@ impl<'a> View<'a> {
     #[inline(never)]
     fn further(&self, index: usize) -> &FurtherGear {
         static NONE: FurtherGear = FurtherGear::NONE;
-        self.bank.train.get(index).and_then(|kept| kept.latest.as_ref()).unwrap_or(&NONE)
+        let configured = self.train.get(index);
+        let kept = self.bank.train.get(index).and_then(|kept| kept.latest.as_ref());
+        kept.filter(|_| configured.is_some()).unwrap_or(&NONE)
     }
 
     #[inline(never)]

@@ -49,6 +49,12 @@ pub enum Watched {
 }
 
 impl Watched {
+    /// Whether every gear of a train has it.
+    pub fn is_of_gear(self) -> bool {
+        use Watched::{Fm0, Fm4, MeshAmplitude, SidebandEnergyRatio};
+        matches!(self, Fm0 | Fm4 | SidebandEnergyRatio | MeshAmplitude)
+    }
+
     /// Whether it is a value of the second sensor.
     pub fn is_of_second(self) -> bool {
         use Watched::{SecondCrest, SecondKurtosis, SecondPeak, SecondRms, SecondVelocityRms};

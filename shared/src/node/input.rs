@@ -179,7 +179,8 @@ impl<A: Arrays> Node<A> {
     /// A node that measures and completes nothing says so, and is back at settling until a record comes: pulses at
     /// places of no wheel, or a speed that changes faster than a record can follow.
     pub(super) fn watch_records(&mut self) {
-        if self.state != State::Measuring || !self.tach_locked {
+        // Of a train the round looks after it.
+        if self.state != State::Measuring || !self.tach_locked || !self.config.train.is_empty() {
             return;
         }
         let followed = self.round.followed(&self.config);
@@ -209,7 +210,9 @@ impl<A: Arrays> Node<A> {
         }
         let followed = self.round.followed(&self.config);
         let wanted = mesh_band::average_turns(followed.teeth, followed.mate_teeth).0;
-        if self.arrays.buffers_mut().chain.average().turns() >= wanted {
+        // Of a train the record comes first: what the average says of sidebands is that record's.
+        let may_finish = self.config.train.is_empty() || self.round.has_bands();
+        if may_finish && self.arrays.buffers_mut().chain.average().turns() >= wanted {
             self.finish_average();
         }
     }

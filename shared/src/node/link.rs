@@ -199,6 +199,7 @@ impl<A: Arrays> Node<A> {
         self.config = Configuration { latched: 0, sensor_latched: false, ..config };
         self.watch = Watch::new(&self.config, self.next_tick);
         self.round = TrainRound::new(&self.config);
+        self.round_ended = false;
         let followed = self.round.followed(&self.config);
         mesh_band::configure(&mut self.arrays.buffers_mut().chain, &followed, self.clock);
         self.take_over_wide();

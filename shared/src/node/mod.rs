@@ -194,6 +194,8 @@ pub struct Node<A = OwnArrays> {
     marks: TurnMarks,
     /// Which gear of a train the order domain follows.
     round: TrainRound,
+    /// A visit to the pinion has ended, and its departures have not been said.
+    round_ended: bool,
     values: ValueRecord,
     /// Blocks still to pass before another rate may be asked for.
     hold: u32,
@@ -305,6 +307,7 @@ impl<A: Arrays> Node<A> {
             arrays,
             marks: TurnMarks::new(&config.tach),
             round: TrainRound::new(config),
+            round_ended: false,
             values: value_record(config, clock),
             hold: 0,
             records_since: 0,

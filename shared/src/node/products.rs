@@ -154,7 +154,14 @@ impl<A: Arrays> Node<A> {
         // Of another gear of a train they are nobody's here.
         let follows_pinion = self.round.gear() == 0;
         let orders = self.arrays.buffers_mut().chain.shafts().take();
-        let (pinion, wheel) = if follows_pinion { orders } else { (None, None) };
+        let (pinion, mut wheel) = if follows_pinion { orders } else { (None, None) };
+        if pinion.is_some() {
+            self.round.note_orders();
+        }
+        if let Some(orders) = wheel.as_mut().filter(|_| !self.config.train.is_empty()) {
+            // Its angle counts from another tooth with every visit.
+            orders.lines.iter_mut().for_each(|line| line.phase_deg = f32::NAN);
+        }
         if believed(&tag).is_none() {
             (self.departures, self.local_departures) = (Departures::NONE, LocalDepartures::NONE);
         }
@@ -164,6 +171,7 @@ impl<A: Arrays> Node<A> {
         self.departures.rms = self.departure(&tag, rms, |point| point.rms).filter(|_| told(Watched::Rms));
         self.departures.velocity_rms =
             self.departure(&tag, velocity_rms, |point| point.velocity_rms).filter(|_| told(Watched::VelocityRms));
+        let (departures, local_departures, is_whole) = self.departures_to_say();
         let indicators = Indicators {
             tag,
             rms,
@@ -178,9 +186,9 @@ impl<A: Arrays> Node<A> {
             velocity_band_hz: [velocity_from_hz(&self.config), values.velocity_to_hz],
             pinion,
             wheel,
-            departures: self.departures,
+            departures,
             second,
-            local_departures: self.local_departures,
+            local_departures,
             absolute_phase: self.marks.is_absolute(),
         };
         let largest = indicators.largest_departure();
@@ -215,7 +223,12 @@ impl<A: Arrays> Node<A> {
             self.watch(Watched::OncePerTurn, speed, orders.lines[0].amplitude, may(Watched::Rms));
         }
         if let (Some(largest), Some(_)) = (largest, speed) {
-            self.watch(Watched::Departure, speed, largest, may(Watched::Rms));
+            // Without the mesh it is a part of what there is: it may raise, and is no evidence of health.
+            let may = match may(Watched::Rms) {
+                Use::Both if !is_whole => Use::RaiseOnly,
+                other => other,
+            };
+            self.watch(Watched::Departure, speed, largest, may);
         }
     }
 
@@ -260,7 +273,9 @@ impl<A: Arrays> Node<A> {
         let chain = &self.arrays.buffers().chain;
         let (record, zoom) = (*chain.record(), chain.mesh_bands());
         let speed_hz = record.mean_hz(self.clock.0);
-        let first_tick = self.time.peek(record.first_tick);
+        // From its end, which is near: a slow gear's record is longer than what a tick tells.
+        let end = self.time.peek(record.first_tick.wrapping_add(record.ticks as u32));
+        let first_tick = end.saturating_sub(record.ticks);
         let tag = Tag { speed_hz, ..self.tag(first_tick, rate, stages, speed_hz * zoom.order_per_bin()) };
         let followed = self.round.followed(&self.config);
         if tag.validity == Validity::Locked && self.state == State::Measuring {
@@ -351,7 +366,8 @@ impl<A: Arrays> Node<A> {
         if is_pinion {
             self.gear = Some(indicators);
         } else {
-            self.condition = Some(GearCondition { gear: self.round.gear(), indicators });
+            let dropped = self.condition.replace(GearCondition { gear: self.round.gear(), indicators }).is_some();
+            self.count_dropped(dropped);
         }
         if is_pinion {
             self.departures.residual_rms = self.departure(&tag, indicators.residual_rms, |point| point.residual_rms);

@@ -47,6 +47,17 @@ pub fn run(
     config: Configuration,
     seconds: f64,
     turns: impl Fn(f64) -> f64,
+    signal: impl FnMut(f64, f64) -> f64,
+) -> Heard {
+    run_with(config, seconds, 1.0, turns, signal)
+}
+
+/// [`run`] with so many tach pulses per turn.
+pub fn run_with(
+    config: Configuration,
+    seconds: f64,
+    pulses: f64,
+    turns: impl Fn(f64) -> f64,
     mut signal: impl FnMut(f64, f64) -> f64,
 ) -> Heard {
     let mut node = Box::new(Node::new(config, TicksPerSecond(CLOCK as u32)).expect("a sound configuration"));
@@ -67,7 +78,7 @@ pub fn run(
                 if turns(middle) < next_turn { low = middle } else { high = middle }
             }
             node.on_tach_edge((high * CLOCK).round() as i64 as u32);
-            next_turn += 1.0;
+            next_turn += 1.0 / pulses;
         }
         let first_tick = first as u32;
         node.on_block(Block { codes: &codes, second: &[], first_tick, period_ticks: period, sequence, overrun: false });

@@ -1,10 +1,11 @@
 //! A node on a gear train: every gear is followed in turns, its lines, indicators and limits are its own.
 
-use super::node_products::{Heard, config, run, tone};
+use super::node_products::{Heard, config, run, run_with, tone};
 use meshband::alarm::{AlarmBand, Watched};
 use meshband::config::{Configuration, ConfigurationError, StageLaw, TrainGear};
 use meshband::events::EventKind;
 use meshband::law::{Law, LawForm};
+use meshband::levels::{ExpectedLevel, LevelPoint};
 use meshband::message::{GearIndicators, LineOrigin};
 use meshband::units::{Hertz, TicksPerSecond};
 
@@ -105,6 +106,7 @@ fn theory_a_bad_tooth_raises_the_indicator_and_the_limit_of_its_own_gear_only() 
 /// A box that steps up: its second mesh lies above the first.
 fn fast_second_stage() -> Configuration {
     let mut config = config(83, 21);
+    config.tach.pulses_per_turn = 4;
     config.train.push(gear(2, [77, 19], [83, 21])).expect("room");
     config
 }
@@ -113,7 +115,7 @@ fn fast_second_stage() -> Configuration {
 fn theory_strong_lines_name_the_stage_whose_mesh_they_are() {
     let second = 77.0 * 83.0 / 21.0;
     let signal = |_: f64, turns: f64| 5.0 * tone(turns, 83.0) + 4.0 * tone(turns, second);
-    let heard = run(fast_second_stage(), 5.0, |t| SPEED_HZ * t, signal);
+    let heard = run_with(fast_second_stage(), 5.0, 4.0, |t| SPEED_HZ * t, signal);
     let peaks = heard.peaks.last().expect("peaks");
     let origin = |order: f64| {
         let place = peaks.lines.iter().position(|line| (f64::from(line.frequency_hz) / SPEED_HZ - order).abs() < 0.2);
@@ -121,6 +123,70 @@ fn theory_strong_lines_name_the_stage_whose_mesh_they_are() {
     };
     assert_eq!(origin(83.0), Some((LineOrigin::Mesh { harmonic: 1 }, 0)));
     assert_eq!(origin(second), Some((LineOrigin::Mesh { harmonic: 1 }, 1)));
+}
+
+#[test]
+fn regress_a_gear_that_gives_no_record_is_said_and_left() {
+    // A slow rotor: the second stage steps up beyond what one pulse per turn can place.
+    let mut config = config(84, 24);
+    (config.tach.lowest, config.tach.highest) = (Hertz(0.1), Hertz(5.0));
+    config.tach.pulses_per_turn = 40;
+    config.law.lowest = Hertz(0.2);
+    config.train.push(gear(2, [97, 31], [25, 1])).expect("room");
+    config.train.push(gear(3, [12, 30], [1, 900])).expect("room");
+    let signal = |t: f64, turns: f64| if t > 100.0 { 40.0 } else { 10.0 } * tone(turns, 84.0);
+    let heard = run_with(config, 260.0, 40.0, |t| 0.3 * t, signal);
+    assert!(heard.events.contains(&EventKind::NoRecords));
+    let last = heard.spectra.last().expect("the pinion again");
+    assert!((last.bands[0].line.amplitude / 40.0 - 1.0).abs() < 0.05, "{:?}", last.bands[0].line);
+}
+
+#[test]
+fn regress_once_per_turn_lines_of_the_pinion_are_told_at_every_speed() {
+    for speed_hz in [10.0, 50.0] {
+        let signal = |_: f64, turns: f64| 10.0 * tone(turns, 21.0) + 5.0 * tone(turns, 1.0);
+        let heard = run(two_stages(), 40.0, |t| speed_hz * t, signal);
+        let lines: Vec<f32> = heard.indicators.iter().filter_map(|i| i.pinion).map(|o| o.lines[0].amplitude).collect();
+        assert!(!lines.is_empty() && lines.iter().all(|line| (line / 5.0 - 1.0).abs() < 0.02), "{speed_hz}: {lines:?}");
+    }
+}
+
+#[test]
+fn regress_a_departure_of_the_pinions_mesh_is_said_once_per_visit() {
+    let mut config = two_stages();
+    let expected = |level_db: f32| ExpectedLevel { level_db, uncertainty_db: 0.5 };
+    for speed in [1.0, 60.0] {
+        let (rms, mesh_amplitude) = (expected(20.0), expected(20.0));
+        let point =
+            LevelPoint { speed: Hertz(speed), rms, velocity_rms: rms, mesh_amplitude, residual_rms: expected(-40.0) };
+        config.levels.push(point).expect("room");
+    }
+    let heard = heard(config, 60.0, 0.0);
+    let with = heard.indicators.iter().filter(|i| i.departures.mesh_amplitude.is_some()).count();
+    let visits = heard.spectra.len();
+    assert!(with >= 2 && with <= visits, "{with} of {} values, {visits} records of the pinion", heard.indicators.len());
+    assert!(heard.indicators.iter().filter(|i| i.departures.rms.is_some()).count() > 40, "the RMS every second");
+}
+
+#[test]
+fn regress_sidebands_of_one_gear_are_not_told_of_another() {
+    let mut config = config(21, 42);
+    config.train.push(gear(2, [12, 24], [1, 2])).expect("room");
+    // Of the first stage's gear as strong as its mesh, none at the second one.
+    let signal = |_: f64, turns: f64| 10.0 * tone(turns, 21.0) + 10.0 * tone(turns, 21.5) + 10.0 * tone(turns, 6.0);
+    let heard = run(config, 40.0, |t| SPEED_HZ * t, signal);
+    let of_pinion = heard.indicators.iter().filter_map(|i| i.gear).map(|of| of.gear_sideband_energy_ratio);
+    let of_second = heard.conditions.iter().map(|of| of.indicators.gear_sideband_energy_ratio);
+    assert!(of_pinion.clone().count() > 2 && of_pinion.clone().all(|ratio| (ratio - 1.0).abs() < 0.05));
+    assert!(of_second.clone().count() > 2 && of_second.clone().all(|ratio| ratio < 0.05));
+}
+
+#[test]
+fn regress_the_first_visit_is_to_the_pinion() {
+    let mut config = config(21, 83);
+    config.train.push(gear(2, [31, 97], [1, 20])).expect("room");
+    let heard = run(config, 6.0, |t| SPEED_HZ * t, |_, turns| box_signal(turns, 0.0));
+    assert!(!heard.spectra.is_empty() && heard.further.is_empty());
 }
 
 #[test]
@@ -147,7 +213,8 @@ fn theory_the_rate_carries_the_stage_that_asks_for_most() {
     let rate = |config: Configuration| {
         let form = LawForm::Quadratic { a_per_hz: 0.0, b: 0.0, c_hz: 4_000.0 };
         let config = Configuration { law: Law { form, ..Law::PROVISIONAL }, ..config };
-        let heard = run(config, 4.0, |t| 10.0 * t, |_, turns| 5.0 * tone(turns, 20.0));
+        let pulses = f64::from(config.tach.pulses_per_turn);
+        let heard = run_with(config, 4.0, pulses, |t| 10.0 * t, |_, turns| 5.0 * tone(turns, 20.0));
         heard.peaks.last().expect("peaks").tag.rate_hz
     };
     let pair = rate(config(21, 83));
@@ -170,7 +237,17 @@ fn fault_gears_of_a_train_are_refused_by_name() {
         change(&mut config);
         config.validate(TicksPerSecond(25_000_000)).expect_err("refused")
     };
-    let changes: [fn(&mut Configuration); 8] = [
+    let limit =
+        |watched| AlarmBand { watched, from: Hertz(1.0), to: Hertz(50.0), raise: 6.0, clear: 5.0, persistence: 1 };
+    for (watched, is_of_gear) in [(Watched::Fm0, true), (Watched::Rms, false), (Watched::OncePerTurn, false)] {
+        let mut config = two_stages();
+        config.alarms.push(limit(watched)).expect("room");
+        config.alarm_gears.push(1).expect("room");
+        assert_eq!(config.validate(TicksPerSecond(25_000_000)).is_ok(), is_of_gear, "{watched:?}");
+    }
+    let changes: [fn(&mut Configuration); 10] = [
+        |c| c.train[2].teeth = 801,
+        |c| (c.train[1].turns, c.train[1].pinion_turns) = (3, 2),
         |c| c.train[0].stage = 0,
         |c| c.train[0].stage = 3,
         |c| c.train[2].stage = 5,

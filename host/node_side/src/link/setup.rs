@@ -1,5 +1,6 @@
 //! A node's configuration from a declared machine or gear train, a law file, a settings file and what only the installation knows.
 
+use super::limit::Limit;
 use super::machine_class::MachineClass;
 use super::settings::Settings;
 use super::train::FollowedGears;
@@ -122,10 +123,13 @@ impl Sources {
     }
 }
 
-/// Another machine: its gears, its stages' laws, and which of its gears alarms watch are unknown.
+/// Another machine: its gears and its stages' laws are unknown, and limits of gears that are gone would judge the pinion.
 fn forget_train(config: &mut Configuration) {
     config.train.clear();
     config.stage_laws.clear();
+    let kept: Vec<Limit> = Limit::all(config).into_iter().filter(|limit| limit.gear == 0).collect();
+    config.alarms = kept.iter().map(|limit| limit.band).collect();
+    config.modes = kept.iter().map(|limit| limit.mode).collect();
     config.alarm_gears.clear();
 }
 

@@ -56,7 +56,7 @@ impl FollowedGears {
         }
         let base = all.iter().position(|candidate| candidate.gear.stage == 0);
         let base = all.remove(base.ok_or_else(|| {
-            Error::invalid("[[stage]] 1", "has no gear with exact turns and 12 to 1000 teeth for a node to follow")
+            Error::invalid("[[stage]] 1", "has no gear with exact turns and 12 to 800 teeth for a node to follow")
         })?);
         // One of each stage before any second one.
         all.sort_by_key(|candidate| (candidate.place > 0 || candidate.gear.stage == 0, candidate.gear.stage));
@@ -151,15 +151,15 @@ fn candidates<'t>(gears: &[&'t Gear]) -> Vec<Candidate<'t>> {
 /// Why a gear cannot be followed.
 fn refusal(candidate: &Candidate<'_>, exact: bool) -> Option<&'static str> {
     let gear = candidate.gear;
-    let held = |teeth: u32| teeth <= 1000;
+    let held = |teeth: u32, most: u32| teeth <= most;
     if !exact {
         Some("behind a belt no turns are exact")
     } else if gear.stage > MAX_FURTHER_STAGES {
         Some("a node knows four stages")
     } else if gear.teeth < MIN_TEETH {
         Some("fewer than 12 teeth; its mate shows its mesh and sidebands")
-    } else if !(held(gear.teeth) && held(candidate.mate_teeth)) {
-        Some("more than 1000 teeth")
+    } else if !(held(gear.teeth, 800) && held(candidate.mate_teeth, 1000)) {
+        Some("more than 800 teeth, or its mate more than 1000")
     } else if gear.rate == Fraction::ZERO {
         Some("it does not turn")
     } else {

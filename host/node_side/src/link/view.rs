@@ -115,6 +115,9 @@ impl View {
             Reply::Identity(identity) => self.identity = Some(identity),
             Reply::Configuration(config) => {
                 self.limits = Some(Limit::all(&config));
+                if self.train != config.train.as_slice() {
+                    self.gears.clear();
+                }
                 self.train = config.train.to_vec();
             }
             Reply::Health(health) => self.health = Some(health),

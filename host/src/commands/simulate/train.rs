@@ -47,6 +47,9 @@ pub fn run(args: &Args) -> Result<()> {
     files.write(&json, || report(&machine, &sensors, &runs, &results))
 }
 
+/// Place of the sensor on a ring, turns from the housing's x axis: upright.
+pub const RING_PLACE_TURNS: f64 = 0.25;
+
 /// One sensor per shaft with gears of parallel stages, one per ring.
 fn sensors(machine: &TrainMachine) -> Result<Vec<Sensor>> {
     let train = &machine.train;
@@ -57,7 +60,7 @@ fn sensors(machine: &TrainMachine) -> Result<Vec<Sensor>> {
         }
     }
     let sets = train.meshes.iter().filter(|mesh| mesh.carrier.is_some());
-    all.extend(sets.map(|mesh| Sensor::Ring { stage: mesh.stage, place_turns: 0.25 }));
+    all.extend(sets.map(|mesh| Sensor::Ring { stage: mesh.stage, place_turns: RING_PLACE_TURNS }));
     Ok(all)
 }
 
