@@ -129,9 +129,6 @@ fn loop_a_simulated_train_is_a_record_whose_runout_diagnose_names() {
     assert!(declared.contains("bearing of pinion of stage 1, y"), "{declared}");
     let found = accepted(&["diagnose", &text(&record)]);
     assert!(found.contains("named: pinion of stage 2: runout or pitch error"), "{found}");
-    let sound =
-        accepted(&["diagnose", &text(&simulated("train-simulated-sound", "train-two-stage", &["--duration", "24"]))]);
-    assert!(sound.contains("nothing beyond the mesh"), "{sound}");
 }
 
 #[test]
@@ -160,6 +157,6 @@ fn fault_options_of_pairs_are_refused_for_trains_with_the_remedy() {
     };
     with(&["--effect", "eccentricity:amplitude=1e-5"], &["--effect eccentricity", "one of"]);
     with(&["--effect", "runout:gear=9,amplitude=1e-5"], &["gear 9"]);
-    with(&["--torque", "-3"], &["load torque"]);
+    with(&["--torque=-3"], &["load torque"]);
     with(&["--duration", "0.01"], &["--duration", "tach edges"]);
 }
