@@ -120,9 +120,9 @@ fn simulated(name: &str, machine: &str, options: &[&str]) -> PathBuf {
     record
 }
 
-// A sound record of this box is not asked for: gear of stage 1 and pinion of stage 2 share a shaft, the product of their
-// stiffness has lines at `61 k + 19 m` orders of it (0.021 m/s2, with the runout 0.053), and `diagnose` takes those for
-// a runout of that pinion.
+// A sound record of this box is not asked for. Gear of stage 1 and pinion of stage 2 share a shaft: the product of
+// their stiffness has lines at `61 k + 19 m` orders of it (0.021 m/s2, with the runout 0.053), and `diagnose` takes
+// those for a runout of that pinion.
 #[test]
 fn loop_a_simulated_train_is_a_record_whose_runout_diagnose_names() {
     let effect = "runout:gear=2,amplitude=4e-5";
