@@ -73,7 +73,7 @@ pub struct Simulated {
     pub edges_s: Vec<f64>,
     /// Pulses from the tach shaft's angle 0 to the first edge, modulo pulses per turn.
     pub first_pulse_index: u32,
-    /// Cost, and the least mesh force.
+    /// Cost with the transient's, and the least mesh force without it.
     pub statistics: Statistics,
     /// Time given to the transient, s.
     pub settling_s: f64,
@@ -176,8 +176,13 @@ fn sampled(
         }
         next = until;
     };
-    let span = (first as f64 / fine_hz - settling_s, (end as f64 + 0.5) / fine_hz);
-    let statistics = course.integrate(&mut course.start()?, span, &Options::default(), sink)?;
+    // Whether teeth pull is asked of the record, not of the transient before it.
+    let (begin, until) = (first as f64 / fine_hz, (end as f64 + 0.5) / fine_hz);
+    let (mut state, options) = (course.start()?, Options::default());
+    let before = course.integrate(&mut state, (begin - settling_s, begin), &options, |_| {})?;
+    let mut statistics = course.integrate(&mut state, (begin, until), &options, sink)?;
+    statistics.steps += before.steps;
+    statistics.orders += before.orders;
     let channels: Vec<Vec<f64>> = streams.into_iter().map(Stream::finish).collect();
     if channels.iter().any(|c| c.len() != count || c.iter().any(|x| !x.is_finite())) {
         return Err(Error::impossible("train dynamics", "gives values beyond the range of numbers"));
