@@ -163,3 +163,25 @@ fn fault_options_of_pairs_are_refused_for_trains_with_the_remedy() {
     with(&["--torque=-3"], &["load torque"]);
     with(&["--duration", "0.01"], &["--duration", "tach edges"]);
 }
+
+#[test]
+fn loop_a_train_predicts_its_own_record_and_its_spur_stage_is_a_pair() {
+    let machine = text(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/train-two-stage.toml"));
+    let folder = folder("train-predicted");
+    let record = text(&folder.join("record"));
+    accepted(&["simulate", &machine, "--rate", "10240", "--duration", "2", "--random-start", "-o", &record]);
+    let json = folder.join("predicted.json");
+    let predicted = text(&folder.join("predicted"));
+    accepted(&["predict", &record, "--machine", &machine, "-o", &predicted, "--json", &text(&json)]);
+    let found: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&json).expect("written")).expect("JSON");
+    let remaining = found[0]["remaining"].as_array().expect("channels");
+    assert_eq!(remaining.len(), 3, "a sensor on every shaft");
+    // Sixteen bits, and edges on their own grid.
+    assert!(remaining.iter().all(|rest| rest.as_f64().is_some_and(|rest| rest < 0.02)), "{remaining:?}");
+    refused(&["predict", &record, "-o", &text(&folder.join("none"))], &["--machine"]);
+    let pair = text(&folder.join("pair.toml"));
+    refused(&["machine", "stage", &machine, "1", "-o", &pair], &["helical"]);
+    accepted(&["machine", "stage", &machine, "2", "-o", &pair]);
+    assert!(accepted(&["machine", "check", &pair]).contains("19"), "a pair's machine file");
+}
