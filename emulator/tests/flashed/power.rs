@@ -316,8 +316,8 @@ fn loop_configuration_stored_by_the_firmware_before_is_kept() {
     let config = Configuration { front_end: FrontEnd::default(), holding, ..with_gear(OLD_TEETH) };
     // Schema 1 is the same without the front end and what came after it: three bytes, six of the alarms' holding,
     // eight of the pass band, one of what is latched, one of the empty list of levels, four of the link, five of the
-    // waveforms, one of the second sensor, one of the local levels, 33 of what the ninth layout added, three of the tenth's
-    // empty lists, all zero.
+    // waveforms, one of the second sensor, one of the local levels, 33 of what the ninth layout added, three of the
+    // tenth's empty lists, all zero.
     const LATER_BYTES: usize = 3 + 6 + 8 + 1 + 1 + 4 + 5 + 1 + 1 + 33 + 3;
     let mut bytes = stored(&config);
     assert_eq!((bytes[0], &bytes[bytes.len() - LATER_BYTES..]), (SCHEMA as u8, &[0; LATER_BYTES][..]));

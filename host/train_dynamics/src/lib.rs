@@ -2,8 +2,9 @@
 //!
 //! `machine` reads the train with its mechanical data; `stiffness` gives each mesh its curve; `planetary` and
 //! `assembly` put bodies, springs and meshes together; `integrate` solves them by Taylor series; `effects` are errors
-//! and faults at any gear; `stage_pair` is one spur stage as a pair's machine; `simulate` samples what a sensor on the housing gives, with tach edges. Contact is linear:
-//! teeth do not separate. Rotations are deviations from the exact motion of the train.
+//! and faults at any gear; `stage_pair` is one spur stage as a pair's machine; `simulate` samples what a sensor on the
+//! housing gives, with tach edges. Contact is linear: teeth do not separate. Rotations are deviations from the exact
+//! motion of the train.
 
 pub mod assembly;
 mod builder;

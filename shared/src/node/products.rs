@@ -111,8 +111,8 @@ impl<A: Arrays> Node<A> {
         self.count_dropped(dropped);
     }
 
-    /// Mesh harmonics that lines may be, and of which gear: of the pinion's mesh, and only what that does not explain of
-    /// a further stage's.
+    /// Mesh harmonics that lines may be, and of which gear: of the pinion's mesh, and only what that does not explain
+    /// of a further stage's.
     fn origins(
         &self,
         lines: &[SpectralLine],

@@ -54,7 +54,7 @@ fn theory_the_configuration_fits_its_bound() {
     use meshband::law::LawForm;
     use meshband::levels::{ExpectedLevel, LevelPoint, LocalPoint};
     let band =
-        AlarmBand { watched: Watched::Rms, from: Hertz(1.0), to: Hertz(25.0), raise: 2.0, clear: 1.0, persistence: 3 };
+        AlarmBand { watched: Watched::Fm4, from: Hertz(1.0), to: Hertz(25.0), raise: 2.0, clear: 1.0, persistence: 3 };
     use meshband::units::Hertz;
     let mut config = Configuration::default();
     while config.alarms.push(band).is_ok() {}
@@ -72,7 +72,7 @@ fn theory_the_configuration_fits_its_bound() {
         config.local_levels.push(local).expect("room");
     }
     while config.modes.push(meshband::alarm::AlarmMode::default()).is_ok() {}
-    let gear = TrainGear { stage: 4, teeth: 997, mate_teeth: 991, turns: 400_000_001, pinion_turns: 400_000_003 };
+    let gear = TrainGear { stage: 4, teeth: 797, mate_teeth: 991, turns: 400_000_001, pinion_turns: 400_000_003 };
     while config.train.push(gear).is_ok() {}
     while config.stage_laws.push(StageLaw { ramp_turns: 0.02, mode_rise_s: 1e-4 }).is_ok() {}
     while config.alarm_gears.push(5).is_ok() {}

@@ -166,7 +166,7 @@ fn four_stages() -> Signal {
         pulses_per_turn: 1,
         pinion_per_tach: 1.0,
         teeth: [20, 40],
-        train: vec![gear(1, 40, 2), gear(2, 40, 2), gear(3, 20, 1), gear(4, 40, 2), gear(4, 20, 1)],
+        train: vec![gear(1, 40, 2), gear(2, 40, 2), gear(3, 20, 1), gear(4, 40, 2)],
         machine_hash: None,
         notes: Vec::new(),
     }
@@ -181,7 +181,7 @@ fn golden_a_train_of_four_stages_gives_the_hosts_frames_in_qemu() {
     println!("{:.1} s, {:?}, {:?}", trial.duration_s, trial.further_spectra, trial.integrity);
     assert_sound(&trial);
     assert!(trial.integrity.identical_to_host && trial.integrity.identical_codes);
-    assert_eq!(trial.further_spectra.keys().copied().collect::<Vec<u8>>(), [1, 2, 3, 4, 5]);
+    assert_eq!(trial.further_spectra.keys().copied().collect::<Vec<u8>>(), [1, 2, 3, 4]);
 }
 
 #[test]

@@ -120,8 +120,8 @@ impl Settings {
             match (key.as_str(), whole.get_mut(key), new) {
                 ("schema" | "law" | "latched" | "sensor_latched", ..) | (_, None, _) => {
                     let known = "gears, tach, sensor, limits, policy, mesh, alarms, modes, front_end, holding, range, \
-                        sensor_check, velocity_from, pass, levels, local_levels, link, capture, second, train, stage_laws, \
-                        alarm_gears";
+                        sensor_check, velocity_from, pass, levels, local_levels, link, capture, second, train, \
+                        stage_laws, alarm_gears";
                     return Err(refuse(key, format!("not a table of a node's settings: {known}")));
                 }
                 ("second", Some(Value::Null), _) => {}

@@ -1,4 +1,5 @@
-//! A node's configuration from a declared machine or gear train, a law file, a settings file and what only the installation knows.
+//! A node's configuration from a declared machine or gear train, a law file, a settings file and what only the
+//! installation knows.
 
 use super::limit::Limit;
 use super::machine_class::MachineClass;
@@ -123,7 +124,8 @@ impl Sources {
     }
 }
 
-/// Another machine: its gears and its stages' laws are unknown, and limits of gears that are gone would judge the pinion.
+/// Another machine: its gears and its stages' laws are unknown, and limits of gears that are gone would judge the
+/// pinion.
 fn forget_train(config: &mut Configuration) {
     config.train.clear();
     config.stage_laws.clear();

@@ -1,7 +1,7 @@
 //! `meshband predict` of a record of a train: what its train machine gives at the channels, by their names.
 //!
-//! A channel is predicted where it is named as `meshband simulate` names its sensors: "bearing of pinion of stage 2, y",
-//! "ring housing of stage 1". The angle comes from the tach by the train's exact ratio.
+//! A channel is predicted where it is named as `meshband simulate` names its sensors: "bearing of pinion of stage 2,
+//! y", "ring housing of stage 1". The angle comes from the tach by the train's exact ratio.
 
 use super::{Args, Outcome, compare};
 use meshband_host::dynamics::Motion;
