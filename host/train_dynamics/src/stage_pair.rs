@@ -2,8 +2,8 @@
 //!
 //! Motor and load of the pair are everything before and behind the stage, their inertias referred to its pinion's and
 //! its gear's shaft by the squared ratio of speeds, with the torsional springs of those two shafts. What pairs can do
-//! is thus open to a stage: its bandwidth law, the pair's simulator, model-based inference. Limits: natural frequencies of
-//! the rest are gone; helical and internal stages and sets are no spur pairs and are refused.
+//! is thus open to a stage: its bandwidth law, the pair's simulator, model-based inference. Limits: natural
+//! frequencies of the rest are gone; helical and internal stages and sets are no spur pairs and are refused.
 
 use crate::machine::{MeshDamping, TrainMachine};
 use crate::{Error, Result};
