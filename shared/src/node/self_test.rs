@@ -124,18 +124,18 @@ impl SelfTestRun {
             self.judge(TACH, true);
         }
         let open = SAMPLE_COUNT | RAILS | NOISE;
+        // The clock may be read a little before the block's end.
+        let is_late = now_tick.wrapping_sub(block.end_tick()).cast_signed() > ticks.cast_signed();
         if self.waiting > 0 {
-            // The clock may be read a little before the block's end.
-            let late = now_tick.wrapping_sub(block.end_tick()).cast_signed();
-            self.waiting = if late > ticks.cast_signed() { self.waiting - 1 } else { 0 };
+            self.waiting = if is_late { self.waiting - 1 } else { 0 };
         }
         if self.waiting == 0 && self.result.run & !self.result.failed & open != open {
-            self.look(block, now_tick);
+            self.look(block, now_tick, is_late);
         }
         (self.result != before).then_some(self.result)
     }
 
-    fn look(&mut self, block: &Block<'_>, now_tick: u32) {
+    fn look(&mut self, block: &Block<'_>, now_tick: u32, is_late: bool) {
         let stretch = &mut self.stretch;
         if let Some((arrived, sequence)) = self.before {
             let blocks = block.sequence.wrapping_sub(sequence);
@@ -152,7 +152,8 @@ impl SelfTestRun {
         }
         stretch.codes = stretch.codes.saturating_add(block.codes.len() as u32);
         stretch.blocks += 1;
-        if stretch.blocks < BLOCKS {
+        // A stretch ends, as it begins, with a block that was not kept waiting by other work.
+        if stretch.blocks < BLOCKS || (is_late && stretch.blocks < BLOCKS + MAX_WAITING_BLOCKS) {
             return;
         }
         let Stretch { sampled, passed, codes, railed, lowest, highest, .. } =
