@@ -170,10 +170,10 @@ fn all_figures(message: &Message) -> Vec<(usize, f32)> {
         }
         Message::GearSpectrum(of) => {
             let mesh = of.spectrum.bands.first().map(|band| band.line.amplitude);
-            train_columns(of.gear).into_iter().zip(mesh).collect()
+            train_columns(of.gear).zip(mesh).collect()
         }
         Message::GearCondition(GearCondition { gear, indicators: of }) => {
-            train_columns(*gear).into_iter().skip(1).zip([of.residual_rms, of.fm0, of.fm4]).collect()
+            train_columns(*gear).skip(1).zip([of.residual_rms, of.fm0, of.fm4]).collect()
         }
         Message::Event(_) | Message::Statistics(_) | Message::SelfTest(_) => Vec::new(),
     }

