@@ -2,8 +2,8 @@
 //!
 //! A channel is predicted where it is named as `meshband simulate` names its sensors: "bearing of pinion of stage 2,
 //! y", "ring housing of stage 1". The angle comes from the tach by the train's exact ratio. Limit:
-//! a record tells its first angle within one turn of the tach's shaft; where it began whole turns later, meshes of other
-//! shafts stand elsewhere, and levels can be compared, not waveforms.
+//! a record tells its first angle within one turn of the tach's shaft; where it began whole turns later, meshes of
+//! other shafts stand elsewhere, and levels can be compared, not waveforms.
 
 use super::{Args, Outcome, compare};
 use meshband_host::dynamics::Motion;
