@@ -26,7 +26,7 @@ pub struct Args {
     #[arg(long)]
     machine: Option<PathBuf>,
     /// Gear train instead of a machine file, as `import --train` takes it: the node follows up to six of its gears in
-    /// turns; its first [tach] goes with it.
+    /// turns; its first `[tach]` goes with it.
     #[arg(long, conflicts_with_all = ["machine", "teeth"])]
     train: Option<PathBuf>,
     /// Law file, as `meshband law fit` writes it.

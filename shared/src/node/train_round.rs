@@ -2,7 +2,7 @@
 //!
 //! One order chain serves all gears: the pinion first, then each of [`Configuration::train`]. Marks of a further gear
 //! come from the tach by its exact ratio, the mesh cascade is made for its speed, and it is followed until a mesh-band
-//! record and an average are complete, or until it has had [`PATIENCE_RECORDS`] times as long as they take. Overall
+//! record and an average are complete, or until it has had `PATIENCE_RECORDS` times as long as they take. Overall
 //! values, waveforms and the law's check stay the pinion's. A pair has no round: nothing here then does anything.
 //!
 //! Cost: memory of one [`TurnMarks`]; time, because each gear is looked at once per round: the sum of the gears'
