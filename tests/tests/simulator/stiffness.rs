@@ -117,7 +117,9 @@ fn regress_every_shipped_machine_is_read_and_has_a_curve() {
     let mut seen = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.extension().is_some_and(|e| e == "toml") {
+        // Trains are read by their own crate's tests.
+        let is_train = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("train-"));
+        if path.extension().is_some_and(|e| e == "toml") && !is_train {
             let machine = Machine::read(&path).unwrap();
             let curve = machine.pair_stiffness().unwrap();
             let total = mesh::total(&curve);
