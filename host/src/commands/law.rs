@@ -17,7 +17,9 @@ use meshband_host::record::Record;
 use meshband_host::report::Report;
 use meshband_host::results::{Announced, Force, Results};
 use meshband_host::terminal::{Progress, table};
-use meshband_host::{Error, Result, say};
+use meshband_host::train_dynamics::TrainMachine;
+use meshband_host::train_dynamics::stage_pair::pair_of_stage;
+use meshband_host::{Error, Result, budget, say};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -44,8 +46,11 @@ enum Action {
 
 #[derive(ClapArgs)]
 struct Common {
-    /// Machine file, or a record folder.
+    /// Machine file, a record folder, or a train machine with --stage.
     machine: PathBuf,
+    /// Spur stage of a train machine, counted from 1, the rest of the train rigid; speeds are its pinion's.
+    #[arg(long, value_name = "N")]
+    stage: Option<usize>,
     #[command(flatten)]
     results: Results,
 }
@@ -136,7 +141,7 @@ fn study(args: &Study) -> Result<()> {
     let mut outputs = results.outputs([args.common.machine.as_path()]);
     let mut files = results.announce(&mut outputs)?;
     let judgement = outputs.optional(args.validation.as_deref())?;
-    let machine = Machine::read(&args.common.machine)?;
+    let machine = pair_machine(&args.common.machine, args.common.stage)?;
     let judged = args.paper || args.validation.is_some();
     if judged && machine.pair.teeth != PAPER_TEETH {
         let [pinion, gear] = machine.pair.teeth;
@@ -219,13 +224,23 @@ struct Fitted<'a> {
     check: &'a Check,
 }
 
+/// The pair of a machine file, or of a stage of a train machine.
+fn pair_machine(path: &Path, stage: Option<usize>) -> Result<Machine> {
+    let is_train = path.is_file() && TrainMachine::is_declared(&budget::read_text(path)?);
+    match (is_train, stage) {
+        (true, Some(stage)) => pair_of_stage(&TrainMachine::read(path)?, stage),
+        (true, None) => Err(Error::invalid(path.display(), "is a train machine: say which spur stage with --stage N")),
+        (false, Some(_)) => Err(Error::invalid("--stage", "is for train machines (tables [[stage]] and [[mesh]])")),
+        (false, None) => Machine::read(path),
+    }
+}
+
 /// Fits and checks a machine.
-fn fitted(path: &Path, domain: Option<Domain>) -> Result<(Laws, Check)> {
-    let machine = Machine::read(path)?;
-    let domain = domain.unwrap_or_else(|| Domain::of(&machine));
-    let bench = Bench::new(&machine)?;
+fn fitted(machine: &Machine, domain: Option<Domain>) -> Result<(Laws, Check)> {
+    let domain = domain.unwrap_or_else(|| Domain::of(machine));
+    let bench = Bench::new(machine)?;
     let progress = Progress::new("law fit", OPERATING_POINTS);
-    let laws = derive(&machine, &bench, domain, &|| progress.step())?;
+    let laws = derive(machine, &bench, domain, &|| progress.step())?;
     let check = check(&laws, &bench, &|| progress.step())?;
     Ok((laws, check))
 }
@@ -252,7 +267,8 @@ fn fit(args: &Fit) -> Result<()> {
     let mut outputs = results.outputs([args.common.machine.as_path()]);
     let mut files = results.announce(&mut outputs)?;
     let node_law = outputs.optional(args.output.as_deref())?;
-    let (laws, check) = fitted(&args.common.machine, args.speeds.speeds)?;
+    let machine = pair_machine(&args.common.machine, args.common.stage)?;
+    let (laws, check) = fitted(&machine, args.speeds.speeds)?;
     write_common(&mut files, &laws, &check, "Bandwidth law: fit")?;
     if let Some(mut target) = node_law {
         let file = laws.file(check.relative_uncertainty());
@@ -273,9 +289,9 @@ fn fit(args: &Fit) -> Result<()> {
 }
 
 fn check_only(args: &CheckOnly) -> Result<()> {
-    let Common { machine, results } = &args.common;
+    let Common { machine, stage, results } = &args.common;
     let mut files = results.announce(&mut results.outputs([machine.as_path()]))?;
-    let (laws, check) = fitted(machine, args.speeds.speeds)?;
+    let (laws, check) = fitted(&pair_machine(machine, *stage)?, args.speeds.speeds)?;
     write_common(&mut files, &laws, &check, "Bandwidth law: check")?;
     print_check(&check)
 }
@@ -290,7 +306,7 @@ fn learn(args: &Learn) -> Result<()> {
     let learned = learn::learn(&record, args.channel, args.method)?;
     let file = learned.file(machine.as_ref());
     file.for_node()?;
-    let simulated = args.machine.as_deref().map(|path| fitted(path, learned_domain(&learned))).transpose()?;
+    let simulated = machine.as_ref().map(|machine| fitted(machine, learned_domain(&learned))).transpose()?;
     let simulated = simulated.map(|(laws, check)| laws.file(check.relative_uncertainty()).law);
     files.write(&learned, || learn::report::report(&learned, simulated.as_ref()))?;
     if let Some(mut target) = node_law {
@@ -307,7 +323,7 @@ fn learned_domain(learned: &Learned) -> Option<Domain> {
 
 fn export_only(args: &Export) -> Result<()> {
     let target = args.permission.outputs([args.machine.as_path()]).optional(args.output.as_deref())?;
-    let (laws, check) = fitted(&args.machine, Some(Domain::PAPER))?;
+    let (laws, check) = fitted(&Machine::read(&args.machine)?, Some(Domain::PAPER))?;
     let source = export::rust_source(&laws.file(check.relative_uncertainty()), &args.machine.display().to_string())?;
     match target {
         Some(mut file) => file.write(source),

@@ -187,4 +187,8 @@ fn loop_a_train_predicts_its_own_record_and_its_spur_stage_is_a_pair() {
     refused(&["machine", "stage", &machine, "1", "-o", &pair], &["helical"]);
     accepted(&["machine", "stage", &machine, "2", "-o", &pair]);
     assert!(accepted(&["machine", "check", &pair]).contains("same teeth meet again after 77 turns"), "a pair");
+    let (of_pair, of_stage) = (accepted(&["law", "fit", &pair]), accepted(&["law", "fit", &machine, "--stage", "2"]));
+    assert_eq!(of_pair, of_stage, "one law by either way");
+    refused(&["law", "fit", &machine], &["--stage"]);
+    refused(&["law", "fit", &pair, "--stage", "2"], &["train machines"]);
 }

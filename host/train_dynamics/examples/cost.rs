@@ -6,7 +6,7 @@ use meshband_mechanics::dynamics::{Motion, Rig};
 use meshband_mechanics::machine::Machine;
 use meshband_train_dynamics::TrainMachine;
 use meshband_train_dynamics::assembly::System;
-use meshband_train_dynamics::integrate::{Course, Options};
+use meshband_train_dynamics::integrate::{Course, options};
 use std::path::Path;
 use std::time::Instant;
 
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (mut steps, mut orders) = (0, 0);
         let start = course.start()?;
         let taken = least_s(|| {
-            let statistics = course.integrate(&mut start.clone(), (0.0, SECONDS), &Options::default(), |_| {});
+            let statistics = course.integrate(&mut start.clone(), (0.0, SECONDS), &options(), |_| {});
             (steps, orders) = statistics.map_or((0, 0), |statistics| (statistics.steps, statistics.orders));
         });
         let own = taken / SECONDS / system.len() as f64;

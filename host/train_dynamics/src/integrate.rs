@@ -11,23 +11,15 @@ use crate::effects::Effect;
 use crate::expansion::Expansion;
 use crate::terms::Terms;
 use crate::{Error, Result};
+pub use meshband_mechanics::dynamics::taylor::Options;
 use meshband_mechanics::dynamics::{Motion, Series};
 
-/// Accuracy and limits.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Truncation error of a step's acceleration, relative to the largest so far.
-    pub tolerance: f64,
-    /// Longest step, s.
-    pub longest_step_s: f64,
-    /// Shortest step, s.
-    pub shortest_step_s: f64,
-}
+/// Truncation error of a step's acceleration, relative to the largest so far: long steps cancel to 1e-10.
+const TOLERANCE: f64 = 1e-9;
 
-impl Default for Options {
-    fn default() -> Self {
-        Self { tolerance: 1e-9, longest_step_s: 1e-3, shortest_step_s: 1e-13 }
-    }
+/// Accuracy and limits of a train's integration.
+pub fn options() -> Options {
+    Options { tolerance: TOLERANCE, ..Options::default() }
 }
 
 /// What an integration took, and whether teeth pulled.

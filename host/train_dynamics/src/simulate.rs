@@ -6,7 +6,7 @@
 
 use crate::assembly::System;
 use crate::effects::Effect;
-use crate::integrate::{Course, Options, Statistics, Step};
+use crate::integrate::{Course, Statistics, Step, options};
 use crate::machine::{TORQUES_N_M, TrainMachine, within};
 use crate::modes::settling_s;
 use crate::sensor::{Pickup, Sensor};
@@ -178,7 +178,7 @@ fn sampled(
     };
     // Whether teeth pull is asked of the record, not of the transient before it.
     let (begin, until) = (first as f64 / fine_hz, (end as f64 + 0.5) / fine_hz);
-    let (mut state, options) = (course.start()?, Options::default());
+    let (mut state, options) = (course.start()?, options());
     let before = course.integrate(&mut state, (begin - settling_s, begin), &options, |_| {})?;
     let mut statistics = course.integrate(&mut state, (begin, until), &options, sink)?;
     statistics.steps += before.steps;

@@ -7,7 +7,7 @@ mod record;
 mod scipy;
 
 use meshband_train_dynamics::TrainMachine;
-use meshband_train_dynamics::integrate::{Course, Options, Step};
+use meshband_train_dynamics::integrate::{Course, Options, Step, options};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ fn waveform(
 ) -> Vec<Vec<f64>> {
     let mut signals = vec![Vec::with_capacity(count); quantities];
     // Short steps: the powers of a long one cancel and leave some 1e-11 of the largest acceleration.
-    let options = Options { tolerance: 1e-13, ..Options::default() };
+    let options = Options { tolerance: 1e-13, ..options() };
     let mut state = course.start().expect("a start");
     let mut next = 0;
     let sink = |step: &Step| {
