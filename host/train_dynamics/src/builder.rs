@@ -5,10 +5,9 @@
 use crate::assembly::{Body, MeshLine, Part, System};
 use crate::machine::{Inertia, MeshDamping, TrainMachine};
 use crate::stiffness::MeshStiffness;
+use meshband_mechanics::machine::damping::{COUPLING, of_coupling};
 use nalgebra::{DMatrix, DVector};
 
-/// Damping ratio of a shaft or coupling that declares none, on the two inertias that it joins.
-const TORSION_DAMPING_RATIO: f64 = 0.05;
 /// Table of a stage's toothing.
 pub(crate) fn place(stage: usize) -> String {
     format!("[[mesh]] {}", stage + 1)
@@ -146,9 +145,7 @@ impl<'m> Builder<'m> {
     }
 
     fn twist(&mut self, ends: [usize; 2], stiffness: f64, damping: Option<f64>) {
-        let [a, b] = ends.map(|end| self.mass[end]);
-        let critical = 2.0 * (stiffness * a * b / (a + b)).sqrt();
-        let damper = damping.unwrap_or(TORSION_DAMPING_RATIO * critical);
+        let damper = damping.unwrap_or_else(|| of_coupling(COUPLING, stiffness, ends.map(|end| self.mass[end])));
         self.add_spring(vec![(ends[0], 1.0), (ends[1], -1.0)], stiffness, damper);
     }
 

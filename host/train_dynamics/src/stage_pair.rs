@@ -7,14 +7,11 @@
 
 use crate::machine::{MeshDamping, TrainMachine};
 use crate::{Error, Result};
+use meshband_mechanics::machine::damping::{BEARING, COUPLING, of_bearing, of_coupling};
 use meshband_mechanics::machine::{Engagement, EngagementKind, Machine, Nominal, Pair, Shafts};
 use meshband_train::{Gear, Role};
 use std::f64::consts::TAU;
-use std::path::PathBuf;
-
-/// Damping of couplings, share of critical, and of bearings: the pair's own defaults.
-const COUPLING_DAMPING_RATIO: f64 = 0.05;
-const BEARING_DAMPING_RATIO: f64 = 0.04;
+use std::path::{Path, PathBuf};
 
 /// The pair of a stage, counted from 1.
 ///
@@ -56,7 +53,7 @@ pub fn pair_of_stage(machine: &TrainMachine, stage: usize) -> Result<Machine> {
         torque_n_m: nominal.load_torque_n_m * train.shaft_order(machine.load.shaft).value()
             / pinion.rate.magnitude().value(),
     });
-    Ok(Machine {
+    let pair = Machine {
         title: format!("{}, stage {stage}", train.declaration.title),
         pair,
         shafts: shafts(machine, index, [mesh.gears[0], mesh.gears[1]]),
@@ -67,7 +64,9 @@ pub fn pair_of_stage(machine: &TrainMachine, stage: usize) -> Result<Machine> {
         casing: None,
         nominal,
         folder: PathBuf::new(),
-    })
+    };
+    // As a file of it would be read: a ratio of mesh damping becomes a time.
+    pair.prepared(&format!("stage {stage}"), Path::new(""))
 }
 
 /// The two shafts of a stage with all that turns before and behind it.
@@ -98,11 +97,8 @@ fn shafts(machine: &TrainMachine, stage: usize, [pinion, gear]: [usize; 2]) -> S
     let springs = sides.map(|shaft| machine.shafts[shaft].torsion_n_m_per_rad);
     let inertias = bodies.map(|body| body.inertia_kg_m2);
     let bearing = sides.map(|shaft| machine.shafts[shaft].bearing_n_per_m.iter().sum::<f64>() / 2.0);
-    let coupling = |side: usize| {
-        let (a, b) = (rest[side], inertias[side]);
-        2.0 * COUPLING_DAMPING_RATIO * (springs[side] * a * b / (a + b)).sqrt()
-    };
-    let support = |side: usize| 2.0 * BEARING_DAMPING_RATIO * (bearing[side] * bodies[side].mass_kg).sqrt();
+    let coupling = |side: usize| of_coupling(COUPLING, springs[side], [rest[side], inertias[side]]);
+    let support = |side: usize| of_bearing(BEARING, bearing[side], bodies[side].mass_kg);
     Shafts {
         inertia_motor_kg_m2: rest[0],
         inertia_pinion_kg_m2: inertias[0],

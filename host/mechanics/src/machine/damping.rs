@@ -7,8 +7,9 @@
 use super::Shafts;
 use serde::Deserialize;
 
-/// Damping ratio of a coupling, and of a rolling bearing.
+/// Damping ratio of a coupling.
 pub const COUPLING: f64 = 0.05;
+/// Damping ratio of a rolling bearing.
 pub const BEARING: f64 = 0.04;
 
 /// `[shafts]` as a file has it: damping may be missing.

@@ -7,7 +7,7 @@
 pub mod bearing;
 pub mod bearing_table;
 mod check;
-mod damping;
+pub mod damping;
 pub mod estimate;
 mod geometry;
 mod hash;
